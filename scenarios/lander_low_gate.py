@@ -22,7 +22,7 @@ TIME_LIMIT_S = 240.0
 
 
 def start(seed: int) -> VerticalStart:
-    """Returns where the run of a seed begins."""
+    """Return where the run of a seed begins."""
     height, velocity, mass = 150.0, -5.0, 7500.0
     if seed != 0:
         rng = rng_for(seed, "start")
@@ -31,21 +31,21 @@ def start(seed: int) -> VerticalStart:
 
 
 def parameters(seed: int) -> LanderParameters:
-    """Returns what the controller may know."""
+    """Return what the controller may know."""
     begin = start(seed)
     return LanderParameters(mass_kg=begin.mass_kg, fuel_kg=begin.fuel_kg)
 
 
 def plant(seed: int, engine: str) -> Lander1D:
-    """Returns the module at its start."""
+    """Return the module at its start."""
     return Lander1D(start, parameters(seed).engine, seed, gear=APOLLO.gear)
 
 
 def verdict(plant: Lander1D) -> Verdict | None:
-    """Returns how it ended, or None while it flies."""
+    """Return how it ended, or None while it flies."""
     return judge(plant)
 
 
 def metrics(plant: Lander1D, seed: int) -> dict[str, Any]:
-    """Returns the touchdown, and the propellant beside the least that could have done."""
+    """Return the touchdown, and the propellant beside the least that could have done."""
     return vertical_metrics(plant, start(seed), parameters(seed).engine)

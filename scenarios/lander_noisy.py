@@ -25,7 +25,7 @@ NOISY_RADAR = SensorLevel(20.0, SensorErrors(noise={"altitude_m": 4.0, "velocity
 
 
 def start(seed: int) -> VerticalStart:
-    """Returns where the run of a seed begins."""
+    """Return where the run of a seed begins."""
     height, velocity, mass = 100.0, -4.0, 7500.0
     if seed != 0:
         rng = rng_for(seed, "start")
@@ -34,21 +34,21 @@ def start(seed: int) -> VerticalStart:
 
 
 def parameters(seed: int) -> LanderParameters:
-    """Returns what the controller may know."""
+    """Return what the controller may know."""
     begin = start(seed)
     return LanderParameters(begin.mass_kg, begin.fuel_kg, radar=NOISY_RADAR, engine_hz=20.0)
 
 
 def plant(seed: int, engine: str) -> Lander1D:
-    """Returns the module at its start."""
+    """Return the module at its start."""
     return Lander1D(start, parameters(seed).engine, seed, gear=APOLLO.gear)
 
 
 def verdict(plant: Lander1D) -> Verdict | None:
-    """Returns how it ended, or None while it flies."""
+    """Return how it ended, or None while it flies."""
     return judge(plant)
 
 
 def metrics(plant: Lander1D, seed: int) -> dict[str, Any]:
-    """Returns the touchdown, and the propellant beside the least that could have done."""
+    """Return the touchdown, and the propellant beside the least that could have done."""
     return vertical_metrics(plant, start(seed), parameters(seed).engine)

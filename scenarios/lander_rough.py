@@ -31,7 +31,7 @@ TIME_LIMIT_S = 180.0
 
 @lru_cache(maxsize=4)
 def start(seed: int) -> tuple[PlaneStart, Terrain]:
-    """Returns where the run of a seed begins, and the ground it has."""
+    """Return where the run of a seed begins, and the ground it has."""
     rng = rng_for(seed, "start")
     fuel = rng.uniform(500.0, 700.0)
     begin = PlaneStart(
@@ -47,7 +47,7 @@ def start(seed: int) -> tuple[PlaneStart, Terrain]:
 
 
 def parameters(seed: int) -> LanderParameters:
-    """Returns what the controller may know."""
+    """Return what the controller may know."""
     begin, _ = start(seed)
     return LanderParameters(
         begin.mass_kg, begin.fuel_kg, APOLLO, worse(PLANE_RADAR, 2.5), worse(INERTIAL, 2.5), engine_hz=10.0
@@ -55,15 +55,15 @@ def parameters(seed: int) -> LanderParameters:
 
 
 def plant(seed: int, engine: str) -> Lander:
-    """Returns the module at its start."""
+    """Return the module at its start."""
     return BODIES[engine](APOLLO, start, seed)
 
 
 def verdict(plant: Lander) -> Verdict | None:
-    """Returns how it ended, or None while it flies."""
+    """Return how it ended, or None while it flies."""
     return judge(plant)
 
 
 def metrics(plant: Lander, seed: int) -> dict[str, Any]:
-    """Returns the touchdown, and the propellant beside a lower bound: the best vertical descent from the same start."""
+    """Return the touchdown, and the propellant beside a lower bound: the best vertical descent from the same start."""
     return plane_metrics(plant, *start(seed))

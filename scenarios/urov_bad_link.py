@@ -65,7 +65,7 @@ class BadLink:
 
 @lru_cache(maxsize=4)
 def bad_link(seed: int) -> BadLink:
-    """Returns what is wrong in the run of a seed."""
+    """Return what is wrong in the run of a seed."""
     good, rng, kind = tether_faults(35.0), rng_for(seed, "link"), KINDS[seed % len(KINDS)]
     if kind == "loss":
         return BadLink(kind, 0.0, END_S, replace(good, loss=0.2, reordering=0.2, jitter_s=0.08))
@@ -81,7 +81,7 @@ def bad_link(seed: int) -> BadLink:
 
 @lru_cache(maxsize=4)
 def dive(seed: int) -> Dive:
-    """Returns what happens in the run of a seed."""
+    """Return what happens in the run of a seed."""
     rng = rng_for(seed, "dive")
     return Dive(
         position_m=(0.0, 0.0, -rng.uniform(1.5, 2.5)),
@@ -91,7 +91,7 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Returns what the controller may know, and what the pilot does: his hand is never still."""
+    """Return what the controller may know, and what the pilot does: his hand is never still."""
     script = [Cue(ARM_S, is_armed=True)]
     for i in range(round((END_S - ARM_S) / CUE_S)):
         slow, fast = math.sin(0.03 * i), math.sin(0.4 * i)
@@ -103,18 +103,18 @@ class Steered(WatchedUrov):
     """The vehicle, with somebody above who knows what is wrong with its link."""
 
     def reset(self, seed: int) -> None:
-        """Starts anew."""
+        """Start anew."""
         self.link = bad_link(seed)
         super().reset(seed)
 
 
 def plant(seed: int, engine: str) -> Steered:
-    """Returns the vehicle at its start."""
+    """Return the vehicle at its start."""
     return Steered(vehicle(), Pool(40.0, 40.0, 6.0), dive, Propulsion(8), seed)
 
 
 def verdict(plant: Steered) -> Verdict | None:
-    """Returns how it ended, once the time is over."""
+    """Return how it ended, once the time is over."""
     if plant.time_s < END_S - 1e-6:
         return None
     found, misses = metrics(plant, 0), []
@@ -127,7 +127,7 @@ def verdict(plant: Steered) -> Verdict | None:
 
 
 def metrics(plant: Steered, seed: int) -> dict[str, Any]:
-    """Returns whether it pushed when it should not, how much of the time it did when it should, and what that cost."""
+    """Return whether it pushed when it should not, how much of the time it did when it should, and what that cost."""
     silent = [sample.thrust_n for after in _silent_s(plant.link) for sample in plant.during(*after)]
     heard = [sample.thrust_n for after in _heard_s(plant.link) for sample in plant.during(*after)]
     pushed = sum(thrust_n > PUSH_N for thrust_n in heard)
@@ -140,14 +140,14 @@ def metrics(plant: Steered, seed: int) -> dict[str, Any]:
 
 
 def _silent_s(link: BadLink) -> list[tuple[float, float]]:
-    """Returns when nothing may push."""
+    """Return when nothing may push."""
     if link.kind == "narrow":
         return [(END_S - 3.0, END_S)]
     return [(link.from_s + NEUTRAL_S + STILL_S, link.to_s)] if link.kind in ("cut", "gone") else []
 
 
 def _heard_s(link: BadLink) -> list[tuple[float, float]]:
-    """Returns when it should push."""
+    """Return when it should push."""
     if link.kind == "narrow":
         return []  # when commands begin to be late depends on how long they are
     if link.kind in ("cut", "gone"):

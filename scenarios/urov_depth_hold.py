@@ -35,7 +35,7 @@ BAND_M, SETTLING_S, OVERSHOOT_M, STEADY_M, RECOVERY_S = 0.10, 12.0, 0.20, 0.05, 
 
 @lru_cache(maxsize=4)
 def dive(seed: int) -> Dive:
-    """Returns what happens in the run of a seed."""
+    """Return what happens in the run of a seed."""
     rng = rng_for(seed, "dive")
     speed, way = rng.uniform(0.05, 0.2), rng.uniform(-math.pi, math.pi)
     mass = rng.uniform(0.3, 0.8)
@@ -49,7 +49,7 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Returns what the controller may know, and what the pilot does."""
+    """Return what the controller may know, and what the pilot does."""
     script = (
         Cue(ARM_S, is_armed=True, mode="heading_hold", depth_m=FROM_M),
         Cue(STEP_S, depth_m=TO_M),
@@ -58,13 +58,13 @@ def parameters(seed: int) -> UrovParameters:
 
 
 def plant(seed: int, engine: str) -> Watched:
-    """Returns the vehicle at its start."""
+    """Return the vehicle at its start."""
     # A long pool, so that no current carries it to a wall within a minute.
     return BODIES[engine](vehicle(), Pool(40.0, 40.0, 6.0), dive, Propulsion(8), seed)
 
 
 def verdict(plant: Watched) -> Verdict | None:
-    """Returns how it ended, once the time is over."""
+    """Return how it ended, once the time is over."""
     if plant.time_s < END_S - 1e-6:
         return None
     step, back = _judged(plant)
@@ -81,7 +81,7 @@ def verdict(plant: Watched) -> Verdict | None:
 
 
 def metrics(plant: Watched, seed: int) -> dict[str, Any]:
-    """Returns how well depth was held, and what it cost."""
+    """Return how well depth was held, and what it cost."""
     step, back = _judged(plant)
     return {
         "settling_s": step.settling_s,

@@ -32,7 +32,7 @@ ROOM_M = 1.2  # before a gate the vehicle lines up, and behind it it may turn
 
 @lru_cache(maxsize=4)
 def gates(seed: int) -> tuple[Gate, ...]:
-    """Returns the gates of a seed: about six metres apart, to and fro, and each turned a little."""
+    """Return the gates of a seed: about six metres apart, to and fro, and each turned a little."""
     rng = rng_for(seed, "gates")
     return tuple(
         Gate(
@@ -46,14 +46,14 @@ def gates(seed: int) -> tuple[Gate, ...]:
 
 @lru_cache(maxsize=4)
 def dive(seed: int) -> Dive:
-    """Returns what happens in the run of a seed."""
+    """Return what happens in the run of a seed."""
     rng = rng_for(seed, "dive")
     current = Current(0.0, (rng.uniform(-0.05, 0.05), rng.uniform(-0.05, 0.05), 0.0))
     return Dive(position_m=START_M, currents=(current,), tether=Tether(anchor_m=(-9.0, 0.0, 0.0)))
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Returns what the controller may know, and the pilot's way: before each gate, then behind it."""
+    """Return what the controller may know, and the pilot's way: before each gate, then behind it."""
     route = []
     for gate in gates(seed):
         x, y, z = gate.position_m
@@ -68,7 +68,7 @@ class Course(WatchedUrov):
     """The vehicle, with somebody who counts the gates it went through."""
 
     def passed(self) -> list[str]:
-        """Returns the names of the gates it went through, in the right direction, in this order."""
+        """Return the names of the gates it went through, in the right direction, in this order."""
         names = []
         for before, after in pairwise(self.course):
             for gate in self.pool.gates:
@@ -79,12 +79,12 @@ class Course(WatchedUrov):
 
 
 def plant(seed: int, engine: str) -> Course:
-    """Returns the vehicle at its start."""
+    """Return the vehicle at its start."""
     return Course(vehicle(), Pool(25.0, 12.5, 4.0, gates=gates(seed)), dive, Propulsion(8), seed)
 
 
 def verdict(plant: Course) -> Verdict | None:
-    """Returns how it ended, or None while it swims."""
+    """Return how it ended, or None while it swims."""
     if plant.touched_n > 0.0:
         return Verdict("touched", False, f"it touched something with {plant.touched_n:.0f} N")
     last = plant.pool.gates[-1]
@@ -97,12 +97,12 @@ def verdict(plant: Course) -> Verdict | None:
 
 
 def metrics(plant: Course, seed: int) -> dict[str, Any]:
-    """Returns which gates it went through, how long that took and what it cost."""
+    """Return which gates it went through, how long that took and what it cost."""
     return {"gates": plant.passed(), "time_s": plant.time_s, "energy_j": plant.thrusters.energy_j}
 
 
 def _seen_from(gate: Gate, place_m: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Returns a place as seen from a gate: how far behind it, to its left, and above its middle."""
+    """Return a place as seen from a gate: how far behind it, to its left, and above its middle."""
     x, y, z = (a - b for a, b in zip(place_m, gate.position_m, strict=True))
     cos, sin = math.cos(gate.heading_rad), math.sin(gate.heading_rad)
     return cos * x + sin * y, -sin * x + cos * y, z

@@ -38,7 +38,7 @@ BAND_DEG, SETTLING_S, OVERSHOOT_DEG, STEADY_DEG, DEPTH_BAND_M = 6.0, 8.0, 12.0, 
 
 @lru_cache(maxsize=4)
 def dive(seed: int) -> Dive:
-    """Returns what happens in the run of a seed."""
+    """Return what happens in the run of a seed."""
     rng = rng_for(seed, "dive")
     speed, way = rng.uniform(0.1, 0.2), rng.uniform(-math.pi, math.pi)
     return Dive(
@@ -50,13 +50,13 @@ def dive(seed: int) -> Dive:
 
 
 def headings_rad(seed: int) -> tuple[float, float]:
-    """Returns the heading that is asked for at first, and the other one."""
+    """Return the heading that is asked for at first, and the other one."""
     first = dive(seed).attitude_rad[2]
     return first, wrap_rad(first + (TURN_RAD if seed % 2 else -TURN_RAD))
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Returns what the controller may know, and what the pilot does."""
+    """Return what the controller may know, and what the pilot does."""
     first, second = headings_rad(seed)
     script = (
         Cue(ARM_S, is_armed=True, mode="heading_hold", depth_m=DEPTH_M, heading_rad=first),
@@ -69,18 +69,18 @@ class Turning(WatchedUrov):
     """The vehicle, which knows what heading its pilot will ask for."""
 
     def reset(self, seed: int) -> None:
-        """Starts anew."""
+        """Start anew."""
         self.headings_rad = headings_rad(seed)
         super().reset(seed)
 
 
 def plant(seed: int, engine: str) -> Turning:
-    """Returns the vehicle at its start."""
+    """Return the vehicle at its start."""
     return Turning(vehicle(), Pool(40.0, 40.0, 6.0), dive, Propulsion(8), seed)
 
 
 def verdict(plant: Turning) -> Verdict | None:
-    """Returns how it ended, once the time is over."""
+    """Return how it ended, once the time is over."""
     if plant.time_s < END_S - 1e-6:
         return None
     step, misses = _turn(plant), []
@@ -96,7 +96,7 @@ def verdict(plant: Turning) -> Verdict | None:
 
 
 def metrics(plant: Turning, seed: int) -> dict[str, Any]:
-    """Returns how well heading and depth were held, and what it cost."""
+    """Return how well heading and depth were held, and what it cost."""
     step = _turn(plant)
     return {
         "settling_s": step.settling_s,

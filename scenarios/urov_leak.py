@@ -32,24 +32,24 @@ SURFACE_M = 0.35
 
 @lru_cache(maxsize=4)
 def dive(seed: int) -> Dive:
-    """Returns what happens in the run of a seed."""
+    """Return what happens in the run of a seed."""
     rng = rng_for(seed, "dive")
     leak = Leak(LEAKS_S, rate_lps=rng.uniform(0.02, 0.06), most_l=1.0, place_m=(rng.uniform(-0.05, 0.05), 0.0, -0.03))
     return Dive(position_m=(0.0, 0.0, -DEPTH_M), leak=leak, tether=Tether(anchor_m=(0.0, 0.0, 0.0)))
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Returns what the controller may know, and what the pilot does: he does not look at the leak's lamp."""
+    """Return what the controller may know, and what the pilot does: he does not look at the leak's lamp."""
     return UrovParameters(vehicle(), (Cue(ARM_S, is_armed=True, mode="heading_hold", depth_m=DEPTH_M),))
 
 
 def plant(seed: int, engine: str) -> Watched:
-    """Returns the vehicle at its start."""
+    """Return the vehicle at its start."""
     return BODIES[engine](vehicle(), Pool(40.0, 40.0, 6.0), dive, Propulsion(8), seed)
 
 
 def verdict(plant: Watched) -> Verdict | None:
-    """Returns how it ended, once the time is over."""
+    """Return how it ended, once the time is over."""
     if plant.time_s < END_S - 1e-6:
         return None
     found, misses = metrics(plant, 0), []
@@ -61,7 +61,7 @@ def verdict(plant: Watched) -> Verdict | None:
 
 
 def metrics(plant: Watched, seed: int) -> dict[str, Any]:
-    """Returns when it was up, and whether it stayed."""
+    """Return when it was up, and whether it stayed."""
     up = [sample.time_s for sample in plant.during(LEAKS_S, END_S) if sample.depth_m < SURFACE_M]
     return {
         "surfaced_s": up[0] - LEAKS_S if up else None,

@@ -37,7 +37,7 @@ QUIET_S, QUIET_N, DEPTH_BAND_M, SURFACE_M = 0.5, 0.5, 0.3, 0.35
 
 @lru_cache(maxsize=4)
 def dive(seed: int) -> Dive:
-    """Returns what happens in the run of a seed."""
+    """Return what happens in the run of a seed."""
     rng = rng_for(seed, "dive")
     return Dive(
         position_m=(0.0, 0.0, -rng.uniform(1.5, 2.5)),
@@ -47,19 +47,19 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Returns what the controller may know, and what the pilot does."""
+    """Return what the controller may know, and what the pilot does."""
     script = (Cue(ARM_S, is_armed=True, mode="heading_hold"), Cue(AHEAD_S, surge=0.5))
     link = replace(tether_faults(35.0), cut=((CUT_S, math.inf),))
     return UrovParameters(vehicle(), script, failsafe_limits=LIMITS, tether=link)
 
 
 def plant(seed: int, engine: str) -> Watched:
-    """Returns the vehicle at its start."""
+    """Return the vehicle at its start."""
     return BODIES[engine](vehicle(), Pool(40.0, 40.0, 6.0), dive, Propulsion(8), seed)
 
 
 def verdict(plant: Watched) -> Verdict | None:
-    """Returns how it ended, once the time is over."""
+    """Return how it ended, once the time is over."""
     if plant.time_s < END_S - 1e-6:
         return None
     found, misses = metrics(plant, 0), []
@@ -75,7 +75,7 @@ def verdict(plant: Watched) -> Verdict | None:
 
 
 def metrics(plant: Watched, seed: int) -> dict[str, Any]:
-    """Returns what it did after the cut."""
+    """Return what it did after the cut."""
     quiet = plant.during(CUT_S + QUIET_S, CUT_S + LIMITS.lost_s - 0.2)
     at_cut = plant.during(CUT_S, CUT_S + 0.05)
     held = plant.during(CUT_S, CUT_S + LIMITS.lost_s + LIMITS.hold_s)

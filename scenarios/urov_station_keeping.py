@@ -33,7 +33,7 @@ PLACE_BAND_M, DEPTH_BAND_M = 0.3, 0.2
 
 @lru_cache(maxsize=4)
 def dive(seed: int) -> Dive:
-    """Returns what happens in the run of a seed."""
+    """Return what happens in the run of a seed."""
     rng = rng_for(seed, "dive")
     speed, way = rng.uniform(0.15, 0.25), rng.uniform(-math.pi, math.pi)
     return Dive(
@@ -45,17 +45,17 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Returns what the controller may know, and where the pilot wants to be."""
+    """Return what the controller may know, and where the pilot wants to be."""
     return UrovParameters(vehicle(), route=(Waypoint(0.0, 0.0, DEPTH_M, dive(seed).attitude_rad[2]),))
 
 
 def plant(seed: int, engine: str) -> WatchedUrov:
-    """Returns the vehicle at its start."""
+    """Return the vehicle at its start."""
     return WatchedUrov(vehicle(), Pool(25.0, 25.0, 5.0), dive, Propulsion(8), seed)
 
 
 def verdict(plant: WatchedUrov) -> Verdict | None:
-    """Returns how it ended, once the time is over."""
+    """Return how it ended, once the time is over."""
     if plant.time_s < END_S - 1e-6:
         return None
     found, misses = metrics(plant, 0), []
@@ -67,7 +67,7 @@ def verdict(plant: WatchedUrov) -> Verdict | None:
 
 
 def metrics(plant: WatchedUrov, seed: int) -> dict[str, Any]:
-    """Returns how far off it was: at worst, and after it had time to answer the current."""
+    """Return how far off it was: at worst, and after it had time to answer the current."""
     worst, kept = plant.during(CURRENT_S, KEPT_S), plant.during(KEPT_S, END_S)
     return {
         "place_error_m": max((math.hypot(*sample.position_m[:2]) for sample in kept), default=None),

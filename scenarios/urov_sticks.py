@@ -33,7 +33,7 @@ DOWN_M, AHEAD_M, UP_M, STILL_N = 1.0, 0.4, 0.4, 0.2
 
 @lru_cache(maxsize=4)
 def dive(seed: int) -> Dive:
-    """Returns where the run of a seed begins."""
+    """Return where the run of a seed begins."""
     rng = rng_for(seed, "dive")
     return Dive(
         position_m=(rng.uniform(-1.0, 1.0), rng.uniform(-1.0, 1.0), -rng.uniform(0.8, 1.2)),
@@ -43,7 +43,7 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Returns what the controller may know, and what the pilot does."""
+    """Return what the controller may know, and what the pilot does."""
     rng = rng_for(seed, "hands")
     script = (
         Cue(ARM_S, is_armed=True),
@@ -59,12 +59,12 @@ def parameters(seed: int) -> UrovParameters:
 
 
 def plant(seed: int, engine: str) -> WatchedUrov:
-    """Returns the vehicle at its start."""
+    """Return the vehicle at its start."""
     return WatchedUrov(vehicle(), Pool(40.0, 40.0, 8.0), dive, Propulsion(8), seed)
 
 
 def verdict(plant: Watched) -> Verdict | None:
-    """Returns how it ended, once the time is over."""
+    """Return how it ended, once the time is over."""
     if plant.time_s < END_S - 1e-6:
         return None
     down_m, ahead_m, up_m = _moved(plant)
@@ -81,7 +81,7 @@ def verdict(plant: Watched) -> Verdict | None:
 
 
 def metrics(plant: Watched, seed: int) -> dict[str, Any]:
-    """Returns how far it went each way, and what it cost."""
+    """Return how far it went each way, and what it cost."""
     down_m, ahead_m, up_m = _moved(plant)
     return {
         "down_m": down_m,
@@ -93,7 +93,7 @@ def metrics(plant: Watched, seed: int) -> dict[str, Any]:
 
 
 def _moved(plant: Watched) -> tuple[float, float, float]:
-    """Returns how far it went down, ahead (by its own nose) and up, each in its time."""
+    """Return how far it went down, ahead (by its own nose) and up, each in its time."""
     down, ahead, up = (plant.during(from_s, from_s + 4.0) for from_s in (DOWN_S, AHEAD_S, UP_S))
     if not (down and ahead and up):
         return 0.0, 0.0, 0.0

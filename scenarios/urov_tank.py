@@ -52,7 +52,7 @@ class Task(NamedTuple):
 
 
 def task(seed: int) -> Task:
-    """Returns what a seed asks for."""
+    """Return what a seed asks for."""
     if seed == 0:
         return Task(1.0, 3.0, 0.0, (0.0, 0.0))
     rng = rng_for(seed, "task")
@@ -65,7 +65,7 @@ def task(seed: int) -> Task:
 
 @lru_cache(maxsize=4)
 def dive(seed: int) -> Dive:
-    """Returns what happens in the run of a seed."""
+    """Return what happens in the run of a seed."""
     asked = task(seed)
     volume_m3 = (LOAD_KG - asked.trim_n / 9.81) / 1000.0
     height_m = math.copysign(0.1, -asked.trim_n)  # a weight hangs below, a float above: so neither turns it over
@@ -79,7 +79,7 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Returns what the controller may know, and what the pilot does."""
+    """Return what the controller may know, and what the pilot does."""
     asked = task(seed)
     script = (
         Cue(ARM_S, is_armed=True, mode="depth_hold", depth_m=asked.start_m),
@@ -92,23 +92,23 @@ class Tank(WatchedUrov):
     """The vehicle in its tank; knows what was asked for, and can be judged by it."""
 
     def reset(self, seed: int) -> None:
-        """Starts anew, for another task."""
+        """Start anew, for another task."""
         self.asked = task(seed)
         super().reset(seed)
 
     def step_taken(self) -> Step:
-        """Returns how the vehicle went from start to goal."""
+        """Return how the vehicle went from start to goal."""
         depths_m = self.asked.start_m, self.asked.goal_m
         return followed(self.course, lambda sample: sample.depth_m, (STEP_S, END_S), depths_m, BAND_M)
 
 
 def plant(seed: int, engine: str) -> Tank:
-    """Returns the vehicle at its start."""
+    """Return the vehicle at its start."""
     return Tank(vehicle(), Pool(40.0, 40.0, 7.0), dive, Propulsion(8), seed)
 
 
 def verdict(plant: Tank) -> Verdict | None:
-    """Returns how it ended, once the time is over."""
+    """Return how it ended, once the time is over."""
     if plant.time_s < END_S - 1e-6:
         return None
     settling_s, overshoot_m, steady_m = plant.step_taken()
@@ -124,7 +124,7 @@ def verdict(plant: Tank) -> Verdict | None:
 
 
 def metrics(plant: Tank, seed: int) -> dict[str, Any]:
-    """Returns how well depth was held, and what it cost."""
+    """Return how well depth was held, and what it cost."""
     asked, step = task(seed), plant.step_taken()
     way_m = abs(asked.goal_m - asked.start_m)
     return {

@@ -43,14 +43,14 @@ DEEP_M, SURFACE_M, STILL_N, HARD_N = 1.0, 0.4, 0.2, 50.0
 
 @lru_cache(maxsize=4)
 def dive(seed: int) -> Dive:
-    """Returns where the run of a seed begins, and its current."""
+    """Return where the run of a seed begins, and its current."""
     rng = rng_for(seed, "dive")
     current = Current(0.0, (rng.uniform(-0.1, 0.1), rng.uniform(-0.1, 0.1), 0.0))
     return Dive(position_m=(-9.0, 0.0, -0.5), currents=(current,), tether=Tether(anchor_m=(-9.0, 0.0, 0.0)))
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Returns what the controller may know, and what the pilot does if you do not fly."""
+    """Return what the controller may know, and what the pilot does if you do not fly."""
     script = (
         Cue(2.0, is_armed=True, mode="heading_hold", depth_m=1.5, heading_rad=0.0),
         Cue(9.0, surge=0.4),
@@ -63,7 +63,7 @@ def parameters(seed: int) -> UrovParameters:
 
 
 def plant(seed: int, engine: str) -> WatchedUrov:
-    """Returns the vehicle at its start."""
+    """Return the vehicle at its start."""
     rng = rng_for(seed, "gates")
     gates = tuple(
         Gate(f"gate_{i + 1}", (-5.0 + 5.0 * i, rng.uniform(-2.0, 2.0), -rng.uniform(1.3, 2.5)), rng.uniform(-0.5, 0.5))
@@ -73,7 +73,7 @@ def plant(seed: int, engine: str) -> WatchedUrov:
 
 
 def verdict(plant: WatchedUrov) -> Verdict | None:
-    """Returns how it ended, or None while it dives."""
+    """Return how it ended, or None while it dives."""
     is_over = plant.time_s >= END_S - 1e-6
     is_up = -plant.position_m[2] <= SURFACE_M
     is_still = max(map(abs, plant.thrusters.forces_n), default=0.0) < STILL_N
@@ -94,7 +94,7 @@ def verdict(plant: WatchedUrov) -> Verdict | None:
 
 
 def metrics(plant: WatchedUrov, seed: int) -> dict[str, Any]:
-    """Returns where it went, and what it cost."""
+    """Return where it went, and what it cost."""
     steps = zip(plant.course, plant.course[1:], strict=False)
     return {
         "deepest_m": _deepest_m(plant),

@@ -35,7 +35,7 @@ DEPTH_BAND_M, HEADING_BAND_DEG = 0.2, 12.0
 
 @lru_cache(maxsize=4)
 def dive(seed: int) -> Dive:
-    """Returns what happens in the run of a seed."""
+    """Return what happens in the run of a seed."""
     rng = rng_for(seed, "dive")
     fault = ("off", "weak", "off", "stuck")[int(rng.integers(4))]
     return Dive(
@@ -46,7 +46,7 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Returns what the controller may know, and what the pilot does."""
+    """Return what the controller may know, and what the pilot does."""
     script = (
         Cue(ARM_S, is_armed=True, mode="heading_hold", depth_m=DEPTH_M, heading_rad=0.0),
         Cue(AHEAD_S, surge=0.3),
@@ -55,12 +55,12 @@ def parameters(seed: int) -> UrovParameters:
 
 
 def plant(seed: int, engine: str) -> WatchedUrov:
-    """Returns the vehicle at its start."""
+    """Return the vehicle at its start."""
     return WatchedUrov(vehicle(), Pool(40.0, 40.0, 6.0), dive, Propulsion(8), seed)
 
 
 def verdict(plant: WatchedUrov) -> Verdict | None:
-    """Returns how it ended, once the time is over."""
+    """Return how it ended, once the time is over."""
     if plant.time_s < END_S - 1e-6:
         return None
     found, misses = metrics(plant, 0), []
@@ -72,7 +72,7 @@ def verdict(plant: WatchedUrov) -> Verdict | None:
 
 
 def metrics(plant: WatchedUrov, seed: int) -> dict[str, Any]:
-    """Returns how far off it was after it had time to cope, and at worst before."""
+    """Return how far off it was after it had time to cope, and at worst before."""
     worst, coped = plant.during(FAILS_S, COPES_S), plant.during(COPES_S, END_S)
     return {
         "fault": plant.dive.faults[0].fault,

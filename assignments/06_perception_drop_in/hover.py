@@ -48,14 +48,14 @@ LITTER = {
 
 @lru_cache(maxsize=4)
 def camera(seed: int) -> Camera:
-    """Returns the camera, in the water of a seed."""
+    """Return the camera, in the water of a seed."""
     cloud = (CLOUD_S, CLOUD_S + CLOUDED_S, CLOUD_PER_M)
     return Camera("down", veiled_per_m=rng_for(seed, "water").uniform(0.06, 0.5), clouds=(cloud,))
 
 
 @lru_cache(maxsize=4)
 def dive(seed: int) -> Dive:
-    """Returns what happens in the run of a seed."""
+    """Return what happens in the run of a seed."""
     rng = rng_for(seed, "dive")
     speed, way = rng.uniform(0.10, 0.14), rng.uniform(-math.pi, math.pi)
     return Dive(
@@ -67,7 +67,7 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Returns what the controller may know, and what the pilot does: he arms, and asks for a depth and a heading."""
+    """Return what the controller may know, and what the pilot does: he arms, and ask for a depth and a heading."""
     script = (Cue(ARM_S, is_armed=True, mode="heading_hold", depth_m=DEPTH_M),)
     return UrovParameters(vehicle(), script, sensors=Sensors(camera=camera(seed)), fix_hz=5.0)
 
@@ -80,29 +80,29 @@ class AboveThePlate(WatchedUrov):
         self._readers["place"] = self.fix
 
     def reset(self, seed: int) -> None:
-        """Starts anew."""
+        """Start anew."""
         self.told: PositionFix | None = None
         super().reset(seed)
 
     def fix(self) -> PositionFix:
-        """Returns the place that the vehicle is told: from FIXED_S on, always the same."""
+        """Return the place that the vehicle is told: from FIXED_S on, always the same."""
         if self.told is None or self.time_s <= FIXED_S:
             self.told = position_fix_of(self)
         return self.told
 
     def scene(self) -> dict[str, Any]:
-        """Returns the pool's floor with the plate on it, and what else lies there."""
+        """Return the pool's floor with the plate on it, and what else lies there."""
         scene = super().scene()
         return {**scene, "statics": {"floor": scene["statics"]["floor"], "plate": PLATE, **LITTER}}
 
     def near_share(self) -> float:
-        """Returns for which share of the time the plate was near the middle of the picture, since the fix was lost."""
+        """Return for which share of the time the plate was near the middle of the picture, since the fix was lost."""
         judged = [off_px(sample) <= NEAR_PX for sample in self.during(FIXED_S, END_S)]
         return sum(judged) / len(judged) if judged else 0.0
 
 
 def off_px(sample: Sample) -> float:
-    """Returns how far the plate is from the middle of the picture, also if it is not in it."""
+    """Return how far the plate is from the middle of the picture, also if it is not in it."""
     x, y, z = sample.position_m
     up_m = z + FLOOR_M - 0.1
     # The vehicle is nearly level, so what it is tilted moves the picture by as much as its angle.
@@ -113,12 +113,12 @@ def off_px(sample: Sample) -> float:
 
 
 def plant(seed: int, engine: str) -> AboveThePlate:
-    """Returns the vehicle at its start."""
+    """Return the vehicle at its start."""
     return AboveThePlate(vehicle(), Pool(25.0, 25.0, FLOOR_M), dive, Propulsion(8), seed)
 
 
 def verdict(plant: AboveThePlate) -> Verdict | None:
-    """Returns how it ended, once the time is over."""
+    """Return how it ended, once the time is over."""
     if plant.time_s < END_S - 1e-6:
         return None
     share = plant.near_share()
@@ -128,6 +128,6 @@ def verdict(plant: AboveThePlate) -> Verdict | None:
 
 
 def metrics(plant: AboveThePlate, seed: int) -> dict[str, Any]:
-    """Returns how near the plate was to the middle of the picture."""
+    """Return how near the plate was to the middle of the picture."""
     far = [off_px(sample) for sample in plant.during(FIXED_S, END_S)]
     return {"near_share": plant.near_share(), "worst_px": max(far, default=None), "end_px": far[-1] if far else None}

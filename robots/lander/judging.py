@@ -33,18 +33,18 @@ class Landing(Protocol):
 
 
 def judge(plant: Landing) -> Verdict | None:
-    """Returns how it ended, or None while it flies."""
+    """Return how it ended, or None while it flies."""
     return None if plant.outcome is None else Verdict(plant.outcome, plant.outcome == "landed", plant.why)
 
 
 def vertical_metrics(plant: Lander1D, start: VerticalStart, engine: Engine) -> dict[str, Any]:
-    """Returns touchdown and propellant of a vertical descent. The optimum is exact: nothing that lands needs less."""
+    """Return touchdown and propellant of a vertical descent. The optimum is exact: nothing that lands needs less."""
     motion = Motion(start.height_m, start.velocity_mps, start.mass_kg)
     return _metrics(plant, start.fuel_kg - plant.fuel_kg, motion, engine, plant.gear)
 
 
 def plane_metrics(plant: Lander, start: PlaneStart, ground: Terrain) -> dict[str, Any]:
-    """Returns touchdown and propellant of a descent in the plane.
+    """Return touchdown and propellant of a descent in the plane.
 
     The optimum is that of the same descent straight down under the module, by an engine that runs at any throttle. It
     leaves out the way to the pad and the sideways speed: a lower bound that no flight reaches.

@@ -28,7 +28,7 @@ UNSEEN = range(1, 101)  # seeds of the scenario; training draws its starts from 
 
 
 def main() -> int:
-    """Learns, tries and saves; returns the exit status."""
+    """Learn, tries and saves; return the exit status."""
     parser = argparse.ArgumentParser(description="Learns to land straight down.")
     parser.add_argument("--out", type=Path, default=Path("policy.npz"))
     parser.add_argument("--method", choices=("batch", *METHODS), default="batch")
@@ -49,7 +49,7 @@ def main() -> int:
             rows = [("step", "landed", "fuel_kg")]
 
             def on_trial(step: int, trial: Trial) -> None:
-                """Notes a point of the learning curve."""
+                """Note a point of the learning curve."""
                 progress.update(bar, completed=step)
                 rows.append((step, *trial))
 

@@ -25,7 +25,7 @@ UNSEEN = range(1, 101)  # seeds of the scenario; training draws its starts from 
 
 
 def main() -> int:
-    """Learns, tries and saves; returns the exit status."""
+    """Learn, tries and saves; return the exit status."""
     parser = argparse.ArgumentParser(description="Learns to land in the plane.")
     parser.add_argument("--out", type=Path, default=Path("policy.npz"))
     parser.add_argument("--steps", type=int, default=PadTraining.steps)

@@ -83,7 +83,7 @@ INERTIAL = SensorLevel(
 
 
 def worse(level: SensorLevel, factor: float) -> SensorLevel:
-    """Returns a sensor with `factor` times the noise."""
+    """Return a sensor with `factor` times the noise."""
     errors = level.errors
     noise = {name: factor * sigma for name, sigma in errors.noise.items()}
     return SensorLevel(level.rate_hz, SensorErrors(noise, errors.resolution, errors.delay_s))

@@ -30,7 +30,7 @@ class Reckoning:
         self.estimate = Motion(0.0, 0.0, parameters.mass_kg)
 
     def now(self, radar: RadarReading, now_s: float) -> Motion:
-        """Returns the best estimate of the present motion from a reading of a moment ago and all before."""
+        """Return the best estimate of the present motion from a reading of a moment ago and all before."""
         thrust, exhaust, gravity = self.engine
         push = self.throttle * thrust
         expected = after(self.estimate, push, exhaust, gravity, now_s - self.told_s)
@@ -48,10 +48,10 @@ class Reckoning:
         return self.estimate
 
     def told(self, throttle: float) -> float:
-        """Notes what the engine is told from now on, as it will do it; returns it."""
+        """Note what the engine is told from now on, as it will do it; return it."""
         self.throttle = min(1.0, max(0.0, throttle))
         return self.throttle
 
     def throttle_for(self, acceleration_mps2: float) -> float:
-        """Returns the throttle that gives an upward acceleration against gravity; not limited."""
+        """Return the throttle that gives an upward acceleration against gravity; not limited."""
         return self.estimate.mass_kg * (acceleration_mps2 + self.engine.gravity_mps2) / self.engine.thrust_n

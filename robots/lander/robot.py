@@ -48,38 +48,38 @@ MCU = "atmega328p"
 
 
 def sim_radar(rig: Rig) -> SimSensor:
-    """Opens the simulated radar altimeter."""
+    """Open the simulated radar altimeter."""
     return SimSensor(rig.plant, "radar", rig.robot.parameters.radar.errors, rig.rng("radar"))
 
 
 def sim_inertial(rig: Rig) -> SimSensor:
-    """Opens the simulated inertial unit."""
+    """Open the simulated inertial unit."""
     return SimSensor(rig.plant, "inertial", rig.robot.parameters.inertial.errors, rig.rng("inertial"))
 
 
 def sim_engine(rig: Rig) -> SimActuator[EngineCommand]:
-    """Opens the simulated engine and attitude jets."""
+    """Open the simulated engine and attitude jets."""
     return SimActuator(rig.plant, "engine", EngineCommand, servos(rig).limits)
 
 
 def replayed_sensor(rig: Rig, name: str) -> ReplayedSensor:
-    """Opens a sensor that reads what it read in a recorded run."""
+    """Open a sensor that reads what it read in a recorded run."""
     assert rig.recorded is not None
     return ReplayedSensor(name, rig.recorded(name), READINGS[name], rig.now_s)
 
 
 def servos(rig: Rig) -> EngineServos:
-    """Returns how the engine hangs at servo outputs, where it does."""
+    """Return how the engine hangs at servo outputs, where it does."""
     return EngineServos(rig.robot.parameters.module.gimbal_rad)
 
 
 def mirror_servos(rig: Rig) -> MirrorPwm:
-    """Opens outputs with nothing behind them: the module falls."""
+    """Open outputs with nothing behind them: the module falls."""
     return MirrorPwm(rig.now_s, CHANNELS)
 
 
 def bench_servos(rig: Rig) -> PwmBackend:
-    """Opens real outputs; the simulated module is driven by what they do."""
+    """Open real outputs; the simulated module is driven by what they do."""
     from snr_sim.devices.opening import open_pwm  # only a bench needs it, and it takes 60 ms
 
     assert rig.plant is not None
@@ -88,13 +88,13 @@ def bench_servos(rig: Rig) -> PwmBackend:
 
 
 def emulated_servos(rig: Rig) -> McuPwm:
-    """Opens the outputs of the emulated board, over its serial line."""
+    """Open the outputs of the emulated board, over its serial line."""
     assert isinstance(rig.plant, PlantOnBoard)
     return McuPwm(rig.plant.mcu, rig.now_s, CHANNELS)
 
 
 def dressed(rig: Rig) -> Plant:
-    """Returns the plant; with `--io emulated`, with its engine at the pins of a board that was switched on before."""
+    """Return the plant; with `--io emulated`, with its engine at the pins of a board that was switched on before."""
     assert rig.plant is not None
     if rig.io != "emulated":
         return rig.plant
@@ -105,13 +105,13 @@ def dressed(rig: Rig) -> Plant:
 
 
 def engine_loop(rig: Rig) -> LoopFactory:
-    """Returns the loop of an engine that takes commands as they are."""
+    """Return the loop of an engine that takes commands as they are."""
     parameters = rig.robot.parameters
     return ActuatorLoopFactory("engine", partial(sim_engine, rig), parameters.engine_hz, parameters.engine_timeout_s)
 
 
 def servo_loop(rig: Rig, open_device: Callable[[Rig], PwmOut]) -> LoopFactory:
-    """Returns the loop of an engine behind servo outputs."""
+    """Return the loop of an engine behind servo outputs."""
     return EnginePwmLoopFactory("engine", servos(rig), partial(open_device, rig), BOARD_HZ)
 
 
@@ -137,7 +137,7 @@ IO = tuple(DEVICES)
 
 
 def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
-    """Returns the components of each role: sensors first and the engine last, so a reading acts within its tick."""
+    """Return the components of each role: sensors first and the engine last, so a reading acts within its tick."""
     parameters, devices = rig.robot.parameters, DEVICES[rig.io]
     levels = {name: level for name in SENSORS if (level := getattr(parameters, name)) is not None}
     sensors = [

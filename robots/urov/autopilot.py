@@ -54,7 +54,7 @@ class AutopilotFactory(EndpointFactory):
         self.parameters = parameters
 
     def get(self, parent: NodeApi) -> Autopilot:
-        """Returns a new one, disarmed."""
+        """Return a new one, disarmed."""
         return Autopilot(self, parent, "autopilot")
 
 
@@ -99,7 +99,7 @@ class Autopilot(Endpoint):
         }
 
     def on_controls(self, task: Task, task_id: TaskId) -> None:
-        """Hears the surface. What is no command is not obeyed, and told; soon there is none, and nothing pushes."""
+        """Hear the surface. What is no command is not obeyed, and told; soon there is none, and nothing pushes."""
         try:
             controls = controls_of(self.get_data("controls"))
         except (CommandError, UnknownName) as error:
@@ -124,13 +124,13 @@ class Autopilot(Endpoint):
         self.failsafe.hear(controls, now_s - old_s if math.isfinite(old_s) else now_s)
 
     def _refuse(self, why: str) -> None:
-        """Tells the surface why it is not obeyed, and notes it once: else it were twenty notes a second."""
+        """Tell the surface why it is not obeyed, and note it once: else it were twenty notes a second."""
         if not self.refused:
             self.parent.note(f"Controls were refused: {why}")
         self.refused = why
 
     def _failing(self) -> list[str]:
-        """Returns why the vehicle may not be armed; nothing once it has been."""
+        """Return why the vehicle may not be armed; nothing once it has been."""
         if self.prearm.has_armed:
             return []
         return failing_checks(self.failsafe, self.readings, self._ages_s(), self._outputs())
@@ -139,31 +139,31 @@ class Autopilot(Endpoint):
         return {key: age_s(self.parent, page) for key, page in self.readings.pages.items()}
 
     def on_leak(self, task: Task, task_id: TaskId) -> None:
-        """Notes water in the hull."""
+        """Note water in the hull."""
         reading = self._take("leak", self.get_time_s())
         self.failsafe.is_wet = self.failsafe.is_wet or (reading is not None and reading.is_wet)
 
     def on_power(self, task: Task, task_id: TaskId) -> None:
-        """Watches the battery."""
+        """Watch the battery."""
         reading = self._take("power", self.get_time_s())
         if reading is not None:
             self.failsafe.measure(reading)
 
     def on_imu(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Answers with pulses, and now and then with what it is doing; also if no reading has come (`watch.py`)."""
+        """Answer with pulses, and now and then with what it is doing; also if no reading has come (`watch.py`)."""
         now_s, page = self.get_time_s(), self.get_page("imu")
         if self.readings.take("imu", page, now_s) and page is not None:
             self._watch_lateness(now_s, age_s(self.parent, page))
         return self._answer(now_s)
 
     def _take(self, key: str, now_s: float) -> Any:
-        """Returns the reading that a sensor's newest page holds; None if that is none."""
+        """Return the reading that a sensor's newest page holds; None if that is none."""
         page = self.get_page(key)
         self.readings.take(key, page, now_s)
         return self.readings.newest.get(key) if page is self.readings.pages.get(key) else None
 
     def _answer(self, now_s: float) -> SomeTasks:
-        """Returns pulses for now, and now and then what the vehicle is doing."""
+        """Return pulses for now, and now and then what the vehicle is doing."""
         self._take("depth", now_s)
         depth, imu = self.readings.newest.get("depth"), self.readings.newest.get("imu")
         ages_s = self._ages_s()
@@ -192,12 +192,12 @@ class Autopilot(Endpoint):
     # -- what fails ---------------------------------------------------------------------------------------------------
 
     def _outputs(self) -> Outputs | None:
-        """Returns how the outputs are, as their loop has told last; None if it has not."""
+        """Return how the outputs are, as their loop has told last; None if it has not."""
         page = self.parent.datastore.pages.get("pwm_applied")
         return None if page is None else outputs_of(page.data)
 
     def _watch_outputs(self, now_s: float) -> None:
-        """Notices outputs that have let go while they should push, and what has become of those that had."""
+        """Notice outputs that have let go while they should push, and what has become of those that had."""
         outputs = self._outputs()
         if outputs is None:
             return
@@ -211,7 +211,7 @@ class Autopilot(Endpoint):
         self.failsafe.see_outputs(outputs.state, now_s)
 
     def _watch_lateness(self, now_s: float, waited_s: float) -> None:
-        """Notices a node that has more to do than it can: readings wait until they are answered."""
+        """Notice a node that has more to do than it can: readings wait until they are answered."""
         if waited_s <= LATE_S:
             self.late_since_s = None
             return
@@ -221,7 +221,7 @@ class Autopilot(Endpoint):
             self.late_s = now_s
 
     def _see_causes(self, now_s: float, ages_s: dict[str, float]) -> None:
-        """Notes what has failed that the monitor cannot know by itself."""
+        """Note what has failed that the monitor cannot know by itself."""
         see = self.failsafe.see
         stale = self.readings.stale(ages_s)
         see("stale_sensor", f"no fresh reading of {stale}" if stale else "", now_s)
@@ -233,7 +233,7 @@ class Autopilot(Endpoint):
         see("disk_full", f"not recorded: {data['reason']}" if "reason" in data else "", now_s)
 
     def _note_causes(self, now_s: float) -> None:
-        """Notes each cause that begins, with what is done; not for ever."""
+        """Note each cause that begins, with what is done; not for ever."""
         failsafe, there = self.failsafe, set(self.failsafe.since_s)
         for cause in CAUSES:
             if cause not in there - self.noted or self.causes[cause] > CAUSE_NOTES:
@@ -250,13 +250,13 @@ class Autopilot(Endpoint):
     # -- what follows -------------------------------------------------------------------------------------------------
 
     def slewed(self, wanted_n: list[float], dt_s: float) -> list[float]:
-        """Returns thrusts on their way to those wanted. To nothing at all there is no way: that is obeyed at once."""
+        """Return thrusts on their way to those wanted. To nothing at all there is no way: that is obeyed at once."""
         if not any(wanted_n):
             self.slew.reset()
         return self.slew.update(wanted_n, dt_s)
 
     def thrusts(self, rules: str, depth: DepthReading, imu: ImuReading, dt_s: float) -> list[float]:
-        """Returns the thrusts that are wanted now, by whose word counts."""
+        """Return the thrusts that are wanted now, by whose word counts."""
         is_there = depth.depth_m < NEAR_SURFACE_M and not self.is_blind
         floats = rules == "surface" and not self.failsafe.is_wet and is_there
         if rules in ("idle", "neutral") or floats:
@@ -274,7 +274,7 @@ class Autopilot(Endpoint):
         return thrusts
 
     def told(self, now_s: float, imu: ImuReading | None) -> dict[str, Any]:
-        """Returns what the surface is told about the vehicle; `failsafes` only if something has failed."""
+        """Return what the surface is told about the vehicle; `failsafes` only if something has failed."""
         failsafe, holds = self.failsafe, self.holds
         failed = {
             cause: f"{failsafe.words[cause]}; {self._does(cause)}" for cause in CAUSES if cause in failsafe.since_s

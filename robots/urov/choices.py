@@ -11,7 +11,7 @@ BUTTONS = ("stop", "reset")  # of the panel
 
 
 def check_choices(rig: Rig) -> None:
-    """Checks what can be told from the options alone.
+    """Check what can be told from the options alone.
 
     Raises:
         UnknownName: a value is not one of those there are.

@@ -54,7 +54,7 @@ class Controls(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def controls_of(data: Any) -> Controls:
-    """Returns the command that a page holds.
+    """Return the command that a page holds.
 
     Raises:
         CommandError: it is none, or a number in it is none or out of range.

@@ -102,7 +102,7 @@ class FailsafeMonitor:
         self._low_since_s: float | None = None
 
     def hear(self, controls: Controls, made_s: float) -> None:
-        """Takes controls, made at a moment of the vehicle's clock. A stop counts in any order.
+        """Take controls, made at a moment of the vehicle's clock. A stop counts in any order.
 
         Of two others, the one with the higher number is newer; but after a silence any number counts, for a program at
         the surface that was started again begins with 1.
@@ -120,7 +120,7 @@ class FailsafeMonitor:
             self.is_stopped = False
 
     def measure(self, power: PowerReading) -> None:
-        """Takes what the power module measured, and so notices a battery that has been low for long enough."""
+        """Take what the power module measured, and so notice a battery that has been low for long enough."""
         limits = self.limits
         self.rest_v = power.voltage_v + power.current_a * limits.sag_ohm
         if self.rest_v >= limits.low_v:
@@ -131,13 +131,13 @@ class FailsafeMonitor:
         self.is_low = self.is_low or power.stamp_s - self._low_since_s >= limits.low_s - 1e-9
 
     def age_s(self, now_s: float) -> float | None:
-        """Returns how old the newest controls are; None if there are none."""
+        """Return how old the newest controls are; None if there are none."""
         return None if self.heard_s is None else now_s - self.heard_s
 
     # -- what fails ---------------------------------------------------------------------------------------------------
 
     def see(self, cause: str, words: str, now_s: float) -> None:
-        """Takes in whether a cause is there: in words, or "" if it is not. It may last longer, as its action says."""
+        """Take in whether a cause is there: in words, or "" if it is not. It may last longer, as its action says."""
         if words:
             self.since_s.setdefault(cause, now_s)
             self.words[cause] = words
@@ -151,7 +151,7 @@ class FailsafeMonitor:
         return self._goes_on(cause, now_s)
 
     def _goes_on(self, cause: str, now_s: float) -> bool:
-        """Returns whether the vehicle goes on by itself now that a cause is over; notes that it has."""
+        """Return whether the vehicle goes on by itself now that a cause is over; note that it has."""
         if not self._may_go_on(cause, now_s):
             return False
         self._gone_on.add(cause)
@@ -163,7 +163,7 @@ class FailsafeMonitor:
         return in_time and cause not in self._gone_on
 
     def lose_outputs(self, was_reset: bool, why: str, is_stopped: bool, now_s: float) -> None:
-        """Notes that the outputs have let go by themselves.
+        """Note that the outputs have let go by themselves.
 
         Args:
             was_reset: because their microcontroller has started anew.
@@ -177,7 +177,7 @@ class FailsafeMonitor:
         self.see(cause, why, now_s)
 
     def see_outputs(self, state: str, now_s: float) -> None:
-        """Takes in the state of the outputs (`Health.state`), and so notices that those that had let go are back."""
+        """Take in the state of the outputs (`Health.state`), and so notice that those that had let go are back."""
         self._are_back = state != "error"
         if not self.let_go:
             return
@@ -194,7 +194,7 @@ class FailsafeMonitor:
                 self.since_s[cause] = now_s  # it holds, or goes up, from now on
 
     def _may_arm(self, now_s: float) -> bool:
-        """Returns whether the vehicle arms outputs by itself that have let go."""
+        """Return whether the vehicle arms outputs by itself that have let go."""
         lost = [cause for cause in (*OUTPUTS, "no_rearm") if cause in self.since_s]
         if self._needs_person or not self._are_back or now_s < max(self.since_s[one] for one in lost) + IDLE_S:
             return False
@@ -203,7 +203,7 @@ class FailsafeMonitor:
     # -- what follows -------------------------------------------------------------------------------------------------
 
     def rules(self, now_s: float) -> str:
-        """Returns whose word counts now, by the names above."""
+        """Return whose word counts now, by the names above."""
         age_s, limits = self.age_s(now_s), self.limits
         if age_s is not None:
             is_lost = age_s >= limits.lost_s
@@ -225,7 +225,7 @@ class FailsafeMonitor:
         return "pilot" if age_s <= limits.stale_s else "neutral"
 
     def _does(self, cause: str, now_s: float) -> str:
-        """Returns what a cause makes of the rules; "warn" if nothing."""
+        """Return what a cause makes of the rules; "warn" if nothing."""
         action = self.failsafes.of(cause)
         if not isinstance(action, str):
             action = "neutral"

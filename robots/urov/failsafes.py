@@ -86,7 +86,7 @@ class Failsafes:
             self._check(cause, self.of(cause))
 
     def of(self, cause: str) -> str | Rearm:
-        """Returns the action for one of CAUSES."""
+        """Return the action for one of CAUSES."""
         action: str | Rearm = getattr(self, cause)
         return action
 
@@ -108,7 +108,7 @@ class Failsafes:
             )
 
     def lines(self, hold_s: float) -> list[str]:
-        """Returns the table in few lines of text, one for each action.
+        """Return the table in few lines of text, one for each action.
 
         Args:
             hold_s: how long `hold` holds.
@@ -123,7 +123,7 @@ CAUSES = tuple(field.name for field in fields(Failsafes) if field.name != "no_re
 
 
 def in_words(action: str | Rearm, hold_s: float) -> str:
-    """Returns an action as the display shows it.
+    """Return an action as the display shows it.
 
     >>> in_words(Rearm(5.0), 10.0), in_words("hold", 10.0)
     ('neutral, goes on once within 5 s', 'hold for 10 s, then surface')

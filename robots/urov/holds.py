@@ -40,7 +40,7 @@ class Holds:
         self.let_go()
 
     def let_go(self) -> None:
-        """Holds nothing any more; what is held next is what then is."""
+        """Hold nothing any more; what is held next is what then is."""
         self.depth_m: float | None = None
         self.heading_rad: float | None = None
         self._wanted_depth_m: float | None = None
@@ -51,7 +51,7 @@ class Holds:
             pid.reset()
 
     def wrench(self, controls: Controls, depth: DepthReading, imu: ImuReading, dt_s: float) -> list[float]:
-        """Returns force [N] and moment [N m], body frame, for now."""
+        """Return force [N] and moment [N m], body frame, for now."""
         level = MODES.index(controls.mode)
         surge_n, sway_n, heave_n = self.numbers.sticks_n
         wrench = [surge_n * controls.surge, sway_n * controls.sway, 0.0, 0.0, 0.0, 0.0]
@@ -82,7 +82,7 @@ class Holds:
         return 0.0 if axis in self._lacking else pid.update(0.0, angle_rad, dt_s, rate=rate_radps)
 
     def _hold_depth(self, controls: Controls, depth: DepthReading, dt_s: float) -> float:
-        """Returns the upward force."""
+        """Return the upward force."""
         if self.depth_m is None or self._wanted_depth_m is None:
             self.depth_m = self._wanted_depth_m = max(0.0, depth.depth_m)
             self._depth.reset()
@@ -100,7 +100,7 @@ class Holds:
         return -self._depth.update(self.depth_m, depth.depth_m, dt_s, rate=rate, feed_forward=drag_n)
 
     def _moved(self, wanted_m: float, heave: float, depth_m: float, dt_s: float) -> float:
-        """Returns where the stick moves a depth to that is wanted: not beyond what a vehicle on the floor can follow.
+        """Return where the stick moves a depth to that is wanted: not beyond what a vehicle on the floor can follow.
 
         Else a stick that was held down there for long would have to be held up for as long.
         """
@@ -111,7 +111,7 @@ class Holds:
         return min(wanted_m, max(moved_m, depth_m - numbers.lead_m))
 
     def _rate(self, depth: DepthReading) -> float:
-        """The depth comes less often than control is asked for: its rate is reckoned once for each reading."""
+        """Compute the rate once for each reading: the depth comes less often than control is asked for."""
         seen = self._seen
         if seen is None or depth.stamp_s > seen.stamp_s:
             if seen is not None:

@@ -48,7 +48,7 @@ class Course(Sequence[Sample]):
             self.append(sample)
 
     def append(self, sample: Sample) -> None:
-        """Adds the newest."""
+        """Add the newest."""
         time_s, position_m, *others = sample
         self._numbers.extend((time_s, *position_m, *others))
 
@@ -85,13 +85,13 @@ class Watched(Urov):
         self._readers["place"] = partial(position_fix_of, self)
 
     def reset(self, seed: int) -> None:
-        """Starts anew, with an empty course."""
+        """Start anew, with an empty course."""
         self.course = Course()
         self.touched_n = 0.0
         super().reset(seed)
 
     def step(self, dt_s: float) -> None:
-        """Moves on, and takes down what is due."""
+        """Move on, and take down what is due."""
         super().step(dt_s)
         if self.contact_n is not None:
             self.touched_n = max(self.touched_n, math.hypot(*self.contact_n))
@@ -101,24 +101,24 @@ class Watched(Urov):
             self.course.append(Sample(self.time_s, self.position_m, *angles, thrust_n))
 
     def restore(self, snapshot: Any) -> None:
-        """Puts the vehicle back; what was taken down since is taken back."""
+        """Put the vehicle back; what was taken down since is taken back."""
         super().restore(snapshot)
         self.course = Course(sample for sample in self.course if sample.time_s <= self.time_s)
 
     def during(self, from_s: float, to_s: float) -> list[Sample]:
-        """Returns what was taken down between two moments."""
+        """Return what was taken down between two moments."""
         return [sample for sample in self.course if from_s - 1e-9 <= sample.time_s <= to_s + 1e-9]
 
 
 def judged(plant: Watched, misses: Sequence[str]) -> Verdict:
-    """Returns the verdict over a dive that has come to its end: held, if nothing was missed."""
+    """Return the verdict over a dive that has come to its end: held, if nothing was missed."""
     if not misses:
         return Verdict("held", True)
     return Verdict("missed", False, "; ".join([*misses, *unready(plant)]))
 
 
 def unready(plant: Watched) -> list[str]:
-    """Returns what is to be said of speed controllers that were not armed as they should be: a beginner's mistake."""
+    """Return what is to be said of speed controllers that were not armed as they should be: a beginner's mistake."""
     if plant.thrusters is None:
         return []
     said = []
@@ -165,7 +165,7 @@ def followed(
     values: tuple[float, float],
     band: float,
 ) -> Step:
-    """Judges how a quantity followed a step.
+    """Judge how a quantity followed a step.
 
     Args:
         course: what happened.

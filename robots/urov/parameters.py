@@ -186,10 +186,10 @@ class UrovParameters:
 
 
 def vehicle(name: str = "benzon2022") -> Vehicle:
-    """Returns the numbers of a vehicle in `vehicles/`."""
+    """Return the numbers of a vehicle in `vehicles/`."""
     return read_vehicle(VEHICLES / f"{name}.toml")
 
 
 def failsafe_lines(parameters: UrovParameters) -> list[str]:
-    """Returns what the vehicle does by itself when something fails, in few lines."""
+    """Return what the vehicle does by itself when something fails, in few lines."""
     return [f"failsafe  {line}" for line in parameters.failsafes.lines(parameters.failsafe_limits.hold_s)]

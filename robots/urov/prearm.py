@@ -21,7 +21,7 @@ WARM_UP_S = 2.0  # of a program that has just started what is missing may still 
 def failing_checks(
     failsafe: FailsafeMonitor, readings: Readings, ages_s: Mapping[str, float], outputs: Outputs | None
 ) -> list[str]:
-    """Returns what is not as it must be, each in words; nothing if the vehicle may be armed.
+    """Return what is not as it must be, each in words; nothing if the vehicle may be armed.
 
     Args:
         failsafe: knows battery, leak, disk and what else has failed.
@@ -46,7 +46,7 @@ def failing_checks(
 
 
 def _late_s(newest: Mapping[str, Any], pages: Mapping[str, Page]) -> dict[str, float]:
-    """Returns how long before its page each reading was measured, if it says so."""
+    """Return how long before its page each reading was measured, if it says so."""
     return {key: pages[key].created_at_s - reading.stamp_s for key, reading in newest.items() if key in pages}
 
 
@@ -59,7 +59,7 @@ class PreArm:
         self._start_s = math.inf
 
     def why_not(self, is_armed: bool, failing: list[str], now_s: float) -> str | None:
-        """Returns why the vehicle is not armed; "" if it is only not armed yet; None if nothing is against it.
+        """Return why the vehicle is not armed; "" if it is only not armed yet; None if nothing is against it.
 
         Args:
             is_armed: whether the controls ask for it.

@@ -57,7 +57,7 @@ CAN_BE: dict[str, tuple[type[Any], Mapping[str, Limit]]] = {
 
 
 def reading_of(key: str, data: Any, now_s: float) -> Any:
-    """Returns the reading that a page's data is.
+    """Return the reading that a page's data is.
 
     Args:
         key: of the page, one of CAN_BE.
@@ -102,7 +102,7 @@ class Outputs(msgspec.Struct, frozen=True):
 
 
 def outputs_of(data: Any) -> Outputs | None:
-    """Returns how the outputs are; None if the page does not say."""
+    """Return how the outputs are; None if the page does not say."""
     try:
         return msgspec.convert(data, learned(Outputs))
     except msgspec.ValidationError:
@@ -128,7 +128,7 @@ class Readings:
         self._wrong: dict[str, tuple[float, str]] = {}  # when a page held none, and what was wrong with it
 
     def take(self, key: str, page: Page | None, now_s: float) -> bool:
-        """Takes a sensor's newest page, if it is another than before; returns whether it is."""
+        """Take a sensor's newest page, if it is another than before; return whether it is."""
         if page is None or page is self._seen.get(key):
             return False
         self._seen[key] = page
@@ -141,12 +141,12 @@ class Readings:
         return True
 
     def nonsense(self, now_s: float) -> str:
-        """Returns which sensors have lately told what is no reading, in words; empty if none has."""
+        """Return which sensors have lately told what is no reading, in words; empty if none has."""
         lately = [f"{key}: {what}" for key, (at_s, what) in self._wrong.items() if now_s - at_s <= NONSENSE_S]
         return " ".join(lately)
 
     def stale(self, ages_s: Mapping[str, float]) -> str:
-        """Returns which sensors that have been read have no fresh reading, in words; empty if all have.
+        """Return which sensors that have been read have no fresh reading, in words; empty if all have.
 
         Args:
             ages_s: of the page of each newest reading.
@@ -154,7 +154,7 @@ class Readings:
         return ", ".join(key for key, age_s in ages_s.items() if age_s > self._silent_s[key])
 
     def missing(self, ages_s: Mapping[str, float]) -> list[str]:
-        """Returns what keeps the vehicle from being steered at all: sensors without a fresh reading, in words."""
+        """Return what keeps the vehicle from being steered at all: sensors without a fresh reading, in words."""
         never = [f"{key}: no reading yet" for key in ("depth", "imu") if key not in self.newest]
         old = [f"{key}: newest reading {ages_s[key]:.1f} s old" for key in ages_s if ages_s[key] > self._silent_s[key]]
         return never + old

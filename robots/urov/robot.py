@@ -103,29 +103,29 @@ TO_TOPSIDE = ("vehicle", "depth", "altitude", "power", "leak", RECORDING_KEY)
 
 
 def sim_sensor(rig: Rig, name: str) -> Any:
-    """Opens a simulated sensor by its name."""
+    """Open a simulated sensor by its name."""
     return getattr(rig.robot.parameters.sensors, name).simulated(rig.plant, name, rig.rng(name))
 
 
 def camera_of(rig: Rig) -> Camera | None:
-    """Returns the camera, if there is one: `--option camera=ahead` or `camera=down`, else that of the parameters."""
+    """Return the camera, if there is one: `--option camera=ahead` or `camera=down`, else that of the parameters."""
     looks = rig.robot.options.get("camera")
     given: Camera | None = rig.robot.parameters.sensors.camera
     return given if looks is None else Camera(looks)
 
 
 def sim_camera(rig: Rig) -> SimSensor:
-    """Opens the simulated camera."""
+    """Open the simulated camera."""
     return (camera_of(rig) or Camera()).simulated(rig.plant, "pose", rig.rng("camera"))
 
 
 def sim_eyes(rig: Rig) -> SimSensor:
-    """Opens the eyes of the pilot above the water."""
+    """Open the eyes of the pilot above the water."""
     return SimSensor(rig.plant, "place", POSITION_FIX_ERRORS, rig.rng("place"))
 
 
 def hands(rig: Rig) -> ManualInput:
-    """Opens a game controller, or the keyboard."""
+    """Open a game controller, or the keyboard."""
     needs_trigger = rig.robot.options.get("deadman") == "yes"
     return ManualInput(
         lambda: DeadmanSwitch(PygamePad()) if needs_trigger else PygamePad(), lambda: Keyboard(STICKS), rig.now_s
@@ -133,35 +133,35 @@ def hands(rig: Rig) -> ManualInput:
 
 
 def sim_pwm(rig: Rig) -> PwmBackend:
-    """Opens the simulated outputs to the speed controllers."""
+    """Open the simulated outputs to the speed controllers."""
     return SimPwm(rig.plant, rig.now_s, thruster_count(rig), limits_us=(LEAST_US, MOST_US))
 
 
 def mirror_pwm(rig: Rig) -> PwmBackend:
-    """Opens outputs with nothing behind them."""
+    """Open outputs with nothing behind them."""
     return MirrorPwm(rig.now_s, thruster_count(rig), (LEAST_US, MOST_US))
 
 
 def mcu_board(rig: Rig) -> McuBoard:
-    """Returns the microcontroller's board at the port that was named. Its port is opened when a device needs it."""
+    """Return the microcontroller's board at the port that was named. Its port is opened when a device needs it."""
     port = PI["pwm"].removeprefix("mcu:") if rig.io == "pi" else rig.where
     board: McuBoard = rig.share("board", lambda: McuBoard(lambda: SerialPort(port, BAUD), rig.now_s))
     return board
 
 
 def mcu_pwm(rig: Rig) -> PwmBackend:
-    """Opens the microcontroller's outputs; the simulated vehicle is driven by what they do."""
+    """Open the microcontroller's outputs; the simulated vehicle is driven by what they do."""
     assert rig.plant is not None
     return drive_plant(McuPwm(mcu_board(rig), rig.now_s, thruster_count(rig)), rig.plant)
 
 
 def mcu_power(rig: Rig) -> Any:
-    """Opens what measures the battery: that of the simulated vehicle, unless `--option power=board`."""
+    """Open what measures the battery: that of the simulated vehicle, unless `--option power=board`."""
     return McuPower(mcu_board(rig)) if rig.robot.options.get("power") == "board" else sim_sensor(rig, "power")
 
 
 def bench_pwm(rig: Rig) -> PwmBackend:
-    """Opens real outputs; the simulated vehicle is driven by what they do."""
+    """Open real outputs; the simulated vehicle is driven by what they do."""
     from snr_sim.devices.opening import open_pwm  # only real wires need it, and it takes 60 ms
 
     assert rig.plant is not None
@@ -170,7 +170,7 @@ def bench_pwm(rig: Rig) -> PwmBackend:
 
 
 def pi_pwm(rig: Rig) -> PwmOut:
-    """Opens the outputs that the table of ports names."""
+    """Open the outputs that the table of ports names."""
     from snr_sim.devices.opening import check_table, open_pwm
 
     check_table({name: text for name, text in PI.items() if text != "mcu"})
@@ -180,7 +180,7 @@ def pi_pwm(rig: Rig) -> PwmOut:
 
 
 def pi_sensor(rig: Rig, name: str) -> Any:
-    """Opens a sensor that the table of ports names."""
+    """Open a sensor that the table of ports names."""
     from snr_sim.devices.opening import open_sensor
 
     if PI[name] == "mcu":
@@ -189,23 +189,23 @@ def pi_sensor(rig: Rig, name: str) -> Any:
 
 
 def emulated_pwm(rig: Rig) -> McuPwm:
-    """Opens the outputs of the emulated board, over its serial line."""
+    """Open the outputs of the emulated board, over its serial line."""
     return McuPwm(plant_on_board(rig).mcu, rig.now_s, thruster_count(rig))
 
 
 def emulated_power(rig: Rig) -> McuPower:
-    """Opens the power module at the emulated board."""
+    """Open the power module at the emulated board."""
     return McuPower(plant_on_board(rig).mcu)
 
 
 def plant_on_board(rig: Rig) -> PlantOnBoard:
-    """Returns the plant as it was dressed."""
+    """Return the plant as it was dressed."""
     assert isinstance(rig.plant, PlantOnBoard)
     return rig.plant
 
 
 def dressed(rig: Rig) -> Plant:
-    """Returns the plant; with `--io emulated`, with its thrusters at the pins of an emulated board."""
+    """Return the plant; with `--io emulated`, with its thrusters at the pins of an emulated board."""
     assert rig.plant is not None
     if rig.io != "emulated":
         return rig.plant
@@ -213,13 +213,13 @@ def dressed(rig: Rig) -> Plant:
 
 
 def replayed_sensor(rig: Rig, name: str) -> ReplayedSensor:
-    """Opens a sensor that reads what it read in a recorded run."""
+    """Open a sensor that reads what it read in a recorded run."""
     assert rig.recorded is not None
     return ReplayedSensor(name, rig.recorded(name), READINGS[name], rig.now_s)
 
 
 def no_camera(rig: Rig) -> Any:
-    """Refuses.
+    """Refuse.
 
     Raises:
         UnknownName: pictures are not read again.
@@ -228,7 +228,7 @@ def no_camera(rig: Rig) -> Any:
 
 
 def thruster_count(rig: Rig) -> int:
-    """Returns how many thrusters the vehicle has."""
+    """Return how many thrusters the vehicle has."""
     return len(rig.robot.parameters.vehicle.thrusters)
 
 
@@ -262,7 +262,7 @@ IO = tuple(DEVICES)
 
 
 def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
-    """Returns the components of each role. At the vehicle sensors come first and thrusters last."""
+    """Return the components of each role. At the vehicle sensors come first and thrusters last."""
     parameters: UrovParameters = rig.robot.parameters
     devices = DEVICES[rig.io]
     check_choices(rig)
@@ -290,7 +290,7 @@ def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
 
 
 def _surface(rig: Rig, parameters: UrovParameters, lines: Sequence[str]) -> list[Factory]:
-    """Returns who flies: with `--option pilot=hands` a person.
+    """Return who flies: with `--option pilot=hands` a person.
 
     Else somebody who sees, if there is a route, or somebody who does as it is written. A controller's own components
     at the surface stand between: they make "controls" out of what the eyes, the panel and the "sticks" say.

@@ -61,7 +61,7 @@ class SeeingPilotFactory(EndpointFactory):
         self.route = tuple(route)
 
     def get(self, parent: NodeApi) -> SeeingPilot:
-        """Returns the endpoint 'pilot'."""
+        """Return the endpoint 'pilot'."""
         return SeeingPilot(self, parent, "pilot")
 
 
@@ -80,7 +80,7 @@ class SeeingPilot(Endpoint):
         self.task_handlers = {(TaskType.process_data, "place"): self.on_place}
 
     def on_place(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Steers to the next place."""
+        """Steer to the next place."""
         place = PositionFix(**self.get_data("place"))
         x, y, z = place.position_m
         goal = self.left[0]

@@ -25,14 +25,14 @@ class Steering:
         self.let_go()
 
     def let_go(self) -> None:
-        """Forgets the way: the next one begins where the vehicle then is."""
+        """Forget the way: the next one begins where the vehicle then is."""
         self._along = [Pid(KP, KI, KD, (-MOST, MOST), smoothing_s=0.3) for _ in range(2)]
         self._wanted_m: tuple[float, float] | None = None  # on the way to the goal
 
     def sticks(
         self, goal_m: Sequence[float], place_m: Sequence[float], yaw_rad: float, dt_s: float
     ) -> tuple[float, float]:
-        """Returns surge and sway for now, -1 to 1.
+        """Return surge and sway for now, -1 to 1.
 
         Args:
             goal_m, place_m: x and y, world frame.
@@ -44,7 +44,7 @@ class Steering:
         return cos * east + sin * north, -sin * east + cos * north
 
     def _towards(self, goal_m: Sequence[float], place_m: tuple[float, float], dt_s: float) -> list[float]:
-        """Returns sticks to the east and to the north, for a way to the goal at a speed that can be kept."""
+        """Return sticks to the east and to the north, for a way to the goal at a speed that can be kept."""
         from_m = self._wanted_m or place_m
         left_m = math.dist((goal_m[0], goal_m[1]), from_m)
         share = approach(left_m, SPEED_MPS, BRAKE_MPS2, dt_s) / left_m if left_m > 0.0 else 0.0

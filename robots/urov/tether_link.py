@@ -17,7 +17,7 @@ FULL_BPS, FULL_M = 80e6, 300.0  # at the modem; and the length at which a tenth 
 def tether_faults(
     length_m: float, loss: float = 0.0, cut: tuple[tuple[float, float], ...] = (), seed: int | None = None
 ) -> Faults:
-    """Returns the faults of a link through a tether.
+    """Return the faults of a link through a tether.
 
     >>> [round(tether_faults(length_m).bandwidth_bps) for length_m in (0.0, 300.0)]
     [80000000, 8000000]

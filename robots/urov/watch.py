@@ -13,7 +13,7 @@ class WatchFactory(LoopFactory):
     """Makes the watch."""
 
     def get(self, parent: NodeApi) -> Watch:
-        """Returns the loop 'watch'."""
+        """Return the loop 'watch'."""
         return Watch(self, parent, "watch", RATE_HZ)
 
 
@@ -23,7 +23,7 @@ class Watch(Loop):
     first_tick_after_s = 0.5
 
     def loop(self) -> None:
-        """Looks how old the newest command is."""
+        """Look how old the newest command is."""
         page = self.parent.datastore.pages.get("pwm")
         if page is None or self.get_time_s() - page.created_at_s > UNANSWERED_S + 1e-9:
             self.schedule(tasks.process_data("imu"))

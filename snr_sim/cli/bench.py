@@ -88,7 +88,7 @@ def _subject(file: Path) -> str:
 
 
 def _folder() -> Path:
-    """Returns the benchmarks' folder.
+    """Return the benchmarks' folder.
 
     Raises:
         UnknownName: this is no checkout.
@@ -106,7 +106,7 @@ def _folder() -> Path:
 
 
 def _chosen(folder: Path, names: list[str]) -> list[Path]:
-    """Returns the files to run: those named, or all.
+    """Return the files to run: those named, or all.
 
     Raises:
         UnknownName: there is no benchmark of that name.
@@ -121,7 +121,7 @@ def _chosen(folder: Path, names: list[str]) -> list[Path]:
 
 
 def _measure(file: Path, options: list[str], errors: Console, found: list[Row]) -> int:
-    """Runs one benchmark and adds its rows as they come; returns its exit status."""
+    """Run one benchmark and add its rows as they come; return its exit status."""
     import json
     import subprocess
     from contextlib import nullcontext
@@ -136,7 +136,7 @@ def _measure(file: Path, options: list[str], errors: Console, found: list[Row]) 
 
 
 def machine() -> dict[str, Any]:
-    """Returns what was measured on: processor, cores, versions, and when."""
+    """Return what was measured on: processor, cores, versions, and when."""
     import importlib.metadata
     import os
     import platform
@@ -160,7 +160,7 @@ def machine() -> dict[str, Any]:
 
 
 def _cpu_model() -> str:
-    """Returns the processor's name; Linux tells it in a file, and elsewhere Python knows what there is to know."""
+    """Return the processor's name; Linux tells it in a file, and elsewhere Python knows what there is to know."""
     import platform
 
     try:
@@ -211,7 +211,7 @@ def _table(rows: list[Row]) -> Table:
 
 
 def _target(row: Row) -> str:
-    """Returns a row's targets in words.
+    """Return a row's targets in words.
 
     >>> _target({"limit": 0.6, "unit": "us", "more_is_better": False, "ratio_limit": 5.0})
     '<= 0.6 us, <= 5 x'
@@ -225,7 +225,7 @@ def _target(row: Row) -> str:
 
 
 def _in_a_word(is_met: bool | None) -> tuple[str, str]:
-    """Returns the word, and its colour."""
+    """Return the word, and its colour."""
     if is_met is None:
         return "", ""
     return ("met", "green") if is_met else ("missed", "red")

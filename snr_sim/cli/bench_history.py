@@ -18,7 +18,7 @@ Result = dict[str, Any]
 
 
 def read_history(path: Path) -> list[Result]:
-    """Returns the results in a history file, oldest first; a line that is cut or is none is left out."""
+    """Return the results in a history file, oldest first; a line that is cut or is none is left out."""
     results = []
     for line in path.read_text(errors="replace").splitlines() if path.is_file() else []:
         try:
@@ -31,7 +31,7 @@ def read_history(path: Path) -> list[Result]:
 
 
 def append_result(path: Path, result: Result) -> None:
-    """Adds a result to a history file, which is made if it is not there.
+    """Add a result to a history file, which is made if it is not there.
 
     Raises:
         ParameterError: it cannot be written.
@@ -49,7 +49,7 @@ def append_result(path: Path, result: Result) -> None:
 
 
 def slower_rows(history: list[Result], result: Result) -> list[dict[str, Any]]:
-    """Returns the rows of a result whose ratio is more than 10 % above the median of the last results like it.
+    """Return the rows of a result whose ratio is more than 10 % above the median of the last results like it.
 
     Args:
         history: earlier results, oldest first. Like this one are those of the same processor, Python and options.

@@ -64,7 +64,7 @@ def check(
 
 @contextmanager
 def _status(is_quiet: bool) -> Iterator[Callable[[str, str], None]]:
-    """Yields what is told of each case: on a terminal it is shown."""
+    """Yield what is told of each case: on a terminal it is shown."""
     if is_quiet or not sys.stderr.isatty():
         yield lambda check, case: None
         return
@@ -75,7 +75,7 @@ def _status(is_quiet: bool) -> Iterator[Callable[[str, str], None]]:
 
 
 def _show(lab: Lab, graded: Graded, out: Path) -> None:
-    """Shows a table of the checks, what went wrong, and what to do next."""
+    """Show a table of the checks, what went wrong, and what to do next."""
     from rich import box
     from rich.table import Table
 
@@ -102,7 +102,7 @@ def _show(lab: Lab, graded: Graded, out: Path) -> None:
 
 
 def _lines(check: CheckResult, out: Path) -> Iterator[str]:
-    """Yields what there is to say of a check that did not get all its points."""
+    """Yield what there is to say of a check that did not get all its points."""
     told: dict[str, list[CaseResult]] = {}  # what went wrong in the same way is told once
     for case in check.cases:
         if not case.is_passed:

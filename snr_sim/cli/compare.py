@@ -97,7 +97,7 @@ def _draw(comparison: Comparison, trace: Trace, png: str, names: list[str]) -> N
 
 
 def _write_rrd(traces: list[Trace], rrd: str, shift_s: float) -> None:
-    """Writes both runs, the second one moved in time, under /first and /second."""
+    """Write both runs, the second one moved in time, under /first and /second."""
     from msgspec.structs import replace
 
     from snr_sim.view.view import write_comparison
@@ -110,7 +110,7 @@ def _write_rrd(traces: list[Trace], rrd: str, shift_s: float) -> None:
 
 
 def _fields(comparison: Comparison) -> dict[str, Any]:
-    """Returns a comparison as JSON can say it; the values themselves are in the traces."""
+    """Return a comparison as JSON can say it; the values themselves are in the traces."""
     command = comparison.commands_differ
     return {
         "labels": list(comparison.labels),
@@ -139,7 +139,7 @@ def _signal_fields(one: Compared) -> dict[str, Any]:
 
 
 def _print(comparison: Comparison) -> None:
-    """Prints a table: of each page and number what is seen in either run, with one value where they agree."""
+    """Print a table: of each page and number what is seen in either run, with one value where they agree."""
     from rich.table import Table
 
     from snr_sim.cli.plain_console import plain_console
@@ -214,7 +214,7 @@ def _band(band: tuple[float, float] | None) -> str | None:
 
 
 def _both(one: float | str | None, other: float | str | None) -> str:
-    """Returns one value where both runs agree, and both where they do not."""
+    """Return one value where both runs agree, and both where they do not."""
     left, right = _number(one), _number(other)
     return left if left == right else f"{left} | {right}"
 

@@ -57,7 +57,7 @@ def _print(answer: Answer) -> None:
 
 
 def _pass_over(answer: Answer) -> None:
-    """A page that a script watches and does not wait for."""
+    """Print a page that a script watches and does not wait for."""
 
 
 def _carried_out(client: ConsoleClient, lines: Iterable[str], is_json: bool) -> list[Answer]:
@@ -86,7 +86,7 @@ def _address(text: str) -> tuple[str, int]:
 
 
 def _token(path: Path | None) -> bytes | None:
-    """The token, from where other users of this machine do not see it: not from the command line."""
+    """Return the token, from where other users of this machine do not see it: not from the command line."""
     import os
 
     from snr_sim.links.security import secret_from_env, secret_from_file

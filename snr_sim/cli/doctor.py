@@ -83,7 +83,7 @@ def _look(io: Io | None) -> Iterator[Finding]:
 
 
 def drives_only(is_pi: bool, version: Callable[[str], str]) -> bool:
-    """Returns whether a computer is there for hardware alone: a Raspberry Pi, or one that was given no physics.
+    """Return whether a computer is there for hardware alone: a Raspberry Pi, or one that was given no physics.
 
     Args:
         is_pi: whether it is a Raspberry Pi.
@@ -100,7 +100,7 @@ def drives_only(is_pi: bool, version: Callable[[str], str]) -> bool:
 
 
 def packages(is_for_wires: bool, version: Callable[[str], str]) -> Iterator[Finding]:
-    """Yields the packages of each extra. What drives hardware needs those for wires, all others those to simulate.
+    """Yield the packages of each extra. What drives hardware needs those for wires, all others those to simulate.
 
     Args:
         is_for_wires: whether this computer is there for hardware alone.
@@ -120,7 +120,7 @@ def packages(is_for_wires: bool, version: Callable[[str], str]) -> Iterator[Find
 
 
 def landing(is_for_wires: bool) -> Finding:
-    """Returns whether a module lands; a computer that drives hardware may be without the physics."""
+    """Return whether a module lands; a computer that drives hardware may be without the physics."""
     from snr_sim.prelude.errors import MissingExtra, SnrError
     from snr_sim.scenario.flight import Flight
     from snr_sim.scenario.simulation import Request, prepare

@@ -22,7 +22,7 @@ _WORDS = {"serial": "serial port", "i2c": "I2C bus", "pwm": "PWM chip"}
 
 
 def wires(machine: Machine, io: Io | None) -> Iterator[Finding]:
-    """Yields what there is. Nothing is missed that nobody asked for: a laptop needs no ports."""
+    """Yield what there is. Nothing is missed that nobody asked for: a laptop needs no ports."""
     needed = NEEDS.get(io.kind, "") if io is not None else ""
     if machine.is_pi:
         yield Finding(True, machine.model)
@@ -52,7 +52,7 @@ def _told(wire: Wire) -> str:
 
 
 def answers(io: Io, open_port: Callable[[], BytePort] | None = None) -> Iterator[Finding]:
-    """Asks who is at a port, or opens the devices as `snr io` does, and yields how they are.
+    """Ask who is at a port, or open the devices as `snr io` does, and yield how they are.
 
     Args:
         io: what was asked for.
@@ -145,6 +145,6 @@ def _of_bench(bench: Bench) -> Iterator[Finding]:
 
 
 def _trouble(key: str, why: str) -> Finding:
-    """Returns what is wrong, with the error's own advice where it stands."""
+    """Return what is wrong, with the error's own advice where it stands."""
     what, _, fix = why.partition("\n  Try: ")
     return Finding(False, f"'{key}': {what}", fix or "snr io shows it while you look at the wires.")

@@ -16,7 +16,7 @@ _THREADS_S = 0.5  # that threads have to end before they are named
 
 
 def main() -> None:
-    """Runs the command line. A signal while it is still being imported ends it as one does later: in a word."""
+    """Run the command line. A signal while it is still being imported ends it as one does later: in a word."""
     open_closed_streams()
     stopping.interrupt_at_signals()
     ending = Ending()
@@ -48,7 +48,7 @@ class Ending:
         self.status = 1  # of an exception, which Python prints
 
     def leave(self) -> None:
-        """Writes what is left in the standard streams, and ends the process."""
+        """Write what is left in the standard streams, and end the process."""
         for stream in (sys.stdout, sys.stderr):
             with suppress(OSError, ValueError):  # its reader has gone, or a student's code has closed it
                 stream.flush()

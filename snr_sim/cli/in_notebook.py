@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 def snr(*words: object, folder: str | Path = ".") -> int:
-    """Runs a command as in a terminal, prints what it says, and returns its exit status.
+    """Run a command as in a terminal, prints what it says, and return its exit status.
 
     Args:
         words: of the command, without `snr` in front.

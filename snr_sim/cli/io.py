@@ -70,7 +70,7 @@ def io(
 
 
 def _confirm(name: str, io: str) -> None:
-    """Asks for what nobody types by accident.
+    """Ask for what nobody types by accident.
 
     Raises:
         ParameterError: something else was typed.
@@ -111,7 +111,7 @@ def _print_once(bench: Bench, io: str, scenario: str, as_json: bool) -> None:
 
 
 def _watch(bench: Bench, keys: TerminalKeys, move: str, seconds: float) -> None:
-    """Shows everything until Ctrl-C, or until what is to be moved was moved."""
+    """Show everything until Ctrl-C, or until what is to be moved was moved."""
     from contextlib import ExitStack
 
     from snr_sim.scenario.device_bench import TICK_S
@@ -139,7 +139,7 @@ def _watch(bench: Bench, keys: TerminalKeys, move: str, seconds: float) -> None:
 
 
 def _shower(stack: Any) -> Any:
-    """Returns what shows a bench: a table that changes in place on a terminal, lines in a pipe."""
+    """Return what shows a bench: a table that changes in place on a terminal, lines in a pipe."""
     if not sys.stdout.isatty():
         return lambda bench: print("\n".join(lines(bench)), flush=True)
     from rich.live import Live
@@ -151,14 +151,14 @@ def _shower(stack: Any) -> Any:
 
 
 def lines(bench: Bench) -> list[str]:
-    """Returns one line for each device, for pipes."""
+    """Return one line for each device, for pipes."""
     now_s = bench.now_s()
     told = {one.key: "; ".join(filter(None, _told(one, now_s))) for one in _all(bench)}
     return [f"{now_s:.2f} s  {key}: {' '.join(words.split())}" for key, words in told.items()]
 
 
 def shown(bench: Bench) -> RenderableType:
-    """Returns the table."""
+    """Return the table."""
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False)
@@ -179,7 +179,7 @@ def _all(bench: Bench) -> list[Opened]:
 
 
 def _told(one: Opened, now_s: float) -> tuple[str, str, str, str, str]:
-    """Returns state, values, age, reason and counts in words."""
+    """Return state, values, age, reason and count in words."""
     from snr_sim.scenario.device_bench import fields_of
 
     fields = fields_of(one, now_s)

@@ -71,7 +71,7 @@ def listing(
 
 
 def _about(found: Found) -> str:
-    """Returns the first paragraph of the file's docstring, without running the file."""
+    """Return the first paragraph of the file's docstring, without running the file."""
     if found.kind == "assignments":
         return (found.path / "README.md").read_text(errors="replace").partition("\n")[0].lstrip("# ")
     source = _parsed(found)
@@ -81,7 +81,7 @@ def _about(found: Found) -> str:
 
 
 def _engines(scenario: Found) -> list[str]:
-    """Returns the engines that a scenario's file names, the default first; none if it says so in another way."""
+    """Return the engines that a scenario's file names, the default first; none if it says so in another way."""
     source = _parsed(scenario)
     for node in source.body if source is not None else ():
         match node:

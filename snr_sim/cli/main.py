@@ -50,7 +50,7 @@ _TYPER_STOPPED = 130  # what typer returns when it has caught a KeyboardInterrup
 
 
 def main() -> None:
-    """Runs the command line; an error of ours is a sentence, not a traceback.
+    """Run the command line; an error of ours is a sentence, not a traceback.
 
     Signals interrupt it, if `entry.py` has said so: then every verb puts in order what it has begun.
     """
@@ -74,7 +74,7 @@ def _run() -> Any:
 
 
 def _answer(error: BaseException) -> None:
-    """Ends the program with what there is to say of an error; returns if it is nothing that a user could understand."""
+    """End the program with what there is to say of an error; return if it is nothing that a user could understand."""
     if isinstance(error, SystemExit):
         if isinstance(error.__context__, BrokenPipeError):  # typer has seen it first
             _nobody_listens()
@@ -96,7 +96,7 @@ def _answer(error: BaseException) -> None:
 
 
 def _number_wanted(error: Any, said: str) -> str:
-    """Returns what is wrong with an option that takes a number in our words; of other errors typer's own."""
+    """Return what is wrong with an option that takes a number in our words; of other errors typer's own."""
     parameter = getattr(error, "param", None)
     wanted = next((ours for theirs, ours in _NUMBERS.items() if theirs in said), None)
     for before, word in zip(sys.argv, [*sys.argv[1:], ""], strict=True):
@@ -116,7 +116,7 @@ def _nobody_listens() -> NoReturn:
 
 
 def fail(message: str, status: int = 2) -> NoReturn:
-    """Says what was wrong with the request and ends with an exit status; with --json also as JSON."""
+    """Say what was wrong with the request and end with an exit status; with --json also as JSON."""
     import json
 
     print(message, file=sys.stderr)

@@ -68,7 +68,7 @@ def new(
 
 
 def _begin_lab(name: str, folder: str) -> None:
-    """Copies the files that a lab begins with, and its page, into a new folder."""
+    """Copy the files that a lab begins with, and its page, into a new folder."""
     from snr_sim.prelude.errors import ParameterError, UnknownName
     from snr_sim.scenario.library import find_lab
 
@@ -94,7 +94,7 @@ def _begin_lab(name: str, folder: str) -> None:
 
 
 def _rename(path: Path, old: str, robot: str) -> None:
-    """Lets a copied file import the modules of this robot and name it, instead of the one it was copied from."""
+    """Let a copied file import the modules of this robot and name it, instead of the one it was copied from."""
     text = path.read_text()
     renamed = text.replace(f"snr_sim_robot_{old}", f"snr_sim_robot_{robot}")
     renamed = re.sub(rf'^ROBOT = "{old}"$', f'ROBOT = "{robot}"', renamed, flags=re.MULTILINE)

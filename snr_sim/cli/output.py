@@ -37,7 +37,7 @@ def print_remarks(trace: Trace, before: str = "") -> None:
 
 @contextmanager
 def guarded(is_json: bool) -> Iterator[None]:
-    """Gives code of the student's a stdout of its own while it is entered.
+    """Give code of the student's a stdout of its own while it is entered.
 
     With --json it leads to stderr, so that stdout holds our one object and nothing else, also if a library written
     in C prints. Without, it leads to where ours leads, and closing it costs us nothing.
@@ -72,16 +72,16 @@ class _Lent(io.TextIOBase):
         self._target = target
 
     def write(self, text: str) -> int:
-        """Passes it on."""
+        """Pass it on."""
         return int(self._target.write(text))
 
     def flush(self) -> None:
-        """Passes it on."""
+        """Pass it on."""
         self._target.flush()
 
     def close(self) -> None:
-        """Leaves everything open: the stream is only lent."""
+        """Leave everything open: the stream is only lent."""
 
     def fileno(self) -> int:
-        """Returns the descriptor, as some libraries ask for it."""
+        """Return the descriptor, as some libraries ask for it."""
         return int(self._target.fileno())

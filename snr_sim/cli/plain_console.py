@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def plain_console(stderr: bool = False, width_in_a_pipe: int | None = None) -> Console:
-    """Returns a console that shows texts as they are.
+    """Return a console that shows texts as they are.
 
     Args:
         stderr: whether it writes there, and not to stdout.
@@ -29,7 +29,7 @@ def plain_console(stderr: bool = False, width_in_a_pipe: int | None = None) -> C
 
 
 def as_it_is(words: str) -> Text:
-    """Returns what says these words where rich would read a text its own way, as in `Console.status`."""
+    """Return what says these words where rich would read a text its own way, as in `Console.status`."""
     from rich.text import Text
 
     return Text(words)

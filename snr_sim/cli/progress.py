@@ -16,7 +16,7 @@ _PERIOD_S = 0.1
 
 @contextmanager
 def progress(name: str, after_s: float) -> Iterator[Callable[[float], None] | None]:
-    """Yields what is to be called with the virtual time at each new moment, or None if nothing is shown.
+    """Yield what is to be called with the virtual time at each new moment, or None if nothing is shown.
 
     Args:
         name: of what runs.

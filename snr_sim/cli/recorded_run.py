@@ -39,7 +39,7 @@ def record_run(
     console_port: int | None = None,
     stall_limit_s: float | None = None,
 ) -> tuple[dict[str, Any], int]:
-    """Runs a request into a new run folder; returns what result.json holds, and the exit status.
+    """Run a request into a new run folder; return what result.json holds, and the exit status.
 
     Args:
         stall_limit_s: ends a run that stands still for so long; if None, one that is quiet, as a program waits for it.
@@ -158,7 +158,7 @@ def _run_to_end(flight: Flight | RoleRun, signals: list[str], recorder: TraceWri
 
 
 def _stall_limit_s(asked_s: float | None, is_quiet: bool) -> float:
-    """Returns how long a run may stand still [s].
+    """Return how long a run may stand still [s].
 
     Raises:
         ParameterError: that is no time.
@@ -173,7 +173,7 @@ def _stall_limit_s(asked_s: float | None, is_quiet: bool) -> float:
 
 
 def _pace_with_hands(config: Config, roles: list[str], pace: float | None) -> float | None:
-    """Returns the pace: if a person steers and asked for none, that of the wall clock, and that is said."""
+    """Return the pace: if a person steers and asked for none, that of the wall clock, and that is said."""
     from snr_sim.devices.pad import PadLoopFactory
 
     has_hands = any(isinstance(factory, PadLoopFactory) for role in roles for factory in config.get(role))
@@ -184,7 +184,7 @@ def _pace_with_hands(config: Config, roles: list[str], pace: float | None) -> fl
 
 
 def _keep_result(folder: Path, fields: dict[str, Any], result: Result) -> None:
-    """Writes result.json; without room for it the run still counts, and that is said."""
+    """Write result.json; without room for it the run still counts, and that is said."""
     from snr_sim.prelude.errors import TraceError
     from snr_sim.recording.folder import write_result
 
@@ -213,7 +213,7 @@ def _close(recorder: TraceWriter) -> str:
 
 
 def result_fields(request: Request, result: Result, digest: str, folder: Path) -> dict[str, Any]:
-    """Returns what result.json and --json hold."""
+    """Return what result.json and --json hold."""
     fields: dict[str, Any] = {
         "scenario": request.scenario,
         "seed": request.seed,
@@ -238,7 +238,7 @@ def result_fields(request: Request, result: Result, digest: str, folder: Path) -
 
 
 def _write_view(folder: Path, result: Result) -> None:
-    """Writes view.rrd from the trace; without the viewer's package, or with a full disk, the run still counts."""
+    """Write view.rrd from the trace; without the viewer's package, or with a full disk, the run still counts."""
     if result.signal:
         result.notes.append("No view.rrd was written, as the run was to end at once; snr view makes it.")
         return
@@ -258,7 +258,7 @@ def _write_view(folder: Path, result: Result) -> None:
 
 @contextmanager
 def _live_view(header: Header, recorder: TraceWriter, shown: Shown) -> Iterator[None]:
-    """Shows the run as it goes, in a window that stays when it is over, or in the browser."""
+    """Show the run as it goes, in a window that stays when it is over, or in the browser."""
     from snr_sim.view.view import LiveView
     from snr_sim.view.view_server import live_window, serve_web
 

@@ -106,7 +106,7 @@ def _replay(
 
 
 def _config(trace: Trace, plan: ReplayFiles, with_file: str) -> tuple[Any, list[str]]:
-    """Returns the wiring to replay with, and what is to be said about it."""
+    """Return the wiring to replay with, and what is to be said about it."""
     from dataclasses import replace
 
     from snr_sim.scenario.library import OPTION_FILE, hashes_of_files
@@ -216,7 +216,7 @@ def _say(
 
 
 def _hash_seeds(trace: Trace) -> str:
-    """Says under which order of sets the run was made and replayed."""
+    """Say under which order of sets the run was made and replayed."""
     from snr_sim.recording.records import hash_seed
 
     then, now = trace.opening.hash_seed, hash_seed()
@@ -224,7 +224,7 @@ def _hash_seeds(trace: Trace) -> str:
 
 
 def _writable(one: Divergence) -> Divergence:
-    """Returns a divergence whose values JSON can show: null would not tell NaN from infinity."""
+    """Return a divergence whose values JSON can show: null would not tell NaN from infinity."""
     from dataclasses import replace
 
     shown = [

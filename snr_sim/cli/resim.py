@@ -65,7 +65,7 @@ def resim(
 
 
 def with_devices(request: Request, io: str) -> Request:
-    """Returns a recorded request with the devices that were asked for, or those it had, if none of them is real.
+    """Return a recorded request with the devices that were asked for, or those it had, if none of them is real.
 
     Raises:
         ParameterError: nobody has asked for any, and it had real ones: they would move by themselves.

@@ -86,7 +86,7 @@ def run(
 
 
 def _say_whence(context: typer.Context, io: str) -> None:
-    """Says that real outputs will move, if nobody has just typed so: a variable may have been set days ago."""
+    """Say that real outputs will move, if nobody has just typed so: a variable may have been set days ago."""
     from snr_sim.prelude.io import ENVIRONMENT, parse_io
 
     source = context.get_parameter_source("io")
@@ -95,7 +95,7 @@ def _say_whence(context: typer.Context, io: str) -> None:
 
 
 def _show(folder: Path, shown: Shown) -> None:
-    """Opens the finished run; if that fails, the run still counts."""
+    """Open the finished run; if that fails, the run still counts."""
     from snr_sim.cli.view import view
     from snr_sim.prelude.errors import SnrError
 

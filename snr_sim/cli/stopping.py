@@ -12,7 +12,7 @@ stopped_by: list[int] = []  # numbers of the signals that came
 
 
 def interrupt_at_signals() -> None:
-    """Has SIGTERM, and Ctrl-C unless it is ignored, raise KeyboardInterrupt with the signal's number.
+    """Have SIGTERM, and Ctrl-C unless it is ignored, raise KeyboardInterrupt with the signal's number.
 
     A student's file that is read, or a handler that is replayed, may swallow that. If the program is still in it two
     seconds later, the process is ended.
@@ -23,14 +23,14 @@ def interrupt_at_signals() -> None:
 
 
 def status() -> int:
-    """Returns the exit status of a program that a signal has interrupted, and watches it no longer."""
+    """Return the exit status of a program that a signal has interrupted, and watch it no longer."""
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, 0)
     return 128 + (stopped_by[0] if stopped_by else signal.SIGINT)
 
 
 def end_by_default() -> None:
-    """Has signals end the process at once from now on: what is left are threads and exit functions of a student's."""
+    """Have signals end the process at once from now on: what is left are threads and exit functions of a student's."""
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) is _interrupt:
             signal.signal(number, signal.SIG_DFL)

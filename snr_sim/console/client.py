@@ -90,7 +90,7 @@ class ConsoleClient:
         self._thread.join(CONNECT_TIMEOUT_S)
 
     def wait_until_up(self, timeout_s: float) -> None:
-        """Returns once the line is up.
+        """Return once the line is up.
 
         Raises:
             LinkError: it is not after that time, or the node refused.
@@ -107,12 +107,12 @@ class ConsoleClient:
             self._line = self._calls
 
     def wait_until_lost(self) -> None:
-        """Returns once the line that `wait_until_up` waited for is gone, also if there is another one by now."""
+        """Return once the line that `wait_until_up` waited for is gone, also if there is another one by now."""
         with self._changed:
             self._changed.wait_for(lambda: self._calls != self._line)
 
     def ask(self, line: str, timeout_s: float = ANSWER_TIMEOUT_S) -> Answer:
-        """Has a line carried out, and returns the answer.
+        """Have a line carried out, and return the answer.
 
         Raises:
             LinkError: there is no line, it was lost, or no answer came in time. What was asked may have been done.
@@ -128,7 +128,7 @@ class ConsoleClient:
         return answer_of(reply)
 
     def complete(self, line: str, timeout_s: float = 1.0) -> list[str]:
-        """Returns the words that can stand where the line ends; none if there is no line to the node."""
+        """Return the words that can stand where the line ends; none if there is no line to the node."""
         try:
             words = self._exchange(lambda number: asked(Complete(number, line[:LINE_MAX_CHARS])), timeout_s)
         except (LinkError, UnicodeEncodeError):

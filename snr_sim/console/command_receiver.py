@@ -67,7 +67,7 @@ class CommandReceiverFactory(ListenerFactory):
         self.name = name
 
     def get(self, parent: NodeApi) -> CommandReceiver:
-        """Returns the loop."""
+        """Return the loop."""
         return CommandReceiver(self, parent, self.name)
 
 
@@ -119,7 +119,7 @@ class CommandReceiver(RestartingLoop):
         self.forged = 0  # lines that something between node and console has changed
 
     def begin(self) -> None:
-        """Listens, and starts the thread.
+        """Listen, and start the thread.
 
         Raises:
             LinkError: the port is taken, or the host is not this machine.

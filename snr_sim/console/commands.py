@@ -138,17 +138,17 @@ def _page_of(node: Node, key: str) -> Page:
 
 
 def components_of(node: Node) -> list[str]:
-    """Returns the names of a node's components without its own, which nobody may take out."""
+    """Return the names of a node's components without its own, which nobody may take out."""
     return [name for name in node.components.copy() if name != CORE_NAME]
 
 
 def pages_of(node: Node) -> list[str]:
-    """Returns the keys of all pages."""
+    """Return the keys of all pages."""
     return list(node.datastore.pages.copy())
 
 
 def events_of(node: Node) -> set[str]:
-    """Returns the names of events that somebody handles."""
+    """Return the names of events that somebody handles."""
     return {
         task_id[1]
         for component in node.components.copy().values()

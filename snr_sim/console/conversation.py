@@ -54,12 +54,12 @@ class Conversation:
         return bool(self._asked) and len(self.output) <= OUTPUT_MAX_BYTES and not self.session.is_waiting
 
     def receive(self, data: bytes, now_s: float) -> None:
-        """Takes bytes as they come."""
+        """Take bytes as they come."""
         self._asked += self.wire.receive(data, now_s)
         self._flush()
 
     def work(self, now_s: float) -> None:
-        """Answers what waits, shows watched pages that have changed, and does what time asks for."""
+        """Answer what waits, shows watched pages that have changed, and do what time asks for."""
         outcome = self.session.outcome(now_s)
         if outcome is not None:
             self._send(replied(self._waiting_number, outcome))
@@ -74,7 +74,7 @@ class Conversation:
         self._flush()
 
     def end(self, reason: str) -> None:
-        """Says goodbye; whoever waits for what comes of a command is told that it will not come this way."""
+        """Say goodbye; whoever waits for what comes of a command is told that it will not come this way."""
         if self.wire.is_up and self.session.is_waiting:
             text = f"This line ends before it is known what came of the command; {reason} Try: dump, on a new line."
             self._send(replied(self._waiting_number, Answer(text, is_error=True)))
@@ -82,7 +82,7 @@ class Conversation:
         self._flush()
 
     def refuse(self, reason: str) -> None:
-        """Ends it, with a reason."""
+        """End it, with a reason."""
         self.wire.refuse(reason)
         self._flush()
 

@@ -25,7 +25,7 @@ View = tuple[str, Any]  # text for a person, plain data for a program
 
 
 def components(node: Node) -> View:
-    """Returns each component's name, kind, class, handlers, rate and ticks."""
+    """Return each component's name, kind, class, handlers, rate and tick."""
     rows: Rows = []
     for key, component in node.components.copy().items():
         row: dict[str, Any] = {"component": name(key), "class": type(component).__name__}
@@ -38,7 +38,7 @@ def components(node: Node) -> View:
 
 
 def loops(node: Node) -> View:
-    """Returns each loop's rate, ticks and largest lag; of one in a process also how many pages it was not sent."""
+    """Return each loop's rate, ticks and largest lag; of one in a process also how many pages it was not sent."""
     rows: Rows = [
         {
             "loop": name(key),
@@ -61,7 +61,7 @@ def _pulse(loop: Loop) -> dict[str, Any]:
 
 
 def pages(node: Node) -> View:
-    """Returns each page's key, age, origin, and what it holds in short."""
+    """Return each page's key, age, origin, and what it holds in short."""
     rows: Rows = [
         {
             "page": name(key),
@@ -76,7 +76,7 @@ def pages(node: Node) -> View:
 
 
 def links(node: Node) -> View:
-    """Returns the state of each link, as it stores it itself."""
+    """Return the state of each link, as it stores it itself."""
     fields = ("up", "age_s", "dropped", "rtt_s")
     rows: Rows = []
     for key, page in node.datastore.pages.copy().items():
@@ -87,7 +87,7 @@ def links(node: Node) -> View:
 
 
 def profile(node: Node) -> View:
-    """Returns what each handler and loop took."""
+    """Return what each handler and loop took."""
     if node.profiler is None:
         return "This node has no profiler: its config has one with Mode.DEBUG (`-d` on the command line).", []
     still = Profiler()
@@ -96,7 +96,7 @@ def profile(node: Node) -> View:
 
 
 def page(node: Node, page: Page) -> View:
-    """Returns all of a page, cut where it is long."""
+    """Return all of a page, cut where it is long."""
     data = bounded(page.data, ITEMS_MAX)
     fields = {"key": page.key, "data": data, "origin": bounded(page.origin), "created_at_s": bounded(page.created_at_s)}
     seconds = _age_s(node, page)
@@ -124,7 +124,7 @@ VIEWS: dict[str, Callable[[Node], View]] = {
 
 
 def views(node: Node, names: tuple[str, ...]) -> View:
-    """Returns several views, one after another."""
+    """Return several views, one after another."""
     seen = {each: VIEWS[each](node) for each in names}
     return "\n\n".join(text for text, _ in seen.values()), {each: data for each, (_, data) in seen.items()}
 

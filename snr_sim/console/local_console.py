@@ -54,7 +54,7 @@ class LocalConsoleFactory(LoopFactory):
         )
 
     def get(self, parent: NodeApi) -> LocalConsole:
-        """Returns the loop."""
+        """Return the loop."""
         return LocalConsole(self, parent, self.name)
 
 
@@ -77,11 +77,11 @@ class LocalConsole(Loop):
         self._is_at_end = False
 
     def begin(self) -> None:
-        """Starts the thread."""
+        """Start the thread."""
         self.parent.start_loop(self, on_thread=True)
 
     def setup(self) -> None:
-        """Finds out how to read without waiting for ever."""
+        """Find out how to read without waiting for ever."""
         stream = self.factory.reads or sys.stdin
         try:
             self._read = _reader_of(stream.fileno())
@@ -90,7 +90,7 @@ class LocalConsole(Loop):
             self.stop()
 
     def loop(self) -> None:
-        """Answers what has been typed, and shows watched pages that have changed."""
+        """Answer what has been typed, and show watched pages that have changed."""
         if self._lines or self._is_at_end:
             time.sleep(SOON_S)  # what was typed before has not been carried out yet
         else:

@@ -65,7 +65,7 @@ class NodeCompleter(Completer):
         self._client = client
 
     def get_completions(self, document: Document, complete_event: CompleteEvent) -> Iterable[Completion]:
-        """Yields words for the place of the cursor."""
+        """Yield words for the place of the cursor."""
         before = document.text_before_cursor
         begun = before.split()[-1] if before and not before[-1].isspace() else ""
         for word in self._client.complete(before):
@@ -84,7 +84,7 @@ class FileOfLines(History):
         self._path = path
 
     def load_history_strings(self) -> Iterable[str]:
-        """Returns the lines of earlier consoles, newest first; what is too old is taken out of the file."""
+        """Return the lines of earlier consoles, newest first; what is too old is taken out of the file."""
         try:
             lines = self._path.read_text(encoding="utf-8", errors="replace").splitlines()
         except OSError:
@@ -96,7 +96,7 @@ class FileOfLines(History):
         return reversed(lines)
 
     def store_string(self, string: str) -> None:
-        """Adds a line to the file."""
+        """Add a line to the file."""
         with suppress(OSError):
             self._path.parent.mkdir(parents=True, exist_ok=True)
             descriptor = os.open(self._path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
@@ -105,5 +105,5 @@ class FileOfLines(History):
 
 
 def history_file() -> Path:
-    """Returns where the lines are kept that were typed."""
+    """Return where the lines are kept that were typed."""
     return user_folder() / "console_history"

@@ -22,7 +22,7 @@ _INT_MAX_BITS = 256
 
 
 def bounded(value: Any, items: int = ITEMS_MAX) -> Any:
-    """Returns the value as plain numbers, text, lists and dicts, of at most so many items, cut with a remark.
+    """Return the value as plain numbers, text, lists and dicts, of at most so many items, cut with a remark.
 
     >>> bounded(list(range(1000)), items=3)
     [0, 1, 2, '... 997 more']
@@ -126,7 +126,7 @@ def _cut_int(number: int) -> int | str:
 
 
 def in_words(value: Any) -> str:
-    """Returns a bounded value on one line.
+    """Return a bounded value on one line.
 
     >>> in_words({"depth_m": 1.5, "ok": True, "rates": [0.1, float("nan")], "who": "me"})
     '{depth_m: 1.5, ok: true, rates: [0.1, nan], who: "me"}'
@@ -143,18 +143,18 @@ def in_words(value: Any) -> str:
 
 
 def name(text: str) -> str:
-    """Returns a name, cut if somebody gave a very long one."""
+    """Return a name, cut if somebody gave a very long one."""
     return text if len(text) <= NAME_MAX_CHARS else f"{text[:NAME_MAX_CHARS]}..."
 
 
 def short(value: Any, limit: int = 100) -> str:
-    """Returns a value on one short line: what it is about, not all of it."""
+    """Return a value on one short line: what it is about, not all of it."""
     line = in_words(bounded(value, _SHORT_ITEMS))
     return line if len(line) <= limit else f"{line[: limit - 3]}..."
 
 
 def table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> str:
-    """Returns rows as text in columns; numbers stand to the right."""
+    """Return rows as text in columns; numbers stand to the right."""
     lines = [[_cell(row.get(column)) for column in columns] for row in rows]
     widths = [max(map(len, column)) for column in zip(columns, *lines, strict=True)]
     sides: list[Callable[..., str]] = [
@@ -175,7 +175,7 @@ def _cell(value: Any) -> str:
 
 
 def cut_text(text: str) -> str:
-    """Returns an answer's text, cut with a remark if it is too long."""
+    """Return an answer's text, cut with a remark if it is too long."""
     if len(text) <= TEXT_MAX_CHARS:
         return text
     return f"{text[:TEXT_MAX_CHARS]}\n... cut: {len(text)} characters"

@@ -41,7 +41,7 @@ class RemoteConsole:
         self._wait_s = wait_s
 
     def run(self) -> Sequence[Answer]:
-        """Returns the answers to `commands`; without them, talks to a person until they leave.
+        """Return the answers to `commands`; without them, talks to a person until they leave.
 
         Raises:
             LinkError: nobody answers there, or the line was lost before an answer came.
@@ -54,11 +54,11 @@ class RemoteConsole:
             return [self.client.ask(line) for line in self.commands if line.strip()]
 
     def show(self, answer: Answer) -> None:
-        """Prints an answer; a watched page's come by themselves."""
+        """Print an answer; a watched page's come by themselves."""
         print(answer.text, flush=True)
 
     def tell(self, sentence: str) -> None:
-        """Tells a person how the line is; a script hears of it by an error."""
+        """Tell a person how the line is; a script hears of it by an error."""
         if self.commands is None:
             print(f"-- {sentence}", flush=True)
 

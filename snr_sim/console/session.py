@@ -71,7 +71,7 @@ class Session:
         return self._awaited is not None
 
     def answer(self, line: str) -> Answer:
-        """Carries out a line. Never raises: a console must not end the node it looks at."""
+        """Carry out a line. Never raises: a console must not end the node it looks at."""
         try:
             command, given = parse(self._table, line)
             answer = command.run(self, given)
@@ -83,7 +83,7 @@ class Session:
             return Answer(f"The command failed, which is a mistake in snr_sim: {type(error).__name__}.", is_error=True)
 
     def complete(self, line: str) -> list[str]:
-        """Returns the words that can stand where the line ends."""
+        """Return the words that can stand where the line ends."""
         try:
             return completions(self._table, line[-LINE_MAX_CHARS:], self.node)
         except Exception:
@@ -116,7 +116,7 @@ class Session:
         self.node.enter(task, self.source)
 
     def expect(self, task: Task, what: str, look: Callable[[], Answer | None]) -> None:
-        """Brings a task of which something will come that can be seen.
+        """Bring a task of which something will come that can be seen.
 
         Args:
             task: to bring.
@@ -127,7 +127,7 @@ class Session:
         self._awaited = _Awaited(what, look)
 
     def outcome(self, now_s: float) -> Answer | None:
-        """Returns what came of the last command, once that is known, or that nothing has come of it so far.
+        """Return what came of the last command, once that is known, or that nothing has come of it so far.
 
         Args:
             now_s: as of `changes`.
@@ -146,7 +146,7 @@ class Session:
         return answer
 
     def changes(self, now_s: float) -> list[Answer]:
-        """Returns an answer for each watched page that is another than the one shown last.
+        """Return an answer for each watched page that is another than the one shown last.
 
         Args:
             now_s: of any clock that goes on while the node runs; each page is shown at most every 0.1 s of it.
@@ -164,7 +164,7 @@ class Session:
         return Answer(cut_text(text), data, about=page.key)
 
     def watch(self, key: str) -> Answer:
-        """Begins to show a page, with what it holds now.
+        """Begin to show a page, with what it holds now.
 
         Raises:
             CommandRefused: too many are watched.
@@ -179,7 +179,7 @@ class Session:
         return self._shown(page)
 
     def unwatch(self, key: str | None) -> Answer:
-        """Ends showing one page, or all.
+        """End showing one page, or all.
 
         Raises:
             CommandRefused: that page is not watched.

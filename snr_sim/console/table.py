@@ -80,7 +80,7 @@ Table: TypeAlias = Mapping[str, Command]
 
 
 def parse(table: Table, line: str) -> tuple[Command, dict[str, Any]]:
-    """Returns the command of a line, and its arguments by name.
+    """Return the command of a line, and its arguments by name.
 
     Raises:
         CommandRefused: no such command, or not what it takes.
@@ -117,7 +117,7 @@ def _arguments(command: Command, words: list[str]) -> dict[str, Any]:
 
 
 def _check_misspelt(command: Command, words: list[str]) -> None:
-    """Says so if a line makes no sense because its first word was to be one that may also be left out.
+    """Say so if a line makes no sense because its first word was to be one that may also be left out.
 
     Raises:
         CommandRefused: it is like one of them.
@@ -143,13 +143,13 @@ def _one(argument: Argument, word: str) -> Any:
 
 
 def help_text(table: Table) -> str:
-    """Returns a line for each command."""
+    """Return a line for each command."""
     width = max(len(command.usage) for command in table.values())
     return "\n".join(f"{command.usage:<{width}}  {command.help}" for command in table.values())
 
 
 def completions(table: Table, line: str, node: Any) -> list[str]:
-    """Returns the words that can stand where the line ends, instead of its last, begun word."""
+    """Return the words that can stand where the line ends, instead of its last, begun word."""
     words = line.split()
     begun = words.pop() if words and not line[-1].isspace() else ""
     if not words:
@@ -162,7 +162,7 @@ def completions(table: Table, line: str, node: Any) -> list[str]:
 
 
 def _candidates(arguments: Sequence[Argument], words: Sequence[str], node: Any) -> list[str]:
-    """What can come after these words: for the argument they have come to, and for the next if it can be left out."""
+    """Return what can come after these words: for this argument, and for the next if this can be left out."""
     left = list(words)
     found: list[str] = []
     for argument in arguments:

@@ -66,12 +66,12 @@ _encode = msgspec.json.Encoder().encode
 
 
 def asked(message: Command | Complete) -> bytes:
-    """Returns the frame of a question."""
+    """Return the frame of a question."""
     return encode_frame(_encode(message), LINE_FRAME_MAX_BYTES)
 
 
 def replied(number: int, answer: Answer) -> bytes:
-    """Returns the frame of an answer; without its data if both together were too much for a frame."""
+    """Return the frame of an answer; without its data if both together were too much for a frame."""
     for data in (answer.data, None):
         reply = Reply(number, answer.text, msgspec.Raw(encode_value(data)), answer.is_error, answer.about)
         payload = _encode(reply)
@@ -81,12 +81,12 @@ def replied(number: int, answer: Answer) -> bytes:
 
 
 def completed(number: int, words: list[str]) -> bytes:
-    """Returns the frame of a completion."""
+    """Return the frame of a completion."""
     return encode_frame(_encode(Words(number, words)))
 
 
 def answer_of(reply: Reply) -> Answer:
-    """Returns the answer in a reply.
+    """Return the answer in a reply.
 
     Raises:
         ValueEncodingError: its data is damaged, or beyond the bounds of `comms/wire_bounds.py`.

@@ -21,7 +21,7 @@ class CommandRefused(SnrError):
 
 
 def split_line(line: str) -> list[str]:
-    """Returns the words of a line: they end at a space that stands in no bracket and in no quotes.
+    """Return the words of a line: they end at a space that stands in no bracket and in no quotes.
 
     Raises:
         CommandRefused: the line is too long, or has a bracket or a quote that does not end.
@@ -60,7 +60,7 @@ def split_line(line: str) -> list[str]:
 
 
 def value_of(word: str) -> Any:
-    """Returns the value a word stands for in JSON.
+    """Return the value a word stands for in JSON.
 
     Raises:
         CommandRefused: it is not JSON, or a number that 64 bits do not hold.
@@ -85,7 +85,7 @@ def _check_numbers(value: Any) -> None:
 
 
 def name_of(word: str, what: str) -> str:
-    """Returns the name a word stands for: the word itself, or what is in its quotes.
+    """Return the name a word stands for: the word itself, or what is in its quotes.
 
     Raises:
         CommandRefused: it is empty, too long, or holds what cannot be printed.
@@ -99,6 +99,6 @@ def name_of(word: str, what: str) -> str:
 
 
 def shown(text: str, limit: int = 80) -> str:
-    """Returns text in quotes, cut if it is long, with what cannot be printed escaped."""
+    """Return text in quotes, cut if it is long, with what cannot be printed escaped."""
     cut = text[:limit]
     return (f"'{cut}'" if cut.isprintable() else ascii(cut)) + ("..." if len(text) > limit else "")

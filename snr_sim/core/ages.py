@@ -18,7 +18,7 @@ LINK_PREFIX = "link_"
 
 
 def age_s(node: NodeApi, page: Page) -> float:
-    """Returns how long ago a page was made [s], in doubt the older.
+    """Return how long ago a page was made [s], in doubt the older.
 
     Of another node's page on the wall clock that is infinite, if no link knows its maker's clock. No page is younger
     than the time it has been here: that is known by our own clock, whatever became of the program that made it.
@@ -32,7 +32,7 @@ def age_s(node: NodeApi, page: Page) -> float:
 
 
 def clock_offset_s(node: NodeApi, far: str) -> float:
-    """Returns what our links have found to be added to the far node's times to have ours; -inf if none has.
+    """Return what our links have found to be added to the far node's times to have ours; -inf if none has.
 
     Where several nodes have that name, the least: then a page is older than it should be rather than younger.
     """
@@ -49,6 +49,6 @@ def clock_offset_s(node: NodeApi, far: str) -> float:
 
 
 def _peers_in(state: Any) -> Iterable[tuple[Any, Any]]:
-    """Returns name and state of each peer in a link's page; nothing, if somebody has stored something else there."""
+    """Return name and state of each peer in a link's page; nothing, if somebody has stored something else there."""
     peers = state.get("peers") if isinstance(state, dict) else None
     return peers.items() if isinstance(peers, dict) else ()

@@ -27,7 +27,7 @@ class Author(NamedTuple):
 
 
 def authors_of(key: DataKey, components: Iterable[Component]) -> list[Author]:
-    """Returns the lines in which these components could store pages of a key, in their order; each once.
+    """Return the lines in which these components could store pages of a key, in their order; each once.
 
     Lines that name the key and speak of storing or of pages are preferred to those that only name it.
     """
@@ -37,7 +37,7 @@ def authors_of(key: DataKey, components: Iterable[Component]) -> list[Author]:
 
 
 def who_stored(key: DataKey, components: Iterable[Component]) -> tuple[str, str]:
-    """Returns the lines that could have stored a page, to stand before an error, and in words whose they are.
+    """Return the lines that could have stored a page, to stand before an error, and in words whose they are.
 
     If no such line is found, the text is empty and the words name those that remain.
     """
@@ -50,7 +50,7 @@ def who_stored(key: DataKey, components: Iterable[Component]) -> tuple[str, str]
 
 
 def place_of_attribute(component: Component, name: str) -> Place | None:
-    """Returns the first line of a student's that sets an attribute of a component, or None."""
+    """Return the first line of a student's that sets an attribute of a component, or None."""
     for function in _functions(component):
         for step in dis.get_instructions(function.__code__):
             line = step.positions.lineno if step.positions is not None else None
@@ -76,7 +76,7 @@ def _mentions(key: DataKey, component: Component) -> Iterator[Author]:
 
 
 def _functions(component: Component) -> Iterator[FunctionType]:
-    """Yields what a student wrote for a component: methods of its class, and functions it or its factory was given."""
+    """Yield what a student wrote for a component: methods of its class, and functions it or its factory was given."""
     members = [member for kind in type(component).__mro__ for member in vars(kind).values()]
     given = [*component.task_handlers.values(), *vars(component).values()]
     made_by: Any = getattr(component, "factory", None)
@@ -89,7 +89,7 @@ def _functions(component: Component) -> Iterator[FunctionType]:
 
 
 def _nested(code: CodeType) -> Iterator[CodeType]:
-    """Yields a function's code, and that of the functions and comprehensions in it."""
+    """Yield a function's code, and that of the functions and comprehensions in it."""
     yield code
     for constant in code.co_consts:
         if isinstance(constant, CodeType):

@@ -41,7 +41,7 @@ class ClockBacking:
         self.late_s = 0.0
 
     def start(self) -> None:
-        """Sets the loop up and asks the clock for its first tick, now."""
+        """Set the loop up and ask the clock for its first tick, now."""
         self._is_started = True  # before setup: what fails halfway has to be halted too, as on a thread
         self._life.call_loop(self._loop, "setup")
         self._clock.call_at(self._start_s, self._tick, self._order)
@@ -74,14 +74,14 @@ class ClockBacking:
         return now_s
 
     def hurry(self) -> None:
-        """Changes nothing: what was scheduled for a moment is done before the ticks of that moment anyway."""
+        """Change nothing: what was scheduled for a moment is done before the ticks of that moment anyway."""
 
     def stop(self) -> None:
-        """Asks for no more ticks."""
+        """Ask for no more ticks."""
         self.is_stopped = True
 
     def join(self) -> None:
-        """Stops and halts the loop."""
+        """Stop and halt the loop."""
         self.is_stopped = True
         if self._is_started and not self._is_halted:
             self._is_halted = True
@@ -122,7 +122,7 @@ class ThreadBacking:
         return self._stopping.is_set() or not self._thread.is_alive()
 
     def start(self) -> None:
-        """Starts the thread."""
+        """Start the thread."""
         self._thread.start()
 
     def _run(self) -> None:
@@ -183,18 +183,18 @@ class ThreadBacking:
                 node.door.fail(failure)
 
     def hurry(self) -> None:
-        """Has the next tick come now, or half a period after the last one."""
+        """Have the next tick come now, or half a period after the last one."""
         self._waking.set()
 
     def stop(self) -> None:
-        """Asks for no more ticks; a loop that waits for its next one wakes."""
+        """Ask for no more ticks; a loop that waits for its next one wakes."""
         if self._give_up_s is None and self._thread is not threading.current_thread():
             self._give_up_s = self._clock.now_s() + JOIN_TIMEOUT_S
         self._stopping.set()
         self._waking.set()
 
     def join(self) -> None:
-        """Stops and waits for the thread; a loop that does not answer is halted from here and left behind."""
+        """Stop and wait for the thread; a loop that does not answer is halted from here and left behind."""
         self.stop()
         if self._thread.ident is None or self._give_up_s is None:
             return

@@ -23,11 +23,11 @@ class WallClock:
         self._start_s = time.monotonic() if start_s is None else start_s
 
     def now_s(self) -> float:
-        """Returns seconds since the clock was made."""
+        """Return seconds since the clock was made."""
         return time.monotonic() - self._start_s
 
     def sleep_until(self, time_s: float) -> None:
-        """Sleeps until `time_s` has come."""
+        """Sleep until `time_s` has come."""
         delay_s = time_s - self.now_s()
         if delay_s > 0:
             time.sleep(delay_s)
@@ -52,11 +52,11 @@ class SimClock:
         self._followers: list[Callable[[float], None]] = []
 
     def now_s(self) -> float:
-        """Returns virtual seconds since the run began."""
+        """Return virtual seconds since the run began."""
         return self._now_s
 
     def call_at(self, time_s: float, callback: Callback, order: int = 0) -> None:
-        """Has `callback` called when `time_s` comes.
+        """Have `callback` called when `time_s` comes.
 
         Args:
             time_s: not before now.
@@ -75,7 +75,7 @@ class SimClock:
         heapq.heappush(self._due, (time_s, order, self._count, callback))
 
     def follow(self, advance_to: Callable[[float], None]) -> None:
-        """Has `advance_to(time_s)` called at each new moment, before anything that is due then."""
+        """Have `advance_to(time_s)` called at each new moment, before anything that is due then."""
         self._followers.append(advance_to)
 
     @property
@@ -84,7 +84,7 @@ class SimClock:
         return self._due[0][0] if self._due else None
 
     def run_next(self) -> None:
-        """Jumps to the next moment and calls the first thing that is due then."""
+        """Jump to the next moment and call the first thing that is due then."""
         time_s, _, _, callback = heapq.heappop(self._due)
         if time_s > self._now_s:
             self._now_s = time_s
@@ -93,7 +93,7 @@ class SimClock:
         callback()
 
     def sleep_until(self, time_s: float) -> None:
-        """Refuses: in lock step the world waits for whoever runs, so a sleep would last for ever.
+        """Refuse: in lock step the world waits for whoever runs, so a sleep would last for ever.
 
         Raises:
             ClockError: always, unless `time_s` has passed.

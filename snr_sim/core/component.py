@@ -46,7 +46,7 @@ class ComponentFactory:
         return GenericAlias(cls, kind)
 
     def get(self, parent: NodeApi) -> NodeComponent:
-        """Returns a new component that belongs to the node `parent`."""
+        """Return a new component that belongs to the node `parent`."""
         raise NotImplementedError(f"{type(self).__name__} needs a method get(self, parent) that returns its component")
 
 
@@ -71,50 +71,50 @@ class NodeComponent(ComponentMembers):
         self.name = name
 
     def halt(self) -> None:
-        """Called once when its work is over."""
+        """End the work; the node calls it once."""
 
     def terminate(self) -> None:
-        """Called once at the very end, on the node's thread, to let go of files and wires."""
+        """Close files and wires; the node calls it once, at the very end, on its own thread."""
 
     def schedule(self, tasks: SomeTasks) -> None:
-        """Queues tasks: those of an endpoint are its consequences, those of a loop are the node's inputs."""
+        """Queue tasks: those of an endpoint are its consequences, those of a loop are the node's inputs."""
         raise NotImplementedError
 
     def page(self, key: DataKey, data: Any, process: bool = True) -> Page:
-        """Returns a page made by this node, now, of the data as they are now: see `Node.page`."""
+        """Return a page made by this node, now, of the data as they are now: see `Node.page`."""
         kept = data if type(data) in IMMUTABLE else data_of_page(self.parent, key, data)
         return Page(key, kept, self.parent.name, self.get_time_s(), process)
 
     def store_page(self, page: Page) -> None:
-        """Queues the task that stores a page."""
+        """Queue the task that stores a page."""
         self.schedule(Task(_STORE_PAGE, page.key, [page]))
 
     def store_data(self, key: DataKey, data: Any, process: bool = True) -> None:
-        """Queues the task that stores data under a key."""
+        """Queue the task that stores data under a key."""
         self.schedule(self.store_data_task(key, data, process))
 
     def store_data_task(self, key: DataKey, data: Any, process: bool = True) -> Task:
-        """Returns the task that stores data under a key, for a handler to return."""
+        """Return the task that stores data under a key, for a handler to return."""
         return Task(_STORE_PAGE, key, [self.page(key, data, process)])
 
     def get_page(self, key: DataKey) -> Page | None:
-        """Returns the newest page of a key, or None if nothing has stored it (yet).
+        """Return the newest page of a key, or None if nothing has stored it (yet).
 
         A handler of `process_data` gets the page that its task carries: `task.page`.
         """
         return self.parent.get_page(key)
 
     def get_data(self, key: DataKey) -> Any:
-        """Returns the data of `get_page`, or None if nothing has stored it (yet)."""
+        """Return the data of `get_page`, or None if nothing has stored it (yet)."""
         page = self.parent.get_page(key)
         return None if page is None else page.data
 
     def get_age_s(self, key: DataKey) -> float:
-        """Returns how old the page of `get_page` is [s], whoever made it; infinite if that is not known."""
+        """Return how old the page of `get_page` is [s], whoever made it; infinite if that is not known."""
         return self.parent.get_age_s(key)
 
     def get_time_s(self) -> float:
-        """Returns the node's time: the same all through one task."""
+        """Return the node's time: the same all through one task."""
         return self.parent.get_time_s()
 
     @cached_property
@@ -144,7 +144,7 @@ class ComponentLog(logging.LoggerAdapter[logging.Logger]):
 
 
 def _text_of(msg: object, args: tuple[object, ...]) -> str:
-    """Returns a message as logging words it. A call that is wrong ends no run: logging, too, tells it and goes on."""
+    """Return a message as logging words it. A call that is wrong ends no run: logging, too, tells it and goes on."""
     try:
         return logging.LogRecord("", logging.INFO, "", 0, msg, args, None).getMessage()
     except Exception as error:  # also of an object's own __str__

@@ -44,7 +44,7 @@ class ComponentRegistry:
                 self.add(self.make(factory), self._last_place)
 
     def make(self, factory: Any) -> Endpoint | Loop:
-        """Returns what a factory makes, checked; it is not yet a part of the node.
+        """Return what a factory makes, checked; it is not yet a part of the node.
 
         Raises:
             ConfigError: that is no component.
@@ -118,7 +118,7 @@ class ComponentRegistry:
         self._node.machine.lookup.forget()
 
     def exchange(self, old: Component | None, new: Component | None) -> None:
-        """Puts a component in the place of another one of its name; None: last, or nothing."""
+        """Put a component in the place of another one of its name; None: last, or nothing."""
         lookup = self._node.machine.lookup
         if old is None and new is not None:
             components = self.components.copy()  # which is quicker than to put 1000 into a new one
@@ -134,11 +134,11 @@ class ComponentRegistry:
         lookup.forget()
 
     def order_of(self, component_name: str) -> int:
-        """Returns a component's place among the node's components; one that is made anew keeps it."""
+        """Return a component's place among the node's components; one that is made anew keeps it."""
         return self._places[component_name]
 
     def give_place(self, component_name: str, place: int | None = None) -> None:
-        """Says where a component stands; behind all others, if no place is given."""
+        """Say where a component stands; behind all others, if no place is given."""
         if place is None:
             place = self._last_place = self._last_place + 1
         self._places[component_name] = place

@@ -94,7 +94,7 @@ class Config:
         return {"max_tasks_per_moment": self.max_tasks_per_moment, "stall_limit_s": self.stall_limit_s}
 
     def get(self, role: RoleName) -> list[AnyFactory]:
-        """Returns the factories of a role.
+        """Return the factories of a role.
 
         Raises:
             UnknownName: there is no such role.
@@ -106,5 +106,5 @@ class Config:
         return self.factories[role]
 
     def get_profiler(self) -> Profiler | None:
-        """Returns a profiler for a node, or None if the mode wants none."""
+        """Return a profiler for a node, or None if the mode wants none."""
         return Profiler() if self.mode is Mode.DEBUG else None

@@ -48,7 +48,7 @@ class CurrentCall(NamedTuple):
 
 
 def current_call(newest: FrameType | None, base: FrameType | None, with_task: bool = False) -> CurrentCall:
-    """Returns what a thread is doing.
+    """Return what a thread is doing.
 
     Args:
         newest: its newest frame.

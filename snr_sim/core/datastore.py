@@ -26,7 +26,7 @@ class Datastore:
         self.stored = 0
 
     def put(self, page: Page) -> Page | None:
-        """Makes `page` the newest of its key; returns the one that was, if there was one.
+        """Make `page` the newest of its key; return the one that was, if there was one.
 
         Raises:
             TaskError: it is not a page, or its key is not text.
@@ -48,7 +48,7 @@ class Datastore:
         return old
 
     def get(self, key: DataKey) -> Page | None:
-        """Returns the newest page of the key, or None if nothing has stored it (yet)."""
+        """Return the newest page of the key, or None if nothing has stored it (yet)."""
         page = self.pages.get(key)
         if page is None and isinstance(key, str) and key.endswith(PREVIOUS):
             key = key.removesuffix(PREVIOUS)

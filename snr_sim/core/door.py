@@ -52,17 +52,17 @@ class Door:
         self._lookout.watch(descriptor, serve, what)
 
     def unwatch(self, descriptor: int) -> None:
-        """Ends watching; from any thread."""
+        """End watching; from any thread."""
         if self._lookout is not None:
             self._lookout.unwatch(descriptor)
 
     def close(self) -> None:
-        """Lets go of what waiting for descriptors needs; nobody waits here any more."""
+        """Let go of what waiting for descriptors needs; nobody waits here any more."""
         if self._lookout is not None:
             self._lookout.close()
 
     def put(self, task: Task, source: str) -> None:
-        """Lets a task in; `source` is the name of the loop, link or person that brought it."""
+        """Let a task in; `source` is the name of the loop, link or person that brought it."""
         self.waiting.append((task, source))
         if self._asleep:
             self._asleep = False  # one call is enough, however many tasks come before it is heard
@@ -72,13 +72,13 @@ class Door:
                 self._lookout.wake()
 
     def fail(self, failure: SnrError) -> None:
-        """Tells the node that something outside its thread has failed; the first one counts."""
+        """Tell the node that something outside its thread has failed; the first one counts."""
         if self.failure is None:
             self.failure = failure
         self.put(Task(TaskType.terminate, "failure"), "failure")  # so that a busy node looks up from its queue
 
     def wait(self, timeout_s: float | None = None) -> None:
-        """Returns when something is at the door, or after the timeout; now and then also before."""
+        """Return when something is at the door, or after the timeout; now and then also before."""
         timeout_s = LOOK_UP_S if timeout_s is None else min(timeout_s, LOOK_UP_S)
         self.visits += 1
         lookout = self._lookout

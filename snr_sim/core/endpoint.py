@@ -17,7 +17,7 @@ class EndpointFactory(ComponentFactory):
     """Makes an endpoint for a node."""
 
     def get(self, parent: NodeApi) -> Endpoint:
-        """Returns a new endpoint that belongs to the node `parent`."""
+        """Return a new endpoint that belongs to the node `parent`."""
         raise NotImplementedError(f"{type(self).__name__} needs a method get(self, parent) that returns its endpoint")
 
 
@@ -37,7 +37,7 @@ class Endpoint(NodeComponent):
     _of_class: ClassVar[Mapping[TaskId, TaskHandler]] = {}
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """A table `task_handlers` in the class is what each object starts with; functions in it are its methods."""
+        """Keep a table `task_handlers` of the class, which each object starts with; functions in it are its methods."""
         super().__init_subclass__(**options)
         table = cls.__dict__.get("task_handlers")
         if isinstance(table, Mapping):
@@ -78,12 +78,12 @@ class Endpoint(NodeComponent):
             self.parent.handlers_changed()
 
     def begin(self) -> None:
-        """Called once before the first task."""
+        """Begin; the node calls it once, before the first task."""
 
     def join(self) -> None:
-        """Ends the endpoint's work by calling `halt`."""
+        """End the endpoint's work by calling `halt`."""
         self.halt()
 
     def schedule(self, tasks: SomeTasks) -> None:
-        """Queues tasks, as returning them does."""
+        """Queue tasks, as returning them does."""
         self.parent.schedule(tasks, source=self.name)

@@ -65,13 +65,13 @@ class Lookup:
         self._seen: dict[TaskType, dict[TaskName, tuple[Entry, ...]]] = {kind: {} for kind in TaskType}
 
     def forget(self) -> None:
-        """Looks again at the next task: a component came, went or changed its handlers."""
+        """Look again at the next task: a component came, went or changed its handlers."""
         self.seen()  # what the cache knew of the run so far
         for by_name in self.cache.values():
             by_name.clear()
 
     def added(self, component: Component) -> None:
-        """Adds the handlers of a component that has come, behind all others, to what is known."""
+        """Add the handlers of a component that has come, behind all others, to what is known."""
         handlers = component.task_handlers
         for task_id in handlers:
             kind, name = task_id if isinstance(task_id, tuple) else (task_id, None)
@@ -85,7 +85,7 @@ class Lookup:
                     by_name[one] += (self._entry(component, task_id),)
 
     def seen(self) -> dict[TaskType, dict[TaskName, tuple[Entry, ...]]]:
-        """Returns every task id that came by in this run, with who handled it, if anybody ever did."""
+        """Return every task id that came by in this run, with who handled it, if anybody ever did."""
         for kind, by_name in self.cache.items():
             seen = self._seen[kind]
             for name, entries in by_name.items():
@@ -93,7 +93,7 @@ class Lookup:
         return self._seen
 
     def find(self, task: Task) -> tuple[Entry, ...]:
-        """Returns who handles the task: per component the handler of (type, name), else of type.
+        """Return who handles the task: per component the handler of (type, name), else of type.
 
         Raises:
             TaskError: its type is no TaskType, or its name no text.
@@ -135,7 +135,7 @@ def _is_change(kind: TaskType, name: TaskName) -> bool:
 
 
 def check_handlers(owner: str, handlers: Any) -> None:
-    """Checks a component's handlers where they are set, not an hour into the dive.
+    """Check a component's handlers where they are set, not an hour into the dive.
 
     Raises:
         ConfigError: a key is no task id, or a handler cannot be called with (task, task_id).
@@ -151,7 +151,7 @@ def check_handlers(owner: str, handlers: Any) -> None:
 
 
 def check_id(owner: str, task_id: Any) -> None:
-    """Checks that tasks can have this id.
+    """Check that tasks can have this id.
 
     Raises:
         ConfigError: they cannot.
@@ -200,7 +200,7 @@ def _check_handler(owner: str, task_id: TaskId, handler: Any) -> None:
 
 
 def check_returns(what: str, function: Any) -> None:
-    """Checks that calling a function runs it: a generator or a coroutine would only be made, and do nothing.
+    """Check that calling a function runs it: a generator or a coroutine would only be made, and do nothing.
 
     Raises:
         ConfigError: it has a `yield`, or is `async`.
@@ -220,12 +220,12 @@ def check_returns(what: str, function: Any) -> None:
 
 
 def handler_name(handler: Any) -> str:
-    """Returns a handler's name as its author would say it."""
+    """Return a handler's name as its author would say it."""
     return getattr(handler, "__name__", None) or type(handler).__name__
 
 
 def describe(task_id: TaskId) -> str:
-    """Returns a task id in words.
+    """Return a task id in words.
 
     >>> describe((TaskType.event, "start"))
     "event 'start'"

@@ -26,7 +26,7 @@ _NONE = "a page that nobody has stored yet is None"
 
 
 def hint(error: BaseException, trace: TracebackType | None) -> str:
-    """Returns one thing to try, or nothing if there is none that is better than the error's own words.
+    """Return one thing to try, or nothing if there is none that is better than the error's own words.
 
     Args:
         error: not one of the kit's.
@@ -42,7 +42,7 @@ def hint(error: BaseException, trace: TracebackType | None) -> str:
 
 
 def shown(error: BaseException) -> str:
-    """Returns an error's own words, without paths of installed files.
+    """Return an error's own words, without paths of installed files.
 
     >>> shown(ImportError("cannot import name 'x' from 'y' (/usr/lib/y.py)"))
     "cannot import name 'x' from 'y'"
@@ -89,7 +89,7 @@ def _of_name(error: Any, trace: TracebackType | None) -> str:
 
 
 def about_name(name: str, known: Iterable[str], owner: object = None) -> str:
-    """Returns what to try about a name that nothing has a value for; `owner` is the `self` of its function."""
+    """Return what to try about a name that nothing has a value for; `owner` is the `self` of its function."""
     if name in _public(sys.modules.get("snr_sim")):
         return f"add at the top: from snr_sim import {name}."
     if owner is not None and name in dir(owner):
@@ -207,7 +207,7 @@ _WORDS: dict[type[BaseException], Callable[[Any, TracebackType | None], str]] = 
 
 
 def near(name: str, known: Iterable[str]) -> str:
-    """Returns a question that offers the nearest name, or nothing: there may be too many to list."""
+    """Return a question that offers the nearest name, or nothing: there may be too many to list."""
     close = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.7)
     return f"did you mean '{close[0]}'?" if close else ""
 
@@ -229,14 +229,14 @@ def _frame(trace: TracebackType | None) -> FrameType | None:
 
 
 def _source(trace: TracebackType | None) -> str:
-    """Returns the part of the source that failed, as far as Python knows it."""
+    """Return the part of the source that failed, as far as Python knows it."""
     if trace is None:
         return ""
     return linecache.getline(trace.tb_frame.f_code.co_filename, trace.tb_lineno)
 
 
 def _node(trace: TracebackType | None) -> ast.expr | None:
-    """Returns the expression that failed, if it stands in one line."""
+    """Return the expression that failed, if it stands in one line."""
     if trace is None:
         return None
     positions = list(trace.tb_frame.f_code.co_positions())
@@ -251,7 +251,7 @@ def _node(trace: TracebackType | None) -> ast.expr | None:
 
 
 def _value(node: ast.expr, trace: TracebackType | None) -> Any:
-    """Returns what a name or an attribute of one is at the line that failed, without executing anything."""
+    """Return what a name or an attribute of one is at the line that failed, without executing anything."""
     frame = _frame(trace)
     if frame is None:
         return _UNKNOWN

@@ -35,7 +35,7 @@ class Interrupted(KeyboardInterrupt):
 
 @contextmanager
 def orderly(nodes: Sequence[NodeParts]) -> Iterator[list[str]]:
-    """Turns signals into terminate tasks while it is entered; yields a list that gets the signals' names.
+    """Turn signals into terminate tasks while it is entered; yield a list that gets the signals' names.
 
     Signals reach only the main thread of a program; elsewhere this does nothing.
     """
@@ -95,7 +95,7 @@ def orderly(nodes: Sequence[NodeParts]) -> Iterator[list[str]]:
 
 
 def interrupt_what_runs() -> None:
-    """Has what the main thread runs interrupted, and again if that does not return, as after a signal; from any thread.
+    """Interrupt what the main thread runs, and again if that does not return, as after a signal; from any thread.
 
     Does nothing outside of `orderly`, and where a system has no such timer.
     """

@@ -39,7 +39,7 @@ class LastResort:
         self._since_s = 0.0
 
     def look(self, why: str, status: int) -> None:
-        """Ends the process if nothing has changed for too long.
+        """End the process if nothing has changed for too long.
 
         Args:
             why: the run is to end.
@@ -83,7 +83,7 @@ class LastResort:
 
 
 def at_once(steps: Sequence[Callable[[], object]], timeout_s: float) -> None:
-    """Takes steps on threads of their own; waits no longer than the timeout for all of them together."""
+    """Take steps on threads of their own; wait no longer than the timeout for all of them together."""
 
     def take(step: Callable[[], object]) -> None:
         with suppress(BaseException):  # the others must still be taken, and there is no run left that could fail
@@ -98,6 +98,6 @@ def at_once(steps: Sequence[Callable[[], object]], timeout_s: float) -> None:
 
 
 def say(text: str) -> None:
-    """Writes to stderr without its lock, which the stuck thread may hold."""
+    """Write to stderr without its lock, which the stuck thread may hold."""
     with suppress(OSError):
         os.write(2, f"{text}\n".encode(errors="backslashreplace"))

@@ -12,7 +12,7 @@ _POOLS = "concurrent.futures.thread"  # Python ends a pool's idle threads itself
 
 
 def notes_on_threads(before: Collection[threading.Thread] = ()) -> list[str]:
-    """Returns a note on each thread that keeps the program alive, with the line that it is at.
+    """Return a note on each thread that keeps the program alive, with the line that it is at.
 
     Args:
         before: threads that are not to be named: those that ran before a run.

@@ -16,7 +16,7 @@ TIME_LIMIT = "time limit"
 
 
 def run_alone(node: NodeParts) -> None:
-    """Runs one node until it ends, on the clock it has.
+    """Run one node until it ends, on the clock it has.
 
     Raises:
         ComponentFailed: a handler or a loop raised; everything has been halted.
@@ -57,7 +57,7 @@ class LockStep:
         self._moments = Moments(self._nodes, clock)
 
     def run(self) -> None:
-        """Runs until every node has ended, nothing is due any more, or the time limit has come.
+        """Run until every node has ended, nothing is due any more, or the time limit has come.
 
         Raises:
             ComponentFailed: a handler or a loop raised; every node has been halted.
@@ -105,7 +105,7 @@ class LockStep:
         return ""
 
     def _settle(self) -> None:
-        """Lets every node work until none has anything left at this moment."""
+        """Let every node work until none has anything left at this moment."""
         busy = True
         while busy:
             busy = False
@@ -119,7 +119,7 @@ class LockStep:
             self._moments.check()
 
     def _wait_for(self, time_s: float) -> bool:
-        """Waits until the wall clock has come as far; returns whether it has, or a node has work before."""
+        """Wait until the wall clock has come as far; return whether it has, or a node has work before."""
         assert self._pace is not None
         door = self._nodes[0].door
         while True:
@@ -132,7 +132,7 @@ class LockStep:
 
 
 def _run_watched(nodes: Sequence[NodeParts], run: Callable[[], str]) -> None:
-    """Runs nodes by `run`, which returns why it ended, and ends them, under the eyes of a watchdog."""
+    """Run nodes by `run`, which returns why it ended, and end them, under the eyes of a watchdog."""
     with Watchdog(nodes) as watchdog:
         try:
             reason = run()
@@ -146,7 +146,7 @@ def _run_watched(nodes: Sequence[NodeParts], run: Callable[[], str]) -> None:
 
 
 def _end_all(nodes: Sequence[NodeParts], why: str | BaseException) -> None:
-    """Ends every node; raises the first failure to do so, unless another one is already on its way."""
+    """End every node; raise the first failure to do so, unless another one is already on its way."""
     failure: Exception | None = None
     error = why if isinstance(why, Exception) else None
     if isinstance(why, str):

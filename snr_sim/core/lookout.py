@@ -26,12 +26,12 @@ class Lookout:
         self._selector.register(descriptor, selectors.EVENT_READ, (serve, what))
 
     def unwatch(self, descriptor: int) -> None:
-        """Ends that; before the descriptor is closed."""
+        """End that; before the descriptor is closed."""
         with suppress(KeyError):
             self._selector.unregister(descriptor)
 
     def wake(self) -> None:
-        """Ends a wait; also from a signal handler."""
+        """End a wait; also from a signal handler."""
         with suppress(OSError):  # full is as good as written, and closed is over
             self._near.send(b"\0")
 
@@ -48,7 +48,7 @@ class Lookout:
         return list(calls.items())
 
     def close(self) -> None:
-        """Lets go of the descriptors."""
+        """Let go of the descriptors."""
         self._selector.close()
         self._near.close()
         self._far.close()

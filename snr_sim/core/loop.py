@@ -33,19 +33,19 @@ class Backing(Protocol):
         ...
 
     def start(self) -> None:
-        """Begins calling."""
+        """Begin calling."""
         ...
 
     def hurry(self) -> None:
-        """Asks for the next call now; in lock step and in a process it comes when it is due all the same."""
+        """Ask for the next call now; in lock step and in a process it comes when it is due all the same."""
         ...
 
     def stop(self) -> None:
-        """Asks for no more calls; returns at once."""
+        """Ask for no more calls; return at once."""
         ...
 
     def join(self) -> None:
-        """Stops, and returns once `halt` has been called."""
+        """Stop, and return once `halt` has been called."""
         ...
 
 
@@ -57,7 +57,7 @@ class LoopFactory(ComponentFactory):
     """Makes a loop for a node."""
 
     def get(self, parent: NodeApi) -> Loop:
-        """Returns a new loop that belongs to the node `parent`."""
+        """Return a new loop that belongs to the node `parent`."""
         raise NotImplementedError(f"{type(self).__name__} needs a method get(self, parent) that returns its loop")
 
 
@@ -100,17 +100,17 @@ class Loop(LoopMembers, NodeComponent):
         self.is_taken_out = False  # its node goes on without it, whatever its `halt` raises
 
     def setup(self) -> None:
-        """Called once before the first `loop`, on the thread that will call it."""
+        """Prepare; called once before the first `loop`, on the thread that will call it."""
 
     def loop(self) -> None:
-        """Called at each tick; schedules tasks or stores data."""
+        """Schedule tasks or store data; called at each tick."""
         raise NotImplementedError(f"{type(self).__name__} needs a method loop(self)")
 
     def halt(self) -> None:
-        """Called once after the last `loop`, on the same thread."""
+        """End the work; called once after the last `loop`, on the same thread."""
 
     def begin(self) -> None:
-        """Starts ticking.
+        """Start ticking.
 
         Raises:
             ConfigError: the loop is to run in a process, and its factory cannot be sent there.
@@ -125,12 +125,12 @@ class Loop(LoopMembers, NodeComponent):
             )
 
     def begin_on(self, backing: Backing) -> None:
-        """Starts ticking on a backing: in a process the process' own, anywhere else `begin` chooses."""
+        """Start ticking on a backing: in a process the process' own, anywhere else `begin` chooses."""
         self._backing = backing
         backing.start()
 
     def hurry(self) -> None:
-        """Has the next tick come now, on a thread, and not when it is due: there is news. For any thread.
+        """Have the next tick come now, on a thread, and not when it is due: there is news. For any thread.
 
         A loop ticks no more than twice as often as its rate says, however it is hurried. In lock step nothing changes.
         """
@@ -138,7 +138,7 @@ class Loop(LoopMembers, NodeComponent):
             self._backing.hurry()
 
     def stop(self) -> None:
-        """Asks for no more ticks: a loop that has nothing left to bring calls this itself."""
+        """Ask for no more ticks: a loop that has nothing left to bring calls this itself."""
         if self._backing is not None:
             self._backing.stop()
 
@@ -147,12 +147,12 @@ class Loop(LoopMembers, NodeComponent):
         self.stop()
 
     def join(self) -> None:
-        """Ends ticking and returns once `halt` has been called."""
+        """End ticking and return once `halt` has been called."""
         if self._backing is not None:
             self._backing.join()
 
     def is_terminated(self) -> bool:
-        """Returns whether no more ticks will come."""
+        """Return whether no more ticks will come."""
         return self._backing is not None and self._backing.is_stopped
 
     @property
@@ -161,11 +161,11 @@ class Loop(LoopMembers, NodeComponent):
         return self._backing
 
     def schedule(self, tasks: SomeTasks) -> None:
-        """Lets tasks into the node: these are its inputs."""
+        """Let tasks into the node: these are its inputs."""
         self.parent.enter(tasks, self.name)
 
     def get_time_s(self) -> float:
-        """Returns the clock's time."""
+        """Return the clock's time."""
         return self.parent.clock.now_s()
 
 

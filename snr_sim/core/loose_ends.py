@@ -27,7 +27,7 @@ Seen = Mapping[TaskType, Mapping[TaskName, tuple[Entry, ...]]]
 def loose_ends(
     components: Mapping[str, Component], seen: Seen, datastore: Datastore, find: Find | None = None
 ) -> list[str]:
-    """Returns a sentence for each, with the nearest known name.
+    """Return a sentence for each, with the nearest known name.
 
     Args:
         components: of the node.
@@ -83,7 +83,7 @@ def _never_called(components: Mapping[str, Component], seen: Seen, datastore: Da
 def _same_or_nearest(
     name: TaskName, kind: TaskType, seen: Seen, find: Callable[[DataKey], list[Author]], verb: str
 ) -> str:
-    """Offers the nearest name, unless that is as likely to be the misspelt one: nobody waits for it either."""
+    """Offer the nearest name, unless that is as likely to be the misspelt one: nobody waits for it either."""
     close = difflib.get_close_matches(name, seen[kind], n=1, cutoff=0.5)
     is_ours = bool(close) and (kind is TaskType.event or any(map(_stores, find(close[0]))))
     if not (is_ours and not seen[kind][close[0]]):
@@ -96,7 +96,7 @@ def _same_or_nearest(
 def without_handlers(
     components: Mapping[str, Component], seen: Seen | None = None, is_placed: bool = True
 ) -> Iterator[str]:
-    """Yields a sentence for endpoints that do nothing at all; one that only works in `begin`, `halt` or so is well.
+    """Yield a sentence for endpoints that do nothing at all; one that only works in `begin`, `halt` or so is well.
 
     Args:
         components: of the node.
@@ -145,7 +145,7 @@ def _never_stored(components: Mapping[str, Component], datastore: Datastore, fin
 
 
 def _misnamed(key: DataKey, components: Mapping[str, Component], datastore: Datastore, find: Find) -> str:
-    """Says that a page is missing; a stored one of nearly that name, which nobody waits for, is the misspelt one."""
+    """Say that a page is missing; a stored one of nearly that name, which nobody waits for, is the misspelt one."""
     waited_for = {task_id[1] for task_id in _ids(components) if isinstance(task_id, tuple)}
     said = f"Page '{key}' was asked for, but nobody stored it"
     for other in difflib.get_close_matches(key, map(str, datastore.pages), n=3, cutoff=0.5):
@@ -163,17 +163,17 @@ def _stores(author: Author) -> bool:
 
 
 def _is_dropped(source: str) -> bool:
-    """Returns whether a line makes a task and does nothing with it."""
+    """Return whether a line makes a task and do nothing with it."""
     return source.startswith(("self.store_data_task(", "tasks.", "Task("))
 
 
 def own_authors(key: DataKey, components: Iterable[Component]) -> list[Author]:
-    """Returns the student's lines that name a key; those of our robots are not theirs to mend."""
+    """Return the student's lines that name a key; those of our robots are not theirs to mend."""
     return [one for one in authors_of(key, components) if not is_content(one.place.file)]
 
 
 def nobody(key: DataKey, components: Iterable[Component]) -> list[Author]:
-    """Finds no lines."""
+    """Find no lines."""
     return []
 
 

@@ -89,12 +89,12 @@ class EventMachine:
         return task
 
     def waiting_tasks(self, at_most: int) -> list[Task]:
-        """Returns the oldest tasks that have been let in, also for another thread: a copy is made in one step."""
+        """Return the oldest tasks that have been let in, also for another thread: a copy is made in one step."""
         oldest = list(islice(self.queue, at_most))
         return oldest if self._recorder is None else [ticket[0] for ticket in oldest]
 
     def run_ready(self) -> None:
-        """Executes tasks until none is left, the machine has ended, or it has executed `most_executed` tasks.
+        """Execute tasks until none is left, the machine has ended, or it has executed `most_executed` tasks.
 
         Raises:
             HandlerFailed: a handler raised, or returned something that is not tasks.
@@ -158,7 +158,7 @@ class EventMachine:
                 return
 
     def execute_next(self) -> None:
-        """Executes one task; there must be one. A recorder gets it also when a handler raises: the trace is whole.
+        """Execute one task; there must be one. A recorder gets it also when a handler raises: the trace is whole.
 
         Raises:
             HandlerFailed: as above.
@@ -199,7 +199,7 @@ class EventMachine:
             self._queue_tickets(tickets)
 
     def drain(self) -> int:
-        """Finishes what is queued when the machine has ended; returns how many tasks were cut off."""
+        """Finish what is queued when the machine has ended; return how many tasks were cut off."""
         self.let_in()
         give_up_s = None if self._latch is None else self._latch() + DRAIN_MAX_S
         for _ in range(DRAIN_GENERATIONS):
@@ -212,7 +212,7 @@ class EventMachine:
         return self.inside
 
     def let_in(self) -> None:
-        """Queues what waits at the door. From here on the order is fixed; that is what a replay repeats.
+        """Queue what waits at the door. From here on the order is fixed; that is what a replay repeats.
 
         Raises:
             ComponentFailed: a loop failed on its own thread.
@@ -227,7 +227,7 @@ class EventMachine:
             self.longest_queue = inside
 
     def begin_component(self, component: Component) -> None:
-        """Calls a component's `begin`; what it schedules is queued as its own doing, not as an input."""
+        """Call a component's `begin`; what it schedules is queued as its own doing, not as an input."""
         self.running = component
         try:
             component.begin()
@@ -239,20 +239,20 @@ class EventMachine:
             self._queue_tickets(tickets)
 
     def schedule(self, tasks: Sequence[Task]) -> None:
-        """Queues what the running component schedules, before what it will return; recorded, it is part of that."""
+        """Queue what the running component schedules, before what it will return; recorded, it is part of that."""
         if self._recorder is None:
             self._queue_all(tasks)
         else:
             self._scheduled.extend(tasks)
 
     def forget_queued(self) -> None:
-        """Drops what waits, at the door or inside: a replay does not finish what the recorded run left."""
+        """Drop what waits, at the door or inside: a replay does not finish what the recorded run left."""
         self.door.waiting.clear()
         self.queue.clear()
         self._urgent.clear()
 
     def admit(self, task: Task, source: str) -> None:
-        """Queues an input without a door, as a replay does."""
+        """Queue an input without a door, as a replay does."""
         self._enter(task, source)
 
     def _enter(self, task: Task, source: str) -> None:
@@ -283,7 +283,7 @@ _TERMINATE = TaskType.terminate
 
 
 def as_tasks(returned: SomeTasks | Any, component: Component, handler: Any) -> Sequence[Task]:
-    """Returns what a handler returned as a sequence of tasks.
+    """Return what a handler returned as a sequence of tasks.
 
     Raises:
         TaskError: it is something else.

@@ -120,7 +120,7 @@ class Node(NodeMembers):
     # Life: begin, run until ended, end. `loop` does all three.
 
     def loop(self) -> None:
-        """Runs until a terminate task has been executed.
+        """Run until a terminate task has been executed.
 
         Raises:
             ComponentFailed: a handler or a loop raised; everything has been halted.
@@ -128,15 +128,15 @@ class Node(NodeMembers):
         run_alone(self)
 
     def begin(self) -> None:
-        """Begins each component, in order; from now on this thread is the node's: see `NodeLife.begin`."""
+        """Begin each component, in order; from now on this thread is the node's: see `NodeLife.begin`."""
         self.life.begin()
 
     def run_ready(self) -> None:
-        """Executes tasks until none is left or the node has ended: see `NodeLife.run_ready`."""
+        """Execute tasks until none is left or the node has ended: see `NodeLife.run_ready`."""
         self.life.run_ready()
 
     def end(self, reason: str | None = None, error: Exception | None = None) -> None:
-        """Finishes what is queued, then halts and terminates each component: see `NodeLife.end`."""
+        """Finish what is queued, then halt and terminates each component: see `NodeLife.end`."""
         self.life.end(reason, error)
 
     @property
@@ -155,23 +155,23 @@ class Node(NodeMembers):
         return self.machine.is_ended
 
     def set_terminate_flag(self, reason: str) -> None:
-        """Ends the node after the current task, as a terminate task does; from any thread, and before it begins."""
+        """End the node after the current task, as a terminate task does; from any thread, and before it begins."""
         self.schedule(Task(TaskType.terminate, reason), "set_terminate_flag")
 
     def note_terminated(self, reason: str) -> None:
-        """Keeps the reason of the first terminate task, which has been executed, and ends the machine."""
+        """Keep the reason of the first terminate task, which has been executed, and end the machine."""
         if self.exit_reason is None:
             self.exit_reason = reason
         self.machine.is_ended = True
 
     def summary(self) -> dict[str, Any]:
-        """Returns counts of the run, as they stand in the trace's last record."""
+        """Return counts of the run, as they stand in the trace's last record."""
         return {"tasks": self.machine.executed, "pages": self.datastore.stored, "notes": self.notes}
 
     # Tasks
 
     def schedule(self, tasks: SomeTasks, source: str = "outside") -> None:
-        """Queues tasks: as the running handler's doing, or as an input if none of this node's handlers runs.
+        """Queue tasks: as the running handler's doing, or as an input if none of this node's handlers runs.
 
         Args:
             tasks: a task, several, or None.
@@ -188,7 +188,7 @@ class Node(NodeMembers):
             self.machine.schedule([tasks] if type(tasks) is Task else as_tasks(tasks, running, self.schedule))
 
     def enter(self, tasks: SomeTasks, source: str) -> None:
-        """Lets tasks in through the door, from any thread; `source` says whose they are.
+        """Let tasks in through the door, from any thread; `source` says whose they are.
 
         Raises:
             TaskError: something is not a task.
@@ -210,7 +210,7 @@ class Node(NodeMembers):
         return self.machine.lookup.seen()
 
     def handlers_changed(self) -> None:
-        """Has handlers looked up anew; components call it when theirs change."""
+        """Have handlers looked up anew; components call it when theirs change."""
         self.machine.lookup.forget()
 
     def start_loop(self, loop: Loop, on_thread: bool = False) -> None:
@@ -229,7 +229,7 @@ class Node(NodeMembers):
     # Data
 
     def page(self, key: DataKey, data: Any, process: bool = True) -> Page:
-        """Returns a page made by this node, now, of the data as they are now.
+        """Return a page made by this node, now, of the data as they are now.
 
         Dicts, lists, arrays and dataclasses are copied, so what their owner does with them later does not change the
         page. An object of another class is noted at the end of the run, with the line that stored it.
@@ -240,19 +240,19 @@ class Node(NodeMembers):
         return Page(key, data_of_page(self, key, data), self.name, self.get_time_s(), process)
 
     def store_page(self, page: Page) -> None:
-        """Queues the task that stores a page."""
+        """Queue the task that stores a page."""
         self.schedule(Task(TaskType.store_page, page.key, [page]))
 
     def store_data(self, key: DataKey, data: Any, process: bool = True) -> None:
-        """Queues the task that stores data under a key."""
+        """Queue the task that stores data under a key."""
         self.schedule(self.store_data_task(key, data, process))
 
     def store_data_task(self, key: DataKey, data: Any, process: bool = True) -> Task:
-        """Returns the task that stores data under a key."""
+        """Return the task that stores data under a key."""
         return Task(TaskType.store_page, key, [self.page(key, data, process)])
 
     def get_page(self, key: DataKey) -> Page | None:
-        """Returns the newest page of a key, or None; `<key>_prev` is the one before.
+        """Return the newest page of a key, or None; `<key>_prev` is the one before.
 
         In a handler of `process_data` it is the page that the task carries, and the one before that: each page that
         was stored is processed, also where newer ones have come since.
@@ -272,12 +272,12 @@ class Node(NodeMembers):
         return self._core.page_before(page) if key == page.key + PREVIOUS and key not in pages else newest
 
     def get_data(self, key: DataKey) -> Any:
-        """Returns the data of `get_page`, or None."""
+        """Return the data of `get_page`, or None."""
         page = self.get_page(key)
         return None if page is None else page.data
 
     def get_age_s(self, key: DataKey) -> float:
-        """Returns how old the page of `get_page` is [s], whoever made it; infinite if there is none.
+        """Return how old the page of `get_page` is [s], whoever made it; infinite if there is none.
 
         Of another node's page on the wall clock that is known as far as a link to that very node knows its clock:
         see core/ages.py. Else it is infinite: a command must not count as fresh because nobody knows better.
@@ -286,24 +286,24 @@ class Node(NodeMembers):
         return float("inf") if page is None else age_s(self, page)
 
     def came_at_s(self, key: DataKey) -> float:
-        """Returns when the newest page of a key that another node has made came here; -inf if none did."""
+        """Return when the newest page of a key that another node has made came here; -inf if none did."""
         return self._core.came_s.get(key, float("-inf"))
 
     def tap(self, key: DataKey, way_out: Callable[[Page], None]) -> None:
-        """Has every page of a key handed to `way_out` right after it was stored, on the node's thread.
+        """Have every page of a key handed to `way_out` right after it was stored, on the node's thread.
 
         This is how links get pages out. It is no part of the machine: a replay has no taps and does not miss them.
         """
         self._core.taps.setdefault(key, []).append(way_out)
 
     def untap(self, key: DataKey, way_out: Callable[[Page], None]) -> None:
-        """Ends what `tap` began."""
+        """End what `tap` began."""
         self._core.taps[key].remove(way_out)
 
     # Time and chance
 
     def get_time_s(self) -> float:
-        """Returns the time latched for the running task, or else the clock's."""
+        """Return the time latched for the running task, or else the clock's."""
         machine = self.machine
         if machine.running is not None and threading.get_ident() == self.thread_id:
             return machine.now_s
@@ -330,7 +330,7 @@ class Node(NodeMembers):
         return self.report.notes
 
     def note(self, text: str, lines: str = "") -> None:
-        """Keeps a remark for the end of the run, once: see `NodeReport.note`."""
+        """Keep a remark for the end of the run, once: see `NodeReport.note`."""
         self.report.note(text, lines)
 
     def note_object(self, key: DataKey, kind: type) -> bool:

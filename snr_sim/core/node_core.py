@@ -54,7 +54,7 @@ class NodeCore(Endpoint):
         }
 
     def store(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Puts the page in the datastore; if it asks for processing, that comes next."""
+        """Put the page in the datastore; if it asks for processing, that comes next."""
         values = task.val_list
         if not (values and isinstance(values, (list, tuple))):
             raise TaskError(
@@ -75,45 +75,45 @@ class NodeCore(Endpoint):
         return Task(_PROCESS_DATA, page.key, [page])
 
     def await_processing(self, page: Page, before: Page | None) -> None:
-        """Keeps the page of the key that was stored before this one until this one has been processed."""
+        """Keep the page of the key that was stored before this one until this one has been processed."""
         queue, waiting = self._node.machine.queue, self._waiting
         waiting.append((page, before))
         while len(waiting) > len(queue) + 1:
             waiting.popleft()
 
     def page_before(self, page: Page) -> Page | None:
-        """Returns the page of the key that was stored before one whose `process_data` task is executed now."""
+        """Return the page of the key that was stored before one whose `process_data` task is executed now."""
         return next((before for one, before in self._waiting if one is page), None)
 
     def end_node(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Ends the node; the task's name is the reason."""
+        """End the node; the task's name is the reason."""
         self._node.note_terminated(task.name)
         return None
 
     def finish(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Goes to the end of the queue, as often as its second value says; then ends the node."""
+        """Go to the end of the queue, as often as its second value says; then end the node."""
         reason, generations = task.val_list
         if generations > 0:
             return Task(task.type, task.name, [reason, generations - 1])
         return tasks.terminate(reason)
 
     def reload(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Makes the component of that name anew, or all; further names may stand in the values."""
+        """Make the component of that name anew, or all; further names may stand in the values."""
         return self._tell(TaskType.reload.value, self._changes.reload(task.name, task.val_list))
 
     def add_component(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Adds what a factory makes."""
+        """Add what a factory makes."""
         factory = task.val_list[0] if task.val_list else None
         is_started = len(task.val_list) < 2 or bool(task.val_list[1])
         return self._tell(tasks.ADD_COMPONENT_TASK_NAME, self._changes.add(factory, is_started))
 
     def remove_component(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Removes the component of that name."""
+        """Remove the component of that name."""
         name = task.val_list[0] if task.val_list else ""
         return self._tell(tasks.REMOVE_COMPONENT_TASK_NAME, self._changes.remove(name))
 
     def roll_back(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Rolls back the reload that has made a loop which failed."""
+        """Roll back the reload that has made a loop which failed."""
         match task.val_list:
             case [str(name), int(number), str(message)]:
                 return self._probations.roll_back(name, number, message)
@@ -123,7 +123,7 @@ class NodeCore(Endpoint):
         return [self._tell(TaskType.reload.value, Outcome(name, False, message))]
 
     def _tell(self, key: DataKey, outcome: Outcome) -> Task:
-        """Says what came of a change: in the log, at the end of the run if it failed, and in a page."""
+        """Say what came of a change: in the log, at the end of the run if it failed, and in a page."""
         if outcome.ok:
             self.log.info("%s", outcome.message)
         else:

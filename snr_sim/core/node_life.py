@@ -50,7 +50,7 @@ class NodeLife:
         self._begun: list[Component] = []
 
     def begin(self) -> None:
-        """Begins each component, in order; from now on this thread is the node's.
+        """Begin each component, in order; from now on this thread is the node's.
 
         Raises:
             ComponentFailed: a component could not begin.
@@ -75,7 +75,7 @@ class NodeLife:
             raise self.report.failure_of(component, error, "begin") from error
 
     def begin_added(self, component: Component) -> None:
-        """Begins a component while a task is handled; what it schedules follows from that task.
+        """Begin a component while a task is handled; what it schedules follows from that task.
 
         Raises:
             ComponentFailed: it raised; so did the `setup` of a loop, on a thread or in a process, if it did so soon.
@@ -98,7 +98,7 @@ class NodeLife:
             self.node.machine.running = running
 
     def end_removed(self, component: Component) -> list[ComponentFailed]:
-        """Halts and terminates a component before the node ends; returns what went wrong. Does nothing twice."""
+        """Halt and terminate a component before the node ends; return what went wrong. Does nothing twice."""
         if not self.has_begun(component):
             return []
         self._begun = [one for one in self._begun if one is not component]
@@ -111,11 +111,11 @@ class NodeLife:
         return failures
 
     def has_begun(self, component: Component) -> bool:
-        """Returns whether a component has begun and has not been terminated."""
+        """Return whether a component has begun and have not been terminated."""
         return any(one is component for one in self._begun)
 
     def run_ready(self) -> None:
-        """Executes tasks until none is left or the node has ended.
+        """Execute tasks until none is left or the node has ended.
 
         Raises:
             ComponentFailed: a handler or a loop raised.
@@ -132,7 +132,7 @@ class NodeLife:
             raise self.report.failure_of_handling(failed, cause) from cause
 
     def end(self, reason: str | None = None, error: Exception | None = None) -> None:
-        """Finishes what is queued, then halts and terminates each component, whatever any of them raises.
+        """Finish what is queued, then halt and terminates each component, whatever any of them raises.
 
         Args:
             reason: why, if no terminate task said so.
@@ -227,7 +227,7 @@ class NodeLife:
             self.node.machine.running = None
 
     def call_loop(self, loop: Loop, step: str) -> None:
-        """Calls a loop's `setup` or `loop`: on the node's thread in lock step, on the loop's own otherwise.
+        """Call a loop's `setup` or `loop`: on the node's thread in lock step, on the loop's own otherwise.
 
         Raises:
             ComponentFailed: it raised.

@@ -35,7 +35,7 @@ class NodeReport:
         self._failures: list[ComponentFailed] = []  # those that are in the trace
 
     def failure_of(self, component: Component, error: BaseException, step: str) -> ComponentFailed:
-        """Returns what went wrong in `begin`, `setup`, `loop`, `halt` or `terminate`, in words."""
+        """Return what went wrong in `begin`, `setup`, `loop`, `halt` or `terminate`, in words."""
         if isinstance(error, ComponentFailed):
             return error
         where = f"in {step}() of component '{component.name}' at t = {self._node.clock.now_s():.3f} s"
@@ -49,7 +49,7 @@ class NodeReport:
         return ComponentFailed(describe_error(error, where), self._node.name)
 
     def failure_in_handler(self, component: Component, task: Task, error: BaseException) -> ComponentFailed:
-        """Returns what went wrong in a component's handler of a task, in words."""
+        """Return what went wrong in a component's handler of a task, in words."""
         name = component.name
         entries = self._node.machine.lookup.find(task)
         called = [entry for entry in entries if entry[0] is component]
@@ -62,7 +62,7 @@ class NodeReport:
         return f"{task.type} '{task.name}' at t = {self._node.machine.now_s:.3f} s"
 
     def record_failure(self, failure: ComponentFailed) -> None:
-        """Writes a failure of this node into the trace, once."""
+        """Write a failure of this node into the trace, once."""
         if failure.node != self._node.name or any(failure is other for other in self._failures):
             return
         self._failures.append(failure)
@@ -70,12 +70,12 @@ class NodeReport:
             self._recorder.error(self._node.machine.now_s, failure.component, failure.message)
 
     def record_interrupt(self, component_name: str, message: str) -> None:
-        """Writes into the trace which handler was interrupted: a replay must not wait for it again."""
+        """Write into the trace which handler was interrupted: a replay must not wait for it again."""
         if self._recorder is not None:
             self._recorder.error(self._node.machine.now_s, component_name, f"{INTERRUPTED}: {message}")
 
     def note(self, text: str, lines: str = "") -> None:
-        """Keeps a remark for the end of the run, once: what fails again and again must not fill the memory.
+        """Keep a remark for the end of the run, once: what fails again and again must not fill the memory.
 
         Args:
             text: of the remark.

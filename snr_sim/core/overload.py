@@ -35,7 +35,7 @@ class Overload:
         self._tell_at_s = float("-inf")
 
     def look(self, now_s: float) -> str | None:
-        """Returns what is to be told, if anything is: of a queue that was long at the last look, too."""
+        """Return what is to be told, if anything is: of a queue that was long at the last look, too."""
         machine = self._node.machine
         waiting = machine.queued
         if waiting < OVERLOAD_TASKS or self._node.is_over:
@@ -79,7 +79,7 @@ class Overload:
 
 
 def _shares(counts: Counter[str]) -> str:
-    """Returns the largest counts, in per cent of all.
+    """Return the largest counts, in per cent of all.
 
     >>> _shares(Counter(camera=3, depth=1))
     'camera 75 %, depth 25 %'

@@ -20,7 +20,7 @@ _FIX = "store numbers, text, lists, dicts, numpy arrays, or dataclasses of these
 
 
 def data_of_page(node: NodeApi, key: DataKey, data: Any) -> Any:
-    """Returns data as a page of a node keeps them: a copy, which later changes of the original do not reach.
+    """Return data as a page of a node keeps them: a copy, which later changes of the original do not reach.
 
     An object of another class stays what it is, and is noted once with the line that stores it.
 
@@ -60,7 +60,7 @@ def _check(node: NodeApi, key: DataKey, data: Any, found: Any) -> None:
 
 
 def _storing_line() -> Place | None:
-    """Returns the student's line that stores a page, or None if a part of the kit does."""
+    """Return the student's line that stores a page, or None if a part of the kit does."""
     frame: FrameType | None = sys._getframe()
     while frame is not None and _CORE in Path(frame.f_code.co_filename).parents:
         frame = frame.f_back
@@ -68,7 +68,7 @@ def _storing_line() -> Place | None:
 
 
 def _paths_to(found: Any, value: Any, path: str) -> Iterator[str]:
-    """Yields where an object is in data, as its author would write it."""
+    """Yield where an object is in data, as its author would write it."""
     kind = type(value)
     if value is found:
         yield path

@@ -45,7 +45,7 @@ class Profiler:
         self.timings: dict[str, Timing] = {}
 
     def time(self, name: str, function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
-        """Calls the function, adds what it took to `name`, and returns its result."""
+        """Call the function, adds what it took to `name`, and return its result."""
         start_s = perf_counter()
         try:
             return function(*args, **kwargs)
@@ -53,7 +53,7 @@ class Profiler:
             self.store_task(name, perf_counter() - start_s)
 
     def timed(self, name: str, function: Callable[P, R]) -> Callable[P, R]:
-        """Returns the function with every call of it added to `name`."""
+        """Return the function with every call of it added to `name`."""
 
         @wraps(function)
         def call(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -62,7 +62,7 @@ class Profiler:
         return call
 
     def store_task(self, name: str, duration_s: float) -> None:
-        """Adds one call to `name`."""
+        """Add one call to `name`."""
         timing = self.timings.get(name)
         if timing is None:
             timing = self.timings[name] = Timing()
@@ -71,7 +71,7 @@ class Profiler:
         timing.max_s = max(timing.max_s, duration_s)
 
     def rows(self) -> list[dict[str, float | str]]:
-        """Returns name, count, total, mean and max [s] and share of all time measured; most expensive first."""
+        """Return name, count, total, mean and max [s] and share of all time measured; most expensive first."""
         whole_s = sum(timing.total_s for timing in self.timings.values()) or 1.0  # decides no run: only printed
         by_cost = sorted(self.timings.items(), key=lambda item: -item[1].total_s)
         return [
@@ -87,7 +87,7 @@ class Profiler:
         ]
 
     def dump(self) -> str:
-        """Returns the rows as a table in text."""
+        """Return the rows as a table in text."""
         lines = [f"{'':32} {'calls':>9} {'total ms':>10} {'mean us':>10} {'max us':>10} {'share':>7}"]
         for row in self.rows():
             total_us, mean_us, max_us = (float(row[key]) * 1e6 for key in ("total_s", "mean_s", "max_s"))

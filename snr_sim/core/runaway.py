@@ -44,12 +44,12 @@ class Moments:
         ]
 
     def begin(self) -> None:
-        """Lets each node execute as many tasks as it may at one moment."""
+        """Let each node execute as many tasks as it may at one moment."""
         for machine, at_most in self._machines:
             machine.most_executed = machine.executed + at_most
 
     def check(self) -> None:
-        """Ends a run in which a node has used up its tasks and has more of them.
+        """End a run in which a node has used up its tasks and have more of them.
 
         Raises:
             ComponentFailed: it names the tasks that ask for each other.
@@ -61,7 +61,7 @@ class Moments:
 
 
 def watch(nodes: Sequence[NodeParts], clock: SimClock) -> list[Step]:
-    """Executes some more tasks one by one, as lock step does; returns which, with who handled them."""
+    """Execute some more tasks one by one, as lock step does; return which, with who handled them."""
     steps: list[Step] = []
     moment_s = clock.now_s()
     while len(steps) < WATCHED_TASKS:
@@ -88,7 +88,7 @@ def watch(nodes: Sequence[NodeParts], clock: SimClock) -> list[Step]:
 
 
 def cycle_of(steps: Sequence[Step]) -> list[Step]:
-    """Returns the tasks that come again and again, or the last ones if no order shows.
+    """Return the tasks that come again and again, or the last ones if no order shows.
 
     >>> cycle_of(list("xabcabc"))
     ['a', 'b', 'c']

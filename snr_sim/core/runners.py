@@ -35,7 +35,7 @@ class Link(Protocol):
     """Carries pages between nodes of one process."""
 
     def attach(self, nodes: dict[RoleName, Node], clock: SimClock) -> None:
-        """Connects to the nodes it links, before they begin."""
+        """Connect to the nodes it links, before they begin."""
         ...
 
 
@@ -62,7 +62,7 @@ class SynchronousRunner:
         self.node = Node(role, config, clock=clock, recorder=recorder, seed=seed)
 
     def run(self) -> None:
-        """Runs until a terminate task, or a signal, ends it.
+        """Run until a terminate task, or a signal, ends it.
 
         Raises:
             ComponentFailed: a handler or a loop raised.
@@ -84,7 +84,7 @@ class SynchronousRunner:
 
 
 def _tell_notes(nodes: Sequence[Node], threads_before: Sequence[threading.Thread]) -> None:
-    """Says what the nodes remarked; of several, which one; and what the run has left running."""
+    """Say what the nodes remarked; of several, which one; and what the run has left running."""
     for node in nodes:
         whose = f"{node.name}: " if len(nodes) > 1 else ""
         for note in node.notes:
@@ -109,7 +109,7 @@ class CliRunner:
         self._argv = list(sys.argv if argv is None else argv)
 
     def run(self) -> None:
-        """Runs the role until it ends. Without a known role: says which there are, exit status 2; with --help, 0.
+        """Run the role until it ends. Without a known role: says which there are, exit status 2; with --help, 0.
 
         What goes wrong is told on stderr, exit status 1; in DEBUG mode it is raised, for its traceback.
         """
@@ -158,7 +158,7 @@ class CliRunner:
 
 
 def show_log(level: int) -> None:
-    """Shows what components log, from this level up; without this Python shows warnings and errors only."""
+    """Show what components log, from this level up; without this Python shows warnings and errors only."""
     handler = _ToStderr()
     handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
     logger = logging.getLogger("snr")
@@ -198,7 +198,7 @@ class TestRunner:
         self._until_s = until_s
 
     def run(self) -> None:
-        """Runs until a terminate task, or until nothing is left to do.
+        """Run until a terminate task, or until nothing is left to do.
 
         Raises:
             ComponentFailed: a handler or a loop raised.
@@ -250,7 +250,7 @@ class SimRunner:
         self.signals: list[str] = []
 
     def run(self) -> None:
-        """Runs until every node has ended, nothing is left to do, or the time limit has come.
+        """Run until every node has ended, nothing is left to do, or the time limit has come.
 
         Raises:
             ComponentFailed: a handler or a loop raised; every node has been halted.

@@ -7,7 +7,7 @@ import sys
 
 
 def open_closed_streams() -> None:
-    """Opens the null device for each of stdin, stdout and stderr that is closed. Safe to call twice.
+    """Open the null device for each of stdin, stdout and stderr that is closed. Safe to call twice.
 
     Without this the next file that is opened, such as a trace, gets the number of stdout, and what C code prints goes
     into it; and `sys.stdout` is None.

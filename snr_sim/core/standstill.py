@@ -45,7 +45,7 @@ class Standstill:
         self._told_lines: set[tuple[str, int]] = set()
 
     def look(self, passed_s: float) -> str | None:
-        """Returns what is to be told, if anything is.
+        """Return what is to be told, if anything is.
 
         Args:
             passed_s: wall time since the last look.
@@ -68,7 +68,7 @@ class Standstill:
         return f"{self._words(call)}, and nothing else runs meanwhile.\n  Try: {_FIX} Ctrl-C ends the run in order."
 
     def failure(self) -> ComponentFailed:
-        """Returns the error of a run that is ended for this."""
+        """Return the error of a run that is ended for this."""
         running = self.running
         what = f"{self._words(self._call(True))}: the run was ended."
         return ComponentFailed(f"{what}\n  Try: {_FIX}", self.node.name, "" if running is None else running.name)
@@ -84,7 +84,7 @@ class Standstill:
         return self.node.machine.running
 
     def _progress(self) -> list[Any]:
-        """Returns what changes while a run gets on. All of it is kept anyway."""
+        """Return what changes while a run gets on. All of it is kept anyway."""
         first = self._nodes[0]
         return [
             first.clock.now_s() if first.is_in_lock_step else None,
@@ -107,7 +107,7 @@ class Standstill:
         return f"{function}component '{self.running.name}'"
 
     def _slow(self, call: CurrentCall) -> str | None:
-        """Tells once of a line in which the run is at look after look, although it gets on."""
+        """Tell once of a line in which the run is at look after look, although it gets on."""
         line = call.line
         if line is None or line in self._told_lines or list(self._lines) != [line] * SLOW_LOOKS:
             return None

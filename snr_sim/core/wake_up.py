@@ -21,7 +21,7 @@ _watched: list[int] = []  # file descriptors; the copy of a process would tell w
 
 @contextmanager
 def woken_by(numbers: Sequence[int], taken: Sequence[object], look: Callable[[int], None]) -> Iterator[None]:
-    """Has the main thread woken by the first of these signals, while it is entered. Only the main thread may.
+    """Have the main thread woken by the first of these signals, while it is entered. Only the main thread may.
 
     Args:
         numbers: of signals, which have handlers in Python.

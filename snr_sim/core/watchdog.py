@@ -78,7 +78,7 @@ class Watchdog:
         self._base = None  # or that frame and this object would keep each other
 
     def begin(self, base: FrameType | None) -> None:
-        """Takes the calling thread for the one that runs the nodes; what it does is looked at down to `base`."""
+        """Take the calling thread for the one that runs the nodes; what it does is looked at down to `base`."""
         self._thread_id = threading.get_ident()
         self._base = base
         self._looked_s = self._now_s()
@@ -87,7 +87,7 @@ class Watchdog:
         self._last_resort = LastResort(self._nodes, self._thread_id)
 
     def look(self) -> None:
-        """Tells what there is to tell, and ends a run that has stood still for as long as its config allows."""
+        """Tell what there is to tell, and end a run that has stood still for as long as its config allows."""
         now_s = self._now_s()
         passed_s = min(now_s - self._looked_s, _MOST_COUNTED_S)
         self._looked_s = now_s

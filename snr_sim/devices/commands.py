@@ -16,7 +16,7 @@ _SHOWN_LENGTH = 80
 
 
 def command_of(data: Any, wanted: type[Any], limits: Limits) -> Any:
-    """Returns the command that a page holds.
+    """Return the command that a page holds.
 
     Args:
         data: of the page: the command itself, or a dict of its fields.
@@ -52,7 +52,7 @@ def check_finite(name: str, value: float, limits: tuple[float, float]) -> None:
 
 
 def _plain(value: Any) -> Any:
-    """Returns a value with numpy's numbers and arrays as Python's."""
+    """Return a value with numpy's numbers and arrays as Python's."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -86,7 +86,7 @@ def _what_is_wrong(data: Any, wanted: type[Any], limits: Limits) -> CommandError
 
 
 def _wrong_value(place: str, value: Any, kind: Any) -> tuple[str, Any] | None:
-    """Returns where in a field something else stands than belongs there, and what; None if all is well."""
+    """Return where in a field something else stands than belongs there, and what; None if all is well."""
     if get_origin(kind) is list and isinstance(value, (list, tuple)):
         inside = (_wrong_value(f"{place}[{i}]", one, get_args(kind)[0]) for i, one in enumerate(value))
         return next((found for found in inside if found is not None), None)
@@ -112,7 +112,7 @@ def _default(field: Any) -> str:
 
 
 def in_words(value: Any) -> str:
-    """Returns what a value is and which, as its author would say it.
+    """Return what a value is and which, as its author would say it.
 
     >>> in_words("full"), in_words([0.5]), in_words(None)
     ("the text 'full'", 'the list [0.5]', 'None')

@@ -24,7 +24,7 @@ STALE_NOTES = 5  # a loose plug is not told of for ever
 
 
 def configured(device: Any, what: str) -> Any:
-    """Returns a device that has just been opened, configured.
+    """Return a device that has just been opened, configured.
 
     Raises:
         DeviceError: it is none; or what its `configure` says.
@@ -40,7 +40,7 @@ def configured(device: Any, what: str) -> Any:
 
 
 def started(device: Any, what: str) -> Any:
-    """Returns a device that has just been opened, configured and active.
+    """Return a device that has just been opened, configured and active.
 
     Raises:
         DeviceError: it is none; or what its `configure` and `activate` say.
@@ -84,11 +84,11 @@ class SensorLoopFactory(LoopFactory):
         self.process = process
 
     def get(self, parent: NodeApi) -> SensorLoop:
-        """Returns the loop `<key>_sensor`."""
+        """Return the loop `<key>_sensor`."""
         return SensorLoop(self, parent, f"{self.key}_sensor", self.rate_hz)
 
     def data_of(self, reading: Any) -> dict[str, Any]:
-        """Returns what the page of a reading holds, with lists and arrays of its own."""
+        """Return what the page of a reading holds, with lists and arrays of its own."""
         data: dict[str, Any] = msgspec.to_builtins(reading)
         return data
 
@@ -102,13 +102,13 @@ class SensorLoop(DeviceLoop):
     factory: SensorLoopFactory
 
     def setup(self) -> None:
-        """Opens the sensor."""
+        """Open the sensor."""
         self._stale_times = 0
         self._is_stale = False
         self.device = started(self.factory.open_device(), f"the sensor '{self.factory.key}'")
 
     def loop(self) -> None:
-        """Reads once."""
+        """Read once."""
         factory = self.factory
         reading = self.device.read()
         if type(reading) is Stale:
@@ -152,7 +152,7 @@ class ActuatorLoopFactory(LoopFactory):
         self.timeout_s = timeout_s
 
     def get(self, parent: NodeApi) -> CommandLoop:
-        """Returns the loop `<key>_actuator`."""
+        """Return the loop `<key>_actuator`."""
         return ActuatorLoop(self, parent, f"{self.key}_actuator", self.rate_hz)
 
 
@@ -180,13 +180,13 @@ class ActuatorLoop(CommandLoop):
     """Writes commands; a command that is not one leaves the actuator at neutral and stops the run."""
 
     def setup(self) -> None:
-        """Opens the actuator and puts it at neutral."""
+        """Open the actuator and put it at neutral."""
         self.device = started(self.factory.open_device(), f"the actuator '{self.factory.key}'")
         self.device.neutral()
         self._written: Page | None = None
 
     def loop(self) -> None:
-        """Writes the newest command, if it is new; neutral if it is too old."""
+        """Write the newest command, if it is new; neutral if it is too old."""
         page, age_s = self.commands.newest()
         if page is None:
             return
@@ -208,7 +208,7 @@ class ActuatorLoop(CommandLoop):
             self.commands.note_clamped(command, applied, actuator.limits)
 
     def halt(self) -> None:
-        """Goes to neutral."""
+        """Go to neutral."""
         if self.device is not None:
             self.device.neutral()
         super().halt()

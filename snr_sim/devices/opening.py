@@ -86,7 +86,7 @@ SENSORS = tuple(kind for kind in SETTINGS if kind not in OUTPUTS)
 def open_pwm(
     text: str, now_s: Callable[[], float], channels: int, limits_us: tuple[float, float] = LIMITS_US
 ) -> PwmBackend:
-    """Opens outputs of servo pulses.
+    """Open outputs of servo pulses.
 
     Raises:
         UnknownName, ParameterError: see `split`.
@@ -102,7 +102,7 @@ def open_pwm(
 
 
 def open_held(text: str, channels: int, low_us: float, high_us: float, takes_over: bool = False) -> PlainPwm:
-    """Opens outputs that keep their last pulse, in the supervisor's process, whose clock is the computer's."""
+    """Open outputs that keep their last pulse, in the supervisor's process, whose clock is the computer's."""
     return PlainPwm(_held_chip(text, channels, (low_us, high_us), takes_over), time.monotonic, is_supervised=True)
 
 
@@ -123,7 +123,7 @@ def _held_chip(text: str, channels: int, limits_us: tuple[float, float], takes_o
 
 
 def open_sensor(text: str, now_s: Callable[[], float], about: Any = None) -> Sensor[Any]:
-    """Opens a real sensor.
+    """Open a real sensor.
 
     Args:
         text: what and where.
@@ -143,7 +143,7 @@ def open_sensor(text: str, now_s: Callable[[], float], about: Any = None) -> Sen
 
 
 def split(text: str, kinds: tuple[str, ...]) -> tuple[str, str, dict[str, Any]]:
-    """Returns kind, place and settings of a device's text.
+    """Return kind, place and settings of a device's text.
 
     Raises:
         UnknownName: a kind or a setting that is not known, or no place where one is needed.
@@ -181,7 +181,7 @@ def _value(text: str, given: str, value: str, setting: Setting) -> Any:
 
 
 def check_io(io: Io) -> None:
-    """Sees whether what follows a place in `--io` makes sense, before anything is opened.
+    """See whether what follows a place in `--io` makes sense, before anything is opened.
 
     Raises:
         UnknownName, ParameterError: see `split`.
@@ -191,7 +191,7 @@ def check_io(io: Io) -> None:
 
 
 def check_table(table: Mapping[str, str]) -> None:
-    """Sees whether two devices of a robot's table of ports are said to be at one place.
+    """See whether two devices of a robot's table of ports are said to be at one place.
 
     Raises:
         UnknownName, ParameterError: they are, or a text is none of a device.

@@ -33,7 +33,7 @@ class PadLoopFactory(LoopFactory):
         self.rate_hz = rate_hz
 
     def get(self, parent: NodeApi) -> PadLoop:
-        """Returns the loop `<key>_pad`."""
+        """Return the loop `<key>_pad`."""
         return PadLoop(self, parent, f"{self.key}_pad", self.rate_hz)
 
 
@@ -46,12 +46,12 @@ class PadLoop(DeviceLoop):
     factory: PadLoopFactory
 
     def setup(self) -> None:
-        """Opens the pad."""
+        """Open the pad."""
         self.device = started(self.factory.open_device(), f"the pad '{self.factory.key}'")
         self._last = PadReading([], [], [], is_connected=False)
 
     def loop(self) -> None:
-        """Reads once."""
+        """Read once."""
         reading = self.device.read()
         if isinstance(reading, Stale):
             if self._last.is_connected:
@@ -62,7 +62,7 @@ class PadLoop(DeviceLoop):
 
 
 def at_rest(reading: PadReading) -> PadReading:
-    """Returns the reading of a pad that has gone: as many axes and buttons, and nobody touches them.
+    """Return the reading of a pad that has gone: as many axes and buttons, and nobody touches them.
 
     Its stamp is still that of when the pad was there.
 

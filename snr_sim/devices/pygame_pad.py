@@ -32,7 +32,7 @@ _SETTINGS = {
 
 
 def start_pygame() -> ModuleType:
-    """Returns pygame, ready to tell of pads. What the environment says already is left as it is.
+    """Return pygame, ready to tell of pads. What the environment says already is left as it is.
 
     Raises:
         MissingExtra: it is not installed.
@@ -67,7 +67,7 @@ class PygamePad(LifeCycle):
         self.title = f"Game controller {index}"
 
     def read(self) -> PadReading | Stale:
-        """Returns where sticks and buttons are; `Stale` while no pad is plugged in.
+        """Return where sticks and buttons are; `Stale` while no pad is plugged in.
 
         Raises:
             SensorLost: it is closed.

@@ -36,7 +36,7 @@ class ReplayedSensor(LifeCycle):
         self._next = 0
 
     def read(self) -> Any:
-        """Returns the newest reading, or `Stale` where there was none.
+        """Return the newest reading, or `Stale` where there was none.
 
         Raises:
             SensorLost: it was closed.

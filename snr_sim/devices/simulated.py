@@ -66,7 +66,7 @@ class SimSensor(LifeCycle):
         self.title = f"The simulated sensor '{output}'"
 
     def read(self) -> Any:
-        """Returns the newest reading.
+        """Return the newest reading.
 
         Raises:
             SensorLost: the sensor was closed.
@@ -134,7 +134,7 @@ class SimActuator(LifeCycle, Generic[CommandT]):
         return dict(self._limits)
 
     def write(self, command: CommandT) -> CommandT:
-        """Applies a command, clamped to the limits, and returns it as applied.
+        """Apply a command, clamped to the limits, and return it as applied.
 
         Raises:
             CommandError: it is not a command of this actuator, or a value is not a finite number. What was applied
@@ -172,13 +172,13 @@ class SimActuator(LifeCycle, Generic[CommandT]):
         return min(high, max(low, value))
 
     def neutral(self) -> None:
-        """Stops pushing, also after `close`."""
+        """Stop pushing, also after `close`."""
         self._plant.write(self._input, self._type())
 
     def on_deactivate(self, reason: str) -> None:
-        """Stops pushing."""
+        """Stop pushing."""
         self.neutral()
 
     def on_close(self) -> None:
-        """Stops pushing, also if it never was active."""
+        """Stop pushing, also if it never was active."""
         self.neutral()

@@ -35,7 +35,7 @@ class Wire:
 
 
 def may_use(path: Path) -> bool:
-    """Returns whether this user may read and write a file."""
+    """Return whether this user may read and write a file."""
     return os.access(path, os.R_OK | os.W_OK)
 
 
@@ -68,7 +68,7 @@ class Machine:
         return "Raspberry Pi" in self.model
 
     def wires(self) -> Iterator[Wire]:
-        """Yields all there are."""
+        """Yield all there are."""
         yield from self._serial()
         yield from self._i2c()
         yield from self._pwm()
@@ -115,7 +115,7 @@ class Machine:
             return f"{path}: {error.strerror}"
 
     def missing(self, kind: str) -> str:
-        """Returns how a Raspberry Pi, or any computer, comes to have what it lacks."""
+        """Return how a Raspberry Pi, or any computer, comes to have what it lacks."""
         return {
             "serial": "plug the board in with a cable that carries data; `dmesg | tail` tells its name.",
             "i2c": "sudo raspi-config nonint do_i2c 0 on a Raspberry Pi; else sudo modprobe i2c-dev.",

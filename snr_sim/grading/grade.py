@@ -37,7 +37,7 @@ def grade_submission(
     on_case: OnCase | None = None,
     nursery: Nursery | None = None,
 ) -> Graded:
-    """Returns what a submission comes to. The same submission, lab and secret give the same result.
+    """Return what a submission comes to. The same submission, lab and secret give the same result.
 
     Args:
         lab: what it is tried by.
@@ -82,7 +82,7 @@ def grade_submission(
 
 
 def sandboxed(isolation: Demanded) -> Isolation:
-    """Returns how a student's process will be kept, as reports say it.
+    """Return how a student's process will be kept, as reports say it.
 
     Raises:
         IsolationMissing: isolation is required, and cannot be had here.
@@ -94,7 +94,7 @@ def sandboxed(isolation: Demanded) -> Isolation:
 
 @contextmanager
 def _unwarned() -> Iterator[None]:
-    """Shows no warnings of components: a link that is cut is what a flight is about, and nobody here waits for it."""
+    """Show no warnings of components: a link that is cut is what a flight is about, and nobody here waits for it."""
     logger = logging.getLogger("snr")
     level = logger.level
     logger.setLevel(logging.ERROR)
@@ -118,7 +118,7 @@ class _Grading:
     nursery: Nursery
 
     def checks(self) -> tuple[CheckResult, ...]:
-        """Returns what each check came to, in order; in practice without those that have hidden cases only."""
+        """Return what each check came to, in order; in practice without those that have hidden cases only."""
         done: dict[str, CheckResult] = {}
         for check in self.lab.checks:
             cases = check.cases(self.lab.name, self.secret)
@@ -184,7 +184,7 @@ class _Grading:
         )
 
     def _kept(self, student: Student, run: Path | None, verdict: Verdict) -> str:
-        """Returns the recorded run of a case, if it failed; of one that passed nothing is kept."""
+        """Return the recorded run of a case, if it failed; of one that passed nothing is kept."""
         if run is None or student.run_folder is None:
             return ""
         if verdict.fraction >= 1.0:
@@ -195,7 +195,7 @@ class _Grading:
 
 
 def could_not_be_judged(file: str) -> str:
-    """Returns the hint for what a check gave up on; nothing of the program's is in it, and nothing of the case."""
+    """Return the hint for what a check gave up on; nothing of the program's is in it, and nothing of the case."""
     return (
         f"What {file} gave could not be judged. Has each page, and each answer, the form that the README asks for: all "
         "its fields by their names, and numbers where numbers belong?"
@@ -203,6 +203,6 @@ def could_not_be_judged(file: str) -> str:
 
 
 def steps_to(fault: BaseException) -> str:
-    """Returns how the grader came to where something was raised, a line for each call; the same on every computer."""
+    """Return how the grader came to where something was raised, a line for each call; the same on every computer."""
     frames = traceback.extract_tb(fault.__traceback__)[-_MOST_STEPS:]
     return "\n".join(f"  {Path(one.filename).name}, line {one.lineno}, in {one.name}: {one.line}" for one in frames)

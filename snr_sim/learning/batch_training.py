@@ -84,21 +84,21 @@ class Trial(NamedTuple):
 
 
 def fine_grid() -> Discretiser:
-    """Returns 80 heights, closer together near the ground, times 92 speeds, closer together where it is slow."""
+    """Return 80 heights, closer together near the ground, times 92 speeds, closer together where it is slow."""
     heights = [0.25, *(0.25 * k * k for k in range(2, 80))]
     speeds = [*np.arange(-110.0, -30.0, 2.0), *np.arange(-30.0, -10.0), *np.arange(-10.0, 4.1, 0.5), 8.0, 16.0]
     return Discretiser(VERTICAL_NAMES, (tuple(heights), tuple(float(one) for one in speeds)))
 
 
 def coarse_grid() -> Discretiser:
-    """Returns 36 heights times 23 speeds: few enough to be learned one landing after the other."""
+    """Return 36 heights times 23 speeds: few enough to be learned one landing after the other."""
     heights = [1500.0 * (k / 36) ** 2 for k in range(1, 36)]
     speeds = [-80, -60, -50, -42, -36, -30, -26, -22, -18, -15, -12, -10, -8, -6, -5, -4, -3, -2, -1, 0, 2, 6]
     return Discretiser(VERTICAL_NAMES, (tuple(heights), tuple(float(one) for one in speeds)))
 
 
 def new_table(grid: Discretiser | None = None) -> QTable:
-    """Returns an empty table for LanderVertical."""
+    """Return an empty table for LanderVertical."""
     return QTable(fine_grid() if grid is None else grid, VERTICAL_ACTIONS, ENVIRONMENT)
 
 
@@ -124,30 +124,30 @@ class Course:
         self.noise = np.array(noise)
 
     def exploring(self, count: int, rng: np.random.Generator) -> Floats:
-        """Returns starts anywhere on the way down, shape (4, count), rows as in `Landers`."""
+        """Return starts anywhere on the way down, shape (4, count), rows as in `Landers`."""
         height = 1500.0 * rng.random(count) ** 2
         speed = self.suitable(height) + rng.uniform(-25.0, 25.0, count) * np.minimum(1.0, 0.2 + height / 200.0)
         mass = rng.uniform(7000.0, 8500.0, count)
         return np.stack([height, speed, mass, mass - self.dry_kg])
 
     def proper(self, count: int, rng: np.random.Generator) -> Floats:
-        """Returns starts as the scenario draws them."""
+        """Return starts as the scenario draws them."""
         mass = rng.uniform(7500.0, 8500.0, count)
         height, speed = rng.uniform(600.0, 1500.0, count), rng.uniform(-25.0, 5.0, count)
         return np.stack([height, speed, mass, mass - self.dry_kg])
 
     def told(self, heights: Floats, speeds: Floats, rng: np.random.Generator) -> Floats:
-        """Returns what the radar tells, shape (count, 2)."""
+        """Return what the radar tells, shape (count, 2)."""
         truth: Floats = np.stack([heights, speeds], axis=1)
         truth += rng.normal(size=truth.shape) * self.noise
         return truth
 
     def suitable(self, height: Floats) -> Floats:
-        """Returns the speed that suits each height, as the reward reckons."""
+        """Return the speed that suits each height, as the reward reckons."""
         return suitable_speeds_mps(height, self.engine.gravity_mps2)
 
     def rewards(self, before: Landers, after: Landers, touches: Bools, landed: Bools) -> Floats:
-        """Returns what a step was worth to each, as in `LanderEnv.reward`."""
+        """Return what a step was worth to each, as in `LanderEnv.reward`."""
         potential = -SPEED_WEIGHT * np.abs(before.velocity_mps - self.suitable(before.height_m))
         then = -SPEED_WEIGHT * np.abs(after.velocity_mps - self.suitable(after.height_m))
         ends = np.where(landed, LANDED, NOT_LANDED)
@@ -157,7 +157,7 @@ class Course:
 
 
 def course_of(env: LanderVertical, start: int = 0) -> Course:
-    """Returns what an environment's landers have in common: their engine, their masses and their radar's noise.
+    """Return what an environment's landers have in common: their engine, their masses and their radar's noise.
 
     It is read in the scenario, not in the plant of this moment, which may have flown and burned its propellant.
 
@@ -177,7 +177,7 @@ def train_vertical(
     training: BatchTraining | None = None,
     on_trial: Callable[[int, Trial], None] | None = None,
 ) -> list[Trial]:
-    """Learns a table of the vertical landing; returns the trials on the way, which are its learning curve.
+    """Learn a table of the vertical landing; return the trials on the way, which are its learning curve.
 
     Each trial has starts of its own. Were they always the same, the table that suits just those would look best.
 
@@ -204,7 +204,7 @@ def train_vertical(
     trials, best, kept = list[Trial](), -1.0, (table.values, table.visits)
 
     def tried(steps: int) -> bool:
-        """Tries the mean, and keeps it if it is the best; returns whether that is enough."""
+        """Try the mean, and keep it if it is the best; return whether that is enough."""
         nonlocal best, kept
         trials.append(trial := try_table(mean, course, how.tried, [how.seed, steps]))
         if trial.landed >= best:
@@ -246,7 +246,7 @@ def train_vertical(
 
 
 def try_table(table: QTable, course: Course, count: int, seed: int | Sequence[int]) -> Trial:
-    """Returns what comes of landing by a table, without exploring and without learning, from drawn starts."""
+    """Return what comes of landing by a table, without exploring and without learning, from drawn starts."""
     rng = np.random.default_rng([*np.atleast_1d(seed).tolist(), 1])
     landers = course.proper(count, rng)
     greedy = np.argmax(np.where(table.visits > 0, table.values, -np.inf), axis=1)  # 0 where nothing was tried
@@ -269,7 +269,7 @@ def try_table(table: QTable, course: Course, count: int, seed: int | Sequence[in
 def _learn(
     values: Floats, visits: NDArray[np.int64], places: NDArray[np.int64], targets: Floats, least_step: float
 ) -> None:
-    """Moves the values at some places towards targets; of several for one place, towards their mean."""
+    """Move the values at some places towards targets; of several for one place, towards their mean."""
     hit, which, counts = np.unique(places, return_inverse=True, return_counts=True)
     visits[hit] += counts
     steps = np.maximum(least_step, (1.0 + visits[hit] / 30.0) ** -0.7)

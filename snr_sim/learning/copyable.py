@@ -40,22 +40,22 @@ class CopyableEnv(Env[Any, Any]):
     _episode: Episode | None = None
 
     def __new__(cls, *args: Any, **kwargs: Any) -> CopyableEnv:
-        """Remembers how it is made."""
+        """Remember how it is made."""
         env = super().__new__(cls)
         env._made_with = args, kwargs
         return env
 
     def __reduce__(self) -> Any:
-        """Returns how to make it again."""
+        """Return how to make it again."""
         kept = {name: self.__dict__[name] for name in KEPT if name in self.__dict__}
         return made_again, (type(self), self._made_with, kept, self._episode)
 
     def _note_reset(self, options: dict[str, Any] | None) -> None:
-        """Remembers how an episode begins; called when the random generator is seeded and has drawn nothing."""
+        """Remember how an episode begins; called when the random generator is seeded and have drawn nothing."""
         self._episode = Episode(self.np_random.bit_generator.state, copy.deepcopy(options), [])
 
     def _note_action(self, action: Any) -> None:
-        """Remembers what was done: something that does not change afterwards."""
+        """Remember what was done: something that does not change afterwards."""
         assert self._episode is not None
         self._episode.actions.append(action)
 
@@ -66,7 +66,7 @@ def made_again(
     kept: dict[str, Any],
     episode: Episode | None,
 ) -> CopyableEnv:
-    """Returns an environment that is where another one was.
+    """Return an environment that is where another one was.
 
     Args:
         env_type: its class.

@@ -60,7 +60,7 @@ class Discretiser:
         return [np.array(edges, np.float64) for edges in self.edges]
 
     def cell(self, observation: Sequence[float]) -> int:
-        """Returns the number of the cell that an observation lies in.
+        """Return the number of the cell that an observation lies in.
 
         Raises:
             ParameterError: the observation has another length, or NaN in it, which lies in no cell.
@@ -78,7 +78,7 @@ class Discretiser:
         return cell
 
     def cells(self, observations: NDArray[np.floating]) -> Ints:
-        """Returns the cells of many observations, shape (n, k), as an array of shape (n,)."""
+        """Return the cells of many observations, shape (n, k), as an array of shape (n,)."""
         cells: Ints = np.zeros(len(observations), np.int64)
         for i, edges in enumerate(self._arrays):
             cells *= len(edges) + 1

@@ -19,7 +19,7 @@ MAX_DISPERSION = 0.5  # so that no factor is less than the least
 
 
 def factors_of(options: Mapping[str, Any], names: Sequence[str], rng: np.random.Generator) -> dict[str, float]:
-    """Returns what a plant's numbers are multiplied by in an episode, by name; empty if it is nominal.
+    """Return what a plant's numbers are multiplied by in an episode, by name; empty if it is nominal.
 
     Args:
         options: of `reset`. {"factors": {"thrust_n": 0.95}} is that; {"dispersion": {"thrust_n": 0.05}} draws the
@@ -46,7 +46,7 @@ def factors_of(options: Mapping[str, Any], names: Sequence[str], rng: np.random.
 def _checked(
     options: Mapping[str, Any], option: str, names: Sequence[str], least: float, most: float
 ) -> dict[str, float]:
-    """Returns an option's numbers by name."""
+    """Return an option's numbers by name."""
     numbers = options.get(option, {})
     example = f'options={{"{option}": {{"{names[0]}": {0.95 if option == "factors" else 0.05}}}}}' if names else "none"
     if not isinstance(numbers, Mapping):

@@ -66,12 +66,12 @@ COMPATIBLE_ENTRY: dict[str, Any] = {
 
 
 def box(low: Sequence[float], high: Sequence[float]) -> spaces.Box[np.float32]:
-    """Returns the space of float32 vectors between two."""
+    """Return the space of float32 vectors between two."""
     return spaces.Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)
 
 
 def make_known() -> None:
-    """Registers our environments, once."""
+    """Register our environments, once."""
     for name, definition in {**ENVIRONMENTS, COMPATIBLE: COMPATIBLE_ENTRY}.items():
         if name not in registry:
             register(id=name, **definition)

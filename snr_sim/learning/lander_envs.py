@@ -47,12 +47,12 @@ class LanderEnv(ScenarioEnv):
     """
 
     def begin(self) -> None:
-        """Remembers where the episode begins."""
+        """Remember where the episode begins."""
         self._tank_kg = self._fuel_kg = self._values()["fuel_kg"]
         self._potential = self.potential()
 
     def reward(self, verdict: Verdict | None) -> float:
-        """Returns what the last step was worth."""
+        """Return what the last step was worth."""
         fuel_kg = self._values()["fuel_kg"]
         worth = -FUEL_WEIGHT * (self._fuel_kg - fuel_kg) / self._tank_kg
         self._fuel_kg = fuel_kg
@@ -64,7 +64,7 @@ class LanderEnv(ScenarioEnv):
         return worth
 
     def potential(self) -> float:
-        """Returns how well placed the module is: 0 at best."""
+        """Return how well placed the module is: 0 at best."""
         values = self._values()
         return -SPEED_WEIGHT * abs(values["vertical_mps"] - suitable_mps(values["altitude_m"]))
 
@@ -74,7 +74,7 @@ class LanderEnv(ScenarioEnv):
 
 
 def suitable_mps(altitude_m: float, gravity_mps2: float = MOON_GRAVITY_MPS2) -> float:
-    """Returns the vertical speed that suits a height [m/s], negative down: what gentle braking takes to touch down.
+    """Return the vertical speed that suits a height [m/s], negative down: what gentle braking takes to touch down.
 
     >>> round(suitable_mps(0.0), 2), round(suitable_mps(100.0), 1)
     (-1.0, -18.0)
@@ -83,7 +83,7 @@ def suitable_mps(altitude_m: float, gravity_mps2: float = MOON_GRAVITY_MPS2) -> 
 
 
 def suitable_speeds_mps(altitudes_m: Floats, gravity_mps2: float) -> Floats:
-    """Returns the same for many heights at once, to the last bit; for one alone it would take seven times as long.
+    """Return the same for many heights at once, to the last bit; for one alone it would take seven times as long.
 
     >>> suitable_speeds_mps(np.array([-1.0, 100.0]), 1.62).tolist() == [suitable_mps(-1.0), suitable_mps(100.0)]
     True
@@ -93,7 +93,7 @@ def suitable_speeds_mps(altitudes_m: Floats, gravity_mps2: float) -> Floats:
 
 
 def vertical_potentials(altitudes_m: Floats, speeds_mps: Floats) -> Floats:
-    """Returns `LanderEnv.potential` of many landers, to the last bit.
+    """Return `LanderEnv.potential` of many landers, to the last bit.
 
     >>> vertical_potentials(np.array([0.0]), np.array([-3.0])).tolist()
     [-0.4]
@@ -103,7 +103,7 @@ def vertical_potentials(altitudes_m: Floats, speeds_mps: Floats) -> Floats:
 
 
 def seen_by_radar(radar: RadarReading) -> list[float]:
-    """Returns what `LanderVertical` observes of a reading, to the last bit: a policy in a node looks through the same.
+    """Return what `LanderVertical` observes of a reading, to the last bit: a policy in a node looks through the same.
 
     >>> seen_by_radar(RadarReading(altitude_m=0.1, velocity_mps=-300.0, stamp_s=0.0))
     [0.10000000149011612, -250.0]
@@ -135,17 +135,17 @@ class LanderVertical(LanderEnv):
         self.action_space = box([0.0], [1.0]) if is_continuous else spaces.Discrete(len(VERTICAL_THROTTLES))
 
     def observe(self) -> list[float]:
-        """Returns what the radar reads."""
+        """Return what the radar reads."""
         return seen_by_radar(self.sensors["radar"].read())
 
     def act(self, action: Any) -> None:
-        """Sets the throttle."""
+        """Set the throttle."""
         throttle = float(action[0]) if self.is_continuous else VERTICAL_THROTTLES[int(action)]
         self.actuators["engine"].write(EngineCommand(throttle))
 
 
 def seen_in_the_plane(radar: RadarReading, inertial: InertialReading) -> list[float]:
-    """Returns what `LanderPad` observes of readings, to the last bit: a policy in a node looks through the same."""
+    """Return what `LanderPad` observes of readings, to the last bit: a policy in a node looks through the same."""
     left, right = inertial.contact
     seen = [
         inertial.position_m[0],
@@ -162,7 +162,7 @@ def seen_in_the_plane(radar: RadarReading, inertial: InertialReading) -> list[fl
 
 
 def pad_command(action: int) -> EngineCommand:
-    """Returns what a discrete action of `LanderPad` tells the engine.
+    """Return what a discrete action of `LanderPad` tells the engine.
 
     >>> pad_command(8)
     EngineCommand(throttle=0.6, gimbal_rad=0.0, attitude=1.0)
@@ -172,7 +172,7 @@ def pad_command(action: int) -> EngineCommand:
 
 
 def cost_aside(x_m: Any, lateral_mps: Any, attitude_deg: Any) -> Any:
-    """Returns what the potential of `LanderPad` is less for a place beside the pad, sideways speed and tilt.
+    """Return what the potential of `LanderPad` is less for a place beside the pad, sideways speed and tilt.
 
     >>> cost_aside(np.array([-10.0]), np.array([0.0]), np.array([4.0])).tolist()
     [4.0]
@@ -218,11 +218,11 @@ class LanderPad(LanderEnv):
         )
 
     def observe(self) -> list[float]:
-        """Returns what the sensors read."""
+        """Return what the sensors read."""
         return seen_in_the_plane(self.sensors["radar"].read(), self.sensors["inertial"].read())
 
     def act(self, action: Any) -> None:
-        """Sets throttle, gimbal and jets."""
+        """Set throttle, gimbal and jets."""
         if self.is_continuous:
             throttle, gimbal, turn = (float(one) for one in action)
             _, most_rad = self.actuators["engine"].limits["gimbal_rad"]
@@ -232,7 +232,7 @@ class LanderPad(LanderEnv):
         self.actuators["engine"].write(command)
 
     def potential(self) -> float:
-        """Returns how well placed the module is, also sideways and upright."""
+        """Return how well placed the module is, also sideways and upright."""
         values = self._values()
         x_m: float = self.plant.truth()["poses"]["module"][0]
         aside: float = cost_aside(x_m, values["lateral_mps"], values["attitude_deg"])

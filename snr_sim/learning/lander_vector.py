@@ -95,7 +95,7 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begins an episode of each.
+        """Begin an episode of each.
 
         Args:
             seed: of the first, or one for each.
@@ -127,7 +127,7 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
         return self._observed(), self._infos()
 
     def step(self, actions: Any) -> tuple[NDArray[np.float32], Floats, Bools, Bools, dict[str, Any]]:
-        """Acts, lets one period go by, and observes.
+        """Act, lets one period go by, and observes.
 
         Raises:
             ParameterError: there was no reset, or the actions are none.
@@ -170,30 +170,30 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
         return observations, rewards, terminated, truncated, infos
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Lets go of the plant's devices."""
+        """Let go of the plant's devices."""
         self._single.close()
 
     # -- for subclasses -----------------------------------------------------------------------------------------------
 
     @abstractmethod
     def _put(self, which: Indices, starts: Sequence[int]) -> None:
-        """Puts some landers at the starts of seeds, and begins the episodes of their sensors."""
+        """Put some landers at the starts of seeds, and begin the episodes of their sensors."""
 
     @abstractmethod
     def _fly(self, actions: Any, flies: Bools) -> dict[int, Verdict]:
-        """Moves all on by one period; returns the verdict of each that flew and ended. The others do not matter."""
+        """Move all on by one period; return the verdict of each that flew and ended. The others do not matter."""
 
     @abstractmethod
     def _fuels(self) -> Floats:
-        """Returns the propellant of each [kg]."""
+        """Return the propellant of each [kg]."""
 
     @abstractmethod
     def _potentials_now(self, which: Indices | None = None) -> Floats:
-        """Returns how well placed some are, or all, as `LanderEnv.potential`."""
+        """Return how well placed some are, or all, as `LanderEnv.potential`."""
 
     @abstractmethod
     def _observed(self, which: Indices | None = None) -> NDArray[np.float32]:
-        """Returns what some are told, or all; then all sensors measure again. Shape (number of them, ...)."""
+        """Return what some are told, or all; then all sensors measure again. Shape (number of them, ...)."""
 
     # -- inside -------------------------------------------------------------------------------------------------------
 
@@ -206,7 +206,7 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
         self._potentials[which] = self._potentials_now(which)
 
     def _checked(self, actions: Any) -> Any:
-        """Returns actions as their space has them."""
+        """Return actions as their space has them."""
         given, space = np.asarray(actions), self.action_space
         single = self.single_action_space
         is_whole = hasattr(single, "n")
@@ -275,7 +275,7 @@ class LanderVerticalVector(LanderVectorEnv):
         return verdicts
 
     def _take_over(self, lander: Floats, throttle: float) -> Verdict | None:
-        """Lets the plant fly a step of one lander; returns its verdict."""
+        """Let the plant fly a step of one lander; return its verdict."""
         plant = self._plant
         height_m, velocity_mps, mass_kg, fuel_kg = lander.tolist()
         plant.restore(State(0.0, height_m, velocity_mps, mass_kg, fuel_kg, throttle, None, None))

@@ -97,7 +97,7 @@ class LunarLanderBox(CopyableEnv):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begins an episode: a new world, and a first step in which no engine is on.
+        """Begin an episode: a new world, and a first step in which no engine is on.
 
         Raises:
             ParameterError: there are options; it takes none.
@@ -124,7 +124,7 @@ class LunarLanderBox(CopyableEnv):
         return self._seen(state), {}
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Acts, lets a fiftieth of a second go by, and observes.
+        """Act, let a fiftieth of a second go by, and observe.
 
         Raises:
             ParameterError: the episode has not begun or has ended, or it is no action.
@@ -145,7 +145,7 @@ class LunarLanderBox(CopyableEnv):
         return self._seen(state), reward, self._is_over, False, {}
 
     def render(self) -> Any:
-        """Returns the scene as it is, shape (height, width, 3), dtype uint8; needs no screen and no GPU."""
+        """Return the scene as it is, shape (height, width, 3), dtype uint8; needs no screen and no GPU."""
         if self.render_mode is None:
             return None
         if self.world is None:
@@ -153,7 +153,7 @@ class LunarLanderBox(CopyableEnv):
         return frame_of(self.world, self._power)
 
     def _powers(self, given: Any) -> tuple[float, float]:
-        """Returns power of the main engine, 0 to 1, and of the orientation engines, negative for the left one."""
+        """Return power of the main engine, 0 to 1, and of the orientation engines, negative for the left one."""
         if not self.continuous:
             try:
                 return POWERS[operator.index(given)]  # takes what Discrete.contains() takes, in a tenth of its time
@@ -169,7 +169,7 @@ class LunarLanderBox(CopyableEnv):
         return main, math.copysign(min(abs(turn), 1.0), turn) if abs(turn) > 0.5 else 0.0
 
     def _move(self, main: float, side: float) -> None:
-        """Has the wind blow and the engines push for a step, and makes it."""
+        """Have the wind blow and the engines push for a step, and make it."""
         world, draw = self.world, self._draw
         assert world is not None
         if self._wind is not None and not any(world.contacts):
@@ -208,7 +208,7 @@ class LunarLanderBox(CopyableEnv):
 
 
 def potential(state: tuple[float, ...]) -> float:
-    """Returns how well placed a lander is: 20 where it stands on the pad, less everywhere else.
+    """Return how well placed a lander is: 20 where it stands on the pad, less everywhere else.
 
     >>> potential((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0)), potential((0.3, 0.4, 0.0, 0.0, -0.1, 0.0, 0.0, 0.0))
     (20.0, -60.0)
@@ -218,5 +218,5 @@ def potential(state: tuple[float, ...]) -> float:
 
 
 def gust(moment: int) -> float:
-    """Returns how the wind blows at a moment, -1 to 1; it never repeats itself."""
+    """Return how the wind blows at a moment, -1 to 1; it never repeats itself."""
     return math.tanh(math.sin(0.02 * moment) + math.sin(math.pi * 0.01 * moment))

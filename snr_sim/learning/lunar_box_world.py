@@ -104,14 +104,14 @@ class LunarBoxWorld:
 
     @staticmethod
     def _part(body: Any, angle_rad: float, centre: Point) -> tuple[Any, ...]:
-        """Returns what `_push` needs of a body: its angle and its centre are those in the hull's frame."""
+        """Return what `_push` needs of a body: its angle and its centre are those in the hull's frame."""
         x, y = centre
         turn = math.cos(angle_rad), math.sin(angle_rad)
         push = body.apply_impulse_at_local_point
         return push, body.mass, body.moment, x, y - CENTRE_Y, *turn, body.center_of_gravity[1]
 
     def begin(self, heights: Sequence[float]) -> None:
-        """Begins an episode, to the last bit as it would begin in a new world.
+        """Begin an episode, to the last bit as it would begin in a new world.
 
         The lander is moved to an engine of its own, which has not seen the last episode; joints are made anew, as
         each remembers its last push. To make all of the lander anew would take a third longer.
@@ -152,7 +152,7 @@ class LunarBoxWorld:
         body.velocity, body.angular_velocity = (0.0, self._pull_mps), 0.0
 
     def _joined(self, leg: Any, side: int) -> Any:
-        """Joins a leg to the hull; returns the motor."""
+        """Join a leg to the hull; return the motor."""
         pymunk = self._pymunk
         low, high = sorted((-side * LEG_OUT_RAD, -side * LEG_IN_RAD))
         motor = pymunk.SimpleMotor(self.hull, leg, 0.0)
@@ -181,7 +181,7 @@ class LunarBoxWorld:
         return self.steps_still >= STILL_S * STEPS_HZ
 
     def kick(self, force: Point, torque: float = 0.0, arm: float = WIND_ARM) -> None:
-        """Has a force and a torque act for one step.
+        """Have a force and a torque act for one step.
 
         Args:
             force: in the world's frame.
@@ -193,7 +193,7 @@ class LunarBoxWorld:
         self._push(side * STEP_S, up * STEP_S, (torque - arm * side) * STEP_S / MOMENT)
 
     def fire_main(self, power: float, spread: Point) -> None:
-        """Fires the main engine for one step.
+        """Fire the main engine for one step.
 
         Args:
             power: 0.5 to 1.
@@ -203,7 +203,7 @@ class LunarBoxWorld:
         self._fire(MAIN_POWER * power, along, across, 0.0, 0.0)
 
     def fire_side(self, power: float, side: float, spread: Point) -> None:
-        """Fires the orientation engine of a side for one step.
+        """Fire the orientation engine of a side for one step.
 
         Args:
             power: 0.5 to 1.
@@ -217,12 +217,12 @@ class LunarBoxWorld:
         self._fire(SIDE_POWER * power, along, across, away, up)
 
     def _fire(self, power: float, along: float, across: float, at_x: float, at_y: float) -> None:
-        """Has an engine blow out along and across, and so push the other way at a place; all in the hull's frame."""
+        """Have an engine blow out along and across, and so push the other way at a place; all in the hull's frame."""
         side, up = across * power, along * power
         self._push(side, up, ((at_x - across) * up - (at_y - along - CENTRE_Y) * side) / MOMENT)
 
     def _push(self, side: float, up: float, turn_radps: float) -> None:
-        """Pushes hull and legs as one body, as if the legs were out.
+        """Push hull and legs as one body, as if the legs were out.
 
         By a push on the hull alone it turned too far by a factor of eight: by itself it has a tenth of the lander's
         moment of inertia, and joints share a push only in the step after it.
@@ -240,7 +240,7 @@ class LunarBoxWorld:
             push((own_x, own_y), (beside * own_y, centre_y - beside * own_x))
 
     def step(self) -> None:
-        """Moves on by a fiftieth of a second, and looks where the hull is then."""
+        """Move on by a fiftieth of a second, and look where the hull is then."""
         if self._touching == NOTHING:
             self._space.step(STEP_S)
             self._look()
@@ -263,7 +263,7 @@ class LunarBoxWorld:
         self.angle_rad, self.turn_radps = hull.angle, hull.angular_velocity
 
     def _drive_legs(self) -> None:
-        """Has the motors push legs out that were pushed in, the last bit more and more slowly."""
+        """Have the motors push legs out that were pushed in, the last bit more and more slowly."""
         for i, side in enumerate(SIDES):
             in_rad = side * (self.angle_rad - self.legs[i].angle) - LEG_OUT_RAD
             rate = -side * max(-LEG_MOTOR_RADPS, min(LEG_MOTOR_RADPS, LEG_SERVO_PER_S * in_rad))
@@ -272,13 +272,13 @@ class LunarBoxWorld:
 
 
 def _leg_place(side: int) -> Point:
-    """Returns where the middle of a leg is that is out, from the origin of the hull."""
+    """Return where the middle of a leg is that is out, from the origin of the hull."""
     cos, sin = math.cos(LEG_OUT_RAD), -side * math.sin(LEG_OUT_RAD)
     return sin * LEG_DOWN - cos * side * LEG_AWAY, -sin * side * LEG_AWAY - cos * LEG_DOWN
 
 
 def _hull_alone() -> tuple[float, float, float]:
-    """Returns mass, moment of inertia and height of the centre of the hull: of the whole lander, less its legs."""
+    """Return mass, moment of inertia and height of the centre of the hull: of the whole lander, less its legs."""
     legs = [_leg_place(side) for side in SIDES]
     mass = MASS - 2.0 * LEG_MASS
     centre_y = (MASS * CENTRE_Y - LEG_MASS * ordered_sum(y for _, y in legs)) / mass

@@ -56,7 +56,7 @@ AnyOwner = TypeVar("AnyOwner")
 
 
 def write_numbers(path: str | Path, about: msgspec.Struct, arrays: dict[str, NDArray[Any]]) -> None:
-    """Writes arrays of numbers as npz, and a line of JSON about them.
+    """Write arrays of numbers as npz, and a line of JSON about them.
 
     Raises:
         RecordingError: it cannot be written there; what stood there stands there still.
@@ -80,7 +80,7 @@ def read_numbers(
     maker: str,
     environment: str = "",
 ) -> tuple[AnyAbout, AnyOwner, dict[str, NDArray[Any]]]:
-    """Returns what a file says about its arrays, whom it makes of that, and the arrays.
+    """Return what a file says about its arrays, whom it makes of that, and the arrays.
 
     Args:
         path: of the file.
@@ -122,7 +122,7 @@ def read_numbers(
 
 
 def check_room(count: int) -> None:
-    """Looks whether so many numbers are few enough, before there are any.
+    """Look whether so many numbers are few enough, before there are any.
 
     Raises:
         ParameterError: they are not.
@@ -137,7 +137,7 @@ def _check_size(path: str | Path, size: int, what: str) -> None:
 
 
 def _array(archive: zipfile.ZipFile, name: str, like: NDArray[Any] | None) -> NDArray[Any]:
-    """Returns an array of a file; its header is looked at before its numbers are read.
+    """Return an array of a file; its header is looked at before its numbers are read.
 
     Args:
         archive: the file.
@@ -171,7 +171,7 @@ def _array(archive: zipfile.ZipFile, name: str, like: NDArray[Any] | None) -> ND
 
 
 def _header(member: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Returns shape, whether it is by columns, and the kind of numbers. numpy warns where it mends a header."""
+    """Return shape, whether it is by columns, and the kind of numbers. numpy warns where it mends a header."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         version = npy.read_magic(member)

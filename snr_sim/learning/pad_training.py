@@ -102,7 +102,7 @@ class PadPolicy:
         self.made_by = ""
 
     def act(self, observation: Sequence[float]) -> int:
-        """Returns the action of `LanderPad` that is worth most for what it observes. Changes nothing.
+        """Return the action of `LanderPad` that is worth most for what it observes. Changes nothing.
 
         Once a foot touches, all is off: what was learned ends there, and so did the crews at the contact light.
         """
@@ -114,7 +114,7 @@ class PadPolicy:
         return throttle * len(PAD_TURNS) + turn
 
     def save(self, path: str | Path) -> None:
-        """Writes the policy as npz: arrays of numbers, and a line of JSON about them.
+        """Write the policy as npz: arrays of numbers, and a line of JSON about them.
 
         Raises:
             RecordingError: it cannot be written there.
@@ -125,7 +125,7 @@ class PadPolicy:
 
     @classmethod
     def load(cls, path: str | Path) -> PadPolicy:
-        """Returns the policy in a file.
+        """Return the policy in a file.
 
         Raises:
             RecordingError: there is no such file, it is none of these, it is cut or damaged, or it is for something
@@ -216,7 +216,7 @@ class Sky:
         self.rng = np.random.default_rng(seed)
 
     def exploring(self, count: int) -> PlaneLanders:
-        """Returns starts anywhere on the way down, most of them low, and most of them nearly straight."""
+        """Return starts anywhere on the way down, most of them low, and most of them nearly straight."""
         draw = self.rng.uniform
         height = 180.0 * self.rng.random(count) ** 2
         near = np.minimum(1.0, 0.2 + height / 50.0)
@@ -227,7 +227,7 @@ class Sky:
         return PlaneLanders(height, vz, vx, attitude, rate, self.dry_kg + fuel, fuel, throttle)
 
     def proper(self, count: int) -> PlaneLanders:
-        """Returns starts as the scenario draws them."""
+        """Return starts as the scenario draws them."""
         draw = self.rng.uniform
         height, vz, vx = draw(116.0, 178.0, count), draw(-8.0, -2.0, count), draw(-6.0, 6.0, count)
         attitude, rate = np.radians(draw(-6.0, 6.0, count)), np.radians(draw(-1.0, 1.0, count))
@@ -235,17 +235,17 @@ class Sky:
         return PlaneLanders(height, vz, vx, attitude, rate, self.dry_kg + fuel, fuel, np.zeros(count))
 
     def suitable(self, height: Floats) -> Floats:
-        """Returns the speed that suits each height, as the environment reckons."""
+        """Return the speed that suits each height, as the environment reckons."""
         return suitable_speeds_mps(height, self.module.gravity_mps2)
 
     def told(self, landers: PlaneLanders) -> tuple[Floats, Floats]:
-        """Returns what the sensors tell: height and vz, shape (n, 2); vx, attitude and rate, shape (n, 3)."""
+        """Return what the sensors tell: height and vz, shape (n, 2); vx, attitude and rate, shape (n, 3)."""
         truth = np.stack(landers[:5], axis=1)
         truth += self.rng.normal(size=truth.shape) * self._noise
         return truth[:, :2], truth[:, 2:]
 
     def kept(self, landers: PlaneLanders, share: float = 1.0) -> tuple[Bools, Bools]:
-        """Returns whether the gear would take the vertical speed of each, and whether the rest of its motion.
+        """Return whether the gear would take the vertical speed of each, and whether the rest of its motion.
 
         Args:
             landers: at their first contact, with level ground: so there they also stand upright.
@@ -256,7 +256,7 @@ class Sky:
         return slow, lateral & attitude & rate
 
     def burn_rewards(self, before: PlaneLanders, after: PlaneLanders, down: Bools) -> Floats:
-        """Returns what a step was worth to who burns."""
+        """Return what a step was worth to who burns."""
         tank_kg = 600.0  # about what they start with
         was = -SPEED_WEIGHT * np.abs(before.vz_mps - self.suitable(before.height_m))
         then = -SPEED_WEIGHT * np.abs(after.vz_mps - self.suitable(after.height_m))
@@ -266,7 +266,7 @@ class Sky:
         return worth
 
     def lean_rewards(self, after: PlaneLanders, down: Bools) -> Floats:
-        """Returns what a step was worth to who leans."""
+        """Return what a step was worth to who leans."""
         motion = (after.vx_mps, after.attitude_rad, after.rate_radps)
         cost = sum(weight * np.abs(one) for weight, one in zip(LEAN_COST, motion, strict=True))
         ends = np.where(self.kept(after, MARGIN)[1], STRAIGHT, -STRAIGHT)
@@ -280,7 +280,7 @@ def train_pad(
     training: PadTraining | None = None,
     on_step: Callable[[], None] = lambda: None,
 ) -> list[Trial]:
-    """Learns to land in the plane; returns the trials on the way, which are the learning curve.
+    """Learn to land in the plane; return the trials on the way, which are the learning curve.
 
     Args:
         policy: is changed; afterwards it has the best answers that were tried.
@@ -335,7 +335,7 @@ def train_pad(
 
 
 def try_pad(policy: PadPolicy, env: LanderPad, count: int, seed: int) -> Trial:
-    """Returns what comes of landing by a policy in the batch, without exploring and without learning."""
+    """Return what comes of landing by a policy in the batch, without exploring and without learning."""
     sky = Sky(env, [seed, 1])
     throttles, turns = np.array(PAD_THROTTLES), np.array(PAD_TURNS)
     landers = sky.proper(count)
@@ -356,13 +356,13 @@ def try_pad(policy: PadPolicy, env: LanderPad, count: int, seed: int) -> Trial:
 
 
 def _tiles(policy: PadPolicy, sky: Sky, landers: PlaneLanders) -> tuple[Ints, Ints]:
-    """Returns the tiles of both questions where sensors see landers."""
+    """Return the tiles of both questions where sensors see landers."""
     burn, lean = sky.told(landers)
     return policy.burn.coder.tiles(burn), policy.lean.coder.tiles(lean)
 
 
 def _explored(values: Floats, epsilon: float, rng: np.random.Generator) -> Ints:
-    """Returns the action that is worth most of each row, now and then another one."""
+    """Return the action that is worth most of each row, now and then another one."""
     actions: Ints = np.argmax(values, axis=1)
     explores = rng.random(len(actions)) < epsilon
     actions[explores] = rng.integers(0, values.shape[1], int(explores.sum()))

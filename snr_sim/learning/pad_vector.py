@@ -114,7 +114,7 @@ class LanderPadVector(LanderVectorEnv):
         return verdicts
 
     def _commands(self, actions: Any) -> tuple[Floats, Floats, Floats, Floats]:
-        """Returns throttles, gimbals [rad] and turns that are commanded, and the throttles that the engine runs at."""
+        """Return throttles, gimbals [rad] and turn that are commanded, and the throttles that the engine runs at."""
         if self._is_continuous:
             throttles, gimbals, turns = actions.T.astype(np.float64)
             goals = np.array([self._module.throttle.snap(one) for one in throttles.tolist()])
@@ -124,7 +124,7 @@ class LanderPadVector(LanderVectorEnv):
         return np.array(PAD_THROTTLES)[throttle], np.zeros(self.num_envs), np.array(PAD_TURNS)[turn], runs_at[throttle]
 
     def _judged(self, i: int, is_lost: bool) -> Verdict | None:
-        """Returns the verdict on a lander that has left the region or meets the ground; None if its gear takes that."""
+        """Return the verdict on a lander that has left the region or meets the ground; None if its gear takes that."""
         judge = self._judge
         judge.outcome = judge.touchdown = None
         judge.fuel_kg = float(self._flight.fuel[i])
@@ -136,13 +136,13 @@ class LanderPadVector(LanderVectorEnv):
         return verdict
 
     def _plant_of(self, i: int, before: Floats) -> Any:
-        """Returns a plant that is where a lander was before this step."""
+        """Return a plant that is where a lander was before this step."""
         plant = self._scenario.plant(int(self._starts[i]), "pymunk")
         plant.restore(self._flight.state_of(before, i, plant.terrain, int(self._steps[i]) * self._parts))
         return plant
 
     def _measured(self) -> tuple[Floats, Floats]:
-        """Returns what the radar and the inertial unit of each measure."""
+        """Return what the radar and the inertial unit of each measure."""
         x, z, attitude, vx, vz, rate = self._flight.pose()
         radar = np.stack([z - PADS_BELOW_M - self._flight.heights_m(), vz])
         return radar, np.stack([x, z, vx, vz, attitude, rate, self._flight.fuel, *self._contact])

@@ -46,7 +46,7 @@ class PlaneLanders(NamedTuple):
 
 
 def step(landers: PlaneLanders, throttle: Floats, turn: Floats, module: LunarModule, dt_s: float) -> PlaneLanders:
-    """Returns where they are after a step.
+    """Return where they are after a step.
 
     Args:
         landers: all in flight.
@@ -78,7 +78,7 @@ def step(landers: PlaneLanders, throttle: Floats, turn: Floats, module: LunarMod
 
 
 def touches(landers: PlaneLanders) -> Bools:
-    """Returns which of them have a foot on the ground."""
+    """Return which of them have a foot on the ground."""
     lower_m = FEET_OUT_M * np.abs(np.sin(landers.attitude_rad)) - PADS_BELOW_M * (1.0 - np.cos(landers.attitude_rad))
     down: Bools = landers.height_m <= lower_m
     return down

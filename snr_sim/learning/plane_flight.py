@@ -61,7 +61,7 @@ class PlaneFlight:
          self.gimbal) = self._numbers  # fmt: skip
 
     def put(self, which: Indices, begun: Sequence[tuple[PlaneStart, Terrain]]) -> None:
-        """Puts some of them at starts, engine off."""
+        """Put some of them at starts, engine off."""
         numbers = [
             (*self._held(*start.position_m, start.attitude_rad, *start.velocity_mps, start.rate_radps),
              start.mass_kg, start.fuel_kg, 0.0, 0.0)
@@ -76,18 +76,18 @@ class PlaneFlight:
         self._roofs[which] = np.max([ends[:, k : k + fields] for k in range(2 * REACH_FIELDS + 2)], axis=0)
 
     def _held(self, x: float, z: float, attitude: float, vx: float, vz: float, rate: float) -> tuple[float, ...]:
-        """Returns a motion as pymunk holds it."""
+        """Return a motion as pymunk holds it."""
         half_s = 0.5 * self._step_s
         return x + half_s * vx, z + half_s * vz, attitude + half_s * rate, vx, vz - self._fall, rate
 
     def pose(self) -> tuple[Floats, ...]:
-        """Returns x, z, attitude, vx, vz and rate at one moment."""
+        """Return x, z, attitude, vx, vz and rate at one moment."""
         vz, half_s = self.vz + self._fall, 0.5 * self._step_s
         x, z = self.x - half_s * self.vx, self.z - half_s * vz
         return x, z, self.attitude - half_s * self.rate, self.vx, vz, self.rate
 
     def midway(self, i: int) -> Pose:
-        """Returns how one moves in the middle of the step that `push` began: where it is held, and before `move`."""
+        """Return how one moves in the middle of the step that `push` began: where it is held, and before `move`."""
         cos, sin = math.cos(self.attitude[i]), math.sin(self.attitude[i])
         x, z, attitude, vx, vz, rate = self._numbers[:6, i].tolist()
         side, up, twist = float(self._side[i]), float(self._up[i]), float(self._twist[i])
@@ -95,31 +95,31 @@ class PlaneFlight:
         return Pose(x, z, attitude, vx, vz, rate - 0.5 * twist / self._module.gyration_m**2)
 
     def heights_m(self) -> Floats:
-        """Returns the height of the ground straight below each."""
+        """Return the height of the ground straight below each."""
         return self._ground(self._all, self.x - 0.5 * self._step_s * self.vx)
 
     def snapshot(self) -> Floats:
-        """Returns all that changes; it never changes afterwards."""
+        """Return all that changes; it never changes afterwards."""
         return self._numbers.copy()
 
     @staticmethod
     def state_of(snapshot: Floats, i: int, terrain: Terrain, steps: int) -> State:
-        """Returns what the plant needs to fly one of them on."""
+        """Return what the plant needs to fly one of them on."""
         *body, mass, fuel, throttle, gimbal = snapshot[:, i].tolist()
         return State(Pose(*body), mass, fuel, terrain, steps=steps, throttle=throttle, gimbal_rad=gimbal)
 
     def near(self, period_s: float) -> Indices:
-        """Returns who may meet the ground within a time."""
+        """Return who may meet the ground within a time."""
         over_m = self.z - REACH_M - self._roofs[self._all, self._fields(self.x)]
         falls_m = np.minimum(0.0, self.vz - 10.0 * self._fall) * period_s
         return np.flatnonzero((over_m + falls_m < SPARE_M) | (np.abs(self.vx) > FAST_MPS))
 
     def lost(self) -> Bools:
-        """Returns who has left the region."""
+        """Return who has left the region."""
         return (np.abs(self.x) > EDGE_M) | (self.z > CEILING_M)
 
     def met(self, which: Indices) -> Indices:
-        """Returns which of some have a foot or a corner of the hull in the ground."""
+        """Return which of some have a foot or a corner of the hull in the ground."""
         cos, sin = np.cos(self.attitude[which]), np.sin(self.attitude[which])
         out, up = CORNERS_M[:, :1], CORNERS_M[:, 1:]
         x, z = self.x[which] + cos * out - sin * up, self.z[which] + sin * out + cos * up
@@ -128,7 +128,7 @@ class PlaneFlight:
         return found
 
     def push(self, throttle_goal: Floats, gimbal_goal: Floats, jets_nm: Floats) -> None:
-        """Lets engine and jets of all push for one step of the plant; `met` and `midway` come next, and then `move`.
+        """Let engine and jets of all push for one step of the plant; `met` and `midway` come next, and then `move`.
 
         Args:
             throttle_goal: commanded, shares that the engine can run at; becomes 0 where the tank is dry.
@@ -167,24 +167,24 @@ class PlaneFlight:
         self.rate += self._twist / module.gyration_m**2
 
     def move(self) -> None:
-        """Moves all on by one step of the plant."""
+        """Move all on by one step of the plant."""
         self.x += self.vx * self._step_s
         self.z += self.vz * self._step_s
         self.attitude += self.rate * self._step_s
         self.vz -= self._fall
 
     def take(self, i: int, reading: InertialReading, mass_kg: float) -> None:
-        """Takes over where the plant has flown one of them."""
+        """Take over where the plant has flown one of them."""
         (x, z), (vx, vz) = reading.position_m, reading.velocity_mps
         body = self._held(x, z, reading.attitude_rad, vx, vz, reading.rate_radps)
         self._numbers[:, i] = (*body, mass_kg, reading.fuel_kg, 0.0, 0.0)
 
     def column(self, i: int) -> Floats:
-        """Returns all that changes of one."""
+        """Return all that changes of one."""
         return self._numbers[:, i].copy()
 
     def put_column(self, i: int, column: Floats) -> None:
-        """Puts one of them back to what `column` returned."""
+        """Put one of them back to what `column` returned."""
         self._numbers[:, i] = column
 
     def _fields(self, x: Floats) -> Indices:
@@ -193,7 +193,7 @@ class PlaneFlight:
         return fields
 
     def _ground(self, which: Indices, x: Floats) -> Floats:
-        """Returns the height of the ground, as `Terrain.ground`."""
+        """Return the height of the ground, as `Terrain.ground`."""
         i = self._fields(x)
         left = self._heights[which, i]
         height: Floats = left + (self._heights[which, i + 1] - left) * ((x + HALF_WIDTH_M) / SPACING_M - i)

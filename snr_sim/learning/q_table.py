@@ -61,7 +61,7 @@ class QTable:
         self.made_by = ""
 
     def best(self, cell: int) -> int:
-        """Returns the action of most worth in a cell, of those that were tried; the first of several, and 0 of none.
+        """Return the action of most worth in a cell, of those that were tried; the first of several, and 0 of none.
 
         So what is chosen depends on the numbers alone, and not on chance or on an order that nobody sees.
         """
@@ -71,11 +71,11 @@ class QTable:
         return int(np.argmax(np.where(tried, self.values[cell], -np.inf)))
 
     def act(self, observation: Sequence[float]) -> int:
-        """Returns the best action for an observation. Changes nothing."""
+        """Return the best action for an observation. Changes nothing."""
         return self.best(self.discretiser.cell(observation))
 
     def save(self, path: str | Path) -> None:
-        """Writes the table as npz: arrays of numbers, and a line of JSON about them.
+        """Write the table as npz: arrays of numbers, and a line of JSON about them.
 
         Raises:
             RecordingError: it cannot be written there.
@@ -88,7 +88,7 @@ class QTable:
     def load(
         cls, path: str | Path, environment: str = "", names: Sequence[str] = (), actions: Sequence[str] = ()
     ) -> QTable:
-        """Returns the table in a file.
+        """Return the table in a file.
 
         Args:
             path: of the file.

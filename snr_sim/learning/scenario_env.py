@@ -55,7 +55,7 @@ class ScenarioEnv(CopyableEnv):
     ends_by_clock = False  # whether the scenario gives its verdict when its time is over, so that it truncates
 
     def __init_subclass__(cls) -> None:
-        """A film has as many pictures a second as there are steps, so that it takes as long as the flight."""
+        """Set as many pictures a second as there are steps, so that a film takes as long as the flight."""
         super().__init_subclass__()
         if "rate_hz" in cls.__dict__:
             cls.metadata = {**cls.metadata, "render_fps": round(cls.rate_hz)}
@@ -79,7 +79,7 @@ class ScenarioEnv(CopyableEnv):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begins an episode.
+        """Begin an episode.
 
         Args:
             seed: of the draw of starts from now on.
@@ -106,7 +106,7 @@ class ScenarioEnv(CopyableEnv):
         return self._observed(), self._info()
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Acts, lets one period go by, and observes.
+        """Act, lets one period go by, and observes.
 
         Raises:
             ParameterError: the episode has not begun or has ended, or it is no action.
@@ -128,7 +128,7 @@ class ScenarioEnv(CopyableEnv):
         return observation, float(self.reward(self.verdict)), is_ended, is_over, info
 
     def render(self) -> Any:
-        """Returns the scene as it is, shape (height, width, 3), dtype uint8; needs no screen and no GPU."""
+        """Return the scene as it is, shape (height, width, 3), dtype uint8; needs no screen and no GPU."""
         if self.render_mode is None:
             return None
         if self._steps < 0:
@@ -138,25 +138,25 @@ class ScenarioEnv(CopyableEnv):
         return self._frame.draw(self.plant.truth())
 
     def close(self) -> None:
-        """Lets go of the devices."""
+        """Let go of the devices."""
         for device in (*self.sensors.values(), *self.actuators.values()):
             device.close()
 
     # -- for subclasses -----------------------------------------------------------------------------------------------
 
     def begin(self) -> None:
-        """Called at each reset, when the devices are open."""
+        """Prepare for an episode; called at each reset, when the devices are open."""
 
     def act(self, action: Any) -> None:
-        """Writes to `self.actuators`."""
+        """Write to `self.actuators`."""
         raise NotImplementedError(f"{type(self).__name__} needs a method act(self, action)")
 
     def observe(self) -> list[float]:
-        """Reads `self.sensors`; what is outside the bounds of the space is clipped to them."""
+        """Read `self.sensors`; what is outside the bounds of the space is clipped to them."""
         raise NotImplementedError(f"{type(self).__name__} needs a method observe(self)")
 
     def reward(self, verdict: Verdict | None) -> float:
-        """Returns what the last step was worth."""
+        """Return what the last step was worth."""
         raise NotImplementedError(f"{type(self).__name__} needs a method reward(self, verdict)")
 
     # -- inside -------------------------------------------------------------------------------------------------------
@@ -176,7 +176,7 @@ class ScenarioEnv(CopyableEnv):
         return drawn_start(self.np_random) if start is None else checked_start(start)
 
     def _action(self, action: Any) -> Any:
-        """Returns an action as its space has it. Numbers of another kind are taken if they are within its bounds."""
+        """Return an action as its space has it. Numbers of another kind are taken if they are within its bounds."""
         space: Any = self.action_space
         kind = type(action).__name__
         if isinstance(space, spaces.Box):
@@ -219,12 +219,12 @@ class ScenarioEnv(CopyableEnv):
 
 
 def drawn_start(rng: np.random.Generator) -> int:
-    """Returns the seed of the scenario that an episode begins at."""
+    """Return the seed of the scenario that an episode begins at."""
     return int(rng.integers(1, MOST_STARTS))
 
 
 def checked_start(start: Any) -> int:
-    """Returns a start that was asked for.
+    """Return a start that was asked for.
 
     Raises:
         ParameterError: it is no whole number.
@@ -235,7 +235,7 @@ def checked_start(start: Any) -> int:
 
 
 def end_info(verdict: Verdict | None, limit_s: float) -> dict[str, Any]:
-    """Returns what `info` says at the end of an episode: the scenario's verdict, or that the time was over."""
+    """Return what `info` says at the end of an episode: the scenario's verdict, or that the time was over."""
     if verdict is None:
         return {"outcome": "timeout", "success": False, "why": f"longer than {limit_s:g} s"}
     return {"outcome": verdict.outcome, "success": verdict.success, "why": verdict.why}

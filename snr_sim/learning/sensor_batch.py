@@ -46,7 +46,7 @@ class SensorBatch:
         self._truth, self._before = np.zeros((2, len(fields), count))
 
     def begin(self, which: Indices, seeds: Sequence[int], truth: Floats) -> None:
-        """Begins the episodes of some landers.
+        """Begin the episodes of some landers.
 
         Args:
             which: of them.
@@ -59,15 +59,15 @@ class SensorBatch:
         self._truth[:, which] = self._before[:, which] = truth
 
     def look(self, truth: Floats) -> None:
-        """Takes in what all measure now, shape (fields, count); it is told a reading later."""
+        """Take in what all measure now, shape (fields, count); it is told a reading later."""
         self._truth, self._before = truth, self._truth
 
     def stop(self, i: int) -> None:
-        """Has a lander be told once more what it was told last: its plant has ended before the next reading is due."""
+        """Have a lander be told once more what it was told last: its plant has ended before the next reading is due."""
         self._truth[:, i] = self._before[:, i]
 
     def read(self, which: Indices | None = None) -> Floats:
-        """Returns what some landers are told, or all: shape (fields, number of them). Changes only noise."""
+        """Return what some landers are told, or all: shape (fields, number of them). Changes only noise."""
         everybody = which is None
         asked = self._all if which is None else which
         for i in asked[self._used[asked] == self._readings].tolist():
@@ -81,7 +81,7 @@ class SensorBatch:
         return told
 
     def _draw(self, i: int) -> None:
-        """Draws noise for the next readings of a lander; each block is used from its end, as `Spoiler` does."""
+        """Draw noise for the next readings of a lander; each block is used from its end, as `Spoiler` does."""
         generator = self._generators[i]
         assert generator is not None
         drawn = generator.standard_normal((self._blocks, NOISE_BLOCK))[:, ::-1]

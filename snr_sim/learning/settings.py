@@ -12,7 +12,7 @@ from snr_sim.prelude.errors import ParameterError
 
 
 def check_whole(name: str, value: Any, least: int) -> None:
-    """Looks whether a setting is a whole number that is large enough.
+    """Look whether a setting is a whole number that is large enough.
 
     Raises:
         ParameterError: it is another kind of value, or less.
@@ -24,7 +24,7 @@ def check_whole(name: str, value: Any, least: int) -> None:
 
 
 def check_share(name: str, value: Any) -> None:
-    """Looks whether a setting is a number from 0 to 1.
+    """Look whether a setting is a number from 0 to 1.
 
     Raises:
         ParameterError: it is not.
@@ -35,7 +35,7 @@ def check_share(name: str, value: Any) -> None:
 
 
 def check_batch(training: Any, counts: Sequence[str]) -> None:
-    """Looks whether the settings of a training in a batch make sense.
+    """Look whether the settings of a training in a batch make sense.
 
     Args:
         training: with a `seed`, and `epsilon` and `least_step`, which are shares.
@@ -54,7 +54,7 @@ def check_batch(training: Any, counts: Sequence[str]) -> None:
 
 
 def check_learned(surprise: float, where: str) -> None:
-    """Looks whether what is about to be learned is a number.
+    """Look whether what is about to be learned is a number.
 
     Raises:
         ParameterError: it is infinite or NaN.

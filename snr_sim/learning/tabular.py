@@ -46,7 +46,7 @@ class Decay:
             )
 
     def at(self, episode: int) -> float:
-        """Returns the value in an episode; the first one is 0."""
+        """Return the value in an episode; the first one is 0."""
         if episode >= self.episodes or self.first == 0.0:
             return self.last
         fallen: float = self.first * (self.last / self.first) ** (episode / self.episodes)
@@ -98,7 +98,7 @@ class Learner:
         self.step, self.epsilon = training.step.at(0), training.epsilon.at(0)
 
     def choose(self, cell: int) -> int:
-        """Returns an action: the best one, or with probability epsilon any."""
+        """Return an action: the best one, or with probability epsilon any."""
         if self.rng.random() < self.epsilon:
             return int(self.rng.integers(len(self.table.actions)))
         return self.table.best(cell)
@@ -106,7 +106,7 @@ class Learner:
     def update(
         self, cell: int, action: int, reward: float, next_cell: int, next_action: int | None, is_terminated: bool
     ) -> float:
-        """Learns from one transition; returns by how much it was a surprise.
+        """Learn from one transition; return by how much it was a surprise.
 
         Args:
             cell, action: where, and what was done.
@@ -141,7 +141,7 @@ class Learner:
 def train(
     env: Any, table: QTable, training: Training, on_episode: Callable[[int, float, dict[str, Any]], None] | None = None
 ) -> list[float]:
-    """Learns a table in an environment; returns the sum of rewards of each episode, which is the learning curve.
+    """Learn a table in an environment; return the sum of rewards of each episode, which is the learning curve.
 
     Args:
         env: with discrete actions, one for each of the table.
@@ -180,7 +180,7 @@ def train(
 
 
 def evaluate(env: Any, act: Callable[[Sequence[float]], Any], starts: Sequence[int]) -> list[dict[str, Any]]:
-    """Tries a policy without learning and without chance of its own.
+    """Try a policy without learning and without chance of its own.
 
     Args:
         env: over a scenario.

@@ -81,7 +81,7 @@ class TileCoder:
         self._firsts = np.arange(tilings) * math.prod(sizes)
 
     def tiles(self, observations: Floats) -> Ints:
-        """Returns the tiles of observations, shape (n, axes), as numbers of shape (n, tilings)."""
+        """Return the tiles of observations, shape (n, axes), as numbers of shape (n, tilings)."""
         rooted = np.where(self._rooted, np.sign(observations) * np.sqrt(np.abs(observations)), observations)
         shares = np.clip((rooted - self._low) / (self._high - self._low), 0.0, 1.0 - 1e-9)
         places = (shares * self._intervals)[:, None, :] + self._shifts
@@ -108,17 +108,17 @@ class TiledValues:
         self.visits: Ints = np.zeros((coder.count, actions), np.int64)
 
     def of(self, tiles: Ints) -> Floats:
-        """Returns the values of all actions, shape (n, actions), where the tiles are, shape (n, tilings)."""
+        """Return the values of all actions, shape (n, actions), where the tiles are, shape (n, tilings)."""
         values: Floats = self.weights[tiles].sum(axis=1)
         return values
 
     def best(self, observations: Floats) -> Ints:
-        """Returns the action that is worth most for each observation, shape (n,); the first of several."""
+        """Return the action that is worth most for each observation, shape (n,); the first of several."""
         chosen: Ints = np.argmax(self.of(self.coder.tiles(observations)), axis=1)
         return chosen
 
     def learn(self, tiles: Ints, actions: Ints, targets: Floats, least_step: float) -> None:
-        """Moves values towards targets; of several for one weight, by their mean.
+        """Move values towards targets; of several for one weight, by their mean.
 
         Args:
             tiles: where, shape (n, tilings).

@@ -40,7 +40,7 @@ class Rate:
         self._rate = 0.0
 
     def update(self, value: float, stamp_s: float) -> float:
-        """Takes in a reading, unless it has been already, and returns the rate [per second]."""
+        """Take in a reading, unless it has been already, and return the rate [per second]."""
         if self._before is None:
             self._before = value, stamp_s
         elif stamp_s > self._before[1]:
@@ -76,7 +76,7 @@ class UrovEnv(ScenarioEnv):
         self.observation_space = box([-one for one in sensed], sensed)
 
     def begin(self) -> None:
-        """Holds thrusters still until they are armed."""
+        """Hold thrusters still until they are armed."""
         parameters: Any = self.run.robot.parameters
         self._thruster = ThrustCurve(*curve(parameters.nominal_v)[:2])
         matrix = parameters.vehicle.thruster_matrix()
@@ -88,7 +88,7 @@ class UrovEnv(ScenarioEnv):
         self._write([0.0] * 6)
 
     def act(self, action: NDArray[np.float32]) -> None:
-        """Pushes."""
+        """Push."""
         shares = [float(one) for one in action]
         self._effort = ordered_sum(one * one for one in shares) / len(shares)
         wrench = [0.0] * 6
@@ -97,15 +97,15 @@ class UrovEnv(ScenarioEnv):
         self._write(wrench)
 
     def reward(self, verdict: Verdict | None) -> float:
-        """Returns what the last step was worth."""
+        """Return what the last step was worth."""
         return -min(3.0, self.error_m()) - EFFORT_WEIGHT * self._effort
 
     def error_m(self) -> float:
-        """Returns how far from where it should be the vehicle truly is [m]."""
+        """Return how far from where it should be the vehicle truly is [m]."""
         raise NotImplementedError(f"{type(self).__name__} needs a method error_m(self)")
 
     def sink_mps(self) -> float:
-        """Returns how fast the measured depth grows [m/s]."""
+        """Return how fast the measured depth grows [m/s]."""
         depth = self.sensors["depth"].read()
         return self._sink.update(depth.depth_m, depth.stamp_s)
 
@@ -147,7 +147,7 @@ class UrovDepthHold(UrovEnv):
         return float(asked[-1])
 
     def observe(self) -> list[float]:
-        """Returns what the sensors read."""
+        """Return what the sensors read."""
         depth, imu, power = (self.sensors[name].read() for name in ("depth", "imu", "power"))
         return [
             self.wanted_m - depth.depth_m,
@@ -159,7 +159,7 @@ class UrovDepthHold(UrovEnv):
         ]
 
     def error_m(self) -> float:
-        """Returns the error of the true depth [m]."""
+        """Return the error of the true depth [m]."""
         plant: Any = self.plant
         return abs(self.wanted_m + float(plant.position_m[2]))
 
@@ -194,13 +194,13 @@ class UrovStation(UrovEnv):
         super().__init__("urov_station_keeping", None, render_mode, limits)
 
     def begin(self) -> None:
-        """Remembers the place."""
+        """Remember the place."""
         super().begin()
         self._place = self.run.robot.parameters.route[-1]
         self._rates = Rate(), Rate()
 
     def observe(self) -> list[float]:
-        """Returns what the sensors read."""
+        """Return what the sensors read."""
         depth, imu, power, seen = (self.sensors[name].read() for name in ("depth", "imu", "power", "place"))
         x_m, y_m, _ = seen.position_m
         ahead_m, left_m = _in_frame(self._place.x_m - x_m, self._place.y_m - y_m, imu.yaw_rad)
@@ -212,13 +212,13 @@ class UrovStation(UrovEnv):
         return [ahead_m, left_m, down_m, turn_rad, *motion, imu.roll_rad, imu.pitch_rad, power.voltage_v]
 
     def error_m(self) -> float:
-        """Returns the true distance from the place [m]."""
+        """Return the true distance from the place [m]."""
         plant: Any = self.plant
         x_m, y_m, z_m = (float(one) for one in plant.position_m)
         return math.dist((x_m, y_m, -z_m), (self._place.x_m, self._place.y_m, self._place.depth_m))
 
 
 def _in_frame(x: float, y: float, yaw_rad: float) -> tuple[float, float]:
-    """Returns a horizontal vector of the world as ahead and left of a vehicle."""
+    """Return a horizontal vector of the world as ahead and left of a vehicle."""
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
     return cos * x + sin * y, cos * y - sin * x

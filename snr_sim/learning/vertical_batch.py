@@ -35,7 +35,7 @@ class Landers(NamedTuple):
 
 
 def step(landers: Landers, throttle: Floats, engine: Engine, dt_s: float) -> tuple[Landers, Bools, Floats]:
-    """Returns where they are after a step, which of them have touched the ground, and how fast those were then.
+    """Return where they are after a step, which of them have touched the ground, and how fast those were then.
 
     Args:
         landers: all in flight.

@@ -20,10 +20,10 @@ class BackOff:
         self._most_s = RETRY_FIRST_S
 
     def next_s(self) -> float:
-        """Returns how long to wait now: from half of the most for this try up to all of it [s]."""
+        """Return how long to wait now: from half of the most for this try up to all of it [s]."""
         most_s, self._most_s = self._most_s, min(RETRY_MOST_S, 2.0 * self._most_s)
         return most_s * self._luck.uniform(0.5, 1.0)
 
     def forget(self) -> None:
-        """Begins with short waits again: a call has come through."""
+        """Begin with short waits again: a call has come through."""
         self._most_s = RETRY_FIRST_S

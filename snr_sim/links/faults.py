@@ -108,7 +108,7 @@ class Luck:
         self._left: list[float] = []  # the next one last
 
     def two(self) -> tuple[float, float]:
-        """Returns the next two."""
+        """Return the next two."""
         if not self._left:
             self._left = self._rng.random(DRAWN_AT_ONCE).tolist()[::-1]
         return self._left.pop(), self._left.pop()
@@ -137,11 +137,11 @@ class Way:
         self._odd_luck = Luck(rng_for(seed, f"{name}:odd")) if faults.duplication or faults.reordering else None
 
     def is_free(self, now_s: float) -> bool:
-        """Returns whether the next thing could leave now; if not, `free_s` says when."""
+        """Return whether the next thing could leave now; if not, `free_s` says when."""
         return now_s >= self.free_s
 
     def arrivals_s(self, size_bytes: int, now_s: float, is_page: bool = True) -> tuple[float, ...]:
-        """Returns when something that is sent now arrives: never, once or twice, in order unless reordered."""
+        """Return when something that is sent now arrives: never, once or twice, in order unless reordered."""
         faults = self.faults
         start_s = max(now_s, self.free_s)
         self.free_s = start_s + (size_bytes * 8 / faults.bandwidth_bps if faults.bandwidth_bps is not None else 0.0)

@@ -54,7 +54,7 @@ class Member:
         return self.node if self.robot == self.node else f"{self.robot}/{self.node}"
 
     def brings(self, page: Page, to: Member, apart: bool) -> Page:
-        """Returns a page of this member as another is to see it: as it is, within one robot.
+        """Return a page of this member as another is to see it: as it is, within one robot.
 
         From another robot, the origin of a page that was made here becomes this member's name in the net; and if
         pages are to be kept apart, their keys begin with the robot's name.
@@ -85,7 +85,7 @@ class Hearing:
 
 
 def encoded(text: str) -> str:
-    """Returns a name or a page's key as one part of a key of Zenoh's, which knows some characters as its own.
+    """Return a name or a page's key as one part of a key of Zenoh's, which knows some characters as its own.
 
     >>> encoded("depth/of rov*")
     'depth%2Fof%20rov%2A'
@@ -119,7 +119,7 @@ class Far:
         self.numbers: dict[str, int] = {}  # of the newest page of each key
 
     def note_offset(self, offset_s: float) -> None:
-        """Takes in how far the clocks are apart, too large by what its answer took to come here."""
+        """Take in how far the clocks are apart, too large by what its answer took to come here."""
         self._offsets_s.append(offset_s)
         self.clock_offset_s = min(self._offsets_s)
 
@@ -141,7 +141,7 @@ class Roster:
         self._guard = threading.Lock()
 
     def place_of(self, member: Member, identity: str) -> str:
-        """Returns where a member stands, of those that there may be with its name."""
+        """Return where a member stands, of those that there may be with its name."""
         return f"{self.prefix}/{encoded(member.robot)}/{encoded(member.node)}/{identity}"
 
     def shows(self, place: str, now_s: float) -> None:
@@ -201,13 +201,13 @@ class Roster:
             return far, True
 
     def take_newcomer(self) -> bool:
-        """Returns whether somebody has come since this was asked last."""
+        """Return whether somebody has come since this was asked last."""
         with self._guard:
             has_one, self._has_newcomer = self._has_newcomer, False
             return has_one
 
     def here(self) -> list[Far]:
-        """Returns those that are there."""
+        """Return those that are there."""
         with self._guard:
             return [far for far in self._fars.values() if far.is_here]
 
@@ -223,7 +223,7 @@ class Roster:
         far.is_here = True
 
     def _at(self, place: str, now_s: float) -> Far | None:
-        """Returns who is at a place, known or new; None if nobody can be there."""
+        """Return who is at a place, known or new; None if nobody can be there."""
         far = self._fars.get(place)
         if far is not None:
             return far
@@ -357,7 +357,7 @@ class SimulatedFleet(Fleet):
         self.link.dropped += way.lost - lost
 
     def arrive(self, sender: SimulatedFleet, raw: bytes) -> None:
-        """A page has come."""
+        """Receive a page."""
         far = self._hear(sender)
         if far is not None:
             self.let_in(sender.member, Page.deserialize(raw), far)

@@ -36,7 +36,7 @@ class FrameMac:
         self._number = 0
 
     def seal(self, frame: bytes) -> bytes:
-        """Returns a frame with its MAC. Each frame once, in the order in which they are sent."""
+        """Return a frame with its MAC. Each frame once, in the order in which they are sent."""
         number = self._number
         self._number = number + 1
         mac = self._keyed.copy()
@@ -44,7 +44,7 @@ class FrameMac:
         return _LENGTH(len(frame) - HEADER_BYTES + MAC_BYTES) + frame[HEADER_BYTES:] + mac.digest()
 
     def open(self, payload: bytes) -> bytes | None:
-        """Returns the message in a payload; None if this is not the one that was sent as the next."""
+        """Return the message in a payload; None if this is not the one that was sent as the next."""
         number = self._number
         self._number = number + 1
         message = payload[:-MAC_BYTES]

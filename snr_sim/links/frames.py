@@ -19,7 +19,7 @@ _TLS_RECORDS, _TLS_MAJOR = (21, 22), 3
 
 
 def encode_frame(payload: bytes, max_bytes: int = MAX_FRAME_BYTES) -> bytes:
-    """Returns length and payload in one piece, so that one send carries them.
+    """Return length and payload in one piece, so that one send carries them.
 
     Raises:
         FrameTooLarge: the payload is longer than `max_bytes`.
@@ -47,7 +47,7 @@ class FrameReader:
         self._rest = bytearray()  # what no frame has been made of yet: at most a frame and one read
 
     def feed(self, data: bytes = b"", at_most: int | None = None) -> list[bytes]:
-        """Takes bytes as they come; returns the payloads that are complete, at most so many.
+        """Take bytes as they come; return the payloads that are complete, at most so many.
 
         Raises:
             FrameTooLarge: the next frame announces more than `max_bytes`. Nothing of it is waited for, and there is

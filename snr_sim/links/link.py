@@ -87,7 +87,7 @@ class Misfits:
 
 
 def by_name(peers: Iterable[tuple[str, dict[str, Any]]]) -> dict[str, Any]:
-    """Returns what there is to say of each peer, by its name; of several with one name, all but the first get a number.
+    """Return what there is to say of each peer, by its name; of several with one name, all but the first get a number.
 
     >>> by_name([("a", {"sent": 1}), ("a", {"sent": 2})])
     {'a': {'sent': 1}, 'a#2': {'sent': 2}}
@@ -181,27 +181,27 @@ class Link(RestartingLoop):
         self._carry = self.transport.carry
 
     def begin(self) -> None:
-        """Opens what is needed, and has the node's pages handed over from now on."""
+        """Open what is needed, and have the node's pages handed over from now on."""
         self._open()
         for key in self.options.keys:
             self.parent.tap(key, self._out)
         super().begin()
 
     def join(self) -> None:
-        """Takes no more pages, sends what waits, and closes."""
+        """Take no more pages, sends what waits, and close."""
         super().join()
         if self._backing is not None:
             for key in self.options.keys:
                 self.parent.untap(key, self._out)
 
     def stop(self) -> None:
-        """Asks for no more rounds; ends the one that waits."""
+        """Ask for no more rounds; end the one that waits."""
         super().stop()
         if self._backing is not None:
             self.transport.wake()
 
     def terminate(self) -> None:
-        """Tells at the end of the run what did not cross, and which keys came to nothing: perhaps they are misspelt."""
+        """Tell at the end of the run what did not cross, and which keys came to nothing: perhaps they are misspelt."""
         # If it is only taken out, what was not stored yet may still be; and nothing could be if the node never ran.
         if self.parent.is_over and not self.parent.never_ran:
             self._note_missed_keys()
@@ -301,7 +301,7 @@ class Link(RestartingLoop):
         return self.parent.queued_task_count <= FEW_TASKS
 
     def note_size(self, page_bytes: int) -> None:
-        """Remembers how large pages are that come lately; see `must_wait`."""
+        """Remember how large pages are that come lately; see `must_wait`."""
         if page_bytes > self._largest_bytes:
             self._largest_bytes = page_bytes
 
@@ -316,7 +316,7 @@ class Link(RestartingLoop):
     # How it is
 
     def report(self, now_s: float) -> None:
-        """Stores the link's state, if it has changed or a second has passed."""
+        """Store the link's state, if it has changed or a second has passed."""
         state = self.transport.state(now_s)
         gist = (state["up"], *state.get("peers", ()))
         # Not whenever the reason changes: strangers who come and go could then flood the node with reports.

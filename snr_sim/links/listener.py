@@ -41,7 +41,7 @@ class Listener:
         self._selector.register(self.sock, selectors.EVENT_READ, self._data)
 
     def accept(self, now_s: float) -> tuple[socket.socket, Any] | None:
-        """Returns a connection and its address, or None: there is none after all, or none can be taken now."""
+        """Return a connection and its address, or None: there is none after all, or none can be taken now."""
         try:
             return self.sock.accept()
         except BlockingIOError:
@@ -55,13 +55,13 @@ class Listener:
             return None
 
     def tend(self, now_s: float) -> None:
-        """Goes on, if it has rested."""
+        """Go on, if it has rested."""
         if self._rests_until_s is not None and now_s >= self._rests_until_s:
             self._rests_until_s = None
             self._register()
 
     def close(self) -> None:
-        """Takes nobody any more. Safe to call twice."""
+        """Take nobody any more. Safe to call twice."""
         with suppress(KeyError, ValueError):  # it rests, or is closed
             self._selector.unregister(self.sock)
         self.sock.close()

@@ -69,7 +69,7 @@ class MemoryLink:
         self.ways: list[OneWay] = []
 
     def attach(self, nodes: Mapping[RoleName, Node], clock: SimClock) -> None:
-        """Connects the two nodes, before they begin.
+        """Connect the two nodes, before they begin.
 
         Raises:
             UnknownName: one of the roles does not run.
@@ -117,7 +117,7 @@ class OneWay:
         return self._way.lost
 
     def send(self, page: Page) -> None:
-        """Sends a page on its way, unless it came from there."""
+        """Send a page on its way, unless it came from there."""
         if page.origin == self.receiver.name or (self.back is not None and self.back.has_brought(page)):
             return
         try:
@@ -131,7 +131,7 @@ class OneWay:
             self._clock.call_at(arrival_s, partial(self._deliver, raw), BEFORE_LOOPS)
 
     def has_brought(self, page: Page) -> bool:
-        """Returns whether this very page came by this way; asked once, when it is stored."""
+        """Return whether this very page came by this way; asked once, when it is stored."""
         return self._brought.pop(id(page), None) is page
 
     def _deliver(self, raw: bytes) -> None:

@@ -125,7 +125,7 @@ _decode_head: Callable[[bytes], Control | PageHead] = msgspec.json.Decoder(Contr
 
 
 def decode_message(raw: bytes, is_wanted: Callable[[str, str], bool] | None = None) -> Control | Page:
-    """Returns the message in a frame.
+    """Return the message in a frame.
 
     Args:
         raw: the message.
@@ -150,7 +150,7 @@ def decode_message(raw: bytes, is_wanted: Callable[[str, str], bool] | None = No
 
 
 def decoder_of(*others: Any) -> Callable[[bytes], Any]:
-    """Returns a decoder of the control messages and of other tagged Structs: for sessions with another purpose."""
+    """Return a decoder of the control messages and of other tagged Structs: for sessions with another purpose."""
     kinds: Any = Control
     for other in others:
         kinds |= other

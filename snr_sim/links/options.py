@@ -73,7 +73,7 @@ def _check_count(name: str, value: object, most: int | None) -> None:
 
 
 def as_keys(keys: DataKey | Iterable[DataKey]) -> tuple[DataKey, ...]:
-    """Returns one key or several as a tuple, each once.
+    """Return one key or several as a tuple, each once.
 
     Raises:
         ConfigError: one is not text, is empty or too long.

@@ -57,7 +57,7 @@ class Peer:
         return False
 
     def put(self, frame: bytes) -> None:
-        """Has a page sent; on the node's thread, at once or soon, but never waiting."""
+        """Have a page sent; on the node's thread, at once or soon, but never waiting."""
         raise NotImplementedError
 
 
@@ -152,7 +152,7 @@ class Peers:
         return any(other is not peer and other.session.peer_node == name for other in peers)
 
     def _names_meant_twice(self, peers: Iterable[Peer]) -> str:
-        """Returns what is wrong with the names of this end and the far ends, in words."""
+        """Return what is wrong with the names of this end and the far ends, in words."""
         sessions: dict[str, Session] = {}
         for session in (peer.session for peer in peers):
             name = session.peer_node
@@ -188,7 +188,7 @@ class Peers:
         self._newest[page.key] = kept
 
     def admit(self, peer: Peer) -> None:
-        """A session is up: what waits for somebody goes first, then whatever is stored from now on."""
+        """Begin with a session that is up: what waits for somebody goes first, then whatever is stored from now on."""
         with self._meeting:
             kept = [*self._early.take(), *self._newest.values()]
             self._newest.clear()
@@ -201,7 +201,7 @@ class Peers:
             self._link.log.warning("%s: %s", self._link.name, self._early.loss)
 
     def dismiss(self, peer: Peer) -> None:
-        """A session is over: what still waited for it is dropped."""
+        """Forget a session that is over: what still waited for it is dropped."""
         with self._meeting:
             self.up = tuple(other for other in self.up if other is not peer)
         self._link.dropped += peer.all_dropped + peer.waiting
@@ -213,7 +213,7 @@ class Peers:
         self._was_left = peer.session.was_left
 
     def farewell(self) -> str:
-        """Returns what is said to far ends when this one ends in order."""
+        """Return what is said to far ends when this one ends in order."""
         why = (self._node.exit_reason or "").rstrip(".")
         return f"node '{self._node.name}' ended{f': {why}' if why else ''}."
 
@@ -222,7 +222,7 @@ class Peers:
         return Session(self.terms, self._link.get_time_s(), self._decode, nonce)
 
     def new_way(self) -> Way:
-        """Returns the way out to a new far end: each session has a luck of its own, the same in every run."""
+        """Return the way out to a new far end: each session has a luck of its own, the same in every run."""
         name = f"link:{self._link.name}:{self._node.role}:{next(self._numbers)}"
         return Way(self._options.faults or Faults(), self._node.seed, name, self._least_transit_s)
 

@@ -70,14 +70,14 @@ class PipeLoopFactory(LoopFactory):
         self.options = (options or LinkOptions(name)).for_end(data_keys, accept)
 
     def claim(self) -> None:
-        """Does nothing: a pipe is open from the start; see PortFactory."""
+        """Do nothing: a pipe is open from the start; see PortFactory."""
 
     def release(self) -> None:
-        """Closes this end; see PortFactory."""
+        """Close this end; see PortFactory."""
         self.conn.close()
 
     def get(self, parent: NodeApi) -> Loop:
-        """Returns the link."""
+        """Return the link."""
         terms = Terms(
             parent.name,
             is_server=not self.is_first,
@@ -110,7 +110,7 @@ class PipesPair:
     def client(
         self, keys: DataKey | Iterable[DataKey] = (), *, accept: Iterable[DataKey] | None = None
     ) -> PipeLoopFactory:
-        """Returns the factory of one end; see `SocketsPair.client`."""
+        """Return the factory of one end; see `SocketsPair.client`."""
         return PipeLoopFactory(
             self.client_conn, keys, accept, is_first=True, meeting=self.meeting, options=self.options
         )
@@ -118,7 +118,7 @@ class PipesPair:
     def server(
         self, keys: DataKey | Iterable[DataKey] = (), *, accept: Iterable[DataKey] | None = None
     ) -> PipeLoopFactory:
-        """Returns the factory of the other end."""
+        """Return the factory of the other end."""
         return PipeLoopFactory(
             self.server_conn, keys, accept, is_first=False, meeting=self.meeting, options=self.options
         )

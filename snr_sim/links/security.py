@@ -21,7 +21,7 @@ Network: TypeAlias = ipaddress.IPv4Network | ipaddress.IPv6Network
 
 
 def as_secret(secret: str | bytes | None, source: str = "secret=") -> bytes | None:
-    """Returns a shared secret as bytes; None stays None.
+    """Return a shared secret as bytes; None stays None.
 
     Raises:
         ConfigError: it is neither text nor bytes, is text that cannot be written, or too short to be one.
@@ -49,7 +49,7 @@ def as_secret(secret: str | bytes | None, source: str = "secret=") -> bytes | No
 
 
 def secret_from_file(path: str | Path) -> bytes:
-    """Returns the shared secret that stands in a file, without white space around it.
+    """Return the shared secret that stands in a file, without white space around it.
 
     Raises:
         ConfigError: the file cannot be read, or what it holds is too short.
@@ -65,7 +65,7 @@ def secret_from_file(path: str | Path) -> bytes:
 
 
 def secret_from_env(name: str) -> bytes:
-    """Returns the shared secret in an environment variable.
+    """Return the shared secret in an environment variable.
 
     Raises:
         ConfigError: the variable is not set, or what it holds is too short.
@@ -79,7 +79,7 @@ def secret_from_env(name: str) -> bytes:
 
 
 def derive_key(secret: bytes, use: str, client_hello: bytes, server_hello: bytes) -> bytes:
-    """Returns 32 bytes that only ends with this secret can compute, for one use in one session.
+    """Return 32 bytes that only ends with this secret can compute, for one use in one session.
 
     Both greetings are in it as they crossed, and so purpose, names and nonces: it is worth nothing in another session,
     at another port, or where somebody changed a greeting.
@@ -93,7 +93,7 @@ def derive_key(secret: bytes, use: str, client_hello: bytes, server_hello: bytes
 
 
 def as_networks(allow: Iterable[str]) -> tuple[Network, ...]:
-    """Returns addresses and networks as such.
+    """Return addresses and networks as such.
 
     Raises:
         ConfigError: one is neither.
@@ -120,7 +120,7 @@ def as_networks(allow: Iterable[str]) -> tuple[Network, ...]:
 
 
 def is_loopback(host: str) -> bool:
-    """Returns whether a host is this machine only."""
+    """Return whether a host is this machine only."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -141,7 +141,7 @@ def as_host(address: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | Non
 
 
 def is_allowed(address: str, networks: Iterable[Network]) -> bool:
-    """Returns whether a peer's address is this machine's own or in one of the networks."""
+    """Return whether a peer's address is this machine's own or in one of the networks."""
     peer = as_host(address)
     return peer is not None and (peer.is_loopback or any(peer in network for network in networks))
 
@@ -181,7 +181,7 @@ class Tls:
                 raise ConfigError(f"TLS with {field.name}={value!r}.", fix=f"{what}.")
 
     def server_context(self) -> ssl.SSLContext:
-        """Returns what a server needs.
+        """Return what a server needs.
 
         Raises:
             ConfigError: a file is missing or is not what it should be.
@@ -191,7 +191,7 @@ class Tls:
         return _context(True, self.certificate, self.key, self.client_authority)
 
     def client_context(self) -> ssl.SSLContext:
-        """Returns what a client needs.
+        """Return what a client needs.
 
         Raises:
             ConfigError: a file is missing or is not what it should be.

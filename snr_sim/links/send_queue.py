@@ -44,7 +44,7 @@ class SendQueue(Generic[Frame]):
         return len(self._frames)
 
     def put(self, frame: Frame) -> bool:
-        """Takes a frame in; returns whether it now waits. Frames that had to go for it are counted in `dropped`.
+        """Take a frame in; return whether it now waits. Frames that had to go for it are counted in `dropped`.
 
         >>> queue = SendQueue(max_pages=2)
         >>> [queue.put(frame) for frame in (b"a", b"b", b"c")], queue.take(), queue.dropped
@@ -62,7 +62,7 @@ class SendQueue(Generic[Frame]):
         return True
 
     def take(self, max_bytes: int | None = None) -> list[Frame]:
-        """Returns the oldest frames and forgets them: at least one if any waits, and not many more bytes than asked."""
+        """Return the oldest frames and forget them: at least one if any waits, and not many more bytes than asked."""
         frames: list[Frame] = []
         taken_bytes = 0
         while self._frames and (max_bytes is None or taken_bytes < max_bytes):

@@ -170,12 +170,12 @@ class Session:
         return self._reader.missing_bytes
 
     def take_output(self) -> list[bytes]:
-        """Returns the frames that are to be sent, in order and not sealed yet, and forgets them."""
+        """Return the frames that are to be sent, in order and not sealed yet, and forget them."""
         frames, self._outbox, self._outbox_bytes = self._outbox, [], 0
         return frames
 
     def seal(self, frame: bytes) -> bytes:
-        """Returns a frame as it crosses: with its MAC, if there is a secret.
+        """Return a frame as it crosses: with its MAC, if there is a secret.
 
         Every frame of the session, those of `take_output` and all others, once and in the order in which they cross.
         So not before it is certain that a frame is sent, and which is next; and by one thread at a time.
@@ -187,7 +187,7 @@ class Session:
         return frame
 
     def receive(self, data: bytes, now_s: float) -> list[Any]:
-        """Takes bytes as they come; returns the messages in them that are none of the session's own: pages.
+        """Take bytes as they come; return the messages in them that are none of the session's own: pages.
 
         Never raises, whatever the bytes: what is wrong closes the session, and `reason` says so.
         """
@@ -229,11 +229,11 @@ class Session:
         return taken
 
     def forgive_silence(self, now_s: float) -> None:
-        """Forgives the other end its silence: it was this end that did not read."""
+        """Forgive the other end its silence: it was this end that did not read."""
         self.heard_s = now_s
 
     def tick(self, now_s: float) -> None:
-        """Does what time asks for: asks whether the other end is there; closes if it has not been for too long."""
+        """Do what time asks for: asks whether the other end is there; close if it has not been for too long."""
         if self.state is State.closed:
             return
         terms = self.terms
@@ -252,13 +252,13 @@ class Session:
         self._say(Ping(now_s))
 
     def bye(self, reason: str) -> None:
-        """Ends the session in good order."""
+        """End the session in good order."""
         if self.state is not State.closed:
             self._say(Bye(reason[:MAX_REASON_CHARS]))
             self._close(reason)
 
     def refuse(self, reason: str) -> None:
-        """Ends the session and tells the other end what was wrong with it."""
+        """End the session and tell the other end what was wrong with it."""
         if self.state is not State.closed:
             reason = on_one_line(reason)  # it may quote what came
             self._say(Refused(reason))
@@ -266,7 +266,7 @@ class Session:
             self._close(reason)
 
     def lost(self, reason: str) -> None:
-        """Ends the session because its port did."""
+        """End the session because its port did."""
         self._close(reason)
 
     def _close(self, reason: str) -> None:
@@ -288,7 +288,7 @@ class Session:
         self._answer(message, now_s)
 
     def _derive_keys(self, secret: bytes, their_hello: bytes) -> None:
-        """Computes what proves both ends to each other, and the keys of what they send."""
+        """Compute what proves both ends to each other, and the keys of what they send."""
         sides, hellos = ("client", "server"), (self._hello, their_hello)
         if self.terms.is_server:
             sides, hellos = sides[::-1], hellos[::-1]
@@ -381,7 +381,7 @@ class Session:
 
 
 def on_one_line(reason: str) -> str:
-    """Returns a reason without what a terminal would obey: whoever sent it wrote what an operator reads.
+    """Return a reason without what a terminal would obey: whoever sent it wrote what an operator reads.
 
     >>> on_one_line("gone.\\n  Try: \\x1b[2J")
     'gone. Try: \\\\x1b[2J'

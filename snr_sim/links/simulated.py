@@ -60,12 +60,12 @@ class SimulatedPeer(Peer):
         self._is_waiting = False  # for the way to be free
 
     def put(self, frame: bytes) -> None:
-        """Has a page sent."""
+        """Have a page sent."""
         self.queue.put(frame)
         self.pump()
 
     def pump(self) -> None:
-        """Sends what the way takes now; the rest when it is free again."""
+        """Send what the way takes now; the rest when it is free again."""
         clock = self.near.clock
         for frame in self.session.take_output():
             self._send(frame, is_page=False)
@@ -145,7 +145,7 @@ class SimulatedTransport(Transport):
         return peer
 
     def arrive(self, peer: SimulatedPeer, frame: bytes) -> None:
-        """A frame has come."""
+        """Receive a frame."""
         session = peer.session
         if peer.is_gone or self.link.parent.is_terminated:
             return

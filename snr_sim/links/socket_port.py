@@ -95,14 +95,14 @@ class SocketPort:
             raise OSError(tls_words(error)) from None
 
     def end_writing(self) -> None:
-        """Tells the far end that nothing more comes."""
+        """Tell the far end that nothing more comes."""
         if self.is_shareable:
             self._sock.shutdown(socket.SHUT_WR)
         else:
             socket.socket.shutdown(self._sock, socket.SHUT_WR)  # that of TLS would also end reading
 
     def close(self) -> None:
-        """Closes the socket."""
+        """Close the socket."""
         self._sock.close()
 
 
@@ -159,7 +159,7 @@ class ListenerFactory(LoopFactory):
 
 
 def listen(host: str, port: int, who: str = "A link") -> socket.socket:
-    """Returns a socket that listens at one address; `who` wants it, for the words of an error.
+    """Return a socket that listens at one address; `who` wants it, for the words of an error.
 
     Raises:
         LinkError: the port is taken, or the host is not this machine.

@@ -103,7 +103,7 @@ class SocketsPair:
     def client(
         self, keys: DataKey | Iterable[DataKey] = (), *, accept: Iterable[DataKey] | None = None
     ) -> SocketsLoopFactory:
-        """Returns the factory of the end that calls.
+        """Return the factory of the end that calls.
 
         Args:
             keys: pages of these go to the server.
@@ -114,7 +114,7 @@ class SocketsPair:
     def server(
         self, keys: DataKey | Iterable[DataKey] = (), *, accept: Iterable[DataKey] | None = None
     ) -> SocketsListenerFactory:
-        """Returns the factory of the end that is called, by one client or several.
+        """Return the factory of the end that is called, by one client or several.
 
         Args:
             keys: pages of these go to each client.
@@ -126,7 +126,7 @@ class SocketsPair:
         return SocketsListenerFactory(self, keys, accept)
 
     def terms_for(self, node: str, is_server: bool) -> Terms:
-        """Returns what one end brings to its sessions."""
+        """Return what one end brings to its sessions."""
         options = self.options
         return Terms(
             node,
@@ -141,7 +141,7 @@ class SocketsPair:
 
 
 def _as_address(server_tuple: object, more: tuple[object, ...]) -> Address:
-    """Returns host and port, checked; `more` is what stood behind them and belongs to them, or has no name."""
+    """Return host and port, checked; `more` is what stood behind them and belongs to them, or have no name."""
     fix = 'SocketsPair(("127.0.0.1", 9120), name="tether"): host and port in parentheses, all else by its name.'
     if more:
         raise ConfigError(f"A SocketsPair of {server_tuple!r} and {', '.join(map(repr, more))}.", fix=fix)
@@ -191,7 +191,7 @@ class SocketsLoopFactory(LoopFactory):
         return f"link_{self.options.name} connects to {self.pair.address}"
 
     def get(self, parent: NodeApi) -> Loop:
-        """Returns the link."""
+        """Return the link."""
         pair = self.pair
         terms = pair.terms_for(parent.name, is_server=False)
         server_name = "" if pair.tls is None else pair.tls.server_name
@@ -246,7 +246,7 @@ class SocketsListenerFactory(ListenerFactory):
         return f"link_{self.options.name} listens at {self.pair.address}"
 
     def get(self, parent: NodeApi) -> Loop:
-        """Returns the link."""
+        """Return the link."""
         pair = self.pair
         terms = pair.terms_for(parent.name, is_server=True)
         return Link(

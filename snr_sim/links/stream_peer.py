@@ -62,7 +62,7 @@ class StreamPeer(Peer):
         self._count = 0
 
     def put(self, frame: bytes) -> None:
-        """Sends a page at once if nothing stands before it; else it waits in line, and the thread is woken."""
+        """Send a page at once if nothing stands before it; else it waits in line, and the thread is woken."""
         if self.way is not None:
             self._put_on_the_way(self.way, frame, is_page=True)
             self._link.transport.wake()
@@ -75,7 +75,7 @@ class StreamPeer(Peer):
         self._link.transport.wake()
 
     def _try(self, frame: bytes) -> bool:
-        """Sends what fits of a page, and has the rest wait in front; returns whether the stream still works."""
+        """Send what fits of a page, and have the rest wait in front; return whether the stream still works."""
         sealed, done = self.session.seal(frame), 0
         try:
             done = self.port.write(sealed)
@@ -97,7 +97,7 @@ class StreamPeer(Peer):
             self.bug = None if isinstance(error, OSError) else error
 
     def pump(self, now_s: float) -> None:
-        """Sends what the port takes of all that waits; on the link's thread."""
+        """Send what the port takes of all that waits; on the link's thread."""
         output = self.session.take_output()
         if self.way is None:
             self._control += output
@@ -117,7 +117,7 @@ class StreamPeer(Peer):
             self.fail(error)
 
     def _write_some(self) -> bool:
-        """Writes once; returns whether there was something to write."""
+        """Write once; return whether there was something to write."""
         with self._sending:
             if not len(self._cut_off):
                 if self._control:
@@ -132,7 +132,7 @@ class StreamPeer(Peer):
             return True
 
     def end_writing(self) -> None:
-        """Tells the far end that nothing more comes."""
+        """Tell the far end that nothing more comes."""
         with suppress(OSError):  # broken already, which is as good
             self.port.end_writing()
 

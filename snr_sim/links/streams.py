@@ -87,7 +87,7 @@ class Streams(Transport):
         return self.peers.notes()
 
     def wake(self) -> None:
-        """Has the link's thread look around; from any thread."""
+        """Have the link's thread look around; from any thread."""
         if not self._is_woken:
             self._is_woken = True
             with suppress(OSError):  # full is as good as written, and closed is over
@@ -105,7 +105,7 @@ class Streams(Transport):
         self._pump_all()
 
     def round(self) -> None:
-        """Waits until something happens and does what is to be done about it; again and again, while pages come."""
+        """Wait until something happens and do what is to be done about it; again and again, while pages come."""
         select, now = self._selector.select, self.now_s
         self._is_round_over = False
         while not self._is_round_over:
@@ -154,7 +154,7 @@ class Streams(Transport):
         return min([self._tend_s, *(stream.due_s for stream in self.streams)]) if self._is_slow else self._tend_s
 
     def see_off(self) -> None:
-        """Sends what waits and says goodbye; not for longer than `LINGER_S`."""
+        """Send what waits and say goodbye; not for longer than `LINGER_S`."""
         with self.lock:
             for stream in self.streams:
                 self._stand_at_door(stream, False)
@@ -185,7 +185,7 @@ class Streams(Transport):
         return stream
 
     def _pump(self, stream: StreamPeer) -> None:
-        """Sends what waits for a far end, and draws the conclusions."""
+        """Send what waits for a far end, and draw the conclusions."""
         stream.pump(self.now_s())
         if stream.failure or stream.session.is_closed:
             self._part_from(stream)
@@ -275,7 +275,7 @@ class Streams(Transport):
             self.link.bring(pages, stream)
 
     def _part_from(self, stream: StreamPeer) -> None:
-        """The session is over. The far end is given a moment to read why: closing at once could take that back."""
+        """End a session. The far end is given a moment to read why: closing at once could take that back."""
         leaves_s = self._note_end(stream)
         if stream.due_s == float("inf"):  # else why it is over is still on its way, where faults delay it
             stream.end_writing()
@@ -320,14 +320,14 @@ class Streams(Transport):
             self._drop(stream)
 
     def _admit(self, stream: StreamPeer) -> None:
-        """A session is up."""
+        """Begin with a session that is up."""
         self.peers.admit(stream)
 
     def _gone(self, stream: StreamPeer) -> None:
-        """A stream is closed; a client calls again."""
+        """Forget a stream that is closed; a client calls again."""
 
     def _watch(self, stream: StreamPeer) -> None:
-        """Has `select` wait for what this stream can do now."""
+        """Have `select` wait for what this stream can do now."""
         is_open, is_leaving = stream in self.streams, stream.leaves_s is not None
         is_at_door = is_open and stream.is_admitted and stream.port.is_shareable and not is_leaving
         self._stand_at_door(stream, is_at_door)
@@ -355,7 +355,7 @@ class Streams(Transport):
             self._node.door.unwatch(stream.descriptor)
 
     def _tend(self, now_s: float) -> None:
-        """Does what time asks for."""
+        """Do what time asks for."""
         self._pump_all()
         if now_s < self._tend_s:
             return
@@ -374,7 +374,7 @@ class Streams(Transport):
 
 
 def see_off(streams: list[StreamPeer], now_s: Callable[[], float], reason: str) -> None:
-    """Sends what waits, says goodbye, and waits for the far ends to close; for `LINGER_S` at most."""
+    """Send what waits, says goodbye, and wait for the far ends to close; for `LINGER_S` at most."""
     give_up_s = now_s() + LINGER_S
     with selectors.DefaultSelector() as selector:
         for stream in streams:
@@ -396,7 +396,7 @@ def see_off(streams: list[StreamPeer], now_s: Callable[[], float], reason: str) 
 
 
 def _say_goodbye(stream: StreamPeer, now_s: float, reason: str) -> int:
-    """Sends what waits, then the goodbye; returns what to wait for next, 0 if the far end has closed."""
+    """Send what waits, then the goodbye; return what to wait for next, 0 if the far end has closed."""
     stream.pump(now_s)
     if stream.failure or _has_closed(stream):
         return 0

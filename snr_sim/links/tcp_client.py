@@ -101,7 +101,7 @@ class Calls:
         self._has_given_up = False
 
     def begin(self, host: str, port: int) -> None:
-        """Begins to connect; the answer is a socket, or what went wrong."""
+        """Begin to connect; the answer is a socket, or what went wrong."""
         threading.Thread(target=self._connect, args=(host, port), name=f"call {host}:{port}", daemon=True).start()
 
     def _connect(self, host: str, port: int) -> None:
@@ -116,7 +116,7 @@ class Calls:
             self._tell()
 
     def give_up(self) -> None:
-        """Wants no more answers; a socket that comes all the same is closed."""
+        """Want no more answers; a socket that comes all the same is closed."""
         self._has_given_up = True
         with suppress(Empty):
             while True:
@@ -126,7 +126,7 @@ class Calls:
 
 
 def connect(host: str, port: int) -> socket.socket:
-    """Returns a socket that is connected to a server.
+    """Return a socket that is connected to a server.
 
     Raises:
         OSError: there is none, or no such host.

@@ -34,7 +34,7 @@ _REJECTED = "the other end does not take this end's certificate. Try: what the o
 
 
 def tls_words(error: ssl.SSLError) -> str:
-    """Returns what happened and what to try, and in brackets what OpenSSL says."""
+    """Return what happened and what to try, and in brackets what OpenSSL says."""
     openssl = (error.strerror or str(error)).partition(" (_ssl.c")[0]
     name = getattr(error, "reason", None) or ""  # only those that OpenSSL raised have one
     code = getattr(error, "verify_code", None)

@@ -24,7 +24,7 @@ _OWN_OBJECT_MARK = b'"$":"object"'
 
 
 def _refuse_int(**fields: Any) -> NoReturn:
-    """Refuses the mark `int`, which is only for integers of more than 64 bits."""
+    """Refuse the mark `int`, which is only for integers of more than 64 bits."""
     raise _too_long()
 
 
@@ -32,7 +32,7 @@ WIRE_KINDS = {**KINDS, "int": _refuse_int}  # the marks that may cross, beside t
 
 
 def encode_page(page: Page) -> bytes:
-    """Returns a page as it crosses a link.
+    """Return a page as it crosses a link.
 
     Raises:
         ValueEncodingError: it holds what no link carries: the sender's mistake, so it fails at the sender.
@@ -45,7 +45,7 @@ def encode_page(page: Page) -> bytes:
 
 
 def decode_page(raw: bytes) -> Page:
-    """Returns a page that came over a link.
+    """Return a page that came over a link.
 
     Raises:
         ValueEncodingError: it is not a page, or beyond the bounds.
@@ -56,7 +56,7 @@ def decode_page(raw: bytes) -> Page:
 
 
 def check_bounds(raw: bytes) -> None:
-    """Checks plain integers and depth of JSON that is known to be valid; marks are the decoder's business.
+    """Check plain integers and depth of JSON that is known to be valid; mark are the decoder's business.
 
     Raises:
         ValueEncodingError: an integer is outside of -2^63 .. 2^64-1, or it is nested too deeply.

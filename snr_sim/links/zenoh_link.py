@@ -162,7 +162,7 @@ class ZenohTransport(Fleet):
             ) from error
 
     def _connect(self) -> None:
-        """Tries to connect; on the link's thread, which has nothing better to do."""
+        """Try to connect; on the link's thread, which has nothing better to do."""
         try:
             session = self._zenoh.open(self._config)
         except self._zenoh.ZError as error:
@@ -175,7 +175,7 @@ class ZenohTransport(Fleet):
         self._session = session
 
     def _join_net(self) -> None:
-        """Listens first and shows itself last: who sees this node can already be heard by it."""
+        """Listen first and show itself last: who sees this node can already be heard by it."""
         session, accept, robots = self._session, self.link.options.accept, self.hearing.robots
         prefix = self.roster.prefix
         self.roster.own_place = place = self.roster.place_of(self.member, str(session.zid()))
@@ -198,7 +198,7 @@ class ZenohTransport(Fleet):
     # On Zenoh's threads. None of these may raise: Zenoh would only print it.
 
     def _came(self, sample: Any) -> None:
-        """A page, perhaps."""
+        """Receive a page, perhaps."""
         place, _, key = str(sample.key_expr).rpartition("/page/")
         size_bytes = len(sample.payload)
         attached = b"" if sample.attachment is None else sample.attachment.to_bytes()[: NUMBER_BYTES + 1]
@@ -261,7 +261,7 @@ class ZenohTransport(Fleet):
     # From any thread
 
     def _put_on_the_way(self, size_bytes: int, arrive: Callable[[], None], is_page: bool) -> None:
-        """Has something happen when what this link sends arrives: at once, unless there are faults."""
+        """Have something happen when what this link sends arrives: at once, unless there are faults."""
         if self._way is None:
             arrive()
             return
@@ -283,7 +283,7 @@ class ZenohTransport(Fleet):
     # On the link's thread
 
     def round(self) -> None:
-        """Waits until there is something to do, and does it."""
+        """Wait until there is something to do, and do it."""
         due_s = min(self._tend_s, self._delayed[0][0]) if self._delayed else self._tend_s
         wait_s = DEAF_LOOK_S if self.link.is_deaf else due_s - self.now_s()
         if wait_s > 0:
@@ -331,7 +331,7 @@ class ZenohTransport(Fleet):
         self.let_in(far.member, page, far)
 
     def _send_out(self) -> None:
-        """Sends what waits; blocks as long as a far end does not read."""
+        """Send what waits; block as long as a far end does not read."""
         is_heard = bool(self.roster.here())
         if self.roster.take_newcomer():
             for letter in list(self._newest.values()):
@@ -367,7 +367,7 @@ class ZenohTransport(Fleet):
         publisher.put(letter.raw, attachment=letter.number.to_bytes(NUMBER_BYTES, "big"))
 
     def _tend(self, now_s: float) -> None:
-        """Does what time asks for."""
+        """Do what time asks for."""
         if now_s < self._tend_s:
             return
         self._tend_s = now_s + TEND_EVERY_S
@@ -377,7 +377,7 @@ class ZenohTransport(Fleet):
         self.link.report(now_s)
 
     def _ask(self, now_s: float) -> None:
-        """Asks all others whether they are there."""
+        """Ask all others whether they are there."""
         if self._session is None:
             return
         self._session.get(
@@ -439,7 +439,7 @@ class ZenohTransport(Fleet):
 
 
 def _time_in(payload: Any) -> float | None:
-    """Returns the time that somebody has answered with, if it is one."""
+    """Return the time that somebody has answered with, if it is one."""
     try:
         time_s = float(payload.to_bytes()[:MAX_TIME_BYTES])
     except ValueError:
@@ -448,7 +448,7 @@ def _time_in(payload: Any) -> float | None:
 
 
 def _in_words(error: Exception) -> str:
-    """Returns what Zenoh says, without where in its own source."""
+    """Return what Zenoh says, without where in its own source."""
     return str(error).partition(" at /")[0].strip()
 
 

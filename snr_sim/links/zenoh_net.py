@@ -117,7 +117,7 @@ class ZenohNet:
         listen: str | Iterable[str] | None = None,
         connect: str | Iterable[str] | None = None,
     ) -> ZenohLinkFactory:
-        """Returns the factory of a node's link to all others of the net.
+        """Return the factory of a node's link to all others of the net.
 
         Args:
             keys: pages of these go to all others.
@@ -192,7 +192,7 @@ class ZenohLinkFactory(LoopFactory):
             _check_tls(self.net.tls, bool(self.listen), self.connects)
 
     def get(self, parent: NodeApi) -> Loop:
-        """Returns the link."""
+        """Return the link."""
         member = Member(self.robot or parent.name, parent.name)
         return Link(
             self,
@@ -281,7 +281,7 @@ class ZenohLinkFactory(LoopFactory):
 
 
 def as_endpoints(what: str, endpoints: str | Iterable[str], tls: Tls | None) -> tuple[str, ...]:
-    """Returns addresses, checked: beyond this machine, only TLS with certificates on both sides is good enough.
+    """Return addresses, checked: beyond this machine, only TLS with certificates on both sides is good enough.
 
     Raises:
         ConfigError: one is no address, or anybody could listen in there.
@@ -305,7 +305,7 @@ def as_endpoints(what: str, endpoints: str | Iterable[str], tls: Tls | None) -> 
 
 
 def _tls(tls: Tls, listens: bool, connects: bool) -> dict[str, Any]:
-    """Returns Zenoh's names for the certificates. It takes one authority for both sides."""
+    """Return Zenoh's names for the certificates. It takes one authority for both sides."""
     return {
         "root_ca_certificate": str(tls.client_authority or tls.authority),
         "enable_mtls": True,

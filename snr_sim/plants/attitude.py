@@ -10,7 +10,7 @@ Rotation: TypeAlias = tuple[float, float, float, float, float, float, float, flo
 
 
 def rotation_of(attitude: Quaternion) -> Rotation:
-    """Returns the matrix of a unit quaternion; its last row is the world's upward direction in the body frame."""
+    """Return the matrix of a unit quaternion; its last row is the world's upward direction in the body frame."""
     w, x, y, z = attitude
     xx, yy, zz = x * x, y * y, z * z
     xy, xz, yz, wx, wy, wz = x * y, x * z, y * z, w * x, w * y, w * z
@@ -22,7 +22,7 @@ def rotation_of(attitude: Quaternion) -> Rotation:
 
 
 def turned(attitude: Quaternion, p: float, q: float, r: float, dt_s: float) -> Quaternion:
-    """Returns the attitude after turning at a rate (body frame) for a step.
+    """Return the attitude after turning at a rate (body frame) for a step.
 
     The turn is that of Cayley's form, angle 2 atan(rate dt / 2): with it `Hydrodynamics.advance` keeps the energy of
     weight and buoyancy to the last bit. It lags the true one by a share of (rate dt)^2 / 12.

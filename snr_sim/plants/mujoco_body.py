@@ -90,7 +90,7 @@ class MujocoBody:
         self._weight_n = float(self.rigid[0, 0]) * abs(self.gravity_mps2)
 
     def _mass_at_rest(self) -> Matrix:
-        """Returns MuJoCo's mass matrix where its axes are the body's: turned by nothing."""
+        """Return MuJoCo's mass matrix where its axes are the body's: turned by nothing."""
         self._qpos[3:] = 1.0, 0.0, 0.0, 0.0
         self.look()
         flat = np.zeros(36)
@@ -100,7 +100,7 @@ class MujocoBody:
         return lower + lower.T - np.diag(np.diag(lower))
 
     def put(self, pose: Sequence[float], velocity: Sequence[float]) -> None:
-        """Puts the body somewhere.
+        """Put the body somewhere.
 
         Args:
             pose: x, y, z [m] and the quaternion w, x, y, z.
@@ -110,21 +110,21 @@ class MujocoBody:
         self._qvel[:] = velocity
 
     def clear(self) -> None:
-        """Puts the whole world back to its start."""
+        """Put the whole world back to its start."""
         self._world.mujoco.mj_resetData(self._model, self._data)
 
     def pose(self) -> list[float]:
-        """Returns x, y, z [m] and the quaternion w, x, y, z."""
+        """Return x, y, z [m] and the quaternion w, x, y, z."""
         pose: list[float] = self._qpos.tolist()
         return pose
 
     def velocity(self) -> list[float]:
-        """Returns linear velocity in the world, then angular in the body's frame."""
+        """Return linear velocity in the world, then angular in the body's frame."""
         velocity: list[float] = self._qvel.tolist()
         return velocity
 
     def look(self) -> bool:
-        """Has MuJoCo find out where everything is and what touches, and what its own mass matrix and forces are.
+        """Have MuJoCo find out where everything is and what touches, and what its own mass matrix and forces are.
 
         Returns:
             whether anything touches. If not, and the body is alone, `put` can end the step as well as `move`, for a
@@ -134,7 +134,7 @@ class MujocoBody:
         return bool(self._data.nefc)
 
     def move(self, more: Matrix, acceleration: Sequence[float], step_s: float) -> None:
-        """Ends the step that `look` began.
+        """End the step that `look` began.
 
         Args:
             more: 6 x 6 mass that MuJoCo does not know of, in the body's axes.
@@ -156,7 +156,7 @@ class MujocoBody:
         model.opt.timestep = own_s
 
     def limit_grip(self, pressed_n: float) -> None:
-        """Has contacts of a body that slides ask for about as much friction as they can have, between look and move.
+        """Have contacts of a body that slides ask for about as much friction as they can have, between look and move.
 
         MuJoCo asks a contact to stop what slides within its time constant, and finds friction and pressure in one: what
         it cannot have as friction it gives as pressure. A vehicle that slid at 1 m/s was thrown up by each contact; the
@@ -181,12 +181,12 @@ class MujocoBody:
                 data.efc_aref[first + 1 : first + 3] = u * most / size, v * most / size
 
     def touch(self) -> list[float]:
-        """Returns what contacts pushed in the last step: force in the world [N], moment in the body's frame [N m]."""
+        """Return what contacts pushed in the last step: force in the world [N], moment in the body's frame [N m]."""
         touch: list[float] = self._touch.tolist()
         return touch
 
     def height_over_ground_m(self, place: Sequence[float]) -> float:
-        """Returns how far it is straight down from a place to anything but the body; negative if there is nothing."""
+        """Return how far it is straight down from a place to anything but the body; negative if there is nothing."""
         down = np.array([0.0, 0.0, -1.0])
         return float(
             self._world.mujoco.mj_ray(
@@ -195,7 +195,7 @@ class MujocoBody:
         )
 
     def deepest(self) -> tuple[str, float]:
-        """Returns in what the body is deepest, and how deep [m]; 0 if it is in nothing. To be asked after a look."""
+        """Return in what the body is deepest, and how deep [m]; 0 if it is in nothing. To be asked after a look."""
         model, data = self._model, self._data
         solid, depth_m = "", 0.0
         for contact in data.contact[: data.ncon]:
@@ -207,12 +207,12 @@ class MujocoBody:
         return solid, depth_m
 
     def snapshot(self) -> Any:
-        """Returns all of MuJoCo's state, also of other bodies."""
+        """Return all of MuJoCo's state, also of other bodies."""
         buffer = np.zeros(self._size)
         self._world.mujoco.mj_getState(self._model, self._data, buffer, self._kind)
         return buffer
 
     def restore(self, snapshot: Any) -> None:
-        """Puts back what `snapshot` returned."""
+        """Put back what `snapshot` returned."""
         self._world.mujoco.mj_setState(self._model, self._data, snapshot, self._kind)
         self.look()  # so that a ray meets everything where it is

@@ -59,7 +59,7 @@ class MujocoWorld:
         self.data: Any = mujoco.MjData(self.model)
 
     def body_id(self, name: str) -> int:
-        """Returns the number of a body.
+        """Return the number of a body.
 
         Raises:
             ParameterError: there is none of this name.
@@ -73,7 +73,7 @@ class MujocoWorld:
         return names.index(name)
 
     def check_finite(self) -> None:
-        """Looks at positions and velocities.
+        """Look at positions and velocities.
 
         Raises:
             PlantError: one is not finite; it is named by its joint.
@@ -91,7 +91,7 @@ class MujocoWorld:
                     )
 
     def _joint_of(self, address: int, is_velocity: bool) -> str:
-        """Returns joint and number of a coordinate, as in 'vehicle[2]'."""
+        """Return joint and number of a coordinate, as in 'vehicle[2]'."""
         starts = self.model.jnt_dofadr if is_velocity else self.model.jnt_qposadr
         joint = max(j for j in range(self.model.njnt) if starts[j] <= address)
         name = self.model.joint(joint).name or self.model.body(int(self.model.jnt_bodyid[joint])).name
@@ -99,7 +99,7 @@ class MujocoWorld:
 
 
 def mujoco_module() -> ModuleType:
-    """Returns mujoco, imported when it is first needed.
+    """Return mujoco, imported when it is first needed.
 
     Raises:
         MissingExtra: it is not installed.

@@ -31,12 +31,12 @@ class RealTimePlant:
         self._lock = threading.RLock()
 
     def follow(self, clock: Clock) -> None:
-        """Goes by another clock from now on: one that starts when the run does, after all has been made ready."""
+        """Go by another clock from now on: one that starts when the run does, after all has been made ready."""
         self._clock = clock
 
     @contextmanager
     def now(self) -> Iterator[Any]:
-        """Yields the plant itself as it is now, and nobody else reaches it meanwhile."""
+        """Yield the plant itself as it is now, and nobody else reaches it meanwhile."""
         with self._lock:
             self._stepper.advance_to(self._clock.now_s())
             yield self._plant
@@ -47,21 +47,21 @@ class RealTimePlant:
         return self._plant.time_s
 
     def write(self, name: str, command: Any) -> None:
-        """Sets an input from now on."""
+        """Set an input from now on."""
         with self.now() as plant:
             plant.write(name, command)
 
     def read(self, name: str) -> Any:
-        """Returns an output as it is now."""
+        """Return an output as it is now."""
         with self.now() as plant:
             return plant.read(name)
 
     def scene(self) -> dict[str, Any]:
-        """Returns what does not move, and the shapes of what does."""
+        """Return what does not move, and the shapes of what does."""
         return self._plant.scene()
 
     def truth(self) -> dict[str, Any]:
-        """Returns the true state as it is now."""
+        """Return the true state as it is now."""
         with self.now() as plant:
             truth: dict[str, Any] = plant.truth()
             return truth

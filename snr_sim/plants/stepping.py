@@ -21,7 +21,7 @@ class Stepper:
         self._steps = 0
 
     def advance_to(self, time_s: float) -> None:
-        """Brings the plant to `time_s`: exactly, or to the last multiple of its step."""
+        """Bring the plant to `time_s`: exactly, or to the last multiple of its step."""
         plant, step_s = self._plant, self._step_s
         if step_s is None:
             if time_s > plant.time_s:

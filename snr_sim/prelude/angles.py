@@ -13,7 +13,7 @@ _TURN_RAD = 2.0 * math.pi
 
 
 def wrap_rad(angle_rad: float) -> float:
-    """Returns the same direction as an angle from -pi (left out) to pi.
+    """Return the same direction as an angle from -pi (left out) to pi.
 
     >>> round(wrap_rad(math.radians(350.0)), 6) == round(math.radians(-10.0), 6)
     True
@@ -25,7 +25,7 @@ def wrap_rad(angle_rad: float) -> float:
 
 
 def roll_pitch_yaw_rad(attitude: Sequence[float]) -> tuple[float, float, float]:
-    """Returns roll, pitch and yaw of a unit quaternion [w, x, y, z] that turns vectors of the body into the world's.
+    """Return roll, pitch and yaw of a unit quaternion [w, x, y, z] that turns vectors of the body into the world's.
 
     >>> [round(angle, 6) for angle in roll_pitch_yaw_rad(quaternion_of(0.1, -0.2, 3.0))]
     [0.1, -0.2, 3.0]
@@ -38,7 +38,7 @@ def roll_pitch_yaw_rad(attitude: Sequence[float]) -> tuple[float, float, float]:
 
 
 def quaternion_of(roll_rad: float, pitch_rad: float, yaw_rad: float) -> tuple[float, float, float, float]:
-    """Returns the unit quaternion (w, x, y, z) of an attitude.
+    """Return the unit quaternion (w, x, y, z) of an attitude.
 
     >>> quaternion_of(0.0, 0.0, 0.0)
     (1.0, 0.0, 0.0, 0.0)

@@ -56,7 +56,7 @@ class MahonyFilter:
     def update(
         self, rate_radps: Sequence[float], force_mps2: Sequence[float], field_ut: Sequence[float], at_s: float
     ) -> Quaternion:
-        """Takes a measurement in the body's axes; returns the attitude."""
+        """Take a measurement in the body's axes; return the attitude."""
         dt_s = at_s - self._at_s
         before, self._before_radps = self._before_radps, (rate_radps[0], rate_radps[1], rate_radps[2])
         self._at_s = at_s
@@ -78,7 +78,7 @@ class MahonyFilter:
         return self.attitude
 
     def _error(self, attitude: Quaternion, force_mps2: Sequence[float], field_ut: Sequence[float]) -> Vector:
-        """Returns the small rotation [rad] in the body's axes that up and north still ask for."""
+        """Return the small rotation [rad] in the body's axes that up and north still ask for."""
         ux, uy, uz = _up_in_body(attitude)
         x = y = z = 0.0
         force = _length(force_mps2)
@@ -101,7 +101,7 @@ def level_of(force_mps2: Sequence[float], field_ut: Sequence[float], declination
 
 
 def into_world(q: Quaternion, v: Sequence[float]) -> Vector:
-    """Returns a vector of the body in the world's axes."""
+    """Return a vector of the body in the world's axes."""
     w, x, y, z = q
     a, b, c = v
     # v + 2 w (u x v) + 2 u x (u x v)
@@ -110,7 +110,7 @@ def into_world(q: Quaternion, v: Sequence[float]) -> Vector:
 
 
 def _up_in_body(q: Quaternion) -> Vector:
-    """Returns the world's z axis in the body's axes."""
+    """Return the world's z axis in the body's axes."""
     w, x, y, z = q
     return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
 
@@ -125,7 +125,7 @@ def _length(vector: Sequence[float]) -> float:
 
 
 def _turned(q: Quaternion, by_rad: Vector) -> Quaternion:
-    """Returns an attitude, turned about the body's axes."""
+    """Return an attitude, turned about the body's axes."""
     angle = _length(by_rad)
     share = 0.5 if angle < 1e-9 else math.sin(0.5 * angle) / angle
     w1, x1, y1, z1 = q

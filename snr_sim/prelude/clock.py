@@ -10,9 +10,9 @@ class Clock(Protocol):
     """Tells the time since the run began and owns all waiting for it."""
 
     def now_s(self) -> float:
-        """Returns seconds since the run began; never goes back."""
+        """Return seconds since the run began; never goes back."""
         ...
 
     def sleep_until(self, time_s: float) -> None:
-        """Returns when `time_s` has come; at once if it has passed."""
+        """Return when `time_s` has come; at once if it has passed."""
         ...

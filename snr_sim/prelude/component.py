@@ -18,15 +18,15 @@ class Component(Protocol):
     task_handlers: TaskHandlerMap
 
     def begin(self) -> None:
-        """Called once before the first task."""
+        """Begin; called once before the first task."""
         ...
 
     def join(self) -> None:
-        """Called once after the last task: ends what the component runs, calling its `halt`."""
+        """End what the component runs, and call its `halt`; called once after the last task."""
         ...
 
     def terminate(self) -> None:
-        """Called once after `join`, to let go of files and wires."""
+        """Close files and wires; called once after `join`."""
         ...
 
 
@@ -35,7 +35,7 @@ class PortFactory(Protocol):
     """A factory of a component that has what only one program can have: a port to listen at, an end of a pipe."""
 
     def claim(self) -> None:
-        """Listens already, so that a port that is taken is told before there is a run; the component takes it over.
+        """Listen already, so that a port that is taken is told before there is a run; the component takes it over.
 
         Raises:
             LinkError: the port is taken, or the host is not this machine.
@@ -43,7 +43,7 @@ class PortFactory(Protocol):
         ...
 
     def release(self) -> None:
-        """Closes it here, if no component has taken it over: nobody needs it, or another process has it now.
+        """Close it here, if no component has taken it over: nobody needs it, or another process has it now.
 
         Safe to call twice.
         """

@@ -60,7 +60,7 @@ class Device(Protocol):
     """Anything with a wire."""
 
     def configure(self) -> None:
-        """Opens the wire, asks who is there, tests. Outputs are off or neutral afterwards. Safe to call twice.
+        """Open the wire, asks who is there, tests. Outputs are off or neutral afterwards. Safe to call twice.
 
         Raises:
             DeviceError: nobody is there, or somebody else.
@@ -68,7 +68,7 @@ class Device(Protocol):
         ...
 
     def activate(self) -> None:
-        """Starts measuring, or lets outputs follow commands. Only after `configure`. Safe to call twice.
+        """Start measuring, or let outputs follow commands. Only after `configure`. Safe to call twice.
 
         Raises:
             DeviceError: it is not configured.
@@ -76,15 +76,15 @@ class Device(Protocol):
         ...
 
     def deactivate(self, reason: str) -> None:
-        """Goes to neutral now. Never raises; safe at any time, also twice and after `close`."""
+        """Go to neutral now. Never raises; safe at any time, also twice and after `close`."""
         ...
 
     def health(self) -> Health:
-        """Returns how it is, without asking the wire."""
+        """Return how it is, without asking the wire."""
         ...
 
     def close(self) -> None:
-        """Goes to neutral and lets go of the wire. Never raises; safe to call twice."""
+        """Go to neutral and let go of the wire. Never raises; safe to call twice."""
         ...
 
 
@@ -93,7 +93,7 @@ class Sensor(Device, Protocol[ReadingT]):
     """Measures the world."""
 
     def read(self) -> ReadingT | Stale:
-        """Returns the newest reading, or `Stale` if there is no fresh one; never None.
+        """Return the newest reading, or `Stale` if there is no fresh one; never None.
 
         A reading is a frozen msgspec Struct with its time `stamp_s`; its fields are what the page holds.
 
@@ -118,7 +118,7 @@ class Actuator(Device, Protocol[CommandT]):
         ...
 
     def write(self, command: CommandT) -> CommandT:
-        """Applies a command and returns it as applied, after clamping.
+        """Apply a command and return it as applied, after clamping.
 
         Raises:
             CommandError: a value is NaN or infinite. The actuator keeps what it had.
@@ -126,7 +126,7 @@ class Actuator(Device, Protocol[CommandT]):
         ...
 
     def neutral(self) -> None:
-        """Stops pushing. Always safe, at any time, also twice and after `close`."""
+        """Stop pushing. Always safe, at any time, also twice and after `close`."""
         ...
 
 
@@ -159,7 +159,7 @@ class PwmOut(Device, Protocol):
         ...
 
     def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
-        """Asks for pulses; returns those that are made, as far as is known here, and why they differ.
+        """Ask for pulses; return those that are made, as far as is known here, and why they differ.
 
         After `activate` none are followed until a command for neutral has come.
 
@@ -178,7 +178,7 @@ class PwmOut(Device, Protocol):
         ...
 
     def clear_stop(self) -> None:
-        """Ends an emergency stop; outputs stay neutral until `activate`. Never raises."""
+        """End an emergency stop; outputs stay neutral until `activate`. Never raises."""
         ...
 
 

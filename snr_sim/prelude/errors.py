@@ -110,7 +110,7 @@ class MissingExtra(SnrError, ImportError):
 
 
 def nearest(wanted: str, known: Iterable[str], listed: str = "one of") -> str:
-    """Returns a sentence that offers the nearest known name and lists what is known, for somebody to type.
+    """Return a sentence that offers the nearest known name and lists what is known, for somebody to type.
 
     Args:
         wanted: what was asked for.

@@ -67,7 +67,7 @@ class Io:
 
 
 def parse_io(text: str) -> Io:
-    """Returns the choice that a string names.
+    """Return the choice that a string names.
 
     Raises:
         UnknownName: there is no such kind of devices, or it lacks where they are.
@@ -90,7 +90,7 @@ def parse_io(text: str) -> Io:
 
 
 def bus_and_address(where: str) -> tuple[int, int]:
-    """Returns the number of an I2C bus and an address on it.
+    """Return the number of an I2C bus and an address on it.
 
     Raises:
         UnknownName: it says neither.

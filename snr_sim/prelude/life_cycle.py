@@ -26,7 +26,7 @@ class LifeCycle:
     _holding: ClassVar[tuple[str, ...]] = ("inactive", "activating", "active")
 
     def configure(self) -> None:
-        """Opens the wire; nothing moves. After an error it begins anew.
+        """Open the wire; nothing moves. After an error it begins anew.
 
         Raises:
             DeviceError: it is closed, or what `on_configure` says.
@@ -43,7 +43,7 @@ class LifeCycle:
         self.state, self.why = "inactive", ""
 
     def activate(self) -> None:
-        """Starts.
+        """Start.
 
         Raises:
             DeviceError: it is not configured, or what `on_activate` says.
@@ -60,7 +60,7 @@ class LifeCycle:
             raise
 
     def deactivate(self, reason: str) -> None:
-        """Goes to neutral. Never raises."""
+        """Go to neutral. Never raises."""
         if self.state in ("unconfigured", "closed"):
             return
         try:
@@ -72,15 +72,15 @@ class LifeCycle:
                 self.state, self.why = "inactive", reason
 
     def fail(self, why: str) -> None:
-        """Notes that the wire does not do as it should."""
+        """Note that the wire does not do as it should."""
         self.state, self.why = "error", why
 
     def health(self) -> Health:
-        """Returns how it is."""
+        """Return how it is."""
         return Health(self.state, self.why, self.counts())
 
     def close(self) -> None:
-        """Ends it, at neutral. Never raises."""
+        """End it, at neutral. Never raises."""
         if self.state == "closed":
             return
         self.deactivate("closed")
@@ -91,27 +91,27 @@ class LifeCycle:
         self.state = "closed"
 
     def counts(self) -> dict[str, int]:
-        """Returns what has been counted."""
+        """Return what has been counted."""
         return {}
 
     def on_configure(self) -> None:
-        """Opens and tests."""
+        """Open and tests."""
 
     def on_activate(self) -> None:
-        """Starts measuring, or arms; one that takes its time sets `state` to 'activating', and later to 'active'."""
+        """Start measuring, or arm; one that takes its time sets `state` to 'activating', and later to 'active'."""
 
     def on_deactivate(self, reason: str) -> None:
-        """Puts outputs at neutral."""
+        """Put outputs at neutral."""
 
     def on_close(self) -> None:
-        """Lets go of the wire."""
+        """Let go of the wire."""
 
 
 class SensorLife(LifeCycle):
     """The life of a sensor with a wire."""
 
     def idle(self, since_s: float | None = None) -> Stale | None:
-        """Returns what `read` answers while nothing is measured; None while it is active, and something is.
+        """Return what `read` answers while nothing is measured; None while it is active, and something is.
 
         Args:
             since_s: when the newest good reading was measured.

@@ -36,7 +36,7 @@ class Page(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MA
     process: bool = True
 
     def serialize(self) -> bytes:
-        """Returns the page as one line of JSON that brings back equal data: see `prelude/values.py`.
+        """Return the page as one line of JSON that brings back equal data: see `prelude/values.py`.
 
         >>> Page("depth", 1.5, "urov_node", 0.25).serialize()
         b'{"$":"page","key":"depth","data":1.5,"origin":"urov_node","created_at_s":0.25,"process":true}'
@@ -53,7 +53,7 @@ class Page(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MA
 
     @staticmethod
     def deserialize(raw: bytes | str, kinds: Mapping[str, Callable[..., Any]] | None = None) -> Page:
-        """Returns the page that `serialize` wrote.
+        """Return the page that `serialize` wrote.
 
         Args:
             raw: JSON.

@@ -41,11 +41,11 @@ class Plant(Protocol):
         ...
 
     def reset(self, seed: int) -> None:
-        """Puts everything back to the start that belongs to this seed; nothing of the run before survives."""
+        """Put everything back to the start that belongs to this seed; nothing of the run before survives."""
         ...
 
     def step(self, dt_s: float) -> None:
-        """Moves on by `dt_s`, which is `step_s` unless that is None.
+        """Move on by `dt_s`, which is `step_s` unless that is None.
 
         Raises:
             PlantError: a state is no longer finite.
@@ -53,23 +53,23 @@ class Plant(Protocol):
         ...
 
     def write(self, name: str, command: Any) -> None:
-        """Sets an input, which holds until it is set again. The plant clamps it to what the body can do."""
+        """Set an input, which holds until it is set again. The plant clamps it to what the body can do."""
         ...
 
     def read(self, name: str) -> Any:
-        """Returns an output: the true value, without noise. A msgspec Struct with units in its field names."""
+        """Return an output: the true value, without noise. A msgspec Struct with units in its field names."""
         ...
 
     def snapshot(self) -> Any:
-        """Returns all of the state, so that `restore` and the same steps give the same bits."""
+        """Return all of the state, so that `restore` and the same steps give the same bits."""
         ...
 
     def restore(self, snapshot: Any) -> None:
-        """Puts back what `snapshot` returned."""
+        """Put back what `snapshot` returned."""
         ...
 
     def scene(self) -> dict[str, Any]:
-        """Returns what does not move, and the shapes of what does, as JSON for the viewer.
+        """Return what does not move, and the shapes of what does, as JSON for the viewer.
 
         {"statics": {name: shape}, "bodies": {name: [shape, ...]}} where a shape is one of
 
@@ -87,7 +87,7 @@ class Plant(Protocol):
         ...
 
     def truth(self) -> dict[str, Any]:
-        """Returns the true state as plain JSON, for the recorder alone: no node can read it.
+        """Return the true state as plain JSON, for the recorder alone: no node can read it.
 
         {"poses": {body: [x, y, z, qx, qy, qz, qw]},          world frame [m], quaternion
          "arrows": {name: [ox, oy, oz, vx, vy, vz]},          origin [m] and vector (forces in N), world frame

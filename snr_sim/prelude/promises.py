@@ -8,7 +8,7 @@ PromiseT = TypeVar("PromiseT")
 
 
 def lacks(thing: Any, promise: type[Any]) -> list[str]:
-    """Returns the public members of a promise that an object does not have, in alphabetical order.
+    """Return the public members of a promise that an object does not have, in alphabetical order.
 
     Asks the object itself, so a wrapper that passes on what it is asked for (`__getattr__`) has the members of what it
     wraps. `isinstance` with a Protocol says so too up to Python 3.11, and no more from 3.12 on.
@@ -23,5 +23,5 @@ def lacks(thing: Any, promise: type[Any]) -> list[str]:
 
 
 def keeps(thing: Any, promise: type[PromiseT]) -> TypeGuard[PromiseT]:
-    """Returns whether an object has all members of a promise."""
+    """Return whether an object has all members of a promise."""
     return not lacks(thing, promise)

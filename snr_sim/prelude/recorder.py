@@ -23,27 +23,27 @@ class NodeRecorder(Protocol):
     """Takes down one node's part of the trace, on the node's own thread."""
 
     def begun(self, now_s: float, component: str, scheduled: Sequence[Task]) -> list[Ticket]:
-        """Takes down what a component scheduled in `begin`; returns its tickets, in order."""
+        """Take down what a component scheduled in `begin`; return its tickets, in order."""
         ...
 
     def input(self, now_s: float, source: str, task: Task) -> Ticket:
-        """Takes down a task that entered through the door; returns its ticket."""
+        """Take down a task that entered through the door; return its ticket."""
         ...
 
     def task(self, now_s: float, ticket: Ticket, handled: Sequence[Handled]) -> list[Ticket]:
-        """Takes down an executed task; returns a ticket for each task its handlers returned, in order."""
+        """Take down an executed task; return a ticket for each task its handlers returned, in order."""
         ...
 
     def error(self, now_s: float, component: str, message: str) -> None:
-        """Takes down what went wrong in a component, just now."""
+        """Take down what went wrong in a component, just now."""
         ...
 
     def said(self, now_s: float, component: str, level: str, text: str) -> None:
-        """Keeps what a component prints or logs, to be taken down after what it does now; from any thread."""
+        """Keep what a component prints or logs, to be taken down after what it does now; from any thread."""
         ...
 
     def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
-        """Takes down that the node has ended, and why."""
+        """Take down that the node has ended, and why."""
         ...
 
 
@@ -51,5 +51,5 @@ class Recorder(Protocol):
     """Writes a run's trace, of one node or several."""
 
     def for_node(self, name: str) -> NodeRecorder:
-        """Returns the recorder of one node."""
+        """Return the recorder of one node."""
         ...

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def chance_of(seed: int) -> int:
-    """Returns the number that the chance of a run's components comes from.
+    """Return the number that the chance of a run's components comes from.
 
     It follows from the seed, but the seed does not from it: a component that is kept apart from plant and devices, as
     in grading, is told this number and cannot know what else the seed brings.
@@ -22,7 +22,7 @@ def chance_of(seed: int) -> int:
 
 
 def rng_for(seed: int, name: str) -> np.random.Generator:
-    """Returns the random generator that belongs to a name in a run.
+    """Return the random generator that belongs to a name in a run.
 
     Two names never share a generator, so a component that draws once more does not shift the chance of others.
 

@@ -108,15 +108,15 @@ class Rig:
     crew: Mapping[str, Sequence[Factory]] = field(default_factory=dict)
 
     def share(self, name: str, make: Callable[[], Any]) -> Any:
-        """Returns what several devices of this run share: made when it is asked for first. For several threads."""
+        """Return what several devices of this run share: made when it is asked for first. For several threads."""
         return self.shared[name] if name in self.shared else self.shared.setdefault(name, make())
 
     def now_s(self) -> float:
-        """Returns the time of the run, which devices stamp by."""
+        """Return the time of the run, which devices stamp by."""
         if self.clock_s is not None:
             return self.clock_s()
         return 0.0 if self.plant is None else self.plant.time_s
 
     def rng(self, name: str) -> np.random.Generator:
-        """Returns the generator for the chance in one device."""
+        """Return the generator for the chance in one device."""
         return rng_for(self.seed, f"device:{name}")

@@ -24,7 +24,7 @@ _are_immutable = IMMUTABLE.issuperset
 
 
 def snapshot(value: Any, objects: list[Any]) -> Any:
-    """Returns data as they are now: changes of the value do not reach them.
+    """Return data as they are now: changes of the value do not reach them.
 
     Args:
         value: the data.

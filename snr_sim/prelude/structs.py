@@ -20,7 +20,7 @@ AnyKind = TypeVar("AnyKind")
 
 
 def learned(kind: AnyKind) -> AnyKind:
-    """Returns the type, which msgspec then knows with all that is inside: any thread may make values of it.
+    """Return the type, which msgspec then knows with all that is inside: any thread may make values of it.
 
     Raises:
         TypeError: msgspec cannot make such a type of data.

@@ -58,7 +58,7 @@ class Task(msgspec.Struct, frozen=True):
         return values[0] if values and type(values[0]) is Page else None
 
     def id(self) -> tuple[TaskType, TaskName]:
-        """Returns what handlers can register for to get exactly this task."""
+        """Return what handlers can register for to get exactly this task."""
         return (self.type, self.name)
 
     def __hash__(self) -> int:
@@ -66,16 +66,16 @@ class Task(msgspec.Struct, frozen=True):
 
     @staticmethod
     def store_page(page: Page) -> Task:
-        """Returns the task that stores a page."""
+        """Return the task that stores a page."""
         return Task(_STORE_PAGE, page.key, [page])
 
     def serialize(self) -> bytes:
-        """Returns the task as one line of JSON, exactly: float64, NaN and arrays survive."""
+        """Return the task as one line of JSON, exactly: float64, NaN and arrays survive."""
         return encode_value([self.type.value, self.name, self.val_list])
 
     @staticmethod
     def deserialize(data: bytes) -> Task:
-        """Returns the task that `serialize` wrote.
+        """Return the task that `serialize` wrote.
 
         Raises:
             TaskError: the bytes are no task.

@@ -29,7 +29,7 @@ FINISH_GENERATIONS = 10
 
 
 def event(name: str, val_list: Sequence[Any] = _NO_VALUES) -> Task:
-    """Returns a task that tells that something happened.
+    """Return a task that tells that something happened.
 
     Args:
         name: what happened.
@@ -52,7 +52,7 @@ def event(name: str, val_list: Sequence[Any] = _NO_VALUES) -> Task:
 
 
 def store_page(page: Page) -> Task:
-    """Returns a task that puts a page in the datastore."""
+    """Return a task that puts a page in the datastore."""
     return Task(TaskType.store_page, page.key, [page])
 
 
@@ -60,22 +60,22 @@ store_data = Retired("tasks.store_data", "self.store_data_task(key, data), which
 
 
 def process_data(key: str) -> Task:
-    """Returns a task that has the newest page of `key` processed; one that follows a stored page carries that page."""
+    """Return a task that has the newest page of `key` processed; one that follows a stored page carries that page."""
     return Task(TaskType.process_data, key)
 
 
 def terminate(reason: str) -> Task:
-    """Returns the task that ends the node; it passes everything that is queued."""
+    """Return the task that ends the node; it passes everything that is queued."""
     return Task(TaskType.terminate, reason)
 
 
 def finish(reason: str) -> Task:
-    """Returns the task that ends the node once what is queued, and what follows from that, is done, however long."""
+    """Return the task that ends the node once what is queued, and what follows from that, is done, however long."""
     return Task(TaskType.event, FINISH_TASK_NAME, [reason, FINISH_GENERATIONS])
 
 
 def reload_component(name: str, *more: str) -> Task:
-    """Returns a task that makes components anew, from the code that stands in their files then.
+    """Return a task that makes components anew, from the code that stands in their files then.
 
     Args:
         name: of the component; "all" is every one.
@@ -85,7 +85,7 @@ def reload_component(name: str, *more: str) -> Task:
 
 
 def add_component(factory: Factory, start_component: bool = True) -> Task:
-    """Returns a task that adds what the factory makes to the running node.
+    """Return a task that adds what the factory makes to the running node.
 
     Args:
         factory: of the component.
@@ -95,12 +95,12 @@ def add_component(factory: Factory, start_component: bool = True) -> Task:
 
 
 def remove_component(name: str) -> Task:
-    """Returns a task that halts the component of that name and takes it out of the running node."""
+    """Return a task that halts the component of that name and take it out of the running node."""
     return Task(TaskType.event, REMOVE_COMPONENT_TASK_NAME, [name])
 
 
 def roll_back(name: str, number: int, message: str) -> Task:
-    """Returns the task that rolls back a reload of which a loop has failed.
+    """Return the task that rolls back a reload of which a loop has failed.
 
     Args:
         name: of the loop.

@@ -56,7 +56,7 @@ _ITEM_TYPES: dict[str, tuple[type, ...]] = {"b": (bool,), "i": (int,), "u": (int
 
 
 def encode_value(value: Any) -> bytes:
-    """Returns one line of JSON that `decode_value` turns back into an equal value.
+    """Return one line of JSON that `decode_value` turns back into an equal value.
 
     Raises:
         ValueEncodingError: it refers to itself or is nested too deeply.
@@ -76,7 +76,7 @@ def encode_value(value: Any) -> bytes:
 
 
 def encode_with_marks(value: Any) -> bytes:
-    """Returns the JSON of a value that is not plain; `encode_value` comes here by itself."""
+    """Return the JSON of a value that is not plain; `encode_value` comes here by itself."""
     try:
         return _encode(_marked(value))
     except RecursionError:
@@ -92,7 +92,7 @@ def encode_with_marks(value: Any) -> bytes:
 
 
 def decode_value(raw: bytes | str, kinds: Mapping[str, Callable[..., Any]] | None = None) -> Any:
-    """Returns the value that `encode_value` wrote.
+    """Return the value that `encode_value` wrote.
 
     Args:
         raw: JSON.
@@ -113,7 +113,7 @@ def decode_value(raw: bytes | str, kinds: Mapping[str, Callable[..., Any]] | Non
 
 
 def json_bytes(raw: bytes | str) -> bytes:
-    """Returns JSON as bytes.
+    """Return JSON as bytes.
 
     Raises:
         ValueEncodingError: it is neither text nor bytes.
@@ -132,7 +132,7 @@ def may_have_marks(raw: bytes, start: int = 0) -> bool:
 
 
 def _marked(value: Any) -> Any:
-    """Wraps what JSON would lose. The order matters: bool before int, subclasses after their plain parents."""
+    """Wrap what JSON would lose. The order matters: bool before int, subclasses after their plain parents."""
     kind = type(value)
     if value is None or kind is bool or kind is str:
         return value
@@ -179,14 +179,14 @@ def _marked_object(value: Any) -> Any:
 
 
 def _marked_page(page: Any) -> Any:
-    """A page's own fields are plain numbers and text, also where numpy's were given."""
+    """Return a page with plain numbers and text in its own fields, also where numpy's were given."""
     fields = {name: getattr(page, name) for name in type(page).__struct_fields__}
     plain = {name: item.item() if name != "data" and hasattr(item, "item") else item for name, item in fields.items()}
     return {MARK: "page", **{name: _marked(item) for name, item in plain.items()}}
 
 
 def _attributes(value: Any) -> dict[str, Any]:
-    """What an object holds, whether it keeps it in a dict or in slots; an array of objects, as a list.
+    """Return what an object holds, whether it keeps it in a dict or in slots; an array of objects, as a list.
 
     Of a part of the program its name alone: from an endpoint one comes to all there is.
     """
@@ -205,7 +205,7 @@ def _attributes(value: Any) -> dict[str, Any]:
 
 
 def is_of_program(value: Any) -> bool:
-    """Returns whether an object is no data but a part of the program: of a class of the kit's, or made from one."""
+    """Return whether an object is no data but a part of the program: of a class of the kit's, or made from one."""
     kind = type(value)
     is_record = hasattr(kind, "__struct_fields__") or hasattr(kind, "__dataclass_fields__")
     if is_record or issubclass(kind, BaseException):
@@ -273,7 +273,7 @@ def _unmarked_simple(mark: Any, value: dict[str, Any], kinds: Mapping[str, Calla
 
 
 def _only(value: dict[str, Any], *names: str) -> Any:
-    """Returns the last of these fields; they and the mark must be all there are."""
+    """Return the last of these fields; they and the mark must be all there are."""
     if len(value) != len(names) + 1 or any(name not in value for name in names):
         raise ValueError(f"it has the fields {', '.join(value)}")
     return value[names[-1]]
@@ -310,7 +310,7 @@ def _unmarked_array(value: dict[str, Any]) -> Any:
 
 
 def _items(data: Any, shape: list[int], types: tuple[type, ...]) -> Iterator[Any]:
-    """Yields the numbers in lists that are nested as the shape says."""
+    """Yield the numbers in lists that are nested as the shape says."""
     if shape:
         if type(data) is not list or len(data) != shape[0]:
             raise ValueError(f"its data are not of shape {shape}")

@@ -21,7 +21,7 @@ _NOTHING = 1e-6  # a size below this share of the greatest is rounding
 
 
 def thruster_matrix(columns_by_axis: Sequence[Sequence[float]] | NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns thrusters as an array of shape (6, n), checked.
+    """Return thrusters as an array of shape (6, n), checked.
 
     Raises:
         ParameterError: it has not six rows of equal length, or holds what is no finite number.
@@ -41,7 +41,7 @@ def thruster_matrix(columns_by_axis: Sequence[Sequence[float]] | NDArray[np.floa
 
 
 def lacking_axes(matrix: NDArray[np.float64]) -> tuple[str, ...]:
-    """Returns the axes that thrusters cannot push by themselves: one for each rank that their matrix lacks.
+    """Return the axes that thrusters cannot push by themselves: one for each rank that their matrix lacks.
 
     Thrusters that sit under the centre push the nose up whenever they push ahead. If nothing can undo that, it is pitch
     that lacks and not surge: of the axes that hang together, the one that the thrusters reach least, moments counted at

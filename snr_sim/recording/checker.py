@@ -118,25 +118,25 @@ class Checker:
         self._gone: list[By] = []  # components that handled the current task in the recording and have not yet
 
     def for_node(self, name: str) -> Checker:
-        """Returns itself: a replay has one node."""
+        """Return itself: a replay has one node."""
         return self
 
     def record_of(self, ticket: Ticket) -> Executed | None:
-        """Returns the recorded task that a replayed one answers to, or None if the recording has none."""
+        """Return the recorded task that a replayed one answers to, or None if the recording has none."""
         return self._by_cause.get((ticket[1], ticket[2]))
 
     def was_left_queued(self, ticket: Ticket) -> bool:
-        """Returns whether the recording has this task as asked for, but ended before it was executed."""
+        """Return whether the recording has this task as asked for, but ended before it was executed."""
         return ticket[1] > 0 and self.record_of(ticket) is None
 
     def was_interrupted(self, record: Executed) -> bool:
-        """Returns whether a handler of this task did not return until a signal ended the run."""
+        """Return whether a handler of this task did not return until a signal ended the run."""
         return any(message.startswith(INTERRUPTED) for message in self._failed.get(record.seq, {}).values())
 
     # The NodeRecorder promise
 
     def begun(self, now_s: float, component: str, scheduled: Sequence[Task]) -> list[Ticket]:
-        """Compares what a component schedules in `begin`."""
+        """Compare what a component schedules in `begin`."""
         found = self._begins.pop(component, None)
         if component == self.result.node:
             self._began = found
@@ -148,19 +148,19 @@ class Checker:
         return tickets
 
     def all_begun(self) -> None:
-        """Compares with the components that scheduled something in `begin` then, and nothing now."""
+        """Compare with the components that scheduled something in `begin` then, and nothing now."""
         for record in self._begins.values():
             self._compare_order(record, (record.by, "begin"), record.returned, [])
 
     def input(self, now_s: float, source: str, task: Task) -> Ticket:
-        """Hands out the ticket of the recorded input."""
+        """Hand out the ticket of the recorded input."""
         record = self.entering
         assert record is not None
         self.result.records.append(record)
         return (task, record.seq, 0, Returned(record.type, record.name, record.values))
 
     def task(self, now_s: float, ticket: Ticket, handled: Sequence[Handled]) -> list[Ticket]:
-        """Compares what the handlers of a task returned."""
+        """Compare what the handlers of a task returned."""
         task, cause, nth, told = ticket
         record = self._current = self.record_of(ticket)
         tickets: list[Ticket] = []
@@ -191,7 +191,7 @@ class Checker:
         return tickets
 
     def error(self, now_s: float, component: str, message: str) -> None:
-        """A replay reports failures through `raised`."""
+        """Do nothing: a replay reports failures through `raised`."""
 
     def said(self, now_s: float, component: str, level: str, text: str) -> None:
         """Nothing to compare: what is said changes nothing."""
@@ -202,7 +202,7 @@ class Checker:
     # Failures, and handlers that are gone
 
     def raised(self, failed: HandlerFailed, error: BaseException) -> None:
-        """Compares a failure of a handler with the recorded one."""
+        """Compare a failure of a handler with the recorded one."""
         record = self._current
         if record is None:
             return  # in a task that the recording does not have, which was said
@@ -215,7 +215,7 @@ class Checker:
             )  # fmt: skip
 
     def returned(self) -> None:
-        """Compares with the handlers that were called for this task then, and are not now."""
+        """Compare with the handlers that were called for this task then, and are not now."""
         for one in self._gone:
             assert self._current is not None
             if one.returned:
@@ -224,7 +224,7 @@ class Checker:
                 self._diverge(self._current, (one.by, one.handler), "missing", HANDLER, "called", "not called")
 
     def failed_outside_a_task(self, failure: ComponentFailed, step: str) -> None:
-        """Compares a failure in `begin`, or in `halt` and `terminate`, with the recorded one."""
+        """Compare a failure in `begin`, or in `halt` and `terminate`, with the recorded one."""
         if any(failure.component in failed for failed in self._failed.values()):
             return
         record = self._current or next((one for one in self._by_seq.values() if isinstance(one, BeginRecord)), None)
@@ -233,7 +233,7 @@ class Checker:
             self._diverge(record, label, "raised", "exception", "no exception", _first_lines(failure.message))
 
     def _newly_called(self, record: Executed, label: tuple[str, str], outputs: Sequence[Task]) -> None:
-        """A handler is called that the recording has no return of: it is new, or it raised then."""
+        """Compare a handler that the recording has no return of: it is new, or it raised then."""
         failure = self._failed.get(record.seq, {}).get(label[0])
         if failure is not None:
             self._diverge(record, label, "raised", "exception", _first_lines(failure), "no exception")
@@ -282,7 +282,7 @@ class Checker:
         return tickets, returned
 
     def _extra_ticket(self, task: Task, told: Returned, cause: int) -> list[Ticket]:
-        """Returns the ticket of a task that the recording does not have; none if too many came from one such task."""
+        """Return the ticket of a task that the recording does not have; none if too many came from one such task."""
         followers = self._followers.get(cause) or [0]
         followers[0] += 1
         if followers[0] > MAX_FOLLOWERS:
@@ -346,7 +346,7 @@ class Checker:
         )  # fmt: skip
 
     def _causes(self, record: Record) -> Iterator[str]:
-        """Yields the way from the input to a record."""
+        """Yield the way from the input to a record."""
         chain: list[Record] = [record]
         while isinstance(chain[-1], (TaskRecord, PageRecord)) and chain[-1].cause in self._by_seq:
             chain.append(self._by_seq[chain[-1].cause])
@@ -369,7 +369,7 @@ def _id(returned: Returned) -> tuple[str, str]:
 
 
 def _paired(recorded: Sequence[Returned], returned: Sequence[Returned]) -> list[int | None]:
-    """Returns for each returned task the place of the recorded one it answers to: the same id, the same time round."""
+    """Return for each returned task the place of the recorded one it answers to: the same id, the same time round."""
     places: dict[tuple[str, str], list[int]] = {}
     for place, one in enumerate(recorded):
         places.setdefault(_id(one), []).append(place)
@@ -377,7 +377,7 @@ def _paired(recorded: Sequence[Returned], returned: Sequence[Returned]) -> list[
 
 
 def _offsets(record: Executed | None) -> dict[str, int]:
-    """Returns at which place among all tasks of a record each component's tasks begin."""
+    """Return at which place among all tasks of a record each component's tasks begin."""
     offsets: dict[str, int] = {}
     place = 0
     for one in record.handled if record is not None else []:
@@ -387,5 +387,5 @@ def _offsets(record: Executed | None) -> dict[str, int]:
 
 
 def _first_lines(message: str) -> str:
-    """Returns the line and the exception of a failure, without when it was."""
+    """Return the line and the exception of a failure, without when it was."""
     return " | ".join(line.strip() for line in message.splitlines()[:2] if line.strip())

@@ -82,7 +82,7 @@ class When:
 
     @staticmethod
     def of(records: Sequence[Record]) -> When:
-        """Returns where records stand."""
+        """Return where records stand."""
         return When(np.array([record.seq for record in records], np.int64), np.array([record.t for record in records]))
 
 
@@ -122,7 +122,7 @@ class Batch:
         self.clear()
 
     def extend(self, records: Iterable[Record]) -> None:
-        """Takes records. One loop without a call in it: at this place a call would cost as much as all the rest."""
+        """Take records. One loop without a call in it: at this place a call would cost as much as all the rest."""
         pages, executed = self._pages, self._executed
         for record in records:
             kind = type(record)
@@ -144,7 +144,7 @@ class Batch:
                 self._events.setdefault(record.node, []).append(record)
 
     def clear(self) -> None:
-        """Forgets the records, but not which inputs are still to be executed."""
+        """Forget the records, but not which inputs are still to be executed."""
         self.truths: list[TruthRecord] = []
         self._pages: dict[tuple[str, str], list[PageRecord]] = {}
         self._executed: dict[str, list[Executed]] = {}
@@ -153,11 +153,11 @@ class Batch:
             del self._sources[seq]
 
     def truth_values(self) -> Iterator[Series]:
-        """Returns every number of the plant's true state."""
+        """Return every number of the plant's true state."""
         yield from _columns((), When.of(self.truths), [truth.values for truth in self.truths])
 
     def poses(self) -> Iterator[tuple[str, When, Floats]]:
-        """Returns the pose of each body: name, when, array of shape (n, 7)."""
+        """Return the pose of each body: name, when, array of shape (n, 7)."""
         when, rows = When.of(self.truths), [truth.poses for truth in self.truths]
         for body, picked, poses in _by_name(rows):
             flat = _floats(list(chain.from_iterable(poses)))
@@ -165,7 +165,7 @@ class Batch:
                 yield body, when if picked is None else when[picked], flat.reshape(-1, 7)
 
     def arrows(self) -> Iterator[tuple[str, When, Floats]]:
-        """Returns each arrow: name, when, array of shape (n, 6). Where a truth does not name it, it has no length."""
+        """Return each arrow: name, when, array of shape (n, 6). Where a truth does not name it, it has no length."""
         when, rows = When.of(self.truths), [truth.arrows for truth in self.truths]
         self._arrow_names |= dict.fromkeys(chain.from_iterable(rows))
         for name in self._arrow_names if rows else ():
@@ -179,14 +179,14 @@ class Batch:
             yield name, when[told], arrows[told]
 
     def pages(self) -> dict[str, dict[str, list[PageRecord]]]:
-        """Returns the pages that were stored, by node and key."""
+        """Return the pages that were stored, by node and key."""
         by_node: dict[str, dict[str, list[PageRecord]]] = {}
         for (node, key), records in self._pages.items():
             by_node.setdefault(node, {})[key] = records
         return by_node
 
     def stored_by(self, page: PageRecord) -> str:
-        """Returns who stored a page, for example 'autopilot.steer in process_data depth', or what it came from."""
+        """Return who stored a page, for example 'autopilot.steer in process_data depth', or what it came from."""
         if source := self._sources.get(page.cause):
             return source
         made = _record_at(page.cause, self._executed[page.node])
@@ -202,14 +202,14 @@ class Batch:
         return "an earlier task"
 
     def page_values(self) -> Iterator[tuple[str, Series]]:
-        """Returns every number that pages carried: node and series, whose path begins with the page's key."""
+        """Return every number that pages carried: node and series, whose path begins with the page's key."""
         for (node, key), records in self._pages.items():
             data = page_data([record.values for record in records])
             for series in _columns((key,), When.of(records), data):
                 yield node, series
 
     def images(self) -> Iterator[tuple[str, tuple[str, ...], When, list[NDArray[np.uint8]]]]:
-        """Returns what cameras saw: node, path of the field, when, and pictures of shape (height, width, 3)."""
+        """Return what cameras saw: node, path of the field, when, and pictures of shape (height, width, 3)."""
         for (node, key), records in self._pages.items():
             if _IMAGE_MARK not in bytes(records[0].values):
                 continue
@@ -222,7 +222,7 @@ class Batch:
                     yield node, (key, field), when, [image for _, image in seen]
 
     def page_words(self, fields: Sequence[str]) -> Iterator[tuple[str, list[float], list[str]]]:
-        """Returns the texts that pages carried in some fields, where they were made: field, times [s], texts."""
+        """Return the texts that pages carried in some fields, where they were made: field, times [s], texts."""
         for (node, key), records in self._pages.items():
             if self.is_copy(node, key):
                 continue
@@ -245,20 +245,20 @@ class Batch:
         return page.origin not in ("", node)
 
     def executed(self) -> Iterator[tuple[str, LogRows]]:
-        """Returns for each node one line of text per executed task."""
+        """Return for each node one line of text per executed task."""
         for node, records in self._executed.items():
             sources = [self._sources.get(record.cause) for record in records]
             levels = ["INFO" if source else "DEBUG" for source in sources]
             yield node, LogRows(When.of(records), self._lines(records, sources), levels)
 
     def events(self) -> Iterator[tuple[str, LogRows]]:
-        """Returns for each node how it began and ended, and what went wrong."""
+        """Return for each node how it began and ended, and what went wrong."""
         for node, records in self._events.items():
             texts, levels = zip(*map(_event, records), strict=True)
             yield node, LogRows(When.of(records), list(texts), list(levels))
 
     def _lines(self, records: Iterable[Executed], sources: Iterable[str | None]) -> list[str]:
-        """Returns for example '147  process_data  inertial       <- 146                  pad: store_page engine'."""
+        """Return for example '147  process_data  inertial       <- 146                  pad: store_page engine'."""
         lines = []
         # The words are few and come again and again: each phrase is put together once, and so are the blanks beside it.
         known = self._phrases
@@ -279,7 +279,7 @@ class Batch:
 
 
 def _record_at(seq: int, records: Sequence[Any]) -> Any:
-    """Returns the record of this place in the order; None if it is not among them."""
+    """Return the record of this place in the order; None if it is not among them."""
     at = bisect_left(records, seq, key=attrgetter("seq"))
     return records[at] if at < len(records) and records[at].seq == seq else None
 
@@ -304,7 +304,7 @@ def _event(record: BeginRecord | EndRecord | ErrorRecord | SaidRecord) -> tuple[
 
 
 def page_data(raws: Sequence[msgspec.Raw]) -> list[Any]:
-    """Returns the `data` of each page; None where it cannot be brought back.
+    """Return the `data` of each page; None where it cannot be brought back.
 
     Args:
         raws: the values of `store_page` tasks, [page] as JSON.
@@ -329,7 +329,7 @@ def _one_page_data(raw: bytes) -> Any:
 
 
 def _columns(path: tuple[str, ...], when: When, rows: Sequence[Any]) -> Iterator[Series]:
-    """Returns the numbers inside `rows`, however they are nested, as one series per place where a number was found."""
+    """Return the numbers inside `rows`, however they are nested, as one series per place where a number was found."""
     kinds = set(map(type, rows))
     if not kinds:
         return
@@ -346,7 +346,7 @@ def _columns(path: tuple[str, ...], when: When, rows: Sequence[Any]) -> Iterator
 
 
 def _by_name(rows: Sequence[Any]) -> Iterator[tuple[Any, list[int] | None, Sequence[Any]]]:
-    """Returns for each key of rows of dicts: the rows that have it (None: all), and what they have there."""
+    """Return for each key of rows of dicts: the rows that have it (None: all), and what they have there."""
     names = list(rows[0]) if rows else []
     if len(names) > 1 and sum(map(len, rows)) == len(rows) * len(names):
         try:
@@ -362,7 +362,7 @@ def _by_name(rows: Sequence[Any]) -> Iterator[tuple[Any, list[int] | None, Seque
 
 
 def _by_place(rows: Sequence[Any]) -> Iterator[tuple[int, list[int] | None, Sequence[Any]]]:
-    """Returns for each index of rows of lists: the rows that are so long (None: all), and what they have there."""
+    """Return for each index of rows of lists: the rows that are so long (None: all), and what they have there."""
     lengths = set(map(len, rows))
     if max(lengths) > LIST_PLOTTED_MAX:
         return
@@ -375,7 +375,7 @@ def _by_place(rows: Sequence[Any]) -> Iterator[tuple[int, list[int] | None, Sequ
 
 
 def _mixed(path: tuple[str, ...], when: When, rows: Sequence[Any]) -> Iterator[Series]:
-    """Takes the rows of each kind by themselves; text, None and whatever else is no number falls out."""
+    """Take the rows of each kind by themselves; text, None and whatever else is no number falls out."""
     plain = [_plain(row) for row in rows]
     for kinds in (_NUMBERS, {dict}, {list}):
         picked = [i for i, row in enumerate(plain) if type(row) in kinds]
@@ -384,7 +384,7 @@ def _mixed(path: tuple[str, ...], when: When, rows: Sequence[Any]) -> Iterator[S
 
 
 def _plain(value: Any) -> Any:
-    """Returns arrays and tuples as lists; other values as they are."""
+    """Return arrays and tuples as lists; other values as they are."""
     if isinstance(value, (np.ndarray, np.generic)):
         return value.tolist() if value.size <= LIST_PLOTTED_MAX else None
     return list(value) if isinstance(value, tuple) else value
@@ -405,5 +405,5 @@ def _float(value: Any) -> float:
 
 
 def _names(rows: Iterable[dict[Any, Any]]) -> list[Any]:
-    """Returns the keys that occur, in the order in which they first did."""
+    """Return the keys that occur, in the order in which they first did."""
     return list(dict.fromkeys(chain.from_iterable(rows)))

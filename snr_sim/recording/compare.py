@@ -32,7 +32,7 @@ class Tolerance:
 
     @staticmethod
     def parse(text: str) -> Tolerance:
-        """Returns the tolerance written as PATTERN=ABSOLUTE, PATTERN=RELATIVE%, or PATTERN=ignore.
+        """Return the tolerance written as PATTERN=ABSOLUTE, PATTERN=RELATIVE%, or PATTERN=ignore.
 
         Raises:
             ParameterError: it is none of them.
@@ -80,7 +80,7 @@ _PROGRAM = re.compile(r"^(__main__|snr_sim_program_\w+)\.")
 def first_difference(
     name: str, kind: str, recorded: bytes, replayed: bytes, tolerances: Sequence[Tolerance] = ()
 ) -> Difference | None:
-    """Returns the first place where the values of two tasks differ by more than allowed, or None.
+    """Return the first place where the values of two tasks differ by more than allowed, or None.
 
     Args:
         name: of the task: the beginning of every path.
@@ -97,7 +97,7 @@ def first_difference(
 
 
 def only_reordered(recorded: Sequence[bytes], replayed: Sequence[bytes]) -> bool:
-    """Returns whether values hold the same as others, but for the order of what is in lists, or of the values."""
+    """Return whether values hold the same as others, but for the order of what is in lists, or of the values."""
     if list(recorded) == list(replayed):
         return False
     then, now = (repr(_unordered([_decode(raw) for raw in raws])) for raws in (recorded, replayed))
@@ -128,7 +128,7 @@ class _Page:
 
 
 def _differences(path: str, recorded: Any, replayed: Any) -> Iterator[Difference]:
-    """Yields every leaf that differs, in the order of the recorded value."""
+    """Yield every leaf that differs, in the order of the recorded value."""
     if isinstance(recorded, _Page) and isinstance(replayed, _Page):
         yield from _differences(path, recorded.data, replayed.data)
         for key in recorded.about:
@@ -151,7 +151,7 @@ def _differences(path: str, recorded: Any, replayed: Any) -> Iterator[Difference
 
 
 def _mark(value: Any) -> Any:
-    """Returns of what kind a value is that JSON alone does not tell: a tuple, an array of floats, a class."""
+    """Return of what kind a value is that JSON alone does not tell: a tuple, an array of floats, a class."""
     if not (isinstance(value, dict) and MARK in value):
         return None
     mark = value[MARK]
@@ -161,12 +161,12 @@ def _mark(value: Any) -> Any:
 
 
 def _class(name: Any) -> Any:
-    """Returns a class' name without the module of a program, which is called otherwise in a replay."""
+    """Return a class' name without the module of a program, which is called otherwise in a replay."""
     return _PROGRAM.sub("", name) if isinstance(name, str) else name
 
 
 def _without_mark(value: Any) -> Any:
-    """Returns what a marked value holds, as plain JSON would say it."""
+    """Return what a marked value holds, as plain JSON would say it."""
     if not (isinstance(value, dict) and MARK in value):
         return value
     if value[MARK] in ("float", "array", "int", "bytes"):
@@ -178,7 +178,7 @@ def _without_mark(value: Any) -> Any:
 
 
 def _shown(value: Any) -> Any:
-    """Returns a value as the student would write it, where that is possible."""
+    """Return a value as the student would write it, where that is possible."""
     try:
         return decode_value(_encode(value))
     except ValueEncodingError:

@@ -101,7 +101,7 @@ def compare_runs(
     shift_s: float = 0.0,
     within_s: tuple[float, float] = (-math.inf, math.inf),
 ) -> Comparison:
-    """Compares two runs of one robot.
+    """Compare two runs of one robot.
 
     Args:
         first, second: their traces.
@@ -154,7 +154,7 @@ def compare_runs(
 
 
 def shift_by_commands_s(first: Trace, second: Trace) -> float:
-    """Returns how much later the second run's commands first changed, as of a run that somebody began by hand.
+    """Return how much later the second run's commands first changed, as of a run that somebody began by hand.
 
     Raises:
         TraceError: in one of them no command ever changed.
@@ -178,7 +178,7 @@ def shift_by_commands_s(first: Trace, second: Trace) -> float:
 
 
 def labels_of(first: Header, second: Header) -> tuple[str, str]:
-    """Returns what to call two runs: by the first thing in which they differ."""
+    """Return what to call two runs: by the first thing in which they differ."""
     for wanted in ("io", "engine", "controller", "seed", "scenario", "clock"):
         one, other = str(getattr(first, wanted)), str(getattr(second, wanted))
         if one != other:
@@ -216,7 +216,7 @@ def _moved(signal: Signal, by_s: float) -> Signal:
 
 
 def _overlap(first: Signal, second: Signal) -> tuple[float, float] | None:
-    """Returns the common time; None if there is none, or if there are not as many channels."""
+    """Return the common time; None if there is none, or if there are not as many channels."""
     if not (len(first.times_s) and len(second.times_s)) or first.values.shape[1] != second.values.shape[1]:
         return None
     begin_s, end_s = (
@@ -228,7 +228,7 @@ def _overlap(first: Signal, second: Signal) -> tuple[float, float] | None:
 
 
 def _told_of(applied: Signal, signals: Sequence[Mapping[str, Signal]]) -> tuple[Signal | None, Signal | None]:
-    """Returns, of pulses that outputs tell of, the commands for them in both runs."""
+    """Return, of pulses that outputs tell of, the commands for them in both runs."""
     if not applied.key.endswith(APPLIED):
         return None, None
     name = f"{applied.key.removesuffix(APPLIED)}.{applied.field}"
@@ -271,12 +271,12 @@ def _compared(
 
 
 def _at(signal: Signal, times_s: Floats) -> Floats:
-    """Returns the values of all channels at other times, between two pages on a straight line."""
+    """Return the values of all channels at other times, between two pages on a straight line."""
     return np.stack([np.interp(times_s, signal.times_s, column) for column in signal.values.T], axis=1)
 
 
 def channel_of(one: Compared, channel: int) -> Compared:
-    """Returns one number of a list by itself."""
+    """Return one number of a list by itself."""
     only = slice(channel, channel + 1)
     first, second = (replace(signal, values=signal.values[:, only]) for signal in (one.first, one.second))
     alone = _compared(first, second, one.is_command, (None, None))
@@ -284,7 +284,7 @@ def channel_of(one: Compared, channel: int) -> Compared:
 
 
 def _turned(field: str, difference: Floats) -> Floats:
-    """Returns differences of angles the short way round."""
+    """Return differences of angles the short way round."""
     if not field.endswith("_rad"):
         return difference
     turned: Floats = difference - 2.0 * math.pi * np.round(difference / (2.0 * math.pi))
@@ -292,7 +292,7 @@ def _turned(field: str, difference: Floats) -> Floats:
 
 
 def later_s(first: Signal, second: Signal, channel: int = 0) -> float | None:
-    """Returns how much later a signal moves in the second run than in the first.
+    """Return how much later a signal moves in the second run than in the first.
 
     The one is moved against the other until they differ least.
 

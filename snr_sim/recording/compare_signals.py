@@ -85,7 +85,7 @@ class Measured:
 
 
 def signals_of(records: Iterable[Record], node: str) -> dict[str, Signal]:
-    """Returns the signals of a node's pages by name, in the order in which they were first seen.
+    """Return the signals of a node's pages by name, in the order in which they were first seen.
 
     After them come those of the plant, if there is one: its true numbers, and the size of each force that it shows.
     """
@@ -116,7 +116,7 @@ def _true(batch: Batch) -> Iterator[Signal]:
 
 
 def _signal(node: str, key: str, field: str, channels: list[Series]) -> Signal:
-    """Puts the channels of a list side by side, where all of them are there and finite."""
+    """Put the channels of a list side by side, where all of them are there and finite."""
     common = channels[0].when.seq
     for series in channels[1:]:
         common = np.intersect1d(common, series.when.seq, assume_unique=True)
@@ -134,14 +134,14 @@ def _aged(signal: Signal, stamp: Series | None) -> Signal:
 
 
 def between(signal: Signal, begin_s: float, end_s: float) -> Signal:
-    """Returns the part of a signal within a time."""
+    """Return the part of a signal within a time."""
     inside = (signal.times_s >= begin_s) & (signal.times_s <= end_s)
     ages_s = None if signal.ages_s is None else signal.ages_s[inside]
     return replace(signal, times_s=signal.times_s[inside], values=signal.values[inside], ages_s=ages_s)
 
 
 def measured(signal: Signal, command: Signal | None = None) -> Measured:
-    """Returns what is seen in a signal that has values.
+    """Return what is seen in a signal that has values.
 
     Args:
         signal: what is looked at.
@@ -165,7 +165,7 @@ def measured(signal: Signal, command: Signal | None = None) -> Measured:
 
 
 def after_s(command: Signal, applied: Signal) -> float | None:
-    """Returns how long before outputs told of their pulses these had been commanded: the middle one of all.
+    """Return how long before outputs told of their pulses these had been commanded: the middle one of all.
 
     A pulse that stands nowhere among the commands of the last half second counts as none: it was on its way from one
     to another. Neutral ones are left out, as nobody can tell when they were commanded.
@@ -183,7 +183,7 @@ def after_s(command: Signal, applied: Signal) -> float | None:
 
 
 def noise_of(values: Floats) -> float | None:
-    """Returns the standard deviation of white noise on signals that are otherwise smooth.
+    """Return the standard deviation of white noise on signals that are otherwise smooth.
 
     Third differences leave nothing of a smooth motion, and of noise 4.5 times as much. They are looked at in windows
     of which the middle one counts, so that a jolt now and then is not taken for noise.
@@ -204,7 +204,7 @@ def noise_of(values: Floats) -> float | None:
 
 
 def step_of(values: Floats) -> float | None:
-    """Returns the largest step of which all differences of values are multiples; None if they are continuous.
+    """Return the largest step of which all differences of values are multiples; None if they are continuous.
 
     >>> step_of(np.array([[1500.0], [1501.5], [1503.5]]))
     0.5
@@ -231,7 +231,7 @@ def _common_divisor(a: float, b: float, nothing: float) -> float:
 
 
 def dead_band_of(offsets: Floats) -> tuple[float, float] | None:
-    """Returns the nearest values below and above 0 that ever occur, if a gap is between them and 0.
+    """Return the nearest values below and above 0 that ever occur, if a gap is between them and 0.
 
     A thruster does not turn until its pulse has left a band around neutral; whoever knows that steps over it.
 

@@ -29,7 +29,7 @@ OF_ANY_RUN = (  # what every result.json has, or may have
 
 
 def new_run_folder(out: Path, scenario: str, seed: int) -> Path:
-    """Makes `<out>/<scenario>-<seed>-<stamp>` and returns it.
+    """Make `<out>/<scenario>-<seed>-<stamp>` and return it.
 
     Raises:
         TraceError: it cannot be made, or the disk has less room than `MIN_FREE_BYTES`.
@@ -64,7 +64,7 @@ def _check_room(folder: Path) -> None:
 
 
 def discard(folder: Path) -> None:
-    """Takes away the folder of a run that never began."""
+    """Take away the folder of a run that never began."""
     (folder / FILE_NAME).unlink(missing_ok=True)
     shutil.rmtree(folder / SOURCES, ignore_errors=True)
     for empty in (folder, folder.parent):
@@ -73,7 +73,7 @@ def discard(folder: Path) -> None:
 
 
 def write_result(folder: Path, fields: dict[str, Any]) -> None:
-    """Writes result.json; it is whole or absent.
+    """Write result.json; it is whole or absent.
 
     Raises:
         TraceError: it cannot be written, as on a full disk.
@@ -88,7 +88,7 @@ def write_result(folder: Path, fields: dict[str, Any]) -> None:
 
 
 def read_result(folder: Path) -> dict[str, Any]:
-    """Returns what result.json holds, or nothing if there is none that is whole."""
+    """Return what result.json holds, or nothing if there is none that is whole."""
     try:
         fields = json.loads((folder / RESULT_NAME).read_bytes())
     except (OSError, ValueError):
@@ -97,7 +97,7 @@ def read_result(folder: Path) -> dict[str, Any]:
 
 
 def measured(fields: dict[str, Any]) -> dict[str, float | str]:
-    """Returns the numbers and words that the scenario itself found, out of what result.json holds.
+    """Return the numbers and words that the scenario itself found, out of what result.json holds.
 
     >>> measured({"seed": 3, "outcome": "held", "settling_s": 5.5, "fault": "off", "sim_time_s": 40.0})
     {'settling_s': 5.5, 'fault': 'off'}
@@ -107,7 +107,7 @@ def measured(fields: dict[str, Any]) -> dict[str, float | str]:
 
 
 def why(fields: dict[str, Any]) -> str:
-    """Returns what the scenario had to say of its outcome, out of what result.json holds; empty if nothing.
+    """Return what the scenario had to say of its outcome, out of what result.json holds; empty if nothing.
 
     >>> why({"outcome": "missed", "notes": ["Something else.", "missed: ended 1 m off."]})
     'ended 1 m off.'
@@ -117,7 +117,7 @@ def why(fields: dict[str, Any]) -> str:
 
 
 def as_json(fields: dict[str, Any], indent: int | None = None) -> str:
-    """Returns strict JSON: a number that is none becomes null, and numpy's become plain ones."""
+    """Return strict JSON: a number that is none becomes null, and numpy's become plain ones."""
     return json.dumps(_plain(fields), indent=indent, allow_nan=False)
 
 
@@ -134,7 +134,7 @@ def _plain(value: Any) -> Any:
 
 
 def trace_path(run: Path) -> Path:
-    """Returns the trace of a run, given its folder or the trace itself.
+    """Return the trace of a run, given its folder or the trace itself.
 
     Raises:
         TraceError: there is none; names the runs nearby.
@@ -165,7 +165,7 @@ def records_digest(path: Path) -> str:
 
 
 def check_unchanged(trace: Trace) -> None:
-    """Checks that a trace is the one that was written, as far as its folder can tell.
+    """Check that a trace is the one that was written, as far as its folder can tell.
 
     Raises:
         TraceError: it was changed or cut after its result.json was written.
@@ -187,7 +187,7 @@ def _digest_in_result(trace: Trace) -> Any:
 
 
 def remarks(trace: Trace) -> list[str]:
-    """Returns what whoever looks at a trace should know: that it was changed, cut, or did not end by itself."""
+    """Return what whoever looks at a trace should know: that it was changed, cut, or did not end by itself."""
     if trace.is_cut:
         return ["The trace was cut short; what follows stops at its last whole record."]
     if _is_changed(trace):

@@ -19,7 +19,7 @@ class Follower(Protocol):
     """Is shown a run while it is recorded, as a live view is; on one thread of its own."""
 
     def add(self, record: Record) -> None:
-        """Takes a record."""
+        """Take a record."""
         ...
 
     def flush(self) -> None:
@@ -45,7 +45,7 @@ class FollowerThread:
         self._thread.start()
 
     def give(self, lines: Sequence[bytes]) -> None:
-        """Adds lines of the trace to what is to be shown; returns at once."""
+        """Add lines of the trace to what is to be shown; return at once."""
         if self._is_stopped or not lines:
             return
         self._given_bytes += sum(map(len, lines))
@@ -55,7 +55,7 @@ class FollowerThread:
         self._batches.put(lines)
 
     def close(self) -> None:
-        """Waits for a while until all is shown, and ends the thread; safe to call twice."""
+        """Wait for a while until all is shown, and end the thread; safe to call twice."""
         self._batches.put(())  # the end
         self._thread.join(CLOSE_PATIENCE_S)
         if self._thread.is_alive():

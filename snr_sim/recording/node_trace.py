@@ -67,7 +67,7 @@ class NodeTrace:
         self._said_lines = 0
 
     def begun(self, now_s: float, component: str, scheduled: Sequence[Task]) -> list[Ticket]:
-        """Takes down what a component scheduled in `begin`."""
+        """Take down what a component scheduled in `begin`."""
         seq = self._next_seq()
         tickets: list[Ticket] = []
         returned = self._returned(scheduled, seq, now_s, tickets)
@@ -76,7 +76,7 @@ class NodeTrace:
         return tickets
 
     def input(self, now_s: float, source: str, task: Task) -> Ticket:
-        """Takes down a task that entered through the door."""
+        """Take down a task that entered through the door."""
         if self._said:
             self._write_said(now_s)
         seq = self._next_seq()
@@ -91,7 +91,7 @@ class NodeTrace:
         return (task, seq, 0, now_s)
 
     def task(self, now_s: float, ticket: Ticket, handled: Sequence[Handled]) -> list[Ticket]:
-        """Takes down an executed task; returns a ticket for each task its handlers returned, in order."""
+        """Take down an executed task; return a ticket for each task its handlers returned, in order."""
         writer = self._writer
         self._newest = writer.seq = seq = writer.seq + 1
         task, cause, nth, cause_s = ticket
@@ -114,7 +114,7 @@ class NodeTrace:
         return tickets
 
     def said(self, now_s: float, component: str, level: str, text: str) -> None:
-        """Keeps what a component prints or logs until its task is taken down; from any thread.
+        """Keep what a component prints or logs until its task is taken down; from any thread.
 
         What is said before the node's first record, as when components are made, is in no trace.
         """
@@ -122,7 +122,7 @@ class NodeTrace:
             self._said.append((now_s, component, level, text[:MAX_SAID_AT_ONCE]))
 
     def _write_said(self, now_s: float, is_end: bool = False) -> None:
-        """Takes down what was said, line by line."""
+        """Take down what was said, line by line."""
         while self._said:
             said_s, component, level, text = self._said.popleft()
             *lines, rest = (self._begun_lines.pop((component, level), "") + text).split("\n")
@@ -146,12 +146,12 @@ class NodeTrace:
         self._writer.put(now_s, _encode(record))
 
     def error(self, now_s: float, component: str, message: str) -> None:
-        """Takes down what went wrong in a component, just now."""
+        """Take down what went wrong in a component, just now."""
         cause = self._newest
         self._writer.put(now_s, _encode(ErrorRecord(self._next_seq(), now_s, self._node, cause, component, message)))
 
     def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
-        """Takes down that the node has ended, and why."""
+        """Take down that the node has ended, and why."""
         self._write_said(now_s, is_end=True)
         self._writer.put(now_s, _encode(EndRecord(self._next_seq(), now_s, self._node, reason, summary)))
 
@@ -160,7 +160,7 @@ class NodeTrace:
         return self._newest
 
     def _returned(self, tasks: Sequence[Task], seq: int, now_s: float, tickets: list[Ticket]) -> list[Returned]:
-        """Returns tasks as they stand in a record, and adds a ticket for each."""
+        """Return tasks as they stand in a record, and add a ticket for each."""
         returned = []
         for task in tasks:
             told = told_of(task)
@@ -171,7 +171,7 @@ class NodeTrace:
 
 
 def process_of(task: Task, handled: Sequence[Handled]) -> bool | None:
-    """Returns whether the node stored a page and asked for `process_data` of it, or None if it did something else."""
+    """Return whether the node stored a page and asked for `process_data` of it, or None if it did something else."""
     if not handled or handled[0][0] != CORE_STORES:
         return None
     outputs = handled[0][1]
@@ -183,12 +183,12 @@ def process_of(task: Task, handled: Sequence[Handled]) -> bool | None:
 
 
 def told_of(task: Task) -> Returned:
-    """Returns a task as it stands in a record."""
+    """Return a task as it stands in a record."""
     return Returned(*_id_in_words(task), Raw(_encode_values(task)))
 
 
 def _encode_values(task: Task) -> bytes:
-    """Returns the JSON of the list of values a task carries."""
+    """Return the JSON of the list of values a task carries."""
     values = task.val_list
     if not values:
         return _NO_VALUES
@@ -202,7 +202,7 @@ def _encode_values(task: Task) -> bytes:
 
 
 def _id_in_words(task: Task) -> tuple[str, str]:
-    """Returns a task's type and name; as text also where they are none, which the node is about to complain about."""
+    """Return a task's type and name; as text also where they are none, which the node is about to complain about."""
     kind: Any = task.type
     name: Any = task.name
     if isinstance(kind, str) and isinstance(name, str):

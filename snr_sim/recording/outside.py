@@ -90,7 +90,7 @@ class _Watch:
             frame = frame.f_back
 
     def on_profile(self, frame: FrameType, event: str, called: Any) -> None:
-        """Looks at a call into C."""
+        """Look at a call into C."""
         if event == "c_call":
             try:
                 hint = _HINTS.get(called)
@@ -111,11 +111,11 @@ class _Watch:
                 self.report(frame.f_back, _RANDOM[frame.f_code], _CHANCE_HINT)
 
     def forget_callers(self) -> None:
-        """Lets go of frames, which hold all their variables."""
+        """Let go of frames, which hold all their variables."""
         self._callers.clear()
 
     def on_audit(self, event: str, args: tuple[Any, ...]) -> None:
-        """Looks at what Python's audit hooks tell."""
+        """Look at what Python's audit hooks tell."""
         if event == "open":
             path, mode, flags = args
             is_reading = "r" in mode or "+" in mode if mode else not (flags or 0) & (os.O_WRONLY | os.O_RDWR)
@@ -125,7 +125,7 @@ class _Watch:
             self.report(sys._getframe(2), *_EVENTS[event])
 
     def report(self, frame: FrameType | None, what: str, hint: str) -> None:
-        """Keeps the call, if a student's line set it off."""
+        """Keep the call, if a student's line set it off."""
         through = ""
         while frame is not None and frame not in self._callers:
             if any(frame.f_code is getattr(callback, "__code__", None) for callback in gc.callbacks):
@@ -174,7 +174,7 @@ def _name(called: Any) -> str:
 
 @contextmanager
 def watching() -> Iterator[dict[tuple[str, int], OutsideCall]]:
-    """Watches this thread while it is entered; yields what has been found so far."""
+    """Watch this thread while it is entered; yield what has been found so far."""
     global _current, _is_hooked
     if not _is_hooked:
         sys.addaudithook(_hook)  # for good: Python has no way to take one off, so `_current` switches it
@@ -195,7 +195,7 @@ def watching() -> Iterator[dict[tuple[str, int], OutsideCall]]:
 
 
 def _wrap_numpy(watch: _Watch) -> dict[str, Any]:
-    """Puts a look-out before numpy's global generator, whose functions the profiler does not see."""
+    """Put a look-out before numpy's global generator, whose functions the profiler does not see."""
     try:
         import numpy  # before the student's file does, which is read only after this
     except ImportError:

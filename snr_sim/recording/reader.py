@@ -62,7 +62,7 @@ class Trace:
 
 @no_garbage_collection()
 def read_trace(path: Path) -> Trace:
-    """Reads a trace, up to its last whole record.
+    """Read a trace, up to its last whole record.
 
     Raises:
         TraceError: there is none, it is of another version, or it is damaged before its last line.
@@ -156,7 +156,7 @@ def _check_values(path: Path, records: Sequence[Record]) -> None:
 
 
 def _values_in(record: Record) -> Iterator[msgspec.Raw]:
-    """Yields the values of every task that a record brings."""
+    """Yield the values of every task that a record brings."""
     if isinstance(record, InputRecord):
         yield record.values
     elif isinstance(record, (TaskRecord, PageRecord)):

@@ -53,7 +53,7 @@ class RecordedRun:
         self.end_s = self._inputs[-1].t
 
     def pages(self, key: str) -> list[Page]:
-        """Returns the pages that a sensor stored, in order.
+        """Return the pages that a sensor stored, in order.
 
         Raises:
             TraceError: it stored none, or they cannot be brought back.
@@ -71,23 +71,23 @@ class RecordedRun:
             ) from error
 
     def verdict(self, plant: object) -> Verdict | None:
-        """Returns 'replayed' once the recording is over."""
+        """Return 'replayed' once the recording is over."""
         return Verdict("replayed", True) if self.time_s >= self.end_s - _ROUNDING_S else None
 
     def metrics(self, plant: object, seed: int) -> dict[str, Any]:
-        """Returns none: what is commanded moves nothing that could be measured."""
+        """Return none: what is commanded moves nothing that could be measured."""
         return {}
 
     def reset(self, seed: int) -> None:
-        """Goes back to the beginning."""
+        """Go back to the beginning."""
         self.time_s = 0.0
 
     def step(self, dt_s: float) -> None:
-        """Goes on."""
+        """Go on."""
         self.time_s += dt_s
 
     def write(self, name: str, command: Any) -> None:
-        """Refuses: nothing here can be moved.
+        """Refuse: nothing here can be moved.
 
         Raises:
             PlantError: always.
@@ -95,7 +95,7 @@ class RecordedRun:
         raise PlantError(f"'{name}' was written to a recorded run, which nothing moves.", fix="use --io sim.")
 
     def read(self, name: str) -> Any:
-        """Refuses: what sensors read is in their pages.
+        """Refuse: what sensors read is in their pages.
 
         Raises:
             UnknownName: always.
@@ -103,19 +103,19 @@ class RecordedRun:
         raise UnknownName(f"A recorded run has no output '{name}'.", fix="rig.recorded(key) has a sensor's pages.")
 
     def snapshot(self) -> Any:
-        """Returns how far it has come."""
+        """Return how far it has come."""
         return self.time_s
 
     def restore(self, snapshot: Any) -> None:
-        """Goes back, or on."""
+        """Go back, or on."""
         self.time_s = snapshot
 
     def scene(self) -> dict[str, Any]:
-        """Returns what was there."""
+        """Return what was there."""
         return self.trace.header.scene or {"statics": {}, "bodies": {}}
 
     def truth(self) -> dict[str, Any]:
-        """Returns the true state that was recorded last by now; nothing, if there was no plant."""
+        """Return the true state that was recorded last by now; nothing, if there was no plant."""
         place = bisect.bisect_right(self._truth_times_s, self.time_s + _ROUNDING_S) - 1
         if place < 0:
             return {"poses": {}, "arrows": {}, "values": {}}

@@ -52,12 +52,12 @@ class Opening(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field
 
     @staticmethod
     def now(scenario: str, controller: str) -> Opening:
-        """Returns the first line of a trace that begins now, in this process."""
+        """Return the first line of a trace that begins now, in this process."""
         return Opening(SCHEMA, scenario, controller, time.strftime("%Y-%m-%dT%H:%M:%S%z"), list(sys.argv), hash_seed())
 
 
 def hash_seed() -> str:
-    """Returns what decides the order of sets in this process: a number, or 'random'."""
+    """Return what decides the order of sets in this process: a number, or 'random'."""
     return os.environ.get("PYTHONHASHSEED") or "random"
 
 
@@ -272,17 +272,17 @@ decode_line = msgspec.json.Decoder(Line).decode
 
 
 def encode_record(record: Opening | Header | Line | Record) -> bytes:
-    """Returns the JSON of a line as it stands in the file, without the newline, or of a whole record."""
+    """Return the JSON of a line as it stands in the file, without the newline, or of a whole record."""
     return _encode(record)
 
 
 def digest_of(data: bytes = b"") -> hashlib.blake2b:
-    """Returns the digest of a trace that has taken in these bytes of it; the first line is left out."""
+    """Return the digest of a trace that has taken in these bytes of it; the first line is left out."""
     return hashlib.blake2b(data, digest_size=32)
 
 
 def name_of(asked: str) -> str:
-    """Returns the name of a scenario or controller that was asked for by name or as a file.
+    """Return the name of a scenario or controller that was asked for by name or as a file.
 
     >>> name_of("pad"), name_of("/home/me/my_pad.py"), name_of("")
     ('pad', 'my_pad', '')

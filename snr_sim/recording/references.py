@@ -33,7 +33,7 @@ class References:
         self._recent: dict[tuple[int, int], Returned] = {}
 
     def whole(self, line: Line) -> Record:
-        """Returns the record that a line stands for.
+        """Return the record that a line stands for.
 
         Raises:
             LookupError: it refers to a task that no earlier line brought, or that was executed already.

@@ -21,13 +21,13 @@ UNCOMPARED = (
 
 
 def reload_sources(trace: Trace) -> dict[int, dict[str, str]]:
-    """Returns the sha256 of each file that a reload read, by its name and its folder's, by the seq of the reload."""
+    """Return the sha256 of each file that a reload read, by its name and its folder's, by the seq of the reload."""
     pages = [record for record in trace.records if isinstance(record, PageRecord) and _is_reload(record)]
     return {page.cause: _sources(page) for page in pages}
 
 
 def reloads_in_words(trace: Trace, replayed: Sequence[Record]) -> list[str]:
-    """Returns a sentence for each reload that read other code than the run began with, as far as is known.
+    """Return a sentence for each reload that read other code than the run began with, as far as is known.
 
     Args:
         trace: of the run.

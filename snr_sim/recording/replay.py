@@ -39,7 +39,7 @@ class ReplayClock(SimClock):
     """Shows the recorded time."""
 
     def show(self, time_s: float) -> None:
-        """Sets the time."""
+        """Set the time."""
         self._now_s = time_s
 
 
@@ -50,7 +50,7 @@ def replay_node(
     tolerances: Sequence[Tolerance] = (),
     before_task: Callable[[int], None] = lambda seq: None,
 ) -> NodeReplay:
-    """Replays one node of a run.
+    """Replay one node of a run.
 
     Args:
         trace: of the run.
@@ -125,7 +125,7 @@ class _Driver:
         self._machine.now_s = time_s
 
     def _execute(self, record: Executed) -> None:
-        """Executes the task of this record, and before it what the recording does not have."""
+        """Execute the task of this record, and before it what the recording does not have."""
         while (ticket := self._machine.next_ticket) is not None:
             expected = self._checker.record_of(ticket)
             if expected is not None and expected.seq > record.seq:
@@ -138,7 +138,7 @@ class _Driver:
                 return
 
     def _finish(self, seq: float) -> None:
-        """Executes what the recording has before this seq, and what it does not have at all."""
+        """Execute what the recording has before this seq, and what it does not have at all."""
         while (ticket := self._machine.next_ticket) is not None:
             expected = self._checker.record_of(ticket)
             if self._checker.was_left_queued(ticket) or (expected is not None and expected.seq > seq):

@@ -37,7 +37,7 @@ class Path:
         self._last: Points = np.empty((0, 3))
 
     def extend(self, positions: Points) -> None:
-        """Takes further positions [m], shape (n, 3)."""
+        """Take further positions [m], shape (n, 3)."""
         first = -self._seen % self._stride
         self._kept.append(positions[first :: self._stride])
         self._seen += len(positions)
@@ -47,14 +47,14 @@ class Path:
             self._stride *= 2
 
     def points(self) -> Points:
-        """Returns the path, shape (n, 3), from the first position to the last."""
+        """Return the path, shape (n, 3), from the first position to the last."""
         path = np.concatenate([np.empty((0, 3)), *self._kept])
         ends_there = len(path) and np.array_equal(path[-1], self._last[0])
         return path if ends_there else np.concatenate([path, self._last])[-self._points_max :]
 
 
 def points_of(shape: dict[str, Any]) -> Points:
-    """Returns points [m] between which the whole shape lies, shape (n, 3), in the shape's own frame."""
+    """Return points [m] between which the whole shape lies, shape (n, 3), in the shape's own frame."""
     kind = shape.get("kind")
     if kind == "box":
         half, center = np.array(shape["half_size_m"], float), np.array(shape["center_m"], float)
@@ -66,7 +66,7 @@ def points_of(shape: dict[str, Any]) -> Points:
 
 
 def size_of(shapes: Iterable[dict[str, Any]]) -> float:
-    """Returns the longest edge [m] of the box around some shapes; 1 if there are none."""
+    """Return the longest edge [m] of the box around some shapes; 1 if there are none."""
     points = [points_of(shape) for shape in shapes]
     if not sum(map(len, points)):
         return 1.0
@@ -80,7 +80,7 @@ def rgb_of(shape: dict[str, Any]) -> tuple[int, int, int]:
 
 
 def turned(pose: Any, points: Any) -> Points:
-    """Returns points of a body's frame in the world's.
+    """Return points of a body's frame in the world's.
 
     Args:
         pose: x, y, z [m] and the quaternion x, y, z, w; shape (7,), or (n, 7) for one point at n moments.
@@ -94,7 +94,7 @@ def turned(pose: Any, points: Any) -> Points:
 
 
 def tether_spans(tether: Mapping[str, Any], poses: Any) -> Points:
-    """Returns the way [m] from where a tether is held to where it ends at its body, for one pose or for many."""
+    """Return the way [m] from where a tether is held to where it ends at its body, for one pose or for many."""
     spans: Points = turned(poses, tether["place_m"]) - np.asarray(tether["anchor_m"], float)
     return spans
 
@@ -105,7 +105,7 @@ def is_slack(tether: Mapping[str, Any], poses: Any) -> Any:
 
 
 def tether_frames(tether: Mapping[str, Any], poses: Points) -> Points:
-    """Returns what stretches `TETHER_LINE` to a tether: straight if it is taut, with a bow if it is slack.
+    """Return what stretches `TETHER_LINE` to a tether: straight if it is taut, with a bow if it is slack.
 
     The bow says no more than that: the plant's tether is straight.
 
@@ -127,7 +127,7 @@ def tether_frames(tether: Mapping[str, Any], poses: Points) -> Points:
 
 
 def meshes_with_normals(meshes: Sequence[dict[str, Any]]) -> tuple[Points, Points]:
-    """Returns three vertices of its own for each triangle, and their normals: edges then look like edges.
+    """Return three vertices of its own for each triangle, and their normals: edges then look like edges.
 
     Args:
         meshes: shapes of kind "mesh".

@@ -114,11 +114,11 @@ class TraceWriter:
         self._flusher.start()
 
     def for_node(self, name: str) -> NodeTrace:
-        """Returns the recorder of one node."""
+        """Return the recorder of one node."""
         return NodeTrace(self, name)
 
     def fail_softly(self, nodes: Sequence[Node]) -> None:
-        """Has these nodes go on if the disk fails, for a robot must not end because it cannot be recorded.
+        """Have these nodes go on if the disk fails, for a robot must not end because it cannot be recorded.
 
         From the first record that is lost they get a page `recording` every second: `since_s`, the time of that
         record; `lost`, how many records; and the `reason`. The trace ends there, whole: later records are not written,
@@ -127,13 +127,13 @@ class TraceWriter:
         self._survivors = nodes
 
     def truth(self, now_s: float, truth: dict[str, Any]) -> None:
-        """Takes down the plant's true state, see `Plant.truth`."""
+        """Take down the plant's true state, see `Plant.truth`."""
         self.seq += 1
         arrows = {name: _rounded(arrow) for name, arrow in truth["arrows"].items()}
         self.put(now_s, _encode(TruthRecord(self.seq, now_s, truth["poses"], arrows, truth["values"])))
 
     def place_of(self, task: Returned, seq: int, nth: int) -> tuple[int, int] | None:
-        """Returns seq and place of an earlier task that carries the same page, and remembers this one.
+        """Return seq and place of an earlier task that carries the same page, and remember this one.
 
         None if there was none lately, or the run has one node: then nobody brings a page to another one.
         """
@@ -162,7 +162,7 @@ class TraceWriter:
         )
 
     def close(self) -> None:
-        """Writes what is left and closes the file. Safe to call twice.
+        """Write what is left and close the file. Safe to call twice.
 
         Raises:
             TraceError: not everything could be written, and that is not to be survived; see `fail_softly`.
@@ -183,11 +183,11 @@ class TraceWriter:
             self._check()
 
     def follow(self, follower: Follower) -> None:
-        """Has every record given to a follower, too, on a thread of its own; before the first one."""
+        """Have every record given to a follower, too, on a thread of its own; before the first one."""
         self._follower = FollowerThread(follower)
 
     def put(self, now_s: float, line: bytes) -> None:
-        """Adds a line to the trace.
+        """Add a line to the trace.
 
         Raises:
             TraceError: an earlier one could not be written, and that is not to be survived; see `fail_softly`.
@@ -217,7 +217,7 @@ class TraceWriter:
     # What is lost
 
     def _give_up(self) -> None:
-        """Loses what waits for a disk that takes nothing."""
+        """Lose what waits for a disk that takes nothing."""
         if self._failure is None:
             self._failure = OSError(errno.ETIMEDOUT, "the disk is too slow, or does not answer")
         lines = self._take()
@@ -225,13 +225,13 @@ class TraceWriter:
             self._lose(lines[0][0], len(lines))
 
     def _lose(self, since_s: float, count: int) -> None:
-        """Counts records that do not get into the file."""
+        """Count records that do not get into the file."""
         with self._losing:
             self._lost += count
             self._lost_since_s = min(self._lost_since_s, since_s)
 
     def _report(self) -> None:
-        """Tells the nodes what is lost, now and then; from any thread."""
+        """Tell the nodes what is lost, now and then; from any thread."""
         failure, now_s = self._failure, time.monotonic()
         with self._losing:
             if failure is None or not self._lost or now_s < self._reported_s + REPORT_PERIOD_S:
@@ -253,7 +253,7 @@ class TraceWriter:
             self._report()
 
     def _take(self) -> list[tuple[float, bytes]]:
-        """Takes what waits; from any thread."""
+        """Take what waits; from any thread."""
         lines = self._lines
         with self._losing:
             taken = [lines.popleft() for _ in range(len(lines))]
@@ -279,7 +279,7 @@ class TraceWriter:
                 self._follower.give([line for _, line in ready])
 
     def _write(self, data: bytes) -> bytes:
-        """Writes all of it, or cuts the file back to its last whole line and remembers the failure.
+        """Write all of it, or cut the file back to its last whole line and remember the failure.
 
         Returns what was written.
         """
@@ -296,7 +296,7 @@ class TraceWriter:
         return data
 
     def _sync(self) -> None:
-        """Brings what was written to the disk; if that fails, all since the last time counts as lost."""
+        """Bring what was written to the disk; if that fails, all since the last time counts as lost."""
         with self._writing:
             self._sync_due_s = time.monotonic() + SYNC_PERIOD_S
             if not self._unsynced_lines:
@@ -311,7 +311,7 @@ class TraceWriter:
 
 
 def _rounded(arrow: Sequence[float]) -> list[float]:
-    """Returns the numbers of an arrow as they are written: to ARROW_DIGITS, a zero with the sign it came from.
+    """Return the numbers of an arrow as they are written: to ARROW_DIGITS, a zero with the sign it came from.
 
     Python's `round` to a digit goes by way of a text and takes three times as long.
     """

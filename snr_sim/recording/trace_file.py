@@ -28,15 +28,15 @@ class TraceFile:
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | _AS_IT_IS, 0o644)
 
     def write(self, data: memoryview) -> int:
-        """Appends as much as the disk takes at once; returns how many bytes."""
+        """Append as much as the disk takes at once; return how many bytes."""
         return os.write(self._descriptor, data)
 
     def cut(self, length_bytes: int) -> None:
-        """Cuts the file to this length."""
+        """Cut the file to this length."""
         os.ftruncate(self._descriptor, length_bytes)
 
     def sync(self) -> None:
-        """Returns when everything that was written is on the disk and survives a loss of power."""
+        """Return when everything that was written is on the disk and survives a loss of power."""
         try:
             os.fsync(self._descriptor)
         except OSError as error:
@@ -48,5 +48,5 @@ class TraceFile:
             sync_folder(self._path.parent.parent)  # of new run folders
 
     def close(self) -> None:
-        """Closes the file."""
+        """Close the file."""
         os.close(self._descriptor)

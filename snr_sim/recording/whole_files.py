@@ -11,7 +11,7 @@ _NO_LINK = getattr(os, "O_NOFOLLOW", 0)  # Windows has none, and asks who makes 
 
 
 def write_whole(path: Path, data: bytes, mode: int = 0o644) -> None:
-    """Writes a file beside its place, brings it to the disk, and only then gives it its name.
+    """Write a file beside its place, bring it to the disk, and only then give it its name.
 
     Raises:
         OSError: it cannot be written; what stood there stands there still.
@@ -32,7 +32,7 @@ def write_whole(path: Path, data: bytes, mode: int = 0o644) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Brings the names in a folder to the disk, where the system can."""
+    """Bring the names in a folder to the disk, where the system can."""
     with suppress(OSError):  # Windows opens no folder
         descriptor = os.open(folder, os.O_RDONLY | getattr(os, "O_DIRECTORY", 0))
         try:

@@ -16,7 +16,7 @@ from snr_sim.prelude.scenario import Robot
 
 
 def factories_of(controller: ModuleType, robot: Robot) -> list[AnyFactory]:
-    """Returns what a controller's `factories(robot)` returns, checked.
+    """Return what a controller's `factories(robot)` returns, checked.
 
     Raises:
         ConfigError: it raised, or returned something else than factories.
@@ -44,12 +44,12 @@ def factories_of(controller: ModuleType, robot: Robot) -> list[AnyFactory]:
 
 
 def _shown(value: object) -> str:
-    """Returns a value as its author would say it."""
+    """Return a value as its author would say it."""
     return f"the class {value.__name__}" if isinstance(value, type) else without_addresses(repr(value))
 
 
 def call_student(function: Callable[..., Any], name: str, *args: Any) -> Any:
-    """Calls a function of a student's file; a failure in it is told with the student's line first.
+    """Call a function of a student's file; a failure in it is told with the student's line first.
 
     Raises:
         ConfigError: it raised.
@@ -66,7 +66,7 @@ def call_student(function: Callable[..., Any], name: str, *args: Any) -> Any:
 
 
 def _check_arity(function: Callable[..., Any], name: str, args: Sequence[Any]) -> None:
-    """Says so, if a call failed because the function takes something else."""
+    """Say so, if a call failed because the function takes something else."""
     try:
         signature = inspect.signature(function)
     except (TypeError, ValueError):

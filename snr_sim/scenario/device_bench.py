@@ -114,7 +114,7 @@ class Bench:
                 one.device.close()
 
     def tick(self) -> None:
-        """Reads every sensor and writes every output once."""
+        """Read every sensor and write every output once."""
         self._advance()
         for one in self.sensors:
             _read(one)
@@ -125,7 +125,7 @@ class Bench:
         self._watch()
 
     def settle(self, most_s: float = FIRST_S) -> None:
-        """Ticks until every sensor has been heard, or so long, by the computer's clock."""
+        """Tick until every sensor has been heard, or so long, by the computer's clock."""
         until_s = time.monotonic() + most_s
         self.tick()
         while time.monotonic() < until_s and any(one.reading is None and not one.trouble for one in self.sensors):
@@ -133,11 +133,11 @@ class Bench:
             self.tick()
 
     def names(self) -> list[str]:
-        """Returns the names of all channels."""
+        """Return the names of all channels."""
         return [name for one in self.outputs for name in one.channels]
 
     def name_of(self, given: str) -> str:
-        """Returns the name of the channel that is meant: its name, or its number if no other output has that, too.
+        """Return the name of the channel that is meant: its name, or its number if no other output has that, too.
 
         Raises:
             UnknownName: none is, or more than one.
@@ -148,7 +148,7 @@ class Bench:
         return meant[0] if meant else self.names()[channel_of(given, self.names())]
 
     def arm(self, name: str) -> None:
-        """Begins to arm the outputs that a channel belongs to; it is moved as soon as they follow.
+        """Begin to arm the outputs that a channel belongs to; it is moved as soon as they follow.
 
         Raises:
             UnknownName: there is no such channel.
@@ -166,7 +166,7 @@ class Bench:
         return self.moved is not None
 
     def stop(self, reason: str) -> None:
-        """Goes to neutral now."""
+        """Go to neutral now."""
         self.moved = None
         for one in self.outputs:
             if one.device is not None:
@@ -186,7 +186,7 @@ class Bench:
         return pulses or still
 
     def _watch(self) -> None:
-        """Notes what the moved channel does.
+        """Note what the moved channel does.
 
         Raises:
             DeviceError: its outputs do not follow, or let go by themselves.
@@ -207,7 +207,7 @@ class Bench:
 
 
 def devices_of(scenario: str, io: str) -> Simulation:
-    """Returns a scenario, prepared for its robot's devices. With `--io pi` that is the first role: the robot itself.
+    """Return a scenario, prepared for its robot's devices. With `--io pi` that is the first role: the robot itself.
 
     Raises:
         UnknownName, ConfigError: as `prepare` does.
@@ -220,7 +220,7 @@ def devices_of(scenario: str, io: str) -> Simulation:
 
 
 def bench_of(simulation: Simulation, clock: Clock | None = None) -> Bench:
-    """Returns the bench of a scenario's robot: the devices of the role that drives something.
+    """Return the bench of a scenario's robot: the devices of the role that drives something.
 
     Raises:
         ConfigError: its robot has no devices.
@@ -278,7 +278,7 @@ def _read(one: Opened) -> None:
 
 
 def fields_of(one: Opened, now_s: float) -> dict[str, Any]:
-    """Returns what is known of a device, as JSON can say it."""
+    """Return what is known of a device, as JSON can say it."""
     health = one.health
     fields: dict[str, Any] = {"key": one.key, "state": health.state, "why": health.why, "counts": health.counts}
     if keeps(one.device, PwmOut):

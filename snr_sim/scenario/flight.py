@@ -97,7 +97,7 @@ class Flight:
         return list(self._runner.nodes.values())
 
     def run(self, signals: Sequence[str] = ()) -> Result:
-        """Runs until the scenario's verdict, its time limit, an error or a signal.
+        """Run until the scenario's verdict, its time limit, an error or a signal.
 
         Args:
             signals: names of those that came before there was a run; it ends at once.
@@ -153,7 +153,7 @@ class Flight:
 
 
 def fly_recorded(simulation: Simulation, path: Path) -> Result:
-    """Flies a simulation from its first moment to its end, and records it.
+    """Fly a simulation from its first moment to its end, and record it.
 
     Args:
         simulation: what runs, on a fresh plant.
@@ -172,12 +172,12 @@ def fly_recorded(simulation: Simulation, path: Path) -> Result:
 
 
 def why_of(verdict: Verdict) -> list[str]:
-    """Returns what a verdict has to say beside its one word, as notes."""
+    """Return what a verdict has to say beside its one word, as notes."""
     return [f"{verdict.outcome}: {verdict.why}."] if verdict.why else []
 
 
 def metrics_of(simulation: Simulation, plant: Plant) -> tuple[dict[str, Any], str]:
-    """Returns the scenario's metrics, or none and what went wrong."""
+    """Return the scenario's metrics, or none and what went wrong."""
     try:
         metrics = call_student(simulation.judge.metrics, "metrics(plant, seed)", plant, simulation.request.seed)
     except SnrError as failure:
@@ -200,7 +200,7 @@ class Referee:
         self.verdict: Verdict | None = None
 
     def look(self, time_s: float) -> None:
-        """Asks the scenario for its verdict."""
+        """Ask the scenario for its verdict."""
         if self.verdict is None:
             verdict = call_student(self._judge, "verdict(plant)", self._plant)
             if verdict is not None:
@@ -229,11 +229,11 @@ class TruthLog:
         self._due_s = 0.0
 
     def look(self, time_s: float) -> None:
-        """Records, if it is time."""
+        """Record, if it is time."""
         if time_s >= self._due_s:
             self.record(time_s)
 
     def record(self, time_s: float) -> None:
-        """Records."""
+        """Record."""
         self._due_s = time_s + _TRUTH_PERIOD_S
         self._recorder.truth(time_s, self._plant.truth())

@@ -50,7 +50,7 @@ class Found:
 
 
 def find(kind: Kind, name: str) -> Found:
-    """Returns where the robot or scenario `name` is.
+    """Return where the robot or scenario `name` is.
 
     Raises:
         UnknownName: nowhere; says where it looked and what it knows.
@@ -74,7 +74,7 @@ def find(kind: Kind, name: str) -> Found:
 
 
 def find_lab(name: str) -> Found:
-    """Returns where a lab is, by its folder's name, by that without its number, or by a path.
+    """Return where a lab is, by its folder's name, by that without its number, or by a path.
 
     Raises:
         UnknownName: nowhere.
@@ -84,7 +84,7 @@ def find_lab(name: str) -> Found:
 
 
 def known(kind: Kind) -> list[Found]:
-    """Returns all that can be found by name; the first of two with one name counts."""
+    """Return all that can be found by name; the first of two with one name counts."""
     all_found: dict[str, Found] = {}
     for place, folder in _places(kind):
         for path in sorted(folder.iterdir()) if folder.is_dir() else []:
@@ -111,20 +111,20 @@ def _content(kind: Kind) -> Path:
 
 
 def is_of_kit(path: Path) -> bool:
-    """Returns whether a file is of the kit: of its package, or of the robots, scenarios and labs that come with it."""
+    """Return whether a file is of the kit: of its package, or of the robots, scenarios and labs that come with it."""
     kinds: tuple[Kind, ...] = ("robots", "scenarios", "assignments")
     path = Path(os.path.normpath(path))  # without ".."
     return any(path.is_relative_to(folder) for folder in (_KIT, *map(_content, kinds)))
 
 
 def is_own(path: Path) -> bool:
-    """Returns whether a file is of a user's own program: neither the kit's, Python's nor an installed package's."""
+    """Return whether a file is of a user's own program: neither the kit's, Python's nor an installed package's."""
     return is_student_file(str(path)) and not is_of_kit(path.resolve())
 
 
 @contextmanager
 def keeping(run: Path, files: Iterable[Path]) -> Iterator[KeepingFiles]:
-    """Keeps copies in a run folder of those of the files that are the user's own, and of what is read meanwhile."""
+    """Keep copies in a run folder of those of the files that are the user's own, and of what is read meanwhile."""
     from snr_sim.recording.sources import KeepingFiles  # with hashlib: as for `sha256_of`
 
     kept = KeepingFiles(run, is_own)
@@ -136,7 +136,7 @@ def keeping(run: Path, files: Iterable[Path]) -> Iterator[KeepingFiles]:
 
 
 def find_in_kit(kind: Kind, name: str) -> Found | None:
-    """Returns what comes with the kit under this name, or None; never anything by a path."""
+    """Return what comes with the kit under this name, or None; never anything by a path."""
     path = _path_in(kind, _content(kind), name)
     is_name = Path(name).name == name and name != ".."
     return Found(kind, name, path, "the kit") if is_name and _is_one(kind, path) else None
@@ -155,7 +155,7 @@ def _is_one(kind: Kind, path: Path) -> bool:
 
 
 def load_robot(found: Found) -> ModuleType:
-    """Loads a robot's folder as the package `snr_sim_robot_<name>`, so that `from .mixer import mix` works in it.
+    """Load a robot's folder as the package `snr_sim_robot_<name>`, so that `from .mixer import mix` works in it.
 
     Raises:
         ConfigError: it cannot be loaded, or lacks what a robot promises (`prelude/scenario.py`).
@@ -171,7 +171,7 @@ def load_robot(found: Found) -> ModuleType:
 
 
 def name_robot(name: str, folder: Path) -> None:
-    """Lets modules in a robot's folder be imported; its robot.py is run only if somebody asks for what is in it."""
+    """Let modules in a robot's folder be imported; its robot.py is run only if somebody asks for what is in it."""
     if ROBOT_MODULE + name not in sys.modules:
         _robots.begin(ROBOT_MODULE + name)
         sys.modules[ROBOT_MODULE + name] = _UnreadRobot(name, folder)
@@ -192,7 +192,7 @@ class _UnreadRobot(ModuleType):
 
 
 def load_scenario(found: Found) -> ModuleType:
-    """Loads a scenario's file; its robot must have been loaded before.
+    """Load a scenario's file; its robot must have been loaded before.
 
     Raises:
         ConfigError: it cannot be loaded, or lacks what a scenario promises (`prelude/scenario.py`).
@@ -215,7 +215,7 @@ def load_scenario(found: Found) -> ModuleType:
 
 
 def robot_of_scenario(found: Found) -> str:
-    """Returns the name after `ROBOT =` in a scenario's file, without running it: the robot is loaded first.
+    """Return the name after `ROBOT =` in a scenario's file, without running it: the robot is loaded first.
 
     Raises:
         ConfigError: the file has no such line.
@@ -241,12 +241,12 @@ def robot_of_scenario(found: Found) -> str:
 
 
 def controllers(robot: Found) -> list[str]:
-    """Returns the names of a robot's own controllers."""
+    """Return the names of a robot's own controllers."""
     return sorted(path.stem for path in source_files().in_folder(robot.path / "controllers") if path.stem[0] != "_")
 
 
 def load_controller(robot: Found, name: str) -> ModuleType:
-    """Loads a controller: one of the robot's own by name, or any file by path.
+    """Load a controller: one of the robot's own by name, or any file by path.
 
     Raises:
         UnknownName: there is none.
@@ -272,7 +272,7 @@ def load_controller(robot: Found, name: str) -> ModuleType:
 
 
 def _no_controller(robot: Found, name: str, path: Path) -> UnknownName:
-    """Returns what is wrong with a controller's name: nobody's, a folder, or a file that is not there."""
+    """Return what is wrong with a controller's name: nobody's, a folder, or a file that is not there."""
     its_own = f"by name, {nearest(name, controllers(robot))}"
     if path.is_dir():
         files = sorted(file.name for file in path.glob("*.py"))
@@ -294,7 +294,7 @@ def _no_controller(robot: Found, name: str, path: Path) -> UnknownName:
 
 
 def load_program(name: str) -> ModuleType:
-    """Loads a file of the student's own, without running what stands under `if __name__ == "__main__"`.
+    """Load a file of the student's own, without running what stands under `if __name__ == "__main__"`.
 
     Raises:
         UnknownName: there is no such file.
@@ -318,7 +318,7 @@ class InUse:
 
 
 def in_use(scenario: Found, robot: Found, controller: ModuleType) -> list[InUse]:
-    """Returns what was loaded for a simulation, the robot and then the controller last of their names.
+    """Return what was loaded for a simulation, the robot and then the controller last of their names.
 
     What else this process has loaded before or loads afterwards, under another name or for another simulation, is
     not in it: the same request has the same files in use in every process.
@@ -336,7 +336,7 @@ OPTION_FILE = "option/"  # before the key of an option that names a file
 
 
 def files_in_use(used: Sequence[InUse]) -> dict[str, Path]:
-    """Returns every file in use, by `<label>/<path below its folder>`."""
+    """Return every file in use, by `<label>/<path below its folder>`."""
     return {
         f"{one.label}/{path.relative_to(one.folder).as_posix()}": path
         for one in used
@@ -345,19 +345,19 @@ def files_in_use(used: Sequence[InUse]) -> dict[str, Path]:
 
 
 def sha256_of(path: Path) -> str:
-    """Returns the sha256 of a file."""
+    """Return the sha256 of a file."""
     import hashlib  # with all of OpenSSL, which a student's process need not have
 
     return hashlib.sha256(source_files().read(path)).hexdigest()
 
 
 def hashes_of_files(files: Sequence[tuple[str, Path]]) -> dict[str, str]:
-    """Returns the sha256 of these files, given as (label, path), by `<label>/<name>`."""
+    """Return the sha256 of these files, given as (label, path), by `<label>/<name>`."""
     return {f"{label}/{path.name}": sha256_of(path) for label, path in files}
 
 
 def package_versions() -> dict[str, str]:
-    """Returns the versions of the packages that a run depends on, as far as they are installed."""
+    """Return the versions of the packages that a run depends on, as far as they are installed."""
     from importlib import metadata  # it takes as long to import as all the rest, and few need it
 
     versions = {}
@@ -421,7 +421,7 @@ def _load_failure(error: BaseException, path: Path, while_doing: str) -> SnrErro
 
 
 def _not_text(path: Path) -> str:
-    """Says where a file holds bytes that no Python source can hold; empty if it holds none."""
+    """Say where a file holds bytes that no Python source can hold; empty if it holds none."""
     raw = source_files().read(path)
     place = raw.find(b"\0")
     try:
@@ -441,16 +441,16 @@ class _FreshLoader(SourceFileLoader):
     """Reads the source every time: a cached bytecode file may be older than an edit within the same second."""
 
     def get_data(self, path: str) -> bytes:
-        """Returns the source, from the disk or as it was recorded."""
+        """Return the source, from the disk or as it was recorded."""
         return source_files().read(Path(path))
 
     def source_to_code(self, data: Any, path: Any, **options: Any) -> Any:  # type: ignore[override]
-        """Returns the code of a source."""
+        """Return the code of a source."""
         source_files().check(Path(path), data)
         return super().source_to_code(data, path, **options)
 
     def path_stats(self, path: Any) -> Any:
-        """Knows of no bytecode."""
+        """Know of no bytecode."""
         raise OSError
 
 
@@ -461,13 +461,13 @@ class _RobotFinder:
         self.loaded: defaultdict[str, set[Path]] = defaultdict(set)  # by the robot's module, since it was loaded last
 
     def begin(self, robot: str) -> None:
-        """Forgets which files the robot of this module had: it is loaded anew."""
+        """Forget which files the robot of this module had: it is loaded anew."""
         self.loaded[robot] = set()
         if self not in sys.meta_path:
             sys.meta_path.insert(0, self)
 
     def find_spec(self, fullname: str, path: Any, target: Any = None) -> ModuleSpec | None:
-        """Returns the spec of `snr_sim_robot_<name>.<module>`."""
+        """Return the spec of `snr_sim_robot_<name>.<module>`."""
         if not fullname.startswith(ROBOT_MODULE) or not path:
             return None
         base = Path(next(iter(path))) / fullname.rpartition(".")[2]
@@ -490,7 +490,7 @@ class _NeighbourFinder:
         self._folder: Path | None = None
 
     def look_in(self, folder: Path) -> None:
-        """Takes this folder from now on, and forgets what came from the one before, or stood in it before."""
+        """Take this folder from now on, and forget what came from the one before, or stood in it before."""
         for name, module in list(sys.modules.items()) if self.loaded else ():
             if Path(getattr(module, "__file__", None) or "") in self.loaded:
                 del sys.modules[name]
@@ -500,7 +500,7 @@ class _NeighbourFinder:
             sys.meta_path.insert(0, self)
 
     def find_spec(self, fullname: str, path: Any, target: Any = None) -> ModuleSpec | None:
-        """Returns the spec of `<folder>/<name>.py`, or of a package with an `__init__.py`."""
+        """Return the spec of `<folder>/<name>.py`, or of a package with an `__init__.py`."""
         top, _, below = fullname.partition(".")
         if self._folder is None or top in sys.stdlib_module_names or top.startswith("snr_sim"):
             return None

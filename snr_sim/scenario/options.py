@@ -19,7 +19,7 @@ from snr_sim.prelude.errors import ConfigError, UnknownName, nearest
 
 
 def check_options(given: Iterable[str], robot: ModuleType, controller: ModuleType) -> None:
-    """Checks that each key is one that the robot's file or the controller's has declared.
+    """Check that each key is one that the robot's file or the controller's has declared.
 
     Raises:
         UnknownName: one is not; tells the nearest.
@@ -38,7 +38,7 @@ def check_options(given: Iterable[str], robot: ModuleType, controller: ModuleTyp
 
 
 def written_options(path: Path) -> dict[str, str]:
-    """Returns the OPTIONS of a file, without running it; none if they are not written out."""
+    """Return the OPTIONS of a file, without running it; none if they are not written out."""
     try:
         tree = ast.parse(path.read_bytes())
     except (OSError, SyntaxError, ValueError):
@@ -55,7 +55,7 @@ def written_options(path: Path) -> dict[str, str]:
 
 
 def _declared(module: ModuleType) -> Mapping[str, str] | None:
-    """Returns the OPTIONS of a loaded file, or None if it declares none."""
+    """Return the OPTIONS of a loaded file, or None if it declares none."""
     options: Any = getattr(module, "OPTIONS", None)
     if options is None or _is_options(options):
         return options  # type: ignore[no-any-return]

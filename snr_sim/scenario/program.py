@@ -37,7 +37,7 @@ def record_program(
     seed: int = 0,
     until_s: float | None = None,
 ) -> Path:
-    """Runs one role until it ends, and returns its run folder: `snr replay FOLDER` replays it.
+    """Run one role until it ends, and return its run folder: `snr replay FOLDER` replays it.
 
     Args:
         role: which.
@@ -66,7 +66,7 @@ def record_roles(
     seed: int = 0,
     ends_all: Sequence[RoleName] = (),
 ) -> Path:
-    """Runs several roles, each in a process, as `MultiProcRunner` does, and returns their run folder.
+    """Run several roles, each in a process, as `MultiProcRunner` does, and return their run folder.
 
     It has a folder for each role, with the trace of that role: `snr replay FOLDER/ROLE` replays it.
 
@@ -103,7 +103,7 @@ def _record(
     clock: Clock | None = None,
     until_s: float | None = None,
 ) -> None:
-    """Runs one role and records it; `has_node` is told of its node before it begins."""
+    """Run one role and record it; `has_node` is told of its node before it begins."""
     recorder = TraceWriter(
         folder / FILE_NAME, program_header([role], config, program, clock, seed), program_opening(program)
     )
@@ -130,7 +130,7 @@ def _record(
 
 
 def _files_of(program: Path) -> list[Path]:
-    """Returns a program's file, and those in its folder and beneath that this process has imported."""
+    """Return a program's file, and those in its folder and beneath that this process has imported."""
     files = [file for module in list(sys.modules.values()) if (file := file_of(module)) is not None]
     beside = [file for file in files if file.is_absolute() and file.is_relative_to(program.parent)]
     return [program, *sorted(set(beside) - {program})]
@@ -146,7 +146,7 @@ def _record_one_of_several(
 def program_header(
     roles: Sequence[RoleName], config: Config, program: str | Path, clock: Clock | None = None, seed: int = 0
 ) -> Header:
-    """Returns the second line of the trace of a program; arguments as above."""
+    """Return the second line of the trace of a program; arguments as above."""
     path = Path(program).resolve()
     return Header(
         kit=__version__,
@@ -170,5 +170,5 @@ def program_header(
 
 
 def program_opening(program: str | Path) -> Opening:
-    """Returns the first line of the trace of a program."""
+    """Return the first line of the trace of a program."""
     return Opening.now("", str(Path(program).resolve()))

@@ -84,7 +84,7 @@ class World:
         return [f"{self.role}: {link.where()} and waits for {waits}" for link in links]
 
     def claim(self) -> None:
-        """Has the role's links listen already, so that a port that is taken is told before there is a run.
+        """Have the role's links listen already, so that a port that is taken is told before there is a run.
 
         Raises:
             LinkError: one is.
@@ -99,18 +99,18 @@ class World:
                 raise LinkError(error.message, fix=fix) from error
 
     def release(self) -> None:
-        """Lets go of the ports that no link has taken over. Safe to call twice."""
+        """Let go of the ports that no link has taken over. Safe to call twice."""
         for factory in self._ports:
             factory.release()
 
     def start(self) -> None:
-        """Has the plant's time begin with the clock's, now."""
+        """Have the plant's time begin with the clock's, now."""
         self.clock = WallClock()
         if self._paced is not None:
             self._paced.follow(self.clock)
 
     def now(self) -> Any:
-        """Returns a context with the plant as it is now; only for a role that has one."""
+        """Return a context with the plant as it is now; only for a role that has one."""
         assert self._paced is not None
         return self._paced.now()
 
@@ -144,7 +144,7 @@ class RoleRun:
                 self._node.tap(key, self._look)
 
     def run(self, signals: Sequence[str] = ()) -> Result:
-        """Runs until the scenario's verdict, its time limit, an error or a signal.
+        """Run until the scenario's verdict, its time limit, an error or a signal.
 
         Args:
             signals: names of those that came before there was a run; it ends at once.
@@ -171,7 +171,7 @@ class RoleRun:
         return self._result(error, caught, wall_time_s)
 
     def _look(self, page: Page) -> None:
-        """Has the referee look, on the node's own thread, where the trace is written."""
+        """Have the referee look, on the node's own thread, where the trace is written."""
         now_s = self._world.clock.now_s()
         if self._referee is None or now_s < self._looked_s + LOOK_PERIOD_S:
             return

@@ -115,7 +115,7 @@ class Simulation:
         return parse_io(self.request.io).has_wires
 
     def check_wires(self) -> None:
-        """Looks whether the port that `--io` names is there, so that a wrong one is told before there is a run.
+        """Look whether the port that `--io` names is there, so that a wrong one is told before there is a run.
 
         Raises:
             DeviceError: it is not, or may not be opened.
@@ -125,7 +125,7 @@ class Simulation:
             check_port(io.where.partition(",")[0])  # after it come settings
 
     def config(self, plant: Plant | None, clock_s: Callable[[], float] | None = None, role_apart: str = "") -> Config:
-        """Returns the robot's wiring.
+        """Return the robot's wiring.
 
         Args:
             plant: what the simulated devices reach; None for a replay, where no device is opened.
@@ -160,7 +160,7 @@ class Simulation:
         return self._recorded or self.scenario
 
     def rig(self, plant: Plant | None, clock_s: Callable[[], float] | None = None, role_apart: str = "") -> Rig:
-        """Returns what the robot's file needs to open its devices; arguments as for `config`."""
+        """Return what the robot's file needs to open its devices; arguments as for `config`."""
         io = parse_io(self.request.io)
         recorded = None if self._recorded is None else self._recorded.pages
         return Rig(
@@ -168,7 +168,7 @@ class Simulation:
         )
 
     def with_seed(self, seed: int) -> Simulation:
-        """Returns the same with another seed; nothing is looked for and loaded again."""
+        """Return the same with another seed; nothing is looked for and loaded again."""
         request = replace(self.request, seed=seed)
         return Simulation(request, self.scenario, self.robot_file, self._controller, self._used, self._standard)
 
@@ -179,7 +179,7 @@ class Simulation:
         request: Request,
         read: Callable[[], Mapping[str, Path]],
     ) -> Simulation:
-        """Returns the same with a controller that is loaded elsewhere.
+        """Return the same with a controller that is loaded elsewhere.
 
         Args:
             controller: stands for it; has its `factories`, and its OPTIONS and ROLES if it has any.
@@ -193,7 +193,7 @@ class Simulation:
         return other
 
     def _factories(self) -> tuple[list[AnyFactory], dict[str, list[AnyFactory]]]:
-        """Returns the components of the first role, and those that the controller has for others."""
+        """Return the components of the first role, and those that the controller has for others."""
         self.notes = []
         first, *others = self.robot_file.ROLES
         roles = controlled_roles(self._controller, self.robot_file)
@@ -209,7 +209,7 @@ class Simulation:
         return made
 
     def start_lines(self) -> list[str]:
-        """Returns what the controller of the first role has to say before a run.
+        """Return what the controller of the first role has to say before a run.
 
         Raises:
             ConfigError: its `start_lines` returned something else, or raised.
@@ -224,7 +224,7 @@ class Simulation:
         return list(lines)
 
     def plant(self) -> Plant:
-        """Returns the plant at the start that belongs to the seed; with `--io replay:RUN`, the run as it was recorded.
+        """Return the plant at the start that belongs to the seed; with `--io replay:RUN`, the run as it was recorded.
 
         Raises:
             ConfigError: the scenario or the robot gives something else than a plant.
@@ -253,7 +253,7 @@ class Simulation:
         return RecordedRun(trace)
 
     def _dressed(self, plant: Plant) -> Plant:
-        """Returns what is stepped in place of the plant, if this row of the robot's device table wants that."""
+        """Return what is stepped in place of the plant, if this row of the robot's device table wants that."""
         dress = getattr(self.robot_file, "dressed", None)
         if dress is None:
             return plant
@@ -267,7 +267,7 @@ class Simulation:
         return dressed
 
     def header(self, plant: Plant | None, config: Config, clock: str = "sim") -> Header:
-        """Returns the second line of this run's trace: what runs. Without a plant, as in a role that has no body."""
+        """Return the second line of this run's trace: what runs. Without a plant, as in a role that has no body."""
         roles = self.roles
         return Header(
             kit=__version__,
@@ -290,11 +290,11 @@ class Simulation:
         )
 
     def opening(self) -> Opening:
-        """Returns the first line of this run's trace: where and when."""
+        """Return the first line of this run's trace: where and when."""
         return Opening.now(self.request.scenario, self.request.controller or "")
 
     def files(self) -> dict[str, Path]:
-        """Returns every file of scenario, robot and controller that is in use, and each that an option names, such as a
+        """Return every file of scenario, robot and controller that is in use, and each that an option names, such as a
         learned policy, by `option/<key>`."""
         elsewhere = dict(self._read_elsewhere())
         for key, value in self.request.options.items():
@@ -303,12 +303,12 @@ class Simulation:
         return {**library.files_in_use(self._used), **elsewhere}
 
     def sources(self) -> dict[str, str]:
-        """Returns the sha256 of these files."""
+        """Return the sha256 of these files."""
         return {name: library.sha256_of(path) for name, path in sorted(self.files().items())}
 
 
 def prepare(request: Request, load: Callable[[library.Found, str], ModuleType] = library.load_controller) -> Simulation:
-    """Finds, loads and checks everything a request names.
+    """Find, loads and check everything a request names.
 
     Args:
         request: that.
@@ -378,7 +378,7 @@ def prepare(request: Request, load: Callable[[library.Found, str], ModuleType] =
 
 
 def controlled_roles(controller: Any, robot: Any) -> tuple[str, ...]:
-    """Returns the roles that a controller has components for.
+    """Return the roles that a controller has components for.
 
     Raises:
         UnknownName: one is no role of the robot.
@@ -398,7 +398,7 @@ def controlled_roles(controller: Any, robot: Any) -> tuple[str, ...]:
 
 
 def _check_numpy(request: Request) -> None:
-    """Says now if numpy is missing: no simulation goes without chance, and no vehicle shares out its thrust without it.
+    """Say now if numpy is missing: no simulation goes without chance, and no vehicle shares out its thrust without it.
 
     Raises:
         MissingExtra: it is.
@@ -412,13 +412,13 @@ def _check_numpy(request: Request) -> None:
 
 
 def _whole(io: str) -> str:
-    """Returns where devices are; a recorded run by its path, so that it is found from another folder, too."""
+    """Return where devices are; a recorded run by its path, so that it is found from another folder, too."""
     kind, _, where = io.partition(":")
     return f"{kind}:{Path(where).resolve()}" if kind == "replay" else io
 
 
 def request_of(opening: Opening, header: Header, controller: str = "") -> Request:
-    """Returns the request that a trace answers, with another controller if one is given."""
+    """Return the request that a trace answers, with another controller if one is given."""
     return Request(
         scenario=opening.scenario,
         seed=header.seed,
@@ -431,7 +431,7 @@ def request_of(opening: Opening, header: Header, controller: str = "") -> Reques
 
 
 def wiring_of_file(name: str) -> Config:
-    """Returns the `config` of a program that was recorded without a scenario (`snr_sim/scenario/program.py`).
+    """Return the `config` of a program that was recorded without a scenario (`snr_sim/scenario/program.py`).
 
     Raises:
         ConfigError: the file has no Config of that name.
@@ -446,5 +446,5 @@ def wiring_of_file(name: str) -> Config:
 
 
 def command_keys(factories: Sequence[AnyFactory]) -> list[str]:
-    """Returns the keys of the pages that drive actuators."""
+    """Return the keys of the pages that drive actuators."""
     return [factory.key for factory in factories if isinstance(factory, ActuatorLoopFactory)]

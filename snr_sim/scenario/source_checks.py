@@ -62,7 +62,7 @@ class Source:
 
 
 def notes_before(simulation: Simulation, nodes: Sequence[Node]) -> list[str]:
-    """Returns what is wrong with a controller of the user's own, as far as it can be seen now, the line first.
+    """Return what is wrong with a controller of the user's own, as far as it can be seen now, the line first.
 
     Raises:
         ConfigError: it is for another robot.
@@ -78,7 +78,7 @@ def notes_before(simulation: Simulation, nodes: Sequence[Node]) -> list[str]:
 
 
 def notes_on_files(files: Sequence[Path]) -> list[str]:
-    """Returns what is wrong with Python files whatever robot they are for, the line first."""
+    """Return what is wrong with Python files whatever robot they are for, the line first."""
     return list(dict.fromkeys(_read(files).plain))
 
 
@@ -133,7 +133,7 @@ class _Reader(ast.NodeVisitor):
         self._check_names(tree)
 
     def _check_names(self, tree: ast.Module) -> None:
-        """Notes names that nothing in the file gives a value."""
+        """Note names that nothing in the file gives a value."""
         bound = {"__file__", "__name__", "__doc__", *vars(builtins)}
         for node in ast.walk(tree):
             if isinstance(found := getattr(node, "name", None), str):  # of a function, a class, an exception, a type
@@ -312,7 +312,7 @@ def _page_of(loop: SensorLoop) -> Any:
 
 
 def _told(ask: Callable[[], Any]) -> Any:
-    """Returns what a simulated device tells, which nobody has begun; None if it cannot."""
+    """Return what a simulated device tells, which nobody has begun; None if it cannot."""
     try:
         return ask()
     except Exception:  # whatever is wrong with a device is told when the run opens it
@@ -320,7 +320,7 @@ def _told(ask: Callable[[], Any]) -> Any:
 
 
 def _wrong(stored: Said, wanted: Any, limits: Mapping[str, tuple[float, float]]) -> Iterator[str]:
-    """Says what is wrong with a command, as far as its dict is written out."""
+    """Say what is wrong with a command, as far as its dict is written out."""
     if not isinstance(stored.node, ast.Dict):
         yield (
             f"A command '{stored.name}' is {ast.unparse(stored.node)}, but must be a dict.{NEXT_LINE}"  # type: ignore[arg-type]
@@ -352,7 +352,7 @@ def _wrong(stored: Said, wanted: Any, limits: Mapping[str, tuple[float, float]])
 
 
 def _constant(node: ast.expr) -> Any:
-    """Returns the value that is written out, or None if it is not."""
+    """Return the value that is written out, or None if it is not."""
     try:
         match node:
             case ast.Call(func=ast.Name(id="float"), args=[ast.Constant(value=str(text))]):
@@ -363,7 +363,7 @@ def _constant(node: ast.expr) -> Any:
 
 
 def _of_components(nodes: Sequence[Node], source: Source) -> Iterator[str]:
-    """Says what is wrong with components as they were made: no handlers, or attributes that are read and never set."""
+    """Say what is wrong with components as they were made: no handlers, or attributes that are read and never set."""
     for node in nodes:
         yield from without_handlers({name: one for name, one in node.components.items() if isinstance(one, Endpoint)})
         for component in node.components.values():
@@ -380,7 +380,7 @@ def _of_components(nodes: Sequence[Node], source: Source) -> Iterator[str]:
 
 
 def _check_robot(simulation: Simulation, source: Source, unknown: set[str]) -> None:
-    """Raises a ConfigError if nothing that a controller waits for is there, and another robot has all of it."""
+    """Raise a ConfigError if nothing that a controller waits for is there, and another robot has all of it."""
     waits = {one.name for one in source.waits}
     if not waits or not waits <= unknown:
         return

@@ -16,7 +16,7 @@ NAMES = ("console", "graded", "page", "result", "trace", "value", "wire")
 
 
 def read_schema(name: str) -> dict[str, Any]:
-    """Returns a schema by its name, such as "trace". They refer to each other by their files' names.
+    """Return a schema by its name, such as "trace". They refer to each other by their files' names.
 
     >>> read_schema("page")["title"]
     'Page'

@@ -22,7 +22,7 @@ PAGE = {"$ref": f"page{SUFFIX}"}
 
 
 def generated() -> dict[str, str]:
-    """Returns the text of each generated schema by its name."""
+    """Return the text of each generated schema by its name."""
     return {
         "console": _text(
             f"A message between a node and a console, protocol version {VERSION}",
@@ -44,7 +44,7 @@ def generated() -> dict[str, str]:
 
 
 def write(folder: Path) -> None:
-    """Writes the generated schemas."""
+    """Write the generated schemas."""
     for name, text in generated().items():
         (folder / f"{name}{SUFFIX}").write_text(text, encoding="utf-8")
 

@@ -91,7 +91,7 @@ class Allocation:
         self._of_wrench = [[[row[i] for i in group] for row in inverse] for group in self._groups]
 
     def require(self, *axes: str) -> None:
-        """Checks that the thrusters can push along or about these axes.
+        """Check that the thrusters can push along or about these axes.
 
         Raises:
             ParameterError: they cannot; the message names those that lack.
@@ -107,7 +107,7 @@ class Allocation:
             )
 
     def allocate(self, wrench: Sequence[float]) -> Allotment:
-        """Returns thrusts that give the wanted wrench, or as much of it as they can in its direction.
+        """Return thrusts that give the wanted wrench, or as much of it as they can in its direction.
 
         Args:
             wrench: six numbers, [N] and [N m], body frame.
@@ -130,11 +130,11 @@ class Allocation:
         return Allotment(thrusts, share, lacking)
 
     def wrench_of(self, thrusts_n: Sequence[float]) -> list[float]:
-        """Returns the wrench that thrusts give together: what is left of what was wanted."""
+        """Return the wrench that thrusts give together: what is left of what was wanted."""
         return [dot_product(row, thrusts_n) for row in self._given]
 
     def _room(self, thrusts: list[float], more: list[float]) -> float:
-        """Returns the greatest share, up to 1, of `more` that can be added to thrusts within all limits."""
+        """Return the greatest share, up to 1, of `more` that can be added to thrusts within all limits."""
         share = 1.0
         for thrust, extra, (least, most) in zip(thrusts, more, self._limits, strict=True):
             if extra > 0.0 and thrust + share * extra > most:
@@ -145,7 +145,7 @@ class Allocation:
 
 
 def _inverse(given: list[list[float]], lacking: tuple[str, ...]) -> list[list[float]]:
-    """Returns the pseudo-inverse, n x 6, of the axes that can be pushed; the others' columns are zeros.
+    """Return the pseudo-inverse, n x 6, of the axes that can be pushed; the others' columns are zeros.
 
     Without the lacking axes the rows left are independent, so what is wanted of them is given exactly. With them, least
     squares would give a little less surge for a little less of the pitch that comes with it.

@@ -41,11 +41,11 @@ class ComplementaryFilter:
         self.estimate: float | None = None
 
     def reset(self) -> None:
-        """Forgets; the next measured value is taken as it is."""
+        """Forget; the next measured value is taken as it is."""
         self.estimate = None
 
     def update(self, rate: float, measured: float, dt_s: float) -> float:
-        """Returns the estimate for now.
+        """Return the estimate for now.
 
         Args:
             rate: of the quantity, since the update before.

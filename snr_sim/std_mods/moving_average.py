@@ -37,7 +37,7 @@ class MovingAvgFilter:
         self._values = values
 
     def update(self, value: Sample) -> Any:
-        """Takes a value and returns the mean, in the shape of the value.
+        """Take a value and return the mean, in the shape of the value.
 
         Raises:
             ParameterError: it is not made of numbers, or of another shape than those before.
@@ -51,7 +51,7 @@ class MovingAvgFilter:
         return self.mean()
 
     def mean(self) -> Any:
-        """Returns the mean of what is in the window, or None if nothing is."""
+        """Return the mean of what is in the window, or None if nothing is."""
         if not self._values:
             return None
         newest = self._values[-1]
@@ -75,7 +75,7 @@ def _checked_length(length: int) -> int:
 
 
 def _shape(value: Any) -> tuple[str, object]:
-    """What has to agree within a window: the length of a list, the keys of a dict, nothing for a number."""
+    """Return what has to agree within a window: the length of a list, the keys of a dict, nothing for a number."""
     parts: list[Any] = [value]
     shape: tuple[str, object] = ("number", None)
     if isinstance(value, Mapping):
@@ -119,7 +119,7 @@ class MovingAvgFilterFactory(EndpointFactory):
         self.endpoint_name = endpoint_name
 
     def get(self, parent: NodeApi) -> MovingAvgEndpoint:
-        """Returns the endpoint, with an empty window."""
+        """Return the endpoint, with an empty window."""
         return MovingAvgEndpoint(self, parent, self.endpoint_name)
 
 
@@ -134,6 +134,6 @@ class MovingAvgEndpoint(Endpoint):
         self.task_handlers = {(TaskType.process_data, factory.input_key): self.smooth}
 
     def smooth(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Stores the mean of the newest pages."""
+        """Store the mean of the newest pages."""
         mean = self._filter.update(self.get_data(self.factory.input_key))
         return self.store_data_task(self.factory.output_key, mean)

@@ -59,7 +59,7 @@ class Pid:
         self.reset()
 
     def reset(self, integral: float = 0.0) -> None:
-        """Forgets what was; begins with an integral, in units of the output, such as what holds against a weight."""
+        """Forget what was; begin with an integral, in units of the output, such as what holds against a weight."""
         self.integral = integral
         self._before: float | None = None
         self._rate = 0.0
@@ -67,7 +67,7 @@ class Pid:
     def update(
         self, setpoint: float, measurement: float, dt_s: float, rate: float | None = None, feed_forward: float = 0.0
     ) -> float:
-        """Returns the output for now.
+        """Return the output for now.
 
         Args:
             setpoint: what is wanted.

@@ -28,7 +28,7 @@ class PrinterEndpointFactory(EndpointFactory):
         self.name = name
 
     def get(self, parent: NodeApi) -> PrinterEndpoint:
-        """Returns the endpoint."""
+        """Return the endpoint."""
         return PrinterEndpoint(self, parent, self.name)
 
 
@@ -42,13 +42,13 @@ class PrinterEndpoint(Endpoint):
         self.task_handlers = dict.fromkeys(factory.task_ids, self.print_task)
 
     def print_task(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Prints one line."""
+        """Print one line."""
         line = f"{self.parent.name} {self.get_time_s():10.4f} s  {task.type.value} '{task.name}'  {self._about(task)}"
         print(line.rstrip(), file=self.factory.stream or sys.stdout)
         return None
 
     def _about(self, task: Task) -> str:
-        """The data, for tasks about a page; else the values the task carries."""
+        """Return the data, for tasks about a page; else the values the task carries."""
         if task.type is TaskType.process_data:
             return repr(self.get_data(task.name))
         values = [value.data if isinstance(value, Page) else value for value in task.val_list]

@@ -68,7 +68,7 @@ class TextReader(_Reader[str]):
         super().__init__(file)
 
     def read(self) -> str | None:
-        """Returns the next line, or None after the last one."""
+        """Return the next line, or None after the last one."""
         line = b"" if self._file.closed else self._file.readline()
         if line:
             return line.decode(errors="replace").rstrip("\r\n")
@@ -115,12 +115,12 @@ class PageReader(_Reader[Page]):
         return [*self._remarks, *([f"... and {more} more lines of {self.path}."] if more else [])]
 
     def read(self) -> Page | None:
-        """Returns the next page, or None after the last one."""
+        """Return the next page, or None after the last one."""
         stored = self.read_stored()
         return None if stored is None else stored.page
 
     def read_stored(self) -> Stored | None:
-        """Returns the next page and when it was stored, or None after the last one.
+        """Return the next page and when it was stored, or None after the last one.
 
         The time never goes back: what a second start added to the file comes after what the first one wrote.
         """
@@ -205,7 +205,7 @@ class _TasksOfTrace:
         self._executed: dict[tuple[int, int], _Task] = {}
 
     def take(self, record: _TaskRecord) -> _Task:
-        """Returns the task that a record executes or lets in, and keeps those that it brings.
+        """Return the task that a record executes or let in, and keep those that it brings.
 
         Raises:
             ValueEncodingError: it refers to a task that is not there.
@@ -246,11 +246,11 @@ class _Times:
         self._begins_s: dict[str, float] = {}  # of other nodes
 
     def start(self, node: str) -> None:
-        """A run begins where the one before it ended."""
+        """Begin where the run before it ended."""
         self._start_s, self._node, self._begins_s = self._now_s, node, {}
 
     def of(self, page: Page) -> float:
-        """Returns when it was stored; never before the page before it."""
+        """Return when it was stored; never before the page before it."""
         if not math.isfinite(page.created_at_s):
             return self._now_s
         begins_s = self._start_s

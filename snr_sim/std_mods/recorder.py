@@ -51,7 +51,7 @@ class RecorderEndpointFactory(EndpointFactory):
         self._newest: weakref.ref[NodeApi] | None = None
 
     def get(self, parent: NodeApi) -> RecorderEndpoint:
-        """Returns the endpoint."""
+        """Return the endpoint."""
         return RecorderEndpoint(self, parent, self.name)
 
     def is_new(self, node: NodeApi) -> bool:
@@ -73,7 +73,7 @@ class RecorderEndpoint(Endpoint):
         self.task_handlers = {(TaskType.store_page, key): self.record for key in factory.keys}
 
     def begin(self) -> None:
-        """Opens the file.
+        """Open the file.
 
         Raises:
             RecordingError: it cannot be written.
@@ -92,7 +92,7 @@ class RecorderEndpoint(Endpoint):
             self._write(msgspec.json.encode({MARK: START, "node": self.parent.name}))
 
     def record(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Writes the page; one that cannot be written is named, and the others go on."""
+        """Write the page; one that cannot be written is named, and the others go on."""
         page: Page = task.val_list[0]
         if self._file is not None:
             try:
@@ -102,7 +102,7 @@ class RecorderEndpoint(Endpoint):
         return None
 
     def terminate(self) -> None:
-        """Closes the file."""
+        """Close the file."""
         if self._file is not None:
             self._file.close()
             self._file = None
@@ -111,7 +111,7 @@ class RecorderEndpoint(Endpoint):
                 self.parent.note(f"'{self.name}' could not record {count} pages '{key}'.")
 
     def _write(self, line: bytes) -> None:
-        """Writes a line, whole or not at all: in one go, so that two recorders of one file keep out of each other."""
+        """Write a line, whole or not at all: in one go, so that two recorders of one file keep out of each other."""
         assert self._file is not None
         try:
             whole = self._file.write(line + b"\n") == len(line) + 1
@@ -122,7 +122,7 @@ class RecorderEndpoint(Endpoint):
             self._stop(reason)
 
     def _stop(self, reason: str) -> None:
-        """Ends the recording, but not the robot."""
+        """End the recording, but not the robot."""
         assert self._file is not None
         self._file.close()
         self._file = None
@@ -152,7 +152,7 @@ def _as_keys(keys: object) -> list[DataKey]:
 
 
 def _finish_cut_line(file: FileIO) -> None:
-    """Has what comes next begin on a line of its own."""
+    """Have what comes next begin on a line of its own."""
     if file.seek(0, os.SEEK_END):
         file.seek(-1, os.SEEK_END)
         if file.read(1) != b"\n":
@@ -160,7 +160,7 @@ def _finish_cut_line(file: FileIO) -> None:
 
 
 def _as_line(page: Page) -> bytes:
-    """Returns the page as JSON that brings back an equal one.
+    """Return the page as JSON that brings back an equal one.
 
     Raises:
         ValueEncodingError: it holds something that JSON cannot carry.

@@ -48,7 +48,7 @@ class ListReplayerFactory(LoopFactory):
         self.rate_hz = rate_hz
 
     def get(self, parent: NodeApi) -> ListReplayer:
-        """Returns the loop `<key>_replayer`."""
+        """Return the loop `<key>_replayer`."""
         return ListReplayer(self, parent, f"{self.key}_replayer", self.rate_hz)
 
 
@@ -58,11 +58,11 @@ class ListReplayer(Loop):
     factory: ListReplayerFactory
 
     def setup(self) -> None:
-        """Starts at the first value."""
+        """Start at the first value."""
         self._left = iter(self.factory.values)
 
     def loop(self) -> None:
-        """Stores the next value."""
+        """Store the next value."""
         for value in self._left:
             self.store_data(self.factory.key, value)
             return
@@ -99,7 +99,7 @@ class TextReplayerFactory(LoopFactory):
         self.wait_for = wait_for
 
     def get(self, parent: NodeApi) -> TextReplayer:
-        """Returns the loop `<key>_replayer`."""
+        """Return the loop `<key>_replayer`."""
         return TextReplayer(self, parent, f"{self.key}_replayer", self.rate_hz)
 
 
@@ -109,13 +109,13 @@ class TextReplayer(Loop):
     factory: TextReplayerFactory
 
     def setup(self) -> None:
-        """Opens the file."""
+        """Open the file."""
         self._reader = TextReader(self.factory.file)
         self._is_waiting = False
         self._answer: Page | None = None  # the newest when the last line was brought
 
     def loop(self) -> None:
-        """Stores the next line, if the last one has been answered."""
+        """Store the next line, if the last one has been answered."""
         wait_for = self.factory.wait_for
         if self._is_waiting and wait_for is not None and self.get_page(wait_for) is self._answer:
             return
@@ -134,7 +134,7 @@ class TextReplayer(Loop):
         self.stop()
 
     def terminate(self) -> None:
-        """Closes the file."""
+        """Close the file."""
         if "_reader" in self.__dict__:
             self._reader.close()
 
@@ -171,7 +171,7 @@ class ReplayerLoopFactory(LoopFactory):
         self.name = name
 
     def get(self, parent: NodeApi) -> ReplayerLoop:
-        """Returns the loop."""
+        """Return the loop."""
         return ReplayerLoop(self, parent, self.name)
 
 
@@ -181,7 +181,7 @@ class ReplayerLoop(Loop):
     factory: ReplayerLoopFactory
 
     def setup(self) -> None:
-        """Opens the file and looks at its first page."""
+        """Open the file and look at its first page."""
         factory = self.factory
         self._reader = PageReader(factory.file, factory.keys, factory.node)
         self._start_s = self.get_time_s()
@@ -190,7 +190,7 @@ class ReplayerLoop(Loop):
             self.parent.note(f"'{self.name}' found none of the pages it is to bring in {factory.file}.")
 
     def loop(self) -> None:
-        """Stores the pages whose time has come, and asks to be called when the next one's has."""
+        """Store the pages whose time has come, and ask to be called when the next one's has."""
         now_s = self.get_time_s()
         while self._next is not None and self._start_s + self._next.time_s <= now_s:
             self.schedule(Task.store_page(self._next.page))
@@ -203,7 +203,7 @@ class ReplayerLoop(Loop):
         self.stop()
 
     def terminate(self) -> None:
-        """Says what was left out and closes the file."""
+        """Say what was left out and close the file."""
         if "_reader" in self.__dict__:
             for remark in self._reader.remarks:
                 self.parent.note(remark)

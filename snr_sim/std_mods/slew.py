@@ -36,11 +36,11 @@ class SlewLimit:
         self.reset()
 
     def reset(self) -> None:
-        """Goes back to the start at once."""
+        """Go back to the start at once."""
         self.values = list(self._start)
 
     def update(self, wanted: Sequence[float], dt_s: float) -> list[float]:
-        """Returns the values for now, closer to those that are wanted.
+        """Return the values for now, closer to those that are wanted.
 
         Raises:
             ParameterError: there are more or fewer of them than before, one is not finite, or time goes back.
@@ -59,7 +59,7 @@ class SlewLimit:
 
 
 def approach(left: float, speed: float, brake: float, dt_s: float) -> float:
-    """Returns how far a setpoint moves in a time: no faster than a robot can follow, and slower before it arrives.
+    """Return how far a setpoint moves in a time: no faster than a robot can follow, and slower before it arrives.
 
     A setpoint that jumps fills the integral of its controller, and the robot overshoots; one that moves does not.
 

@@ -25,7 +25,7 @@ class StopwatchEndpointFactory(EndpointFactory):
         self.name = name
 
     def get(self, parent: NodeApi) -> StopwatchEndpoint:
-        """Returns the endpoint."""
+        """Return the endpoint."""
         return StopwatchEndpoint(self, parent, self.name)
 
 
@@ -39,6 +39,6 @@ class StopwatchEndpoint(Endpoint):
         self.task_handlers = dict.fromkeys(factory.ids, self.take_time)
 
     def take_time(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Appends the time."""
+        """Append the time."""
         self.factory.times.append(self.get_time_s())
         return None

@@ -55,7 +55,7 @@ class ThrustCurve:
         return self._forces[0], self._forces[-1]
 
     def pulse_us(self, force_n: float) -> float:
-        """Returns the pulse that gives a force; that of full thrust, if more is wanted than there is.
+        """Return the pulse that gives a force; that of full thrust, if more is wanted than there is.
 
         Raises:
             ParameterError: the force is NaN.
@@ -72,7 +72,7 @@ class ThrustCurve:
         return pulses[i - 1] + share * (pulses[i] - pulses[i - 1])
 
     def force_n(self, pulse_us: float) -> float:
-        """Returns the force that a pulse gives; full thrust for one beyond the ends."""
+        """Return the force that a pulse gives; full thrust for one beyond the ends."""
         pulses, forces = self._pulses, self._forces
         i = bisect_right(pulses, pulse_us)
         if i == 0 or i == len(pulses):

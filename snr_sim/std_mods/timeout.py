@@ -37,7 +37,7 @@ class TimeoutLoopFactory(LoopFactory):
         self.name = name
 
     def get(self, parent: NodeApi) -> TimeoutLoop:
-        """Returns the loop."""
+        """Return the loop."""
         return TimeoutLoop(self, parent, self.name)
 
 
@@ -51,6 +51,6 @@ class TimeoutLoop(Loop):
         self.first_tick_after_s = factory.delay_s
 
     def loop(self) -> None:
-        """The time has come."""
+        """Schedule the tasks: the time has come."""
         self.schedule(self.factory.task)
         self.stop()

@@ -22,5 +22,5 @@ class Timer:
         self._start_s = self._clock.now_s()
 
     def current_s(self) -> float:
-        """Returns seconds since it was made."""
+        """Return seconds since it was made."""
         return self._clock.now_s() - self._start_s

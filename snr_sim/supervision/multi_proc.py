@@ -88,7 +88,7 @@ class MultiProcRunner:
         self._kill_at_s: float | None = None
 
     def run(self) -> None:
-        """Runs the roles until all have ended.
+        """Run the roles until all have ended.
 
         Ports that they listen at are opened here and handed on, so a port 0 is known to all roles, and pipes are, too.
 
@@ -213,7 +213,7 @@ class MultiProcRunner:
 
 @contextmanager
 def _signals_as(news: SimpleQueue[News]) -> Iterator[None]:
-    """Turns Ctrl-C and SIGTERM into news while it is entered; in another thread than the main one it does nothing."""
+    """Turn Ctrl-C and SIGTERM into news while it is entered; in another thread than the main one it does nothing."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

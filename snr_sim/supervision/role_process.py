@@ -30,7 +30,7 @@ _ORPHAN_S = 3.0
 
 
 def run(line: Connection) -> int:
-    """Runs one role until it ends; returns the exit status."""
+    """Run one role until it ends; return the exit status."""
     messages = MessageLine(line)
     order = messages.receive()[1]
     ending = Ending(messages)
@@ -54,7 +54,7 @@ def run(line: Connection) -> int:
 
 
 def run_role(role: RoleName, config: Config, seed: int, has_node: Callable[[Node], None]) -> None:
-    """Makes a role's node, and runs it until it ends."""
+    """Make a role's node, and run it until it ends."""
     runner = SynchronousRunner(role, config, seed=seed)
     has_node(runner.node)
     runner.run()
@@ -69,17 +69,17 @@ class Ending:
         self._node: Node | None = None
 
     def has(self, node: Node) -> None:
-        """Takes the node, and lets it begin when the runner still wants it: from then on it is ended in order."""
+        """Take the node, and let it begin when the runner still wants it: from then on it is ended in order."""
         self._node = node
         self._messages.send("ready")
         self._may_go.wait()
 
     def go(self, kind: str) -> None:
-        """Lets the node begin."""
+        """Let the node begin."""
         self._may_go.set()
 
     def end(self, how: str) -> None:
-        """Ends the node as a signal of that name would, what does not return a moment later as `orderly` does; or now.
+        """End the node as a signal of that name would, what does not return a moment later as `orderly` does; or now.
 
         Args:
             how: the name; "now" interrupts what runs, as a second Ctrl-C does.

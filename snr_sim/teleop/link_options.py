@@ -58,7 +58,7 @@ def surface_link(rig: Rig, vehicle: str, name: str, port: int, faults: Faults) -
 
 
 def address_of(options: Mapping[str, str], port: int) -> tuple[str, int]:
-    """Returns where the vehicle listens: `--option host=...` and `--option port=...`, the same for both roles.
+    """Return where the vehicle listens: `--option host=...` and `--option port=...`, the same for both roles.
 
     Raises:
         ParameterError: they say something else.
@@ -94,7 +94,7 @@ def _is_address(host: str) -> bool:
 
 
 def _allowed(options: Mapping[str, str]) -> tuple[str, ...]:
-    """Returns the addresses that `--option allow=...` names."""
+    """Return the addresses that `--option allow=...` names."""
     allow = tuple(one.strip() for one in options["allow"].split(",")) if "allow" in options else ()
     try:
         as_networks(allow)
@@ -107,14 +107,14 @@ def _allowed(options: Mapping[str, str]) -> tuple[str, ...]:
 
 
 def _secret(options: Mapping[str, str]) -> bytes | None:
-    """Returns what both ends have to know, or None."""
+    """Return what both ends have to know, or None."""
     if "secret" in options:
         return secret_from_file(options["secret"])
     return secret_from_env(SECRET_VARIABLE) if SECRET_VARIABLE in os.environ else None
 
 
 def _check_door(host: str, is_guarded: bool) -> None:
-    """Checks that not everybody may steer a vehicle that listens there."""
+    """Check that not everybody may steer a vehicle that listens there."""
     if is_loopback(host) or is_guarded:
         return
     raise ConfigError(

@@ -24,14 +24,14 @@ class BusioBus:
         self._registers: dict[int, int] = {}
 
     def try_lock(self) -> bool:
-        """Returns that it is ours."""
+        """Return that it is ours."""
         return True
 
     def unlock(self) -> None:
-        """Lets others have it; there are none."""
+        """Let others have it; there are none."""
 
     def writeto(self, address: int, buffer: bytes, *, start: int = 0, end: int | None = None) -> None:
-        """Writes."""
+        """Write."""
         part, data = self._part(address), list(buffer[start:end])
         if data:
             self._registers[address] = data[0]
@@ -39,7 +39,7 @@ class BusioBus:
             part.write(data[0], data[1:])
 
     def readfrom_into(self, address: int, buffer: bytearray, *, start: int = 0, end: int | None = None) -> None:
-        """Reads from the register that was written last."""
+        """Read from the register that was written last."""
         length = len(buffer[start:end])
         buffer[start : start + length] = bytes(self._part(address).read(self._registers.get(address, 0), length))
 
@@ -54,7 +54,7 @@ class BusioBus:
         in_start: int = 0,
         in_end: int | None = None,
     ) -> None:
-        """Writes, then reads."""
+        """Write, then read."""
         self.writeto(address, out_buffer, start=out_start, end=out_end)
         self.readfrom_into(address, in_buffer, start=in_start, end=in_end)
 

@@ -40,25 +40,25 @@ class SNRTestCase(TestCase):
     wrap_socket: Any = Retired("wrap_socket", "links=[MemoryLink()] of a SimRunner: links run in lock step.")
 
     def expector(self, expected: TaskExpectations) -> Expector:
-        """Returns an expector that counts; use it in a `with`."""
+        """Return an expector that counts; use it in a `with`."""
         return Expector(expected, self)
 
     def ordered_expector(self, expected: Sequence[TaskId]) -> OrderedExpector:
-        """Returns an expector that checks the order; use it in a `with`."""
+        """Return an expector that checks the order; use it in a `with`."""
         return OrderedExpector(expected, self)
 
     def get_config(self, factories: Sequence[AnyFactory] = (), mode: Mode = Mode.TEST) -> Config:
-        """Returns a config with these factories in the role 'test'."""
+        """Return a config with these factories in the role 'test'."""
         return Config(mode, {TEST_ROLE: list(factories)})
 
     def get_test_node(self, factories: Sequence[AnyFactory] = (), mode: Mode = Mode.TEST, *, seed: int = 0) -> Node:
-        """Returns a node of these factories under a virtual clock; `node.loop()` runs it."""
+        """Return a node of these factories under a virtual clock; `node.loop()` runs it."""
         return Node(TEST_ROLE, self.get_config(factories, mode), clock=SimClock(), seed=seed)
 
     def run_test_node(
         self, factories: Sequence[AnyFactory], mode: Mode = Mode.TEST, *, seed: int = 0, until_s: float = 3600.0
     ) -> Node:
-        """Runs a node of these factories to its end and returns it, with its datastore, notes and exit_reason.
+        """Run a node of these factories to its end and return it, with its datastore, notes and exit_reason.
 
         It ends at a terminate task, when nothing is left to do, or when virtual time has come to `until_s`.
         """
@@ -67,11 +67,11 @@ class SNRTestCase(TestCase):
         return runner.node
 
     def mock_node(self) -> Node:
-        """Returns a node without components: the parent for a component that is tested by itself."""
+        """Return a node without components: the parent for a component that is tested by itself."""
         return self.get_test_node()
 
     def temp_file(self, name: str = "test_file", contents: str | bytes = b"") -> Path:
-        """Returns the path of a file that is gone when the test ends; it exists if `contents` are given."""
+        """Return the path of a file that is gone when the test ends; it exists if `contents` are given."""
         folder = Path(tempfile.mkdtemp(prefix="snr_test_"))
         self.addCleanup(shutil.rmtree, folder, ignore_errors=True)
         path = folder / name
@@ -88,7 +88,7 @@ class SNRTestCase(TestCase):
         created_at_s: float | None = None,
         process: bool | None = None,
     ) -> None:
-        """Fails unless the page has this key and data, and what else is given; NaN equals NaN, arrays compare whole."""
+        """Fail unless the page has this key and data, and what else is given; NaN equals NaN, arrays compare whole."""
         if page is None:
             self.fail(f"There is no page where '{key}' = {data!r} was expected: nothing has stored it.")
         # By encoding, because NaN is not equal to itself and arrays have no one answer.

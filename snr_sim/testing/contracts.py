@@ -28,7 +28,7 @@ _TETHER = {"anchor_m", "body", "place_m", "length_m"}
 
 
 def check_sensor(open_sensor: Callable[[], Sensor[Any]]) -> None:
-    """Checks a sensor: its life cycle, readings that are frozen, stamped and finite, and that it can be opened again.
+    """Check a sensor: its life cycle, readings that are frozen, stamped and finite, and that it can be opened again.
 
     Args:
         open_sensor: opens one that has readings to give.
@@ -52,7 +52,7 @@ def check_sensor(open_sensor: Callable[[], Sensor[Any]]) -> None:
 
 
 def check_actuator(open_actuator: Callable[[], Actuator[Any]], a_command: Any) -> None:
-    """Checks an actuator: clamped to its own limits, deaf to NaN and infinity, neutral at any time.
+    """Check an actuator: clamped to its own limits, deaf to NaN and infinity, neutral at any time.
 
     Args:
         open_actuator: opens one.
@@ -86,7 +86,7 @@ def check_actuator(open_actuator: Callable[[], Actuator[Any]], a_command: Any) -
 
 
 def check_plant(make_plant: Callable[[], Plant], commands: Mapping[str, Any] | None = None) -> None:
-    """Checks a plant: same seed, same bits; snapshots; time; names; what it shows; and that NaN never gets in.
+    """Check a plant: same seed, same bits; snapshots; time; names; what it shows; and that NaN never gets in.
 
     Args:
         make_plant: makes a new one.
@@ -108,7 +108,7 @@ def check_plant(make_plant: Callable[[], Plant], commands: Mapping[str, Any] | N
 
 
 def _start(device: Device) -> None:
-    """Configures and activates a device, each twice."""
+    """Configure and activate a device, each twice."""
     for step, state in ((device.configure, "inactive"), (device.activate, "active")):
         step()
         step()
@@ -116,7 +116,7 @@ def _start(device: Device) -> None:
 
 
 def _end(device: Device) -> None:
-    """Deactivates and closes a device, each twice, and once more."""
+    """Deactivate and close a device, each twice, and once more."""
     for _ in range(2):
         device.deactivate("checked")
         _promise(device.health().state == "inactive", f"after deactivate() the state is {device.health()}")
@@ -138,7 +138,7 @@ def _check_struct(value: Any, what: str) -> None:
 
 
 def _check_reading(reading: Any, before_s: float) -> float:
-    """Returns when a reading was measured: not before the one before it, and all that it says is a number."""
+    """Return when a reading was measured: not before the one before it, and all that it says is a number."""
     _check_struct(reading, "a reading")
     stamp_s = getattr(reading, "stamp_s", None)
     name = type(reading).__name__
@@ -152,7 +152,7 @@ def _check_reading(reading: Any, before_s: float) -> float:
 
 
 def _numbers(command: Any) -> dict[str, list[float]]:
-    """The fields that are limited: numbers, and lists of numbers, which are limited one by one."""
+    """Return the fields that are limited: numbers, and lists of numbers, which are limited one by one."""
     values = msgspec.structs.asdict(command)
     return {
         name: list(value) if isinstance(value, (list, tuple)) else [value]
@@ -162,7 +162,7 @@ def _numbers(command: Any) -> dict[str, list[float]]:
 
 
 def _with(command: Any, name: str, value: float) -> Any:
-    """The command with this value in one field; in a list, as its first number."""
+    """Return the command with this value in one field; in a list, as its first number."""
     before = getattr(command, name)
     after = type(before)([value, *before[1:]]) if isinstance(before, (list, tuple)) else value
     return msgspec.structs.replace(command, **{name: after})

@@ -49,7 +49,7 @@ class Expectations:
         return GenericAlias(cls, kind)
 
     def hear(self, task: Task) -> None:
-        """Takes note of a task."""
+        """Take note of a task."""
         raise NotImplementedError(f"{type(self).__name__} needs a method hear(self, task)")
 
     def call(self, name: Expected) -> None:
@@ -57,15 +57,15 @@ class Expectations:
         raise NotImplementedError(f"{type(self).__name__} needs a method call(self, name)")
 
     def is_satisfied(self) -> bool:
-        """Returns whether exactly the expected tasks have come so far."""
+        """Return whether exactly the expected tasks have come so far."""
         return not self.complaints()
 
     def complaints(self) -> list[str]:
-        """Returns a sentence for each way in which what came is not what was expected."""
+        """Return a sentence for each way in which what came is not what was expected."""
         raise NotImplementedError(f"{type(self).__name__} needs a method complaints(self)")
 
     def assert_satisfied(self) -> None:
-        """Fails with all complaints, if there are any.
+        """Fail with all complaints, if there are any.
 
         Raises:
             AssertionError: or what the test case raises for a failure.
@@ -80,11 +80,11 @@ class Expectations:
             raise self._failure("The expected tasks did not come:\n  " + "\n  ".join(complaints))
 
     def add_seen(self, kind: TaskType, names: Iterable[TaskName]) -> None:
-        """Takes names that came by in the node, whoever handled them: to offer the nearest for one that did not."""
+        """Take names that came by in the node, whoever handled them: to offer the nearest for one that did not."""
         self._seen[kind].update(names)
 
     def _instead(self, task_id: Expected) -> str:
-        """Says what came instead of an id that did not come at all."""
+        """Say what came instead of an id that did not come at all."""
         if not isinstance(task_id, tuple):
             return ""
         kind, name = task_id
@@ -123,7 +123,7 @@ class Expector(Expectations):
         self.counts: Counter[Expected] = Counter()
 
     def hear(self, task: Task) -> None:
-        """Counts a task under its own id and under its type, where they are expected."""
+        """Count a task under its own id and under its type, where they are expected."""
         self.call(task.id())
         self.call(task.type)
 
@@ -134,7 +134,7 @@ class Expector(Expectations):
             self.counts[name] += 1
 
     def complaints(self) -> list[str]:
-        """Returns a line for each count that is not as expected."""
+        """Return a line for each count that is not as expected."""
         return [
             f"{_shown(task_id)}: expected {count}, came {self.counts[task_id]}"
             + ("" if self.counts[task_id] else self._instead(task_id))
@@ -157,7 +157,7 @@ class OrderedExpector(Expectations):
         self.came: list[Expected] = []
 
     def hear(self, task: Task) -> None:
-        """Adds a task to what came, if its id or its type is expected anywhere."""
+        """Add a task to what came, if its id or its type is expected anywhere."""
         self.was_used = True
         if task.id() in self.ids or task.type in self.ids:
             self.came.append(task.id())
@@ -169,7 +169,7 @@ class OrderedExpector(Expectations):
             self.came.append(name)
 
     def complaints(self) -> list[str]:
-        """Returns what is wrong at the first place where the order differs, and both orders."""
+        """Return what is wrong at the first place where the order differs, and both orders."""
         place = self._first_difference()
         if place is None:
             return []

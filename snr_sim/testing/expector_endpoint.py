@@ -33,7 +33,7 @@ class ExpectorEndpointFactory(EndpointFactory):
         self.exit_when_satisfied = exit_when_satisfied
 
     def get(self, parent: NodeApi) -> ExpectorEndpoint:
-        """Returns the endpoint."""
+        """Return the endpoint."""
         return ExpectorEndpoint(self, parent, self.name)
 
 
@@ -48,11 +48,11 @@ class ExpectorEndpoint(Endpoint):
         self.task_handlers = dict.fromkeys(factory.expector.ids, self.hear)
 
     def begin(self) -> None:
-        """Tells the expector that it is in a node that runs."""
+        """Tell the expector that it is in a node that runs."""
         self.factory.expector.was_used = True
 
     def hear(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Tells the expector."""
+        """Tell the expector."""
         if self._is_done:
             return None
         expector = self.factory.expector
@@ -63,7 +63,7 @@ class ExpectorEndpoint(Endpoint):
         return None
 
     def terminate(self) -> None:
-        """Tells the expector which names came by in this node."""
+        """Tell the expector which names came by in this node."""
         for kind, names in self.parent.seen_tasks().items():
             # A reason to end is nobody's typing error.
             if kind is not TaskType.terminate:

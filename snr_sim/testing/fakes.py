@@ -34,7 +34,7 @@ class FakeSensor(LifeCycle, Generic[ReadingT]):
         return self.state == "closed"
 
     def read(self) -> ReadingT | Stale:
-        """Returns the next reading.
+        """Return the next reading.
 
         Raises:
             SensorLost: the list is empty, or the sensor is closed.
@@ -88,7 +88,7 @@ class FakeActuator(LifeCycle, Generic[CommandT]):
         return dict(self._limits)
 
     def write(self, command: CommandT) -> CommandT:
-        """Clamps a command, keeps it, and returns it.
+        """Clamp a command, keep it, and return it.
 
         Raises:
             CommandError: a value is NaN or infinite, or it is no command of this actuator.
@@ -118,16 +118,16 @@ class FakeActuator(LifeCycle, Generic[CommandT]):
         return min(max(value, lowest), highest)
 
     def neutral(self) -> None:
-        """Counts that it was put at neutral."""
+        """Count that it was put at neutral."""
         self.neutral_count += 1
         self.is_neutral = True
 
     def on_deactivate(self, reason: str) -> None:
-        """Goes to neutral."""
+        """Go to neutral."""
         self.neutral()
 
     def on_close(self) -> None:
-        """Goes to neutral, also if it never was active."""
+        """Go to neutral, also if it never was active."""
         self.neutral()
 
 
@@ -154,22 +154,22 @@ class FakePlant:
         return tuple(self.held)
 
     def reset(self, seed: int) -> None:
-        """Goes back to time 0."""
+        """Go back to time 0."""
         self.time_s = 0.0
         self.written.clear()
 
     def step(self, dt_s: float) -> None:
-        """Lets time go on."""
+        """Let time go on."""
         self.time_s += dt_s
 
     def write(self, name: str, command: Any) -> None:
-        """Keeps a command in `written`."""
+        """Keep a command in `written`."""
         if name not in self.inputs:
             raise UnknownName(f"This plant has no input '{name}'.", fix=nearest(name, self.inputs))
         self.written.append((name, command))
 
     def read(self, name: str) -> Any:
-        """Returns what is held."""
+        """Return what is held."""
         if name not in self.held:
             raise UnknownName(f"This plant has no output '{name}'.", fix=nearest(name, self.held))
         reading = self.held[name]
@@ -177,17 +177,17 @@ class FakePlant:
         return msgspec.structs.replace(reading, stamp_s=self.time_s) if has_stamp else reading
 
     def snapshot(self) -> Any:
-        """Returns the time, and what was written."""
+        """Return the time, and what was written."""
         return self.time_s, list(self.written)
 
     def restore(self, snapshot: Any) -> None:
-        """Puts back what `snapshot` returned."""
+        """Put back what `snapshot` returned."""
         self.time_s, self.written = snapshot[0], list(snapshot[1])
 
     def scene(self) -> dict[str, Any]:
-        """Returns nothing to show."""
+        """Return nothing to show."""
         return {"statics": {}, "bodies": {}}
 
     def truth(self) -> dict[str, Any]:
-        """Returns nothing to show."""
+        """Return nothing to show."""
         return {"poses": {}, "arrows": {}, "values": {}}

@@ -22,11 +22,11 @@ class Part(Protocol):
     """A part on the bus."""
 
     def write(self, register: int, data: list[int]) -> None:
-        """Takes what is written behind a register; nothing, if it was a command."""
+        """Take what is written behind a register; nothing, if it was a command."""
         ...
 
     def read(self, register: int, length: int) -> list[int]:
-        """Returns what is read from a register on."""
+        """Return what is read from a register on."""
         ...
 
 
@@ -47,31 +47,31 @@ class FakeBus:
         self.opened_times = self.closed_times = 0
 
     def opened(self, number: int) -> FakeBus:
-        """Returns the bus, as opening it does."""
+        """Return the bus, as opening it does."""
         self.opened_times += 1
         return self
 
     def read_byte(self, i2c_addr: int) -> int:
-        """Reads a byte."""
+        """Read a byte."""
         self._part(i2c_addr)
         return 0
 
     def write_byte(self, i2c_addr: int, value: int) -> None:
-        """Writes a command."""
+        """Write a command."""
         self._part(i2c_addr).write(value, [])
 
     def read_i2c_block_data(self, i2c_addr: int, register: int, length: int) -> list[int]:
-        """Reads a block."""
+        """Read a block."""
         _check(length)
         return self._part(i2c_addr).read(register, length)
 
     def write_i2c_block_data(self, i2c_addr: int, register: int, data: list[int]) -> None:
-        """Writes a block."""
+        """Write a block."""
         _check(len(data))
         self._part(i2c_addr).write(register, data)
 
     def close(self) -> None:
-        """Counts."""
+        """Count."""
         self.closed_times += 1
 
     def _part(self, address: int) -> Part:
@@ -102,7 +102,7 @@ class Pca9685Part:
             self.power_on()
 
     def power_on(self) -> None:
-        """Has the values after power on: asleep, all channels off."""
+        """Have the values after power on: asleep, all channels off."""
         for register in range(256):
             self.registers[register] = 0
         self.registers[MODE1], self.registers[MODE1 + 1], self.registers[PRE_SCALE] = 0x11, 0x04, 0x1E
@@ -110,19 +110,19 @@ class Pca9685Part:
             self.registers[LED0 + 4 * channel + 3] = FULL_OFF
 
     def write(self, register: int, data: list[int]) -> None:
-        """Takes bytes; without auto-increment all of them go to one register."""
+        """Take bytes; without auto-increment all of them go to one register."""
         for byte in data:
             self._put(register, byte)
             if self.registers[MODE1] & _AUTO_INCREMENT:
                 register = (register + 1) % 256
 
     def read(self, register: int, length: int) -> list[int]:
-        """Returns bytes; without auto-increment always the same one."""
+        """Return bytes; without auto-increment always the same one."""
         step = 1 if self.registers[MODE1] & _AUTO_INCREMENT else 0
         return [self.registers[(register + i * step) % 256] for i in range(length)]
 
     def pins_us(self, channels: int = 16) -> list[float]:
-        """Returns the pulse on each channel; 0 for none."""
+        """Return the pulse on each channel; 0 for none."""
         if self.registers[MODE1] & SLEEP:
             return [0.0] * channels
         step_us = (self.registers[PRE_SCALE] + 1) / self.oscillator_hz * 1e6

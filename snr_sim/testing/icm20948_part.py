@@ -26,7 +26,7 @@ class Icm20948Part:
         self.power_on()
 
     def power_on(self) -> None:
-        """Has the values after power on: asleep."""
+        """Have the values after power on: asleep."""
         self._bank = 0
         self._registers = [bytearray(128) for _ in range(4)]
         self._registers[0][0x06] = 0x41
@@ -38,7 +38,7 @@ class Icm20948Part:
         return bool(self._registers[0][0x0F] & _BYPASS)
 
     def write(self, register: int, data: list[int]) -> None:
-        """Takes bytes, register after register."""
+        """Take bytes, register after register."""
         for i, byte in enumerate(data, register):
             if i == 0x7F:
                 self._bank = byte >> 4 & 3
@@ -48,7 +48,7 @@ class Icm20948Part:
                 self._registers[self._bank][i] = byte
 
     def read(self, register: int, length: int) -> list[int]:
-        """Returns bytes, register after register."""
+        """Return bytes, register after register."""
         self._registers[0][0x00] = self.identity
         self._registers[0][0x2D:0x39] = self._felt()
         return list(self._registers[self._bank][register : register + length])
@@ -83,12 +83,12 @@ class Ak09916Part:
         self._mode = 0
 
     def write(self, register: int, data: list[int]) -> None:
-        """Takes its mode."""
+        """Take its mode."""
         if register == 0x31:
             self._mode = data[0]
 
     def read(self, register: int, length: int) -> list[int]:
-        """Returns bytes."""
+        """Return bytes."""
         if not self._unit.shows_compass:
             raise OSError(121, "Remote I/O error")
         registers = bytearray(0x40)

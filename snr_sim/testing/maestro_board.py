@@ -55,24 +55,24 @@ class MaestroBoard:
         return list(self._pins_us)
 
     def write(self, data: bytes) -> None:
-        """Takes bytes."""
+        """Take bytes."""
         self._check_cable()
         self._look_at_clock()
         for byte in data:
             self._take(byte)
 
     def read(self) -> bytes:
-        """Returns the answers so far."""
+        """Return the answers so far."""
         self._check_cable()
         answers, self._answers = self._answers, b""
         return answers
 
     def wait(self, seconds: float) -> bool:
-        """Returns whether there are answers; more do not come by waiting."""
+        """Return whether there are answers; more do not come by waiting."""
         return bool(self._answers)
 
     def close(self) -> None:
-        """Counts."""
+        """Count."""
         self.closed_times += 1
 
     def _check_cable(self) -> None:
@@ -104,7 +104,7 @@ class MaestroBoard:
                 self._obey(command[:length])
 
     def _length(self) -> int:
-        """Returns how long the command is that has begun; 0 if there is none such."""
+        """Return how long the command is that has begun; 0 if there is none such."""
         if self._command[0] != 0x9F:
             return _LENGTHS.get(self._command[0], 0)
         return 99 if len(self._command) < 2 else 3 + 2 * self._command[1]

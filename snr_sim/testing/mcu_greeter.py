@@ -32,7 +32,7 @@ class McuGreeter:
         self._frames, self._answers = McuFrames(), b""
 
     def write(self, data: bytes) -> None:
-        """Takes bytes; answers each greeting among them."""
+        """Take bytes; answer each greeting among them."""
         for message in self._frames.feed(data):
             self.heard.append(message)
             if isinstance(message, Hello):
@@ -40,14 +40,14 @@ class McuGreeter:
                     self._answers += encode(msgspec.structs.replace(answer, session=message.session))
 
     def read(self) -> bytes:
-        """Returns the answers so far."""
+        """Return the answers so far."""
         answers, self._answers = self._answers, b""
         return answers
 
     def wait(self, seconds: float) -> bool:
-        """Returns whether there are answers; more do not come by waiting."""
+        """Return whether there are answers; more do not come by waiting."""
         return bool(self._answers)
 
     def close(self) -> None:
-        """Remembers it."""
+        """Remember it."""
         self.is_closed = True

@@ -31,16 +31,16 @@ class Ms5837Part:
         self.feel(pressure_pa, temperature_c)
 
     def feel(self, pressure_pa: float, temperature_c: float) -> None:
-        """Sets the counts that this becomes."""
+        """Set the counts that this becomes."""
         self.d2 = _solve(lambda d2: compensated(DATA_SHEET, 0, d2)[1] - temperature_c)
         self.d1 = _solve(lambda d1: compensated(DATA_SHEET, d1, self.d2)[0] - pressure_pa)
 
     def power_on(self) -> None:
-        """Forgets what it was doing."""
+        """Forget what it was doing."""
         self._adc, self._is_reset = 0, False
 
     def write(self, register: int, data: list[int]) -> None:
-        """Takes a command."""
+        """Take a command."""
         self.commands.append(register)
         if register == 0x1E:
             self.power_on()
@@ -51,7 +51,7 @@ class Ms5837Part:
             self._adc = self.d1 if register < 0x50 else self.d2
 
     def read(self, register: int, length: int) -> list[int]:
-        """Returns a word of the PROM, or the newest conversion, once: 0 if it is not finished."""
+        """Return a word of the PROM, or the newest conversion, once: 0 if it is not finished."""
         if register >= 0xA0:
             word = self.words[(register - 0xA0) // 2] if self._is_reset else 0
             return list(word.to_bytes(2, "big"))[:length]
@@ -61,7 +61,7 @@ class Ms5837Part:
 
 
 def _solve(off: Callable[[int], float]) -> int:
-    """Returns the count of 24 bits where a rising function passes zero."""
+    """Return the count of 24 bits where a rising function passes zero."""
     low, high = 0, 2**24 - 1
     while high - low > 1:
         middle = (low + high) // 2

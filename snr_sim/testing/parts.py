@@ -19,7 +19,7 @@ TickerStep: TypeAlias = Callable[["Ticker"], Any]
 
 
 def nothing(component: object) -> None:
-    """Does nothing."""
+    """Do nothing."""
 
 
 class PartFactory(EndpointFactory):
@@ -46,7 +46,7 @@ class PartFactory(EndpointFactory):
         self.on_begin, self.on_halt, self.on_terminate = begin, halt, terminate
 
     def get(self, parent: NodeApi) -> Part:
-        """Returns the endpoint."""
+        """Return the endpoint."""
         return Part(self, parent, self.name)
 
 
@@ -60,15 +60,15 @@ class Part(Endpoint):
         self.task_handlers = factory.handlers
 
     def begin(self) -> None:
-        """Calls the function given for it."""
+        """Call the function given for it."""
         self.factory.on_begin(self)
 
     def halt(self) -> None:
-        """Calls the function given for it."""
+        """Call the function given for it."""
         self.factory.on_halt(self)
 
     def terminate(self) -> None:
-        """Calls the function given for it."""
+        """Call the function given for it."""
         self.factory.on_terminate(self)
 
 
@@ -98,7 +98,7 @@ class TickerFactory(LoopFactory):
         self.on_setup, self.on_loop, self.on_halt, self.on_terminate = setup, loop, halt, terminate
 
     def get(self, parent: NodeApi) -> Ticker:
-        """Returns the loop."""
+        """Return the loop."""
         return Ticker(self, parent, self.name, self.rate_hz)
 
 
@@ -108,17 +108,17 @@ class Ticker(Loop):
     factory: TickerFactory
 
     def setup(self) -> None:
-        """Calls the function given for it."""
+        """Call the function given for it."""
         self.factory.on_setup(self)
 
     def loop(self) -> None:
-        """Calls the function given for it."""
+        """Call the function given for it."""
         self.factory.on_loop(self)
 
     def halt(self) -> None:
-        """Calls the function given for it."""
+        """Call the function given for it."""
         self.factory.on_halt(self)
 
     def terminate(self) -> None:
-        """Calls the function given for it."""
+        """Call the function given for it."""
         self.factory.on_terminate(self)

@@ -35,32 +35,32 @@ class PwmBench(Protocol):
     can_unplug: bool
 
     def open(self) -> PwmOut:
-        """Opens the outputs, as a robot would."""
+        """Open the outputs, as a robot would."""
         ...
 
     def now_s(self) -> float:
-        """Returns the time that the outputs go by."""
+        """Return the time that the outputs go by."""
         ...
 
     def advance(self, seconds: float) -> None:
-        """Lets time go on."""
+        """Let time go on."""
         ...
 
     def pins_us(self) -> Sequence[float] | None:
-        """Returns the newest whole pulse at each pin; None where they cannot be seen from outside."""
+        """Return the newest whole pulse at each pin; None where they cannot be seen from outside."""
         ...
 
     def unplug(self) -> None:
-        """Pulls the wire."""
+        """Pull the wire."""
         ...
 
     def plug_in(self) -> None:
-        """Puts the wire back."""
+        """Put the wire back."""
         ...
 
 
 def check_pwm_out(bench: PwmBench) -> None:
-    """Checks outputs on a bench: life cycle, clamping, what is no pulse, lease, arming again, unplugging, what is told.
+    """Check outputs on a bench: life cycle, clamping, what is no pulse, lease, arming again, unplugging, what is told.
 
     Raises:
         AssertionError: with the broken promise in words.
@@ -189,7 +189,7 @@ def _life(pilot: _Pilot) -> None:
 
 
 def _telemetry(pilot: _Pilot) -> None:
-    """Brings outputs into each state, and holds what they tell there against what all tell."""
+    """Bring outputs into each state, and hold what they tell there against what all tell."""
     out, still, fast = pilot.out, pilot.still, pilot.fast
     not_active, stopped = frozenset([NOT_ACTIVE]), frozenset([NOT_ACTIVE, STOPPED])
 
@@ -305,7 +305,7 @@ def _unplug(pilot: _Pilot) -> None:
 
 
 def _unplug_early(pilot: _Pilot) -> None:
-    """Pulls the wire at each step of the life; whatever is called then, only `configure` and `activate` may raise."""
+    """Pull the wire at each step of the life; whatever is called then, only `configure` and `activate` may raise."""
     bench, out = pilot.bench, pilot.out
     if not bench.can_unplug:
         return

@@ -40,7 +40,7 @@ class Told(NamedTuple):
 
 
 def check_told(out: PwmOut, applied: AppliedPulses, told: Told) -> None:
-    """Checks what is told of settled outputs.
+    """Check what is told of settled outputs.
 
     Raises:
         AssertionError: with the broken promise in words.
@@ -51,7 +51,7 @@ def check_told(out: PwmOut, applied: AppliedPulses, told: Told) -> None:
 
 
 def check_answer(out: PwmOut, applied: AppliedPulses, stamp_s: float) -> None:
-    """Checks what holds of any answer of `write_us`, and of the health with it.
+    """Check what holds of any answer of `write_us`, and of the health with it.
 
     Args:
         out: who answered.
@@ -77,7 +77,7 @@ def check_answer(out: PwmOut, applied: AppliedPulses, stamp_s: float) -> None:
 
 
 def check_health(out: PwmOut) -> None:
-    """Checks what holds of outputs' health at any time.
+    """Check what holds of outputs' health at any time.
 
     Raises:
         AssertionError: with the broken promise in words.
@@ -91,7 +91,7 @@ def check_health(out: PwmOut) -> None:
 
 
 def check_stamp(out: PwmOut, applied: AppliedPulses, now_s: float) -> None:
-    """Checks the answer to a command of no time at all: it has a stamp all the same, as a page needs one.
+    """Check the answer to a command of no time at all: it has a stamp all the same, as a page needs one.
 
     Raises:
         AssertionError: with the broken promise in words.
@@ -102,6 +102,6 @@ def check_stamp(out: PwmOut, applied: AppliedPulses, now_s: float) -> None:
 
 
 def promise(kept: bool, message: str) -> None:
-    """Raises an AssertionError with a broken promise."""
+    """Raise an AssertionError with a broken promise."""
     if not kept:  # not an assert statement: those go with -O
         raise AssertionError(f"Promise broken: {message}.")

@@ -39,7 +39,7 @@ class PwmTree:
                 (chip / name).write_text(text)
 
     def write(self, path: Path, text: str) -> None:
-        """Writes a file as the kernel takes it.
+        """Write a file as the kernel takes it.
 
         Raises:
             OSError: as the kernel refuses it.
@@ -58,7 +58,7 @@ class PwmTree:
         self.history.append(f"{path.relative_to(path.parents[1])} {value}")
 
     def pulse_us(self, channel: int, chip: int = 0) -> float:
-        """Returns the pulse that is made; 0 for none."""
+        """Return the pulse that is made; 0 for none."""
         return pulse_us(self.root / f"pwmchip{chip}" / f"pwm{channel}")
 
     def _export(self, chip: Path, channel: int) -> None:
@@ -85,7 +85,7 @@ class PwmTree:
 
 
 def pulse_us(pin: Path) -> float:
-    """Returns the pulse that the files of a pin ask for; 0 for none."""
+    """Return the pulse that the files of a pin ask for; 0 for none."""
     if not pin.exists() or not _number(pin / "enable"):
         return 0.0
     return _number(pin / "duty_cycle") / 1000.0
@@ -96,7 +96,7 @@ def _number(path: Path) -> int:
 
 
 def _replace(path: Path, value: str) -> None:
-    """Changes a file so that who reads it sees the old or the new, as with the kernel's."""
+    """Change a file so that who reads it sees the old or the new, as with the kernel's."""
     new = path.with_name(f".{path.name}")
     new.write_text(value + "\n")
     new.replace(path)

@@ -34,7 +34,7 @@ class VirtualPad:
         self.plug_in()
 
     def plug_in(self) -> None:
-        """Plugs it in, if it is not."""
+        """Plug it in, if it is not."""
         if self._pad is not None:
             return
         index = self._sdl.SDL_JoystickAttachVirtual(_GAME_CONTROLLER, *self._shape)
@@ -46,15 +46,15 @@ class VirtualPad:
             self.move(axis, 0.0)  # SDL has triggers rest at -1, which is up to whoever plays
 
     def move(self, axis: int, position: float) -> None:
-        """Moves an axis: -1 to 1."""
+        """Move an axis: -1 to 1."""
         self._sdl.SDL_JoystickSetVirtualAxis(self._pad, axis, ctypes.c_int16(round(position * _FULL)))
 
     def press(self, button: int, is_down: bool = True) -> None:
-        """Presses a button, or lets go of it."""
+        """Press a button, or let go of it."""
         self._sdl.SDL_JoystickSetVirtualButton(self._pad, button, ctypes.c_uint8(is_down))
 
     def unplug(self) -> None:
-        """Unplugs it. Safe to call twice."""
+        """Unplug it. Safe to call twice."""
         if self._pad is None:
             return
         for index in range(self._sdl.SDL_NumJoysticks()):
@@ -66,7 +66,7 @@ class VirtualPad:
 
 
 def _sdl() -> ctypes.CDLL:
-    """Returns the very SDL that pygame has loaded: another copy would know nothing of its pads."""
+    """Return the very SDL that pygame has loaded: another copy would know nothing of its pads."""
     package = Path(str(start_pygame().__file__)).parent
     places = [
         *package.parent.glob("pygame_ce.libs/libSDL2-2*"),

@@ -27,35 +27,35 @@ class Witness:
         self._seq = 0
 
     def for_node(self, name: str) -> Witness:
-        """Returns itself: one list for all nodes."""
+        """Return itself: one list for all nodes."""
         return self
 
     def begun(self, now_s: float, component: str, scheduled: Sequence[Task]) -> list[Ticket]:
-        """Keeps what a component scheduled in `begin`."""
+        """Keep what a component scheduled in `begin`."""
         self.begun_by.append((component, scheduled))
         return self._tickets(scheduled)
 
     def input(self, now_s: float, source: str, task: Task) -> Ticket:
-        """Keeps a task that entered."""
+        """Keep a task that entered."""
         self.inputs.append((source, task))
         return self._tickets([task])[0]
 
     def task(self, now_s: float, ticket: Ticket, handled: Sequence[Handled]) -> list[Ticket]:
-        """Keeps an executed task."""
+        """Keep an executed task."""
         self.handled.append((ticket[0], list(handled)))
         self.causes.append(ticket[1])
         return self._tickets([task for _, returned in handled for task in returned])
 
     def error(self, now_s: float, component: str, message: str) -> None:
-        """Keeps what went wrong."""
+        """Keep what went wrong."""
         self.errors.append((component, message))
 
     def said(self, now_s: float, component: str, level: str, text: str) -> None:
-        """Keeps what a component logs, or prints."""
+        """Keep what a component logs, or print."""
         self.sayings.append((component, level, text))
 
     def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
-        """Keeps why a node ended."""
+        """Keep why a node ended."""
         self.ends.append((reason, summary))
 
     def _tickets(self, made: Sequence[Task]) -> list[Ticket]:

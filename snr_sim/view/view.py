@@ -45,7 +45,7 @@ LIVE_PATIENCE_S = 5.0  # with a live view that takes nothing; rerun's own is for
 
 
 def write_view(header: Header, records: Iterable[Record], path: Path, trace_bytes: int) -> None:
-    """Writes the view of one run, with a layout that opens tidy.
+    """Write the view of one run, with a layout that opens tidy.
 
     Args:
         header: of the run.
@@ -64,7 +64,7 @@ def write_view(header: Header, records: Iterable[Record], path: Path, trace_byte
 
 
 def view_of(run: Path) -> Path:
-    """Returns the .rrd that shows a run; it is derived from the trace if it is not there, or the trace has grown since.
+    """Return the .rrd that shows a run; it is derived from the trace if it is not there, or the trace has grown since.
 
     Args:
         run: a run folder, its trace, or an .rrd file.
@@ -93,7 +93,7 @@ def write_comparison(
     roots: tuple[str, str] = ("recorded", "replayed"),
     other_header: Header | None = None,
 ) -> None:
-    """Writes two runs on one timeline, each under a root of its own, with their differences marked.
+    """Write two runs on one timeline, each under a root of its own, with their differences marked.
 
     Args:
         recorded_header: header of the recorded run.
@@ -140,11 +140,11 @@ class LiveView:
         self._shown = 0
 
     def add(self, record: Record) -> None:
-        """Takes a record; nothing is sent before `flush`."""
+        """Take a record; nothing is sent before `flush`."""
         self._writer.batch.extend((record,))
 
     def flush(self) -> None:
-        """Sends what has been added. Ten times a second is plenty; raises if nothing takes it in time."""
+        """Send what has been added. Ten times a second is plenty; raise if nothing takes it in time."""
         self._writer.flush()
         layout = self._writer.layout
         shown = len(layout.lines) + len(layout.logs) + len(layout.contents)
@@ -154,7 +154,7 @@ class LiveView:
         self._stream.flush(timeout_sec=LIVE_PATIENCE_S)
 
     def close(self) -> None:
-        """Sends the rest and ends the server; safe to call twice."""
+        """Send the rest and end the server; safe to call twice."""
         if self._shown >= 0:
             with contextlib.suppress(Exception):  # what fails here has failed before, and was said
                 self.flush()
@@ -164,7 +164,7 @@ class LiveView:
 
 @contextlib.contextmanager
 def _whole_file(path: Path, trace_bytes: int) -> Iterator[Path]:
-    """Gives the name of a file that takes its place when it is whole: nobody who interrupts this leaves half a view.
+    """Give the name of a file that takes its place when it is whole: nobody who interrupts this leaves half a view.
 
     Raises:
         TraceError: the disk has no room for it, or it cannot be written.
@@ -211,7 +211,7 @@ def _stream(kind: str, title: str) -> Iterator[tuple[Any, Any]]:
 
 
 def _rerun() -> Any:
-    """Returns the module, imported when it is first needed: it takes a third of a second and 89 MB."""
+    """Return the module, imported when it is first needed: it takes a third of a second and 89 MB."""
     try:
         return importlib.import_module("rerun")
     except ImportError as error:

@@ -116,7 +116,7 @@ class Layout:
 
 
 def name_and_unit(path: Sequence[str]) -> tuple[str, str]:
-    """Returns how a number is called and its unit.
+    """Return how a number is called and its unit.
 
     >>> name_and_unit(("inertial", "velocity_mps", "0"))
     ('inertial velocity 0', 'm/s')
@@ -133,7 +133,7 @@ def name_and_unit(path: Sequence[str]) -> tuple[str, str]:
 
 
 def shown_as(name: str, unit: str) -> tuple[str, str, float]:
-    """Returns how a number is called in the viewer, its unit there, and by what it is multiplied.
+    """Return how a number is called in the viewer, its unit there, and by what it is multiplied.
 
     Angles are in degrees. A depth is negative, because an axis of rerun (0.41) only grows upwards.
 
@@ -149,7 +149,7 @@ def shown_as(name: str, unit: str) -> tuple[str, str, float]:
 
 
 def color_and_width(line: Line, before: Sequence[Line]) -> tuple[tuple[int, int, int, int], float]:
-    """Returns how a line is drawn: truth thin and on top, beliefs broad, no two of one plot in one colour."""
+    """Return how a line is drawn: truth thin and on top, beliefs broad, no two of one plot in one colour."""
     colors = TRUTH_COLORS if line.is_truth else BELIEF_COLORS
     here = line.unit, line.is_truth, line.plot
     place = sum((other.unit, other.is_truth, other.plot) == here for other in before)
@@ -158,14 +158,14 @@ def color_and_width(line: Line, before: Sequence[Line]) -> tuple[tuple[int, int,
 
 
 def _further_color(place: int, is_truth: bool) -> tuple[int, int, int, int]:
-    """Returns a colour for a line beyond those that were chosen one by one."""
+    """Return a colour for a line beyond those that were chosen one by one."""
     share = 0.75 if is_truth else 0.45
     red, green, blue = hsv_to_rgb((0.05 + place * GOLDEN_SHARE) % 1.0, share, 0.7 if is_truth else 0.85)
     return round(255 * red), round(255 * green), round(255 * blue), 255
 
 
 def plots(lines: Sequence[Line], changed_flags: Sequence[str] = ()) -> dict[str, list[Line]]:
-    """Returns lines by plot, titled by what it shows and the unit; where a student looks first comes first.
+    """Return lines by plot, titled by what it shows and the unit; where a student looks first comes first.
 
     Numbers of one unit share a plot, but for a true number that has beliefs of its name: it shares one with them alone.
     """
@@ -190,7 +190,7 @@ def plots(lines: Sequence[Line], changed_flags: Sequence[str] = ()) -> dict[str,
 
 
 def _by_word(lines: Sequence[Line]) -> list[list[Line]]:
-    """Returns lines of one unit by plot: each true one with the beliefs whose name ends alike, then the rest."""
+    """Return lines of one unit by plot: each true one with the beliefs whose name ends alike, then the rest."""
     left, groups = list(lines), []
     for true in [line for line in lines if line.is_truth]:
         alike = [line for line in left if not line.is_truth and _word(line) == _word(true)]
@@ -217,7 +217,7 @@ def _title(unit: str, lines: Sequence[Line]) -> str:
 
 
 def blueprint(rrb: Any, layout: Layout, follow_time: bool = False) -> Any:
-    """Returns the layout for rerun.
+    """Return the layout for rerun.
 
     Args:
         rrb: the module rerun.blueprint; this file does not import it.
@@ -245,7 +245,7 @@ def blueprint(rrb: Any, layout: Layout, follow_time: bool = False) -> Any:
 
 
 def _follow(rrb: Any, layout: Layout) -> Any:
-    """A camera that goes along with the first body."""
+    """Return a camera that goes along with the first body."""
     reach = 2.4 * layout.body_size_m
     return rrb.Spatial3DView(
         name="close-up: the camera follows",
@@ -263,12 +263,12 @@ def _follow(rrb: Any, layout: Layout) -> Any:
 
 
 def _no_images(layout: Layout) -> list[str]:
-    """What a camera saw has no place in space: a view in space that is given it complains."""
+    """Return what no view in space shows: what a camera saw has no place in it, and the view complains."""
     return [f"- {image}" for image in layout.images]
 
 
 def _overview(rrb: Any, layout: Layout, follow_time: bool) -> Any:
-    """The whole way at once with the landmarks on it, seen from the south: x to the right, z up."""
+    """Return the whole way at once with the landmarks on it, seen from the south: x to the right, z up."""
     low, high = layout.low_m, layout.high_m
     if follow_time:  # where it goes is not known yet: the world's origin is where things are on the ground
         low, high = [min(0.0, a) for a in low], [max(0.0, b) for b in high]
@@ -316,12 +316,12 @@ def _logs(rrb: Any, layout: Layout) -> Any:
 
 
 def _marks(layout: Layout, lines: Sequence[Line]) -> list[str]:
-    """Marks stand at 0, so they belong where 0 is in the picture anyway: not in a plot of fuel."""
+    """Mark stand at 0, so they belong where 0 is in the picture anyway: not in a plot of fuel."""
     return ["+ /divergences/marks"] if layout.has_divergences and lines[0].unit != "kg" else []
 
 
 def _time_axis(rrb: Any, layout: Layout) -> Any:
-    """Plots of one run move together. Those of two show all of it: linked ones open on half a minute around the cursor,
+    """Link the plots of one run. Those of two show all of it: linked ones open on half a minute around the cursor,
     and where two runs differ would be out of sight.
     """
     if len(layout.roots) == 1:

@@ -34,7 +34,7 @@ class ViewFile:
         self._begun = False
 
     def send(self, writer: Writer, records: Iterable[Record]) -> None:
-        """Sends all of a run, some records at a time."""
+        """Send all of a run, some records at a time."""
         remaining = iter(records)
         while some := list(islice(remaining, BATCH_RECORDS)):
             if self._records and self._records + len(some) > BATCH_RECORDS:
@@ -44,7 +44,7 @@ class ViewFile:
             writer.flush()
 
     def end(self, writer: Writer) -> None:
-        """Sees to it that the file has the layout of all that was sent.
+        """See to it that the file has the layout of all that was sent.
 
         Raises:
             TraceError: the file cannot be written.

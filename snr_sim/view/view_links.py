@@ -38,7 +38,7 @@ class LinkReports:
         self._last: dict[tuple[str, ...], tuple[float, float]] = {}
 
     def of(self, node: str, series: Series) -> Iterator[Report]:
-        """Returns what one number of a link's page has to say."""
+        """Return what one number of a link's page has to say."""
         link, field = series.path[0].replace("_", " "), series.path[-1]
         if len(series.path) != 2:
             return  # of one peer of many
@@ -51,7 +51,7 @@ class LinkReports:
             yield Report(field, f"{link}: pages a second", self._rate(node, series))
 
     def _rate(self, node: str, series: Series) -> Series:
-        """Returns how much a count grew each second since the page before."""
+        """Return how much a count grew each second since the page before."""
         times_s, counts = series.when.t_s, series.values
         time_s, count = self._last.get((node, *series.path), (times_s[0], counts[0]))
         self._last[node, *series.path] = float(times_s[-1]), float(counts[-1])

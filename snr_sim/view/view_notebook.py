@@ -44,7 +44,7 @@ class RunFrame:
 
 
 def show_run(run: str | Path, height_px: int = 520) -> RunFrame:
-    """Shows a run in the notebook; without a viewer, one line says how to get one.
+    """Show a run in the notebook; without a viewer, one line says how to get one.
 
     Args:
         run: a run folder, or an .rrd file: one of two runs side by side is what `snr replay --with` writes.

@@ -29,7 +29,7 @@ class PageContents:
         self._texts: dict[str, dict[str, str]] = {}
 
     def of(self, batch: Batch) -> Iterator[tuple[str, When, list[str]]]:
-        """Returns for each node all its pages as text, as they were at the last page of every `CONTENTS_PERIOD_S`."""
+        """Return for each node all its pages as text, as they were at the last page of every `CONTENTS_PERIOD_S`."""
         for node, pages in batch.pages().items():
             seqs = {key: np.array([record.seq for record in records]) for key, records in pages.items()}
             when = _last_of_periods(When.of([record for records in pages.values() for record in records]))
@@ -44,14 +44,14 @@ class PageContents:
 
 
 def _last_of_periods(when: When) -> When:
-    """Returns the last row of each period; what is at 0 s is one by itself, so that the first text is there at once."""
+    """Return the last row of each period; what is at 0 s is one by itself, so that the first text is there at once."""
     rows = when[np.argsort(when.seq)]
     periods = np.ceil(rows.t_s / CONTENTS_PERIOD_S)
     return rows[np.append(periods[1:] != periods[:-1], True)]
 
 
 def _texts(batch: Batch, records: list[PageRecord], places: Ints) -> dict[int, str]:
-    """Returns the texts of the records at some places."""
+    """Return the texts of the records at some places."""
     wanted = [int(place) for place in np.unique(places) if place >= 0]
     some = [records[place] for place in wanted]
     data = page_data([record.values for record in some])
@@ -59,7 +59,7 @@ def _texts(batch: Batch, records: list[PageRecord], places: Ints) -> dict[int, s
 
 
 def _text(batch: Batch, record: PageRecord, data: Any) -> str:
-    """Returns for example 'depth  at 1.950 s, task 731, stored by sonar (726)', and a line for each field."""
+    """Return for example 'depth  at 1.950 s, task 731, stored by sonar (726)', and a line for each field."""
     head = (
         f"{record.name}  at {record.t:.3f} s, task {record.seq}, stored by {batch.stored_by(record)} ({record.cause})"
     )
@@ -85,7 +85,7 @@ def _unit(name: str) -> str:
 
 
 def _shown(value: Any, level: int = 0) -> str:
-    """Returns a value as text of one line: numbers to six digits, of what is long or deep only how much it is."""
+    """Return a value as text of one line: numbers to six digits, of what is long or deep only how much it is."""
     if type(value) is float:
         return f"{value:.6g}"
     if isinstance(value, np.ndarray):

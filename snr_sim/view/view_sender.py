@@ -15,7 +15,7 @@ from snr_sim.recording.columns import When
 
 
 def packed(colors: Any) -> Any:
-    """Returns colours as rerun keeps them, one number each; given as others, it takes longer to find out what they are.
+    """Return colours as rerun keeps them, one number each; given as others, it takes longer to find out what they are.
 
     Args:
         colors: red, green, blue and perhaps opacity of each, shape (n, 3) or (n, 4).
@@ -82,34 +82,34 @@ class Sender:
         }
 
     def entity(self, *parts: str) -> str:
-        """Returns the path of an entity."""
+        """Return the path of an entity."""
         return str(self.rr.new_entity_path([*self.root, *parts]))
 
     def log(self, entity: str, *things: Any) -> None:
-        """Sends what does not change."""
+        """Send what does not change."""
         self._stream.log(entity, *things, static=True)
 
     def send(self, entity: str, when: When, columns: Iterable[Any]) -> None:
-        """Sends columns on both timelines."""
+        """Send columns on both timelines."""
         self._stream.send_columns(entity, self._index(when), columns)
 
     def column(self, component: str, flat: Any, offsets: Any = None) -> Any:
-        """Returns a column, one element per row unless `offsets` say otherwise."""
+        """Return a column, one element per row unless `offsets` say otherwise."""
         if offsets is None:
             offsets = np.arange(len(flat) + 1, dtype=np.int32)
         return _Column(self._descriptors[component], self.arrow.ListArray.from_arrays(offsets, flat))
 
     def numbers(self, values: Any, per_row: int = 1) -> Any:
-        """Returns a column of float64."""
+        """Return a column of float64."""
         offsets = np.arange(0, len(values) + 1, per_row, dtype=np.int32)
         return self.column("Scalars:scalars", self.arrow.array(values), offsets)
 
     def words(self, component: str, words: list[str]) -> Any:
-        """Returns a column of texts."""
+        """Return a column of texts."""
         return self.column(component, self.arrow.array(words, self.arrow.string()))
 
     def vectors(self, component: str, values: Any, offsets: Any = None) -> Any:
-        """Returns a column of float32 vectors, shape (n, k); one per row unless `offsets` say otherwise."""
+        """Return a column of float32 vectors, shape (n, k); one per row unless `offsets` say otherwise."""
         flat = self.arrow.array(np.ascontiguousarray(values, np.float32).ravel())
         vectors = self.arrow.FixedSizeListArray.from_arrays(flat, type=self._vector_types[component])
         return self.column(component, vectors, offsets)

@@ -43,7 +43,7 @@ _MOST_CHARS = 300
 
 
 def open_view(path: str | Path, web: bool = False, say: Callable[[str], None] | None = None) -> None:
-    """Shows a view, and returns when its window is closed or on Ctrl-C.
+    """Show a view, and return when its window is closed or on Ctrl-C.
 
     Args:
         path: of a view.rrd.
@@ -71,7 +71,7 @@ def open_view(path: str | Path, web: bool = False, say: Callable[[str], None] | 
 
 @contextmanager
 def live_window(url: str, say: Callable[[str], None]) -> Iterator[None]:
-    """Shows a `LiveView` in rerun's own window, which stays open; at the end of the block it says if it has failed.
+    """Show a `LiveView` in rerun's own window, which stays open; at the end of the block it says if it has failed.
 
     Args:
         url: of the live view.
@@ -109,7 +109,7 @@ def _window(what: list[str], words: IO[bytes]) -> subprocess.Popen[bytes]:
 
 @contextmanager
 def serve_web(source: str | Path | bytes, keeps_viewer: bool = True) -> Iterator[str]:
-    """Serves the viewer's page while the block runs; gives its address.
+    """Serve the viewer's page while the block runs; give its address.
 
     Args:
         source: path or content of a view.rrd, or the url of a `LiveView`.
@@ -139,7 +139,7 @@ class _PageHandler(BaseHTTPRequestHandler):
     source: str | Path | bytes = b""
 
     def do_GET(self) -> None:
-        """Answers one request."""
+        """Answer one request."""
         try:
             if urlsplit(self.path).path == f"/{FILE_NAME}":
                 self._serve_file()
@@ -186,12 +186,12 @@ class _PageHandler(BaseHTTPRequestHandler):
             viewer.close()
 
     def log_message(self, format: str, *args: object) -> None:
-        """Says nothing: each of the page's requests would be a line in the student's terminal."""
+        """Say nothing: each of the page's requests would be a line in the student's terminal."""
 
 
 @contextmanager
 def _web_viewer() -> Iterator[int]:
-    """Runs rerun's server of the viewer's page, and gives its port.
+    """Run rerun's server of the viewer's page, and give its port.
 
     Without a file, because with one it keeps a core busy for as long as it runs (0.41).
     """
@@ -234,14 +234,14 @@ def _wait_until_it_answers(process: subprocess.Popen[bytes], port: int) -> None:
 
 
 def free_port() -> int:
-    """Returns a port that nobody listens on."""
+    """Return a port that nobody listens on."""
     with socket.socket() as probe:
         probe.bind((LOOPBACK, 0))
         return int(probe.getsockname()[1])
 
 
 def viewer_command() -> list[str]:
-    """Returns the command of the viewer.
+    """Return the command of the viewer.
 
     The program itself where it can be found: `python -m rerun_cli` only starts it, and when ended leaves it running.
 
@@ -256,7 +256,7 @@ def viewer_command() -> list[str]:
 
 
 def viewer_environment() -> dict[str, str]:
-    """Returns the environment in which rerun neither sends statistics nor writes an identity for them (0.41).
+    """Return the environment in which rerun neither sends statistics nor writes an identity for them (0.41).
 
     Its log has errors only. It treats a machine that says CI as one that must not be counted. `rerun analytics
     disable` would do it too, but for everything that the student does with rerun, and that is not ours to decide.

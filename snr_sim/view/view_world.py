@@ -53,7 +53,7 @@ class World:
         self._send_scene(scene.get("statics", {}), scene.get("bodies", {}))
 
     def send(self, batch: Batch) -> None:
-        """Sends how things moved."""
+        """Send how things moved."""
         arrows = {name: (when, values) for name, when, values in batch.arrows()}
         for body, when, poses in batch.poses():
             self._send_poses(body, when, poses)
@@ -79,7 +79,7 @@ class World:
         self._layout.is_in_water = "surface" in statics
 
     def _send_label(self, name: str, shape: dict[str, Any]) -> None:
-        """Writes what a thing is called above it; the surface of water becomes a sheet, and its name is at a corner."""
+        """Write what a thing is called above it; the surface of water becomes a sheet, and its name is at a corner."""
         rr, points, is_surface = self._sender.rr, points_of(shape), name == "surface"
         if is_surface:
             at = points[np.lexsort(points.T)[-1]]
@@ -99,7 +99,7 @@ class World:
             self._layout.landmarks.extend(points.tolist())
 
     def _send_shapes(self, entity: str, shapes: Sequence[dict[str, Any]]) -> None:
-        """Sends shapes that move together, those of one kind together: each thing sent costs a quarter millisecond.
+        """Send shapes that move together, those of one kind together: each thing sent costs a quarter millisecond.
 
         A kind of a later version is left out, for the rest is still worth seeing.
         """
@@ -142,7 +142,7 @@ class World:
             self._layout.high_m = np.maximum(self._layout.high_m, positions.max(axis=0)).tolist()
 
     def _see_body(self, body: str, entity: str, positions: Any) -> None:
-        """The first body of a plant is the one that the camera follows; the others, such as legs, go along with it."""
+        """Let the camera follow the first body; the others, such as legs, go along with it."""
         if self._main_body:
             return
         self._main_body = body
@@ -157,7 +157,7 @@ class World:
     def _send_tether(
         self, name: str, tether: dict[str, Any], when: When, poses: Points, pull: tuple[When, Points] | None
     ) -> None:
-        """Sends one line for good, and for each moment how it is stretched; the harder it pulls, the redder it is."""
+        """Send one line for good, and for each moment how it is stretched; the harder it pulls, the redder it is."""
         rr, entity = self._sender.rr, self._sender.entity("world", name)
         if ("tether", name) not in self._known:
             self._known.add(("tether", name))
@@ -173,7 +173,7 @@ class World:
         self._sender.send(entity, when, rr.LineStrips3D.columns(colors=packed(rgb)))
 
     def _send_arrows(self, name: str, when: When, arrows: Any) -> None:
-        """Sends a force, or where the water goes, as an arrow whose tip is where it acts."""
+        """Send a force, or where the water goes, as an arrow whose tip is where it acts."""
         is_flow = name == FLOW
         entity, rr = self._sender.entity("world", "arrows", name), self._sender.rr
         newtons, vectors = f"{entity}/newtons", arrows[:, 3:]
@@ -193,7 +193,7 @@ class World:
         send(newtons, when, [tips, column("Arrows3D:origins", -vectors[pushes], offsets)])
 
     def _send_broken(self, truths: Sequence[TruthRecord]) -> None:
-        """Marks what is broken, where it pushes or should."""
+        """Mark what is broken, where it pushes or should."""
         for name in truths[-1].values if truths else ():
             thruster = name.removeprefix(BROKEN)
             if thruster == name or thruster not in truths[-1].arrows:
@@ -222,7 +222,7 @@ class World:
             self._sender.log(entity, self._sender.rr.Transform3D(scale=scale))
 
     def _send_path(self) -> None:
-        """Static, and sent again when it has grown: the whole way is seen at any time."""
+        """Send the whole way again when it has grown, static: it is seen at any time."""
         if self._main_body:
             line = self._sender.rr.LineStrips3D(
                 [self._path.points()], radii=self._sender.rr.Radius.ui_points(1.0), colors=PATH_RGB

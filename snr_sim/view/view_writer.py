@@ -32,7 +32,7 @@ Divergences: TypeAlias = Sequence[tuple[int, float, str]]
 
 
 def title_of(header: Header) -> str:
-    """Returns what a run is called."""
+    """Return what a run is called."""
     return f"{header.scenario}, seed {header.seed}, {header.controller}"
 
 
@@ -63,7 +63,7 @@ class Writer:
         self._world = World(self._sender, header.scene, self.layout)
 
     def flush(self) -> None:
-        """Sends the records in the batch, and empties it."""
+        """Send the records in the batch, and empty it."""
         batch = self.batch
         self._world.send(batch)
         for series in batch.truth_values():
@@ -80,11 +80,11 @@ class Writer:
         batch.clear()
 
     def blueprint(self, follow_time: bool = False) -> Any:
-        """Returns how the view opens, given what has been sent so far."""
+        """Return how the view opens, given what has been sent so far."""
         return blueprint(self._sender.rr.blueprint, self.layout, follow_time)
 
     def send_divergences(self, divergences: Divergences) -> None:
-        """Marks where two runs differ: as text, in the plots, and on the path of each body."""
+        """Mark where two runs differ: as text, in the plots, and on the path of each body."""
         seqs, times, texts = zip(*divergences, strict=True)
         when = When(np.array(seqs, np.int64), np.array(times, np.float64))
         self._send_log(("divergences",), LogRows(when, list(texts), ["WARN"] * len(texts)), at_top=True)
@@ -143,13 +143,13 @@ class Writer:
         return not (parts[-1] in NOT_PLOTTED or is_of_link(parts[2:]) or self.batch.is_copy(node, key))
 
     def _see_flag(self, entity: str, series: Series) -> None:
-        """A yes or no is worth a line when it changes."""
+        """Keep a yes or no that changes: then it is worth a line."""
         first = self._flags.setdefault(entity, float(series.values[0]))
         if entity not in self.layout.changed_flags and bool((series.values != first).any()):
             self.layout.changed_flags.append(entity)
 
     def _send_reports(self, node: str, entity: str, series: Series) -> None:
-        """Sends what a link tells, in plots of its own."""
+        """Send what a link tells, in plots of its own."""
         for report in self._links.of(node, series):
             if report.series is not None:
                 entity = self._sender.entity(node, "links", *report.series.path)
@@ -169,7 +169,7 @@ class Writer:
         self._sender.log(line.entity, style)
 
     def _send_images(self, parts: tuple[str, ...], when: When, images: Sequence[Any]) -> None:
-        """Sends what a camera saw."""
+        """Send what a camera saw."""
         rr, entity = self._sender.rr, self._sender.entity(*parts)
         formats = [
             rr.components.ImageFormat(

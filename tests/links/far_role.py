@@ -12,7 +12,7 @@ from snr_sim.testing.parts import PartFactory
 
 
 def main() -> None:
-    """Runs the far role; its arguments say over what: tcp PORT, or pipe DESCRIPTOR."""
+    """Run the far role; its arguments say over what: tcp PORT, or pipe DESCRIPTOR."""
     kind, number = sys.argv[1], int(sys.argv[2])
     link: Any
     if kind == "tcp":

@@ -59,14 +59,14 @@ def what_is_not_plain(source: str | bytes) -> str:
 
 
 def _modules(tree: ast.Module) -> Iterator[tuple[str, str]]:
-    """The modules that a program imports as a whole, by its own names for them."""
+    """Return the modules that a program imports as a whole, by its own names for them."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from ((alias.asname or alias.name.partition(".")[0], alias.name) for alias in node.names)
 
 
 def _not_plain(node: ast.AST) -> Iterator[str]:
-    """What one part of a program names that is not plain."""
+    """Yield what one part of a program names that is not plain."""
     match node:
         case ast.Import(names=names):
             yield from (alias.name for alias in names if alias.name not in MODULES)

@@ -15,10 +15,10 @@ class TaskQueue:
         return len(self.waiting)
 
     def put(self, task, priority):
-        """Lets a task in. Returns the task that has to leave for it, or None if there is room."""
+        """Let a task in. Returns the task that has to leave for it, or None if there is room."""
         # Terminate goes before all others: task.type is TaskType.terminate.
         self.waiting.append(task)
 
     def take(self):
-        """Returns the task whose turn it is, which waits no longer; None if none waits."""
+        """Return the task whose turn it is, which waits no longer; None if none waits."""
         return self.waiting.pop(0) if self.waiting else None

@@ -10,7 +10,7 @@ from snr_sim.prelude.scenario import Robot
 
 
 def factories(robot: Robot) -> list[EndpointFactory]:
-    """Returns what makes the controller's components."""
+    """Return what makes the controller's components."""
     return [CoastFactory()]
 
 
@@ -18,7 +18,7 @@ class CoastFactory(EndpointFactory):
     """Makes the pilot who sleeps."""
 
     def get(self, parent: NodeApi) -> Endpoint:
-        """Returns a new one."""
+        """Return a new one."""
         return Coast(self, parent, "coast")
 
 
@@ -30,6 +30,6 @@ class Coast(Endpoint):
         self.task_handlers = {(TaskType.process_data, "radar"): self.on_radar}
 
     def on_radar(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Leaves the engine off."""
+        """Leave the engine off."""
         command: dict[str, Any] = {"throttle": 0.0}
         return self.store_data_task("engine", command)

@@ -18,7 +18,7 @@ SOFT_MPS = 0.6  # a touchdown that costs nothing: the gear takes 3.05
 
 
 def factories(robot: Robot) -> list[EndpointFactory]:
-    """Returns what makes the controller's components."""
+    """Return what makes the controller's components."""
     return [OptimalFactory(robot.parameters)]
 
 
@@ -30,7 +30,7 @@ class OptimalFactory(EndpointFactory):
         self.parameters = parameters
 
     def get(self, parent: NodeApi) -> Endpoint:
-        """Returns a new one."""
+        """Return a new one."""
         return Optimal(self, parent, "optimal")
 
 
@@ -43,7 +43,7 @@ class Optimal(Endpoint):
         self.task_handlers = {(TaskType.process_data, "radar"): self.on_radar}
 
     def on_radar(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Passes the reading to the law, and what the law says to the engine."""
+        """Pass the reading to the law, and what the law says to the engine."""
         command = self.law.update(RadarReading(**self.get_data("radar")), self.get_time_s())
         return self.store_data_task("engine", {"throttle": command.throttle})
 
@@ -61,7 +61,7 @@ class OptimalLaw:
         self.is_burning = False
 
     def update(self, radar: RadarReading, now_s: float) -> EngineCommand:
-        """Returns no throttle before ignition, and afterwards the one that stops in time, planned anew each time."""
+        """Return no throttle before ignition, and afterwards the one that stops in time, planned anew each time."""
         here = self.reckoning.now(radar, now_s)
         if self.is_burning:
             throttle = self.braking_throttle(here)
@@ -71,7 +71,7 @@ class OptimalLaw:
         return EngineCommand(self.reckoning.told(throttle))
 
     def ignition_throttle(self, here: Motion) -> float:
-        """Returns 0 as long as the next reading is time enough.
+        """Return 0 as long as the next reading is time enough.
 
         If ignition is due before it, returns the share of full thrust that does in a whole period what a burn from the
         right moment to its end would do: so there is no need to begin early.
@@ -88,7 +88,7 @@ class OptimalLaw:
         return IN_HAND * (1.0 - coast_s / self.period_s)
 
     def braking_throttle(self, here: Motion) -> float:
-        """Returns the throttle that, kept, stops the fall at `STOP_M`: two guesses, and the line through them."""
+        """Return the throttle that, kept, stops the fall at `STOP_M`: two guesses, and the line through them."""
         thrust, exhaust, gravity = self.reckoning.engine
         if here.velocity_mps**2 + 2.0 * gravity * here.height_m < SOFT_MPS**2:
             return 0.0  # falling the rest is soft enough

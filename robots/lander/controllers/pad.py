@@ -34,7 +34,7 @@ TURN_SPRING, TURN_DAMPER = 1.6, 2.4
 
 
 def factories(robot: Robot) -> list[EndpointFactory]:
-    """Returns what makes the controller's components."""
+    """Return what makes the controller's components."""
     return [PadFactory(robot.parameters)]
 
 
@@ -46,7 +46,7 @@ class PadFactory(EndpointFactory):
         self.parameters = parameters
 
     def get(self, parent: NodeApi) -> Endpoint:
-        """Returns a new one."""
+        """Return a new one."""
         return Pad(self, parent, "pad")
 
 
@@ -59,7 +59,7 @@ class Pad(Endpoint):
         self.task_handlers = {(TaskType.process_data, "inertial"): self.on_inertial}
 
     def on_inertial(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Passes both readings to the law, and what the law says to the engine."""
+        """Pass both readings to the law, and what the law says to the engine."""
         radar = RadarReading(**self.get_data("radar"))
         inertial = InertialReading(**self.get_data("inertial"))
         command = self.law.update(radar, inertial, self.get_time_s())
@@ -80,7 +80,7 @@ class PadLaw:
         self.is_through_gate = False
 
     def update(self, radar: RadarReading, inertial: InertialReading, now_s: float) -> EngineCommand:
-        """Returns throttle and jets for now."""
+        """Return throttle and jets for now."""
         if self.is_down or any(inertial.contact):
             self.is_down = True  # and stays: an engine that starts again on a bounce turns the module over
             return EngineCommand()
@@ -103,7 +103,7 @@ class PadLaw:
         )
 
     def wanted_sink(self, x_m: float, vx_mps: float, height_m: float) -> float:
-        """Returns the vertical velocity that belongs to a height [m/s, up positive]."""
+        """Return the vertical velocity that belongs to a height [m/s, up positive]."""
         if not self.is_through_gate and height_m < GATE_M + 1.0:
             self.is_through_gate = abs(x_m) < GATE_X_M and abs(vx_mps) < GATE_MPS
         floor = LAST_M if self.is_through_gate else GATE_M + STEEPEST * max(0.0, abs(x_m) - GATE_X_M)
@@ -114,7 +114,7 @@ class PadLaw:
         return -min(FASTEST_MPS, slow + math.sqrt(2.0 * BRAKE_MPS2 * left + 1.0) - 1.0)
 
     def wanted_tilt(self, x_m: float, vx_mps: float, height_m: float, up_mps2: float) -> float:
-        """Returns the attitude that, at an upward push, gives the wanted sideways one [rad]."""
+        """Return the attitude that, at an upward push, gives the wanted sideways one [rad]."""
         spring = 0.0 if self.is_through_gate else ACROSS_SPRING
         across = -spring * x_m - ACROSS_DAMPER * vx_mps
         most = TILT_LOW_RAD if self.is_through_gate else TILT_HIGH_RAD

@@ -27,7 +27,7 @@ ENVIRONMENT = "snr_sim/LanderVertical-v0"
 
 
 def factories(robot: Robot) -> list[EndpointFactory]:
-    """Returns what makes the controller's components."""
+    """Return what makes the controller's components."""
     is_in_plane = robot.parameters.inertial is not None
     path = robot.options.get("policy")
     if path is None:
@@ -56,7 +56,7 @@ class QLearningControllerFactory(EndpointFactory):
         self.table = table
 
     def get(self, parent: NodeApi) -> QLearningControllerEndpoint:
-        """Returns a new one."""
+        """Return a new one."""
         return QLearningControllerEndpoint(self, parent, "q_controller")
 
 
@@ -71,7 +71,7 @@ class QLearningControllerEndpoint(Endpoint):
         self.task_handlers = {(TaskType.process_data, "radar"): self.on_radar}
 
     def on_radar(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Looks the reading up."""
+        """Look the reading up."""
         observation = seen_by_radar(RadarReading(**self.get_data("radar")))
         throttle = VERTICAL_THROTTLES[self.table.act(observation)]
         return self.store_data_task("engine", {"throttle": throttle}, process=False)
@@ -89,7 +89,7 @@ class TilesControllerFactory(EndpointFactory):
         self.policy = policy
 
     def get(self, parent: NodeApi) -> TilesControllerEndpoint:
-        """Returns a new one."""
+        """Return a new one."""
         return TilesControllerEndpoint(self, parent, "q_controller")
 
 
@@ -104,7 +104,7 @@ class TilesControllerEndpoint(Endpoint):
         self.task_handlers = {(TaskType.process_data, "inertial"): self.on_inertial}
 
     def on_inertial(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Looks the readings up."""
+        """Look the readings up."""
         radar = self.get_data("radar")
         if radar is None:
             return None

@@ -18,7 +18,7 @@ RESPONSE_S = 0.5  # how fast it is held
 
 
 def factories(robot: Robot) -> list[EndpointFactory]:
-    """Returns what makes the controller's components."""
+    """Return what makes the controller's components."""
     return [QuadraticFactory(robot.parameters)]
 
 
@@ -30,7 +30,7 @@ class QuadraticFactory(EndpointFactory):
         self.parameters = parameters
 
     def get(self, parent: NodeApi) -> Endpoint:
-        """Returns a new one."""
+        """Return a new one."""
         return Quadratic(self, parent, "quadratic")
 
 
@@ -43,7 +43,7 @@ class Quadratic(Endpoint):
         self.task_handlers = {(TaskType.process_data, "radar"): self.on_radar}
 
     def on_radar(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Passes the reading to the law, and what the law says to the engine."""
+        """Pass the reading to the law, and what the law says to the engine."""
         command = self.law.update(RadarReading(**self.get_data("radar")), self.get_time_s())
         return self.store_data_task("engine", {"throttle": command.throttle})
 
@@ -60,7 +60,7 @@ class QuadraticLaw:
         self.arrival_s: float | None = None
 
     def update(self, radar: RadarReading, now_s: float) -> EngineCommand:
-        """Returns the throttle for the acceleration that guidance wants now."""
+        """Return the throttle for the acceleration that guidance wants now."""
         here = self.reckoning.now(radar, now_s)
         if self.arrival_s is None:
             fall_s, _ = free_fall(max(0.0, here.height_m), here.velocity_mps, self.reckoning.engine.gravity_mps2)
@@ -74,7 +74,7 @@ class QuadraticLaw:
 
 
 def quadratic_guidance(height_m: float, velocity_mps: float, final_mps: float, to_go_s: float) -> float:
-    """Returns the acceleration [m/s2] now that leads to height 0 at `final_mps`, unaccelerated, in `to_go_s`.
+    """Return the acceleration [m/s2] now that leads to height 0 at `final_mps`, unaccelerated, in `to_go_s`.
 
     Source: the lunar module's approach guidance, Klumpp, "Apollo lunar-descent guidance", Automatica 10 (1974).
     """

@@ -11,10 +11,10 @@ from snr_sim.prelude.scenario import Robot
 
 
 def factories(robot: Robot) -> list[AnyFactory]:
-    """Returns what makes the controller's components, which run at the vehicle."""
+    """Return what makes the controller's components, which run at the vehicle."""
     return [WatchFactory(), AutopilotFactory(robot.parameters)]
 
 
 def start_lines(robot: Robot) -> list[str]:
-    """Returns the table of failsafes, for whoever starts a run."""
+    """Return the table of failsafes, for whoever starts a run."""
     return failsafe_lines(robot.parameters)

@@ -36,7 +36,7 @@ _COUNTS_EVERY_S = 0.5
 
 
 def run(line: Connection) -> None:
-    """Runs one loop until the node, or the node's death, ends it."""
+    """Run one loop until the node, or the node's death, ends it."""
     messages = MessageLine(line)
     begin = messages.receive()[1]
     messages.user = f"Loop '{begin['loop']}'"
@@ -72,14 +72,14 @@ def run(line: Connection) -> None:
 
 
 def make_loop(node: Node, begin: dict[str, Any]) -> Loop:
-    """Returns the loop, made anew in this process."""
+    """Return the loop, made anew in this process."""
     loop = unpack(begin["factory"]).get(node)
     assert isinstance(loop, Loop), f"{loop!r} is no loop, but was one in the node"
     return loop
 
 
 def finish(node: Node, loop: Loop, backing: ProcessThread, messages: MessageLine) -> None:
-    """Ends the loop as a node ends it, and says that all is over."""
+    """End the loop as a node ends it, and say that all is over."""
     for step, function in (("halt", backing.join), ("terminate", loop.terminate)):
         try:
             function()
@@ -90,7 +90,7 @@ def finish(node: Node, loop: Loop, backing: ProcessThread, messages: MessageLine
 
 
 def send_counts(messages: MessageLine, node: Node, backing: ProcessThread) -> None:
-    """Tells how often the loop was called, how late, and what it took."""
+    """Tell how often the loop was called, how late, and what it took."""
     timings = {} if node.profiler is None else {name: astuple(one) for name, one in node.profiler.timings.items()}
     messages.send("counts", backing.ticks, backing.late_s, {name: list(timing) for name, timing in timings.items()})
 
@@ -103,7 +103,7 @@ class Life:
         self.is_ending = threading.Event()
 
     def wait_until(self, event: threading.Event, now_and_then: Any = None) -> None:
-        """Waits; looks up now and then, because a signal does not wake Python in the instant it falls asleep."""
+        """Wait; look up now and then, because a signal does not wake Python in the instant it falls asleep."""
         next_s = time.monotonic()
         while not event.wait(LOOK_UP_S) and not self.is_ending.is_set():
             if now_and_then is not None and time.monotonic() >= next_s:
@@ -115,7 +115,7 @@ class Life:
         threading.Thread(target=self.end, daemon=True).start()  # no lock is taken in a signal's handler
 
     def end(self, why: str = "") -> None:
-        """Ends the loop in order."""
+        """End the loop in order."""
         self.is_ending.set()
 
 
@@ -127,11 +127,11 @@ class LineDoor(Door):
         self._messages = messages
 
     def put(self, task: Task, source: str) -> None:
-        """Sends a task to the node."""
+        """Send a task to the node."""
         self._messages.send("task", task.type.value, task.name, task.val_list)
 
     def fail(self, failure: SnrError) -> None:
-        """Tells the node what has failed here; the first one counts."""
+        """Tell the node what has failed here; the first one counts."""
         if self.failure is None:
             self.failure = failure
             self._messages.send("failed", str(failure))
@@ -145,7 +145,7 @@ class LineTrial(Trial):
         self._messages = messages
 
     def report(self, failure: ComponentFailed | None) -> bool:
-        """Tells how `setup` went, or what failed after that; returns whether the node decides what comes of it."""
+        """Tell how `setup` went, or what failed after that; return whether the node decides what comes of it."""
         self._messages.send(*(("is set up",) if failure is None else ("failed", failure.message)))
         return True
 
@@ -159,7 +159,7 @@ class RemoteDatastore(Datastore):
         self._asked: dict[DataKey, threading.Event] = {}
 
     def get(self, key: object) -> Page | None:
-        """Returns the newest page of the key, or None; the first time it waits for the node's answer."""
+        """Return the newest page of the key, or None; the first time it waits for the node's answer."""
         if not isinstance(key, str):
             return None  # no page is called so
         has_come = self._asked.get(key)
@@ -171,7 +171,7 @@ class RemoteDatastore(Datastore):
         return self.pages.get(key)
 
     def arrived(self, key: DataKey, page: Page | None) -> None:
-        """Takes what the node has sent."""
+        """Take what the node has sent."""
         if page is not None:
             self.pages[key] = page
         self._asked[key].set()
@@ -192,7 +192,7 @@ class LoopNode(Node):
         logger.propagate = False
 
     def note(self, text: str, lines: str = "") -> None:
-        """Sends a remark to the node."""
+        """Send a remark to the node."""
         self._messages.send("note", lines + text)
 
 
@@ -204,7 +204,7 @@ class LineHandler(logging.Handler):
         self._messages = messages
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Sends one record."""
+        """Send one record."""
         try:
             line = self.format(record)
         except Exception:  # a log call that is wrong, or an object's own __str__

@@ -60,7 +60,7 @@ class ProcessBacking:
         self.late_s = 0.0
 
     def start(self) -> None:
-        """Starts the process; it sets the loop up when it is ready."""
+        """Start the process; it sets the loop up when it is ready."""
         loop, node = self._loop, self._node
         packed = pack(loop.factory, type(loop.factory).__name__, f"Loop '{loop.name}'")
         # What this object has to let go of, the process' own has let go of.
@@ -80,7 +80,7 @@ class ProcessBacking:
         self._child.start()
 
     def hurry(self) -> None:
-        """Changes nothing: news is on its way to the process, and its tick there comes when it is due."""
+        """Change nothing: news is on its way to the process, and its tick there comes when it is due."""
 
     def _send_page(self, key: DataKey) -> None:
         assert self._child is not None
@@ -134,7 +134,7 @@ class ProcessBacking:
             self._node.profiler.timings.update({name: Timing(*timing) for name, timing in timings.items()})
 
     def _watch(self, key: DataKey) -> None:
-        """Sends a page from now on whenever it is stored, and once at once."""
+        """Send a page from now on whenever it is stored, and once at once."""
 
         def tap(page: Page) -> None:
             self._send_page(key)
@@ -162,13 +162,13 @@ class ProcessBacking:
             self._node.door.fail(failure)
 
     def _tried(self, failure: ComponentFailed | None) -> bool:
-        """Tells whoever waits to hear what came of `setup`; returns whether somebody did."""
+        """Tell whoever waits to hear what came of `setup`; return whether somebody did."""
         return self._loop.trial is not None and self._loop.trial.report(failure)
 
     # The end
 
     def stop(self) -> None:
-        """Asks for no more ticks."""
+        """Ask for no more ticks."""
         self.is_stopped = True
         if self._give_up_s is None:
             self._give_up_s = time.monotonic() + JOIN_TIMEOUT_S + _LONGER_S
@@ -176,7 +176,7 @@ class ProcessBacking:
                 self._child.end()
 
     def join(self) -> None:
-        """Stops, and returns once the process has ended; one that does not is ended.
+        """Stop, and return once the process has ended; one that does not is ended.
 
         Raises:
             ComponentFailed: the loop was taken out of its node, and failed after that.
@@ -202,4 +202,4 @@ class ProcessBacking:
 
 
 def _nothing(*args: Any) -> None:
-    """Stands where there is nothing to be done."""
+    """Stand where there is nothing to be done."""

@@ -48,11 +48,11 @@ class Printed:
         self._rest = b""
 
     def fileno(self) -> int:
-        """Returns the pipe, to wait for."""
+        """Return the pipe, to wait for."""
         return self._pipe
 
     def read(self) -> bool:
-        """Passes on what there is; returns False at the end of the output."""
+        """Pass on what there is; return False at the end of the output."""
         data = os.read(self._pipe, _LINE_MAX_BYTES)
         *lines, self._rest = (self._rest + data).split(b"\n")
         if self._rest and (not data or len(self._rest) >= _LINE_MAX_BYTES):
@@ -107,11 +107,11 @@ class Spawned:
         self._err(line)
 
     def say(self, message: bytes) -> bool:
-        """Sends a message; returns whether somebody was there to get it. Waits while the line is full."""
+        """Send a message; return whether somebody was there to get it. Waits while the line is full."""
         return self.line.send_bytes(message)
 
     def listen(self, hear: Callable[[bytes], None]) -> int:
-        """Hears the process out until it has ended; returns its exit status, or a signal's number, negative.
+        """Hear the process out until it has ended; return its exit status, or a signal's number, negative.
 
         Args:
             hear: gets each message, in order.
@@ -155,7 +155,7 @@ class Spawned:
         return status
 
     def kill(self) -> None:
-        """Ends it at once, whatever it does."""
+        """End it at once, whatever it does."""
         with suppress(ProcessLookupError):
             self._process.kill()
 
@@ -202,7 +202,7 @@ def start_process(
 
 
 def how_it_ended(status: int) -> str:
-    """Returns an exit status in words.
+    """Return an exit status in words.
 
     >>> how_it_ended(3), how_it_ended(-9)
     ('ended with exit status 3', 'was ended by SIGKILL')
@@ -216,7 +216,7 @@ def how_it_ended(status: int) -> str:
 
 
 def print_line(stream: TextIO, line: str) -> None:
-    """Prints a line, whole, from any thread; nothing happens if nobody reads any more."""
+    """Print a line, whole, from any thread; nothing happens if nobody reads any more."""
     # One at a time: Python's text streams have lost a line when a second thread wrote while the first one flushed.
     with _printing, suppress(ValueError, OSError):
         stream.write(line + "\n")

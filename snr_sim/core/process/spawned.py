@@ -21,13 +21,13 @@ is_reading_program = False
 
 
 def command(target: str, line: int) -> str:
-    """Returns the Python text that a process begins with; `target` is "module:function", `line` its end of the line."""
+    """Return the Python text that a process begins with; `target` is "module:function", `line` its end of the line."""
     begin = f"import sys; sys.path[:] = {sys.path!r}; from snr_sim.core.process.spawned import main"
     return f"{begin}; main({target!r}, {line})"
 
 
 def main(target: str, line: int) -> None:
-    """Runs the target; does not return."""
+    """Run the target; do not return."""
     status = 1
     try:
         os.set_inheritable(line, False)
@@ -74,7 +74,7 @@ def obey(
 
 
 def go_quiet() -> None:
-    """Prints to nobody from now on: with the reader gone a `print` in a student's `halt` would raise."""
+    """Print to nobody from now on: with the reader gone a `print` in a student's `halt` would raise."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for output in (1, 2):
         os.dup2(nowhere, output)
@@ -82,5 +82,5 @@ def go_quiet() -> None:
 
 
 def hear_signals() -> None:
-    """Lets in the signals that were held back since before this process began."""
+    """Let in the signals that were held back since before this process began."""
     signal.pthread_sigmask(signal.SIG_UNBLOCK, HELD_BACK)

@@ -63,7 +63,7 @@ class Changes:
         self._absent: dict[str, AnyComponent] | None = None  # the loops of a replay, once somebody asked
 
     def reload(self, asked: str, more: Sequence[str] = ()) -> Outcome:
-        """Makes components anew from the code that stands in their files now; each file is read once.
+        """Make components anew from the code that stands in their files now; each file is read once.
 
         Args:
             asked: a component's name, or "all": then without consoles, which can be named.
@@ -76,7 +76,7 @@ class Changes:
         return _Reload(self, asked, chosen).run()
 
     def add(self, factory: Any, is_started: bool) -> Outcome:
-        """Adds what a factory makes, as the last of the components."""
+        """Add what a factory makes, as the last of the components."""
         node = self.node
         asked = type(factory).__name__
         try:
@@ -104,7 +104,7 @@ class Changes:
             raise
 
     def remove(self, name: str) -> Outcome:
-        """Halts a component, and takes it out of the node."""
+        """Halt a component, and take it out of the node."""
         try:
             component = self.find(name)
         except SnrError as error:
@@ -116,7 +116,7 @@ class Changes:
     # The steps of all three
 
     def all(self) -> dict[str, AnyComponent]:
-        """Returns every component of the robot, in their order; in a replay the loops as well."""
+        """Return every component of the robot, in their order; in a replay the loops as well."""
         node = self.node
         known: dict[str, AnyComponent] = {
             name: one for name, one in node.components.items() if isinstance(one, (Endpoint, Loop)) and one.is_of_robot
@@ -125,7 +125,7 @@ class Changes:
         return {name: known[name] for name in sorted(known, key=self.life.registry.order_of)}
 
     def find(self, name: Any) -> AnyComponent:
-        """Returns a component.
+        """Return a component.
 
         Raises:
             UnknownName: there is none of that name, or it is the node's own.
@@ -150,7 +150,7 @@ class Changes:
         return [one for i, one in enumerate(found) if one not in found[:i]]
 
     def is_absent(self, component: AnyComponent) -> bool:
-        """Returns whether a component is only there in name: a loop in a replay."""
+        """Return whether a component is only there in name: a loop in a replay."""
         return self.node.is_replay and isinstance(component, Loop)
 
     def _absent_ones(self) -> dict[str, AnyComponent]:
@@ -166,7 +166,7 @@ class Changes:
         return self._absent
 
     def exchange(self, old: AnyComponent | None, new: AnyComponent | None) -> None:
-        """Puts a component in the place of another; None: last, or nothing."""
+        """Put a component in the place of another; None: last, or nothing."""
         one = new or old
         assert one is not None
         if not self.is_absent(one):
@@ -181,7 +181,7 @@ class Changes:
             self.life.registry.give_place(one.name)
 
     def begin(self, component: AnyComponent) -> None:
-        """Begins a component, if it is there.
+        """Begin a component, if it is there.
 
         Raises:
             ComponentFailed: it raised.
@@ -190,7 +190,7 @@ class Changes:
             self.life.begin_added(component)
 
     def begin_again(self, old: AnyComponent) -> list[str]:
-        """Begins a component that is in its old place again; if it cannot, it goes, and that is returned in words."""
+        """Begin a component that is in its old place again; if it cannot, it goes, and that is returned in words."""
         try:
             self.begin(old)
         except ComponentFailed as failure:
@@ -236,7 +236,7 @@ class _Reload:
             show_source_in_use(module)
 
     def _try(self, component: AnyComponent, step: Callable[..., T], *args: Any) -> T | None:
-        """Does a step for a component; if that fails, it goes on with its old code, and that is told."""
+        """Do a step for a component; if that fails, it goes on with its old code, and that is told."""
         try:
             return step(*args)
         except (Exception, SystemExit) as error:
@@ -273,7 +273,7 @@ class _Reload:
         return new
 
     def _read(self, module: ModuleType) -> None:
-        """Reads a module anew, if that has not been done. Raises what that raised, also if it was before."""
+        """Read a module anew, if that has not been done. Raises what that raised, also if it was before."""
         if module not in self._readings:
             try:
                 reading = self._readings[module] = Reading(module)
@@ -317,7 +317,7 @@ class _Reload:
         state.restore()
 
     def _roll_back(self) -> None:
-        """Puts back the code of all that was read, and what the factories held."""
+        """Put back the code of all that was read, and what the factories held."""
         for reading in self._readings.values():
             if isinstance(reading, Reading):
                 reading.undo()
@@ -326,7 +326,7 @@ class _Reload:
         self._show_sources()
 
     def _keep(self, component: AnyComponent) -> None:
-        """Undoes what was done for a component, but not what others of this reload need."""
+        """Undo what was done for a component, but not what others of this reload need."""
         if component.name in self._before:
             component.factory.__class__, state = self._before.pop(component.name)
             vars(component.factory).update(state)
@@ -347,7 +347,7 @@ class _Reload:
 
 
 def _newest(kind: type[Any], modules: Sequence[ModuleType]) -> type[Any]:
-    """Returns the class of that name in the module that was read anew, or the class itself if its module was not.
+    """Return the class of that name in the module that was read anew, or the class itself if its module was not.
 
     Raises:
         ConfigError: the new code has no such class.

@@ -47,7 +47,7 @@ class Probation:
     calls: dict[str, int] = field(default_factory=dict)
 
     def is_on(self, name: str, now_s: float) -> bool:
-        """Returns whether a component that it made is still on probation."""
+        """Return whether a component that it made is still on probation."""
         if name not in self.new:
             return False
         has_time = now_s - self.began_s < PROBATION_S
@@ -70,7 +70,7 @@ class Probations:
         self._reloads = 0
 
     def begin(self, old: dict[str, AnyComponent], new: dict[str, AnyComponent], undo: Callable[[], None]) -> None:
-        """Puts what a reload makes on probation; arguments as of `Probation`. The reload adds to them as it goes on."""
+        """Put what a reload makes on probation; arguments as of `Probation`. The reload adds to them as it goes on."""
         self._reloads += 1
         now_s = self._node.machine.now_s
         self._probations = [one for one in self._probations if one.new]  # not those that came to nothing
@@ -81,7 +81,7 @@ class Probations:
         self._node.machine.lookup.watched = self.watched
 
     def watched(self, component: Component, handler: TaskHandler) -> TaskHandler:
-        """Returns what is called for a handler: as long as its component is on probation, failures do not pass it."""
+        """Return what is called for a handler: as long as its component is on probation, failures do not pass it."""
         probation = self._probation_of(component)
         name, node = component.name, self._node
         if probation is None or not probation.is_on(name, node.machine.now_s):
@@ -105,7 +105,7 @@ class Probations:
         return call
 
     def has_taken(self, loop: Loop, failure: ComponentFailed) -> bool:
-        """Returns whether the failure of a loop, on whatever thread, leads to a rollback; if so, it does."""
+        """Return whether the failure of a loop, on whatever thread, leads to a rollback; if so, it does."""
         probation = self._probation_of(loop)
         if probation is None or self._node.is_over or not probation.is_on(loop.name, self._node.clock.now_s()):
             return False
@@ -114,7 +114,7 @@ class Probations:
         return True
 
     def roll_back(self, name: str, number: int, message: str) -> Sequence[Task]:
-        """Rolls back the reload of that number, if the loop it has made is still the one that is there."""
+        """Roll back the reload of that number, if the loop it has made is still the one that is there."""
         probation = next((one for one in reversed(self._probations) if name in one.new), None)
         return [] if probation is None or probation.number != number else self._roll_back(probation, name, message)
 
@@ -122,7 +122,7 @@ class Probations:
         return next((one for one in self._probations if one.new.get(component.name) is component), None)
 
     def _roll_back(self, failed: Probation, name: str, message: str) -> Sequence[Task]:
-        """Goes back to the newest code of a component that has passed its probation, or was there at first."""
+        """Go back to the newest code of a component that has passed its probation, or was there at first."""
         first = next(place for place, one in enumerate(self._probations) if name in one.new)
         undone = self._probations[first:]
         old: dict[str, AnyComponent] = {}
@@ -147,7 +147,7 @@ class Probations:
         return self._tell(name, "\n  ".join([what, words, *remarks, f"Try: {fix}"]))
 
     def _old_answer(self, name: str, task: Task) -> SomeTasks:
-        """Returns what the component that is there again answers to a task."""
+        """Return what the component that is there again answers to a task."""
         machine = self._node.machine
         for component, handler, task_id, _ in machine.lookup.find(task):
             if component.name == name:

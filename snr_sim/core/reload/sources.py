@@ -29,7 +29,7 @@ being_read: ContextVar[str] = ContextVar("being_read", default="")
 
 
 def modules_of(factory: ComponentFactory, component: NodeComponent) -> list[ModuleType]:
-    """Returns the modules to read anew for a component, those that others build on first.
+    """Return the modules to read anew for a component, those that others build on first.
 
     They are the factory's `reload_targets`; if it has none, the student's own files that define the classes of
     component and factory.
@@ -50,13 +50,13 @@ def modules_of(factory: ComponentFactory, component: NodeComponent) -> list[Modu
 
 
 def file_of(module: ModuleType) -> Path | None:
-    """Returns the Python file of a module, or None if it has none; it need not be there any more."""
+    """Return the Python file of a module, or None if it has none; it need not be there any more."""
     file = getattr(module, "__file__", None)
     return Path(file) if isinstance(file, str) and file.endswith(".py") else None
 
 
 def source_of(module: ModuleType) -> bytes:
-    """Returns the source of the code that a module has; it has a file.
+    """Return the source of the code that a module has; it has a file.
 
     At the first call, and at the first one after Python has imported the module again, that is what stands in the file
     now: Python does not keep what it has read. From then on it is the same text, until a reload has read another.
@@ -114,7 +114,7 @@ class Reading:
         self._before: dict[str, object] | None = None  # once it is executed
 
     def execute(self) -> None:
-        """Executes the new code in the module, as Python does at the first import. Raises what that raises."""
+        """Execute the new code in the module, as Python does at the first import. Raises what that raises."""
         path = str(self.module.__file__)
         source_files().check(Path(path), self._source)
         tree = ast.parse(self._source, path)
@@ -133,7 +133,7 @@ class Reading:
             self._forget_what_is_gone(before)
 
     def _forget_what_is_gone(self, before: dict[str, object]) -> None:
-        """Takes out functions and classes that the new code no longer defines, so that no call finds them by luck."""
+        """Take out functions and classes that the new code no longer defines, so that no call finds them by luck."""
         namespace = vars(self.module)
         for name, value in before.items():
             is_ours = isinstance(value, (FunctionType, type)) and value.__module__ == self.module.__name__
@@ -141,7 +141,7 @@ class Reading:
                 del namespace[name]
 
     def undo(self) -> None:
-        """Puts the module back as it was. A thread may be in its code: no name is missing in between."""
+        """Put the module back as it was. A thread may be in its code: no name is missing in between."""
         if self._before is None:
             return
         if self._source_before is not None:
@@ -155,13 +155,13 @@ class Reading:
 
 
 def show_source_in_use(module: ModuleType) -> None:
-    """Has messages show the lines of the code that a module has, whatever stands in its file; none, if not known."""
+    """Have messages show the lines of the code that a module has, whatever stands in its file; none, if not known."""
     _, source = _sources.get(module, (None, b""))
     _show(Path(str(module.__file__)), source)
 
 
 def _show(path: Path, source: bytes) -> None:
-    """Has messages show the lines of this source, until the file changes; none, if it is not known."""
+    """Have messages show the lines of this source, until the file changes; none, if it is not known."""
     lines: list[str] = []
     with suppress(SyntaxError, UnicodeDecodeError):  # whoever compiles it says so
         lines = decode_source(source).splitlines(keepends=True)

@@ -44,7 +44,7 @@ class Snapshot:
             left.extend(inside)
 
     def restore(self) -> None:
-        """Puts all of it back."""
+        """Put all of it back."""
         for container, copy in self._kept.values():
             if type(container) is list or _is_array(container):
                 container[... if _is_array(container) else slice(None)] = copy

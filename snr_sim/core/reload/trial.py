@@ -20,14 +20,14 @@ class Trial:
         self._token = deque([None])  # taken by whoever comes first: `pop` is one step, and no lock that is left held
 
     def report(self, failure: ComponentFailed | None) -> bool:
-        """Tells how it went; returns whether somebody has waited for that."""
+        """Tell how it went; return whether somebody has waited for that."""
         if not self._is_first():
             return False
         self._verdict.put(failure)
         return True
 
     def wait(self, patience_s: float) -> ComponentFailed | None:
-        """Returns what failed, or None if nothing did until the patience is over; from then on nobody waits."""
+        """Return what failed, or None if nothing did until the patience is over; from then on nobody waits."""
         try:
             return self._verdict.get(timeout=patience_s)
         except Empty:

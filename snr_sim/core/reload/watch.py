@@ -47,7 +47,7 @@ class WatchLoopFactory(LoopFactory):
         self.seen: dict[Path, Seen] = {}
 
     def get(self, parent: NodeApi) -> WatchLoop:
-        """Returns the loop."""
+        """Return the loop."""
         return WatchLoop(self, parent, self.name, self.rate_hz)
 
 
@@ -63,11 +63,11 @@ class WatchLoop(Loop):
         self._users: dict[Path, list[str]] = {}
 
     def setup(self) -> None:
-        """Takes the files as they are."""
+        """Take the files as they are."""
         self._changed()
 
     def loop(self) -> None:
-        """Has those components reloaded whose files are not what they were."""
+        """Have those components reloaded whose files are not what they were."""
         names = [name for path in self._changed() for name in self._users[path]]
         if names:
             self.schedule(tasks.reload_component(*dict.fromkeys(names)))
@@ -95,7 +95,7 @@ class WatchLoop(Loop):
 
 
 def files_of(components: Mapping[str, Component]) -> dict[Path, list[str]]:
-    """Returns the files that a reload of these components would read, with the names of those who stand in each."""
+    """Return the files that a reload of these components would read, with the names of those who stand in each."""
     users: dict[Path, list[str]] = {}
     for name, component in components.items():
         if not isinstance(component, NodeComponent) or not component.is_of_robot:
@@ -114,6 +114,6 @@ def files_of(components: Mapping[str, Component]) -> dict[Path, list[str]]:
 
 
 def watched(config: Config) -> Config:
-    """Returns the same config with a watch in each role."""
+    """Return the same config with a watch in each role."""
     factories = {role: [*given, WatchLoopFactory()] for role, given in config.factories.items()}
     return Config(config.mode, factories, **config.bounds)

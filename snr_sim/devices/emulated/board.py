@@ -131,11 +131,11 @@ class Board:
         return self._now / _CYCLES_PER_US
 
     def run_us(self, us: float) -> None:
-        """Lets time pass. What an instruction took too long is taken off the next time: nothing adds up."""
+        """Let time pass. What an instruction took too long is taken off the next time: nothing adds up."""
         self.run_until_us(self._until_us + us)
 
     def run_until_us(self, us: float) -> None:
-        """Lets time pass until so long after power on; does nothing if that is over.
+        """Let time pass until so long after power on; do nothing if that is over.
 
         Raises:
             DeviceError: the firmware has stopped for good: it slept without interrupts, or did what no program does.
@@ -150,7 +150,7 @@ class Board:
                 )
 
     def uart_in(self, data: bytes) -> int:
-        """Puts bytes on the line to the microcontroller; they arrive one after the other, at its rate.
+        """Put bytes on the line to the microcontroller; they arrive one after the other, at its rate.
 
         Returns:
             How many there was room for: 65536 may be on their way.
@@ -158,7 +158,7 @@ class Board:
         return int(self._library.board_put(self._board, data, len(data)))
 
     def uart_out(self) -> bytes:
-        """Returns the bytes that have come from the microcontroller since the last call."""
+        """Return the bytes that have come from the microcontroller since the last call."""
         count = self._library.board_get(self._board, self._bytes, _ROOM)
         return ctypes.string_at(self._bytes, count)
 
@@ -168,13 +168,13 @@ class Board:
         return int(self._library.board_waiting(self._board))
 
     def pulses(self) -> list[Pulse]:
-        """Returns the pulses that have ended since the last call, of the last 16384, in the order of their ends."""
+        """Return the pulses that have ended since the last call, of the last 16384, in the order of their ends."""
         count = self._library.board_pulses(self._board, self._pulses, _PULSES)
         found = self._pulses[:count]
         return [Pulse(one.channel, one.rise / _CYCLES_PER_US, one.width / _CYCLES_PER_US) for one in found]
 
     def pins(self) -> list[Pin]:
-        """Returns what was last seen at each channel."""
+        """Return what was last seen at each channel."""
         self._library.board_pins(self._board, self._pins)
         return [
             Pin(rise / _CYCLES_PER_US, width / _CYCLES_PER_US, count)
@@ -182,15 +182,15 @@ class Board:
         ]
 
     def set_millivolts(self, pin: int, millivolts: float) -> None:
-        """Puts a voltage, 0 to 5000, at an analogue pin: 0 is A0."""
+        """Put a voltage, 0 to 5000, at an analogue pin: 0 is A0."""
         self._library.board_millivolts(self._board, pin, max(0, round(millivolts)))
 
     def set_supply_millivolts(self, millivolts: float) -> None:
-        """Sets the supply, 5000 at power on, against which the converter measures; brown-out is not emulated."""
+        """Set the supply, 5000 at power on, against which the converter measures; brown-out is not emulated."""
         self._library.board_supply(self._board, round(millivolts))
 
     def reset(self) -> None:
-        """Pulls the reset pin, as whoever opens the port of an Arduino does."""
+        """Pull the reset pin, as whoever opens the port of an Arduino does."""
         self._library.board_reset(self._board)
 
     @property
@@ -199,7 +199,7 @@ class Board:
         return int(self._library.board_resets(self._board))
 
     def close(self) -> None:
-        """Switches it off. Safe to call twice; whatever else is called then raises a DeviceError."""
+        """Switch it off. Safe to call twice; whatever else is called then raises a DeviceError."""
         if self._board:
             self._library.board_close(self._board)
             self._board, self._library = None, _SwitchedOff()

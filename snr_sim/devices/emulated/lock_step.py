@@ -98,13 +98,13 @@ class PlantOnBoard:
         return self.plant.outputs
 
     def reset(self, seed: int) -> None:
-        """Puts the plant back, and takes a new board."""
+        """Put the plant back, and take a new board."""
         self.plant.reset(seed)
         self.board.close()
         self._power_up()
 
     def step(self, dt_s: float) -> None:
-        """Moves both on: the board first, and the plant by the pulses that were at the pins by then."""
+        """Move both on: the board first, and the plant by the pulses that were at the pins by then."""
         board = self.board
         self._connect_battery()
         board.run_us(dt_s * 1e6)
@@ -112,7 +112,7 @@ class PlantOnBoard:
         self.plant.step(dt_s)
 
     def _connect_battery(self) -> None:
-        """Puts what the plant's battery has now at the pins that measure it."""
+        """Put what the plant's battery has now at the pins that measure it."""
         if self._power is not None:
             battery = self.plant.read(self._power)
             for pin, millivolts in enumerate(self._scale.pins_mv(battery.voltage_v, battery.current_a)):
@@ -131,7 +131,7 @@ class PlantOnBoard:
             self.plant.write(self._input, self._command_of(pulses_us))
 
     def write(self, name: str, command: Any) -> None:
-        """Sets another input than the one that the pins drive.
+        """Set another input than the one that the pins drive.
 
         Raises:
             PlantError: the pins drive it.
@@ -141,11 +141,11 @@ class PlantOnBoard:
         self.plant.write(name, command)
 
     def read(self, name: str) -> Any:
-        """Returns an output of the plant."""
+        """Return an output of the plant."""
         return self.plant.read(name)
 
     def snapshot(self) -> Any:
-        """Refuses.
+        """Refuse.
 
         Raises:
             PlantError: always: simavr cannot be put back.
@@ -153,13 +153,13 @@ class PlantOnBoard:
         raise PlantError("An emulated board cannot be put back to where it was.", fix="--io sim, for what needs that.")
 
     def restore(self, snapshot: Any) -> None:
-        """Refuses, as there is no snapshot."""
+        """Refuse, as there is no snapshot."""
         self.snapshot()
 
     def scene(self) -> dict[str, Any]:
-        """Returns the plant's."""
+        """Return the plant's."""
         return self.plant.scene()
 
     def truth(self) -> dict[str, Any]:
-        """Returns the plant's."""
+        """Return the plant's."""
         return self.plant.truth()

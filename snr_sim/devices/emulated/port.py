@@ -23,7 +23,7 @@ class EmulatedPort:
         self._is_open = True
 
     def write(self, data: bytes) -> None:
-        """Puts bytes on the line.
+        """Put bytes on the line.
 
         Raises:
             DeviceError: it was closed, or takes no more.
@@ -33,7 +33,7 @@ class EmulatedPort:
             raise DeviceError(f"{self.name} takes no more bytes.", fix="let its time go on: board.run_us.")
 
     def read(self) -> bytes:
-        """Returns what has come.
+        """Return what has come.
 
         Raises:
             DeviceError: it was closed.
@@ -43,7 +43,7 @@ class EmulatedPort:
         return come
 
     def wait(self, seconds: float) -> bool:
-        """Lets the board's time go on until bytes have come; returns whether they have."""
+        """Let the board's time go on until bytes have come; return whether they have."""
         self._check()
         end_us = self._board.now_us + seconds * 1e6
         self._come += self._board.uart_out()
@@ -53,7 +53,7 @@ class EmulatedPort:
         return bool(self._come)
 
     def close(self) -> None:
-        """Ends it; the board goes on. Safe to call twice."""
+        """End it; the board goes on. Safe to call twice."""
         self._is_open = False
 
     def _check(self) -> None:

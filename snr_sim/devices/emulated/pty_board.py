@@ -54,7 +54,7 @@ class PtyBoard:
         link.symlink_to(self.path)
 
     def serve(self, goes_on: Callable[[], bool]) -> None:
-        """Runs in real time as long as it is to go on."""
+        """Run in real time as long as it is to go on."""
         start_s = time.monotonic() - self.board.now_us * 1e-6
         self._note("start", f"{start_s:.6f}")
         while goes_on():
@@ -71,7 +71,7 @@ class PtyBoard:
             self._note_pulses()
 
     def close(self) -> None:
-        """Pulls the plug."""
+        """Pull the plug."""
         with suppress(FileNotFoundError):
             if os.readlink(self._link) == self.path:
                 self._link.unlink()
@@ -79,7 +79,7 @@ class PtyBoard:
         os.close(self._far_end)
 
     def _wait(self) -> bool:
-        """Waits for bytes, not longer than a step; returns whether there are some, and room for them."""
+        """Wait for bytes, not longer than a step; return whether there are some, and room for them."""
         has_room = self.board.waiting < _WAITING_BYTES
         return bool(select.select([self._end] if has_room else [], [], [], STEP_S)[0])
 
@@ -107,7 +107,7 @@ class PtyBoard:
 
 
 def main() -> None:
-    """Runs until it is told to end, or who started it has ended."""
+    """Run until it is told to end, or who started it has ended."""
     parser = argparse.ArgumentParser(description="An emulated microcontroller on a serial port, in real time.")
     parser.add_argument("firmware", type=Path, help="folder of the firmware, with its Makefile")
     parser.add_argument("--link", type=Path, required=True, help="where to put the port")

@@ -29,13 +29,13 @@ class ToolsMissing(DeviceError):
 
 
 def cache_folder() -> Path:
-    """Returns where compiled files are kept: `snr_sim/emulated` under XDG_CACHE_HOME, or ~/.cache."""
+    """Return where compiled files are kept: `snr_sim/emulated` under XDG_CACHE_HOME, or ~/.cache."""
     base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(base) / "snr_sim" / "emulated"
 
 
 def require_tools() -> None:
-    """Looks for what the emulator is made with.
+    """Look for what the emulator is made with.
 
     Raises:
         ToolsMissing: says what is not there, and the command that installs it.
@@ -48,7 +48,7 @@ def require_tools() -> None:
 
 
 def runner_library() -> Path:
-    """Returns the compiled `board.c`, a shared library.
+    """Return the compiled `board.c`, a shared library.
 
     Raises:
         ToolsMissing: see `require_tools`.
@@ -63,7 +63,7 @@ def runner_library() -> Path:
 
 
 def firmware_elf(folder: Path, mcu: str, settings: Mapping[str, str | int] | None = None) -> Path:
-    """Returns the firmware in a folder, compiled for a microcontroller.
+    """Return the firmware in a folder, compiled for a microcontroller.
 
     Args:
         folder: where its Makefile is.
@@ -95,7 +95,7 @@ def _digest(files: Iterable[Path], *words: str) -> str:
 
 
 def _make(target: Path, name: str, command: list[str]) -> None:
-    """Runs a command in a folder of its own, and moves the file of this name from there to its place, in one step."""
+    """Run a command in a folder of its own, and move the file of this name from there to its place, in one step."""
     elsewhere = "XDG_CACHE_HOME=FOLDER before the command names another place for what is compiled."
     try:
         target.parent.mkdir(parents=True, exist_ok=True)

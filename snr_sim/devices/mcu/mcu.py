@@ -64,7 +64,7 @@ class McuPwm(PwmBackend):
         self._asked_s = 0.0
 
     def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
-        """Sends pulses and returns those of the newest telemetry."""
+        """Send pulses and return those of the newest telemetry."""
         try:
             self._listen(why)
             if self.state not in ("activating", "active"):
@@ -81,7 +81,7 @@ class McuPwm(PwmBackend):
         return list(self._widths_us)
 
     def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
-        """Asks for pulses. One that is not active only listens, and so finds out if the wire is pulled."""
+        """Ask for pulses. One that is not active only listens, and so find out if the wire is pulled."""
         if self.state == "inactive":
             try:
                 self._listen([])
@@ -90,7 +90,7 @@ class McuPwm(PwmBackend):
         return super().write_us(pulses_us, stamp_s, lease_s)
 
     def _command(self, pulses_us: list[float], stamp_s: float, lease_s: float) -> None:
-        """Sends them with the age that they have now: the lease counts from when they were computed."""
+        """Send them with the age that they have now: the lease counts from when they were computed."""
         board = self.board
         assert board.ident is not None
         spare = [STOP_US] * (board.ident.channels - self.channels)
@@ -103,7 +103,7 @@ class McuPwm(PwmBackend):
     # -- what is heard ------------------------------------------------------------------------------------------------
 
     def _listen(self, why: list[str]) -> None:
-        """Takes in what the board has said since.
+        """Take in what the board has said since.
 
         Raises:
             DeviceError: the wire is gone, the board is silent, or it has forgotten us.
@@ -168,7 +168,7 @@ class McuPwm(PwmBackend):
     # -- life cycle ---------------------------------------------------------------------------------------------------
 
     def on_configure(self) -> None:
-        """Opens the board and asks who it is.
+        """Open the board and ask who it is.
 
         Raises:
             DeviceError: see `McuBoard.open` and `check_identity`; or an emergency stop is set.
@@ -183,7 +183,7 @@ class McuPwm(PwmBackend):
         self._check_not_stopped()
 
     def on_activate(self) -> None:
-        """Asks to be armed: with neutral commands, until the speed controllers have seen enough of them.
+        """Ask to be armed: with neutral commands, until the speed controllers have seen enough of them.
 
         Raises:
             DeviceError: an emergency stop is set.
@@ -202,27 +202,27 @@ class McuPwm(PwmBackend):
             )
 
     def on_deactivate(self, reason: str) -> None:
-        """Disarms."""
+        """Disarm."""
         if self.board.is_open:
             self._is_disarming = True
             self._asked_s = self.now_s()
             self._say(Disarm(self.board.session))
 
     def on_close(self) -> None:
-        """Lets go of the board."""
+        """Let go of the board."""
         self.board.leave(self)
 
     def counts(self) -> dict[str, int]:
-        """Returns what the board has counted."""
+        """Return what the board has counted."""
         return self.board.counts()
 
     def on_stop(self) -> None:
-        """Has the microcontroller keep the stop, also if this program dies: until it is cleared, or off and on."""
+        """Have the microcontroller keep the stop, also if this program dies: until it is cleared, or off and on."""
         self.board.open(self)
         self._say(EmergencyStop(self.board.session))
 
     def on_clear_stop(self) -> None:
-        """Has the microcontroller end it."""
+        """Have the microcontroller end it."""
         self.board.open(self)
         self._say(ClearStop(self.board.session))
 
@@ -266,7 +266,7 @@ class PowerScale:
             raise ParameterError(f"A power module with {self}.", fix="scales above 0.")
 
     def reading(self, battery_pin_mv: float, current_pin_mv: float, stamp_s: float) -> PowerReading:
-        """Returns what the pins mean.
+        """Return what the pins mean.
 
         >>> PowerScale().reading(1400, 990, 0.0)
         PowerReading(voltage_v=15.4, current_a=25.0, stamp_s=0.0)
@@ -275,7 +275,7 @@ class PowerScale:
         return PowerReading(round(battery_pin_mv / 1000.0 * self.volts_per_volt, 3), round(amps, 3), stamp_s)
 
     def pins_mv(self, voltage_v: float, current_a: float) -> tuple[float, float]:
-        """Returns what the module puts on the pins, 0 to 5000 each."""
+        """Return what the module puts on the pins, 0 to 5000 each."""
         pins_v = voltage_v / self.volts_per_volt, current_a / self.amps_per_volt + self.offset_v
         volts, amps = (min(5000.0, max(0.0, pin_v * 1000.0)) for pin_v in pins_v)
         return volts, amps
@@ -295,7 +295,7 @@ class McuPower(LifeCycle):
         self._board, self._scale = board, scale
 
     def read(self) -> PowerReading | Stale:
-        """Returns what the newest telemetry says.
+        """Return what the newest telemetry says.
 
         Raises:
             SensorLost: it was closed.
@@ -316,7 +316,7 @@ class McuPower(LifeCycle):
         return self._scale.reading(telemetry.battery_pin_mv, telemetry.current_pin_mv, measured_s)
 
     def on_configure(self) -> None:
-        """Opens the board.
+        """Open the board.
 
         Raises:
             DeviceError: see `McuBoard.open`.
@@ -324,9 +324,9 @@ class McuPower(LifeCycle):
         self._board.open(self)
 
     def on_close(self) -> None:
-        """Lets go of the board."""
+        """Let go of the board."""
         self._board.leave(self)
 
     def counts(self) -> dict[str, int]:
-        """Returns what the board has counted."""
+        """Return what the board has counted."""
         return self._board.counts()

@@ -78,7 +78,7 @@ class McuBoard:
         return self._line_s() - self._heard_s
 
     def open(self, user: object) -> Ident:
-        """Opens the port and greets, if nobody has.
+        """Open the port and greet, if nobody has.
 
         Args:
             user: the device that needs it.
@@ -94,14 +94,14 @@ class McuBoard:
             return self.ident
 
     def leave(self, user: object) -> None:
-        """A device needs it no more. Safe to call twice."""
+        """Release the board, which a device needs no more. Safe to call twice."""
         with self._lock:
             self._users.discard(id(user))
             if not self._users:
                 self.lose(f"{self.name} was closed.")
 
     def send(self, message: ToMcu) -> None:
-        """Sends a message.
+        """Send a message.
 
         Raises:
             DeviceError: the wire is gone.
@@ -110,7 +110,7 @@ class McuBoard:
             self._opened().write(encode(message))
 
     def poll(self) -> None:
-        """Takes in what has come.
+        """Take in what has come.
 
         Raises:
             DeviceError: the wire is gone.
@@ -119,14 +119,14 @@ class McuBoard:
             self._take(self._opened().read())
 
     def news(self) -> list[FromMcu]:
-        """Returns what has come since, for the one device that acts."""
+        """Return what has come since, for the one device that acts."""
         with self._lock:
             news = list(self._news)
             self._news.clear()
             return news
 
     def lose(self, why: str) -> None:
-        """Lets go of the port. Never raises."""
+        """Let go of the port. Never raises."""
         with self._lock:
             port, self._port = self._port, None
             self.fault = why
@@ -137,7 +137,7 @@ class McuBoard:
                 port.close()
 
     def counts(self) -> dict[str, int]:
-        """Returns what has been counted: 'bytes', 'frames', 'crc_errors', 'gaps' at this end, 'reopened', 'silent_ms'.
+        """Return what has been counted: 'bytes', 'frames', 'crc_errors', 'gaps' at this end, 'reopened', 'silent_ms'.
 
         'refused_there' are frames that came to the microcontroller damaged.
         """
@@ -195,7 +195,7 @@ class McuBoard:
 
 
 def _say_farewell(port: BytePort, session: int) -> None:
-    """Disarms at the end of a program that has not closed its devices, or has forgotten them: the lease is longer."""
+    """Disarm at the end of a program that has not closed its devices, or have forgotten them: the lease is longer."""
     with suppress(SnrError):
         port.write(encode(Disarm(session)))
     port.close()

@@ -31,7 +31,7 @@ class _Heard:
 def greet(
     port: BytePort, frames: McuFrames, session: int, patience_s: float, line_s: Callable[[], float]
 ) -> tuple[Ident, list[FromMcu]]:
-    """Says hello and waits for the answer; returns it, and what came after it.
+    """Say hello and wait for the answer; return it, and what came after it.
 
     Args:
         port: open.
@@ -86,7 +86,7 @@ def _check_answer(port: BytePort, answer: Answer) -> None:
 
 
 def _nobody(port: BytePort, heard: _Heard, patience_s: float) -> DeviceError:
-    """Returns what is wrong, judged by what came."""
+    """Return what is wrong, judged by what came."""
     within = f"{port.name}: no answer to the greeting in {patience_s:g} s"
     if not heard.data:
         return DeviceError(
@@ -112,7 +112,7 @@ def _nobody(port: BytePort, heard: _Heard, patience_s: float) -> DeviceError:
 
 
 def in_hex(data: bytes) -> str:
-    """Returns the first bytes, as they stand in a message.
+    """Return the first bytes, as they stand in a message.
 
     >>> in_hex(b"$GP")
     '24 47 50'

@@ -17,7 +17,7 @@ LEAST_ESC_START_MS = 1000  # a Basic ESC wants neutral for about so long (Blue R
 
 
 def check_identity(port: str, ident: Ident, channels: int) -> None:
-    """Sees whether a board fits.
+    """See whether a board fits.
 
     Args:
         port: what a message calls it.
@@ -36,7 +36,7 @@ def check_identity(port: str, ident: Ident, channels: int) -> None:
 
 
 def misfits(ident: Ident, channels: int) -> list[str]:
-    """Returns what of a board's identity does not fit, each with what is wanted; empty if all of it does."""
+    """Return what of a board's identity does not fit, each with what is wanted; empty if all of it does."""
     low_us, high_us = LIMITS_US
     limits_fit = low_us <= ident.lowest_us < STOP_US < ident.highest_us <= high_us
     wanted = (

@@ -43,7 +43,7 @@ class EngineServos:
         return {"throttle": (0.0, 1.0), "gimbal_rad": (-turn, turn), "attitude": (-1.0, 1.0)}
 
     def pulses_us(self, command: EngineCommand) -> list[float]:
-        """Returns the pulses for a command inside the limits.
+        """Return the pulses for a command inside the limits.
 
         >>> EngineServos(0.1).pulses_us(EngineCommand(throttle=0.5, gimbal_rad=-0.1))
         [1700.0, 1100.0, 1500.0]
@@ -52,7 +52,7 @@ class EngineServos:
         return [STOP_US + _SPAN_US * share for share in shares]
 
     def command(self, pulses_us: list[float]) -> EngineCommand:
-        """Returns what pulses mean to the servos."""
+        """Return what pulses mean to the servos."""
         throttle, turn, attitude = ((pulse_us - STOP_US) / _SPAN_US for pulse_us in pulses_us)
         return EngineCommand(max(0.0, throttle), turn * self.gimbal_rad, attitude)
 
@@ -83,7 +83,7 @@ class EnginePwmLoopFactory(PwmLoopFactory):
         self.servos = servos
 
     def read_command(self, data: Any, out: PwmOut, commands: CommandInput) -> PwmCommand:
-        """Returns the pulses for an engine command, clamped to what the engine can do.
+        """Return the pulses for an engine command, clamped to what the engine can do.
 
         Raises:
             CommandError: the data are no engine command.

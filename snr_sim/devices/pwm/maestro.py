@@ -62,11 +62,11 @@ class Maestro(PwmChip):
         self._sent_s = now_s()
 
     def counts(self) -> dict[str, int]:
-        """Returns how often each error came up."""
+        """Return how often each error came up."""
         return dict(self._counts)
 
     def open(self) -> None:
-        """Opens the port, asks who is there, and tries whether it fails safe.
+        """Open the port, asks who is there, and try whether it fails safe.
 
         Raises:
             DeviceError: nobody answers, or no Maestro; or it would go on if this program were killed.
@@ -110,13 +110,13 @@ class Maestro(PwmChip):
         self._hear()
 
     def close(self) -> None:
-        """Lets go of the port."""
+        """Let go of the port."""
         port, self._port = self._port, None
         if port is not None:
             port.close()
 
     def _meet(self) -> None:
-        """Sees whether it answers as a Maestro does, and has as many channels."""
+        """See whether it answers as a Maestro does, and have as many channels."""
         self._ask(wire.get_errors(), wire.ERRORS_BYTES, "its errors")
         errors = self._ask(wire.get_errors(), wire.ERRORS_BYTES, "its errors")  # the first ones may be of long ago
         if errors & ~_ALL_ERRORS:
@@ -133,7 +133,7 @@ class Maestro(PwmChip):
         self._ask(wire.get_position(self.channels - 1), wire.POSITION_BYTES, f"channel {self.channels - 1}")
 
     def _try_timeout(self) -> None:
-        """Tries whether all channels go to neutral when commands stop coming."""
+        """Try whether all channels go to neutral when commands stop coming."""
         self._command([PROBE_US] * self.channels)
         for channel in range(self.channels):
             self._check_channel(channel, PROBE_US, "its mode is not 'Servo', or a speed or acceleration limits it")
@@ -186,7 +186,7 @@ class Maestro(PwmChip):
         return wire.with_crc(command) if self._has_crc else command
 
     def _hear(self) -> None:
-        """Takes the answers to the questions for errors; none waits for them."""
+        """Take the answers to the questions for errors; none waits for them."""
         self._heard += self._opened().read()
         self._errors = MaestroError(0)
         while len(self._heard) >= wire.ERRORS_BYTES:

@@ -12,5 +12,5 @@ class MirrorPwm(PlainlyArmed):
     title = "The mirror"
 
     def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
-        """Returns them."""
+        """Return them."""
         return pulses_us

@@ -16,7 +16,7 @@ WHOLE_S = 2 * RAMP_S + HOLD_S
 
 
 def top_us(limits_us: tuple[float, float] = LIMITS_US) -> float:
-    """Returns the longest pulse of a nudge.
+    """Return the longest pulse of a nudge.
 
     >>> top_us()
     1543.75
@@ -27,7 +27,7 @@ def top_us(limits_us: tuple[float, float] = LIMITS_US) -> float:
 def nudge_us(
     channel: int, channels: int, since_s: float, limits_us: tuple[float, float] = LIMITS_US
 ) -> list[float] | None:
-    """Returns the pulses at a time after its beginning; None when it is over.
+    """Return the pulses at a time after its beginning; None when it is over.
 
     >>> [nudge_us(1, 2, t) for t in (0.0, 0.25, 1.0, 2.0)]
     [[1500.0, 1500.0], [1500.0, 1521.875], [1500.0, 1543.75], None]
@@ -41,7 +41,7 @@ def nudge_us(
 
 
 def channel_of(name: str, names: list[str]) -> int:
-    """Returns which channel a name means.
+    """Return which channel a name means.
 
     Raises:
         UnknownName: none.

@@ -72,7 +72,7 @@ class Pca9685(PwmChip):
         self._bus: I2cBus | None = None
 
     def count_of(self, pulse_us: float) -> int:
-        """Returns the count of steps that makes the nearest pulse inside the limits."""
+        """Return the count of steps that makes the nearest pulse inside the limits."""
         low, high = self.limits_us
         count = round(pulse_us / self.count_us)
         if count * self.count_us > high:
@@ -80,7 +80,7 @@ class Pca9685(PwmChip):
         return count + 1 if count * self.count_us < low else count
 
     def open(self) -> None:
-        """Sets it up: all outputs off, asleep, the rate, awake, neutral.
+        """Set it up: all outputs off, asleep, the rate, awake, neutral.
 
         Raises:
             DeviceError: nobody is there, or what was written is not there afterwards.
@@ -104,7 +104,7 @@ class Pca9685(PwmChip):
         self.send(self.still_us)
 
     def send(self, pulses_us: list[float]) -> list[float]:
-        """Writes counts, and looks whether the chip is still awake."""
+        """Write counts, and look whether the chip is still awake."""
         counts = [self.count_of(pulse) for pulse in pulses_us]
         for first in range(0, len(counts), _BLOCK):
             self._write(
@@ -121,7 +121,7 @@ class Pca9685(PwmChip):
         return self._made(counts)
 
     def close(self) -> None:
-        """Lets go of the bus; the pulses go on, at neutral."""
+        """Let go of the bus; the pulses go on, at neutral."""
         bus, self._bus = self._bus, None
         if bus is not None:
             bus.close()

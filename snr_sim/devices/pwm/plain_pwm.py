@@ -96,11 +96,11 @@ class PlainPwm(PwmBackend):
         self._neutral_since_s = 0.0
 
     def counts(self) -> dict[str, int]:
-        """Returns what the chip has counted."""
+        """Return what the chip has counted."""
         return self.chip.counts()
 
     def on_configure(self) -> None:
-        """Opens the chip, at neutral.
+        """Open the chip, at neutral.
 
         Raises:
             DeviceError: see `PwmChip.open`.
@@ -111,7 +111,7 @@ class PlainPwm(PwmBackend):
             self.title = self.chip.title  # it may have learned its port's name
 
     def on_activate(self) -> None:
-        """Begins to show neutral.
+        """Begin to show neutral.
 
         Raises:
             DeviceError: the last pulse would stay if this program were killed.
@@ -127,7 +127,7 @@ class PlainPwm(PwmBackend):
         self.state, self.why = "activating", "the speed controllers are shown neutral"
 
     def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
-        """Sends pulses; ends arming when neutral was shown for long enough and is commanded."""
+        """Send pulses; end arming when neutral was shown for long enough and is commanded."""
         made = self.chip.send(pulses_us)
         if self.chip.tripped:
             if self.state == "active":
@@ -142,9 +142,9 @@ class PlainPwm(PwmBackend):
         return self.now_s() >= self._neutral_since_s + self.esc_start_s
 
     def on_deactivate(self, reason: str) -> None:
-        """Puts all at neutral."""
+        """Put all at neutral."""
         self.chip.send(self.still_us)
 
     def on_close(self) -> None:
-        """Releases the chip's wire."""
+        """Release the chip's wire."""
         self.chip.close()

@@ -52,12 +52,12 @@ class PwmBackend(LifeCycle):
         self.let_go_for: list[str] = []
 
     def __del__(self) -> None:
-        """Goes to neutral if whoever had it has dropped it: nobody is left who could."""
+        """Go to neutral if whoever had it has dropped it: nobody is left who could."""
         if self.state in self._holding:
             self.close()
 
     def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
-        """Asks for pulses; returns what is made of them. Never raises."""
+        """Ask for pulses; return what is made of them. Never raises."""
         self.applied = self._applied(pulses_us, stamp_s, lease_s)
         self._lead(self.applied.pulses_us)
         return self.applied
@@ -91,7 +91,7 @@ class PwmBackend(LifeCycle):
             self.follower(pulses_us)
 
     def _left_of(self, stamp_s: float, lease_s: float) -> float:
-        """Returns what is left of a lease, 0 if nothing: also of one that begins in times to come, or at no time."""
+        """Return what is left of a lease, 0 if nothing: also of one that begins in times to come, or at no time."""
         try:
             now_s = self.now_s()
             lease_s = min(float(lease_s), LEASE_S)
@@ -101,12 +101,12 @@ class PwmBackend(LifeCycle):
         return min(left_s, lease_s) if 0.0 < left_s <= lease_s + FUTURE_S else 0.0
 
     def _time_of(self, stamp_s: float) -> float:
-        """Returns when a command was computed; now, of one that says no time, or one to come."""
+        """Return when a command was computed; now, of one that says no time, or one to come."""
         now_s = self.now_s()
         return float(stamp_s) if isinstance(stamp_s, (int, float)) and -math.inf < stamp_s <= now_s else now_s
 
     def deactivate(self, reason: str) -> None:
-        """Goes to neutral, and what follows with it. Never raises."""
+        """Go to neutral, and what follows with it. Never raises."""
         super().deactivate(reason)
         self._lead([STOP_US] * self.channels)
 
@@ -117,7 +117,7 @@ class PwmBackend(LifeCycle):
         self._try(self.on_stop)
 
     def clear_stop(self) -> None:
-        """Ends an emergency stop; outputs stay neutral until they are activated. Never raises."""
+        """End an emergency stop; outputs stay neutral until they are activated. Never raises."""
         self.is_stopped = False
         self._try(self.on_clear_stop)
 
@@ -128,7 +128,7 @@ class PwmBackend(LifeCycle):
             self.fail(str(error))
 
     def activate(self) -> None:
-        """Arms; see `PwmOut`.
+        """Arm; see `PwmOut`.
 
         Raises:
             DeviceError: an emergency stop holds, it is not configured, or what `on_activate` says.
@@ -138,13 +138,13 @@ class PwmBackend(LifeCycle):
         super().activate()
 
     def on_stop(self) -> None:
-        """Has outputs that can keep an emergency stop by themselves do so."""
+        """Have outputs that can keep an emergency stop by themselves do so."""
 
     def on_clear_stop(self) -> None:
-        """Has them end it."""
+        """Have them end it."""
 
     def _pulses_of(self, pulses_us: Sequence[float], why: list[str]) -> list[float]:
-        """Returns the pulses as they may be sent, neutral if they are none."""
+        """Return the pulses as they may be sent, neutral if they are none."""
         low, high = self.limits_us
         try:
             if isinstance(pulses_us, (str, bytes, Mapping, Set)):  # these have no order of channels
@@ -166,7 +166,7 @@ class PwmBackend(LifeCycle):
         return [min(high, max(low, round(one / step) * step)) for one in clamped] if step else clamped
 
     def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
-        """Sends pulses, which are inside all limits, and returns what is made as far as is known here.
+        """Send pulses, which are inside all limits, and return what is made as far as is known here.
 
         Args:
             pulses_us: one for each channel.
@@ -184,11 +184,11 @@ class PlainlyArmed(PwmBackend):
     """Outputs that are armed in the moment in which they are asked for neutral."""
 
     def on_activate(self) -> None:
-        """Waits for a neutral command."""
+        """Wait for a neutral command."""
         self.state, self.why = "activating", "armed by a command for neutral"
 
     def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
-        """Asks for pulses; the first for neutral arms."""
+        """Ask for pulses; the first for neutral arms."""
         applied = super().write_us(pulses_us, stamp_s, lease_s)
         if self.state == "activating" and self.asks_neutral:
             self.state, self.why = "active", ""

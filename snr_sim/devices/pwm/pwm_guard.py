@@ -44,12 +44,12 @@ class Guard:
         os.set_blocking(self._write, False)
 
     def sign(self, is_armed: bool) -> None:
-        """Shows that the supervisor lives."""
+        """Show that the supervisor lives."""
         with suppress(OSError):  # it was killed, or does not run: then there is nobody to be shown anything
             os.write(self._write, _ARMED if is_armed else _NOT_ARMED)
 
     def dismiss(self) -> None:
-        """Has it end, and leave the outputs alone: somebody else may have them next."""
+        """Have it end, and leave the outputs alone: somebody else may have them next."""
         with suppress(OSError):
             os.write(self._write, _DISMISSED)
         os.close(self._write)
@@ -58,7 +58,7 @@ class Guard:
 
 
 def _keep_watch(signs: int, out: PwmOut) -> None:
-    """Looks at signs of life until they end."""
+    """Look at signs of life until they end."""
     os.setsid()
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)  # it ends with its supervisor

@@ -64,11 +64,11 @@ class PwmLoopFactory(ActuatorLoopFactory):
         self.lease_s = lease_s
 
     def get(self, parent: NodeApi) -> PwmLoop:
-        """Returns the loop `<key>_actuator`."""
+        """Return the loop `<key>_actuator`."""
         return PwmLoop(self, parent, f"{self.key}_actuator", self.rate_hz)
 
     def read_command(self, data: Any, out: PwmOut, commands: CommandInput) -> PwmCommand:
-        """Returns the pulses that a page's data asks for.
+        """Return the pulses that a page's data asks for.
 
         Args:
             data: of the page.
@@ -94,7 +94,7 @@ class PwmLoop(CommandLoop):
     factory: PwmLoopFactory
 
     def setup(self) -> None:
-        """Opens the outputs: neutral, and not armed."""
+        """Open the outputs: neutral, and not armed."""
         self.device = self.out = configured(self.factory.open_device(), f"the outputs '{self.factory.key}'")
         self._state = ""
         self._why: list[str] = []
@@ -106,7 +106,7 @@ class PwmLoop(CommandLoop):
         self._was_lost = self._is_stopped = self._is_told = False
 
     def loop(self) -> None:
-        """Writes the newest command, with its age; neutral if it is too old."""
+        """Write the newest command, with its age; neutral if it is too old."""
         now_s = self.get_time_s()
         page, age = self.commands.newest()
         command = None if page is None else self._command_of(page)
@@ -131,7 +131,7 @@ class PwmLoop(CommandLoop):
         self._tell(now_s, applied)
 
     def _hear(self, now_s: float, command: PwmCommand, pulses_us: list[float]) -> None:
-        """Takes in what a fresh command says of stopping and arming."""
+        """Take in what a fresh command says of stopping and arming."""
         if command.is_stop != self._is_stopped:
             self._is_stopped = command.is_stop
             if command.is_stop:
@@ -152,7 +152,7 @@ class PwmLoop(CommandLoop):
             self._neutral_since_s = now_s
 
     def _arm(self, now_s: float) -> None:
-        """Opens outputs that were lost, once a second; arms them if they may be."""
+        """Open outputs that were lost, once a second; arm them if they may be."""
         state = self.out.health().state
         if state in ARMED:
             self._was_lost = True  # if they are not armed the next time, unless the robot has disarmed them
@@ -176,7 +176,7 @@ class PwmLoop(CommandLoop):
             self.log.debug("%s", error)  # told as the fault already, and tried again
 
     def _command_of(self, page: Page) -> PwmCommand | None:
-        """Returns what a page commands. One that commands nothing is a mistake of who stored it: they hear of it.
+        """Return what a page commands. One that commands nothing is a mistake of who stored it: they hear of it.
 
         In lock step that ends the run. On the wall clock, where a vehicle may be in the water, all are neutral instead.
         """
@@ -193,7 +193,7 @@ class PwmLoop(CommandLoop):
             return None
 
     def _tell(self, now_s: float, applied: AppliedPulses) -> None:
-        """Says what becomes of the commands: now and then, and at once when it changes."""
+        """Say what becomes of the commands: now and then, and at once when it changes."""
         health = self.out.health()
         if health.state != self._state:
             if self._state:
@@ -206,7 +206,7 @@ class PwmLoop(CommandLoop):
         self.store_data(f"{self.factory.key}_applied", data, process=False)
 
     def _note_change(self, now_s: float, health: Health) -> None:
-        """Notes that outputs were lost or let go by themselves, with what arms them again; and that they are back."""
+        """Note that outputs were lost or let go by themselves, with what arms them again; and that they are back."""
         state, before = health.state, self._state
         is_lost = state not in ARMED and (state == "error" or (before in ARMED and self._was_armed is not False))
         is_back = self._is_told and (state == "active" or before == "error")

@@ -48,7 +48,7 @@ class Supervisor:
         self.has_closed = False
 
     def obey(self, order: Message) -> Answer:
-        """Does what it is told; what goes wrong stands in the answer."""
+        """Do what it is told; what goes wrong stands in the answer."""
         self.look()
         try:
             self._do(order)
@@ -59,7 +59,7 @@ class Supervisor:
         return self._answer()
 
     def look(self) -> float:
-        """Goes to neutral if the lease has run out; returns how long it will be until then."""
+        """Go to neutral if the lease has run out; return how long it will be until then."""
         if self._out is None or not self._is_armed:
             return IDLE_S
         left_s = self._until_s - self._now_s()
@@ -78,7 +78,7 @@ class Supervisor:
             self._guard.sign(self._is_armed)
 
     def end(self, hold: Callable[[float], None]) -> None:
-        """Goes to neutral, shows it for a while, and lets go."""
+        """Go to neutral, show it for a while, and let go."""
         if self._out is not None:
             self._out.deactivate("the robot's program has ended")
             self._show_life()
@@ -122,7 +122,7 @@ class Supervisor:
 
 
 def run(line: Connection) -> int:
-    """The process: obeys until its line ends."""
+    """Run the process: obey until its line ends."""
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(0))  # to neutral on the way out
     spawned.hear_signals()
     supervisor = Supervisor(time.monotonic, lambda out: Guard(out, [line.fileno()]))

@@ -35,16 +35,16 @@ class SimPwm(PlainlyArmed):
         self._plant, self._input = plant, input_name
 
     def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
-        """Has the plant make them, for as long as the lease lasts."""
+        """Have the plant make them, for as long as the lease lasts."""
         self._plant.write(self._input, PwmCommand(pulses_us, until_s=self._plant.time_s + lease_s))
         return pulses_us
 
     def on_configure(self) -> None:
-        """Makes neutral pulses, so that speed controllers start."""
+        """Make neutral pulses, so that speed controllers start."""
         self._plant.write(self._input, PwmCommand())
 
     def on_deactivate(self, reason: str) -> None:
-        """Stops."""
+        """Stop."""
         self._plant.write(self._input, PwmCommand())
 
 

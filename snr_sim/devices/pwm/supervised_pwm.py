@@ -59,11 +59,11 @@ class SupervisedPwm(PwmBackend):
         self._heard_s = 0.0
 
     def counts(self) -> dict[str, int]:
-        """Returns what the outputs have counted."""
+        """Return what the outputs have counted."""
         return self._answer.counts
 
     def on_configure(self) -> None:
-        """Starts a supervisor, which opens the outputs.
+        """Start a supervisor, which opens the outputs.
 
         Raises:
             DeviceError: what it says, or that it died.
@@ -79,22 +79,22 @@ class SupervisedPwm(PwmBackend):
         self._has_held = True
 
     def on_activate(self) -> None:
-        """Has it arm them."""
+        """Have it arm them."""
         self._order(Arm(), ANSWER_S)
         self.state, self.why = self._answer.state, self._answer.why
         self._heard_s = self._monotonic_s()
 
     def on_deactivate(self, reason: str) -> None:
-        """Has it put them at neutral."""
+        """Have it put them at neutral."""
         if self._line is not None:
             self._order(Disarm(reason), ANSWER_S)
 
     def on_close(self) -> None:
-        """Has it let go of them, and end."""
+        """Have it let go of them, and end."""
         self._let_go()
 
     def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
-        """Sends a lease; returns what is made by the newest answer, which may be of the lease before."""
+        """Send a lease; return what is made by the newest answer, which may be of the lease before."""
         self._hear()
         now_s = self._monotonic_s()
         if self._asked_of and now_s > self._heard_s + ANSWER_S:
@@ -122,7 +122,7 @@ class SupervisedPwm(PwmBackend):
         return answer.pulses_us or self.still_us
 
     def _order(self, order: Message, timeout_s: float) -> None:
-        """Gives an order and waits for what comes of it."""
+        """Give an order and wait for what comes of it."""
         line = self._opened()
         self._hear()
         before = len(self._asked_of)
@@ -142,7 +142,7 @@ class SupervisedPwm(PwmBackend):
         self._opened().write(encode(message))
 
     def _hear(self) -> int:
-        """Takes the answers that have come; returns how many."""
+        """Take the answers that have come; return how many."""
         heard = 0
         for message in self._opened().read():
             if isinstance(message, Answer):

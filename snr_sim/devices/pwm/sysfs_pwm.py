@@ -37,7 +37,7 @@ PERMISSION_S = 1.0  # udev gives new files to their group a moment after they ap
 
 
 def write_file(path: Path, text: str) -> None:
-    """Writes one of the kernel's files, in one go."""
+    """Write one of the kernel's files, in one go."""
     with path.open("w", encoding="ascii") as file:
         file.write(text)
 
@@ -71,7 +71,7 @@ class SysfsPins(PwmChip):
         self._pins: list[Path] = []
 
     def open(self) -> None:
-        """Finds the chip, takes its channels, and has them make neutral pulses.
+        """Find the chip, take its channels, and have them make neutral pulses.
 
         Raises:
             DeviceError: there is no such chip, it has too few channels, somebody else has one, or we may not.
@@ -83,7 +83,7 @@ class SysfsPins(PwmChip):
             self._take(self._chip, channel, takes_over)
 
     def send(self, pulses_us: list[float]) -> list[float]:
-        """Writes how long each pulse is, and looks whether it is still made."""
+        """Write how long each pulse is, and look whether it is still made."""
         if len(self._pins) < self.channels:
             raise DeviceError(f"{self.title} is not open.", fix="configure() it first.")
         for pin, pulse_us in zip(self._pins, pulses_us, strict=True):
@@ -93,7 +93,7 @@ class SysfsPins(PwmChip):
         return pulses_us
 
     def close(self) -> None:
-        """Ends the pulses, once neutral has been shown, and gives the channels back."""
+        """End the pulses, once neutral has been shown, and give the channels back."""
         pins, self._pins = self._pins, []
         if pins:
             self._sleep(HOLD_S)
@@ -155,7 +155,7 @@ class SysfsPins(PwmChip):
 
 
 def find_chip(root: Path = ROOT) -> Path:
-    """Returns the folder of the Pi's PWM chip.
+    """Return the folder of the Pi's PWM chip.
 
     Raises:
         DeviceError: there is none, with the line that is missing in config.txt.

@@ -88,7 +88,7 @@ class Camera:
     def picture(
         self, statics: dict[str, Any], position_m: list[float], attitude: list[float], time_s: float = -math.inf
     ) -> Image:
-        """Returns what it sees of a scene's `statics` from a vehicle at a place.
+        """Return what it sees of a scene's `statics` from a vehicle at a place.
 
         Args:
             statics: shapes by name, as `Plant.scene()` gives them.
@@ -114,7 +114,7 @@ class Camera:
         return rgb
 
     def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
-        """Opens the camera in a plant; it sees what of its scene does not move."""
+        """Open the camera in a plant; it sees what of its scene does not move."""
         statics = plant.scene()["statics"]
 
         def see(pose: Any) -> CameraReading:
@@ -128,13 +128,13 @@ class CameraLoopFactory(SensorLoopFactory):
     """Reads a camera at a rate and stores each picture as a page; arguments are those of `SensorLoopFactory`."""
 
     def data_of(self, reading: CameraReading) -> dict[str, Any]:
-        """Returns what the page of a picture holds: a copy, as a camera may use its array again."""
+        """Return what the page of a picture holds: a copy, as a camera may use its array again."""
         data: dict[str, Any] = snapshot(msgspec.structs.asdict(reading), [])
         return data
 
 
 def _turned(attitude: list[float], way: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Returns a vector of the body's frame in the world's."""
+    """Return a vector of the body's frame in the world's."""
     w, x, y, z = attitude
     a, b, c = way
     # v + 2 q x (q x v + w v)

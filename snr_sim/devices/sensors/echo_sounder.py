@@ -58,7 +58,7 @@ class EchoSounder:
             )
 
     def heard(self, altitude_m: float, tilt_rad: float) -> tuple[float, float]:
-        """Returns distance [m] and confidence at a height over a level floor and a tilt from straight down."""
+        """Return distance [m] and confidence at a height over a level floor and a tilt from straight down."""
         beyond = tilt_rad - 0.5 * self.cone_rad
         if beyond <= 0.0:
             distance, confidence = altitude_m, 1.0
@@ -84,7 +84,7 @@ class EchoSounder:
         return EchoReading(*self.heard(below.altitude_m, below.tilt_rad), below.stamp_s)
 
     def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
-        """Opens the sounder in a plant."""
+        """Open the sounder in a plant."""
         return SimSensor(plant, output, self.errors, rng, self.echo, _silent_if_unsure)
 
 

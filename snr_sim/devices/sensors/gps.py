@@ -40,7 +40,7 @@ class Gps(SensorLife):
         self._retry_s = 0.0
 
     def counts(self) -> dict[str, int]:
-        """Returns what came: 'bytes', 'sentences', 'checksum_errors', 'garbage'."""
+        """Return what came: 'bytes', 'sentences', 'checksum_errors', 'garbage'."""
         lines = self._lines
         return {
             "bytes": self._heard,
@@ -50,7 +50,7 @@ class Gps(SensorLife):
         }
 
     def on_configure(self) -> None:
-        """Opens the port. Whether a receiver is there shows when it speaks.
+        """Open the port. Whether a receiver is there shows when it speaks.
 
         Raises:
             DeviceError: there is no such port, it is busy, or we may not.
@@ -61,7 +61,7 @@ class Gps(SensorLife):
         self._lines, self._heard, self._last, self._quality = NmeaLines(), 0, b"", None
 
     def read(self) -> GpsReading | Stale:
-        """Returns the newest fix.
+        """Return the newest fix.
 
         Raises:
             SensorLost: it was closed.
@@ -85,7 +85,7 @@ class Gps(SensorLife):
         return Stale(self._why_none(), since_s)
 
     def on_close(self) -> None:
-        """Lets go of the port."""
+        """Let go of the port."""
         port, self._port = self._port, None
         if port is not None:
             port.close()
@@ -132,5 +132,5 @@ class Gps(SensorLife):
 
 
 def _course_rad(course_deg: float | None) -> float | None:
-    """Returns a course, clockwise from north, as our yaw: from east, positive to the left."""
+    """Return a course, clockwise from north, as our yaw: from east, positive to the left."""
     return None if course_deg is None else wrap_rad(math.radians(90.0 - course_deg))

@@ -33,7 +33,7 @@ class PowerModule:
     errors: SensorErrors = POWER_MODULE
 
     def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
-        """Opens it in a plant, at an output with `voltage_v`, `current_a` and `stamp_s`."""
+        """Open it in a plant, at an output with `voltage_v`, `current_a` and `stamp_s`."""
         return SimSensor(plant, output, self.errors, rng, _felt)
 
 
@@ -56,7 +56,7 @@ class LeakProbe:
             raise ParameterError(f"A leak probe that is wet at {self.wets_at_l!r} l.", fix="more than 0.")
 
     def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
-        """Opens it in a plant, at an output with `water_l` and `stamp_s`."""
+        """Open it in a plant, at an output with `water_l` and `stamp_s`."""
         was_wet = False
 
         def feel(hull: Any) -> LeakReading:

@@ -86,11 +86,11 @@ class Icm20948(SensorLife):
         self._mend_s = 0.0
 
     def counts(self) -> dict[str, int]:
-        """Returns how often it did not answer, or with what cannot be."""
+        """Return how often it did not answer, or with what cannot be."""
         return {"errors": self._errors}
 
     def on_configure(self) -> None:
-        """Resets it, sets it up, and sees whether it is the part, took what was written, and feels gravity.
+        """Reset it, set it up, and see whether it is the part, took what was written, and feels gravity.
 
         Raises:
             DeviceError: it is not, or does not.
@@ -112,11 +112,11 @@ class Icm20948(SensorLife):
         self._newest = None
 
     def on_activate(self) -> None:
-        """Takes a first measurement."""
+        """Take a first measurement."""
         self._newest = self._measured()
 
     def read(self) -> ImuReading | Stale:
-        """Returns what it measures now.
+        """Return what it measures now.
 
         Raises:
             SensorLost: it was closed.
@@ -133,7 +133,7 @@ class Icm20948(SensorLife):
         return self._newest
 
     def on_close(self) -> None:
-        """Lets go of the bus."""
+        """Let go of the bus."""
         bus, self._bus = self._bus, None
         if bus is not None:
             bus.close()
@@ -160,7 +160,7 @@ class Icm20948(SensorLife):
         self._opened().write(COMPASS_ADDRESS, COMPASS_MODE, bytes([A_HUNDRED_A_SECOND]))
 
     def _mend(self) -> None:
-        """Sets it up again, in case that it was without power."""
+        """Set it up again, in case that it was without power."""
         if self._now_s() >= self._mend_s:
             self._mend_s = self._now_s() + MEND_EVERY_S
             with suppress(DeviceError):  # it is told already that it does not answer
@@ -182,7 +182,7 @@ class Icm20948(SensorLife):
         return ImuReading(rate, force, list(self._field_ut), *roll_pitch_yaw_rad(attitude), at_s)
 
     def _look_at_field(self, status_and_field: bytes) -> None:
-        """Takes the field, if there is a new one, and it is not too strong."""
+        """Take the field, if there is a new one, and it is not too strong."""
         ready, x, y, z, _, status = struct.unpack("<B3hBB", status_and_field)
         if ready & 1 and not status & OVERFLOW:
             chip = [x * UT_PER_COUNT, -y * UT_PER_COUNT, -z * UT_PER_COUNT]
@@ -211,7 +211,7 @@ class Icm20948(SensorLife):
 
 
 def is_right_handed(axes: Sequence[str]) -> bool:
-    """Returns whether these are three axes, as a right hand has them."""
+    """Return whether these are three axes, as a right hand has them."""
     try:
         return bool(_right_handed(axes))
     except ParameterError:
@@ -219,7 +219,7 @@ def is_right_handed(axes: Sequence[str]) -> bool:
 
 
 def _right_handed(axes: Sequence[str]) -> list[tuple[int, float]]:
-    """Returns for each axis of the body which of the chip's it is, and its sign.
+    """Return for each axis of the body which of the chip's it is, and its sign.
 
     >>> _right_handed(("y", "-x", "z"))
     [(1, 1.0), (0, -1.0), (2, 1.0)]

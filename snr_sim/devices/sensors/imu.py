@@ -82,7 +82,7 @@ class InertialUnit:
     angle_step_rad: float = _DEG / 16.0  # [D]
 
     def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
-        """Opens it in a plant, at an output with the true `rate_radps`, `specific_force_mps2` and `field_ut`."""
+        """Open it in a plant, at an output with the true `rate_radps`, `specific_force_mps2` and `field_ut`."""
         return SimSensor(plant, output, self.errors, rng, _felt, self._fused())
 
     def _fused(self) -> Callable[[Measured], ImuReading]:

@@ -68,7 +68,7 @@ def depth_m(
     density_kgm3: float = FRESH_KGM3,
     gravity_mps2: float = GRAVITY_MPS2,
 ) -> float:
-    """Returns the depth at a pressure, positive down, in water that does not give way.
+    """Return the depth at a pressure, positive down, in water that does not give way.
 
     >>> round(depth_m(399_980.0, 101_300.0, 997.0, 9.80665), 3)  # with the numbers of its maker's own library
     30.549
@@ -138,7 +138,7 @@ class Ms5837:
         return DepthReading(depth, felt.pressure_pa, felt.temperature_c, felt.stamp_s)
 
     def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
-        """Opens the sensor in a plant, at an output that tells of the water (`Water`)."""
+        """Open the sensor in a plant, at an output that tells of the water (`Water`)."""
         return SimSensor(plant, output, self.errors, rng, _felt, self.reading)
 
 

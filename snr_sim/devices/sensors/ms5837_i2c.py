@@ -61,11 +61,11 @@ class Ms5837I2c(SensorLife):
         self._why = ""
 
     def counts(self) -> dict[str, int]:
-        """Returns how often it did not answer, or with what cannot be."""
+        """Return how often it did not answer, or with what cannot be."""
         return {"errors": self._errors}
 
     def on_configure(self) -> None:
-        """Resets it and reads its calibration.
+        """Reset it and read its calibration.
 
         Raises:
             DeviceError: nobody answers, or the calibration's check sum is wrong.
@@ -88,7 +88,7 @@ class Ms5837I2c(SensorLife):
         self._newest = None
 
     def on_activate(self) -> None:
-        """Takes the first measurement, and it for the surface if it can be that."""
+        """Take the first measurement, and it for the surface if it can be that."""
         felt = self._felt(self._waited_for())
         if self._surface_pa is None and self._part.is_zeroed and AIR_PA[0] <= felt.pressure_pa <= AIR_PA[1]:
             self._surface_pa = felt.pressure_pa
@@ -97,7 +97,7 @@ class Ms5837I2c(SensorLife):
         self._convert(_PRESSURE)
 
     def read(self) -> DepthReading | Stale:
-        """Returns the newest reading; takes what has been converted since, and starts the next one.
+        """Return the newest reading; take what has been converted since, and start the next one.
 
         Raises:
             SensorLost: it was closed.
@@ -117,7 +117,7 @@ class Ms5837I2c(SensorLife):
         return newest
 
     def on_close(self) -> None:
-        """Lets go of the bus."""
+        """Let go of the bus."""
         bus, self._bus = self._bus, None
         if bus is not None:
             bus.close()

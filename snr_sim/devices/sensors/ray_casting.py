@@ -47,7 +47,7 @@ class Rays:
         self.colors: Floats = np.zeros((*x.shape, 3))
 
     def meet_triangle(self, a: Point, b: Point, c: Point, rgb: list[float]) -> None:
-        """Hits a flat triangle, whichever side it shows."""
+        """Hit a flat triangle, whichever side it shows."""
         normal = _cross(_less(b, a), _less(c, a))
         square = _dot(normal, normal)
         if square == 0.0:
@@ -63,7 +63,7 @@ class Rays:
         self._hit(inside, depths, [value * (1.0 - STEEP_SHADE * (1.0 - level)) for value in rgb])
 
     def meet_line(self, a: Point, b: Point, radius_m: float, rgb: list[float]) -> None:
-        """Hits a round bar. One that is thinner than a pixel is shown as wide as that, or it would flicker."""
+        """Hit a round bar. One that is thinner than a pixel is shown as wide as that, or it would flicker."""
         along, to_eye = _less(b, a), _less(self.eye_m, a)
         length2 = _dot(along, along)
         if length2 == 0.0:
@@ -85,7 +85,7 @@ class Rays:
         self.colors[first] = rgb
 
     def through_water(self, veiled_per_m: float = VEILED_PER_M) -> Image:
-        """Returns what arrives at the eye, shape (n, 3), through water that scatters so much for each metre."""
+        """Return what arrives at the eye, shape (n, 3), through water that scatters so much for each metre."""
         is_hit = np.isfinite(self.depths)
         depths = np.where(is_hit, self.depths, 0.0)
         way_m = depths * self.lengths
@@ -100,7 +100,7 @@ class Rays:
 
 
 def meet_scene(rays: Rays, statics: dict[str, Any]) -> None:
-    """Lets rays hit the shapes of a scene; `prelude/plant.py` says which there are."""
+    """Let rays hit the shapes of a scene; `prelude/plant.py` says which there are."""
     for shape in statics.values():
         rgb = [float(value) for value in shape["rgb"]]
         if shape["kind"] == "polyline":
@@ -121,7 +121,7 @@ def meet_scene(rays: Rays, statics: dict[str, Any]) -> None:
 
 
 def faded(thickness: Floats) -> Floats:
-    """Returns about exp(-thickness), 1 % too much at 4.5; rounded alike on every machine, as exp is not."""
+    """Return about exp(-thickness), 1 % too much at 4.5; rounded alike on every machine, as exp is not."""
     left = 1.0 / (1.0 + thickness / 1024.0)
     for _ in range(10):
         left = left * left

@@ -105,7 +105,7 @@ class Spoiler:
         self._draws = sum(part.draws for part in self._spoiled)  # exact: integers
 
     def spoil(self, reading: Any) -> Any:
-        """Returns the reading with errors."""
+        """Return the reading with errors."""
         values = list(self._values_of(reading))
         if len(self._noise) < self._draws:
             self._noise = self._rng.standard_normal(max(NOISE_BLOCK, self._draws)).tolist() + self._noise
@@ -160,7 +160,7 @@ class _Wandering:
         self._patience_s = wander.time_s / SMOOTHNESS
 
     def added_to(self, value: Any, stamp_s: float, draw: Callable[[], float]) -> Any:
-        """Returns a value or a list of them with the error of a moment."""
+        """Return a value or a list of them with the error of a moment."""
         if not self._errors:
             sigma = self._wander.sigma
             self._errors = [sigma * draw() for _ in (value if isinstance(value, list) else [value])]

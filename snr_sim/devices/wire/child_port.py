@@ -71,7 +71,7 @@ class ChildPort(Generic[Message]):
         return self._line.poll(seconds)
 
     def close(self) -> None:
-        """Ends its line, and so it."""
+        """End its line, and so it."""
         self._line.close()
         try:
             self._process.wait(END_S)

@@ -17,7 +17,7 @@ class CobsError(DeviceError):
 
 
 def encode(data: bytes) -> bytes:
-    """Returns the data without zeros: before each run of other bytes stands how far it is to the next zero.
+    """Return the data without zeros: before each run of other bytes stands how far it is to the next zero.
 
     The zero that ends the frame is not among them.
 
@@ -41,7 +41,7 @@ def encode(data: bytes) -> bytes:
 
 
 def decode(encoded: bytes) -> bytes:
-    """Returns what was encoded.
+    """Return what was encoded.
 
     Raises:
         CobsError: a zero stands in it, or a count goes beyond its end.

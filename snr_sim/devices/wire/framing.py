@@ -15,7 +15,7 @@ _CRC_BYTES = 2
 
 
 def framed(body: bytes) -> bytes:
-    """Returns a body as the bytes of its frame, with the zero that ends it.
+    """Return a body as the bytes of its frame, with the zero that ends it.
 
     >>> framed(bytes([3, 1, 0])).hex(" ")
     '03 03 01 03 6a 61 00'
@@ -41,7 +41,7 @@ class FrameReader:
         self._skips = False  # inside something overlong
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Takes bytes as they come; returns the bodies that are complete, at least one byte long.
+        """Take bytes as they come; return the bodies that are complete, at least one byte long.
 
         >>> frames = FrameReader(96)
         >>> frames.feed(bytes.fromhex("99 99 00 03 03 01 03 6a")), frames.feed(bytes.fromhex("61 00"))

@@ -24,23 +24,23 @@ class RawBus(Protocol):
     """What is used of `smbus2.SMBus`; a test gives its own."""
 
     def read_byte(self, i2c_addr: int) -> int:
-        """Reads a byte without naming a register."""
+        """Read a byte without naming a register."""
         ...
 
     def write_byte(self, i2c_addr: int, value: int) -> None:
-        """Writes a byte without naming a register: a command."""
+        """Write a byte without naming a register: a command."""
         ...
 
     def read_i2c_block_data(self, i2c_addr: int, register: int, length: int) -> list[int]:
-        """Reads a block."""
+        """Read a block."""
         ...
 
     def write_i2c_block_data(self, i2c_addr: int, register: int, data: list[int]) -> None:
-        """Writes a block."""
+        """Write a block."""
         ...
 
     def close(self) -> None:
-        """Closes the bus."""
+        """Close the bus."""
         ...
 
 
@@ -71,7 +71,7 @@ class I2cBus:
             raise DeviceError(f"{self.name} cannot be opened: {error}.", fix=_enable()) from error
 
     def read(self, address: int, register: int, length: int) -> bytes:
-        """Returns a block.
+        """Return a block.
 
         Raises:
             DeviceError: nobody acknowledges, the bus hangs, or the block is not whole.
@@ -88,21 +88,21 @@ class I2cBus:
         return block
 
     def write(self, address: int, register: int, data: bytes) -> None:
-        """Writes a block."""
+        """Write a block."""
         try:
             self._raw.write_i2c_block_data(address, register, list(data))
         except OSError as error:
             raise self._why_not(address, error) from error
 
     def command(self, address: int, byte: int) -> None:
-        """Writes one byte that is a command."""
+        """Write one byte that is a command."""
         try:
             self._raw.write_byte(address, byte)
         except OSError as error:
             raise self._why_not(address, error) from error
 
     def who_answers(self) -> list[int]:
-        """Returns the addresses that acknowledge. Asks each of them, which takes some 20 ms."""
+        """Return the addresses that acknowledge. Asks each of them, which takes some 20 ms."""
         found = []
         for address in range(_FIRST, _LAST + 1):
             try:
@@ -114,7 +114,7 @@ class I2cBus:
         return found
 
     def close(self) -> None:
-        """Lets go of the bus. Never raises; safe to call twice."""
+        """Let go of the bus. Never raises; safe to call twice."""
         self._raw.close()
 
     def _why_not(self, address: int, error: OSError) -> DeviceError:

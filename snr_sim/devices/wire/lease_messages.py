@@ -88,7 +88,7 @@ _decoder: msgspec.json.Decoder[Message] = msgspec.json.Decoder(Message)
 
 
 def encode(message: Message) -> bytes:
-    """Returns a message as bytes.
+    """Return a message as bytes.
 
     >>> encode(Arm())
     b'{"type":"Arm"}'

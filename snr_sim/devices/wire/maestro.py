@@ -48,7 +48,7 @@ MEANINGS = {
 
 
 def crc7(data: bytes) -> int:
-    """Returns the check that a Maestro expects behind a command.
+    """Return the check that a Maestro expects behind a command.
 
     >>> hex(crc7(bytes([0x83, 0x01])))
     '0x17'
@@ -62,7 +62,7 @@ def crc7(data: bytes) -> int:
 
 
 def set_target(channel: int, pulse_us: float) -> bytes:
-    """Returns the command for one channel.
+    """Return the command for one channel.
 
     >>> set_target(0, 1500.0).hex(" ")
     '84 00 70 2e'
@@ -71,7 +71,7 @@ def set_target(channel: int, pulse_us: float) -> bytes:
 
 
 def set_targets(pulses_us: Sequence[float]) -> list[bytes]:
-    """Returns the commands for channels 0 to n - 1: one for all, or one for each where the small board may be meant.
+    """Return the commands for channels 0 to n - 1: one for all, or one for each where the small board may be meant.
 
     >>> [len(command) for command in set_targets([1500.0] * 8)], len(set_targets([1500.0] * 6))
     ([19], 6)
@@ -83,17 +83,17 @@ def set_targets(pulses_us: Sequence[float]) -> list[bytes]:
 
 
 def get_position(channel: int) -> bytes:
-    """Returns the question what pulse a channel makes now."""
+    """Return the question what pulse a channel makes now."""
     return bytes([_GET_POSITION, channel])
 
 
 def get_errors() -> bytes:
-    """Returns the question for the error register, which clears it."""
+    """Return the question for the error register, which clears it."""
     return bytes([_GET_ERRORS])
 
 
 def with_crc(command: bytes) -> bytes:
-    """Returns a command with its CRC-7 behind it.
+    """Return a command with its CRC-7 behind it.
 
     >>> with_crc(bytes([0x83, 0x01])).hex(" ")
     '83 01 17'
@@ -102,7 +102,7 @@ def with_crc(command: bytes) -> bytes:
 
 
 def number_of(answer: bytes) -> int:
-    """Returns the number of an answer of two whole bytes, low one first.
+    """Return the number of an answer of two whole bytes, low one first.
 
     >>> number_of(bytes([0x70, 0x17])) / QUARTERS_PER_US
     1500.0
@@ -111,7 +111,7 @@ def number_of(answer: bytes) -> int:
 
 
 def in_words(errors: int) -> str:
-    """Returns what is set in an error register."""
+    """Return what is set in an error register."""
     known = [f"{bit.name}: {MEANINGS[bit]}" for bit in MaestroError if errors & bit]
     return "; ".join(known) or "none"
 

@@ -50,7 +50,7 @@ _WIDTHS = [struct.Struct(f"<{n}H") for n in range(MOST_CHANNELS + 1)]
 
 
 def encode(message: ToMcu | FromMcu) -> bytes:
-    """Returns a message as the bytes of its frame, with the zero that ends it.
+    """Return a message as the bytes of its frame, with the zero that ends it.
 
     Raises:
         CommandError: a number does not fit, is NaN, infinite or none, or there are more than 16 widths.
@@ -134,7 +134,7 @@ class McuFrames:
         return self._reader.overlong
 
     def feed(self, data: bytes) -> list[ToMcu | FromMcu]:
-        """Takes bytes as they come; returns the messages that are complete.
+        """Take bytes as they come; return the messages that are complete.
 
         >>> frames = McuFrames()
         >>> frames.feed(bytes.fromhex("99 99 00 03 03 01 03 6a")), frames.feed(bytes.fromhex("61 00"))
@@ -161,7 +161,7 @@ class McuFrames:
 
 
 def _unpacked(body: bytes) -> ToMcu | FromMcu | None:
-    """Returns the message in a frame without its check sum; None if it is none that we know."""
+    """Return the message in a frame without its check sum; None if it is none that we know."""
     kind, size = body[0], len(body)
     if kind == TYPE_OF[Telemetry] and size >= _TELEMETRY.size:
         return _telemetry(body)

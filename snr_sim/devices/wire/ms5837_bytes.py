@@ -20,7 +20,7 @@ _POLYNOMIAL = 0x3000
 
 
 def crc4(words: Sequence[int]) -> int:
-    """Returns the check sum of a PROM of eight words, in which its own four bits are 0.
+    """Return the check sum of a PROM of eight words, in which its own four bits are 0.
 
     >>> hex(crc4([0x3132, 0x3334, 0x3536, 0x3738, 0x3940, 0x4142, 0x4344, 0x4500]))  # the example of AN520
     '0xb'
@@ -34,7 +34,7 @@ def crc4(words: Sequence[int]) -> int:
 
 
 def calibration(words: Sequence[int]) -> tuple[int, ...]:
-    """Returns C0 to C6 of a PROM's seven words, C0 without the check sum.
+    """Return C0 to C6 of a PROM's seven words, C0 without the check sum.
 
     Raises:
         DeviceError: the check sum is of other words.
@@ -83,7 +83,7 @@ class Compensation(NamedTuple):
 
 
 def compensation(c: Sequence[int], d1: int, d2: int) -> Compensation:
-    """Returns each step of the data sheet's integer arithmetic, to compare a port in another language with.
+    """Return each step of the data sheet's integer arithmetic, to compare a port in another language with.
 
     A division is an arithmetic shift, so it rounds down: of the data sheet's own example, TEMP is 1981 only so. In C,
     all products take 64 bits.
@@ -115,7 +115,7 @@ def compensation(c: Sequence[int], d1: int, d2: int) -> Compensation:
 
 
 def compensated(c: Sequence[int], d1: int, d2: int) -> tuple[float, float]:
-    """Returns pressure [Pa] and temperature [C] of raw counts, with the second order.
+    """Return pressure [Pa] and temperature [C] of raw counts, with the second order.
 
     The pressure keeps what the data sheet's last shift would cut off, so it is in steps of a count.
 
@@ -133,5 +133,5 @@ def compensated(c: Sequence[int], d1: int, d2: int) -> tuple[float, float]:
 
 
 def _pressure(d1: int, sens: int, off: int) -> int:
-    """Returns P before the last shift, [0.1 mbar / 2^13]."""
+    """Return P before the last shift, [0.1 mbar / 2^13]."""
     return (d1 * sens >> 21) - off

@@ -81,7 +81,7 @@ class NmeaLines:
         self._skips = False  # inside a line that is too long
 
     def feed(self, data: bytes) -> list[Fix | Course]:
-        """Takes bytes as they come; returns the sentences that are complete and of use.
+        """Take bytes as they come; return the sentences that are complete and of use.
 
         >>> lines = NmeaLines()
         >>> len(lines.feed(b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\\r\\n"))
@@ -127,7 +127,7 @@ class NmeaLines:
 
 
 def checksum(body: bytes) -> int:
-    """Returns the check sum of what stands between $ and *.
+    """Return the check sum of what stands between $ and *.
 
     >>> f"{checksum(b'GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,'):02X}"
     '47'
@@ -177,7 +177,7 @@ def _time_s(text: str) -> float | None:
 
 
 def _angle_deg(text: str, side: str, sides: str) -> float | None:
-    """Returns degrees of ddmm.mmmm, or dddmm.mmmm, and a letter."""
+    """Return degrees of ddmm.mmmm, or dddmm.mmmm, and a letter."""
     if not text:
         return None
     whole, _, part = text.partition(".")

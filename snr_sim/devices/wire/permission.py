@@ -28,7 +28,7 @@ class Owner:
 
 
 def owner_of(path: Path) -> Owner:
-    """Returns whose a file is.
+    """Return whose a file is.
 
     Raises:
         OSError: it is not there.
@@ -43,7 +43,7 @@ def owner_of(path: Path) -> Owner:
 
 
 def how_to_use(path: Path, usual: str, owner: Owner | None = None) -> str:
-    """Returns what to do to be allowed a file.
+    """Return what to do to be allowed a file.
 
     Args:
         path: a port, a bus, or a file of a PWM chip.

@@ -31,7 +31,7 @@ class BytePort(Protocol):
         ...
 
     def write(self, data: bytes) -> None:
-        """Sends bytes; does not wait until they are out.
+        """Send bytes; do not wait until they are out.
 
         Raises:
             DeviceError: the port is gone, or takes no more.
@@ -39,7 +39,7 @@ class BytePort(Protocol):
         ...
 
     def read(self) -> bytes:
-        """Returns what has come, which may be nothing; does not wait.
+        """Return what has come, which may be nothing; do not wait.
 
         Raises:
             DeviceError: the port is gone.
@@ -47,11 +47,11 @@ class BytePort(Protocol):
         ...
 
     def wait(self, seconds: float) -> bool:
-        """Returns whether bytes have come, as soon as they have; False after so long."""
+        """Return whether bytes have come, as soon as they have; False after so long."""
         ...
 
     def close(self) -> None:
-        """Lets go of it. Never raises; safe to call twice."""
+        """Let go of it. Never raises; safe to call twice."""
         ...
 
 
@@ -76,7 +76,7 @@ class SerialPort:
             raise _why_not(path, baud, error) from error
 
     def write(self, data: bytes) -> None:
-        """Sends bytes."""
+        """Send bytes."""
         try:
             taken = self._serial.write(data)
         except OSError as error:
@@ -88,7 +88,7 @@ class SerialPort:
             )
 
     def read(self) -> bytes:
-        """Returns what has come."""
+        """Return what has come."""
         try:
             waiting = self._serial.in_waiting
             data: bytes = self._serial.read(waiting) if waiting else b""
@@ -97,14 +97,14 @@ class SerialPort:
         return data
 
     def wait(self, seconds: float) -> bool:
-        """Returns whether bytes have come."""
+        """Return whether bytes have come."""
         try:
             return bool(select.select([self._serial], [], [], seconds)[0])
         except (OSError, ValueError, TypeError) as error:
             raise self._gone(error) from error
 
     def close(self) -> None:
-        """Lets go of the port."""
+        """Let go of the port."""
         with suppress(OSError):  # of one that was unplugged
             self._serial.close()
 
@@ -116,7 +116,7 @@ class SerialPort:
 
 
 def ask(port: BytePort, request: bytes, length: int, timeout_s: float = ANSWER_S) -> bytes:
-    """Sends a request and returns what comes back: at least `length` bytes, or as many as came in the time.
+    """Send a request and return what comes back: at least `length` bytes, or as many as came in the time.
 
     Args:
         port: where to. What has come before is thrown away.
@@ -134,7 +134,7 @@ def ask(port: BytePort, request: bytes, length: int, timeout_s: float = ANSWER_S
 
 
 def check_port(path: str) -> None:
-    """Looks whether a port is there and may be opened, without opening it, which would reset an Arduino.
+    """Look whether a port is there and may be opened, without opening it, which would reset an Arduino.
 
     Raises:
         DeviceError: it is not, with those that are; or which group may.
@@ -146,7 +146,7 @@ def check_port(path: str) -> None:
 
 
 def ports() -> list[str]:
-    """Returns the serial ports there are, each with what is behind it, if that is known."""
+    """Return the serial ports there are, each with what is behind it, if that is known."""
     _pyserial()
     found = importlib.import_module("serial.tools.list_ports").comports()
     return sorted(
@@ -163,7 +163,7 @@ def _pyserial() -> Any:
 
 
 def _why_not(path: str, baud: int, error: Exception) -> DeviceError:
-    """Returns what is wrong with a port that would not open."""
+    """Return what is wrong with a port that would not open."""
     number = getattr(error, "errno", None)
     if isinstance(error, ValueError):
         listed = ", ".join(map(str, _BAUDS))
@@ -194,7 +194,7 @@ def _why_not(path: str, baud: int, error: Exception) -> DeviceError:
 
 
 def _holder(path: str) -> str:
-    """Returns who has a port open, as far as we may know: root sees all, others see their own."""
+    """Return who has a port open, as far as we may know: root sees all, others see their own."""
     wanted, processes, found = os.path.realpath(path), Path("/proc"), "another program"
     for process in sorted(processes.glob("[0-9]*")):
         try:

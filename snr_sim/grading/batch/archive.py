@@ -84,7 +84,7 @@ class _Measured:
         self._read_bytes = 0
 
     def read(self, size: int) -> bytes:
-        """Returns the next bytes, none at the end."""
+        """Return the next bytes, none at the end."""
         try:
             data: bytes = self._source.read(size)
         except _DAMAGES as error:
@@ -104,7 +104,7 @@ class _Bounded(io.RawIOBase):
         self._file = file
 
     def read(self, size: int = -1) -> bytes:
-        """Returns so many bytes.
+        """Return so many bytes.
 
         Raises:
             Refused: they are more than any honest archive makes one read at once.
@@ -116,7 +116,7 @@ class _Bounded(io.RawIOBase):
         return data
 
     def seek(self, offset: int, whence: int = 0) -> int:
-        """Goes to a place.
+        """Go to a place.
 
         Raises:
             ValueError: it lies before the beginning, as in a damaged archive.
@@ -126,13 +126,13 @@ class _Bounded(io.RawIOBase):
         return self._file.seek(offset, whence)
 
     def tell(self) -> int:
-        """Returns the place."""
+        """Return the place."""
         return self._file.tell()
 
     def seekable(self) -> bool:
-        """It is."""
+        """Return True."""
         return True
 
     def readable(self) -> bool:
-        """It is."""
+        """Return True."""
         return True

@@ -14,7 +14,7 @@ from snr_sim.recording.whole_files import write_whole
 
 
 def write_class_files(folder: ClassFolder, title: str) -> tuple[Summary, str]:
-    """Writes class.csv, cases.csv, leaderboard.csv if something is ranked, and distribution.png.
+    """Write class.csv, cases.csv, leaderboard.csv if something is ranked, and distribution.png.
 
     Returns:
         the class in numbers, and why there is no picture, if there is none.

@@ -109,7 +109,7 @@ class ClassFolder:
             raise
 
     def _tidy_up(self) -> None:
-        """Removes what a process that was killed has left."""
+        """Remove what a process that was killed has left."""
         left = Path(os.pread(self._lock, 4096, 0).decode(errors="replace"))
         if left.name.startswith(_PLACE) and left.is_absolute() and left.is_dir() and left.stat().st_uid == os.getuid():
             remove(left)
@@ -119,7 +119,7 @@ class ClassFolder:
                 part.unlink(missing_ok=True)
 
     def _make_place(self) -> Path:
-        """Returns a private place for submissions: nobody can list it, but a sandbox of another user can enter."""
+        """Return a private place for submissions: nobody can list it, but a sandbox of another user can enter."""
         place = Path(tempfile.mkdtemp(prefix=_PLACE))
         try:
             place.chmod(stat.S_IRWXU | stat.S_IXGRP | stat.S_IXOTH)
@@ -157,7 +157,7 @@ class ClassFolder:
         return [Submission(name, Path(given)) for name, given in self._manifest.submissions] if self._manifest else []
 
     def secret(self, given: Path | None) -> tuple[bytes, bool]:
-        """Returns the secret, and whether it was made just now.
+        """Return the secret, and whether it was made just now.
 
         Raises:
             SnrError: it cannot be read, or is so short that it could be guessed.
@@ -169,7 +169,7 @@ class ClassFolder:
         return read_secret(path), False
 
     def begin(self, terms: Terms, submissions: Sequence[Submission]) -> None:
-        """Notes what is asked for; what is made at the end of a run is taken away, as it will not be true any more.
+        """Note what is asked for; what is made at the end of a run is taken away, as it will not be true any more.
 
         Raises:
             SnrError: it was begun with other terms.
@@ -191,12 +191,12 @@ class ClassFolder:
             (self.path / folder).mkdir(exist_ok=True)
 
     def done(self, name: str, digest: str) -> Graded | None:
-        """Returns the result of a submission, if it is done and still the same."""
+        """Return the result of a submission, if it is done and still the same."""
         kept = self._kept(name)
         return kept.graded if kept is not None and kept.digest == digest else None
 
     def every_result(self) -> Iterator[Graded]:
-        """Yields what is done, one by one, in the order in which it was asked for."""
+        """Yield what is done, one by one, in the order in which it was asked for."""
         for name, _ in self._manifest.submissions if self._manifest else []:
             kept = self._kept(name)
             if kept is not None:
@@ -209,14 +209,14 @@ class ClassFolder:
             return None
 
     def stage(self, name: str) -> Path:
-        """Returns an empty folder in which a submission's reports can be made."""
+        """Return an empty folder in which a submission's reports can be made."""
         folder = self.path / ".staged" / name
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()
         return folder
 
     def keep(self, graded: Graded, digest: str, reports: Mapping[str, str]) -> None:
-        """Writes a result: the reports, with what else was staged, then the record by which it is done."""
+        """Write a result: the reports, with what else was staged, then the record by which it is done."""
         staged = self.path / ".staged" / graded.submission
         staged.mkdir(exist_ok=True)
         for name, text in reports.items():
@@ -242,12 +242,12 @@ def _remove_wholly(place: Path) -> None:
 
 
 def made_secret() -> bytes:
-    """Returns a new secret."""
+    """Return a new secret."""
     return secrets.token_hex(32).encode()
 
 
 def read_secret(path: Path) -> bytes:
-    """Returns the secret in a file.
+    """Return the secret in a file.
 
     Raises:
         SnrError: it cannot be read, or is so short that it could be guessed.
@@ -265,7 +265,7 @@ def read_secret(path: Path) -> bytes:
 
 
 def _only_ours(path: Path) -> bool:
-    """Returns whether nothing is there but what a run leaves that was killed before it had begun."""
+    """Return whether nothing is there but what a run leaves that was killed before it had begun."""
     return {entry.name for entry in path.iterdir()} <= {".lock", "secret", ".secret.part", ".class.json.part"}
 
 
@@ -277,5 +277,5 @@ def _changed(before: Mapping[str, str], now: Mapping[str, str]) -> str:
 
 
 def digest_of_secret(secret: bytes) -> str:
-    """Returns what says whether two secrets are the same, and nothing else."""
+    """Return what says whether two secrets are the same, and nothing else."""
     return hashlib.sha256(b"snr_sim grading\0" + secret).hexdigest()[:32]

@@ -71,7 +71,7 @@ cd "$root"
 
 
 def write_container(lab: Lab, secret: bytes, isolation: Demanded, out: Path) -> None:
-    """Writes what Gradescope wants.
+    """Write what Gradescope wants.
 
     Args:
         lab: what submissions are tried by.
@@ -105,7 +105,7 @@ def write_container(lab: Lab, secret: bytes, isolation: Demanded, out: Path) -> 
 
 
 def requirements() -> list[str]:
-    """Returns what pip has to install for the kit, with what simulates."""
+    """Return what pip has to install for the kit, with what simulates."""
     found = []
     for line in importlib.metadata.requires("snr_sim") or []:
         name, _, marker = line.partition(";")
@@ -116,7 +116,7 @@ def requirements() -> list[str]:
 
 
 def grade_in_container(root: Path) -> Graded:
-    """Grades the submission in a container, and writes its results.json.
+    """Grade the submission in a container, and write its results.json.
 
     Args:
         root: /autograder, or where a test has it.

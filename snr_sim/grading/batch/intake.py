@@ -47,7 +47,7 @@ class TakenIn:
 
 
 def take_in(given: Path, wanted: Sequence[str], into: Path) -> TakenIn:
-    """Copies a submission to `into`, which must not be there yet.
+    """Copy a submission to `into`, which must not be there yet.
 
     Args:
         given: a folder or a zip archive.
@@ -79,7 +79,7 @@ def take_in(given: Path, wanted: Sequence[str], into: Path) -> TakenIn:
 
 
 def remove(folder: Path) -> None:
-    """Removes a folder that was made read-only; one that is not there is no mistake."""
+    """Remove a folder that was made read-only; one that is not there is no mistake."""
     for path, _, _ in os.walk(folder):
         os.chmod(path, 0o700)
     shutil.rmtree(folder, ignore_errors=True)
@@ -187,7 +187,7 @@ def _copy(members: Iterator[Member], into: int, notes: list[str]) -> int:
 
 
 def _top(into: Path, wanted: Sequence[str]) -> Path:
-    """Returns the folder that holds the lab's files: archives often have one folder around everything."""
+    """Return the folder that holds the lab's files: archives often have one folder around everything."""
     top = into
     while not any((top / name).is_file() for name in wanted):
         inside = list(os.scandir(top))
@@ -198,7 +198,7 @@ def _top(into: Path, wanted: Sequence[str]) -> Path:
 
 
 def _lift(top: Path, into: Path) -> None:
-    """Makes the contents of a folder inside a folder the contents of that folder."""
+    """Make the contents of a folder inside a folder the contents of that folder."""
     apart = into.with_name(f".{into.name}.top")  # no submission's name begins with a dot
     top.rename(apart)
     shutil.rmtree(into)
@@ -206,7 +206,7 @@ def _lift(top: Path, into: Path) -> None:
 
 
 def _missing(name: str, into: Path, top: Path) -> str:
-    """Says that a file of the lab is not there, and which one may be meant."""
+    """Say that a file of the lab is not there, and which one may be meant."""
     files = sorted(str(path.relative_to(top)) for path in top.rglob("*") if path.is_file())
     elsewhere = [file for file in files if Path(file).name == name]
     if elsewhere:

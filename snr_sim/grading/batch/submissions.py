@@ -25,7 +25,7 @@ class Submission(NamedTuple):
 def name_submissions(
     given: Iterable[Path], known: Sequence[Submission] = (), wanted_files: Sequence[str] = ()
 ) -> list[Submission]:
-    """Returns each submission, once, with a name that is safe in paths and tables and that no other has.
+    """Return each submission, once, with a name that is safe in paths and tables and that no other has.
 
     Args:
         given: folders and archives, by path.
@@ -70,7 +70,7 @@ def _need_submission(path: Path, wanted_files: Sequence[str]) -> None:
 
 
 def _inside(folder: Path) -> list[Path]:
-    """Returns what is in a folder, litter left out, in order."""
+    """Return what is in a folder, litter left out, in order."""
     try:
         return sorted(path for path in folder.iterdir() if not is_litter(path.name))
     except OSError as error:
@@ -78,7 +78,7 @@ def _inside(folder: Path) -> list[Path]:
 
 
 def _safe_name(path: Path) -> str:
-    """Returns letters, digits and - _ . of a file's name, so that it is one folder's name everywhere.
+    """Return letters, digits and - _ . of a file's name, so that it is one folder's name everywhere.
 
     >>> _safe_name(Path("/class/Zoë Müller (late).zip"))
     'Zoë_Müller_late'

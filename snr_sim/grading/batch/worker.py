@@ -57,7 +57,7 @@ _decode_job = msgspec.json.Decoder(Job).decode
 
 
 def serve(line: Connection) -> int:
-    """Answers jobs until nobody asks any more; `Spawned` calls it."""
+    """Answer jobs until nobody asks any more; `Spawned` calls it."""
     jobs: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(line, jobs), daemon=True).start()
     nursery: Nursery | None = None
@@ -105,7 +105,7 @@ def _listen(line: Connection, jobs: queue.SimpleQueue[bytes]) -> None:
 
 
 def grade(job: Job, nursery: Nursery | None = None) -> Graded:
-    """Returns what a job's submission comes to; a failure that is not the student's is in it, as a fault.
+    """Return what a job's submission comes to; a failure that is not the student's is in it, as a fault.
 
     Args:
         job: the submission.
@@ -132,7 +132,7 @@ def _lab(path: str) -> Lab:
 
 
 def without_marks(job: Job, status: Status, error: str, title: str = "") -> Graded:
-    """Returns the result of a submission of which nothing was tried; its program would have been kept as it says.
+    """Return the result of a submission of which nothing was tried; its program would have been kept as it says.
 
     Args:
         job: whose.
@@ -155,7 +155,7 @@ def without_marks(job: Job, status: Status, error: str, title: str = "") -> Grad
 
 @cache
 def _kept_here(demanded: Demanded) -> Isolation:
-    """Returns how programs are kept on this computer; where that cannot be found out, what was wanted."""
+    """Return how programs are kept on this computer; where that cannot be found out, what was wanted."""
     try:
         return sandboxed(demanded)
     except (SnrError, OSError):  # what has ended a grading may stop this, too: no memory, no processes

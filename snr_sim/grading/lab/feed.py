@@ -89,7 +89,7 @@ def feed(
     until_s: float | None = None,
     seed: int = 0,
 ) -> list[Produced]:
-    """Returns what the student's components made of the inputs, in order.
+    """Return what the student's components made of the inputs, in order.
 
     Args:
         student: whose submission.
@@ -178,7 +178,7 @@ class _Desk:
         return self._brought < self._count and self._node.exit_reason not in (TIME_LIMIT, NOTHING_LEFT)
 
     def take(self, given: Given) -> None:
-        """Lets an input in when its time comes, before the components' loops tick."""
+        """Let an input in when its time comes, before the components' loops tick."""
         number, self._count = self._count, self._count + 1
         if given.at_s <= self._clock.now_s() and self._clock.now_s() > 0.0:
             self._bring(given, number)
@@ -197,7 +197,7 @@ class _Desk:
         self._node.enter(task, _SOURCE)
 
     def answer(self, produced: Produced) -> None:
-        """Asks who closes the loop."""
+        """Ask who closes the loop."""
         if self._reply is None:
             return
         replies = self._reply(produced)
@@ -223,32 +223,32 @@ class Ledger:
         self._numbers.append(number)
 
     def for_node(self, name: str) -> Ledger:
-        """Returns itself."""
+        """Return itself."""
         return self
 
     def begun(self, now_s: float, component: str, scheduled: Sequence[Task]) -> list[Ticket]:
-        """Keeps what a component scheduled in `begin`."""
+        """Keep what a component scheduled in `begin`."""
         return self._made(now_s, [(component, task) for task in scheduled], None)
 
     def input(self, now_s: float, source: str, task: Task) -> Ticket:
-        """Keeps what a loop of the student's brought."""
+        """Keep what a loop of the student's brought."""
         cause = self._numbers.pop(0) if source == _SOURCE else None
         if source in self._names:
             self._keep(now_s, source, task, cause)
         return (task, 0, 0, cause)
 
     def task(self, now_s: float, ticket: Ticket, handled: Sequence[Handled]) -> list[Ticket]:
-        """Keeps what handlers returned."""
+        """Keep what handlers returned."""
         return self._made(now_s, [(label[0], task) for label, returned in handled for task in returned], ticket[3])
 
     def error(self, now_s: float, component: str, message: str) -> None:
-        """Keeps nothing: whoever runs the node is told."""
+        """Keep nothing: whoever runs the node is told."""
 
     def said(self, now_s: float, component: str, level: str, text: str) -> None:
-        """Keeps nothing: what the student's program prints is kept by who runs it."""
+        """Keep nothing: what the student's program prints is kept by who runs it."""
 
     def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
-        """Keeps nothing."""
+        """Keep nothing."""
 
     def _made(self, now_s: float, made: Sequence[tuple[str, Task]], cause: int | None) -> list[Ticket]:
         for component, task in made:

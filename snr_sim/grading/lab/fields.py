@@ -19,7 +19,7 @@ Kind = TypeVar("Kind", float, str, bool, list[float])
 
 
 def page_of(page: Any, key: str) -> dict[str, Any]:
-    """Returns a page's data, which must be a dict.
+    """Return a page's data, which must be a dict.
 
     Raises:
         Misbehaved: it is something else.
@@ -31,7 +31,7 @@ def page_of(page: Any, key: str) -> dict[str, Any]:
 
 
 def field_of(page: Any, key: str, name: str, kind: type[Kind], count: int | None = None) -> Kind:
-    """Returns a field of a page.
+    """Return a field of a page.
 
     Args:
         page: its data.
@@ -81,5 +81,5 @@ def _words(kind: type[Any], count: int | None) -> str:
 
 
 def _told(found: Any, hint: str, expected: str) -> Misbehaved:
-    """Returns what there is to say; the hint is shown of hidden cases, too, so what was found is not in it."""
+    """Return what there is to say; the hint is shown of hidden cases, too, so what was found is not in it."""
     return Misbehaved("A page is not as the lab asks for it.", hint, expected, reprlib.repr(found))

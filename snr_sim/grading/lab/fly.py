@@ -51,7 +51,7 @@ class Flown:
         self.trace = trace
 
     def pages(self, key: str) -> list[tuple[float, Any]]:
-        """Returns when a page was stored, in the grader's time, and its data; in order."""
+        """Return when a page was stored, in the grader's time, and its data; in order."""
         return [
             (record.t, decode_value(bytes(record.values), {"page": Page})[0].data)
             for record in self.trace.records
@@ -59,7 +59,7 @@ class Flown:
         ]
 
     def truth(self) -> list[tuple[float, dict[str, Any]]]:
-        """Returns the plant's true values, 20 times a second: `{"depth_m": 1.0, ...}`, and its poses under "poses"."""
+        """Return the plant's true values, 20 times a second: `{"depth_m": 1.0, ...}`, and its poses under "poses"."""
         return [
             (record.t, {**record.values, "poses": record.poses})
             for record in self.trace.records
@@ -78,7 +78,7 @@ def fly(
     record: bool,
     may_fail: bool,
 ) -> Flown:
-    """Flies; the run is the same, to the last bit, as that of `snr run` with the same file.
+    """Fly; the run is the same, to the last bit, as that of `snr run` with the same file.
 
     Args:
         student: whose submission.
@@ -123,7 +123,7 @@ def _prepared(
     remote: Remote,
     robots: list[tuple[str, Path]],
 ) -> _Prepared:
-    """Puts the flight together; the student's file is read, and its components are made.
+    """Put the flight together; the student's file is read, and its components are made.
 
     Raises:
         Misbehaved: that failed.
@@ -151,7 +151,7 @@ def _prepared(
 
 
 def _check_names(base: Simulation, module: ModuleType, options: dict[str, str]) -> None:
-    """Checks the student's ROLES, and its OPTIONS with what is asked for.
+    """Check the student's ROLES, and its OPTIONS with what is asked for.
 
     Raises:
         Misbehaved: they are not what they should be.
@@ -166,7 +166,7 @@ def _check_names(base: Simulation, module: ModuleType, options: dict[str, str]) 
 
 
 def _read_files(remote: Remote, submission: Path, robots: list[tuple[str, Path]]) -> dict[str, Path]:
-    """Returns the files that the student's process says it has read, as far as they are there."""
+    """Return the files that the student's process says it has read, as far as they are there."""
     folders = {SUBMISSION: ("controller", submission)} | {name: ("robot", folder) for name, folder in robots}
     read = {}
     for name, below in remote.files:
@@ -219,7 +219,7 @@ _HINT_RAISED = "Your program ended the run with an error: look at the line named
 
 
 def _judged(flown: Flown, remote: Remote, may_fail: bool) -> Flown:
-    """Returns a flight that has not failed; else says whose fault it was."""
+    """Return a flight that has not failed; else says whose fault it was."""
     if remote.misbehaved is not None:
         raise remote.misbehaved
     if flown.outcome == "ended" and not may_fail:
@@ -232,7 +232,7 @@ def _judged(flown: Flown, remote: Remote, may_fail: bool) -> Flown:
 
 
 def _robot_of(scenario: str) -> library.Found:
-    """Returns the robot of a scenario.
+    """Return the robot of a scenario.
 
     Raises:
         LabFault: there is none.
@@ -244,7 +244,7 @@ def _robot_of(scenario: str) -> library.Found:
 
 
 def _base(request: Request, roles: Any) -> tuple[Simulation, ModuleType | None]:
-    """Returns a scenario with its robot, loaded once for many flights, and who controls what the student does not."""
+    """Return a scenario with its robot, loaded once for many flights, and who controls what the student does not."""
     named = tuple(map(str, roles)) if isinstance(roles, list) else None
     what = (request.scenario, request.engine, request.io, named)
     base, standard = _loaded(*what)
@@ -268,7 +268,7 @@ def _loaded(
 
 
 def _nobody(robot: library.Found, name: str) -> ModuleType:
-    """Returns a controller that makes nothing: the student's takes its place."""
+    """Return a controller that makes nothing: the student's takes its place."""
     module = ModuleType("nobody")
     module.__file__ = name
     return module

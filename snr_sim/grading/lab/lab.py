@@ -111,7 +111,7 @@ class Check:
         return (inspect.getdoc(self.function) or self.name).partition("\n")[0]
 
     def cases(self, lab: str, secret: bytes | None) -> list[Case]:
-        """Returns the cases, visible ones first; without a secret only those.
+        """Return the cases, visible ones first; without a secret only those.
 
         Raises:
             LabFault: drawing them failed.
@@ -132,7 +132,7 @@ class Check:
         return found + drawn
 
     def judge(self, student: Student, case: Case) -> Verdict:
-        """Tries a case.
+        """Try a case.
 
         Raises:
             Misbehaved: the student's program did what no check can answer.
@@ -155,12 +155,12 @@ def check(
     needs: Sequence[str] = (),
     all_or_nothing: bool = False,
 ) -> Callable[[Callable[..., Verdict]], Check]:
-    """Returns a decorator that makes a check of a function; arguments as for `Check`."""
+    """Return a decorator that makes a check of a function; arguments as for `Check`."""
     return lambda function: Check(function, points, tuple(visible), hidden, tuple(needs), all_or_nothing)
 
 
 def chance(secret: bytes, lab: str, check: str) -> random.Random:
-    """Returns the generator of a check's hidden cases: from the secret, the lab's name and the check's."""
+    """Return the generator of a check's hidden cases: from the secret, the lab's name and the check's."""
     digest = hashlib.blake2b("\0".join((lab, check)).encode(), key=hashlib.sha256(secret).digest()).digest()
     return random.Random(int.from_bytes(digest, "big"))
 
@@ -228,7 +228,7 @@ class Lab:
 
 
 def find_lab(name: str) -> Lab:
-    """Finds a lab by its name, with or without its number, or by a path, and reads its checks.
+    """Find a lab by its name, with or without its number, or by a path, and read its checks.
 
     Raises:
         UnknownName: there is none, or it has no checks.
@@ -242,7 +242,7 @@ def find_lab(name: str) -> Lab:
 
 
 def load_lab(path: Path) -> Lab:
-    """Reads the checks of a lab from its checks.py, which may import modules of its folder: `from .grader import ...`.
+    """Read the checks of a lab from its checks.py, which may import modules of its folder: `from .grader import ...`.
 
     Raises:
         LabFault: they cannot be read.

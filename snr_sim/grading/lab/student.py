@@ -134,7 +134,7 @@ class Student:
         finite: bool = True,
         budget_s: float = CALL_CPU_S,
     ) -> Any:
-        """Calls a function of a submitted file, in the student's process, and returns what it returns.
+        """Call a function of a submitted file, in the student's process, and return what it returns.
 
         Several calls in one case meet the same process, so what the file keeps it keeps.
 
@@ -158,7 +158,7 @@ class Student:
         return _checked(f"{file}: {function}(...)", raw, returns, finite)
 
     def host(self, file: str, kind: type[Any], *args: Any, budget_s: float = CALL_CPU_S) -> Host:
-        """Makes an object of the kit's or the lab's in the student's process, around the student's module.
+        """Make an object of the kit's or the lab's in the student's process, around the student's module.
 
         For what has to be said often and briefly: the object loops there, over many observations in one message.
 
@@ -183,7 +183,7 @@ class Student:
             raise nonsense(error) from error
 
     def feed(self, file: str, pages: Sequence[Given], **details: Any) -> list[Produced]:
-        """Brings pages and tasks to the components of a submitted file; see `feed.feed`."""
+        """Bring pages and tasks to the components of a submitted file; see `feed.feed`."""
         from snr_sim.grading.lab.feed import feed  # with fly, it takes long to import, and many checks need neither
 
         return feed(self, file, pages, **details)
@@ -199,7 +199,7 @@ class Student:
         record: bool = True,
         may_fail: bool = False,
     ) -> Flown:
-        """Flies a scenario with the components of a submitted file as its controller; see `fly.fly`."""
+        """Fly a scenario with the components of a submitted file as its controller; see `fly.fly`."""
         from snr_sim.grading.lab.fly import fly
 
         return fly(self, scenario, seed, controller, options or {}, io, engine, record, may_fail)
@@ -215,13 +215,13 @@ class Student:
         return None if self._child is None else self._child.worked_s
 
     def child(self, file: str) -> ChildProcess:
-        """Returns the process of this case's calls, made when it is first needed."""
+        """Return the process of this case's calls, made when it is first needed."""
         if self._child is None:
             self._child = self.new_child(file)
         return self._child
 
     def new_child(self, file: str, readable: Sequence[Path] = ()) -> ChildProcess:
-        """Returns a process of its own, which has not read the submission yet; `done_with` ends it.
+        """Return a process of its own, which has not read the submission yet; `done_with` ends it.
 
         Raises:
             Misbehaved: the file is missing, or imports what it may not.
@@ -236,7 +236,7 @@ class Student:
         return child
 
     def done_with(self, child: ChildProcess) -> None:
-        """Ends a process, and keeps what it printed."""
+        """End a process, and keep what it printed."""
         try:
             child.close()
         finally:
@@ -244,7 +244,7 @@ class Student:
                 self._printed.append(child.printed)
 
     def close(self) -> None:
-        """Ends the process of this case's calls.
+        """End the process of this case's calls.
 
         Raises:
             Misbehaved: it had printed too much.
@@ -283,7 +283,7 @@ class Host:
     def ask(
         self, method: str, *args: Any, returns: Any = Any, finite: bool = True, budget_s: float = CALL_CPU_S
     ) -> Any:
-        """Calls a method of the object; answer and errors as for `Student.call`.
+        """Call a method of the object; answer and errors as for `Student.call`.
 
         Args:
             method: its name.
@@ -309,12 +309,12 @@ _decode_number = msgspec.json.Decoder(int)
 
 
 def nonsense(error: protocol.ProtocolError) -> Misbehaved:
-    """Returns what there is to say of an answer that is none."""
+    """Return what there is to say of an answer that is none."""
     return Misbehaved(error.message, "Return numbers, texts, lists, or dicts of these, and leave the grader alone.")
 
 
 def _checked(what: str, raw: msgspec.Raw, returns: Any, finite: bool) -> Any:
-    """Returns the value in an answer, of the form that was asked for."""
+    """Return the value in an answer, of the form that was asked for."""
     if returns is str:  # what is said most often, and a text holds nothing that would have to be looked through
         with suppress(msgspec.DecodeError, UnicodeDecodeError):
             return _decode_text(raw)

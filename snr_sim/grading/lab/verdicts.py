@@ -41,19 +41,19 @@ class Verdict:
 
 
 def passed(note: str = "", metrics: Mapping[str, float] | None = None) -> Verdict:
-    """Returns the verdict of a case that is all right."""
+    """Return the verdict of a case that is all right."""
     return Verdict(1.0, hint=note, metrics=metrics or {})
 
 
 def failed(hint: str, expected: str = "", actual: str = "", metrics: Mapping[str, float] | None = None) -> Verdict:
-    """Returns the verdict of a case that is wrong."""
+    """Return the verdict of a case that is wrong."""
     return Verdict(0.0, hint, expected, actual, metrics or {})
 
 
 def partly(
     fraction: float, hint: str, expected: str = "", actual: str = "", metrics: Mapping[str, float] | None = None
 ) -> Verdict:
-    """Returns the verdict of a case of which a fraction is right; what lies outside 0 to 1 is brought to it."""
+    """Return the verdict of a case of which a fraction is right; what lies outside 0 to 1 is brought to it."""
     return Verdict(min(1.0, max(0.0, fraction)), hint, expected, actual, metrics or {})
 
 

@@ -50,7 +50,7 @@ class Admission:
         self.of_others: set[str] = set()  # keys that only somebody else may store
 
     def component(self, made: Made) -> None:
-        """Checks what a component says of itself.
+        """Check what a component says of itself.
 
         Raises:
             NotAdmitted: its name is too long, or it has too many handlers.
@@ -63,7 +63,7 @@ class Admission:
             )
 
     def count(self, now_s: float, tasks: int = 1) -> None:
-        """Counts work at one moment of virtual time.
+        """Count work at one moment of virtual time.
 
         Raises:
             NotAdmitted: there is no end to it.
@@ -84,20 +84,20 @@ class Admission:
             )
 
     def notes(self, notes: Sequence[str]) -> list[str]:
-        """Returns of what a step has noted as much as the end of a run can tell; the rest is left out."""
+        """Return of what a step has noted as much as the end of a run can tell; the rest is left out."""
         admitted = [note[:_NOTE_LENGTH] for note in notes[: MAX_NOTES - self._notes]]
         self._notes += len(admitted)
         return admitted
 
     def missed(self, keys: Sequence[str]) -> list[str]:
-        """Returns of the keys that a step has asked for in vain those that a run can tell."""
+        """Return of the keys that a step has asked for in vain those that a run can tell."""
         new = [key for key in keys[: MAX_KEYS + 1] if len(key) <= _NAME_LENGTH and key not in self._missed]
         admitted = new[: MAX_KEYS - len(self._missed)]
         self._missed.update(admitted)
         return admitted
 
     def tasks(self, raws: Sequence[msgspec.Raw], node: Node, component: str) -> list[Task]:
-        """Returns tasks that a component has returned or scheduled.
+        """Return tasks that a component has returned or scheduled.
 
         Raises:
             NotAdmitted: one of them may not enter.
@@ -140,7 +140,7 @@ class Admission:
         return task
 
     def _process(self, raw: bytes, node: Node, component: str) -> Task:
-        """Returns the task that is handled now, if it is that: another one could pass a page off as a sensor's."""
+        """Return the task that is handled now, if it is that: another one could pass a page off as a sensor's."""
         handled = node.machine.task
         if handled is None or handled.serialize() != raw:
             raise NotAdmitted(

@@ -48,7 +48,7 @@ class Child:
         self.component = ""
 
     def module(self, file: str) -> ModuleType:
-        """Returns a file of the student's as a module; it is read once."""
+        """Return a file of the student's as a module; it is read once."""
         module = self._modules.get(file)
         if module is None:
             before, self.step = self.step, "load"
@@ -94,7 +94,7 @@ def _called(what: str, function: Callable[..., Any], values: list[Any]) -> Any:
 
 
 def function_of(module: ModuleType, name: str) -> Callable[..., Any]:
-    """Returns a function of the student's.
+    """Return a function of the student's.
 
     Raises:
         SnrError: there is none of that name.
@@ -119,7 +119,7 @@ def main(
     user: int | None,
     walls: tuple[int, list[str], str, str] | None = None,
 ) -> None:
-    """Answers until nobody asks any more. Does not return.
+    """Answer until nobody asks any more. Does not return.
 
     Args:
         line: the file descriptor of the conversation, or `PIPES`.
@@ -212,7 +212,7 @@ def _said(child: Child, do: str, error: BaseException) -> protocol.Said:
 
 
 def _text(said: str) -> str:
-    """Returns what can be written as UTF-8: half a character, in an exception's text, cannot."""
+    """Return what can be written as UTF-8: half a character, in an exception's text, cannot."""
     return said.encode(errors="backslashreplace").decode()
 
 

@@ -54,7 +54,7 @@ class GivenClock(SimClock):
     """A clock that shows what it is told."""
 
     def show(self, now_s: float) -> None:
-        """Shows a time."""
+        """Show a time."""
         self._now_s = now_s
 
 
@@ -64,7 +64,7 @@ class CollectingMachine(EventMachine):
     scheduled: list[Task]
 
     def schedule(self, tasks: Sequence[Task]) -> None:
-        """Keeps it."""
+        """Keep it."""
         self.scheduled.extend(tasks)
 
 
@@ -79,17 +79,17 @@ class GivenBacking:
         self.is_stopped = False
 
     def start(self) -> None:
-        """Does nothing: the grader calls."""
+        """Do nothing: the grader calls."""
 
     def hurry(self) -> None:
-        """Does nothing, as in lock step."""
+        """Do nothing, as in lock step."""
 
     def stop(self) -> None:
-        """Keeps that there are to be no more ticks."""
+        """Keep that there are to be no more ticks."""
         self.is_stopped = True
 
     def join(self) -> None:
-        """Keeps the same; the grader calls `halt`."""
+        """Keep the same; the grader calls `halt`."""
         self.is_stopped = True
 
 
@@ -114,18 +114,18 @@ class ChildNode(Node):
         self._typed = TypedPages()
 
     def handlers_changed(self) -> None:
-        """Remembers to tell the grader."""
+        """Remember to tell the grader."""
         super().handlers_changed()
         self.have_handlers_changed = True
 
     def said(self, component: str, level: str, text: str) -> None:
-        """Keeps what a component prints and logs for the grader's trace, up to a bound for each step."""
+        """Keep what a component prints and logs for the grader's trace, up to a bound for each step."""
         self._said_chars += len(text)
         if self._said_chars <= MAX_SAID_CHARS:
             self._said.append((component, level, text.encode(errors="backslashreplace").decode()))
 
     def add(self, factory: AnyFactory) -> protocol.Made:
-        """Makes a component; returns what the grader needs to know of it."""
+        """Make a component; return what the grader needs to know of it."""
         component = self.registry.make(factory)
         self._said, self._said_chars = [], 0  # a trace holds nothing of before its first record
         self.registry.add(component, len(self.components))
@@ -145,13 +145,13 @@ class ChildNode(Node):
 
     @staticmethod
     def handlers_of(component: Component) -> Any:
-        """Yields type, name (or None) and label of each handler."""
+        """Yield type, name (or None) and label of each handler."""
         for task_id, handler in component.task_handlers.items():
             kind, name = task_id if isinstance(task_id, tuple) else (task_id, None)
             yield kind.value, name, handler_name(handler)
 
     def bring(self, now_s: float, pages: Sequence[msgspec.Raw], came_s: dict[str, float]) -> None:
-        """Sets the time, and the datastore to what stands in the grader's."""
+        """Set the time, and the datastore to what stands in the grader's."""
         self.given_clock.show(now_s)
         self.machine.now_s = now_s
         for raw in pages:
@@ -159,7 +159,7 @@ class ChildNode(Node):
         self._core.came_s.update(came_s)
 
     def with_page(self, task: Task, processed: Sequence[msgspec.Raw] | None) -> Task:
-        """Returns a task that was brought with the page that it carries in the grader's node, see `Handle`."""
+        """Return a task that was brought with the page that it carries in the grader's node, see `Handle`."""
         if processed is None:
             return task
         if not processed:
@@ -169,7 +169,7 @@ class ChildNode(Node):
         return Task(task.type, task.name, [page])
 
     def handle(self, task: Task, first: str, caller: Caller) -> protocol.Returned:
-        """Calls each component's handler of a task, from the component `first` on."""
+        """Call each component's handler of a task, from the component `first` on."""
         returned: dict[str, list[Task]] = {}
         entries = [entry for entry in self.machine.lookup.find(task) if entry[0] is not self._core]
         names = [entry[0].name for entry in entries]
@@ -201,7 +201,7 @@ class ChildNode(Node):
         return msgspec.structs.replace(answer, failed=name, text=text, fix=fix, is_slow=slow)
 
     def step(self, component: Component, step: str) -> protocol.StepDone:
-        """Calls one of the steps of a component's life, or a loop's `setup` or `loop`."""
+        """Call one of the steps of a component's life, or a loop's `setup` or `loop`."""
         machine = self.machine
         machine.running = component
         if step == "join":
@@ -227,7 +227,7 @@ class ChildNode(Node):
         return done
 
     def told(self) -> dict[str, Any]:
-        """Returns what else there is to tell after a step: what entered through the door, and what has changed."""
+        """Return what else there is to tell after a step: what entered through the door, and what has changed."""
         entered = [(self._typed.leaves(task), source) for task, source in self.door.waiting]
         self.door.waiting.clear()
         handlers = None
@@ -245,7 +245,7 @@ class ChildNode(Node):
 
 
 def in_words(error: BaseException, begins: Any) -> tuple[str, str]:
-    """Returns what happened with the student's line first, and what to try; where it was the grader adds."""
+    """Return what happened with the student's line first, and what to try; where it was the grader adds."""
     text = describe_error(error, "\0", begins)
     before, _, after = text.partition("\n  \0")
     fix = after.partition("Try: ")[2]

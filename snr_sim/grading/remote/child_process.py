@@ -114,7 +114,7 @@ class ChildProcess:
         return self._exchange(verb, cpu_s)
 
     def _greet(self) -> None:
-        """Hears whether it is there, before it has read anything of the student's: if not, that is our fault."""
+        """Hear whether it is there, before it has read anything of the student's: if not, that is our fault."""
         try:
             if self._confiner is not None:
                 self._take_listener(self._confiner)
@@ -126,7 +126,7 @@ class ChildProcess:
             ) from error
 
     def _take_listener(self, confiner: Confiner) -> None:
-        """Takes what a confined process sends when its walls are up: where it is asked whether it may make a file."""
+        """Take what a confined process sends when its walls are up: where it is asked whether it may make a file."""
         patience = Patience(self._limits.wall_s(_START_CPU_S), _START_CPU_S, self._process.pid)
         self._wait(patience, select.POLLIN)
         data, sent, _, _ = socket.recv_fds(self._socket, 1, 1)
@@ -189,7 +189,7 @@ class ChildProcess:
                 return b""
 
     def _wait(self, patience: Patience, event: int) -> None:
-        """Waits until the socket is ready, and hears what is printed meanwhile.
+        """Wait until the socket is ready, and hear what is printed meanwhile.
 
         Raises:
             Misbehaved: that has no end.
@@ -264,7 +264,7 @@ class ChildProcess:
             )
 
     def _ended(self) -> Misbehaved:
-        """Says how it ended, although it was asked something."""
+        """Say how it ended, although it was asked something."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(END_S)
         status = self._process.poll()
@@ -274,7 +274,7 @@ class ChildProcess:
         return ended_badly(status)
 
     def kill(self) -> None:
-        """Ends it, with all that it started: a copy is the first process of a namespace, which ends with it."""
+        """End it, with all that it started: a copy is the first process of a namespace, which ends with it."""
         if not isinstance(self._process, Copied):
             with suppress(ProcessLookupError, PermissionError):
                 os.killpg(self._process.pid, signal.SIGKILL)
@@ -282,7 +282,7 @@ class ChildProcess:
             self._process.kill()
 
     def close(self) -> None:
-        """Ends it and lets go of everything. Safe to call twice.
+        """End it and let go of everything. Safe to call twice.
 
         Raises:
             Misbehaved: it had printed too much.

@@ -18,7 +18,7 @@ class NoValue(Exception):
 
 
 def encode_plain(value: Any, what: str, function: object) -> bytes:
-    """Returns JSON of a value that can cross.
+    """Return JSON of a value that can cross.
 
     Raises:
         NoValue: it cannot; says what it is.
@@ -39,7 +39,7 @@ def encode_plain(value: Any, what: str, function: object) -> bytes:
 
 
 def plain(value: Any) -> Any:
-    """Returns a value as numbers, texts, lists and dicts; numpy's become Python's.
+    """Return a value as numbers, texts, lists and dicts; numpy's become Python's.
 
     Raises:
         NoValue: something in it is none of these.
@@ -67,7 +67,7 @@ def _a(word: str) -> str:
 
 
 def short(value: Any) -> str:
-    """Returns a value as it is shown, cut; it may be anything, and its `repr` may raise."""
+    """Return a value as it is shown, cut; it may be anything, and its `repr` may raise."""
     try:
         text = without_addresses(repr(value))
     except Exception as error:

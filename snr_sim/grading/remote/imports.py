@@ -28,7 +28,7 @@ REFUSED = {
 def check_imports(
     folder: Path, file: str, may_import: frozenset[str], refused: Mapping[str, str], parse: Parse
 ) -> None:
-    """Checks what a submitted file and those beside it that it imports would import.
+    """Check what a submitted file and those beside it that it imports would import.
 
     Args:
         folder, file: of the submission.

@@ -47,18 +47,18 @@ class Copied:
         self.pid = int(told.partition("Pid:")[2].split()[0])  # to look at, as /proc counts; signals go by the handle
 
     def kill(self) -> None:
-        """Ends it, with its namespace."""
+        """End it, with its namespace."""
         if self._death >= 0:
             with suppress(ProcessLookupError):
                 signal.pidfd_send_signal(self._death, signal.SIGKILL)
 
     def poll(self) -> int | None:
-        """Returns how it has ended, as `subprocess` tells it; None if it has not."""
+        """Return how it has ended, as `subprocess` tells it; None if it has not."""
         self.wait(0.0)
         return self._status
 
     def wait(self, timeout: float | None = None) -> None:
-        """Waits until it has ended [s]."""
+        """Wait until it has ended [s]."""
         if self._death < 0:
             return
         dead = select.poll()
@@ -96,7 +96,7 @@ class Nursery:
 
     @contextmanager
     def holding(self, folder: Path) -> Iterator[None]:
-        """Has copies hold a submission, until the end; then nothing is left of it.
+        """Have copies hold a submission, until the end; then nothing is left of it.
 
         Args:
             folder: of the submission.
@@ -112,7 +112,7 @@ class Nursery:
                 _empty(self._shown)
 
     def copy(self, folder: Path, line: int) -> Copied | None:
-        """Returns a new student's process that answers on a line; None if there is none to be had.
+        """Return a new student's process that answers on a line; None if there is none to be had.
 
         Args:
             folder: of its submission, which must be the one that is held.
@@ -148,7 +148,7 @@ class Nursery:
         return self._shown
 
     def how_it_ended(self) -> int:
-        """Returns the status of the last copy, as `subprocess` tells it.
+        """Return the status of the last copy, as `subprocess` tells it.
 
         Raises:
             LabFault: the sandbox has gone, too.
@@ -159,7 +159,7 @@ class Nursery:
         return status
 
     def asked(self, word: bytes, fds: tuple[int, ...] = ()) -> tuple[bytes, list[int]]:
-        """Returns what the sandbox' own process says to a word, and the file descriptors that come with it."""
+        """Return what the sandbox' own process says to a word, and the file descriptors that come with it."""
         if self._socket is None:
             self._start()
         assert self._socket is not None
@@ -182,21 +182,21 @@ class Nursery:
             )
 
     def _fault(self) -> LabFault:
-        """Returns what there is to say when no copy can be had; ends what there is."""
+        """Return what there is to say when no copy can be had; end what there is."""
         return LabFault(
             f"A student's process could not be started. {self._end()}".rstrip(),
             fix="is the computer out of memory or processes? Grade with fewer --jobs.",
         )
 
     def close(self) -> None:
-        """Ends the sandbox with all that is in it, and removes what it showed. Safe to call twice."""
+        """End the sandbox with all that is in it, and remove what it showed. Safe to call twice."""
         self._end()
         if self._shown is not None:
             shutil.rmtree(self._shown, ignore_errors=True)
         self._shown, self._is_brought = None, False
 
     def _end(self) -> str:
-        """Ends the sandbox with all that is in it; returns what its own process has printed."""
+        """End the sandbox with all that is in it; return what its own process has printed."""
         said = b""
         if self._process is not None:
             with suppress(ProcessLookupError, PermissionError):

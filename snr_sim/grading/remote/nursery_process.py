@@ -28,7 +28,7 @@ _NEW_IPC, _NEW_PID = 0x08000000, 0x20000000
 
 
 def main(line: int, limits: tuple[int, int, int, int], is_alone: bool, user: int | None) -> None:
-    """Makes a copy whenever it is asked to, one at a time, until nobody asks any more. Does not return.
+    """Make a copy whenever it is asked to, one at a time, until nobody asks any more. Does not return.
 
     Args:
         line: the file descriptor on which the grader asks.
@@ -74,7 +74,7 @@ def _become_a_child(
 
 
 def _enter_namespaces() -> None:
-    """Has the next copy begin in namespaces of its own: of processes, and of what they share.
+    """Have the next copy begin in namespaces of its own: of processes, and of what they share.
 
     Raises:
         OSError: the kernel does not let us.
@@ -89,7 +89,7 @@ def _enter_namespaces() -> None:
 
 
 def _scratch() -> tuple[list[str], tuple[int, ...]]:
-    """Returns what tells whether anybody has written there, or only looked."""
+    """Return what tells whether anybody has written there, or only looked."""
     names = os.listdir(SCRATCH)  # first: to look changes the time of the last look, once
     seen = os.stat(SCRATCH)
     return names, (seen.st_mode, seen.st_nlink, seen.st_atime_ns, seen.st_mtime_ns, seen.st_ctime_ns)

@@ -14,7 +14,7 @@ from snr_sim.scenario import library
 
 
 def packed(robot: Robot) -> str:
-    """Returns what a student's `factories` gets, for its process to unpack.
+    """Return what a student's `factories` gets, for its process to unpack.
 
     Raises:
         LabFault: something in it is of a class that the student's process cannot know.

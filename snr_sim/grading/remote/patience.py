@@ -59,7 +59,7 @@ class Patience:
 
 
 def seen_of(pid: int) -> tuple[bool, float] | None:
-    """Returns whether all of a process and its children sleep, and their CPU time; None where nothing tells."""
+    """Return whether all of a process and its children sleep, and their CPU time; None where nothing tells."""
     if not _TICKS_HZ:
         return None
     are_asleep, ticks = True, 0

@@ -81,11 +81,11 @@ class PipedProcess(ChildProcess):
                 self._keep(data)
 
     def kill(self) -> None:
-        """Ends it; what it has started goes on, as nothing here keeps it together."""
+        """End it; what it has started goes on, as nothing here keeps it together."""
         self._piped.kill()
 
     def close(self) -> None:
-        """Ends it and lets go of everything. Safe to call twice.
+        """End it and let go of everything. Safe to call twice.
 
         Raises:
             Misbehaved: it had printed too much.

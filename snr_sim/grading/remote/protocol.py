@@ -250,7 +250,7 @@ T = TypeVar("T")
 
 
 def decode_answer(line: bytes | bytearray) -> Answer:
-    """Returns the answer in a line.
+    """Return the answer in a line.
 
     Raises:
         ProtocolError: there is none.
@@ -262,7 +262,7 @@ def decode_answer(line: bytes | bytearray) -> Answer:
 
 
 def decode_as(decoder: msgspec.json.Decoder[T], raw: msgspec.Raw) -> T:
-    """Returns a value of a known form.
+    """Return a value of a known form.
 
     Raises:
         ProtocolError: it has another one.
@@ -275,7 +275,7 @@ def decode_as(decoder: msgspec.json.Decoder[T], raw: msgspec.Raw) -> T:
 
 
 def plain_value(raw: msgspec.Raw) -> Any:
-    """Returns a value of plain JSON; a number that is not finite is one, too.
+    """Return a value of plain JSON; a number that is not finite is one, too.
 
     Raises:
         ProtocolError: it is nested too deeply, or no such value.
@@ -289,7 +289,7 @@ def plain_value(raw: msgspec.Raw) -> Any:
 
 
 def check_depth(data: bytes) -> None:
-    """Checks that JSON is not nested too deeply for whoever walks through it later.
+    """Check that JSON is not nested too deeply for whoever walks through it later.
 
     Raises:
         ProtocolError: it is.
@@ -311,7 +311,7 @@ _NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
 
 
 def _without_texts(data: bytes) -> bytes:
-    """Returns the brackets that are not in texts."""
+    """Return the brackets that are not in texts."""
     if b'"' not in data:
         return data.translate(None, _NO_BRACKETS)
     parts = data.replace(b"\\\\", b"").replace(b'\\"', b"").split(b'"')

@@ -92,7 +92,7 @@ class Remote:
             raise
 
     def controller(self, path: Path, robots: Sequence[tuple[str, Path]]) -> ModuleType:
-        """Returns a module that stands for the student's file: its `factories` makes proxies.
+        """Return a module that stands for the student's file: its `factories` makes proxies.
 
         Args:
             path: of the student's file, for the trace's header.
@@ -110,7 +110,7 @@ class Remote:
         return module
 
     def factories(self, robot: Robot) -> list[RemoteEndpointFactory | RemoteLoopFactory]:
-        """Has the student's `factories(robot)` called; returns a proxy for each of its factories."""
+        """Have the student's `factories(robot)` called; return a proxy for each of its factories."""
         opened = self.ask(protocol.Open(self.file, packed(robot)), _opened, LOAD_CPU_S)
         self.files = opened.files
         first, self._made = self._made, self._made + len(opened.are_loops)
@@ -120,14 +120,14 @@ class Remote:
         ]
 
     def make(self, factory: int, parent: NodeApi) -> protocol.Made:
-        """Has a component made in the student's process."""
+        """Have a component made in the student's process."""
         made = self.ask(protocol.Make(parent.role, factory, parent.chance), _made)
         self.admission.component(made)
         self.names.add(made.name)
         return made
 
     def handle(self, component: RemoteEndpoint, task: Task) -> SomeTasks:
-        """Has a task handled; those that stand behind handle it with the same message."""
+        """Have a task handled; those that stand behind handle it with the same message."""
         name = component.name
         is_next = self._task is task and self._node is component.parent
         if not is_next or (name not in self._answers and name != self._failed):
@@ -158,7 +158,7 @@ class Remote:
         self._take(answer, node)
 
     def step(self, component: RemoteEndpoint | RemoteLoop, step: str) -> protocol.StepDone:
-        """Has a step of a component's life done."""
+        """Have a step of a component's life done."""
         node = component.parent
         now_s = node.get_time_s()
         self.admission.count(now_s)
@@ -168,7 +168,7 @@ class Remote:
         return done
 
     def _take(self, told: protocol.Told, node: Node) -> None:
-        """Does what else a step has told."""
+        """Do what else a step has told."""
         for raw, source in told.entered:
             (task,) = self.admission.tasks([raw], node, source)
             node.enter(task, source)
@@ -185,7 +185,7 @@ class Remote:
             node.datastore.missed[key] = None
 
     def _new_pages(self, node: Node) -> tuple[list[msgspec.Raw], dict[str, float]]:
-        """Returns what is in the datastore and has not been sent, each page after the one before it."""
+        """Return what is in the datastore and have not been sent, each page after the one before it."""
         sent = self._sent.setdefault(node.role, {})
         pages: list[msgspec.Raw] = []
         came_s: dict[str, float] = {}
@@ -205,7 +205,7 @@ class Remote:
 
 
 def _processed_by(task: Task, node: Node) -> list[msgspec.Raw] | None:
-    """Returns the page that the task of a node carries, see `Handle`."""
+    """Return the page that the task of a node carries, see `Handle`."""
     page = task.page if task.type is TaskType.process_data else None
     if page is None or page.key != task.name:
         return None
@@ -224,7 +224,7 @@ class RemoteEndpointFactory(EndpointFactory):
         self._number = number
 
     def get(self, parent: NodeApi) -> Endpoint:
-        """Returns a proxy; the student's own endpoint is made in its process."""
+        """Return a proxy; the student's own endpoint is made in its process."""
         return RemoteEndpoint(self, parent, self.remote.make(self._number, parent))
 
 
@@ -241,7 +241,7 @@ class RemoteEndpoint(Endpoint):
         self.task_handlers = self.handlers_of(made.handlers)
 
     def handlers_of(self, rows: Sequence[protocol.HandlerRow]) -> TaskHandlerMap:
-        """Returns handlers that have the student's called."""
+        """Return handlers that have the student's called."""
         handlers: TaskHandlerMap = {}
         for kind, name, label in rows:
             task_type = TaskType(kind)
@@ -256,15 +256,15 @@ class RemoteEndpoint(Endpoint):
         return handle
 
     def begin(self) -> None:
-        """Has the student's `begin` called, if there is one."""
+        """Have the student's `begin` called, if there is one."""
         self._do("begin")
 
     def join(self) -> None:
-        """Has the student's `halt` called, if there is one."""
+        """Have the student's `halt` called, if there is one."""
         self._do("join")
 
     def terminate(self) -> None:
-        """Has the student's `terminate` called, if there is one."""
+        """Have the student's `terminate` called, if there is one."""
         self._do("terminate")
 
     def _do(self, step: str) -> None:
@@ -282,7 +282,7 @@ class RemoteLoopFactory(LoopFactory):
         self._number = number
 
     def get(self, parent: NodeApi) -> Loop:
-        """Returns a proxy; the student's own loop is made in its process."""
+        """Return a proxy; the student's own loop is made in its process."""
         return RemoteLoop(self, parent, self.remote.make(self._number, parent))
 
 
@@ -299,19 +299,19 @@ class RemoteLoop(Loop):
         self.next_tick_at_s = made.next_s
 
     def setup(self) -> None:
-        """Has the student's `setup` called."""
+        """Have the student's `setup` called."""
         self._do("setup")
 
     def loop(self) -> None:
-        """Has the student's `loop` called."""
+        """Have the student's `loop` called."""
         self._do("loop")
 
     def halt(self) -> None:
-        """Has the student's `halt` called."""
+        """Have the student's `halt` called."""
         self._do("join")
 
     def terminate(self) -> None:
-        """Has the student's `terminate` called."""
+        """Have the student's `terminate` called."""
         self._do("terminate")
 
     def _do(self, step: str) -> None:

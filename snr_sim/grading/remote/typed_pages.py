@@ -25,7 +25,7 @@ class TypedPages:
         self._kept: dict[str, deque[tuple[bytes, Page]]] = {}
 
     def leaves(self, task: Task) -> msgspec.Raw:
-        """Returns a task as it goes to the grader."""
+        """Return a task as it goes to the grader."""
         raw = task.serialize()
         if _OBJECT in raw and task.type is TaskType.store_page and len(task.val_list) == 1:
             (page,) = task.val_list
@@ -38,7 +38,7 @@ class TypedPages:
         return msgspec.Raw(raw)
 
     def as_made(self, raw: bytes) -> Page:
-        """Returns a page that the grader has brought, with the object that it had when it was made here."""
+        """Return a page that the grader has brought, with the object that it had when it was made here."""
         page = Page.deserialize(raw)
         kept: Any = self._kept.get(page.key, ())
         return next((made for fields, made in reversed(kept) if fields == raw), page)

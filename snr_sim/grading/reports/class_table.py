@@ -42,7 +42,7 @@ class Summary:
     orders: dict[str, Order] = field(default_factory=dict)
 
     def add(self, graded: Graded) -> None:
-        """Counts a submission."""
+        """Count a submission."""
         if graded.points is None:
             self.faults.append(graded.submission)
             return
@@ -61,7 +61,7 @@ class Summary:
                 self.ranked.setdefault(name, []).append((metrics[name], graded.submission))
 
     def words(self) -> str:
-        """Returns the class in a sentence."""
+        """Return the class in a sentence."""
         if not self.points:
             return "Nobody has a mark."
         return (
@@ -72,7 +72,7 @@ class Summary:
 
 
 def write_class(table: TextIO, again: Again, given: Mapping[str, str]) -> None:
-    """Writes one row per submission.
+    """Write one row per submission.
 
     Args:
         table: opened with newline="".
@@ -107,7 +107,7 @@ def write_class(table: TextIO, again: Again, given: Mapping[str, str]) -> None:
 
 
 def write_cases(table: TextIO, all_graded: Iterable[Graded]) -> None:
-    """Writes one row per case, hidden ones too: this table is the instructor's."""
+    """Write one row per case, hidden ones too: this table is the instructor's."""
     writer = csv.writer(table)
     writer.writerow(["submission", "check", "case", "visible", "fraction", "hint", "expected", "actual", "metrics"])
     for graded in all_graded:
@@ -131,7 +131,7 @@ def _case_rows(graded: Graded) -> Iterator[list[str]]:
 
 
 def write_leaderboard(table: TextIO, summary: Summary) -> None:
-    """Writes the ranking of each ranked metric; equal values share a place."""
+    """Write the ranking of each ranked metric; equal values share a place."""
     writer = csv.writer(table)
     writer.writerow(["metric", "place", "submission", "value"])
     for name, rows in summary.ranked.items():

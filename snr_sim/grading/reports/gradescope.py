@@ -19,7 +19,7 @@ _MAX_OUTPUT_CHARS = 20_000
 
 
 def gradescope_results(graded: Graded) -> str:
-    """Returns the file's text. After a fault it has no score, so that Gradescope reports an error and no mark."""
+    """Return the file's text. After a fault it has no score, so that Gradescope reports an error and no mark."""
     return json.dumps(_fields(graded), indent=1, ensure_ascii=True) + "\n"
 
 

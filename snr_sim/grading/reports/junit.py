@@ -10,7 +10,7 @@ from snr_sim.grading.reports.results import Graded
 
 
 def junit(graded: Graded) -> str:
-    """Returns the file's text. It has no times: the same submission gives the same file."""
+    """Return the file's text. It has no times: the same submission gives the same file."""
     outcomes = [told.verdict(check) for check in graded.checks]
     is_graded = graded.status == "graded"
     suite = ElementTree.Element(

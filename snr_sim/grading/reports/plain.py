@@ -15,7 +15,7 @@ _FORMULA = ("=", "+", "-", "@", "\t", "|", "%")
 
 
 def plain(text: str, limit: int = 4000) -> str:
-    """Returns a text in which all that is there can be seen, cut to a length.
+    """Return a text in which all that is there can be seen, cut to a length.
 
     >>> print(plain("red \\x1b[31m, back \\u202e, bell \\a, half \\ud800"))
     red \\x1b[31m, back \\u202e, bell \\x07, half \\ud800
@@ -34,7 +34,7 @@ def _escaped(char: str) -> str:
 
 
 def one_line(text: str, limit: int = 300) -> str:
-    """Returns a text on one line.
+    """Return a text on one line.
 
     >>> one_line("a\\n  b\\r\\n\\tc")
     'a b c'
@@ -43,7 +43,7 @@ def one_line(text: str, limit: int = 300) -> str:
 
 
 def markdown(text: str) -> str:
-    """Returns a line that reads in Markdown as it stands: no links, no pictures, no HTML.
+    """Return a line that reads in Markdown as it stands: no links, no pictures, no HTML.
 
     >>> print(markdown("![x](http://a) <b>|`"))
     \\!\\[x\\](http:&#47;/a) \\<b\\>\\|\\`
@@ -53,7 +53,7 @@ def markdown(text: str) -> str:
 
 
 def fenced(text: str, indent: str = "") -> str:
-    """Returns a block of Markdown in which a text stands untouched, whatever is in it."""
+    """Return a block of Markdown in which a text stands untouched, whatever is in it."""
     shown = plain(text)
     longest = max((len(run) for run in re.findall("`+", shown)), default=0)
     fence = "`" * max(3, longest + 1)
@@ -61,7 +61,7 @@ def fenced(text: str, indent: str = "") -> str:
 
 
 def cell(text: str) -> str:
-    """Returns a text for a table's cell, which no spreadsheet takes for a formula.
+    """Return a text for a table's cell, which no spreadsheet takes for a formula.
 
     >>> cell("=1+1"), cell("ada"), cell(" \\t@x")
     ("'=1+1", 'ada', "'@x")

@@ -147,7 +147,7 @@ class Graded(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 def with_runs_named(graded: Graded, name: Callable[[str], str]) -> Graded:
-    """Returns the result with another name for the folder of each recorded run; "" for one that is not handed out."""
+    """Return the result with another name for the folder of each recorded run; "" for one that is not handed out."""
     checks = []
     for check in graded.checks:
         cases = (replace(case, run_folder=name(case.run_folder)) if case.run_folder else case for case in check.cases)
@@ -156,12 +156,12 @@ def with_runs_named(graded: Graded, name: Callable[[str], str]) -> Graded:
 
 
 def encode_graded(graded: Graded) -> bytes:
-    """Returns the record as JSON, in one line with its end; the same record gives the same bytes."""
+    """Return the record as JSON, in one line with its end; the same record gives the same bytes."""
     return msgspec.json.encode(graded, order="deterministic") + b"\n"
 
 
 def decode_graded(text: bytes) -> Graded:
-    """Brings a record back.
+    """Bring a record back.
 
     Raises:
         msgspec.ValidationError, msgspec.DecodeError: it is not one.

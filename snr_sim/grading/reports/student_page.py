@@ -11,7 +11,7 @@ FAULT = "Your teacher was told what happened. It costs you nothing."
 
 
 def student_page(graded: Graded) -> str:
-    """Returns the page."""
+    """Return the page."""
     lines = [f"# {markdown(graded.title)}: {markdown(graded.submission)}", "", f"**{told.headline(graded)}**", ""]
     if graded.status == "fault":
         lines += [FAULT, ""]

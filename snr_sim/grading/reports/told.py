@@ -15,7 +15,7 @@ _MAX_CASES = 60
 
 
 def verdict(check: CheckResult) -> str:
-    """Returns "passed", "failed", "partly" or "skipped"."""
+    """Return "passed", "failed", "partly" or "skipped"."""
     if check.skipped_because:
         return "skipped"
     if check.is_passed:
@@ -24,7 +24,7 @@ def verdict(check: CheckResult) -> str:
 
 
 def number(value: float) -> str:
-    """Returns points as people write them.
+    """Return points as people write them.
 
     >>> number(12.5), number(20.0), number(6.6666667)
     ('12.5', '20', '6.67')
@@ -33,12 +33,12 @@ def number(value: float) -> str:
 
 
 def visible(check: CheckResult) -> tuple[CaseResult, ...]:
-    """Returns the cases of which everything may be told."""
+    """Return the cases of which everything may be told."""
     return tuple(case for case in check.cases if case.is_visible)
 
 
 def hidden_lines(check: CheckResult) -> list[str]:
-    """Returns what is told of the hidden cases: one line for all, and one for each different hint."""
+    """Return what is told of the hidden cases: one line for all, and one for each different hint."""
     hidden = [case for case in check.cases if not case.is_visible]
     if not hidden:
         return []
@@ -49,24 +49,24 @@ def hidden_lines(check: CheckResult) -> list[str]:
 
 
 def first_wrong(check: CheckResult) -> CaseResult | None:
-    """Returns the first visible case that is not all right, if there is one."""
+    """Return the first visible case that is not all right, if there is one."""
     return next((case for case in visible(check) if not case.is_passed), None)
 
 
 def main_hint(check: CheckResult) -> str:
-    """Returns the one thing to think about first."""
+    """Return the one thing to think about first."""
     wrong = next((case for case in check.cases if not case.is_passed and case.hint), None)
     return one_line(wrong.hint) if wrong else check.skipped_because
 
 
 def parts(case: CaseResult) -> list[tuple[str, str]]:
-    """Returns what there is to say of a visible case, each with its heading."""
+    """Return what there is to say of a visible case, each with its heading."""
     said = [("expected", case.expected), ("found", case.actual), ("went wrong", case.error)]
     return [(heading, text) for heading, text in [*said, ("your program printed", case.printed)] if text]
 
 
 def as_text(check: CheckResult) -> str:
-    """Returns a check in plain text, for systems that show it as it is."""
+    """Return a check in plain text, for systems that show it as it is."""
     if check.skipped_because:
         return f"Not tried: {one_line(check.skipped_because)}"
     lines = []
@@ -86,7 +86,7 @@ def _mark(case: CaseResult) -> str:
 
 
 def headline(graded: Graded) -> str:
-    """Returns the mark in a sentence."""
+    """Return the mark in a sentence."""
     if graded.points is None:
         return "Not graded: the grader failed, not you."
     words = f"{number(graded.points)} of {number(graded.of)} points."

@@ -73,7 +73,7 @@ class Descent(NamedTuple):
 
 
 def after(start: Motion, thrust_n: float, exhaust_mps: float, gravity_mps2: float, time_s: float) -> Motion:
-    """Returns where constant thrust leads; zero thrust is free fall. The ground is not noticed.
+    """Return where constant thrust leads; zero thrust is free fall. The ground is not noticed.
 
     >>> round(after(Motion(100.0, 0.0, 1.0), 0.0, 3000.0, 1.62, 10.0).height_m, 9)
     19.0
@@ -93,7 +93,7 @@ def after(start: Motion, thrust_n: float, exhaust_mps: float, gravity_mps2: floa
 
 
 def free_fall(height_m: float, velocity_mps: float, gravity_mps2: float = MOON_GRAVITY_MPS2) -> tuple[float, float]:
-    """Returns time to the ground [s] and speed there [m/s, positive down].
+    """Return time to the ground [s] and speed there [m/s, positive down].
 
     >>> [round(x, 3) for x in free_fall(100.0, 0.0)]
     [11.111, 18.0]
@@ -103,7 +103,7 @@ def free_fall(height_m: float, velocity_mps: float, gravity_mps2: float = MOON_G
 
 
 def time_to_stop(start: Motion, engine: Engine, final_mps: float = 0.0) -> float:
-    """Returns how long full thrust needs to end a fall [s], or to slow it to a speed; 0 when it falls no faster.
+    """Return how long full thrust needs to end a fall [s], or to slow it to a speed; 0 when it falls no faster.
 
     Args:
         start: of the burn.
@@ -135,7 +135,7 @@ def time_to_stop(start: Motion, engine: Engine, final_mps: float = 0.0) -> float
 
 
 def stop_height(start: Motion, engine: Engine, final_mps: float = 0.0) -> float:
-    """Returns the height at which full thrust from now on would end the fall [m]; below 0 it is too late.
+    """Return the height at which full thrust from now on would end the fall [m]; below 0 it is too late.
 
     Args:
         start: of the burn.
@@ -146,7 +146,7 @@ def stop_height(start: Motion, engine: Engine, final_mps: float = 0.0) -> float:
 
 
 def cheapest_descent(start: Motion, engine: Engine, idle_thrust_n: float = 0.0, touchdown_mps: float = 0.0) -> Descent:
-    """Returns the way down that uses least propellant and is at height 0 no faster than a speed.
+    """Return the way down that uses least propellant and is at height 0 no faster than a speed.
 
     Args:
         start: as it is now.
@@ -181,13 +181,13 @@ def cheapest_descent(start: Motion, engine: Engine, idle_thrust_n: float = 0.0, 
 
 
 def constant_mass_ignition_m(start: Motion, engine: Engine) -> float:
-    """Returns the ignition height if burning cost no mass [m]: the first estimate on the back of an envelope."""
+    """Return the ignition height if burning cost no mass [m]: the first estimate on the back of an envelope."""
     energy = 0.5 * start.velocity_mps**2 + engine.gravity_mps2 * start.height_m
     return energy / (engine.thrust_n / start.mass_kg)
 
 
 def find_root(function: Callable[[float], float], low: float, high: float) -> float:
-    """Returns where a function that is positive at `low` and negative at `high` crosses 0, to the last bit.
+    """Return where a function that is positive at `low` and negative at `high` crosses 0, to the last bit.
 
     Halving, because it cannot fail and nobody waits for it: some fifty calls.
     """

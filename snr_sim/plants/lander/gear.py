@@ -53,7 +53,7 @@ class GearLimits:
         check_record(self, "The gear's ")
 
     def vertical_limit(self, lateral_mps: Any) -> Any:
-        """Returns the largest vertical speed at a lateral one [m/s]; beyond the largest lateral one it stays the same.
+        """Return the largest vertical speed at a lateral one [m/s]; beyond the largest lateral one it stays the same.
 
         >>> round(float(GearLimits().vertical_limit(0.61)), 2)
         2.59
@@ -70,7 +70,7 @@ class GearLimits:
         rest_rad: Any = 0.0,
         share: float = 1.0,
     ) -> tuple[Any, Any, Any, Any, Any]:
-        """Returns which limits landings keep, in the order of the arguments; NaN keeps none.
+        """Return which limits landings keep, in the order of the arguments; NaN keeps none.
 
         The one judge of single landers and of batches: each number may be an array, for many landings at once.
 
@@ -92,7 +92,7 @@ class GearLimits:
         )
 
     def outcome(self, touchdown: Touchdown, fuel_kg: float, rest_rad: float = 0.0) -> str:
-        """Returns how a landing ended: 'landed', 'crashed', 'out_of_fuel' (crashed, tank dry) or 'tilted' at rest.
+        """Return how a landing ended: 'landed', 'crashed', 'out_of_fuel' (crashed, tank dry) or 'tilted' at rest.
 
         >>> level = Touchdown(vertical_mps=1.0, lateral_mps=0.0, attitude_deg=0.0, rate_degps=0.0)
         >>> [GearLimits().outcome(level, 9.0, math.radians(rest_deg)) for rest_deg in (12.0, 33.0)]
@@ -104,7 +104,7 @@ class GearLimits:
         return "landed" if rest else "tilted"
 
     def passed(self, touchdown: Touchdown, rest_rad: float = 0.0) -> list[str]:
-        """Returns which limits a landing passes, in words; none if all is well. Exactly at a limit is well.
+        """Return which limits a landing passes, in words; none if all is well. Exactly at a limit is well.
 
         >>> GearLimits().passed(Touchdown(vertical_mps=3.0, lateral_mps=0.61, attitude_deg=-7.5, rate_degps=0.0))
         ['vertical 3.000 m/s is over 2.59 m/s (3.05 if it did not slide)', 'attitude -7.500 deg is over 6 deg']
@@ -127,7 +127,7 @@ class GearLimits:
 
 
 def _numbers(touchdown: Touchdown) -> tuple[float, float, float, float]:
-    """Returns a touchdown as `kept` takes it."""
+    """Return a touchdown as `kept` takes it."""
     attitude, rate = math.radians(touchdown["attitude_deg"]), math.radians(touchdown["rate_degps"])
     return touchdown["vertical_mps"], touchdown["lateral_mps"], attitude, rate
 

@@ -60,18 +60,18 @@ class Hull:
         arbiter.process_collision = False  # the flight is over; a bounce would only spoil the last velocity
 
     def turn(self, rate_radps: float) -> None:
-        """Adds to the rate of turning."""
+        """Add to the rate of turning."""
         self._body.angular_velocity += rate_radps
 
     def pose(self) -> Pose:
-        """Returns position and velocity as pymunk holds them."""
+        """Return position and velocity as pymunk holds them."""
         body = self._body
         x, z = body.position
         vx, vz = body.velocity
         return Pose(x, z, body.angle, vx, vz, body.angular_velocity)
 
     def put(self, pose: Pose) -> None:
-        """Puts the body where `pose` says, to the bit."""
+        """Put the body where `pose` says, to the bit."""
         body = self._body
         body.position = pose.x_m, pose.z_m
         body.angle = pose.attitude_rad
@@ -80,7 +80,7 @@ class Hull:
 
 
 def pymunk_module() -> ModuleType:
-    """Returns pymunk, imported when it is first needed.
+    """Return pymunk, imported when it is first needed.
 
     Raises:
         MissingExtra: it is not installed.

@@ -77,24 +77,24 @@ class Hull3D:
     # -- the state ----------------------------------------------------------------------------------------------------
 
     def put(self, place: tuple[float, ...], motion: tuple[float, ...]) -> None:
-        """Puts the module somewhere with its legs at rest; then `weigh` and `look`."""
+        """Put the module somewhere with its legs at rest; then `weigh` and `look`."""
         self._world.mujoco.mj_resetData(self._model, self._data)
         self._qpos[:7], self._qvel[:6] = place, motion
 
     def state(self) -> tuple[float, ...]:
-        """Returns all that MuJoCo carries from one step to the next."""
+        """Return all that MuJoCo carries from one step to the next."""
         mujoco = self._world.mujoco
         values = np.empty(mujoco.mj_stateSize(self._model, mujoco.mjtState.mjSTATE_INTEGRATION))
         mujoco.mj_getState(self._model, self._data, values, mujoco.mjtState.mjSTATE_INTEGRATION)
         return tuple(values.tolist())
 
     def put_state(self, state: tuple[float, ...]) -> None:
-        """Puts back what `state` returned; then `weigh` and `look`."""
+        """Put back what `state` returned; then `weigh` and `look`."""
         mujoco = self._world.mujoco
         mujoco.mj_setState(self._model, self._data, np.array(state), mujoco.mjtState.mjSTATE_INTEGRATION)
 
     def look(self) -> None:
-        """Works out from the state where everything is, and what touches.
+        """Work out from the state where everything is, and what touches.
 
         Raises:
             PlantError: the state is no longer finite.
@@ -114,13 +114,13 @@ class Hull3D:
     # -- moving -------------------------------------------------------------------------------------------------------
 
     def weigh(self, mass_kg: float) -> None:
-        """Tells MuJoCo the mass of the module with its feet; the centre of mass and the gyration radius stay."""
+        """Tell MuJoCo the mass of the module with its feet; the centre of mass and the gyration radius stay."""
         mass, offset, inertia = _hull_of(mass_kg, self._gyration2)
         self._masses[self._hull], self._offset[2], self._inertia[:] = mass, offset, inertia
         self._subtree[: self._hull + 1] = mass_kg
 
     def push(self, force: Vector, torque: Vector) -> None:
-        """Sets force [N] at the centre of mass, world frame, and torque [N m], body frame, until they are set again.
+        """Set force [N] at the centre of mass, world frame, and torque [N m], body frame, until they are set again.
 
         Raises:
             PlantError: one is not finite; said here, before MuJoCo writes a log file about what came of it.
@@ -134,24 +134,24 @@ class Hull3D:
         self._force[:] = *force, *torque
 
     def move(self) -> None:
-        """Moves on by one step; then `weigh`, `look` and `push`."""
+        """Move on by one step; then `weigh`, `look` and `push`."""
         self._end_step(self._model, self._data)
 
     def stop(self) -> None:
-        """Takes all motion from module and feet, and lets nothing push."""
+        """Take all motion from module and feet, and let nothing push."""
         self._qvel[:] = 0.0
         self._force[:] = 0.0
         self.motion = self._qvel.tolist()
 
     def given_m(self, name: str) -> Vector:
-        """Returns how far a foot has given way along the body's axes."""
+        """Return how far a foot has given way along the body's axes."""
         first = 7 + 3 * list(PADS_M).index(name)
         x, y, z = self.place[first : first + 3]
         return x, y, z
 
 
 def _hull_of(mass_kg: float, gyration2: float) -> tuple[float, float, Vector]:
-    """Returns mass, height of its centre [m] and moments of the hull alone, so that with its feet it is the module.
+    """Return mass, height of its centre [m] and moments of the hull alone, so that with its feet it is the module.
 
     Raises:
         ParameterError: there is no such hull, as the feet alone are heavier or farther out.
@@ -171,7 +171,7 @@ def _hull_of(mass_kg: float, gyration2: float) -> tuple[float, float, Vector]:
 
 
 def _mjcf(module: LunarModule, terrain: Terrain) -> str:
-    """Returns module and ground for MuJoCo; mass and moments are set before every step."""
+    """Return module and ground for MuJoCo; mass and moments are set before every step."""
     heights = terrain.heights_m
     low, span = min(heights), max(heights) - min(heights) or 1.0
     size = f"{HALF_WIDTH_M} {GROUND_HALF_DEPTH_M} {span:.9g} {GROUND_DEEP_M}"

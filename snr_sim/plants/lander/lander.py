@@ -95,7 +95,7 @@ class Lander(ABC):
         self._flow_step = module.thrust_n / module.exhaust_mps * step_s  # propellant of one step at full throttle
 
     def _start(self, seed: int) -> tuple[PlaneStart, Terrain]:
-        """Returns the start and the ground that belong to a seed.
+        """Return the start and the ground that belong to a seed.
 
         Raises:
             ParameterError: they are none, or a part of the module is in the ground.
@@ -142,7 +142,7 @@ class Lander(ABC):
         self.touchdown, self.outcome = state.touchdown, state.outcome
 
     def scaled(self, factors: Mapping[str, float]) -> Self:
-        """Returns a module of which some numbers, those in `SCALABLE`, are multiplied; its propellant is the same."""
+        """Return a module of which some numbers, those in `SCALABLE`, are multiplied; its propellant is the same."""
 
         def times(numbers: Any, names: tuple[str, ...]) -> dict[str, Any]:
             return {name: getattr(numbers, name) * factors[name] for name in names if name in factors}
@@ -166,32 +166,32 @@ class Lander(ABC):
 
     @abstractmethod
     def _advance(self) -> None:
-        """Moves on by one step."""
+        """Move on by one step."""
 
     @abstractmethod
     def _read_pose(self) -> Pose:
-        """Returns position and velocity in the x-z plane, at the same moment."""
+        """Return position and velocity in the x-z plane, at the same moment."""
 
     @abstractmethod
     def _contact(self) -> list[bool]:
-        """Returns whether feet touch: [left, right]."""
+        """Return whether feet touch: [left, right]."""
 
     @abstractmethod
     def _tilt_rad(self) -> float:
-        """Returns the angle between the module's upward axis and the vertical, 0 to pi."""
+        """Return the angle between the module's upward axis and the vertical, 0 to pi."""
 
     @abstractmethod
     def _has_hull_touched(self) -> bool:
-        """Returns whether the hull has met the ground."""
+        """Return whether the hull has met the ground."""
 
     @abstractmethod
     def _stand_still(self) -> None:
-        """Takes all motion from the body."""
+        """Take all motion from the body."""
 
     # -- moving -------------------------------------------------------------------------------------------------------
 
     def write(self, name: str, command: EngineCommand) -> None:
-        """Sets throttle, gimbal and jets, clamped to what the module can do."""
+        """Set throttle, gimbal and jets, clamped to what the module can do."""
         if name != "engine":
             raise UnknownName(f"This plant has no input '{name}'.", fix=nearest(name, self.inputs))
         throttle, gimbal, jets = command.throttle, command.gimbal_rad, command.attitude
@@ -203,7 +203,7 @@ class Lander(ABC):
         self._jets = min(1.0, max(-1.0, jets)) * self.module.jets_nm
 
     def step(self, dt_s: float) -> None:
-        """Moves on by one step."""
+        """Move on by one step."""
         if dt_s != self.step_s and not abs(dt_s - self.step_s) <= 1e-9:  # also NaN
             raise ParameterError(
                 f"This plant moves in steps of {self.step_s} s, not {dt_s} s.", fix="use plant.step_s."
@@ -213,7 +213,7 @@ class Lander(ABC):
             self._advance()
 
     def _burn(self) -> Kick:
-        """Lets throttle and nozzle follow their commands for a step.
+        """Let throttle and nozzle follow their commands for a step.
 
         Returns:
             what engine and jets give the module in it: change of velocity to its side and upwards, in its own frame,
@@ -247,7 +247,7 @@ class Lander(ABC):
         return side, push * math.cos(gimbal), twist + NOZZLE_BELOW_M * side
 
     def _judge_contact(self, pose: Pose) -> None:
-        """Writes down the first contact, as it was before legs pushed, and ends the flight if they cannot take it."""
+        """Write down the first contact, as it was before legs pushed, and end the flight if they cannot take it."""
         self.touchdown = Touchdown(
             vertical_mps=-pose.vz_mps,
             lateral_mps=pose.vx_mps,
@@ -259,13 +259,13 @@ class Lander(ABC):
             self._end(outcome)
 
     def _settle(self, is_still: bool) -> None:
-        """Counts the time in which it stands, and ends the flight when it has stood for long enough."""
+        """Count the time in which it stands, and end the flight when it has stood for long enough."""
         self._still_steps = self._still_steps + 1 if is_still else 0
         if self.outcome is None and self.touchdown is not None and self._still_steps * self.step_s >= SETTLE_S:
             self._end(self.module.gear.outcome(self.touchdown, self.fuel_kg, self._tilt_rad()))
 
     def _end(self, outcome: str) -> None:
-        """Stops everything where it is."""
+        """Stop everything where it is."""
         self.outcome = outcome
         self._stand_still()
         self.throttle = self._throttle_goal = self._jets = 0.0
@@ -284,7 +284,7 @@ class Lander(ABC):
     # -- being measured -----------------------------------------------------------------------------------------------
 
     def read(self, name: str) -> RadarReading | InertialReading:
-        """Returns what a sensor without faults would say."""
+        """Return what a sensor without faults would say."""
         x, z, attitude, vx, vz, rate = self._read_pose()
         if name == "inertial":
             return InertialReading([x, z], [vx, vz], attitude, rate, self.fuel_kg, self._contact(), self.time_s)
@@ -293,7 +293,7 @@ class Lander(ABC):
         raise UnknownName(f"This plant has no output '{name}'.", fix=nearest(name, self.outputs))
 
     def _true_values(self, pose: Pose) -> dict[str, Any]:
-        """Returns the numbers of `truth`."""
+        """Return the numbers of `truth`."""
         return {
             "altitude_m": pose.z_m - PADS_BELOW_M - self.terrain.ground(pose.x_m)[0],
             "vertical_mps": pose.vz_mps,

@@ -106,7 +106,7 @@ class Lander1D:
         self.reset(seed)
 
     def reset(self, seed: int) -> None:
-        """Puts the module back to the start that belongs to this seed, engine off."""
+        """Put the module back to the start that belongs to this seed, engine off."""
         start = self.start_of(seed)
         if not isinstance(start, VerticalStart):
             raise ParameterError(f"The start of seed {seed} is {shown(start)}.", fix="return a VerticalStart.")
@@ -118,7 +118,7 @@ class Lander1D:
         self.outcome: str | None = None
 
     def scaled(self, factors: Mapping[str, float]) -> Lander1D:
-        """Returns a module of which some numbers, those in `SCALABLE`, are multiplied; its propellant is the same."""
+        """Return a module of which some numbers, those in `SCALABLE`, are multiplied; its propellant is the same."""
         thrust, exhaust, gravity, dry = (factors.get(name, 1.0) for name in self.SCALABLE)
         engine = Engine(self.thrust_n * thrust, self.exhaust_mps * exhaust, self.gravity_mps2 * gravity)
 
@@ -129,7 +129,7 @@ class Lander1D:
         return Lander1D(start_of, engine, least_throttle=self.least_throttle, gear=self.gear, ceiling_m=self.ceiling_m)
 
     def write(self, name: str, command: EngineCommand) -> None:
-        """Sets the throttle, clamped to what the engine can do. Gimbal and jets are not there."""
+        """Set the throttle, clamped to what the engine can do. Gimbal and jets are not there."""
         if name != "engine":
             raise UnknownName(f"This plant has no input '{name}'.", fix=nearest(name, self.inputs))
         if not math.isfinite(command.throttle):
@@ -137,13 +137,13 @@ class Lander1D:
         self.throttle = min(1.0, max(self.least_throttle, command.throttle))
 
     def read(self, name: str) -> RadarReading:
-        """Returns the true height and its rate."""
+        """Return the true height and its rate."""
         if name != "radar":
             raise UnknownName(f"This plant has no output '{name}'.", fix=nearest(name, self.outputs))
         return RadarReading(self.height_m, self.velocity_mps, self.time_s)
 
     def step(self, dt_s: float) -> None:
-        """Moves on by any time, in at most two pieces: with propellant and without.
+        """Move on by any time, in at most two pieces: with propellant and without.
 
         Raises:
             ParameterError: the time is no number, or not more than 0.
@@ -163,7 +163,7 @@ class Lander1D:
             self._move(dt_s - burn_s, 0.0)
 
     def _move(self, time_s: float, thrust_n: float) -> None:
-        """Moves on under constant thrust, or until the pads touch."""
+        """Move on under constant thrust, or until the pads touch."""
         start = Motion(self.height_m, self.velocity_mps, self.mass_kg)
         end = after(start, thrust_n, self.exhaust_mps, self.gravity_mps2, time_s)
         contact_s = self._contact_s(start, end, thrust_n, time_s)
@@ -182,7 +182,7 @@ class Lander1D:
             raise PlantError(f"At {self.time_s:g} s the height is {end.height_m}.", fix="check the start and the step.")
 
     def _contact_s(self, start: Motion, end: Motion, thrust_n: float, time_s: float) -> float | None:
-        """Returns when the pads touch within a piece of constant thrust, or None.
+        """Return when the pads touch within a piece of constant thrust, or None.
 
         What burns grows lighter, so acceleration only grows, and velocity falls to one minimum before it rises. So
         there is at most one crest, then at most one trough; if the trough is under ground, contact is between them.
@@ -229,11 +229,11 @@ class Lander1D:
             setattr(self, name, value)
 
     def scene(self) -> dict[str, Any]:
-        """Returns flat ground with a pad, and the module."""
+        """Return flat ground with a pad, and the module."""
         return {"statics": terrain_shapes(FLAT), "bodies": module_shapes()}
 
     def truth(self) -> dict[str, Any]:
-        """Returns the true state for the recorder."""
+        """Return the true state for the recorder."""
         z = self.height_m + PADS_BELOW_M
         pose = [0.0, 0.0, z, 0.0, 0.0, 0.0, 1.0]
         thrust = self.throttle * self.thrust_n if self.fuel_kg > 0.0 else 0.0

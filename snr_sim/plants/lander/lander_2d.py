@@ -71,7 +71,7 @@ class Lander2D(Lander):
     # -- start, and being put back ------------------------------------------------------------------------------------
 
     def reset(self, seed: int) -> None:
-        """Builds the world anew and puts the module at the start that belongs to this seed."""
+        """Build the world anew and put the module at the start that belongs to this seed."""
         start, terrain = self._start(seed)
         (x, z), (vx, vz), half_s = start.position_m, start.velocity_mps, 0.5 * self.step_s
         attitude, rate = start.attitude_rad + half_s * start.rate_radps, start.rate_radps
@@ -79,7 +79,7 @@ class Lander2D(Lander):
         self.restore(State(body, start.mass_kg, start.fuel_kg, terrain))
 
     def snapshot(self) -> State:
-        """Returns all of the state; it never changes afterwards."""
+        """Return all of the state; it never changes afterwards."""
         return State(
             body=self._hull.pose(),
             has_hull_touched=self._hull.has_touched,
@@ -89,7 +89,7 @@ class Lander2D(Lander):
         )
 
     def restore(self, snapshot: State) -> None:
-        """Puts back what `snapshot` returned."""
+        """Put back what `snapshot` returned."""
         module, hull = self.module, self._hull
         if hull.has_touched or hull.terrain is not snapshot.terrain:
             hull = Hull(module.gyration_m, module.gravity_mps2, snapshot.terrain)
@@ -103,7 +103,7 @@ class Lander2D(Lander):
     # -- moving -------------------------------------------------------------------------------------------------------
 
     def _advance(self) -> None:
-        """Lets engine, jets and legs push, then moves the body."""
+        """Let engine, jets and legs push, then move the body."""
         self._pose = None
         kick = self._fire()
         self._far_steps -= 1
@@ -113,7 +113,7 @@ class Lander2D(Lander):
             self._move(self.step_s)
 
     def _fire(self) -> Kick:
-        """Lets engine and jets push for one step, from the propellant there is; returns how, in the module's frame."""
+        """Let engine and jets push for one step, from the propellant there is; return how, in the module's frame."""
         side, up, twist = kick = self._burn()
         if up > 0.0:
             # A push beside the centre of mass is the same push through it, and a twist: one call for both.
@@ -123,7 +123,7 @@ class Lander2D(Lander):
         return kick
 
     def _meet_ground(self, kick: Kick) -> None:
-        """Lets the feet push against the ground, ends the flight when it is over, and says when to look again."""
+        """Let the feet push against the ground, end the flight when it is over, and say when to look again."""
         x, z, attitude, vx, vz, rate = body = self._hull.pose()
         if not math.isfinite(x + z + attitude + vx + vz + rate):
             raise PlantError(
@@ -147,7 +147,7 @@ class Lander2D(Lander):
         self._settle(still)
 
     def _midway(self, body: Pose, kick: Kick) -> Pose:
-        """Returns how it moves in the middle of a step, where its place is, from the motion at the end and the kick."""
+        """Return how it moves in the middle of a step, where its place is, from the motion at the end and the kick."""
         side, up, twist = kick
         cos, sin = math.cos(body.attitude_rad), math.sin(body.attitude_rad)
         kick_x, kick_z = cos * side - sin * up, sin * side + cos * up - self._fall_mps
@@ -158,14 +158,14 @@ class Lander2D(Lander):
         )
 
     def _stand_still(self) -> None:
-        """Takes all motion from the body."""
+        """Take all motion from the body."""
         self._hull.put(self._hull.pose()._replace(vx_mps=0.0, vz_mps=-self._fall_mps, rate_radps=0.0))
         self._pose = None
 
     # -- being measured -----------------------------------------------------------------------------------------------
 
     def _read_pose(self) -> Pose:
-        """Returns position and velocity at the same moment; looked up once a step, however many ask."""
+        """Return position and velocity at the same moment; looked up once a step, however many ask."""
         if self._pose is None:
             x, z, attitude, vx, vz, rate = self._hull.pose()
             vz, half_s = vz + self._fall_mps, 0.5 * self.step_s
@@ -173,23 +173,23 @@ class Lander2D(Lander):
         return self._pose
 
     def _contact(self) -> list[bool]:
-        """Returns whether feet touch: [left, right]."""
+        """Return whether feet touch: [left, right]."""
         return [grip is not None for grip in self._legs.grips_m]
 
     def _tilt_rad(self) -> float:
-        """Returns the angle between the module's upward axis and the vertical."""
+        """Return the angle between the module's upward axis and the vertical."""
         return abs(math.remainder(self._hull.pose().attitude_rad, 2.0 * math.pi))
 
     def _has_hull_touched(self) -> bool:
-        """Returns whether the hull has met the ground."""
+        """Return whether the hull has met the ground."""
         return self._hull.has_touched
 
     def scene(self) -> dict[str, Any]:
-        """Returns the ground of this run and the shapes of the module."""
+        """Return the ground of this run and the shapes of the module."""
         return {"statics": terrain_shapes(self.terrain), "bodies": module_shapes()}
 
     def truth(self) -> dict[str, Any]:
-        """Returns the true state for the recorder."""
+        """Return the true state for the recorder."""
         pose = self._read_pose()
         x, z, attitude = pose[:3]
         cos, sin = math.cos(attitude), math.sin(attitude)
@@ -208,7 +208,7 @@ class Lander2D(Lander):
         return {"poses": poses, "arrows": arrows, "values": self._true_values(pose)}
 
     def _jet_arrows(self, x: float, z: float, cos: float, sin: float) -> dict[str, list[float]]:
-        """Returns the pair of attitude jets that fires: one side up, the other down."""
+        """Return the pair of attitude jets that fires: one side up, the other down."""
         force = 0.5 * self._jets / JETS_OUT_M
         up_x, up_z = -sin * force, cos * force
         out_x, out_z = cos * JETS_OUT_M, sin * JETS_OUT_M

@@ -68,7 +68,7 @@ class Lander3D(Lander):
     # -- start, and being put back ------------------------------------------------------------------------------------
 
     def reset(self, seed: int) -> None:
-        """Puts the module at the start that belongs to this seed, over its ground."""
+        """Put the module at the start that belongs to this seed, over its ground."""
         start, self.terrain = self._start(seed)
         (x, z), (vx, vz), half_s = start.position_m, start.velocity_mps, 0.5 * self.step_s
         self._attitude = start.attitude_rad + half_s * start.rate_radps
@@ -87,16 +87,16 @@ class Lander3D(Lander):
         self._pose: Pose | None = None
 
     def _build(self) -> None:
-        """Builds the world anew if the ground is another."""
+        """Build the world anew if the ground is another."""
         if self._hull.terrain is not self.terrain:
             self._hull = Hull3D(self.module, self.terrain, self.step_s)
 
     def snapshot(self) -> State:
-        """Returns all of the state; it never changes afterwards."""
+        """Return all of the state; it never changes afterwards."""
         return State(body=self._hull.state(), attitude_rad=self._attitude, **self._flight_state())
 
     def restore(self, snapshot: State) -> None:
-        """Puts back what `snapshot` returned."""
+        """Put back what `snapshot` returned."""
         self._restore_flight(snapshot)
         self._build()
         self._hull.put_state(snapshot.body)
@@ -108,7 +108,7 @@ class Lander3D(Lander):
     # -- moving -------------------------------------------------------------------------------------------------------
 
     def _advance(self) -> None:
-        """Lets engine and jets push, ends the flight when it is over, and moves the module."""
+        """Let engine and jets push, end the flight when it is over, and move the module."""
         self._pose = None
         hull, mass_kg = self._hull, self.mass_kg
         kick = self._fire()
@@ -128,13 +128,13 @@ class Lander3D(Lander):
             self._end("lost")
 
     def _note_turn(self) -> None:
-        """Follows the attitude through full turns, as in the plane."""
+        """Follow the attitude through full turns, as in the plane."""
         axes = self._hull.axes
         turned = math.atan2(-axes[2], axes[8])  # the module's upward axis leans to -x
         self._attitude += math.remainder(turned - self._attitude, 2.0 * math.pi)
 
     def _fire(self) -> Kick:
-        """Lets engine and jets push for one step; returns the change of velocity x, z and rate, weight and all."""
+        """Let engine and jets push for one step; return the change of velocity x, z and rate, weight and all."""
         axes, step_s, weighed_kg = self._hull.axes, self.step_s, self.mass_kg
         side, up, twist = self._burn()
         x, y, z = side * axes[0] + up * axes[2], side * axes[3] + up * axes[5], side * axes[6] + up * axes[8]
@@ -144,7 +144,7 @@ class Lander3D(Lander):
         return x, z - self.module.gravity_mps2 * step_s, twist / self.module.gyration_m**2
 
     def _meet_ground(self, kick: Kick) -> None:
-        """Ends the flight when it is over; before the legs push in this step."""
+        """End the flight when it is over; before the legs push in this step."""
         contacts = self._hull.contacts
         vx, vy, vz, *rates = self._hull.motion[:6]
         if self.touchdown is None:
@@ -157,14 +157,14 @@ class Lander3D(Lander):
         self._settle(still and all(self._contact()))
 
     def _stand_still(self) -> None:
-        """Takes all motion from the module."""
+        """Take all motion from the module."""
         self._hull.stop()
         self._pose = None
 
     # -- being measured -----------------------------------------------------------------------------------------------
 
     def _read_pose(self) -> Pose:
-        """Returns position and velocity at the same moment; looked up once a step, however many ask."""
+        """Return position and velocity at the same moment; looked up once a step, however many ask."""
         if self._pose is None:
             (x, _, z), half_s = self._hull.place[:3], 0.5 * self.step_s
             vx, _, vz, _, about_y, _ = self._hull.motion[:6]
@@ -172,23 +172,23 @@ class Lander3D(Lander):
         return self._pose
 
     def _contact(self) -> list[bool]:
-        """Returns whether feet touch: [left, right]."""
+        """Return whether feet touch: [left, right]."""
         return [bool(side & self._hull.contacts) for side in (LEFT, RIGHT)]
 
     def _tilt_rad(self) -> float:
-        """Returns the angle between the module's upward axis and the vertical."""
+        """Return the angle between the module's upward axis and the vertical."""
         return math.acos(min(1.0, max(-1.0, self._hull.axes[8])))
 
     def _has_hull_touched(self) -> bool:
-        """Returns whether the hull has met the ground."""
+        """Return whether the hull has met the ground."""
         return HULL in self._hull.contacts
 
     def scene(self) -> dict[str, Any]:
-        """Returns the ground of this run and the shapes of the module, each leg by itself."""
+        """Return the ground of this run and the shapes of the module, each leg by itself."""
         return {"statics": terrain_shapes(self.terrain), "bodies": legged_module_shapes()}
 
     def truth(self) -> dict[str, Any]:
-        """Returns the true state for the recorder."""
+        """Return the true state for the recorder."""
         hull, (x, z) = self._hull, self._read_pose()[:2]
         y = hull.place[1] - 0.5 * self.step_s * hull.motion[1]
         w, i, j, k = hull.place[3:7]

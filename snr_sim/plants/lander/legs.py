@@ -53,7 +53,7 @@ class Legs:
         self.grips_m: tuple[Grip, Grip] = (None, None)
 
     def stand(self, body: Pose, mass_kg: float, ground: Terrain, push: Callable[..., None]) -> int:
-        """Pushes with each foot that touches, for one step.
+        """Push with each foot that touches, for one step.
 
         A leg pushes as if its foot were where it would be without ground, so the spring's work is its energy to the
         last joule. Dampers use the velocity of the middle of the step, solved for: they can stop a foot, never turn it.
@@ -100,7 +100,7 @@ class Legs:
         return 2 - grips.count(None)
 
     def given_m(self, i: int, pose: Pose, ground: Terrain) -> float:
-        """Returns how far leg `i` has given way along the module: so its foot shows on the ground, not under it."""
+        """Return how far leg `i` has given way along the module: so its foot shows on the ground, not under it."""
         if self.grips_m[i] is None:
             return 0.0
         foot_x, foot_z = FEET_M[i]

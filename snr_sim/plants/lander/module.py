@@ -34,7 +34,7 @@ class Throttle:
             )
 
     def snap(self, command: float) -> float:
-        """Returns the nearest share that the engine can run at.
+        """Return the nearest share that the engine can run at.
 
         >>> [Throttle(0.1, 0.6).snap(u) for u in (0.04, 0.06, 0.3, 0.7, 0.9)]
         [0.0, 0.1, 0.3, 0.6, 1.0]
@@ -105,7 +105,7 @@ class LunarModule:
 
 
 def check_tank(mass_kg: float, fuel_kg: float) -> None:
-    """Checks that a module at its start is more than its propellant.
+    """Check that a module at its start is more than its propellant.
 
     Raises:
         ParameterError: it is not.

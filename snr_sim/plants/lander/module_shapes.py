@@ -35,7 +35,7 @@ Ring = list[list[float]]
 
 
 def module_shapes() -> dict[str, list[dict[str, Any]]]:
-    """Returns the shapes of the hull and of the legs, which slide along it when they give way."""
+    """Return the shapes of the hull and of the legs, which slide along it when they give way."""
     left_near, left_far, right_near, right_far = (_leg(x, y) for x, y in PADS_M.values())
     return {
         "module": _descent_stage() + _ascent_stage(),
@@ -45,12 +45,12 @@ def module_shapes() -> dict[str, list[dict[str, Any]]]:
 
 
 def legged_module_shapes() -> dict[str, list[dict[str, Any]]]:
-    """Returns the shapes of the hull and of each leg by itself: see `PADS_M`."""
+    """Return the shapes of the hull and of each leg by itself: see `PADS_M`."""
     return {"module": _descent_stage() + _ascent_stage(), **{name: _leg(x, y) for name, (x, y) in PADS_M.items()}}
 
 
 def hull_corners() -> Ring:
-    """Returns the corners of a hull with eight sides; from -y it looks as `HULL_M` says."""
+    """Return the corners of a hull with eight sides; from -y it looks as `HULL_M` says."""
     return [corner for x, z in HULL_M if x > 0.0 for corner in _ring(x, z, 8)]
 
 
@@ -85,7 +85,7 @@ def _ascent_stage() -> list[dict[str, Any]]:
 
 
 def _leg(x: float, y: float) -> list[dict[str, Any]]:
-    """Returns strut, braces and pad of one leg; its upper ends are inside the stage, so it can slide without a gap."""
+    """Return strut, braces and pad of one leg; its upper ends are inside the stage, so it can slide without a gap."""
     foot = [x, y, -PADS_BELOW_M + 0.15]
     root_out, root_in = 0.52, 0.36
     return [
@@ -101,7 +101,7 @@ def _leg(x: float, y: float) -> list[dict[str, Any]]:
 
 
 def _ring(radius: float, z: float, corners: int, x: float = 0.0, y: float = 0.0) -> Ring:
-    """Returns the corners of a regular polygon, a flat side to +x."""
+    """Return the corners of a regular polygon, a flat side to +x."""
     turn = math.pi / corners
     angles = [turn + 2.0 * math.pi * i / corners for i in range(corners)]
     reach = radius / math.cos(turn)
@@ -109,7 +109,7 @@ def _ring(radius: float, z: float, corners: int, x: float = 0.0, y: float = 0.0)
 
 
 def _shell(rings: list[Ring], rgb: list[int]) -> dict[str, Any]:
-    """Returns a closed mesh through rings of equally many corners, from top to bottom."""
+    """Return a closed mesh through rings of equally many corners, from top to bottom."""
     n = len(rings[0])
     vertices = [corner for ring in rings for corner in ring]
     triangles = []

@@ -39,7 +39,7 @@ class Terrain:
             raise ParameterError(f"A terrain has the height {odd}.", fix="give finite numbers.")
 
     def ground(self, x_m: float) -> tuple[float, float]:
-        """Returns height [m] and slope [m/m] at a place; beyond the ends the last piece goes on."""
+        """Return height [m] and slope [m/m] at a place; beyond the ends the last piece goes on."""
         heights = self.heights_m
         along = (x_m + HALF_WIDTH_M) / SPACING_M
         i = min(len(heights) - 2, max(0, int(along)))
@@ -47,13 +47,13 @@ class Terrain:
         return heights[i] + rise * (along - i), rise / SPACING_M
 
     def roof_m(self, x_m: float) -> float:
-        """Returns a height that nothing within `ROOF_REACH_M` exceeds."""
+        """Return a height that nothing within `ROOF_REACH_M` exceeds."""
         i = min(len(self.heights_m) - 2, max(0, int((x_m + HALF_WIDTH_M) / SPACING_M)))
         reach = int(ROOF_REACH_M / SPACING_M)
         return max(self.heights_m[max(0, i - reach) : i + reach + 2])
 
     def points_m(self) -> list[tuple[float, float]]:
-        """Returns the line as (x, z)."""
+        """Return the line as (x, z)."""
         return [(i * SPACING_M - HALF_WIDTH_M, height) for i, height in enumerate(self.heights_m)]
 
 
@@ -61,7 +61,7 @@ FLAT = Terrain((0.0,) * (int(2 * HALF_WIDTH_M / SPACING_M) + 1))
 
 
 def make_terrain(seed: int, relief_m: float, pad_slope_rad: float = 0.0) -> Terrain:
-    """Returns hills of about `relief_m` with a pad of one slope in their middle, another one for every seed."""
+    """Return hills of about `relief_m` with a pad of one slope in their middle, another one for every seed."""
     rng = rng_for(seed, "terrain")
     waves = [(rng.uniform(0.7, 1.3) * length, rng.uniform(0.0, 2.0 * math.pi)) for length in (170.0, 95.0, 53.0, 31.0)]
     bumps: list[float] = rng.standard_normal(len(FLAT.heights_m)).tolist()

@@ -32,7 +32,7 @@ Heights: TypeAlias = NDArray[np.float64]
 
 @lru_cache(maxsize=4)  # a hundred runs over flat ground need it drawn once
 def terrain_shapes(terrain: Terrain) -> dict[str, Any]:
-    """Returns ground, pad and line for the viewer, by name. Not to be changed: the next run over it gets the same."""
+    """Return ground, pad and line for the viewer, by name. Not to be changed: the next run over it gets the same."""
     places = [i * SPACING_M - SHOWN_M for i in range(int(2 * SHOWN_M / SPACING_M) + 1)]
     heights = [terrain.ground(x)[0] for x in places]
     x, y = np.meshgrid(places, ROWS_M)
@@ -52,7 +52,7 @@ def terrain_shapes(terrain: Terrain) -> dict[str, Any]:
 
 
 def _country(terrain: Terrain, x: Heights, y: Heights, line: Heights) -> Heights:
-    """Returns the heights of the shown ground at a grid of places, all of shape (rows, places)."""
+    """Return the heights of the shown ground at a grid of places, all of shape (rows, places)."""
     rng = rng_for(terrain.seed, "country")
     own = np.clip((np.abs(y) - OWN_FROM_M) / (OWN_TO_M - OWN_FROM_M), 0.0, 1.0)
     hills = np.zeros_like(x)
@@ -76,7 +76,7 @@ def _polyline(points: list[list[float]], rgb: list[int], radius_m: float) -> dic
 
 
 def _ribbon(rows: list[list[list[float]]], rgb: list[int]) -> dict[str, Any]:
-    """Returns a mesh through rows of equally many points, facing up."""
+    """Return a mesh through rows of equally many points, facing up."""
     n = len(rows[0])
     triangles = []
     for r in range(len(rows) - 1):

@@ -32,7 +32,7 @@ def _line_at(charge: float) -> tuple[float, float, float]:
 
 
 def cell_v(charge: float) -> float:
-    """Returns the voltage of a cell from which nothing is drawn.
+    """Return the voltage of a cell from which nothing is drawn.
 
     >>> cell_v(1.0), round(cell_v(0.5), 2), round(cell_v(0.1), 2), cell_v(0.0)
     (4.2, 3.74, 3.35, 2.5)
@@ -97,23 +97,23 @@ class BenchSupply:
         self.energy_j = 0.0
 
     def reset(self) -> None:
-        """Counts from nothing."""
+        """Count from nothing."""
         self.energy_j = 0.0
 
     def voltage_v(self, current_a: float) -> float:
-        """Returns what it holds."""
+        """Return what it holds."""
         return self.volts
 
     def draw(self, current_a: float, voltage_v: float, dt_s: float) -> None:
-        """Counts the energy."""
+        """Count the energy."""
         self.energy_j += current_a * voltage_v * dt_s
 
     def snapshot(self) -> float:
-        """Returns what it counted."""
+        """Return what it counted."""
         return self.energy_j
 
     def restore(self, snapshot: float) -> None:
-        """Puts it back."""
+        """Put it back."""
         self.energy_j = snapshot
 
 
@@ -150,14 +150,14 @@ class Battery:
         self._lay_line()
 
     def voltage_v(self, current_a: float) -> float:
-        """Returns the voltage at which a current flows; 0 if it is empty or has been cut off."""
+        """Return the voltage at which a current flows; 0 if it is empty or have been cut off."""
         if self.is_cut_off:
             return 0.0
         from_charge, from_v, slope, resistance_ohm = self._line
         return max(0.0, from_v + (self.charge - from_charge) * slope - current_a * resistance_ohm)
 
     def draw(self, current_a: float, voltage_v: float, dt_s: float) -> None:
-        """Takes a current out of it for a time, at a voltage; of one that has been cut off, nothing."""
+        """Take a current out of it for a time, at a voltage; of one that has been cut off, nothing."""
         if self.is_cut_off:
             return
         charge = self.charge - current_a * dt_s * self._share_per_as
@@ -174,16 +174,16 @@ class Battery:
             self._low_s = 0.0
 
     def snapshot(self) -> tuple[float, float, float, bool]:
-        """Returns all of its state."""
+        """Return all of its state."""
         return self.charge, self.energy_j, self._low_s, self.is_cut_off
 
     def restore(self, snapshot: tuple[float, float, float, bool]) -> None:
-        """Puts back what `snapshot` returned."""
+        """Put back what `snapshot` returned."""
         self.charge, self.energy_j, self._low_s, self.is_cut_off = snapshot
         self._lay_line()
 
     def _lay_line(self) -> None:
-        """Lays the straight line of the pack's voltage about its charge: looked up once for thousands of steps."""
+        """Lay the straight line of the pack's voltage about its charge: looked up once for thousands of steps."""
         low, low_v, slope = _line_at(self.charge)
         cells = self.pack.cells
         self._line = low, cells * low_v, cells * slope, self.pack.resistance_ohm

@@ -63,7 +63,7 @@ class Leak:
         check_record(self, "The leak's ")
 
     def water_l(self, time_s: float) -> float:
-        """Returns how much is in."""
+        """Return how much is in."""
         return min(self.most_l, max(0.0, time_s - self.from_s) * self.rate_lps)
 
 
@@ -89,7 +89,7 @@ class ThrusterFault:
             raise ParameterError(f"A thruster cannot be {shown(self.fault)}.", fix=nearest(str(self.fault), FAULTS))
 
     def number_in(self, names: Sequence[str]) -> int:
-        """Returns the number of the thruster among those of a vehicle.
+        """Return the number of the thruster among those of a vehicle.
 
         Raises:
             ParameterError: there is none; the message names those there are.
@@ -163,17 +163,17 @@ class Dive:
             raise ParameterError(f"Currents begin at {times} s.", fix="name them in the order of their times.")
 
     def times_s(self) -> list[float]:
-        """Returns the moments at which something happens, in order, each once."""
+        """Return the moments at which something happens, in order, each once."""
         moments = {current.from_s for current in self.currents} | {fault.at_s for fault in self.faults}
         for load in self.loads:
             moments |= {load.from_s, load.until_s}
         return sorted(moments - {math.inf})
 
     def current_at(self, time_s: float) -> Vector:
-        """Returns the speed of the water, world frame."""
+        """Return the speed of the water, world frame."""
         begun = [current.velocity_mps for current in self.currents if current.from_s <= time_s]
         return begun[-1] if begun else STILL
 
     def loads_at(self, time_s: float) -> list[Load]:
-        """Returns what hangs at the vehicle."""
+        """Return what hangs at the vehicle."""
         return [load for load in self.loads if load.from_s <= time_s < load.until_s]

@@ -69,7 +69,7 @@ class Esc:
         return 0.0 if self.state.stop_us is None else self.state.stop_us - STOP_US
 
     def hear(self, pulse_us: float | None, supply_v: float, dt_s: float) -> float:
-        """Takes the pulse of the last `dt_s`, None if there was none; returns the pulse that the thruster turns by.
+        """Take the pulse of the last `dt_s`, None if there was none; return the pulse that the thruster turns by.
 
         A thruster without an armed controller does what it does at `STOP_US`.
         """

@@ -34,7 +34,7 @@ class Flotation:
         self.load((), 0.0)
 
     def load(self, loads: Sequence[Load], water_l: float, water_at: Vector = (0.0, 0.0, 0.0)) -> None:
-        """Weighs all of it anew; what hangs at the vehicle counts with its own buoyancy, as if always under water.
+        """Weigh all of it anew; what hangs at the vehicle counts with its own buoyancy, as if always under water.
 
         Args:
             loads: what hangs at it.
@@ -58,19 +58,19 @@ class Flotation:
         self.wet(1.0, self._centre)
 
     def wet(self, share: float, centre: Vector) -> None:
-        """Takes another share of the volume to be in the water, with another middle of it."""
+        """Take another share of the volume to be in the water, with another middle of it."""
         force = share * self._buoyancy_n
         self.net_n = force - self._weight_n
         x, y, z = (force * a - b for a, b in zip(centre, self._weight_arm, strict=True))
         self.arm: Vector = (x, y, z)
 
     def submerge(self) -> None:
-        """Takes all of the volume to be in the water."""
+        """Take all of the volume to be in the water."""
         self.wet(1.0, self._centre)
 
 
 def point_mass(mass_kg: float, place: Vector) -> Matrix:
-    """Returns the 6 x 6 mass matrix of something small that is fixed to the body at a place of its frame."""
+    """Return the 6 x 6 mass matrix of something small that is fixed to the body at a place of its frame."""
     x, y, z = place
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return mass_kg * np.block([[np.eye(3), -cross], [cross, -product(cross, cross)]])

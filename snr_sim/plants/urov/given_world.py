@@ -25,7 +25,7 @@ HALF = "where nothing touches, the plant moves the vehicle by its own equation, 
 
 
 def check_world(world: MujocoWorld, mjcf: str, body: str, pool: Pool, step_s: float) -> None:
-    """Checks that a world leaves water, weight and step to the plant.
+    """Check that a world leaves water, weight and step to the plant.
 
     Args:
         world: made of the text.
@@ -42,7 +42,7 @@ def check_world(world: MujocoWorld, mjcf: str, body: str, pool: Pool, step_s: fl
 
 
 def check_mass(vehicle: Vehicle, mass_kg: float) -> None:
-    """Checks that the mass a world gives the vehicle can be that of the vehicle's volume.
+    """Check that the mass a world gives the vehicle can be that of the vehicle's volume.
 
     Raises:
         ParameterError: it cannot.
@@ -53,7 +53,7 @@ def check_mass(vehicle: Vehicle, mass_kg: float) -> None:
 
 
 def _options(world: MujocoWorld, mjcf: str, pool: Pool, step_s: float) -> Iterator[tuple[str, str]]:
-    """Yields what the <option> element says in vain, and why."""
+    """Yield what the <option> element says in vain, and why."""
     mujoco, option = world.mujoco, world.model.opt
     if option.density or option.viscosity:
         yield (
@@ -91,7 +91,7 @@ def _options(world: MujocoWorld, mjcf: str, pool: Pool, step_s: float) -> Iterat
 
 
 def _stated_steps_s(mjcf: str, own_step_s: float) -> set[float]:
-    """Returns the timesteps that a text states; a compiled world does not tell a stated default from the default."""
+    """Return the timesteps that a text states; a compiled world does not tell a stated default from the default."""
     try:
         options = ElementTree.fromstring(mjcf).iter("option")
         stated = {float(one.attrib["timestep"]) for one in options if "timestep" in one.attrib}
@@ -101,7 +101,7 @@ def _stated_steps_s(mjcf: str, own_step_s: float) -> set[float]:
 
 
 def _forces(world: MujocoWorld, name: str) -> Iterator[tuple[str, str]]:
-    """Yields what would push, damp or carry the vehicle's body inside MuJoCo, and why it may not."""
+    """Yield what would push, damp or carry the vehicle's body inside MuJoCo, and why it may not."""
     model: Any = world.model
     body = world.body_id(name)
     start, count = int(model.body_dofadr[body]), int(model.body_dofnum[body])

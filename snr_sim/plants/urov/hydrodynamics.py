@@ -66,7 +66,7 @@ class Hydrodynamics:
         self.set_mass(rigid, 1.0)
 
     def set_mass(self, rigid: Matrix, wet: float) -> None:
-        """Takes another dry mass, or another share of the body to be in the water, 0 to 1.
+        """Take another dry mass, or another share of the body to be in the water, 0 to 1.
 
         The share counts in steps of 1 / `WET_STEPS` here, so that the inverse of each mass is computed once.
         """
@@ -81,7 +81,7 @@ class Hydrodynamics:
         self.mass, self._momentum, self._acceleration = self._known[step]
 
     def less(self, nu: Sequence[float], momentum: Sequence[float]) -> Six:
-        """Returns the velocity of a body that has given away some momentum, body frame [N s, N m s]."""
+        """Return the velocity of a body that has given away some momentum, body frame [N s, N m s]."""
         x, y, z, k, m, n = momentum
         u, v, w, p, q, r = nu
         du, dv, dw, dp, dq, dr = self._acceleration(x, y, z, k, m, n)
@@ -90,7 +90,7 @@ class Hydrodynamics:
     def advance(
         self, nu: Sequence[float], up: Three, push: Sequence[float], net_n: float, arm: Three, guess: Six, dt_s: float
     ) -> tuple[Six, Six]:
-        """Returns the velocity half a step on, and the acceleration of the whole step.
+        """Return the velocity half a step on, and the acceleration of the whole step.
 
         Args:
             nu: velocity relative to the water at the step's begin, body frame.
@@ -159,12 +159,12 @@ class Hydrodynamics:
 
 
 def in_words(nu: Sequence[float]) -> str:
-    """Returns six velocities with their names, for a message."""
+    """Return six velocities with their names, for a message."""
     return ", ".join(f"{axis} {value:.3g}" for axis, value in zip(AXES, nu, strict=True)) + " (m/s, rad/s)"
 
 
 def product_with(matrix: NDArray[np.floating[Any]]) -> Product:
-    """Returns the function that multiplies a 6 x 6 matrix with six numbers; a diagonal one much faster."""
+    """Return the function that multiplies a 6 x 6 matrix with six numbers; a diagonal one much faster."""
     rows = matrix.tolist()
     if not (matrix - np.diag(np.diag(matrix))).any():
         d1, d2, d3, d4, d5, d6 = np.diag(matrix).tolist()

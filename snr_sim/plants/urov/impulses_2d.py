@@ -41,7 +41,7 @@ class Touch(NamedTuple):
 def stopped(
     velocity: Three, touches: Sequence[Touch], mobility: Sequence[Sequence[float]], friction: float, dt_s: float
 ) -> tuple[Three, tuple[float, float]]:
-    """Returns the velocity after all contacts have had their say, and the impulse of all together [N s], world frame.
+    """Return the velocity after all contacts have had their say, and the impulse of all together [N s], world frame.
 
     Args:
         velocity: without contacts: along x and z [m/s], rate about y [rad/s].

@@ -52,11 +52,11 @@ class Limit:
     is_above: bool = False
 
     def holds(self, value: float) -> bool:
-        """Returns whether a number can be; NaN never can."""
+        """Return whether a number can be; NaN never can."""
         return self.least <= value <= self.most and not (self.is_above and value == self.least)
 
     def wanted(self) -> str:
-        """Returns in words what is wanted."""
+        """Return in words what is wanted."""
         unit = f" {self.unit}" if self.unit else ""
         if math.isinf(self.least) and math.isinf(self.most):
             return f"a finite number{unit and ' of' + unit}"
@@ -224,7 +224,7 @@ def _checked(what: str, value: Any, kind: Any, *rules: Any) -> Any:
 
 
 def check_number(what: str, value: Any, limit: Limit = FINITE, axis: str = "") -> None:
-    """Checks that a value is a number that can be.
+    """Check that a value is a number that can be.
 
     Args:
         what: it is, for the message: "The tether's length_m".
@@ -248,7 +248,7 @@ def check_number(what: str, value: Any, limit: Limit = FINITE, axis: str = "") -
 
 
 def check_whole(what: str, value: Any, limit: Limit) -> None:
-    """Checks that a value is a whole number that can be.
+    """Check that a value is a whole number that can be.
 
     Raises:
         ParameterError: it is none; the message says what was found and what is wanted.
@@ -259,7 +259,7 @@ def check_whole(what: str, value: Any, limit: Limit) -> None:
 
 
 def check_vector(what: str, value: Any, limit: Limit = FINITE, axes: Sequence[str] = ("x", "y", "z")) -> None:
-    """Checks that a value is a row of numbers, one for each axis.
+    """Check that a value is a row of numbers, one for each axis.
 
     Raises:
         ParameterError: it is none; the message says which of them is wrong.
@@ -277,7 +277,7 @@ def check_vector(what: str, value: Any, limit: Limit = FINITE, axes: Sequence[st
 
 
 def check_members(what: str, value: Any, kind: type) -> None:
-    """Checks that a value is a tuple or list of one kind of thing.
+    """Check that a value is a tuple or list of one kind of thing.
 
     Raises:
         ParameterError: it is none.
@@ -291,7 +291,7 @@ def check_members(what: str, value: Any, kind: type) -> None:
 
 
 def checked_matrix(what: str, rows: Any, axes: Sequence[str]) -> NDArray[np.float64]:
-    """Returns a symmetric matrix that has a row and a column of finite numbers for each axis.
+    """Return a symmetric matrix that has a row and a column of finite numbers for each axis.
 
     Raises:
         ParameterError: it is none; the message says where.
@@ -315,7 +315,7 @@ def checked_matrix(what: str, rows: Any, axes: Sequence[str]) -> NDArray[np.floa
 
 
 def is_number(value: Any) -> bool:
-    """Returns whether a value is a number; true and false are none, and neither is one too large for a float."""
+    """Return whether a value is a number; true and false are none, and neither is one too large for a float."""
     if isinstance(value, bool) or not isinstance(value, Real):
         return False
     try:
@@ -326,6 +326,6 @@ def is_number(value: Any) -> bool:
 
 
 def shown(value: Any) -> str:
-    """Returns a value for a message, shortened."""
+    """Return a value for a message, shortened."""
     text = repr(value)
     return text if len(text) <= 80 else f"{text[:77]}..."

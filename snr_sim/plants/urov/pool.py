@@ -53,7 +53,7 @@ class Gate:
         check_record(self, f"Gate '{self.name}': ")
 
     def corners_m(self) -> list[Vector]:
-        """Returns the four corners, in order around it."""
+        """Return the four corners, in order around it."""
         x, y, z = self.position_m
         across = -math.sin(self.heading_rad), math.cos(self.heading_rad)
         half, up = 0.5 * self.width_m, 0.5 * self.height_m
@@ -101,12 +101,12 @@ class Pool:
             raise ParameterError(f"Two gates have one name: {', '.join(names)}.", fix="give each its own.")
 
     def extent(self) -> str:
-        """Returns where the water is, in words."""
+        """Return where the water is, in words."""
         size = f"{self.length_m:g} x {self.width_m:g} m around 0, 0 and {self.depth_m:g} m deep"
         return f"the pool is {size}; under water z is negative."
 
     def room_m(self, place: Vector) -> float:
-        """Returns how far it is at least from a place in the water to floor, walls and gates."""
+        """Return how far it is at least from a place in the water to floor, walls and gates."""
         x, y, z = place
         rooms = [z + self.depth_m, 0.5 * self.length_m - abs(x), 0.5 * self.width_m - abs(y)]
         rooms += [
@@ -116,7 +116,7 @@ class Pool:
         return min(rooms)
 
     def mjcf(self, vehicle: Vehicle) -> str:
-        """Returns the world with this vehicle in it, as MJCF."""
+        """Return the world with this vehicle in it, as MJCF."""
         half = 0.5 * self.length_m, 0.5 * self.width_m
         surface = f'friction="{FRICTION} 0.005 0.0001"'
         walls = [

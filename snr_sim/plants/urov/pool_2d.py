@@ -51,7 +51,7 @@ class Pool2D:
         self._build(0.0)
 
     def _build(self, y_m: float) -> None:
-        """Builds the cut at a y."""
+        """Build the cut at a y."""
         pymunk, pool = self._pymunk, self._pool
         self._y_m = y_m
         self._space = space = pymunk.Space()
@@ -71,11 +71,11 @@ class Pool2D:
     # -- the state ----------------------------------------------------------------------------------------------------
 
     def clear(self) -> None:
-        """Puts the vehicle at rest in the middle of the surface."""
+        """Put the vehicle at rest in the middle of the surface."""
         self.place(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
     def put(self, pose: Sequence[float], velocity: Sequence[float]) -> None:
-        """Puts the vehicle somewhere.
+        """Put the vehicle somewhere.
 
         Args:
             pose: x, y, z [m] and the quaternion w, x, y, z, of which only pitch counts.
@@ -85,7 +85,7 @@ class Pool2D:
         self.place(y, (x, z, 2.0 * math.atan2(qy, qw)), (velocity[0], velocity[2], velocity[4]))
 
     def place(self, y_m: float, place: Place2D, motion: Place2D) -> None:
-        """Puts the vehicle somewhere, to the bit."""
+        """Put the vehicle somewhere, to the bit."""
         if y_m != self._y_m:
             self._space.remove(self._body)
             self._build(y_m)
@@ -95,34 +95,34 @@ class Pool2D:
         body.velocity, body.angular_velocity = (motion[0], motion[1]), -motion[2]
 
     def where(self) -> Place2D:
-        """Returns x, z and pitch."""
+        """Return x, z and pitch."""
         body = self._body
         x, z = body.position
         return x, z, -body.angle
 
     def snapshot(self) -> tuple[float, Place2D, Place2D]:
-        """Returns y, x, z and pitch, and the rates of the last three."""
+        """Return y, x, z and pitch, and the rates of the last three."""
         body = self._body
         vx, vz = body.velocity
         return self._y_m, self.where(), (vx, vz, -body.angular_velocity)
 
     def restore(self, snapshot: tuple[float, Place2D, Place2D]) -> None:
-        """Puts back what `snapshot` returned."""
+        """Put back what `snapshot` returned."""
         self.place(*snapshot)
 
     # -- moving -------------------------------------------------------------------------------------------------------
 
     def drift(self, dt_s: float) -> None:
-        """Moves on at the velocity it has."""
+        """Move on at the velocity it has."""
         self._space.step(dt_s)
 
     def move_at(self, motion: Place2D) -> None:
-        """Gives it another velocity."""
+        """Give it another velocity."""
         body = self._body
         body.velocity, body.angular_velocity = (motion[0], motion[1]), -motion[2]
 
     def touches(self) -> list[Touch]:
-        """Returns where the frame touches something."""
+        """Return where the frame touches something."""
         x, z, _ = self.where()
         pool, reach = self._pool, self._reach_m
         is_far = z - reach > -pool.depth_m and abs(x) + reach < 0.5 * pool.length_m
@@ -131,7 +131,7 @@ class Pool2D:
         return [touch for _, touch in self._hits()]
 
     def deepest(self) -> tuple[str, float]:
-        """Returns in what the vehicle is deepest, and how deep [m]; 0 if it is in nothing."""
+        """Return in what the vehicle is deepest, and how deep [m]; 0 if it is in nothing."""
         solid, depth_m = "", 0.0
         for name, touch in self._hits():
             if touch.depth_m > depth_m:
@@ -139,7 +139,7 @@ class Pool2D:
         return solid, depth_m
 
     def _hits(self) -> Iterator[tuple[str, Touch]]:
-        """Yields what the frame touches, by name, and where."""
+        """Yield what the frame touches, by name, and where."""
         x, z, _ = self.where()
         self._frame.cache_bb()
         for hit in self._space.shape_query(self._frame):
@@ -154,7 +154,7 @@ class Pool2D:
                 yield self._solids[hit.shape], Touch(out_x, out_z, at_x - x, at_z - z, depth_m)
 
     def height_over_ground_m(self, place: Sequence[float]) -> float:
-        """Returns how far it is straight down from a place to anything; negative if there is nothing."""
+        """Return how far it is straight down from a place to anything; negative if there is nothing."""
         x, _, z = place
         low = z - 2.0 * self._pool.depth_m - 10.0
         hit = self._space.segment_query_first((x, z), (x, low), 0.0, self._pymunk.ShapeFilter())
@@ -162,7 +162,7 @@ class Pool2D:
 
 
 def _rigid(vehicle: Vehicle) -> Matrix:
-    """Returns the 6 x 6 mass matrix of the dry vehicle about its origin."""
+    """Return the 6 x 6 mass matrix of the dry vehicle about its origin."""
     x, y, z = vehicle.centre_of_mass_m
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     mass = vehicle.mass_kg
@@ -172,7 +172,7 @@ def _rigid(vehicle: Vehicle) -> Matrix:
 
 
 def _bars(gate: Gate, y_m: float) -> list[tuple[float, float]]:
-    """Returns where the cut at a y meets the upper and the lower bar of a gate: x and z."""
+    """Return where the cut at a y meets the upper and the lower bar of a gate: x and z."""
     x, y, z = gate.position_m
     along = -math.sin(gate.heading_rad), math.cos(gate.heading_rad)
     if abs(y_m - y) > 0.5 * gate.width_m * abs(along[1]) or abs(along[1]) < 1e-9:

@@ -143,7 +143,7 @@ class Propulsion:
             )
 
     def reset(self) -> None:
-        """Puts everything back to when the battery is connected: nothing turns, nothing is armed, nothing is broken."""
+        """Put everything back to when the battery is connected: nothing turns, nothing is armed, nothing is broken."""
         n = self.count
         self.supply.reset()
         self.escs = [Esc() for _ in range(n)]
@@ -206,7 +206,7 @@ class Propulsion:
         return all(esc.is_armed for esc in self.escs)
 
     def fail(self, thruster: int, fault: str, share: float = 0.5) -> None:
-        """Breaks a thruster, or mends it.
+        """Break a thruster, or mends it.
 
         Args:
             thruster: its number, from 0.
@@ -228,7 +228,7 @@ class Propulsion:
         self._forget()
 
     def mixed(self, matrix: Matrix) -> list[float]:
-        """Returns a matrix of n columns times `mean_forces_n`: with the vehicle's, the wrench of all thrusters.
+        """Return a matrix of n columns times `mean_forces_n`: with the vehicle's, the wrench of all thrusters.
 
         Of the same matrix it is quick: only the lines are multiplied, and they seldom change.
         """
@@ -242,7 +242,7 @@ class Propulsion:
         return mix.lines.at(*self._mean)
 
     def step(self, dt_s: float, pulses_us: Sequence[float | None]) -> None:
-        """Moves on by `dt_s`.
+        """Move on by `dt_s`.
 
         Args:
             dt_s: how long.
@@ -275,7 +275,7 @@ class Propulsion:
         self.voltage_v = supply.voltage_v(current_a)
 
     def _hear(self, dt_s: float, pulses: list[float | None]) -> None:
-        """Has the speed controllers hear the pulses; skipped while they are armed and told the same as before."""
+        """Have the speed controllers hear the pulses; skipped while they are armed and told the same as before."""
         if pulses != self._told:
             self._check(pulses)
             self._told = pulses
@@ -310,7 +310,7 @@ class Propulsion:
             )
 
     def _look_up(self, volts: float) -> None:
-        """Lays straight lines through thrust and current of all thrusters, about a voltage."""
+        """Lay straight lines through thrust and current of all thrusters, about a voltage."""
         if volts < LEAST_V:  # nothing turns, up to the voltage at which it does
             nothing = (0.0,) * self.count
             self._lay(0.0, LEAST_V, (nothing, nothing, nothing, nothing))
@@ -335,7 +335,7 @@ class Propulsion:
         self._lay(from_v, to_v, tuple(zip(*rows, strict=True)))
 
     def _lay(self, from_v: float, to_v: float, columns: Sequence[Numbers]) -> None:
-        """Has forces and currents follow other lines, from where they are.
+        """Have forces and currents follow other lines, from where they are.
 
         Args:
             from_v, to_v: where these hold.
@@ -355,13 +355,13 @@ class Propulsion:
         self._left, self._rise, self._is_stale = 1.0, 0.0, False
 
     def _forget(self) -> None:
-        """Has everything looked up and heard anew."""
+        """Have everything looked up and heard anew."""
         self._told = None
         self._is_settled = False
         self._is_stale = True
 
     def snapshot(self) -> PropulsionState:
-        """Returns all of the state."""
+        """Return all of the state."""
         return PropulsionState(
             self._range_v,
             self._drives,
@@ -379,7 +379,7 @@ class Propulsion:
         )
 
     def restore(self, snapshot: PropulsionState) -> None:
-        """Puts back what `snapshot` returned."""
+        """Put back what `snapshot` returned."""
         self._range_v, self._drives, self._current_a = snapshot.range_v, snapshot.drives, snapshot.current_a
         self._mix = snapshot.mix
         self._left, self._rise = self._mean = snapshot.left, snapshot.rise
@@ -393,13 +393,13 @@ class Propulsion:
 
 
 def _products(rows: Sequence[Sequence[float]], column: Sequence[float]) -> list[float]:
-    """Returns a matrix, given by its rows, times a column."""
+    """Return a matrix, given by its rows, times a column."""
     return [dot_product(row, column) for row in rows]
 
 
 @lru_cache(maxsize=1 << 16)  # all there are: 52 steps of voltage and 801 pulses
 def _patch(step: int, pulse_us: int) -> tuple[float, float, float, float, float, float, float, float]:
-    """Returns force and current about a voltage and a pulse, as numbers that a bilinear surface is made of.
+    """Return force and current about a voltage and a pulse, as numbers that a bilinear surface is made of.
 
     Of the force, then of the current: value, change per microsecond, change per volt, change of that per microsecond.
     """

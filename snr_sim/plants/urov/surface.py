@@ -47,7 +47,7 @@ class Surface:
         self.reach_m = max([box_m, *(math.hypot(*one.position_m) + PROPELLER_M for one in vehicle.thrusters)])
 
     def wetted(self, z_m: float, up: Vector) -> tuple[float, Vector]:
-        """Returns the wet share of the displaced volume, and the middle of the wet part [m], body frame.
+        """Return the wet share of the displaced volume, and the middle of the wet part [m], body frame.
 
         Args:
             z_m: height of the body's origin over the surface.
@@ -67,7 +67,7 @@ class Surface:
         return total, (x / total, y / total, z / total)
 
     def drawing(self, z_m: float, up: Vector) -> Array:
-        """Returns the share of each propeller's disc that is in the water, shape (n,)."""
+        """Return the share of each propeller's disc that is in the water, shape (n,)."""
         heights = z_m + _along(self._thrusters, up)
         return _between_0_and_1(0.5 - heights / (2.0 * PROPELLER_M))
 
@@ -84,7 +84,7 @@ def _along(places: Columns, vector: Vector) -> Array:
 
 
 def _between_0_and_1(values: Array) -> Array:
-    """Clips in place; `numpy.clip` takes ten times as long for so few."""
+    """Clip in place; `numpy.clip` takes ten times as long for so few."""
     np.maximum(values, 0.0, out=values)
     np.minimum(values, 1.0, out=values)
     return values

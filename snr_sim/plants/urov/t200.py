@@ -44,7 +44,7 @@ class Curve(NamedTuple):
     speeds_rpm: tuple[float, ...]
 
     def at(self, pulse_us: float) -> tuple[float, float, float]:
-        """Returns force [N], current [A] and speed [rpm] at a pulse between `LEAST_US` and `MOST_US`."""
+        """Return force [N], current [A] and speed [rpm] at a pulse between `LEAST_US` and `MOST_US`."""
         pulses, forces, currents, speeds = self
         i = min(len(pulses) - 2, max(0, bisect_right(pulses, pulse_us) - 1))
         share = (pulse_us - pulses[i]) / (pulses[i + 1] - pulses[i])
@@ -63,7 +63,7 @@ class Curve(NamedTuple):
 
 @lru_cache(maxsize=128)
 def curve(voltage_v: float) -> Curve:
-    """Returns what the thruster does at a voltage from `LEAST_V` to `MOST_V`, at the speed controller.
+    """Return what the thruster does at a voltage from `LEAST_V` to `MOST_V`, at the speed controller.
 
     >>> force_n, current_a, _ = curve(16.0).at(1900.0)
     >>> round(force_n / NEWTONS_PER_KGF, 2), current_a
@@ -91,7 +91,7 @@ def curve(voltage_v: float) -> Curve:
 
 @lru_cache(maxsize=1)
 def measured() -> dict[float, Curve]:
-    """Returns the maker's table: a curve for each voltage that was measured."""
+    """Return the maker's table: a curve for each voltage that was measured."""
     lines = [line for line in TABLE.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
     names, rows = lines[0].split(","), [[float(cell) for cell in line.split(",")] for line in lines[1:]]
     pulses, *columns = (tuple(column) for column in zip(*rows, strict=True))
@@ -107,7 +107,7 @@ def measured() -> dict[float, Curve]:
 def _side(
     below: Curve, above: Curve, share: float, end_us: float, edge_of: Callable[[tuple[float, float]], float]
 ) -> list[Sequence[float]]:
-    """Returns rows of a curve between two others, from the edge of its dead band to one end.
+    """Return rows of a curve between two others, from the edge of its dead band to one end.
 
     Args:
         below, above: the curves.
@@ -132,7 +132,7 @@ def _side(
 
 
 def _shrunk(least: Curve, share: float) -> Curve:
-    """Returns the curve at a share of the lowest voltage that was measured."""
+    """Return the curve at a share of the lowest voltage that was measured."""
     force, current, speed = share**FORCE_POWER, share**CURRENT_POWER, share**SPEED_POWER
     return Curve(
         least.pulses_us,

@@ -77,7 +77,7 @@ class TetherPull:
         self.tension_n = 0.0
 
     def force(self, end_m: Vector, velocity: Vector, current: Vector) -> Vector:
-        """Returns the force on the vehicle [N], world frame.
+        """Return the force on the vehicle [N], world frame.
 
         Args:
             end_m: where the tether meets the vehicle, world frame.

@@ -25,7 +25,7 @@ LAMP_RGB = [250, 236, 160]
 
 
 def pool_shapes(pool: Pool) -> dict[str, Any]:
-    """Returns floor, walls, the line of the surface and the gates, by name."""
+    """Return floor, walls, the line of the surface and the gates, by name."""
     half_x, half_y = 0.5 * pool.length_m, 0.5 * pool.width_m
     bottom, top = -pool.depth_m, WALLS_RISE_M
     rim = [[half_x, half_y], [-half_x, half_y], [-half_x, -half_y], [half_x, -half_y], [half_x, half_y]]
@@ -52,7 +52,7 @@ def pool_shapes(pool: Pool) -> dict[str, Any]:
 
 
 def tether_shape(tether: Tether) -> dict[str, Any]:
-    """Returns the tether as the viewer wants it: where it is held, and where at which body it ends."""
+    """Return the tether as the viewer wants it: where it is held, and where at which body it ends."""
     return {
         "anchor_m": list(tether.anchor_m),
         "body": "vehicle",
@@ -62,7 +62,7 @@ def tether_shape(tether: Tether) -> dict[str, Any]:
 
 
 def _to_and_fro(half: float, other: float) -> list[tuple[float, float]]:
-    """Returns the way of a pen that rules lines a tile apart, edge to edge: one line shows sooner than 40."""
+    """Return the way of a pen that rules lines a tile apart, edge to edge: one line shows sooner than 40."""
     count = math.floor(half / TILE_M)
     way = []
     for i in range(-count, count + 1):
@@ -72,7 +72,7 @@ def _to_and_fro(half: float, other: float) -> list[tuple[float, float]]:
 
 
 def vehicle_shapes(vehicle: Vehicle) -> list[dict[str, Any]]:
-    """Returns frame, floats, tube, lamps and the ducts of all thrusters."""
+    """Return frame, floats, tube, lamps and the ducts of all thrusters."""
     length, width, height = (0.5 * side for side in vehicle.size_m)
     shapes = []
     for side in (1.0, -1.0):
@@ -97,7 +97,7 @@ def _duct(thruster: Thruster) -> dict[str, Any]:
 
 
 def _drum(center: list[float], axis: list[float], radius: float, half: float, rgb: list[int]) -> dict[str, Any]:
-    """Returns a closed cylinder of twelve sides along an axis."""
+    """Return a closed cylinder of twelve sides along an axis."""
     ax, ay, az = axis
     side = [-ay, ax, 0.0] if abs(az) < 0.9 else [0.0, -az, ay]
     size = math.hypot(*side)

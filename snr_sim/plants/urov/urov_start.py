@@ -27,7 +27,7 @@ TAUT = 1.001  # share of its length that a tether may be stretched to at the sta
 
 
 def check_parts(vehicle: Any, pool: Any, start_of: Any, thrusters: Any, step_s: Any) -> None:
-    """Checks what an underwater vehicle is to be made of.
+    """Check what an underwater vehicle is to be made of.
 
     Raises:
         ParameterError: a part is of another kind, or vehicle and propulsion have not as many thrusters.
@@ -50,7 +50,7 @@ def check_parts(vehicle: Any, pool: Any, start_of: Any, thrusters: Any, step_s: 
 
 
 def check_start(dive: Any, seed: int, vehicle: Vehicle, pool: Pool, has_thrusters: bool, step_s: float) -> None:
-    """Checks a dive before anything is put at its start.
+    """Check a dive before anything is put at its start.
 
     Raises:
         ParameterError: it is no dive, or does not go with vehicle and pool.
@@ -71,7 +71,7 @@ def check_start(dive: Any, seed: int, vehicle: Vehicle, pool: Pool, has_thruster
 
 
 def check_room(dive: Dive, solid: str, depth_m: float, vehicle: Vehicle, pool: Pool) -> None:
-    """Checks that a vehicle at its start is in nothing solid.
+    """Check that a vehicle at its start is in nothing solid.
 
     Args:
         dive: says where the start is.
@@ -91,7 +91,7 @@ def check_room(dive: Dive, solid: str, depth_m: float, vehicle: Vehicle, pool: P
 
 
 def _check_floats(dive: Dive, vehicle: Vehicle, pool: Pool) -> None:
-    """A load's buoyancy counts as if it were always under water, so it must not be able to carry all of them."""
+    """Check that no load could carry all of them: its buoyancy counts as if it were always under water."""
     for time_s in dive.times_s():
         loads = dive.loads_at(time_s)
         carried = pool.density_kgm3 * ordered_sum(load.volume_m3 for load in loads)
@@ -116,7 +116,7 @@ def _check_reach(dive: Dive, tether: Tether) -> None:
 
 
 def _check_swing(tether: Tether, vehicle: Vehicle, step_s: float) -> None:
-    """A spring that swings within a few steps cannot be followed; half of what is just stable is allowed."""
+    """Check that a spring does not swing within a few steps; half of what is just stable is allowed."""
     mass, damping = vehicle.mass_kg + float(vehicle.added_mass[0, 0]), tether.damping_share
     swing = step_s * math.sqrt(tether.stiffness_npm / mass)
     if swing * (damping + math.sqrt(1.0 + damping * damping)) > 1.0:

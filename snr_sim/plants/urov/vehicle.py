@@ -189,7 +189,7 @@ class Vehicle:
                 check_number(f"Thruster '{thruster.name}': position_m, off the middle in {axis},", abs(value), limit)
 
     def trimmed(self, density_kgm3: float, gravity_mps2: float) -> Vehicle:
-        """Returns the vehicle with the ballast that gives it `net_buoyancy_n` in this water.
+        """Return the vehicle with the ballast that gives it `net_buoyancy_n` in this water.
 
         Ballast is put on or taken off at the centre of mass, so that stays, and the inertia is not changed. Without
         `net_buoyancy_n` the vehicle is what it is.
@@ -214,7 +214,7 @@ class Vehicle:
         return replace(self, mass_kg=mass)
 
     def thruster_matrix(self) -> Matrix:
-        """Returns 6 x n: column i is the wrench of thruster i at 1 N ahead, about the origin."""
+        """Return 6 x n: column i is the wrench of thruster i at 1 N ahead, about the origin."""
         columns = [
             [*thruster.direction, *np.cross(thruster.position_m, thruster.direction).tolist()]
             for thruster in self.thrusters

@@ -33,7 +33,7 @@ _THRUSTER = ("name", "position_m", "direction")
 
 
 def read_vehicle(path: Path | str) -> Vehicle:
-    """Returns the vehicle of a TOML file; its name is the file's.
+    """Return the vehicle of a TOML file; its name is the file's.
 
     The file says its `frame` ("FRD" or "FLU"), the `[sources]` by short names, the numbers as
     `mass_kg = { value = 13.5, source = "paper" }`, the `[[thruster]]` tables, and in `lacks` the axes that these
@@ -60,7 +60,7 @@ def read_vehicle(path: Path | str) -> Vehicle:
 
 
 def _tables(path: Path) -> dict[str, Any]:
-    """Returns what stands in the file."""
+    """Return what stands in the file."""
     try:
         return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
     except UnicodeDecodeError as error:
@@ -77,7 +77,7 @@ def _tables(path: Path) -> dict[str, Any]:
 
 
 def _vehicle(name: str, data: dict[str, Any]) -> Vehicle:
-    """Returns the vehicle that the file's tables say."""
+    """Return the vehicle that the file's tables say."""
     _check_keys("the file", data, "number of a vehicle", _KNOWN)
     frame = data.get("frame")
     if not isinstance(frame, str) or frame not in FRAMES:
@@ -129,7 +129,7 @@ def _sources(data: dict[str, Any]) -> dict[str, str]:
 
 
 def _source(what: str, key: Any, named: dict[str, str]) -> str:
-    """Returns the text of a source."""
+    """Return the text of a source."""
     if not isinstance(key, str) or key not in named:
         raise ParameterError(
             f"{what} is {shown(key)}, which is not a value with a source that [sources] has.",
@@ -212,7 +212,7 @@ def _check_keys(where: str, table: dict[str, Any], what: str, known: Sequence[st
 
 
 def _lacks(data: dict[str, Any]) -> tuple[str, ...]:
-    """Returns the axes that the file says its thrusters cannot push."""
+    """Return the axes that the file says its thrusters cannot push."""
     declared = data.get("lacks", [])
     if not isinstance(declared, list):
         raise ParameterError(f"lacks is {shown(declared)}, which is no list.", fix='write lacks = ["pitch"], or [].')
@@ -232,7 +232,7 @@ def _check_upright(vehicle: Vehicle) -> None:
 
 
 def _check_drag(vehicle: Vehicle) -> None:
-    """Checks that water resists every motion, and more than in proportion: a file is of a vehicle that swims.
+    """Check that water resists every motion, and more than in proportion: a file is of a vehicle that swims.
 
     A `Vehicle` made in Python may do without drag, to be compared with closed forms.
     """

@@ -53,7 +53,7 @@ class Water2D:
         self._quadratic = [vehicle.quadratic_damping[axis] for axis in PLANE]
 
     def set_mass(self, mass: NDArray[np.float64], wet: float) -> None:
-        """Takes the mass of body and water, 6 x 6, of which the plane's share counts, and how much of it is wet."""
+        """Take the mass of body and water, 6 x 6, of which the plane's share counts, and how much of it is wet."""
         self._wet = wet
         block = mass[np.ix_(PLANE, PLANE)]
         self._mass: list[list[float]] = block.tolist()
@@ -62,7 +62,7 @@ class Water2D:
     def advance(
         self, velocity: Three, pitch: float, push: Three, net_n: float, arm: tuple[float, float], dt_s: float
     ) -> Three:
-        """Returns the velocity through the water a step later.
+        """Return the velocity through the water a step later.
 
         Args:
             velocity: at the step's begin, world frame [m/s], and rate of pitch [rad/s].
@@ -118,14 +118,14 @@ class Water2D:
         )
 
     def less(self, velocity: Three, pitch: float, momentum: Three) -> Three:
-        """Returns the velocity (world frame) of a body that has given away some momentum (body frame)."""
+        """Return the velocity (world frame) of a body that has given away some momentum (body frame)."""
         x, z, turn = momentum
         du, dw, dq = (a * x + b * z + c * turn for a, b, c in self._inverse)
         cos, sin = math.cos(pitch), math.sin(pitch)
         return velocity[0] - cos * du - sin * dw, velocity[1] + sin * du - cos * dw, velocity[2] - dq
 
     def mobility(self, pitch: float) -> list[list[float]]:
-        """Returns the inverse of the mass in the world's frame, 3 x 3: what an impulse does to the velocity."""
+        """Return the inverse of the mass in the world's frame, 3 x 3: what an impulse does to the velocity."""
         cos, sin = math.cos(pitch), math.sin(pitch)
         (i11, i12, i13), (_, i22, i23), (_, _, i33) = self._inverse
         x1, x2, x3 = cos * i11 + sin * i12, cos * i12 + sin * i22, cos * i13 + sin * i23
@@ -134,7 +134,7 @@ class Water2D:
         return [[cos * x1 + sin * x2, xz, x3], [xz, cos * z2 - sin * z1, z3], [x3, z3, i33]]
 
     def energy_j(self, velocity: Sequence[float], pitch: float) -> float:
-        """Returns the kinetic energy of body and water."""
+        """Return the kinetic energy of body and water."""
         vx, vz, q = velocity
         cos, sin = math.cos(pitch), math.sin(pitch)
         nu = np.array([cos * vx - sin * vz, sin * vx + cos * vz, q])

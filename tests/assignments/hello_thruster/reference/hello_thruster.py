@@ -13,14 +13,14 @@ SURGE = [+1, +1, -1, -1, 0, 0, 0, 0]
 
 
 def counted(value):
-    """Returns how far a stick counts: nothing at rest, and never more than 1."""
+    """Return how far a stick counts: nothing at rest, and never more than 1."""
     if abs(value) < REST:
         return 0.0
     return max(-1.0, min(1.0, value))
 
 
 def pulses_us(heave, surge):
-    """Returns the list of eight pulses for two sticks."""
+    """Return the list of eight pulses for two sticks."""
     pulses = []
     for channel in range(8):
         share = HEAVE[channel] * counted(heave) + SURGE[channel] * counted(surge)
