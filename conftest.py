@@ -104,8 +104,8 @@ class FastLaneGuard:
     """Finds what a fast test must not do. An audit hook cannot be removed, so there is one for the whole session."""
 
     PROCESSES = ("subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn", "os.system")
-    # Of libraries that ask for the processor when they are first imported, in whichever test that is.
-    ALLOWED_PROCESSES = ("uname", "lscpu")
+    # Of libraries that ask for the processor, or a computer's fonts, when they are first imported, in whichever test.
+    ALLOWED_PROCESSES = ("uname", "lscpu", "fc-list")
     SOCKETS = ("socket.bind", "socket.connect")
     THREADS = ("_thread.start_new_thread", "_thread.start_joinable_thread")  # audited from Python 3.12 on
     # Of the recorder and who follows it, of the handling of signals, of who watches a run, and of prompt_toolkit; loops

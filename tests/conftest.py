@@ -63,7 +63,7 @@ def log_as_before() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def fly(tmp_path_factory: pytest.TempPathFactory) -> Fly:
-    """Return a function that flies (scenario, controller, seed) and return the trace."""
+    """Returns a function that flies (scenario, controller, seed) and returns the trace."""
 
     @cache
     def fly(scenario: str = "lander_vertical", controller: str | None = None, seed: int = 0) -> Trace:
@@ -84,7 +84,7 @@ def fly(tmp_path_factory: pytest.TempPathFactory) -> Fly:
 
 @pytest.fixture(scope="session")
 def validator() -> Callable[[str], IsValid]:
-    """Return a function that makes, from a schema's name and perhaps a part of it, a check of decoded JSON."""
+    """Returns a function that makes, from a schema's name and perhaps a part of it, a check of decoded JSON."""
     registry: Any = Registry().with_resources(
         [(f"{name}{SUFFIX}", Resource.from_contents(read_schema(name))) for name in NAMES]
     )

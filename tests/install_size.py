@@ -10,7 +10,7 @@ BEFORE = ("pip", "setuptools", "wheel", "distutils-precedence", "_distutils_hack
 
 
 def size_mb(venv: Path) -> float:
-    """Return the size of all packages but pip's own, without bytecode, in MB (10^6 bytes)."""
+    """Returns the size of all packages but pip's own, without bytecode, in MB (10^6 bytes)."""
     packages = next(venv.glob("lib/python*/site-packages"))
     files = (path for path in packages.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
     ours = (path for path in files if not path.relative_to(packages).parts[0].startswith(BEFORE))

@@ -52,7 +52,7 @@ class Debian:
         (self._state / "sources.list").write_text(f"deb [signed-by={KEYRING}] {mirror()} {release} main\n")
 
     def unpack(self, packages: list[str], folder: Path, *, with_dependencies: bool = True) -> None:
-        """Download packages and all they depend on, or just themselves, and unpack them; once for each folder."""
+        """Downloads packages and all they depend on, or just themselves, and unpacks them; once for each folder."""
         whole = folder / ".unpacked"
         if whole.exists() and whole.read_text().split() == packages:
             return
@@ -72,13 +72,13 @@ class Debian:
         whole.write_text(" ".join(packages))
 
     def update(self) -> None:
-        """Ask the mirror what there is, once in the life of this object."""
+        """Asks the mirror what there is, once in the life of this object."""
         if not self._is_updated:
             self._apt("apt-get", "update")
             self._is_updated = True
 
     def depends(self, package: str) -> list[str]:
-        """Return what a package depends on itself, such as the kernel of today that 'linux-image-arm64' stands for."""
+        """Returns what a package depends on itself, such as the kernel of today that 'linux-image-arm64' stands for."""
         self.update()
         lines = self._apt("apt-cache", "depends", package).splitlines()
         return [line.split()[1] for line in lines if line.strip().startswith("Depends:")]
@@ -94,7 +94,7 @@ class Debian:
 
 
 def mirror() -> str:
-    """Return the address of the mirror that this machine's apt takes packages from; empty if it knows none."""
+    """Returns the address of the mirror that this machine's apt takes packages from; empty if it knows none."""
     if MIRROR in os.environ:
         return os.environ[MIRROR]
     listing = ["apt-get", "indextargets", "--format", "$(REPO_URI) $(ORIGIN) $(COMPONENT)", "Created-By: Packages"]
@@ -106,7 +106,7 @@ def mirror() -> str:
 
 
 def what_to_do_first(packages: Iterable[str]) -> str:
-    """Return the command that installs what is missing here, or find a mirror; empty if nothing is missing.
+    """Returns the command that installs what is missing here, or finds a mirror; empty if nothing is missing.
 
     Args:
         packages: that are missing for other reasons than this module's.

@@ -12,7 +12,7 @@ _PLATFORMS = ("manylinux_2_28", "manylinux_2_27", "manylinux_2_17", "manylinux20
 
 
 def install(project: Path, extras: str, more: list[str], site: Path, python_version: str, work: Path) -> None:
-    """Install this project with some extras, and some packages more, for aarch64.
+    """Installs this project with some extras, and some packages more, for aarch64.
 
     pip takes markers such as `platform_machine` for this computer's. No package that is needed has one of those.
 
@@ -37,7 +37,7 @@ def install(project: Path, extras: str, more: list[str], site: Path, python_vers
 
 
 def _pip(work: Path) -> list[str]:
-    """Return a command for pip: this Python's, or one in a venv of its own."""
+    """Returns a command for pip: this Python's, or one in a venv of its own."""
     work.mkdir(parents=True, exist_ok=True)
     if importlib.util.find_spec("pip") is not None:
         return [sys.executable, "-m", "pip"]

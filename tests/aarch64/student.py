@@ -43,7 +43,7 @@ class Hold(Endpoint):
 
 
 def dive():
-    """Return the readings of a dive: nearer to 3 m by a fortieth each time."""
+    """Returns the readings of a dive: nearer to 3 m by a fortieth each time."""
     depth_m, readings = 1.0, []
     for i in range(round(UNTIL_S * RATE_HZ) + 1):
         depth_m += (3.0 - depth_m) / 40.0
@@ -65,7 +65,7 @@ config = Config(
 
 
 def digest_of(trace: Path) -> str:
-    """Return the sha256 of all records: all lines but the opening and the header, which say where and with what."""
+    """Returns the sha256 of all records: all lines but the opening and the header, which say where and with what."""
     return hashlib.sha256(b"".join(trace.read_bytes().splitlines(keepends=True)[2:])).hexdigest()
 
 

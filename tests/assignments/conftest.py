@@ -86,13 +86,13 @@ class WarmProcess:
         there.close()
 
     def copy(self, folder: Path, command: str, line: int, output: int) -> int:
-        """Return the number of a copy that does this, in this folder."""
+        """Returns the number of a copy that does this, in this folder."""
         socket.send_fds(self.socket, ["\0".join((str(folder), str(line), command)).encode()], [line, output])
         number: int = struct.unpack("i", self.socket.recv(4))[0]
         return number
 
     def close(self) -> None:
-        """End it."""
+        """Ends it."""
         self.process.kill()
         self.process.communicate()
         self.socket.close()
@@ -113,7 +113,7 @@ class Copy:
         """There is nothing to wait for: whoever kills it is obeyed by the kernel."""
 
     def kill(self) -> None:
-        """End it."""
+        """Ends it."""
         with suppress(ProcessLookupError):
             os.kill(self.pid, signal.SIGKILL)
 
@@ -127,7 +127,7 @@ def warm() -> Iterator[WarmProcess]:
 
 @pytest.fixture
 def warm_children(warm: WarmProcess, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have the grader's student processes be copies of the warm one."""
+    """Has the grader's student processes be copies of the warm one."""
 
     def popen(command: list[str], cwd: Path, pass_fds: tuple[int], **_: Any) -> Copy:
         heard, said = os.pipe()
@@ -144,7 +144,7 @@ def warm_children(warm: WarmProcess, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def one_hidden(check: Check) -> Check:
-    """Return a check with one of its hidden cases, and no others."""
+    """Returns a check with one of its hidden cases, and no others."""
     draw = check.hidden
     assert draw is not None
     return replace(check, visible=(), hidden=lambda rng: draw(rng)[:1])
@@ -185,7 +185,7 @@ def mark(tmp_path: Path, warm_children: None) -> Callable[..., Mark]:
 
 @pytest.fixture
 def type_page(tmp_path: Path) -> Callable[..., dict[str, str]]:
-    """Return a function that types every command of a page's shell blocks, and check its exit status.
+    """Returns a function that types every command of a page's shell blocks, and checks its exit status.
 
     It must be 0, or what the remark behind the command says: "# exit status 1: ...". `after` names what is done after
     the first command that holds a text. Returns what each command printed, errors last.
@@ -220,7 +220,7 @@ def type_page(tmp_path: Path) -> Callable[..., dict[str, str]]:
 
 @pytest.fixture
 def leave_out(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
-    """Return a function that has some checks not tried: flights take long, and most mistakes show without."""
+    """Returns a function that has some checks not tried: flights take long, and most mistakes show without."""
 
     def leave_out(*names: str) -> None:
         def load(path: Path) -> Lab:

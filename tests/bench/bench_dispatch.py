@@ -102,7 +102,7 @@ def node_loop(count: int, clock: Callable[[], Clock], idlers: int = 0) -> Trial:
 
 
 def ready_node(factories: list[EndpointFactory], clock: Clock) -> Callable[[], Any]:
-    """Return what runs a node that has begun and have one tick waiting."""
+    """Returns what runs a node that has begun and has one tick waiting."""
     node = Node("bench", Config(Mode.TEST, {"bench": factories}), clock=clock)
     node.begin()
     node.enter(Task(*TICK), "bench")
@@ -121,7 +121,7 @@ def many_listeners(count: int, listeners: int) -> Trial:
 
 
 def bare_listeners(count: int, listeners: int) -> Trial:
-    """Call as many handlers from a list."""
+    """Calls as many handlers from a list."""
 
     def prepare() -> Callable[[], Any]:
         owner = object.__new__(Listener)
@@ -139,7 +139,7 @@ def bare_listeners(count: int, listeners: int) -> Trial:
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
-    """Yield the rows."""
+    """Yields the rows."""
     count, rounds = (20_000, 3) if is_quick else (100_000, 15)
     found = compare(bare_loop(count), node_loop(count, SimClock), node_loop(count, WallClock), rounds=rounds)
     bare_us, *nodes_us = (1e6 * one_s / count for one_s in found.shortest_s)

@@ -53,7 +53,7 @@ class BareHost:
         self._made = made
 
     def ask(self, method: str, *args: Any, returns: Any = Any, **_: Any) -> Any:
-        """Call a method; a dict becomes the class that the lab asked for."""
+        """Calls a method; a dict becomes the class that the lab asked for."""
         value = getattr(self._made, method)(*args)
         return msgspec.convert(value, returns) if isinstance(value, dict) and returns is not Any else value
 
@@ -68,17 +68,17 @@ class Bare(Student):
         return module
 
     def call(self, file: str, function: str, *args: Any, **_: Any) -> Any:
-        """Call it."""
+        """Calls it."""
         return getattr(self._module(file), function)(*args)
 
     def host(self, file: str, host: str, *args: Any, **_: Any) -> Any:
-        """Make it."""
+        """Makes it."""
         place, _, name = host.partition(":")
         return BareHost(getattr(__import__(place, fromlist=[name]), name)(self._module(file), *args))
 
 
 def grade_bare(lab: str, folders: list[str]) -> None:
-    """Grade submissions one after the other in this process; print when it began and ended [s], and its CPU time [s].
+    """Grades submissions one after the other in this process; prints when it began and ended [s], and its CPU time [s].
 
     One is graded before, to have everything imported.
     """
@@ -94,7 +94,7 @@ def grade_bare(lab: str, folders: list[str]) -> None:
 
 
 def copies(reference: Path, count: int, into: Path) -> list[Path]:
-    """Return so many submissions, no two of which are the same to the byte."""
+    """Returns so many submissions, no two of which are the same to the byte."""
     made = []
     for i in range(count):
         folder = into / f"student_{i:03}"
@@ -122,7 +122,7 @@ class Took:
 
 
 def bare(lab: str, given: list[Path]) -> Took:
-    """Return what the bare simulations take on all cores."""
+    """Returns what the bare simulations take on all cores."""
     tell(f"bare: {len(given)} submissions")
     command = [sys.executable, str(Path(__file__)), "--bare", lab]
     parts = [given[i::JOBS] for i in range(JOBS) if given[i::JOBS]]
@@ -133,7 +133,7 @@ def bare(lab: str, given: list[Path]) -> Took:
 
 
 def graded(lab: str, given: list[Path], place: Path, slices: list[list[Path]]) -> tuple[Took, list[Took]]:
-    """Return what `snr grade` takes, and what the bare side takes on each slice, measured in between if it can be."""
+    """Returns what `snr grade` takes, and what the bare side takes on each slice, measured in between if it can be."""
     tell(f"graded: {len(given)} submissions")
     (place / "secret").write_bytes(SECRET)
     words = ["grade", lab, *map(str, given), "--out", str(place / "out"), "--secret", str(place / "secret")]
@@ -179,13 +179,13 @@ class Group:
         self.enter = ["sh", "-c", join, str(folder)] if folder is not None else []  # before a command
 
     def cpu_s(self) -> float | None:
-        """Return the CPU time so far [s]."""
+        """Returns the CPU time so far [s]."""
         if self.folder is None:
             return None
         return int(self._told("cpu.stat")["usage_usec"]) / 1e6
 
     def freeze(self) -> bool:
-        """Stop all that is in it; return whether that can be done."""
+        """Stops all that is in it; returns whether that can be done."""
         if self.folder is None or not (self.folder / "cgroup.freeze").exists():
             return False
         (self.folder / "cgroup.freeze").write_text("1")
@@ -194,7 +194,7 @@ class Group:
         return True
 
     def thaw(self) -> None:
-        """Let it go on."""
+        """Lets it go on."""
         if self.folder is not None:
             (self.folder / "cgroup.freeze").write_text("0")
 
@@ -205,7 +205,7 @@ class Group:
 
 @contextmanager
 def counted() -> Iterator[Group]:
-    """Yield a new group."""
+    """Yields a new group."""
     mounts = [line.split() for line in Path("/proc/self/mounts").read_text().splitlines()]
     folder = next((Path(one[1]) / f"snr_bench_{os.getpid()}" for one in mounts if one[2] == "cgroup2"), None)
     try:
@@ -221,12 +221,12 @@ def counted() -> Iterator[Group]:
 
 
 def tell(words: str) -> None:
-    """Say on stderr how far it is."""
+    """Says on stderr how far it is."""
     print(words, file=sys.stderr, flush=True)
 
 
 def memory_mb(pid: int) -> float:
-    """Return what a process and its workers have in memory, without the students' processes below them [MB]."""
+    """Returns what a process and its workers have in memory, without the students' processes below them [MB]."""
     pages = 0
     for one in [pid, *children(pid)]:
         try:
@@ -237,7 +237,7 @@ def memory_mb(pid: int) -> float:
 
 
 def children(pid: int) -> list[int]:
-    """Return the processes that a process has started."""
+    """Returns the processes that a process has started."""
     found = []
     for file in Path(f"/proc/{pid}/task").glob("*/children"):
         found += [int(one) for one in file.read_text().split()]
@@ -245,12 +245,12 @@ def children(pid: int) -> list[int]:
 
 
 def option(name: str, otherwise: str) -> str:
-    """Return what follows an option on the command line."""
+    """Returns what follows an option on the command line."""
     return sys.argv[sys.argv.index(name) + 1] if name in sys.argv else otherwise
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
-    """Yield the rows."""
+    """Yields the rows."""
     lab = option("--lab", LAB)
     count = int(option("--count", str(QUICK_COUNT if is_quick else COUNT)))
     with tempfile.TemporaryDirectory() as name:

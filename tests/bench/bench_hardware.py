@@ -63,7 +63,7 @@ IDENT = Ident(
 
 
 def measure(is_quick: bool) -> Iterator[Outcome]:
-    """Yield the rows of the table."""
+    """Yields the rows of the table."""
     ticks, seconds = (500, 3.0) if is_quick else (5000, 30.0)
     yield tick_row("a tick of eight channels, port of a test", ticks, MemoryPort())
     yield from what_can_run("a tick of eight channels, serial port (pty)", lambda: pty_rows(ticks))
@@ -72,13 +72,13 @@ def measure(is_quick: bool) -> Iterator[Outcome]:
 
 
 def pty_rows(ticks: int) -> Iterator[Row]:
-    """Yield what a tick costs on a port of the system's."""
+    """Yields what a tick costs on a port of the system's."""
     with tempfile.TemporaryDirectory() as folder:
         yield tick_row("a tick of eight channels, serial port (pty)", ticks, PtyPort(Path(folder) / "port"))
 
 
 def board_rows(lock_step_s: float, line_s: float) -> Iterator[Row]:
-    """Yield how fast the emulated board goes."""
+    """Yields how fast the emulated board goes."""
     for mcu in PINS:
         yield lock_step_row(mcu, lock_step_s)
     yield line_row(line_s)
@@ -94,7 +94,7 @@ class FarEnd:
         self.nth = 0
 
     def answers(self) -> bytes:
-        """Return an answer to whatever may have been asked, and telemetry."""
+        """Returns an answer to whatever may have been asked, and telemetry."""
         words: list[FromMcu] = [
             Ident(*(getattr(IDENT, field) for field in IDENT.__struct_fields__)),
             Answer(0, 1, TYPE_OF[Arm], Result.DONE),
@@ -103,7 +103,7 @@ class FarEnd:
         return b"".join(map(encode, words))
 
     def telemetry(self) -> Telemetry:
-        """Return the next one, of a board that is armed and stand still."""
+        """Returns the next one, of a board that is armed and stands still."""
         self.nth += 1
         known = State.ARMED, Fault(0), ResetCause.EXTERNAL
         return Telemetry(self.nth % 256, 1, self.nth, self.nth * 20, *known, 0, 0, 1345, 330, (1600.5,) * CHANNELS)
@@ -119,27 +119,27 @@ class MemoryPort(FarEnd):
         self.come = b""
 
     def feed(self, data: bytes) -> None:
-        """Have bytes come."""
+        """Has bytes come."""
         self.come += data
 
     def open(self) -> BytePort:
-        """Return itself."""
+        """Returns itself."""
         return self
 
     def write(self, data: bytes) -> None:
-        """Take bytes."""
+        """Takes bytes."""
 
     def read(self) -> bytes:
-        """Return what has come."""
+        """Returns what has come."""
         come, self.come = self.come, b""
         return come
 
     def wait(self, seconds: float) -> bool:
-        """Do not."""
+        """Does not."""
         return True
 
     def close(self) -> None:
-        """Have nothing to close."""
+        """Has nothing to close."""
 
 
 class PtyPort(FarEnd):
@@ -154,13 +154,13 @@ class PtyPort(FarEnd):
         self._link = link
 
     def feed(self, data: bytes) -> None:
-        """Have bytes come, and take those that were sent."""
+        """Has bytes come, and takes those that were sent."""
         with suppress(BlockingIOError):
             os.read(self._far, 4096)
         os.write(self._far, data)
 
     def open(self) -> BytePort:
-        """Open it."""
+        """Opens it."""
         return AnsweringPort(self, str(self._link))
 
 
@@ -172,13 +172,13 @@ class AnsweringPort(SerialPort):
         self._end = end
 
     def wait(self, seconds: float) -> bool:
-        """Have the other end answer."""
+        """Has the other end answer."""
         self._end.feed(self._end.answers())
         return super().wait(seconds)
 
 
 def tick_row(name: str, ticks: int, port: MemoryPort | PtyPort) -> Row:
-    """Measure write_us: it reads telemetry, and send a command."""
+    """Measures write_us: it reads telemetry, and sends a command."""
     now_s = 0.0
     port.feed(port.answers())
     out = McuPwm(McuBoard(port.open, lambda: now_s, session=1), lambda: now_s, CHANNELS)
@@ -208,19 +208,19 @@ class Battery:
     time_s = 0.0
 
     def step(self, dt_s: float) -> None:
-        """Let time pass."""
+        """Lets time pass."""
         self.time_s += dt_s
 
     def read(self, name: str) -> PowerReading:
-        """Return what the battery gives."""
+        """Returns what the battery gives."""
         return PowerReading(14.8, 12.0, self.time_s)
 
     def write(self, name: str, command: object) -> None:
-        """Take pulses."""
+        """Takes pulses."""
 
 
 def lock_step_row(mcu: str, seconds: float) -> Row:
-    """Measure board, serial line and outputs in lock step at 50 Hz, without the vehicle's physics."""
+    """Measures board, serial line and outputs in lock step at 50 Hz, without the vehicle's physics."""
     elf = firmware_elf(FIRMWARE, mcu)
     battery = Battery()
     plant = PlantOnBoard(battery, lambda: Board(elf, mcu), CHANNELS, power="power")  # type: ignore[arg-type]
@@ -246,7 +246,7 @@ def lock_step_row(mcu: str, seconds: float) -> Row:
 
 
 def latency_rows(seconds: float) -> Iterator[Outcome]:
-    """Measure from the moment a loop on a thread computed a command to the first pulse at each pin that shows it.
+    """Measures from the moment a loop on a thread computed a command to the first pulse at each pin that shows it.
 
     In wall time; and as if the emulated board had never been kept waiting for a processor, as no real one is: what was
     written is brought to another board at the very moments at which it was written.
@@ -274,7 +274,7 @@ def latency_rows(seconds: float) -> Iterator[Outcome]:
 
 
 def latency_row(name: str, sent: list[tuple[float, float]], seen: Pulses, how: str) -> Outcome:
-    """Return the row of what was sent and seen."""
+    """Returns the row of what was sent and seen."""
     latencies_ms = sorted(latencies(sent, seen))
     counted = CHANNELS * sum(is_counted(width) for _, width in sent)
     if not latencies_ms:
@@ -293,13 +293,13 @@ class TimedPort(SerialPort):
         self._written = written
 
     def write(self, data: bytes) -> None:
-        """Send bytes."""
+        """Sends bytes."""
         super().write(data)
         self._written.append((time.monotonic(), data))
 
 
 def seen_by_another(written: list[tuple[float, bytes]]) -> Pulses:
-    """Return what pins show that get the same bytes, each at the time when it was written."""
+    """Returns what pins show that get the same bytes, each at the time when it was written."""
     board = Board(firmware_elf(FIRMWARE, "atmega328p"))
     pulses: Pulses = [[] for _ in range(CHANNELS)]
     start_s = written[0][0] - START_S
@@ -314,7 +314,7 @@ def seen_by_another(written: list[tuple[float, bytes]]) -> Pulses:
 
 
 def stood_in_line_s() -> float:
-    """Return how long this thread was ready to run and had no core; 0 where no kernel tells."""
+    """Returns how long this thread was ready to run and had no core; 0 where no kernel tells."""
     try:
         return int(Path("/proc/thread-self/schedstat").read_text().split()[1]) * 1e-9
     except OSError:
@@ -322,7 +322,7 @@ def stood_in_line_s() -> float:
 
 
 def drive(open_port: Callable[[], BytePort], seconds: float) -> tuple[list[tuple[float, float]], list[float]]:
-    """Have a loop on a thread command another width in each tick.
+    """Has a loop on a thread command another width in each tick.
 
     Returns:
         When [s, monotonic] and which; and how long each took to be written [ms], of which it had a core.
@@ -352,7 +352,7 @@ def drive(open_port: Callable[[], BytePort], seconds: float) -> tuple[list[tuple
 
 
 def line_row(seconds: float) -> Row:
-    """Measure the same by the board's time alone: what line and firmware take, without the computer's share."""
+    """Measures the same by the board's time alone: what line and firmware take, without the computer's share."""
     board = Board(firmware_elf(FIRMWARE, "atmega328p"))
 
     def now_s() -> float:
@@ -379,7 +379,7 @@ def line_row(seconds: float) -> Row:
 
 
 def seen_in(log: str) -> Pulses:
-    """Return the pulses in the log of a board, by the computer's clock."""
+    """Returns the pulses in the log of a board, by the computer's clock."""
     start_s = 0.0
     pulses: Pulses = [[] for _ in range(CHANNELS)]
     for line in log.splitlines():
@@ -393,12 +393,12 @@ def seen_in(log: str) -> Pulses:
 
 
 def is_counted(width_us: float) -> bool:
-    """Return whether a command is one that must be shown before another takes its place."""
+    """Returns whether a command is one that must be shown before another takes its place."""
     return LOWEST_US + SETTLED <= width_us <= LOWEST_US + WIDTHS - SETTLED
 
 
 def latencies(sent: list[tuple[float, float]], pulses: Pulses) -> Iterator[float]:
-    """Yield how long each command took to the first pulse that shows it [ms], at each pin."""
+    """Yields how long each command took to the first pulse that shows it [ms], at each pin."""
     for channel in pulses:
         place = 0
         for sent_s, width in sent:

@@ -32,7 +32,7 @@ LANDERS = 1024  # of a vector environment
 
 
 def steps_of(name: str, count: int, **kwargs: Any) -> Callable[[], Callable[[], None]]:
-    """Return a trial: so many steps with actions drawn beforehand, resets between episodes included."""
+    """Returns a trial: so many steps with actions drawn beforehand, resets between episodes included."""
     env: Any = gymnasium.make(name, **kwargs).unwrapped
     env.action_space.seed(1)
     actions = [env.action_space.sample() for _ in range(count)]
@@ -54,7 +54,7 @@ def steps_of(name: str, count: int, **kwargs: Any) -> Callable[[], Callable[[], 
 
 
 def vector_steps_of(name: str, count: int, policy: Callable[[Any], Any] | None) -> tuple[Callable[[], Any], int]:
-    """Return a trial of a vector environment, and how many steps of one lander it makes: all that fly, autoresets too.
+    """Returns a trial of a vector environment, and how many steps of one lander it makes: all that fly, autoresets too.
 
     Args:
         name: of the environment.
@@ -78,7 +78,7 @@ def vector_steps_of(name: str, count: int, policy: Callable[[Any], Any] | None) 
 
 
 def vectors(is_quick: bool) -> Iterator[Row]:
-    """Measure the vector environments beside the single ones, a row at a time."""
+    """Measures the vector environments beside the single ones, a row at a time."""
     for name, count, least_mps, policy, what in (
         ("LanderVertical", 700, 2.0, None, "random actions"),
         ("LanderVertical", 700, None, straight_down, "a policy that lands"),
@@ -104,7 +104,7 @@ def vectors(is_quick: bool) -> Iterator[Row]:
 
 
 def tenth_of_a_second(landers: int) -> tuple[Trial, Trial, Trial]:
-    """Return three trials: so many landers moved on by a step of `LanderPad`.
+    """Returns three trials: so many landers moved on by a step of `LanderPad`.
 
     One by one in the plant under MuJoCo, by MuJoCo's batch rollout, and as the trainer moves them.
     """
@@ -142,13 +142,13 @@ def tenth_of_a_second(landers: int) -> tuple[Trial, Trial, Trial]:
 
 
 def landings(name: str, landed: int, least: int) -> Row:
-    """Return the row that says how many unseen starts land after a training."""
+    """Returns the row that says how many unseen starts land after a training."""
     unit = f"of {len(UNSEEN)}"
     return Row(f"{name}: unseen starts that land", landed, unit, limit=float(least), more_is_better=True)
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
-    """Measure, a row at a time."""
+    """Measures, a row at a time."""
     count, rounds = (1000, 3) if is_quick else (5000, 9)
     for continuous in (False, True):
         name = f"LunarLanderBox, {'continuous' if continuous else 'discrete'}: step"

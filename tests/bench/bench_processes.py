@@ -91,21 +91,21 @@ class Run:
         self._thread.join()
 
     def pages_per_s(self, wall_s: float) -> float:
-        """Return how many pages the loops store."""
+        """Returns how many pages the loops store."""
         before, start_s = self.node.datastore.stored, time.perf_counter()
         time.sleep(wall_s)
         return (self.node.datastore.stored - before) / (time.perf_counter() - start_s)
 
 
 def work_done(backing: BackingName, wall_s: float, count: int = 2) -> float:
-    """Return how many ticks per second of pure work the loops do together."""
+    """Returns how many ticks per second of pure work the loops do together."""
     factories = [WorkerFactory(i, backing, 0.0) for i in range(count)]
     with Run(factories, [factory.name for factory in factories]) as run:
         return run.pages_per_s(wall_s)
 
 
 def end_s(count: int, backing: BackingName) -> float:
-    """Return how long a node takes to end with so many loops at 10 Hz."""
+    """Returns how long a node takes to end with so many loops at 10 Hz."""
     factories = [WorkerFactory(i, backing, 10.0) for i in range(count)]
     with Run(factories, [factory.name for factory in factories]):
         start_s = time.perf_counter()
@@ -113,7 +113,7 @@ def end_s(count: int, backing: BackingName) -> float:
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
-    """Yield the rows."""
+    """Yields the rows."""
     wall_s, rounds = (0.5, 2) if is_quick else (3.0, 5)
     threads, processes = [], []
     for _ in range(rounds):

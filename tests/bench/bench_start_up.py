@@ -29,7 +29,7 @@ HELP = [sys.executable, "-m", "snr_sim", "--help"]
 
 
 def wall_time_s(command: list[str], bytecode: Path) -> float:
-    """Return what one process takes from start to end, with its bytecode kept in a folder.
+    """Returns what one process takes from start to end, with its bytecode kept in a folder.
 
     Python keeps bytecode beside the source unless the environment forbids it; an installation by pip brings it along.
     """
@@ -41,7 +41,7 @@ def wall_time_s(command: list[str], bytecode: Path) -> float:
 
 
 def base_install_mb() -> float:
-    """Return the size of all packages of a base install, without bytecode [10^6 bytes]."""
+    """Returns the size of all packages of a base install, without bytecode [10^6 bytes]."""
     with tempfile.TemporaryDirectory() as name:
         subprocess.run([sys.executable, "-m", "venv", name], check=True)
         pip = [str(Path(name) / "bin" / "python"), "-m", "pip", "install", "--quiet", "--no-compile", str(PROJECT)]
@@ -50,7 +50,7 @@ def base_install_mb() -> float:
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
-    """Yield the rows."""
+    """Yields the rows."""
     rounds = 3 if is_quick else 15
     commands = (NOTHING, IMPORT, HELP)
     with tempfile.TemporaryDirectory() as name:

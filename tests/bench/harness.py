@@ -79,7 +79,7 @@ class Comparison:
 
 
 def cpu_time_of(trial: Trial) -> float:
-    """Return the CPU time of one turn [s], after the garbage of what came before is gone."""
+    """Returns the CPU time of one turn [s], after the garbage of what came before is gone."""
     run = trial()
     gc.collect()
     start_s = time.process_time()
@@ -88,7 +88,7 @@ def cpu_time_of(trial: Trial) -> float:
 
 
 def compare(baseline: Trial, *subjects: Trial, rounds: int) -> Comparison:
-    """Have baseline and subjects take turns; the first round warms everything up and do not count.
+    """Has baseline and subjects take turns; the first round warms everything up and does not count.
 
     A subject's time is divided by the mean of the baseline's turns before and after it, so that a machine that gets
     steadily slower is not mistaken for a slow subject.
@@ -125,7 +125,7 @@ _MISSING = (MissingExtra, ToolsMissing, IsolationMissing, ModuleNotFoundError)
 
 
 def what_can_run(name: str, measure: Callable[[], Iterable[Outcome]]) -> Iterator[Outcome]:
-    """Yield what a part of a benchmark measures; where a package or a tool is missing, that it was skipped."""
+    """Yields what a part of a benchmark measures; where a package or a tool is missing, that it was skipped."""
     try:
         yield from measure()
     except _MISSING as missing:
@@ -135,7 +135,7 @@ def what_can_run(name: str, measure: Callable[[], Iterable[Outcome]]) -> Iterato
 
 
 def main() -> None:
-    """Run the benchmark that the first word names, printing each result as one line of JSON as soon as it is known."""
+    """Runs the benchmark that the first word names, printing each result as one line of JSON as soon as it is known."""
     name, is_quick = sys.argv[1], "--quick" in sys.argv
 
     def measure() -> Iterator[Outcome]:

@@ -18,14 +18,14 @@ LIMIT_S = 60.0  # a far end that has nothing to do for so long ends by itself
 
 
 def free_port() -> int:
-    """Return a TCP port nobody listens on now."""
+    """Returns a TCP port nobody listens on now."""
     with socket.socket() as sock:
         sock.bind((HOST, 0))
         return int(sock.getsockname()[1])
 
 
 def tcp_round_trips_s(payload: bytes, count: int) -> list[float]:
-    """Return round trips through bare TCP: length, bytes, TCP_NODELAY, and nothing else."""
+    """Returns round trips through bare TCP: length, bytes, TCP_NODELAY, and nothing else."""
     with socket.create_server((HOST, 0)) as server, _far_end("tcp", server.getsockname()[1]):
         server.settimeout(LIMIT_S)
         sock, _ = server.accept()
@@ -54,7 +54,7 @@ def _tcp_far_end(port: int) -> None:
 
 
 def zeromq_round_trips_s(payload: bytes, count: int) -> list[float]:
-    """Return round trips through a pair of ZeroMQ's PAIR sockets over TCP."""
+    """Returns round trips through a pair of ZeroMQ's PAIR sockets over TCP."""
     import zmq
 
     with zmq.Context() as context, context.socket(zmq.PAIR) as sock:
@@ -77,7 +77,7 @@ def _zeromq_far_end(port: int) -> None:
 
 
 def zenoh_round_trips_s(payload: bytes, count: int) -> list[float]:
-    """Return round trips through Zenoh peers over TCP: express, read from a queue, the quicker of its ways here."""
+    """Returns round trips through Zenoh peers over TCP: express, read from a queue, the quicker of its ways here."""
     import zenoh
 
     port = free_port()
@@ -116,7 +116,7 @@ def _zenoh_config(verb: str, port: int) -> object:
 
 
 def timed(round_trip: Callable[[], object], count: int) -> list[float]:
-    """Return how long each of so many round trips took [s]."""
+    """Returns how long each of so many round trips took [s]."""
     times_s = []
     for _ in range(count):
         start_s = time.perf_counter()

@@ -97,7 +97,7 @@ class SinkFactory(EndpointFactory):
 
 
 def use_of_this_process() -> dict[str, int]:
-    """Return what the process holds: memory [KiB], descriptors, threads."""
+    """Returns what the process holds: memory [KiB], descriptors, threads."""
     status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines() if ":" in line)
     return {
         "memory_kib": int(status["VmRSS"].split()[0]),
@@ -107,7 +107,7 @@ def use_of_this_process() -> dict[str, int]:
 
 
 def run(role: str, port: int, most: int) -> dict[str, Any]:
-    """Run one of the nodes; return its counts, and what it held every ten seconds while it stored pages."""
+    """Runs one of the nodes; returns its counts, and what it held every ten seconds while it stored pages."""
     other = "robot" if role == "topside" else "topside"
     cuts = [CUT_EVERY_S * i for i in range(1, int(most / RATE_HZ / CUT_EVERY_S) + 1)]
     faults = replace(FAULTS, cut=tuple((cut_s, cut_s + CUT_S) for cut_s in cuts))
@@ -144,7 +144,7 @@ def run(role: str, port: int, most: int) -> dict[str, Any]:
 
 
 def judge(topside: dict[str, Any], robot: dict[str, Any]) -> list[str]:
-    """Return what is wrong, in words."""
+    """Returns what is wrong, in words."""
     wrong = []
     for sender, receiver, way in ((topside, robot, "topside to robot"), (robot, topside, "robot to topside")):
         known = receiver["arrived"] + sender["lost"] + sender["dropped"]
@@ -164,12 +164,12 @@ def judge(topside: dict[str, Any], robot: dict[str, Any]) -> list[str]:
 
 
 def option(name: str, otherwise: str = "") -> str:
-    """Return the word after an option of the command line."""
+    """Returns the word after an option of the command line."""
     return sys.argv[sys.argv.index(name) + 1] if name in sys.argv else otherwise
 
 
 def main() -> None:
-    """Start both, and say what was found; exit status 1 if something is wrong."""
+    """Starts both, and says what was found; exit status 1 if something is wrong."""
     if "--role" in sys.argv:
         print(json.dumps(run(option("--role"), int(option("--port")), int(option("--pages")))))
         return

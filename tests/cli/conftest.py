@@ -64,7 +64,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def snr(here: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Snr:
-    """Return a function that calls `snr` with these words."""
+    """Returns a function that calls `snr` with these words."""
 
     def call(*words: object) -> Answer:
         capfd.readouterr()
@@ -80,7 +80,7 @@ def snr(here: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixtur
 
 @pytest.fixture
 def mine(here: Path) -> Callable[..., Path]:
-    """Return a function that writes mine.py: the controller above, with some of its text replaced."""
+    """Returns a function that writes mine.py: the controller above, with some of its text replaced."""
 
     def write(*changes: tuple[str, str], text: str = CONTROLLER, name: str = "mine.py") -> Path:
         for old, new in changes:

@@ -332,7 +332,7 @@ class Terminal:
             self.hear(0.02)
 
     def hear(self, seconds: float) -> bool:
-        """Take what is printed; return whether there was any. Nobody may wait for us to read."""
+        """Takes what is printed; returns whether there was any. Nobody may wait for us to read."""
         try:
             if select.select([self.master], [], [], seconds)[0]:
                 self.said += (heard := os.read(self.master, 65536).decode(errors="replace"))

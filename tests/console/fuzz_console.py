@@ -104,7 +104,7 @@ class Subject:
         self.node.run_ready()
 
     def close(self) -> None:
-        """Check what must be true in the end."""
+        """Checks what must be true in the end."""
         node = self.node
         assert self.errors.records == [], self.errors.records[:3]
         if not node.is_terminated:
@@ -122,7 +122,7 @@ class Subject:
             node.end()
 
     def line(self, line: str) -> Answer:
-        """Carry out a line, and check all that is to be true of any."""
+        """Carries out a line, and checks all that is to be true of any."""
         node, waiting, stored = self.node, len(self.node.door.waiting), self.node.datastore.stored
         answer = self.session.answer(line)
         assert len(answer.text) <= TEXT_MAX_CHARS + 100
@@ -174,7 +174,7 @@ def fuzz_values(rng: random.Random, count: int) -> None:
 
 
 def fuzz_commands(rng: random.Random, count: int) -> None:
-    """Command as they should be, in any order: all of them are carried out, and all of it is in bounds."""
+    """Commands as they should be, in any order: all of them are carried out, and all of it is in bounds."""
     subject = Subject()
     subject.line("store depth_m 1.0")
     now_s = 0.0
@@ -381,7 +381,7 @@ def resident_mb() -> float:
 
 
 def main() -> None:
-    """Run all, and say how long it took."""
+    """Runs all, and says how long it took."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=1_000_000)
     parser.add_argument("--seed", type=int, default=0)

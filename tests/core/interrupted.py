@@ -69,7 +69,7 @@ KINDS: dict[str, list[Any]] = {
 
 
 def run_child(kind: str, out: int) -> None:
-    """Run a node; write h and t when its first component is halted and terminated, e when all is over."""
+    """Runs a node; writes h and t when its first component is halted and terminated, e when all is over."""
     motor = PartFactory(
         name="motor",
         begin=lambda part: os.write(out, b"b"),
@@ -111,7 +111,7 @@ class Child:
             self.due_s.append(self.due_s[0] + again_s)
 
     def look(self) -> bool:
-        """Send what is due, reads what there is; return whether the child has ended."""
+        """Sends what is due, reads what there is; returns whether the child has ended."""
         now_s = time.monotonic()
         if select.select([self.read_from], [], [], 0)[0]:
             self.wrote += os.read(self.read_from, 100)

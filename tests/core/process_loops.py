@@ -117,7 +117,7 @@ def hang(loop: Any) -> None:
 
 
 def hang_in_c(loop: Any) -> None:
-    """Hold the interpreter lock and never returns."""
+    """Holds the interpreter lock and never returns."""
     import ctypes
 
     loop.store_data("pid", os.getpid())
@@ -176,7 +176,7 @@ def log_something(loop: Any) -> None:
 
 
 def start_another(loop: Any) -> None:
-    """Fork a process that keeps open whatever this one has open."""
+    """Forks a process that keeps open whatever this one has open."""
     pid = os.fork()
     if pid == 0:
         time.sleep(60)

@@ -43,7 +43,7 @@ class Motor(Loop):
 
 
 def swallow(depth: int = 3) -> None:
-    """Swallow everything; what comes between two turns of a loop is swallowed by the loop around it."""
+    """Swallows everything; what comes between two turns of a loop is swallowed by the loop around it."""
     while True:
         with suppress(BaseException):
             if depth:
@@ -52,7 +52,7 @@ def swallow(depth: int = 3) -> None:
 
 
 def wait_in_c() -> None:
-    """Wait in C without the interpreter's lock, for a lock that it has itself: no signal ends that."""
+    """Waits in C without the interpreter's lock, for a lock that it has itself: no signal ends that."""
     lock = ctypes.create_string_buffer(64)
     libc = ctypes.CDLL(None)
     libc.pthread_mutex_lock(lock)
@@ -103,7 +103,7 @@ def run_child(kind: str, folder: Path) -> None:
 
 
 def main(place: Path) -> None:
-    """Run all kinds at once: they wait."""
+    """Runs all kinds at once: they wait."""
     begun_s, pids = time.monotonic(), {}
     for kind in KINDS:
         (place / kind).mkdir()

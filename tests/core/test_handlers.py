@@ -261,4 +261,4 @@ def test_a_component_that_comes_is_not_looked_for_among_all_others() -> None:
 
 
 def noop(task: Task, task_id: Any) -> None:
-    """Do nothing."""
+    """Does nothing."""

@@ -21,7 +21,7 @@ def node_of(*factories: Any) -> Node:
 
 
 def reloaded(node: Node, name: str) -> dict[str, Any]:
-    """Reload a component of a node in virtual time; return the page that tells of it."""
+    """Reloads a component of a node in virtual time; returns the page that tells of it."""
     node.enter([tasks.reload_component(name), tasks.finish("done")], "test")
     node.loop()
     return dict(node.get_data("reload"))

@@ -35,7 +35,7 @@ class Looks:
         self.watchdog.begin(sys._getframe(1))
 
     def pass_by(self, seconds: float, at_each: Callable[[], object] = lambda: None) -> None:
-        """Let wall time go by, and have the watchdog look as often as it does."""
+        """Lets wall time go by, and has the watchdog look as often as it does."""
         for _ in range(round(seconds / LOOK_S)):
             at_each()
             self.now_s += LOOK_S
@@ -43,7 +43,7 @@ class Looks:
 
 
 def run_with(handler: Callable[[Looks], Any], *, limit_s: float = float("inf"), recorder: Any = None) -> Looks:
-    """Run one task whose handler is given the watchdog of its own run."""
+    """Runs one task whose handler is given the watchdog of its own run."""
     looks: list[Looks] = []
 
     def on_go(task: Task, task_id: Any) -> Any:
@@ -174,7 +174,7 @@ class Steps:
 
 
 def overloaded(at_look: Callable[[Looks, Node, int], object], looks_s: float) -> list[str]:
-    """Run a node whose one slow handler is looked at; before each look `at_look` is called with its number."""
+    """Runs a node whose one slow handler is looked at; before each look `at_look` is called with its number."""
     looks: list[Looks] = []
     numbers = iter(range(1000))
 

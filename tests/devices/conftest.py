@@ -107,7 +107,7 @@ class PtyBench(EmulatedBench):
             self._far = -1
 
     def take_in(self, count: int) -> None:
-        """Bring so many bytes to the board, once the system has passed them on."""
+        """Brings so many bytes to the board, once the system has passed them on."""
         while count:
             assert select.select([self._far], [], [], 60.0)[0], "the terminal keeps the bytes"
             data = os.read(self._far, count)

@@ -26,7 +26,7 @@ HELD_UP_NS: dict[str, int] = {}  # of each thread, also of those that have ended
 
 
 def held_up_ns() -> int:
-    """Return how long this program's threads have stood in line for a core; 0 where the system does not tell."""
+    """Returns how long this program's threads have stood in line for a core; 0 where the system does not tell."""
     for thread in Path("/proc/self/task").glob("*/schedstat"):
         with suppress(OSError, IndexError):  # one that has just ended
             HELD_UP_NS[thread.parent.name] = int(thread.read_text().split()[1])
@@ -55,7 +55,7 @@ class SpokenPwm(PwmBackend):
 
 
 def ends(how: str) -> Any:
-    """Return a handler that ends it after some commands."""
+    """Returns a handler that ends it after some commands."""
     counted = [0]
 
     def on_pwm(task: Any, task_id: Any) -> None:
@@ -75,7 +75,7 @@ def ends(how: str) -> Any:
 
 
 def robot(how: str) -> None:
-    """Run a node with outputs behind it."""
+    """Runs a node with outputs behind it."""
     outputs: list[SpokenPwm] = []
 
     def opened() -> SpokenPwm:
@@ -98,7 +98,7 @@ def robot(how: str) -> None:
 
 
 def alone(how: str) -> SpokenPwm | None:
-    """Push without a node; drop its outputs, or leave them to the end of the program."""
+    """Pushes without a node; drops its outputs, or leaves them to the end of the program."""
     out = SpokenPwm()
     out.configure()
     out.activate()

@@ -44,7 +44,7 @@ def supervised(opener: str, place: str) -> SupervisedPwm:
 
 
 def push(opener: str, place: str) -> None:
-    """Arm, and push with all there is; say when it does."""
+    """Arms, and pushes with all there is; says when it does."""
     out = supervised(opener, place)
     out.configure()
     out.activate()

@@ -56,12 +56,12 @@ def run(*factories: Any, clock: Callable[[], Any] = SimClock, end_s: float = 0.1
 
 
 def ends_when(is_so: Callable[[Node], bool]) -> TickerFactory:
-    """End the run as soon as something is so: a run by the wall clock lasts as long as its computer needs for it."""
+    """Ends the run as soon as something is so: a run by the wall clock lasts as long as its computer needs for it."""
     return TickerFactory(lambda loop: is_so(loop.parent) and loop.schedule(tasks.terminate("enough")), "ender", 200.0)
 
 
 def commands(*commands: Any, rate_hz: float = 100.0, taken_by: FakeActuator[Any] | None = None) -> TickerFactory:
-    """Store these command pages, one at each tick, and then no more; the next only when the last was taken."""
+    """Stores these command pages, one at each tick, and then no more; the next only when the last was taken."""
     left = list(commands)
 
     def send(loop: Any) -> None:

@@ -68,7 +68,7 @@ def test_a_plug_that_is_pulled_in_the_middle_of_a_run_and_put_back(pty_bench: An
             pty_bench.plug_in()
 
     def follow(time_s: float) -> None:
-        """Keep the board up with the node's clock."""
+        """Keeps the board up with the node's clock."""
         if not board_s:
             board_s.append(pty_bench.now_s() - time_s)
         behind_s = time_s + board_s[0] - pty_bench.now_s()

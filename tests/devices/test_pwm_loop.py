@@ -71,7 +71,7 @@ def run(outputs: Outputs, *factories: Any, end_s: float = 1.0, timeout_s: float 
 
 
 def pilot(says: Callable[[float], Any], rate_hz: float = RATE_HZ, arms: bool = True) -> TickerFactory:
-    """Store what somebody says at each moment; None is nothing. Says first that it is not armed, if it is to arm."""
+    """Stores what somebody says at each moment; None is nothing. Says first that it is not armed, if it is to arm."""
 
     def say(loop: Any) -> None:
         now_s = loop.get_time_s()
@@ -221,7 +221,7 @@ def test_h6_on_the_wall_clock_a_page_that_is_no_command_is_neutral_and_told_and_
     since_s: list[float] = []
 
     def says(t: float) -> Any:
-        """Arm until it goes ahead; then ten times nonsense, and then it is ahead for some more ticks.
+        """Arms until it goes ahead; then ten times nonsense, and then it is ahead for some more ticks.
 
         Again and again, as what is said for one tick alone is not heard by a loop whose thread begins a little later.
         """

@@ -107,7 +107,7 @@ class Bench:
         return self.time_s
 
     def advance(self, seconds: float) -> None:
-        """Let time go on; a supervisor looks at its clock by itself."""
+        """Lets time go on; a supervisor looks at its clock by itself."""
         until_s = self.time_s + seconds
         while self.time_s < until_s - 1e-9:
             self.time_s = min(until_s, self.time_s + 0.005)
@@ -277,7 +277,7 @@ def place_and_pins(kind: str, folder: Path) -> tuple[str, Callable[[], list[floa
 
 
 def wait_until(is_so: Callable[[], bool], what: str) -> float:
-    """Return how long it took."""
+    """Returns how long it took."""
     began_s = time.monotonic()
     while not is_so():
         assert time.monotonic() < began_s + GENEROUS_S, what
@@ -372,7 +372,7 @@ def pid_of(out: SupervisedPwm) -> int:
 
 
 def follow(out: SupervisedPwm, pulses_us: list[float], is_so: Callable[[], bool]) -> None:
-    """Arm outputs and command pulses until something is so."""
+    """Arms outputs and commands pulses until something is so."""
 
     def write() -> bool:
         if out.health().state == "inactive":

@@ -51,7 +51,7 @@ def _copy_of(lab: Path, folder: Path) -> Path:
 
 @pytest.fixture
 def handed_in(tmp_path: Path) -> Callable[..., list[Path]]:
-    """Return a function that writes a submission for each student=program: a name above, a text, or "" for none."""
+    """Returns a function that writes a submission for each student=program: a name above, a text, or "" for none."""
 
     def write(**students: str) -> list[Path]:
         paths = []
@@ -123,7 +123,7 @@ def open_folder() -> Iterator[Path]:
 
 @pytest.fixture
 def at_first(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
-    """Have a line of Python run in each student's process, before it puts up its walls."""
+    """Has a line of Python run in each student's process, before it puts up its walls."""
     begin = launch.start_command
 
     def run_at_first(line: str) -> None:
@@ -138,5 +138,5 @@ def at_first(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
 
 @pytest.fixture
 def namespaces_alone(at_first: Callable[[str], None]) -> None:
-    """Take the filter of system calls down in sandboxes, so that the other walls are seen to stand by themselves."""
+    """Takes the filter of system calls down in sandboxes, so that the other walls are seen to stand by themselves."""
     at_first("from snr_sim.grading.sandbox import seccomp; seccomp.install = lambda program: 0")

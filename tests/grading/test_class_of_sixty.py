@@ -71,7 +71,7 @@ def epsilon(share):
 
 
 def hand_in(folder: Path, port: int) -> dict[Path, float | None]:
-    """Return every submission with the points that are its due, None if there is nothing to be graded in it."""
+    """Returns every submission with the points that are its due, None if there is nothing to be graded in it."""
     due: dict[Path, float | None] = {}
     for i in range(7):
         due[write(folder / f"right_{i}", RIGHT[i % len(RIGHT)])] = 100.0
@@ -110,7 +110,7 @@ def hand_in(folder: Path, port: int) -> dict[Path, float | None]:
 
 
 def hand_in_lab_ten(folder: Path, port: int) -> dict[str, dict[Path, float | None]]:
-    """Return submissions to lab 10 by kind, as `hand_in` returns them; the first of each kind is a quick one."""
+    """Returns submissions to lab 10 by kind, as `hand_in` returns them; the first of each kind is a quick one."""
 
     def submission(name: str, mistake: str = "") -> Path:
         return write_solution(LAB_TEN, folder / name, mistake, starter=False)
@@ -157,7 +157,7 @@ def write(folder: Path, body: str, name: str = "double.py") -> Path:
 
 
 def children() -> set[int]:
-    """Process whose parent this process is."""
+    """Processes whose parent this process is."""
     found = set()
     for task in Path("/proc/self/task").iterdir():
         found |= {int(pid) for pid in (task / "children").read_text().split()}
@@ -189,7 +189,7 @@ def grade_class(
     isolation: str = "sandbox",
     prefix: Sequence[str] = (),
 ) -> None:
-    """Grade a class, and look whether everybody got what is due and nothing was left behind."""
+    """Grades a class, and looks whether everybody got what is due and nothing was left behind."""
     (tmp_path / "the_secret").write_text("correct horse battery staple")
     before, kit = children(), kit_files()
     ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1)  # who is left without a parent becomes ours, and is seen

@@ -36,7 +36,7 @@ def wait_for(what: Callable[[], object], *needed: subprocess.Popen[bytes]) -> No
 
 
 def start_cluster(folder: Path, processes: list[subprocess.Popen[bytes]]) -> str:
-    """Start a scheduler and two workers; return the scheduler's address."""
+    """Starts a scheduler and two workers; returns the scheduler's address."""
     distributed = pytest.importorskip("distributed")
     file = folder / "scheduler.json"
     dask = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]

@@ -32,7 +32,7 @@ def draw(rng: random.Random) -> list[int]:
 
 @check(points=100, visible=[1, 2], hidden=draw)
 def doubles(student: Student, case: int) -> Verdict:
-    """Double.
+    """Doubles.
 
     More words.
     """
@@ -103,7 +103,7 @@ def test_a_part_of_a_case_gives_a_part_of_its_points_unless_all_or_nothing(tmp_p
 def test_a_check_that_needs_another_is_not_tried_without_it(tmp_path: Path) -> None:
     @check(points=50)
     def first(student: Student) -> Verdict:
-        """Stand still."""
+        """Stands still."""
         return failed("No.")
 
     @check(points=50, needs=["first"])

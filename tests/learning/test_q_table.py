@@ -91,7 +91,7 @@ def test_a_file_that_was_cut_is_refused(length: int, tmp_path: Path) -> None:
 
 
 def rewritten(path: Path, **arrays: Any) -> None:
-    """Replace arrays of a table's file."""
+    """Replaces arrays of a table's file."""
     table().save(path)
     with np.load(path) as whole:
         kept = {name: whole[name] for name in whole.files}
@@ -133,7 +133,7 @@ def header(shape: str, descr: str = "<f8") -> bytes:
 
 
 def with_member(path: Path, name: str, data: bytes, packing: int = zipfile.ZIP_DEFLATED) -> None:
-    """Write a table's file with another member in place of one of its own."""
+    """Writes a table's file with another member in place of one of its own."""
     table().save(path)
     with zipfile.ZipFile(path) as archive:
         kept = {info.filename: archive.read(info) for info in archive.infolist()}

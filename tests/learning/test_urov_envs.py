@@ -16,7 +16,7 @@ def made(name: str) -> Any:
 
 
 def flown(env: Any, policy: Any, start: int) -> tuple[float, dict[str, Any]]:
-    """Fly an episode; return the sum of rewards, and how it ended."""
+    """Flies an episode; returns the sum of rewards, and how it ended."""
     observation, _ = env.reset(options={"start": start})
     total, is_over = 0.0, False
     while not is_over:

@@ -93,7 +93,7 @@ def test_verdict_of_a_hundred_seeds_is_the_single_environments(name: str) -> Non
 
 
 def begun(envs: Any) -> tuple[Any, None]:
-    """Begin as many single environments as there are at the starts 1, 2, 3, ..."""
+    """Begins as many single environments as there are at the starts 1, 2, 3, ..."""
     envs.reset()
     return np.stack([env.reset(options={"start": 1 + i})[0] for i, env in enumerate(envs.envs)]), None
 

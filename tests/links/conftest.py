@@ -36,19 +36,19 @@ def free_port() -> int:
 
 
 def ear(came: list[Any], key: str | None = "x", field: str = "data") -> PartFactory:
-    """Keep a field of each page that is stored under a key, or under any."""
+    """Keeps a field of each page that is stored under a key, or under any."""
     what: Any = TaskType.store_page if key is None else (TaskType.store_page, key)
     return PartFactory({what: lambda task, task_id: came.append(getattr(task.val_list[0], field))}, "ear")
 
 
 def ticks(key: str, rate_hz: float = 10.0) -> TickerFactory:
-    """Store 0, 1, 2, ... at a rate."""
+    """Stores 0, 1, 2, ... at a rate."""
     values = itertools.count()
     return TickerFactory(lambda loop: loop.store_data(key, next(values)), f"ticks_{key}", rate_hz)
 
 
 def simulate(roles: Mapping[str, Sequence[AnyFactory]], until_s: float | None = None, **options: Any) -> SimRunner:
-    """Run roles in lock step, and return the runner."""
+    """Runs roles in lock step, and returns the runner."""
     runner = SimRunner(Config(factories=dict(roles)), until_s=until_s, **options)
     runner.run()
     return runner
@@ -83,7 +83,7 @@ class Running:
         self._tell()
 
     def until(self, is_so: Callable[[], Any], what: str = "") -> None:
-        """Wait until something has become true, also what no page tells."""
+        """Waits until something has become true, also what no page tells."""
         end_s = time.monotonic() + LIMIT_S
         with self.news:
             while not (is_so() or self.failure):
@@ -92,7 +92,7 @@ class Running:
         assert self.failure is None or is_so()
 
     def until_link(self, name: str, up: bool = True, **wanted: Any) -> dict[str, Any]:
-        """Wait until the link's page says so, and return what it says."""
+        """Waits until the link's page says so, and returns what it says."""
         key = f"link_{name}"
 
         def state() -> dict[str, Any]:
@@ -106,17 +106,17 @@ class Running:
         return state()
 
     def until_stored(self, key: str, count: int = 1) -> list[Any]:
-        """Wait until so many pages of a key have been stored, and return their data."""
+        """Waits until so many pages of a key have been stored, and returns their data."""
         self.until(lambda: len(self.stored[key]) >= count, f"{count} of {key}")
         return self.stored[key]
 
     def store(self, key: str, *values: Any) -> None:
-        """Store values from outside."""
+        """Stores values from outside."""
         for value in values:
             self.node.store_data(key, value)
 
     def end(self) -> None:
-        """End the node, and return when it has."""
+        """Ends the node, and returns when it has."""
         self.node.enter(tasks.terminate("test is over"), "test")
         self.thread.join(LIMIT_S)
         assert not self.thread.is_alive()
@@ -127,7 +127,7 @@ Start = Callable[..., Running]
 
 @pytest.fixture
 def start() -> Iterator[Start]:
-    """Start a node, `start("role", [factories])`, and wait until its link is `down`, or `up`. Ends all of them."""
+    """Starts a node, `start("role", [factories])`, and waits until its link is `down`, or `up`. Ends all of them."""
     started: list[Running] = []
 
     def begin(role: str, factories: Sequence[AnyFactory], *, down: str = "", up: str = "", **options: Any) -> Running:
@@ -153,11 +153,11 @@ class Raw:
             self.say(hello(node, **fields))
 
     def say(self, *payloads: bytes) -> None:
-        """Send payloads, each in a frame."""
+        """Sends payloads, each in a frame."""
         self.sock.sendall(b"".join(encode_frame(payload, 1 << 30) for payload in payloads))
 
     def messages(self, until: type | None = None) -> list[Any]:
-        """Read until a message of a kind has come, or to the end; return all but pings."""
+        """Reads until a message of a kind has come, or to the end; returns all but pings."""
         came: list[Any] = []
         while not (until and came and type(came[-1]) is until):
             try:
@@ -172,11 +172,11 @@ class Raw:
         return came
 
     def close(self) -> None:
-        """Close the socket."""
+        """Closes the socket."""
         self.sock.close()
 
     def reset(self) -> None:
-        """Close it rudely: the other end gets a RST."""
+        """Closes it rudely: the other end gets a RST."""
         self.sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
         self.sock.close()
 
@@ -189,7 +189,7 @@ def hello(node: str = "raw", **fields: Any) -> bytes:
 
 @pytest.fixture
 def raw() -> Iterator[Callable[..., Raw]]:
-    """Connect a far end made by hand: `raw(port)`. All are closed after the test."""
+    """Connects a far end made by hand: `raw(port)`. All are closed after the test."""
     made: list[Raw] = []
 
     def connect(port: int, greets: bool = True, node: str = "raw", **fields: Any) -> Raw:

@@ -12,7 +12,7 @@ from snr_sim.testing.parts import PartFactory
 
 
 def main() -> None:
-    """Run the far role; its arguments say over what: tcp PORT, or pipe DESCRIPTOR."""
+    """Runs the far role; its arguments say over what: tcp PORT, or pipe DESCRIPTOR."""
     kind, number = sys.argv[1], int(sys.argv[2])
     link: Any
     if kind == "tcp":

@@ -111,7 +111,7 @@ def test_numbers_of_numpy_and_whole_ones_are_numbers() -> None:
 
 
 def fly(faults: Faults, seed: int = 0, until_s: float = 20.0) -> tuple[list[Any], list[dict[str, Any]]]:
-    """Send 0, 1, 2, ... at 10 Hz from a to b in lock step; return what came, and a's reports about the link."""
+    """Sends 0, 1, 2, ... at 10 Hz from a to b in lock step; returns what came, and a's reports about the link."""
     pair = SocketsPair(("127.0.0.1", 1), name="t", faults=faults)
     came: list[Any] = []
     reports: list[dict[str, Any]] = []

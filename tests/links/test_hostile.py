@@ -226,7 +226,7 @@ def test_a_flood_of_connections_without_the_secret_ends_no_node(start: Start) ->
 
 
 def until_deaf(robot: Any) -> None:
-    """Wait until the link takes nothing more in; the node itself is busy, so nobody could tell us."""
+    """Waits until the link takes nothing more in; the node itself is busy, so nobody could tell us."""
     link, pause = robot.node.components["link_t"], threading.Event()
     for _ in range(3000):
         if link.is_deaf:

@@ -122,7 +122,7 @@ def test_page_that_is_stored_while_its_far_end_goes_is_counted(start: Start, pai
 
 
 def fly_late(count: int, begins_s: float, **options: Any) -> tuple[list[Any], SimRunner]:
-    """Store pages of two keys before the far end connects; return what came there, and the run."""
+    """Stores pages of two keys before the far end connects; returns what came there, and the run."""
     pair = SocketsPair((HERE, 0), name="t", faults=Faults(cut=((0.0, begins_s),)), **options)
     came: list[Any] = []
     numbers = iter(range(count))

@@ -26,7 +26,7 @@ Call = Callable[..., subprocess.Popen[str]]
 
 @pytest.fixture
 def call() -> Iterator[Call]:
-    """Start the plain client: `call(port, secret, pages)`; it sends a page `joystick`, {"axis": 0.5}."""
+    """Starts the plain client: `call(port, secret, pages)`; it sends a page `joystick`, {"axis": 0.5}."""
     called: list[subprocess.Popen[str]] = []
 
     def begin(port: int, secret: str, pages: int) -> subprocess.Popen[str]:

@@ -34,7 +34,7 @@ def said_by(session: Session) -> bytes:
 
 
 def talk(one: Session, other: Session, now_s: float = 0.0) -> list[Any]:
-    """Carry what both say until neither has anything to say; return the pages that came."""
+    """Carries what both say until neither has anything to say; returns the pages that came."""
     came: list[Any] = []
     while True:
         there, back = said_by(one), said_by(other)

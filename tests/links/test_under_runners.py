@@ -66,7 +66,7 @@ class Asks(Endpoint):
         self.may_go = not factory.waits_for_console
 
     def begin(self) -> None:
-        """Put the first number on each link."""
+        """Puts the first number on each link."""
         for link in self.back:
             self.store_data(f"there_{link}", 1)
 
@@ -87,7 +87,7 @@ class Asks(Endpoint):
         return [self.store_data_task("over", True), tasks.finish("all came back")]
 
     def terminate(self) -> None:
-        """Print what came."""
+        """Prints what came."""
         print("asked", self.back, self.parent.exit_reason)
 
 
@@ -118,7 +118,7 @@ class Answers(Endpoint):
         return self.store_data_task(f"back_{link}", self.came[link])
 
     def terminate(self) -> None:
-        """Print what came."""
+        """Prints what came."""
         print("answered", self.came, self.parent.exit_reason)
 
 

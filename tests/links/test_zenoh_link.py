@@ -78,13 +78,13 @@ class Process:
                 self.news.notify_all()
 
     def until_stored(self, key: str, count: int = 1) -> list[Any]:
-        """Wait until so many pages of a key have been stored there, and return their data."""
+        """Waits until so many pages of a key have been stored there, and returns their data."""
         with self.news:
             assert self.news.wait_for(lambda: len(self.stored.get(key, ())) >= count, LIMIT_S), self.stored
             return list(self.stored[key])
 
     def until_peers(self, *wanted: str) -> None:
-        """Wait until its link tells of exactly these."""
+        """Waits until its link tells of exactly these."""
 
         def tells() -> bool:
             pages = self.stored.get("link_fleet")
@@ -94,25 +94,25 @@ class Process:
             assert self.news.wait_for(tells, LIMIT_S), self.stored
 
     def store(self, key: str, *values: Any) -> None:
-        """Have values stored there."""
+        """Has values stored there."""
         assert self.popen.stdin is not None
         print(json.dumps([key, values]), file=self.popen.stdin, flush=True)
 
     def end(self) -> None:
-        """End the node in good order."""
+        """Ends the node in good order."""
         assert self.popen.stdin is not None
         self.popen.stdin.close()
         assert self.popen.wait(LIMIT_S) == 0
 
     def kill(self) -> None:
-        """End it at once."""
+        """Ends it at once."""
         self.popen.kill()
         self.popen.wait()
 
 
 @pytest.fixture
 def process() -> Iterator[Callable[..., Process]]:
-    """Start a node in a process: `process(net, "role", keys)`. All are killed after the test."""
+    """Starts a node in a process: `process(net, "role", keys)`. All are killed after the test."""
     started: list[Process] = []
 
     def begin(*args: Any, **options: Any) -> Process:
@@ -131,7 +131,7 @@ def process() -> Iterator[Callable[..., Process]]:
 
 @pytest.fixture
 def stranger(net: ZenohNet) -> Iterator[Callable[[], Any]]:
-    """Connect a program with Zenoh and without snr_sim to the net's first node, which must be there."""
+    """Connects a program with Zenoh and without snr_sim to the net's first node, which must be there."""
     sessions: list[Any] = []
 
     def connect() -> Any:

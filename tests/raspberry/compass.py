@@ -97,7 +97,7 @@ def played():
 
 
 def devices(io, clock):
-    """Return how the compass and the outputs are opened."""
+    """Returns how the compass and the outputs are opened."""
     if io.kind == "sim":
         return lambda: FakeSensor(played()), lambda: MirrorPwm(clock.now_s, CHANNELS)
     board = McuBoard(lambda: SerialPort(io.where, BAUD), clock.now_s)

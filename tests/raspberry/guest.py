@@ -25,18 +25,18 @@ PATIENCE_S = 900.0
 
 
 def say(what: object) -> None:
-    """Print a line for `run`."""
+    """Prints a line for `run`."""
     print(f"PI: {what}", flush=True)
 
 
 def warmth_c(bus: smbus2.SMBus) -> float:
-    """Return the temperature, by the data sheet of the TMP105: sixteenths of a degree in the upper twelve bits."""
+    """Returns the temperature, by the data sheet of the TMP105: sixteenths of a degree in the upper twelve bits."""
     high, low = bus.read_i2c_block_data(THERMOMETER, 0, 2)
     return int.from_bytes(bytes([high, low]), signed=True) / 256.0
 
 
 def wait_for(what: str, is_so: Callable[[], bool]) -> None:
-    """Wait until something is so."""
+    """Waits until something is so."""
     until_s = time.monotonic() + PATIENCE_S
     while not is_so():
         if time.monotonic() > until_s:
@@ -46,13 +46,13 @@ def wait_for(what: str, is_so: Callable[[], bool]) -> None:
 
 
 def pass_on(lines: Iterable[str]) -> None:
-    """Say what the robot says."""
+    """Says what the robot says."""
     for line in lines:
         say(line.strip())
 
 
 def main() -> None:
-    """Do all of it."""
+    """Does all of it."""
     model = Path("/proc/device-tree/model").read_text().strip("\0")
     say(f"Python {platform.python_version()} on {platform.machine()}, {model}")
     bus = smbus2.SMBus(1)

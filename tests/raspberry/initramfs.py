@@ -27,11 +27,11 @@ class Initramfs:
         self._folders = {""}
 
     def finish(self) -> None:
-        """End it."""
+        """Ends it."""
         self._entry("TRAILER!!!", 0, b"", 0)
 
     def folder(self, name: str) -> None:
-        """Add a folder, with those it is in."""
+        """Adds a folder, with those it is in."""
         name = name.strip("/")
         if name not in self._folders:
             self.folder(name.rpartition("/")[0])
@@ -39,17 +39,17 @@ class Initramfs:
             self._entry(name, stat.S_IFDIR | 0o755, b"", 0)
 
     def file(self, name: str, data: bytes, *, mode: int = 0o644, time_s: int = 0) -> None:
-        """Add a file."""
+        """Adds a file."""
         self.folder(name.strip("/").rpartition("/")[0])
         self._entry(name.strip("/"), stat.S_IFREG | mode, data, time_s)
 
     def link(self, name: str, target: str) -> None:
-        """Add a symbolic link."""
+        """Adds a symbolic link."""
         self.folder(name.strip("/").rpartition("/")[0])
         self._entry(name.strip("/"), stat.S_IFLNK | 0o777, target.encode(), 0)
 
     def tree(self, folder: Path, name: str, left_out: Iterable[str] = ()) -> None:
-        """Add all that is in a folder.
+        """Adds all that is in a folder.
 
         Args:
             folder: of this computer.
@@ -85,7 +85,7 @@ class Initramfs:
 
 
 def modules_in_order(folder: Path, names: list[str]) -> list[Path]:
-    """Return the files of kernel modules and of those they need, each after what it needs.
+    """Returns the files of kernel modules and of those they need, each after what it needs.
 
     Args:
         folder: with a kernel's modules, not compressed.

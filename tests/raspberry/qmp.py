@@ -27,7 +27,7 @@ class Qmp:
         self.execute("qmp_capabilities")
 
     def execute(self, command: str, **arguments: Any) -> Any:
-        """Return what a command answers."""
+        """Returns what a command answers."""
         self._lines.write(json.dumps({"execute": command, "arguments": arguments}) + "\n")
         self._lines.flush()
         while True:
@@ -38,10 +38,10 @@ class Qmp:
                 return answer["return"]
 
     def set(self, device: str, name: str, value: int) -> None:
-        """Set what a device measures."""
+        """Sets what a device measures."""
         self.execute("qom-set", path=f"/machine/peripheral/{device}", property=name, value=value)
 
     def close(self) -> None:
-        """End the conversation."""
+        """Ends the conversation."""
         self._lines.close()
         self._socket.close()

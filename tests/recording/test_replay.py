@@ -111,7 +111,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Trace:
 
 
 def seq_of(trace: Trace, name: str, nth: int = AT) -> int:
-    """Return the seq of the nth processing of a page."""
+    """Returns the seq of the nth processing of a page."""
     found = [one for one in trace.records if isinstance(one, TaskRecord) and one.name == name]
     return found[nth].seq
 

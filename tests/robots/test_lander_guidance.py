@@ -53,7 +53,7 @@ def law_of(controller: str) -> Any:
 
 
 def fly(scenario_name: str, seed: int, controller: str) -> dict[str, Any]:
-    """Fly one run as the node does: sensors, law, engine, plant, at the robot's rate."""
+    """Flies one run as the node does: sensors, law, engine, plant, at the robot's rate."""
     scenario = load(f"scenario_{scenario_name}", ROOT / "scenarios" / f"{scenario_name}.py")
     parameters, plant = scenario.parameters(seed), scenario.plant(seed, scenario.ENGINES[0])
     rig = Rig(Robot("lander", "lander", scenario_name, plant.engine, parameters, {}), "sim", seed, plant)

@@ -159,7 +159,7 @@ def test_water_in_the_hull_sends_it_up_unless_it_is_not_to() -> None:
 
 
 def weak(one: FailsafeMonitor, from_s: float, to_s: float, volts: float, amperes: float = 5.0) -> FailsafeMonitor:
-    """Show it a battery, five times a second."""
+    """Shows it a battery, five times a second."""
     for i in range(round(5 * from_s), round(5 * to_s) + 1):
         one.measure(PowerReading(volts, amperes, 0.2 * i))
     return one

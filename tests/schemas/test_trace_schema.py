@@ -122,7 +122,7 @@ def test_every_record_of_a_replay_is_one(tmp_path: Path) -> None:
 
 
 def damaged(value: Any, at_root: bool = True) -> Iterator[tuple[str, Any]]:
-    """Yield a JSON value with each of its fields taken out or of another type, and objects with one more."""
+    """Yields a JSON value with each of its fields taken out or of another type, and objects with one more."""
     if isinstance(value, dict):
         yield "one more", value | {"more": 1}
         for key, item in value.items():

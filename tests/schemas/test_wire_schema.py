@@ -34,7 +34,7 @@ def session(is_server: bool = False, **terms: Any) -> Session:
 
 
 def talk(one: Session, other: Session) -> list[dict[str, Any]]:
-    """Have two sessions talk until neither says more; return all that was said."""
+    """Has two sessions talk until neither says more; returns all that was said."""
     said = []
     while frames := [(one, other, frame) for frame in one.take_output()] + [
         (other, one, frame) for frame in other.take_output()
@@ -46,7 +46,7 @@ def talk(one: Session, other: Session) -> list[dict[str, Any]]:
 
 
 def conversations() -> Iterator[tuple[str, list[str], list[dict[str, Any]]]]:
-    """Yield conversations: their names, the messages they should be made of, and the messages."""
+    """Yields conversations: their names, the messages they should be made of, and the messages."""
     for name, secret in (("open", None), ("with a secret", SECRET)):
         one, other = session(secret=secret), session(True, secret=secret)
         said = talk(one, other)

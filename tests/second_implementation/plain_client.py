@@ -24,7 +24,7 @@ LETTERS = dict(zip((*INTEGERS, *FLOATS), (*"?bhiqBHIQefd", "ff", "dd"), strict=T
 
 
 def value(fields):
-    """Bring back an object of JSON: json.loads calls it for each, the inner ones first."""
+    """Brings back an object of JSON: json.loads calls it for each, the inner ones first."""
     mark = fields.get("$")
     if mark in SIMPLE:
         return SIMPLE[mark](fields["v"])

@@ -44,7 +44,7 @@ def doze(*args: Any) -> None:
 
 
 def stubborn(*args: Any) -> None:
-    """Hold the interpreter's lock in C, deaf to signals."""
+    """Holds the interpreter's lock in C, deaf to signals."""
     signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
     print("stuck")
     ctypes.PyDLL(None).sleep(60)

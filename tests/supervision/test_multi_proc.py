@@ -48,7 +48,7 @@ class Program:
                     self._has_more.notify_all()
 
     def wait_for(self, text: str, count: int = 1) -> None:
-        """Return when a text has come so often."""
+        """Returns when a text has come so often."""
         with self._has_more:
             assert self._has_more.wait_for(lambda: self.out.count(text) >= count, LIMIT_S), self.out
 
@@ -58,7 +58,7 @@ class Program:
             os.killpg(self.process.pid, number)
 
     def finish(self) -> tuple[int, str]:
-        """Return exit status and stderr; everything it had started must be gone."""
+        """Returns exit status and stderr; everything it had started must be gone."""
         try:
             self.process.wait(LIMIT_S)
         except subprocess.TimeoutExpired:

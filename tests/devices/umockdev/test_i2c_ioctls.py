@@ -25,7 +25,7 @@ HAS = "import gi; gi.require_version('UMockdev', '1.0'); from gi.repository impo
 
 
 def need_umockdev() -> str:
-    """Return umockdev-wrapper; skips where it is absent, but not in CI."""
+    """Returns umockdev-wrapper; skips where it is absent, but not in CI."""
     wrapper = shutil.which("umockdev-wrapper")
     has_bindings = Path(SYSTEM).exists() and subprocess.run([SYSTEM, "-c", HAS], capture_output=True).returncode == 0
     if wrapper is None or not has_bindings:
@@ -59,7 +59,7 @@ def answer_of(bus: FakeBus, call: list[object]) -> object:
 
 @contextmanager
 def kernel_with(bus: FakeBus, tick: Callable[[], None]) -> Iterator[dict[str, str]]:
-    """Have the parts of a bus at /dev/i2c-1 of whoever is started under umockdev-wrapper with this environment."""
+    """Has the parts of a bus at /dev/i2c-1 of whoever is started under umockdev-wrapper with this environment."""
     script = [need_umockdev(), SYSTEM, str(HERE / "i2c_kernel.py")]
     with subprocess.Popen(script, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as kernel:
         calls, answers = kernel.stdout, kernel.stdin

@@ -74,7 +74,7 @@ def test_pressure_and_temperature_are_those_of_the_makers_library(d1: int, d2: i
 
 
 def port(folder: Path, *flags: str) -> list[list[int]]:
-    """Compile the port in C and let it read the vectors."""
+    """Compiles the port in C and lets it read the vectors."""
     program = folder / "port"
     subprocess.run(["gcc", "-O1", "-fwrapv", *flags, "-o", program, PORT], check=True)
     told = subprocess.run([program], input=VECTORS.read_bytes(), capture_output=True, check=True).stdout.decode()

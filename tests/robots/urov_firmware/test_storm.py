@@ -32,7 +32,7 @@ RARE: list[ToMcu] = [
 
 
 def do_something(bench: Bench, rng: random.Random) -> bool:
-    """Return whether the board was reset."""
+    """Returns whether the board was reset."""
     what = rng.random()
     if what < 0.55:
         some = tuple(rng.choice([1500.0, rng.randrange(2000, 4000) / 2]) for _ in NEUTRAL)

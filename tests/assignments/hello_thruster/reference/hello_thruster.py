@@ -13,14 +13,14 @@ SURGE = [+1, +1, -1, -1, 0, 0, 0, 0]
 
 
 def counted(value):
-    """Return how far a stick counts: nothing at rest, and never more than 1."""
+    """Returns how far a stick counts: nothing at rest, and never more than 1."""
     if abs(value) < REST:
         return 0.0
     return max(-1.0, min(1.0, value))
 
 
 def pulses_us(heave, surge):
-    """Return the list of eight pulses for two sticks."""
+    """Returns the list of eight pulses for two sticks."""
     pulses = []
     for channel in range(8):
         share = HEAVE[channel] * counted(heave) + SURGE[channel] * counted(surge)

@@ -13,19 +13,19 @@ STATES = (len(HEIGHTS_M) + 1) * (len(ERRORS_MPS) + 1)
 
 
 def wanted_mps(altitude_m):
-    """Return the velocity from which gentle braking, by 1 m/s2, ends at 0.3 m/s on the ground."""
+    """Returns the velocity from which gentle braking, by 1 m/s2, ends at 0.3 m/s on the ground."""
     return -math.sqrt(0.3**2 + 2.0 * 1.0 * max(0.0, altitude_m))
 
 
 def encode(altitude_m, velocity_mps):
-    """Return the number of the state: which height, and how far from the velocity that belongs to it."""
+    """Returns the number of the state: which height, and how far from the velocity that belongs to it."""
     height = bisect_right(HEIGHTS_M, altitude_m)
     error = bisect_right(ERRORS_MPS, velocity_mps - wanted_mps(altitude_m))
     return height * (len(ERRORS_MPS) + 1) + error
 
 
 def reward(altitude_m, velocity_mps, next_altitude_m, next_velocity_mps, burned_kg, outcome):
-    """Return what a step was worth."""
+    """Returns what a step was worth."""
     if outcome == "landed":
         return 10.0
     if outcome == "crashed":
@@ -36,24 +36,24 @@ def reward(altitude_m, velocity_mps, next_altitude_m, next_velocity_mps, burned_
 
 
 def epsilon(share):
-    """Return how often an action is taken at random, when this share of the training is over."""
+    """Returns how often an action is taken at random, when this share of the training is over."""
     return max(0.05, 0.6 * (1.0 - share / 0.8))
 
 
 def tried(table, state):
-    """Return the actions that have been tried in a state."""
+    """Returns the actions that have been tried in a state."""
     return [action for action in range(ACTIONS) if table.visits[state][action] > 0]
 
 
 def choose(table, state, epsilon, rng):
-    """Return an action: any with probability epsilon, else the best of those that were tried, the first of several."""
+    """Returns an action: any with probability epsilon, else the best of those that were tried, the first of several."""
     if epsilon > 0.0 and rng.random() < epsilon:
         return rng.randrange(ACTIONS)
     return max(tried(table, state), key=lambda action: table.values[state][action], default=0)
 
 
 def update(table, step):
-    """Learn from one transition."""
+    """Learns from one transition."""
     expected = 0.0
     if not step.is_terminated:
         expected = max((table.values[step.next_state][action] for action in tried(table, step.next_state)), default=0.0)

@@ -33,19 +33,19 @@ class Machine:
         self.near_since_s = None
 
     def go(self, state, now_s):
-        """Go to another state, if there is an arrow."""
+        """Goes to another state, if there is an arrow."""
         if state not in FOLLOWS[self.state]:
             raise ValueError(f"no arrow leads from {self.state} to {state}")
         self.state, self.since_s, self.near_since_s = state, now_s, None
 
     def step(self, known):
-        """Look at what is known now, and go to another state if that is due."""
+        """Looks at what is known now, and goes to another state if that is due."""
         following = self.following(known, known["now_s"] - self.since_s)
         if following is not None:
             self.go(following, known["now_s"])
 
     def following(self, known, in_state_s):
-        """Return the state that is due now, or None."""
+        """Returns the state that is due now, or None."""
         if self.state == "stopped":
             return "waiting" if known["reset"] and not known["stop"] else None
         if known["stop"]:

@@ -43,7 +43,7 @@ class Perception(Endpoint):
 
 
 def find_plate(rgb):
-    """Return how far right of the middle, and how far below it, the plate is [pixels]; None if it is not there."""
+    """Returns how far right of the middle, and how far below it, the plate is [pixels]; None if it is not there."""
     green, blue = (np.asarray(rgb, dtype=float)[..., i] for i in (1, 2))
     yellow = green - blue
     yellow = yellow - np.median(yellow)  # whatever colour the water has
@@ -62,13 +62,13 @@ def find_plate(rgb):
 
 
 def slenderness(rows, columns):
-    """Return how much longer than wide a spot is, whichever way it lies."""
+    """Returns how much longer than wide a spot is, whichever way it lies."""
     short, long = np.linalg.eigvalsh(np.cov(rows, columns))
     return float(np.sqrt(long / max(short, 0.1)))
 
 
 def spots(mask):
-    """Yield the rows and columns of the pixels of each spot: pixels that touch belong together."""
+    """Yields the rows and columns of the pixels of each spot: pixels that touch belong together."""
     left = {(int(row), int(column)) for row, column in np.argwhere(mask)}
     while left:
         waiting, rows, columns = [left.pop()], [], []

@@ -38,7 +38,7 @@ class DepthHold(Endpoint):
         }
 
     def let_go(self):
-        """Forget what was held: what comes next begins anew, where the vehicle then is."""
+        """Forgets what was held: what comes next begins anew, where the vehicle then is."""
         self.wanted_m = None
         self.held_m = None
         self.seen = None
@@ -67,7 +67,7 @@ class DepthHold(Endpoint):
         ]
 
     def on_controls(self, task, task_id):
-        """Hear every page of the pilot's: a stop in one that is soon overtaken counts, too."""
+        """Hears every page of the pilot's: a stop in one that is soon overtaken counts, too."""
         controls = self.get_data("controls")
         if controls["is_stop"]:
             self.is_stopped = True
@@ -101,7 +101,7 @@ class DepthHold(Endpoint):
 
 
 def pulse_us(thrust_n):
-    """Return the pulse for a thrust: over the dead band at once, and then about as the root."""
+    """Returns the pulse for a thrust: over the dead band at once, and then about as the root."""
     if abs(thrust_n) < 0.05:
         return STOP_US
     share = min(1.0, (abs(thrust_n) / FULL_N) ** 0.55)

@@ -31,7 +31,7 @@ class Topside(Endpoint):
         ]
 
     def link_state(self):
-        """Return "ok", "old" or "lost"."""
+        """Returns "ok", "old" or "lost"."""
         link = self.get_data("link_tether")
         if link is None or not link["up"]:
             return "lost"

@@ -49,7 +49,7 @@ class Vehicle(Endpoint):
         return answer
 
     def counts(self):
-        """Return whether the newest command counts now."""
+        """Returns whether the newest command counts now."""
         if self.command is None or not self.command["is_armed"]:
             return False
         return self.get_time_s() - self.made_s <= COUNTS_S

@@ -22,7 +22,7 @@ class TaskQueue:
         return self.count
 
     def put(self, task, priority):
-        """Let a task in. Returns the task that has to leave for it, or None if there is room."""
+        """Lets a task in. Returns the task that has to leave for it, or None if there is room."""
         if task.type is TaskType.terminate:
             priority = inf
         if priority not in self.lines:
@@ -38,7 +38,7 @@ class TaskQueue:
         return self.first_of(self.lowest[0])
 
     def take(self):
-        """Return the task whose turn it is, which waits no longer; None if none waits."""
+        """Returns the task whose turn it is, which waits no longer; None if none waits."""
         if self.count == 0:
             return None
         while -self.highest[0] not in self.lines:
@@ -46,7 +46,7 @@ class TaskQueue:
         return self.first_of(-self.highest[0])
 
     def first_of(self, priority):
-        """Return the oldest task of a priority, which waits no longer."""
+        """Returns the oldest task of a priority, which waits no longer."""
         line = self.lines[priority]
         task = line.popleft()
         self.count -= 1
@@ -56,7 +56,7 @@ class TaskQueue:
         return task
 
     def tidy(self):
-        """Throw away priorities that nobody has any more, when they are more than half of a heap."""
+        """Throws away priorities that nobody has any more, when they are more than half of a heap."""
         if len(self.highest) + len(self.lowest) > 4 * len(self.lines) + 16:
             self.lowest = list(self.lines)
             self.highest = [-priority for priority in self.lines]
