@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections import defaultdict
 from functools import cache
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -111,6 +112,16 @@ def test_rooms_name_each_other_and_do_not_go_through_the_front_door() -> None:
         if part.startswith("snr_sim.") and ".".join(part.split(".")[:2]) not in allowed
     ]
     assert wrong == []
+
+
+def test_no_modules_import_each_other() -> None:
+    """Imports in functions and under TYPE_CHECKING count: they are what hides a circle."""
+    arrows = {
+        f"snr_sim.{name.removesuffix('.__init__')}": {part for part in imports(tree) if part.startswith("snr_sim.")}
+        for name, tree in modules().items()
+    }
+    order = TopologicalSorter({name: parts & arrows.keys() - {name} for name, parts in arrows.items()})
+    order.prepare()  # raises CycleError, which names a circle
 
 
 def test_the_kit_imports_no_robot_no_scenario_and_no_test() -> None:

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import AnyFactory, Config, Mode
 from snr_sim.core.lockstep import NOTHING_LEFT, TIME_LIMIT, LockStep
 from snr_sim.core.node import Node
+from snr_sim.grading.lab.submission import Submission
 from snr_sim.grading.lab.verdicts import ENDED_EARLY, LabFault, Misbehaved
 from snr_sim.grading.remote.remote import Remote
 from snr_sim.prelude.errors import SnrError
@@ -22,9 +23,6 @@ from snr_sim.prelude.recorder import Handled, Ticket
 from snr_sim.prelude.scenario import Robot
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.scenario import library
-
-if TYPE_CHECKING:
-    from snr_sim.grading.lab.student import Student
 
 _SOURCE = "given"
 
@@ -75,7 +73,7 @@ Reply = Callable[[Produced], "Iterable[Given] | Given | None"]
 
 
 def feed(
-    student: Student,
+    student: Submission,
     file: str,
     pages: Sequence[Given],
     *,

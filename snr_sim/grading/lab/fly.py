@@ -9,9 +9,10 @@ from contextlib import suppress
 from functools import lru_cache, partial
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from snr_sim.devices.loops import SensorLoopFactory
+from snr_sim.grading.lab.submission import Submission
 from snr_sim.grading.lab.verdicts import ENDED_EARLY, LabFault, Misbehaved, Unjudged
 from snr_sim.grading.remote.protocol import SUBMISSION
 from snr_sim.grading.remote.remote import Remote
@@ -26,9 +27,6 @@ from snr_sim.scenario import library
 from snr_sim.scenario.flight import Flight, Result
 from snr_sim.scenario.options import check_options
 from snr_sim.scenario.simulation import Request, Simulation, controlled_roles, prepare
-
-if TYPE_CHECKING:
-    from snr_sim.grading.lab.student import Student
 
 
 class Flown:
@@ -68,7 +66,7 @@ class Flown:
 
 
 def fly(
-    student: Student,
+    student: Submission,
     scenario: str,
     seed: int,
     controller: str,

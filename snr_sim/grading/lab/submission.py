@@ -1,0 +1,42 @@
+"""What feeding and flying need of a submission. `Student`, which offers both to checks, implements it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Protocol
+
+from snr_sim.grading.remote.child_process import ChildProcess
+
+
+class Submission(Protocol):
+    """A student's files, and processes that read them.
+
+    Attributes:
+        folder: of the files.
+        record_to: where flights are recorded, if they are.
+        run_folder: of the last flight, if it was recorded.
+        flights: how many there were.
+    """
+
+    folder: Path
+    record_to: Path | None
+    run_folder: Path | None
+    flights: int
+
+    @property
+    def isolation(self) -> str:
+        """How its processes are kept apart."""
+        ...
+
+    def new_child(self, file: str, readable: Sequence[Path] = ()) -> ChildProcess:
+        """Return a process of its own, which has not read the submission yet; `done_with` ends it.
+
+        Raises:
+            Misbehaved: the file is missing, or imports what it may not.
+        """
+        ...
+
+    def done_with(self, child: ChildProcess) -> None:
+        """End a process, and keep what it printed."""
+        ...
