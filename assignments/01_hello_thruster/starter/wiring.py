@@ -8,7 +8,7 @@ from snr_sim import Endpoint, EndpointFactory, TaskType
 
 
 def wired(endpoint_class):
-    """Return the factories of a vehicle that runs this endpoint."""
+    """Returns the factories of a vehicle that runs this endpoint."""
     return [OneFactory(endpoint_class, "hello_thruster"), OneFactory(Teller, "teller")]
 
 

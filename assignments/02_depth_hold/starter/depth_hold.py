@@ -33,7 +33,7 @@ class DepthHold(Endpoint):
         self.task_handlers = {(TaskType.process_data, "imu"): self.on_tick}
 
     def on_tick(self, task, task_id):
-        """Come 50 times a second."""
+        """Comes 50 times a second."""
         controls = self.get_data("controls")
         depth = self.get_data("depth")
         is_armed = controls is not None and controls["is_armed"]
@@ -51,13 +51,13 @@ class DepthHold(Endpoint):
 
 
 def up_force_n(depth_m, goal_m):
-    """Return the force that should push the vehicle up [N]; negative pushes it down. At most MOST_N either way."""
+    """Returns the force that should push the vehicle up [N]; negative pushes it down. At most MOST_N either way."""
     # Step 2: proportional to the error.
     return 0.0
 
 
 def pulses_us(up_n):
-    """Return the list of eight pulses that give this force together; the four that do not push up stand still."""
+    """Returns the list of eight pulses that give this force together; the four that do not push up stand still."""
     # Step 2: share it among the four, and mind the maker's unit and which way each one is mounted.
     pulses = [STOP_US] * 8
     return pulses

@@ -2,7 +2,7 @@
 
 
 def told(controls, wanted_m, is_stopped, imu):
-    """Return the page "vehicle"."""
+    """Returns the page "vehicle"."""
     is_armed = controls is not None and controls["is_armed"] and not is_stopped
     return {
         "rules": "pilot" if is_armed else "idle",

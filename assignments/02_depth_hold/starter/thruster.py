@@ -10,7 +10,7 @@ DEAD_US, FULL_US, FULL_KGF = 30.0, 400.0, 4.8
 
 
 def pulse_us(force_kgf):
-    """Return the pulse for a force, in microseconds. Positive is ahead. It does not know where to stop: you do.
+    """Returns the pulse for a force, in microseconds. Positive is ahead. It does not know where to stop: you do.
 
     >>> pulse_us(0.0), pulse_us(4.8), pulse_us(-4.8)
     (1500.0, 1900.0, 1100.0)

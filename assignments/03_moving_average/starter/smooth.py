@@ -18,13 +18,13 @@ class MovingAverage:
         self.length = length
 
     def update(self, value):
-        """Take the next value and return the mean that belongs to it."""
+        """Takes the next value and returns the mean that belongs to it."""
         # Step 2: so far this knows nothing of the values before.
         return value
 
 
 def smoothed(values, length):
-    """Return what a new MovingAverage makes of a list of values. For tests, yours and ours: needs no change."""
+    """Returns what a new MovingAverage makes of a list of values. For tests, yours and ours: needs no change."""
     average = MovingAverage(length)
     means = []
     for value in values:

@@ -14,34 +14,34 @@ LIFT = (0.0, 0.0, 0.0, 0.0, 1.0, -1.0, -1.0, 1.0)  # up is +
 
 
 def limited(value, most):
-    """Return a value brought to the range from -most to most."""
+    """Returns a value brought to the range from -most to most."""
     return max(-most, min(most, value))
 
 
 def wrap_rad(angle_rad):
-    """Return an angle brought to the range from -pi to pi."""
+    """Returns an angle brought to the range from -pi to pi."""
     return math.atan2(math.sin(angle_rad), math.cos(angle_rad))
 
 
 def turn_moment_nm(wanted_rad, yaw_rad, rate_radps):
-    """Return the moment that turns the vehicle to a heading; left is positive."""
+    """Returns the moment that turns the vehicle to a heading; left is positive."""
     return limited(8.0 * wrap_rad(wanted_rad - yaw_rad) - 4.0 * rate_radps, TURN_MOST_NM)
 
 
 def lift_force_n(wanted_m, depth_m, rate_mps):
-    """Return the force that brings the vehicle to a depth; up is positive."""
+    """Returns the force that brings the vehicle to a depth; up is positive."""
     return limited(120.0 * (depth_m - wanted_m) + 60.0 * rate_mps, LIFT_MOST_N)
 
 
 def pulses_us(moment_nm, force_n):
-    """Return the pulses of all eight thrusters."""
+    """Returns the pulses of all eight thrusters."""
     return [
         pulse_us(turn * moment_nm / (4 * ARM_M) + lift * force_n / 4) for turn, lift in zip(TURN, LIFT, strict=True)
     ]
 
 
 def pulse_us(thrust_n):
-    """Return the pulse for a thrust: within 30 us of 1500 nothing turns, and at 1900 a thruster gives 50 N."""
+    """Returns the pulse for a thrust: within 30 us of 1500 nothing turns, and at 1900 a thruster gives 50 N."""
     if abs(thrust_n) < 0.01:
         return STOP_US
     way_us = 30.0 + 370.0 * math.sqrt(min(50.0, abs(thrust_n)) / 50.0)
@@ -56,7 +56,7 @@ class Rate:
         self.before = None
 
     def update(self, value, stamp_s):
-        """Take in a value, measured at a moment; return the rate."""
+        """Takes in a value, measured at a moment; returns the rate."""
         if self.before is not None and stamp_s > self.before[1]:
             newest = (value - self.before[0]) / (stamp_s - self.before[1])
             self.rate += 0.25 * (newest - self.rate)

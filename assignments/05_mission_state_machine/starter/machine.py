@@ -25,13 +25,13 @@ class Machine:
         self.gate = 0  # the gate it is at: 0, 1, 2, and 3 when all are passed
 
     def go(self, state, now_s):
-        """Go to another state, if there is an arrow."""
+        """Goes to another state, if there is an arrow."""
         if state not in FOLLOWS[self.state]:
             raise ValueError(f"no arrow leads from {self.state} to {state}")
         self.state, self.since_s = state, now_s
 
     def step(self, known):
-        """Look at what is known now, and go to another state if that is due."""
+        """Looks at what is known now, and goes to another state if that is due."""
         now_s = known["now_s"]
         in_state_s = now_s - self.since_s
         is_due = in_state_s >= READY_S and known["is_ready"] and known["sees"]

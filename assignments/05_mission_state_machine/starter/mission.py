@@ -45,7 +45,7 @@ class Mission(Endpoint):
         }
 
     def goal(self):
-        """Return the place to go to; None in a state that goes nowhere."""
+        """Returns the place to go to; None in a state that goes nowhere."""
         gate, state = self.machine.gate, self.machine.state
         if state == "lining_up":
             return self.route[2 * gate]
@@ -54,7 +54,7 @@ class Mission(Endpoint):
         return None
 
     def on_place(self, task, task_id):
-        """Steer: a person who sees the vehicle would move the sticks like this. Needs no change of yours."""
+        """Steers: a person who sees the vehicle would move the sticks like this. Needs no change of yours."""
         place, goal, now_s = self.get_data("place"), self.goal(), self.get_time_s()
         if goal is None or self.seen_s is None or now_s <= self.seen_s:
             self.sticks = 0.0, 0.0
@@ -64,7 +64,7 @@ class Mission(Endpoint):
         self.seen_s = now_s
 
     def on_panel(self, task, task_id):
-        """Let the machine decide, then say what it has decided. Needs no change of yours."""
+        """Lets the machine decide, then says what it has decided. Needs no change of yours."""
         before = self.machine.state
         self.machine.step(self.known())
         machine = self.machine
@@ -76,7 +76,7 @@ class Mission(Endpoint):
         return [self.store_data_task("controls", self.controls()), self.store_data_task("mission", told)]
 
     def known(self):
-        """Return what the machine may go by. Needs no change of yours."""
+        """Returns what the machine may go by. Needs no change of yours."""
         panel, vehicle = self.get_data("panel"), self.get_data("vehicle")
         leak, depth = self.get_data("leak"), self.get_data("depth")
         return {
@@ -97,7 +97,7 @@ class Mission(Endpoint):
         return math.dist((goal.x_m, goal.y_m, -goal.depth_m), place["position_m"])
 
     def controls(self):
-        """Return what the vehicle is asked for, 20 times a second: see the table in the README."""
+        """Returns what the vehicle is asked for, 20 times a second: see the table in the README."""
         self.number += 1
         controls = {"number": self.number, "mode": "heading_hold", "is_armed": False, "is_stop": False}
         controls |= {"clears_stop": False, "surge": 0.0, "sway": 0.0, "depth_m": None, "heading_rad": None}

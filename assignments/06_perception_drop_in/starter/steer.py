@@ -51,7 +51,7 @@ class Steer(Autopilot):
         return super().thrusts(rules, depth, imu, dt_s)
 
     def sticks(self):
-        """Return what to push ahead and to the left, -1 to 1; and rises while it searches."""
+        """Returns what to push ahead and to the left, -1 to 1; and rises while it searches."""
         target = self.get_data("target")
         mode = "stop" if target is None or self.get_age_s("target") > OLD_S else target["mode"]
         step_m = RISE_MPS / 50.0

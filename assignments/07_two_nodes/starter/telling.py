@@ -2,7 +2,7 @@
 
 
 def told(command, counts, imu):
-    """Return the page "vehicle": the newest command, and whether it counts."""
+    """Returns the page "vehicle": the newest command, and whether it counts."""
     return {
         "rules": "pilot" if counts else "neutral",
         "mode": "manual",

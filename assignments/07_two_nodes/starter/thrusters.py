@@ -7,12 +7,12 @@ YAW = (1.0, -1.0, -1.0, 1.0)
 
 
 def neutral_us():
-    """Return the pulses at which nothing turns."""
+    """Returns the pulses at which nothing turns."""
     return [STOP_US] * 8
 
 
 def pulses_us(surge, yaw):
-    """Return the pulses of all eight thrusters for two sticks, -1 to 1 each."""
+    """Returns the pulses of all eight thrusters for two sticks, -1 to 1 each."""
     pulses = neutral_us()
     for i in range(4):
         share = SURGE[i] * surge + YAW[i] * yaw

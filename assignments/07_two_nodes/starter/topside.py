@@ -31,6 +31,6 @@ class Topside(Endpoint):
         ]
 
     def link_state(self):
-        """Return "ok", "old" or "lost"."""
+        """Returns "ok", "old" or "lost"."""
         # Step 4: page "link_tether" says in "up" whether the link stands; and how old is page "vehicle"?
         return "ok"

@@ -45,6 +45,6 @@ class Vehicle(Endpoint):
         return answer
 
     def counts(self):
-        """Return whether the newest command counts now."""
+        """Returns whether the newest command counts now."""
         # Step 3: how old is it?
         return self.command is not None and self.command["is_armed"]

@@ -49,17 +49,17 @@ class DepthHold(Endpoint):
         ]
 
     def may_push(self, controls):
-        """Return whether the thrusters may push now."""
+        """Returns whether the thrusters may push now."""
         # Step 2: not if the controls, or the depth, are too old (self.get_age_s("controls")). Not after a stop.
         return controls["is_armed"]
 
     def up_force_n(self, depth_m):
-        """Return the force that should push the vehicle up [N]."""
+        """Returns the force that should push the vehicle up [N]."""
         # Step 2: this is a proportional controller. What does it lack?
         return 10.0 * (depth_m - self.wanted_m)
 
 
 def pulse_us(thrust_n):
-    """Return the pulse that makes a thruster push so hard; negative is astern."""
+    """Returns the pulse that makes a thruster push so hard; negative is astern."""
     # Step 2: nothing turns within 30 us of 1500, and from there on thrust does not grow in a straight line.
     return STOP_US + 5.0 * thrust_n

@@ -83,7 +83,7 @@ class Planner(Endpoint):
 
 
 def braking_mps(height_m):
-    """Return the velocity from which steady braking ends at SINK_M, with SINK_MPS to go."""
+    """Returns the velocity from which steady braking ends at SINK_M, with SINK_MPS to go."""
     left_m = max(0.0, height_m - SINK_M)
     return -math.sqrt(SINK_MPS**2 + 2.0 * BRAKE_MPS2 * left_m)
 

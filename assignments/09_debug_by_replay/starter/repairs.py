@@ -10,7 +10,7 @@ HERE = Path(__file__).parent
 
 
 def findings():
-    """Return what findings.toml says: a list of dicts."""
+    """Returns what findings.toml says: a list of dicts."""
     try:
         told = tomllib.loads((HERE / "findings.toml").read_text())
     except (OSError, ValueError) as error:
@@ -24,7 +24,7 @@ def findings():
 
 
 def repaired(numbers):
-    """Return the code with the repairs of these findings, 1 to 3; one that is still empty repairs nothing."""
+    """Returns the code with the repairs of these findings, 1 to 3; one that is still empty repairs nothing."""
     source = (HERE / "failed.py").read_text()
     lines = source
     found = findings()
@@ -42,7 +42,7 @@ def repaired(numbers):
 
 
 def factories_with(robot, numbers):
-    """Return what makes the components of the code with these repairs."""
+    """Returns what makes the components of the code with these repairs."""
     module = ModuleType("failed_and_repaired")
     exec(compile(repaired(numbers), str(HERE / "failed.py"), "exec"), module.__dict__)
     return module.factories(robot)

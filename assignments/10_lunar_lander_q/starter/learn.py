@@ -20,7 +20,7 @@ AT_ONCE = 25  # episodes in one point of the curve
 
 
 def main():
-    """Learn, flies and saves."""
+    """Learns, flies and saves."""
     parser = argparse.ArgumentParser(description="Lets q_lander.py learn to land.")
     parser.add_argument("--seed", type=int, default=0)
     seed = parser.parse_args().seed
@@ -44,18 +44,18 @@ def main():
 
 
 def told(flights):
-    """Return what came of flights, in words."""
+    """Returns what came of flights, in words."""
     outcomes = ", ".join(f"{count} {outcome}" for outcome, count in flights.outcomes.items() if count)
     return outcomes + (f", {flights.fuel_kg:.0f} kg a landing" if any(flights.landed) else "")
 
 
 def curve_of(landed):
-    """Return which share of the landings succeeded, AT_ONCE at a time."""
+    """Returns which share of the landings succeeded, AT_ONCE at a time."""
     return [sum(landed[i : i + AT_ONCE]) / AT_ONCE for i in range(0, len(landed) - AT_ONCE + 1, AT_ONCE)]
 
 
 def svg_of(shares):
-    """Return the learning curve as a picture."""
+    """Returns the learning curve as a picture."""
     width, height, left, top = 560, 220, 50, 20
     across = (width - left - 20) / max(1, len(shares))
     points = [(left + across * (i + 0.5), top + height * (1 - share)) for i, share in enumerate(shares)]

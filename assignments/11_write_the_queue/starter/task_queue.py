@@ -15,10 +15,10 @@ class TaskQueue:
         return len(self.waiting)
 
     def put(self, task, priority):
-        """Let a task in. Returns the task that has to leave for it, or None if there is room."""
+        """Lets a task in. Returns the task that has to leave for it, or None if there is room."""
         # Terminate goes before all others: task.type is TaskType.terminate.
         self.waiting.append(task)
 
     def take(self):
-        """Return the task whose turn it is, which waits no longer; None if none waits."""
+        """Returns the task whose turn it is, which waits no longer; None if none waits."""
         return self.waiting.pop(0) if self.waiting else None

@@ -25,7 +25,7 @@ RIGHT = {  # what a node does whose queue is right
 
 
 def main():
-    """Run the node with your queue, and show what one with a right queue does."""
+    """Runs the node with your queue, and shows what one with a right queue does."""
     bench = find_lab("write_the_queue").module("grader.queue_bench")
     yours = bench.QueueBench(load_program(str(Path(__file__).parent / "task_queue.py")))
     for name, done in (("yours", yours.run_node(MOST, ANSWERS, FIRST)), ("right", RIGHT)):
