@@ -25,8 +25,8 @@ ROOMS = (f"{ROOT / 'snr_sim'}/", f"{ROOT / 'robots'}/")
 HEAD = """# A tour of the library
 
 Two walks through the code, each along one piece of data. Read the functions in this order: each row is a function that
-the data pass, listed where it is entered for the first time, with the first line of its docstring. Running the code makes
-the tables (`python tests/tour.py --write`), and `tests/test_tour.py` fails when they are out of date.
+the data pass, listed where it is entered for the first time, with the first line of its docstring. The tables are made
+by running the code (`python tests/tour.py --write`); `tests/test_tour.py` fails when they are out of date.
 """
 
 
