@@ -40,8 +40,8 @@ class CommandReceiverFactory(ListenerFactory):
     Args:
         port: 0 takes a free one; the attribute then has the actual port.
         host: an address of this machine; it binds to this one only.
-        token: at least 16 bytes of both ends, see `secret_from_file` and `secret_from_env`. Optional on loopback:
-            without it, every user of this machine may send commands.
+        token: at least 16 bytes, the same on both ends; see `secret_from_file` and `secret_from_env`. Optional on
+            loopback: without it, every user of this machine may send commands.
         name: of the loop, and source of its tasks.
 
     Raises:

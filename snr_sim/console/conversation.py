@@ -66,7 +66,7 @@ class Conversation:
         while self.is_busy and not self.is_over and self._allowance.take(now_s):
             self._answer(self._asked.popleft())
         if self._asked and len(self.output) <= OUTPUT_MAX_BYTES:
-            self.wire.forgive_silence(now_s)  # this end does not read, so silence is no fault of the console
+            self.wire.forgive_silence(now_s)  # this end does not read, so it cannot notice a silent console
         if self.wire.is_up and len(self.output) <= OUTPUT_MAX_BYTES:
             for answer in self.session.changes(now_s):
                 self._send(replied(0, answer))
@@ -74,7 +74,7 @@ class Conversation:
         self._flush()
 
     def end(self, reason: str) -> None:
-        """Say goodbye; a client that waits for a command's result is notified that none will follow."""
+        """Say goodbye; a client that waits for a command's result is notified that none will arrive here."""
         if self.wire.is_up and self.session.is_waiting:
             text = f"This line ends before it is known what came of the command; {reason} Try: dump, on a new line."
             self._send(replied(self._waiting_number, Answer(text, is_error=True)))

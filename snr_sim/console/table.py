@@ -162,7 +162,7 @@ def completions(table: Table, line: str, node: Any) -> list[str]:
 
 
 def _candidates(arguments: Sequence[Argument], words: Sequence[str], node: Any) -> list[str]:
-    """Return what can follow these words: for this argument, and for the next if this one is optional."""
+    """Return what can follow `words`: for this argument, and for the next if this one is optional."""
     left = list(words)
     found: list[str] = []
     for argument in arguments:

@@ -85,7 +85,7 @@ def _check_numbers(value: Any) -> None:
 
 
 def name_of(word: str, what: str) -> str:
-    """Return the name in a word: the word itself, or the content of its quotes.
+    """Return the name that a word contains: the word itself, or the content of its quotes.
 
     Raises:
         CommandRefused: it is empty, too long, or contains characters that cannot be printed.

@@ -56,8 +56,8 @@ class Member:
     def brings(self, page: Page, to: Member, apart: bool) -> Page:
         """Return a page of this member as another member sees it: unchanged within one robot.
 
-        From another robot, the origin of a page that was made here becomes this member's name in the net; with `apart`,
-        its key also begins with the robot's name.
+        From another robot, the origin of a page that this member made becomes the member's name in the net; with
+        `apart`, the page's key also begins with the robot's name.
 
         >>> page = Page("depth", 1.5, "auv_node", 0.0)
         >>> Member("rov1", "auv_node").brings(page, Member("shore_node", "shore_node"), apart=True)
@@ -113,7 +113,7 @@ class Far:
         self.clock_offset_s: float | None = None  # as of Session
         self._offsets_s: deque[float] = deque(maxlen=OFFSETS_REMEMBERED)
         self.is_here = False  # it has appeared, pinged or answered
-        self.has_left = False  # it reported its leave, and has not appeared since
+        self.has_left = False  # it has announced that it leaves, and has not appeared since
         self.received = 0
         self.missed = 0
         self.numbers: dict[str, int] = {}  # of the newest page, per key
@@ -134,9 +134,9 @@ class Roster:
     def __init__(self, prefix: str) -> None:
         self.prefix = prefix
         self.own_place = ""
-        self.news = ""  # name of the last node that left
+        self.news = ""  # message about the last node that left
         self._fars: dict[str, Far] = {}
-        self._missed = 0  # by nodes that are no longer in the table
+        self._missed = 0  # pages of nodes that are no longer in the table
         self._has_newcomer = False
         self._guard = threading.Lock()
 

@@ -108,7 +108,7 @@ class Transport:
         link: the link whose pages it carries.
     """
 
-    # Sends a page to every peer except its sender, on the node's thread. Arguments: the page, the page serialized, its
+    # Sends a page to every peer except its sender, on the node's thread. Arguments: the page, its serialised form, its
     # frame, and its sender or None.
     carry: Callable[[Page, bytes, bytes, object], None]
 

@@ -1,6 +1,6 @@
 """MemoryLink: carries pages between nodes of one simulated run, with the delay, loss and bandwidth of a real link.
 
-Pages are serialized, as on a wire: what arrives is a copy, and what a wire cannot carry fails here too.
+Pages are serialised, as on a wire: what arrives is a copy, and what a wire cannot carry fails here too.
 The remote node receives a page in its inbox (`Door`), as any input, from the source `link_<sending role>`.
 """
 
@@ -104,7 +104,7 @@ class OneWay:
         self.back: OneWay | None = None
         self.sent = 0
         self.delivered = 0
-        self.dropped = 0  # pages of other nodes that cannot be serialized
+        self.dropped = 0  # pages of other nodes that cannot be serialised
         self._clock = clock
         self._way = Way(faults, sender.seed, f"link:{sender.role}->{receiver.role}", LEAST_TRANSIT_S)
         logger = logging.getLogger(f"snr.{sender.name}.link_{receiver.role}")

@@ -28,7 +28,7 @@ def as_secret(secret: str | bytes | None, source: str = "secret=") -> bytes | No
     """
     if secret is None:
         return None
-    if not isinstance(secret, (str, bytes)):  # bytes(20) would be twenty zero bytes, which are no secret
+    if not isinstance(secret, (str, bytes)):  # bytes(20) would be twenty zero bytes, which is not a secret
         raise ConfigError(
             f"The shared secret ({source}) is of type {type(secret).__name__}.",
             fix="text or bytes; secret_from_file(path) and secret_from_env(name) read one.",

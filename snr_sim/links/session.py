@@ -110,9 +110,9 @@ class Session:
         self.terms = terms
         self.state = State.greeting
         self.reason = ""  # why it closed, as text
-        self.was_refused = False  # by either end: a retry soon is of no use
+        self.was_refused = False  # by either end: an early retry is of no use
         self.was_left = False  # by the other end, in good order
-        self.was_forged = False  # between the two ends, a frame was changed
+        self.was_forged = False  # a frame was changed between the two ends
         self.peer: Hello | None = None
         self.peer_node = ""  # name of the other end's node, once received
         self.rtt_s: float | None = None
@@ -339,7 +339,7 @@ class Session:
             )
         elif hello.auth != has_secret:
             who, other = (terms.node, hello.node) if has_secret else (hello.node, terms.node)
-            self._meet(hello)  # valid, but not trustworthy
+            self._meet(hello)  # recorded, since the hello is valid, although the end is not trusted
             what, fix = terms.secret_is
             self.refuse(f"node '{who}' asks for a {what}, node '{other}' has none. Try: {fix}.")
         else:

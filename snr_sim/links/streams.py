@@ -32,7 +32,7 @@ ROUND_S = 0.02  # maximum duration of a round; the remaining peers follow in the
 STAND_IN_S = 0.1
 TEND_EVERY_S = 0.05  # time-outs, keep-alives, reports
 LOOK_EVERY_S = 0.002  # period at which a busy node is checked: does it wait in its inbox, has it caught up?
-# How long a closing link may take to send what waits until the other end confirms. Shorter than the wait for a loop.
+# Time limit for a closing link to send what waits and get its receipt confirmed. Shorter than that of joining a loop.
 LINGER_S = 0.3
 _USED_S = attrgetter("account.used_s")
 

@@ -1,7 +1,7 @@
 """Limits of the values sent over a link, in addition to the frame length: 64-bit integers, JSON nested 100 deep.
 
 Ordinary code fails beyond them: an integer of 5000 digits has no `str`, one of 310 no `float`, and `repr` of a value
-that is nested 900 deep overflows the stack. So such a value could end a component that has no mistake.
+that is nested 900 deep overflows the stack. So such a value could end a component that is correct.
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
 What Zenoh sees of each node, at its address in the net (see fleet.py):
 
-        <place>/alive        a liveliness token, which Zenoh removes when the node ends in any way
-        <place>/page/<key>   its pages, exactly as Page.serialize writes them, with a sequence number attached
-        <place>/ping         replies with its time to each query; a query contains the name of its sender
+    <place>/alive        a liveliness token, which Zenoh removes when the node ends in any way
+    <place>/page/<key>   its pages, exactly as Page.serialize writes them, with a sequence number attached
+    <place>/ping         replies with its time to each query; a query contains the name of its sender
 
 Zenoh runs callbacks on its own threads. The callbacks only store what arrives, in bounded queues; the link's thread
 does the rest, including calls that may block: sending. When a node joins late, every node publishes its newest page of
@@ -47,7 +47,7 @@ NUMBER_BYTES = 8
 
 @dataclass(slots=True, eq=False)
 class Letter:
-    """A page in transit. Its length is that of the serialized page.
+    """A page in transit. Its length is that of the serialised page.
 
     Args:
         key: key of the page.
@@ -199,7 +199,7 @@ class ZenohTransport(Fleet):
     # On Zenoh's threads. None of these may raise: Zenoh would only print the exception.
 
     def _came(self, sample: Any) -> None:
-        """Receive a page, unless faults or limits drop it."""
+        """Queue an arriving page for the link's thread, if its address, size and sequence number are acceptable."""
         place, _, key = str(sample.key_expr).rpartition("/page/")
         size_bytes = len(sample.payload)
         attached = b"" if sample.attachment is None else sample.attachment.to_bytes()[: NUMBER_BYTES + 1]
@@ -368,7 +368,7 @@ class ZenohTransport(Fleet):
         publisher.put(letter.raw, attachment=letter.number.to_bytes(NUMBER_BYTES, "big"))
 
     def _tend(self, now_s: float) -> None:
-        """Do periodic work: pings, time-outs, delayed arrivals."""
+        """Do periodic work: pings and reports."""
         if now_s < self._tend_s:
             return
         self._tend_s = now_s + TEND_EVERY_S
