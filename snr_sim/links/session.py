@@ -42,7 +42,8 @@ from snr_sim.prelude.text import printable
 
 # An end that has not sent its hello yet gets no more of our memory than this.
 MAX_GREETING_BYTES = 4096
-# With a secret, the first frames of each end (hello and auth) are sent before keys exist. Later frames have a MAC.
+# With a secret, the first frames of each end (hello and auth) have no MAC, since the ends are not authenticated yet.
+# Later frames have one.
 FRAMES_WITHOUT_MAC = 2
 # Limit of answers that wait because the other end does not read; beyond it the session is closed.
 MAX_WAITING_BYTES = 1 << 16
