@@ -1,1 +1,1 @@
-"""The console: commands typed by a person, or sent by a program, to a node that runs."""
+"""Console: commands to a running node, typed by a user or sent by a program."""

@@ -1,4 +1,4 @@
-"""ConsoleClient: the far end of a console's line, for programs: ask, and get the answer."""
+"""ConsoleClient: console connection for programs: send a command, receive the answer."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ from snr_sim.prelude.errors import LinkError, ValueEncodingError
 CONNECT_TIMEOUT_S = 3.0
 ANSWER_TIMEOUT_S = 10.0
 TEND_EVERY_S = 0.1
-LINGER_S = 0.3  # how long the last words may take
+LINGER_S = 0.3  # maximum time in which a closing client sends its last messages
 
 
 class ConsoleClient:
-    """Keeps a line to a node, and calls again when it is lost. Use it in a `with`.
+    """Keeps a connection to a node, and reconnects when it is lost. Use it in a `with`.
 
     Args:
         server_tuple: host and port of the node's CommandReceiver.
-        token: the one the node was given, if any.
-        retry_wait_s: between two calls.
-        on_change: is called with the answer of a watched page, on another thread.
-        on_state: is called with a sentence when the line is up or lost, on another thread.
+        token: that of the node, if it has one.
+        retry_wait_s: delay between two attempts to connect.
+        on_change: called with the answer of a watched page, on another thread.
+        on_state: called with a sentence when the connection is up or lost, on another thread.
 
     Example:
         with ConsoleClient(("127.0.0.1", 54321)) as console:
@@ -60,8 +60,8 @@ class ConsoleClient:
         on_state: Callable[[str], None] = lambda sentence: None,
     ) -> None:
         self.host, self.port = server_tuple
-        self.reason = "nobody has been called yet."  # why there is no line
-        self.was_refused = False  # the node does not want us: calling again is of no use
+        self.reason = "nobody has been called yet."  # why there is no connection
+        self.was_refused = False  # the node rejects this client: a retry is of no use
         self.node = ""  # name of the node at the other end
         self._terms = Terms(
             "console", is_server=False, secret=as_secret(token, "token="), purpose=PURPOSE, secret_is=SECRET_IS
@@ -69,14 +69,14 @@ class ConsoleClient:
         self._retry_wait_s = retry_wait_s
         self._on_change = on_change
         self._on_state = on_state
-        self._changed = threading.Condition()  # guards what follows, and tells of changes to it
+        self._changed = threading.Condition()  # guards the attributes below, and is notified of their changes
         self._asked: set[int] = set()
         self._answers: dict[int, Reply | Words] = {}
         self._number = 0
         self._is_up = False
-        self._has_met = False  # what refused us, or was refused, is a console
-        self._calls = 0  # that have come to an end, whichever
-        self._line = 0  # how many had when `wait_until_up` returned
+        self._has_met = False  # the other end is known to be a console, whichever end rejected the other
+        self._calls = 0  # number of connections and attempts that have ended
+        self._line = 0  # value of `_calls` when `wait_until_up` returned
         self._thread = threading.Thread(target=self._run, name="console client", daemon=True)
 
     def __enter__(self) -> ConsoleClient:
@@ -90,10 +90,10 @@ class ConsoleClient:
         self._thread.join(CONNECT_TIMEOUT_S)
 
     def wait_until_up(self, timeout_s: float) -> None:
-        """Return once the line is up.
+        """Return once the connection is up.
 
         Raises:
-            LinkError: it is not after that time, or the node refused.
+            LinkError: it is not up after that time, or the node rejected it.
         """
         with self._changed:
             self._changed.wait_for(lambda: self._is_up or self.was_refused, timeout_s)
@@ -107,15 +107,15 @@ class ConsoleClient:
             self._line = self._calls
 
     def wait_until_lost(self) -> None:
-        """Return once the line that `wait_until_up` waited for is gone, also if there is another one by now."""
+        """Return once the connection that `wait_until_up` waited for is lost, even if there is a new one by now."""
         with self._changed:
             self._changed.wait_for(lambda: self._calls != self._line)
 
     def ask(self, line: str, timeout_s: float = ANSWER_TIMEOUT_S) -> Answer:
-        """Have a line carried out, and return the answer.
+        """Send a command line to the node, and return the answer.
 
         Raises:
-            LinkError: there is no line, it was lost, or no answer came in time. What was asked may have been done.
+            LinkError: there is no connection, it broke, or no answer arrived in time. The command may still have run.
         """
         if len(line) > LINE_MAX_CHARS:
             return Answer(f"This line has {len(line)} characters; {LINE_MAX_CHARS} is the most.", is_error=True)
@@ -128,7 +128,7 @@ class ConsoleClient:
         return answer_of(reply)
 
     def complete(self, line: str, timeout_s: float = 1.0) -> list[str]:
-        """Return the words that can stand where the line ends; none if there is no line to the node."""
+        """Return the words that can follow at the end of the line; none without a connection to the node."""
         try:
             words = self._exchange(lambda number: asked(Complete(number, line[:LINE_MAX_CHARS])), timeout_s)
         except (LinkError, UnicodeEncodeError):
@@ -152,7 +152,7 @@ class ConsoleClient:
             raise LinkError(f"The line to {self.host}:{self.port} was lost before the answer: {why}")
 
     def _soon(self, step: Callable[..., object], *args: object) -> None:
-        """Have the client's own thread do something next, if it still runs."""
+        """Schedule a call on the client's own thread, if it still runs."""
         with suppress(RuntimeError):
             self._events.call_soon_threadsafe(step, *args)
 
@@ -176,18 +176,18 @@ class ConsoleClient:
             await asyncio.sleep(self._retry_wait_s)
 
     def _note_end(self, sentence: str) -> bool:
-        """Note why a call came to an end; return whether the line was up."""
+        """Record why a connection or attempt ended; return whether the connection was up."""
         with self._changed:
             was_up, self._is_up = self._is_up, False
-            self._calls += 1  # answers are kept: whoever asked may not have looked yet
+            self._calls += 1  # answers are kept: their callers may not have read them yet
             self.reason = sentence
             self._changed.notify_all()
         return was_up
 
     async def _call(self) -> str:
-        """Call once and serve the line while it lasts; return why it ended."""
+        """Connect once and serve the connection while it lasts; return why it ended."""
         try:
-            # Blocks this thread, which has nothing else to do: asyncio would look names up on one that cannot be left.
+            # Blocks this thread, which is idle: asyncio would resolve names on a thread that cannot be left.
             sock = socket.create_connection((self.host, self.port), CONNECT_TIMEOUT_S)
             reader, self._writer = await asyncio.open_connection(sock=sock)
         except (OSError, UnicodeError) as error:
@@ -217,7 +217,7 @@ class ConsoleClient:
             session.tick(time.monotonic())
 
     async def _hang_up(self) -> None:
-        """Send the last words, and close."""
+        """Send the last messages, and close."""
         self._flush()
         self._writer.close()
         with suppress(TimeoutError, OSError):
@@ -229,7 +229,7 @@ class ConsoleClient:
         self._writer.write(b"".join(map(self._session.seal, self._session.take_output())))
 
     def _send(self, frame: bytes, calls: int) -> None:
-        if self._is_up and self._calls == calls:  # the line is still the one by which it was asked
+        if self._is_up and self._calls == calls:  # still the connection on which it was asked
             self._writer.write(self._session.seal(frame))
 
     def _receive(self, data: bytes) -> None:
@@ -251,6 +251,6 @@ class ConsoleClient:
             self._on_change(answer_of(message))
             return
         with self._changed:
-            if message.number in self._asked:  # and not given up in the meantime
+            if message.number in self._asked:  # and its caller still waits
                 self._answers[message.number] = message
                 self._changed.notify_all()

@@ -1,4 +1,4 @@
-"""CommandReceiver: serves consoles over TCP, several at a time, on one thread of the node's."""
+"""CommandReceiver: serves consoles over TCP, several at a time, on a thread of the node."""
 
 from __future__ import annotations
 
@@ -22,30 +22,30 @@ from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.node_api import NodeApi
 
 CONSOLES_MAX = 8
-STRANGERS_MAX = 16  # connections that have not shown yet whether they are consoles
-# Who sends without end is read so slowly that it costs the node a few per cent of a core, whatever it sends.
+STRANGERS_MAX = 16  # connections that are not authenticated as consoles yet
+# A client that sends without end is read so slowly that it costs the node a few per cent of a core.
 BYTES_PER_S = 1 << 18
 READS_PER_S = 1000.0
 TEND_EVERY_S = 0.1  # time-outs, keep-alives
 WATCH_EVERY_S = 0.05
 BUSY_EVERY_S = 0.01
-OUTCOME_EVERY_S = 0.002  # the node mostly does at once what it was asked for
-LINGER_S = 0.2  # how long a node's end may take to send the last answers
-HANG_UP_S = 0.5  # how long a line that is over waits for the far end to close
+OUTCOME_EVERY_S = 0.002  # the node usually carries out a command at once
+LINGER_S = 0.2  # maximum time in which a closing node sends the last answers
+HANG_UP_S = 0.5  # maximum wait for the other end to close a connection that is over
 
 
 class CommandReceiverFactory(ListenerFactory):
-    """Lets consoles reach the node: `snr console HOST:PORT`, or a RemoteConsole.
+    """Makes a loop that lets consoles connect to the node: `snr console HOST:PORT`, or a RemoteConsole.
 
     Args:
-        port: 0 takes a free one, which then stands here.
-        host: an address of this machine; it binds to no other.
-        token: at least 16 bytes that both ends know, see `secret_from_file` and `secret_from_env`. On loopback it may
-            be left out: then every user of this machine may give commands.
-        name: of the loop, and the source of its tasks.
+        port: 0 takes a free one; the attribute then has the actual port.
+        host: an address of this machine; it binds to this one only.
+        token: at least 16 bytes, the same on both ends; see `secret_from_file` and `secret_from_env`. Optional on
+            loopback: without it, every user of this machine may send commands.
+        name: of the loop, and source of its tasks.
 
     Raises:
-        ConfigError: without a token, anybody in that network could steer the node; or the token is too short.
+        ConfigError: the port would accept any client in the network without a token; or the token is too short.
     """
 
     def __init__(
@@ -72,20 +72,20 @@ class CommandReceiverFactory(ListenerFactory):
 
 
 class Line(NamedTuple):
-    """A connection, and what is said on it."""
+    """A connection to a console, and its state."""
 
     conversation: Conversation
     writer: asyncio.StreamWriter
-    host: str  # the far end's address
+    host: str  # address of the client
     task: asyncio.Task[None] | None
 
     @property
     def is_known(self) -> bool:
-        """Whether it has shown that a console is there."""
+        """Whether the client is known to be a console."""
         return self.conversation.wire.is_up
 
     def flush(self) -> None:
-        """Send what waits, once the far end has taken what was sent before: so what waits is bounded."""
+        """Send what waits, once the client has accepted what was sent before: so what waits is bounded."""
         output = self.conversation.output
         if output and not self.writer.transport.get_write_buffer_size():
             self.writer.write(bytes(output))
@@ -93,14 +93,14 @@ class Line(NamedTuple):
 
 
 class CommandReceiver(RestartingLoop):
-    """A loop on a thread of its own, in lock step too: consoles live in the world's time, and add no moments."""
+    """Loop on a thread of its own, in lock step too: consoles run in real time, and add no events to virtual time."""
 
     factory: CommandReceiverFactory
     parent: Node
     is_reloaded_with_all = False
 
     def __init__(self, factory: CommandReceiverFactory, parent: NodeApi, name: str) -> None:
-        assert isinstance(parent, Node)  # in no process of a loop: its backing is a thread
+        assert isinstance(parent, Node)  # never in a loop's process, since its backing is a thread
         super().__init__(factory, parent, name, max_tick_rate_hz=0)
         self._terms = Terms(
             parent.name,
@@ -114,9 +114,9 @@ class CommandReceiver(RestartingLoop):
         self._allowance = Allowance(LINES_PER_S, LINES_AT_ONCE)
         self._newcomers = Newcomers()
         self._lines: list[Line] = []
-        self._ending = asyncio.Event()  # set when no console is to be served any more
+        self._ending = asyncio.Event()  # set when consoles are no longer to be served
         self._events: asyncio.AbstractEventLoop | None = None
-        self.forged = 0  # lines that something between node and console has changed
+        self.forged = 0  # connections whose data was changed between the two ends
 
     def begin(self) -> None:
         """Listen, and start the thread.
@@ -132,29 +132,29 @@ class CommandReceiver(RestartingLoop):
         ports.callback(self._sock.close)
 
     def stop(self) -> None:
-        """Ask for no more lines; returns at once, also when called from another thread."""
+        """Request the end of the loop; return at once, also when called from another thread."""
         super().stop()
         if self._events is not None:
-            with suppress(RuntimeError):  # it has ended already
+            with suppress(RuntimeError):  # it has already ended
                 self._events.call_soon_threadsafe(self._ending.set)
 
     def join(self) -> None:
-        """Stop, and return once consoles have heard the goodbye, or have had their time for it."""
+        """Stop, and return once consoles have received the goodbye, or after the time limit."""
         self.stop()
         super().join()
 
     def _round(self) -> None:
-        """Serve consoles until the loop is to stop."""
+        """Serve consoles until the loop is stopped."""
         asyncio.run(self._serve())
 
     async def _serve(self) -> None:
         self._ending = asyncio.Event()
         self._events = events = asyncio.get_running_loop()
-        # Of asyncio's own, as when there is no descriptor left to take a connection; it tries again by itself.
+        # For errors of asyncio itself, for example no descriptor left to accept a connection; it retries by itself.
         events.set_exception_handler(
             lambda _, about: self.log.warning("%s: %s", about["message"], about.get("exception"))
         )
-        if self.is_terminated():  # before there was something to end
+        if self.is_terminated():  # before there was a task to cancel
             return
         server = await asyncio.start_server(self._connected, sock=self._sock, limit=READ_BYTES)
         await self._ending.wait()
@@ -166,7 +166,7 @@ class CommandReceiver(RestartingLoop):
             await asyncio.wait(tasks, timeout=LINGER_S)
 
     async def _connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Serve one connection. What goes wrong costs that console its line, and never the node its life."""
+        """Serve one connection. An error ends that connection, and never the node."""
         host, now_s = writer.get_extra_info("peername")[0], time.monotonic()
         if not self._newcomers.may_greet(host, now_s):
             writer.transport.abort()
@@ -191,7 +191,7 @@ class CommandReceiver(RestartingLoop):
             self._drop(line)
 
     async def _talk(self, line: Line, reader: asyncio.StreamReader) -> None:
-        """Take and answer what comes, until one end has had enough."""
+        """Handle and answer messages until one end closes the connection."""
         conversation, resume_s = line.conversation, 0.0
         while not conversation.is_over:
             patience_s = _patience_s(conversation)
@@ -236,7 +236,7 @@ class CommandReceiver(RestartingLoop):
 
 
 def _patience_s(conversation: Conversation) -> float:
-    """How long nothing need be done if nothing comes."""
+    """Return how long the connection can wait for data before the next work is due."""
     if conversation.session.is_waiting:
         return OUTCOME_EVERY_S
     if conversation.is_busy or conversation.output:
@@ -245,7 +245,7 @@ def _patience_s(conversation: Conversation) -> float:
 
 
 async def _hang_up(line: Line, reader: asyncio.StreamReader) -> None:
-    """Send what is left and wait for the far end to close: closing first could take back what was sent."""
+    """Send the rest and wait for the other end to close: closing first could discard what was sent."""
     with suppress(TimeoutError, OSError):
         async with asyncio.timeout(HANG_UP_S):
             line.writer.write(bytes(line.conversation.output))

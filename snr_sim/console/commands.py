@@ -1,8 +1,8 @@
-"""The commands of the console: the table, and what each does. A console reaches as far as this page and no further.
+"""The commands of the console: their table and functions. A console can do nothing that is not in this module.
 
-What changes something goes through the node's door as a task, like any other input: recorded and replayed. What
-only looks reads copies and touches nothing. What a task or a page then brings about is the robot's own code: a
-handler that fails on a value fails as it would on any other day.
+A command that changes something sends a task to the node's inbox (`Door`), like any other input: it is recorded and
+replayed. Commands that only read use copies and change nothing. The effect of a task or a page depends on the robot's
+own code: a handler that fails on a value fails as with any other input.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from snr_sim.prelude.text import printable
 
 ALL = "all"
 LISTS = ("components", "pages", "links", "loops")
-ALSO_LISTED = ("commands", "endpoints")  # by the thesis' names: `help`, and the components
+ALSO_LISTED = ("commands", "endpoints")  # the names in the thesis for `help` and for the components
 DUMPS = ("profiler", "datastore", "links", "loops")
 
 
@@ -134,11 +134,11 @@ def _page_of(node: Node, key: str) -> Page:
     return found
 
 
-# Names to complete with, and to look up.
+# Names for completion and look-up
 
 
 def components_of(node: Node) -> list[str]:
-    """Return the names of a node's components without its own, which nobody may take out."""
+    """Return the names of a node's components except its own, which cannot be removed."""
     return [name for name in node.components.copy() if name != CORE_NAME]
 
 
@@ -148,7 +148,7 @@ def pages_of(node: Node) -> list[str]:
 
 
 def events_of(node: Node) -> set[str]:
-    """Return the names of events that somebody handles."""
+    """Return the names of events that some component handles."""
     return {
         task_id[1]
         for component in node.components.copy().values()

@@ -1,6 +1,6 @@
-"""Conversation: a node's end of the line to one remote console. Owns no port: bytes in, bytes out, time given.
+"""Conversation: a node's end of the connection to one remote console. Owns no port: bytes and time in, bytes out.
 
-Everything in it is bounded: bytes that came and are not understood yet, lines that wait, answers that are not read.
+All its parts are bounded: received bytes that are not decoded yet, command lines that wait, answers that are not read.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from snr_sim.links.allowance import Allowance
 from snr_sim.links.session import Session as WireSession
 from snr_sim.links.session import Terms
 
-OUTPUT_MAX_BYTES = 1 << 17  # from which on no more lines are answered, nor bytes read, until the console has read
-LINES_PER_S = 500.0  # of all consoles together: so much of the node's computer they get
+OUTPUT_MAX_BYTES = 1 << 17  # from this size on, no lines are answered and no bytes read until the console has read
+LINES_PER_S = 500.0  # of all consoles together: limits their load on the node's computer
 LINES_AT_ONCE = 100.0
 
 
 class Conversation:
-    """One console's line.
+    """Protocol state of one console's connection.
 
     Args:
-        terms: of the node's end.
+        terms: session settings of the node's end.
         session: carries out commands.
-        now_s: the time; of any clock, but always the same one.
+        now_s: the time, always of the same clock.
         allowance: shared with other conversations.
     """
 
@@ -34,39 +34,39 @@ class Conversation:
         self.output = bytearray()
         self.session = session
         self._allowance = allowance
-        self._waiting_number = 0  # of the command whose outcome is not known yet
+        self._waiting_number = 0  # of the command whose result is not known yet
         self._asked: deque[Command | Complete] = deque()
         self._flush()
 
     @property
     def is_over(self) -> bool:
-        """Whether nothing more is to be read; what is in `output` may still be sent."""
+        """Whether nothing more is to be read; `output` may still have to be sent."""
         return self.wire.is_closed
 
     @property
     def wants_bytes(self) -> bool:
-        """Whether it has worked off what came before, and the console has read the answers."""
+        """Whether all earlier data is handled and the console has read the answers."""
         return not (self._asked or self.is_over or len(self.output) > OUTPUT_MAX_BYTES)
 
     @property
     def is_busy(self) -> bool:
-        """Whether there is something to do as soon as it is allowed."""
+        """Whether there is work as soon as the allowance permits."""
         return bool(self._asked) and len(self.output) <= OUTPUT_MAX_BYTES and not self.session.is_waiting
 
     def receive(self, data: bytes, now_s: float) -> None:
-        """Take bytes as they come."""
+        """Handle received bytes."""
         self._asked += self.wire.receive(data, now_s)
         self._flush()
 
     def work(self, now_s: float) -> None:
-        """Answer what waits, shows watched pages that have changed, and do what time asks for."""
+        """Answer waiting lines, show watched pages that have changed, and do periodic work."""
         outcome = self.session.outcome(now_s)
         if outcome is not None:
             self._send(replied(self._waiting_number, outcome))
         while self.is_busy and not self.is_over and self._allowance.take(now_s):
             self._answer(self._asked.popleft())
         if self._asked and len(self.output) <= OUTPUT_MAX_BYTES:
-            self.wire.forgive_silence(now_s)  # it is we who do not read
+            self.wire.forgive_silence(now_s)  # this end does not read, so it cannot notice a silent console
         if self.wire.is_up and len(self.output) <= OUTPUT_MAX_BYTES:
             for answer in self.session.changes(now_s):
                 self._send(replied(0, answer))
@@ -74,7 +74,7 @@ class Conversation:
         self._flush()
 
     def end(self, reason: str) -> None:
-        """Say goodbye; whoever waits for what comes of a command is told that it will not come this way."""
+        """Say goodbye; a client that waits for a command's result is notified that none will arrive here."""
         if self.wire.is_up and self.session.is_waiting:
             text = f"This line ends before it is known what came of the command; {reason} Try: dump, on a new line."
             self._send(replied(self._waiting_number, Answer(text, is_error=True)))
@@ -82,7 +82,7 @@ class Conversation:
         self._flush()
 
     def refuse(self, reason: str) -> None:
-        """End it, with a reason."""
+        """End the connection as rejected, with a reason."""
         self.wire.refuse(reason)
         self._flush()
 

@@ -1,7 +1,7 @@
-"""What a node is made of and how it does, read while it runs. Nothing here asks the machine for anything.
+"""Structure and state of a node, read while it runs. Nothing here accesses devices or the system.
 
-All this is read from another thread than the node's: copies of dicts are taken in one step, and what changes while
-it is read is shown as it was a moment ago.
+All this is read from a thread other than the node's: dicts are copied in one step, and values that change meanwhile
+may be shown as they were just before.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from snr_sim.prelude.page import Page
 ROWS_MAX = 500
 
 Rows = list[dict[str, Any]]
-View = tuple[str, Any]  # text for a person, plain data for a program
+View = tuple[str, Any]  # text for a user, plain data for a program
 
 
 def components(node: Node) -> View:
-    """Return each component's name, kind, class, handlers, rate and tick."""
+    """Return the name, kind, class, handlers, rate and tick of each component."""
     rows: Rows = []
     for key, component in node.components.copy().items():
         row: dict[str, Any] = {"component": name(key), "class": type(component).__name__}
@@ -38,7 +38,7 @@ def components(node: Node) -> View:
 
 
 def loops(node: Node) -> View:
-    """Return each loop's rate, ticks and largest lag; of one in a process also how many pages it was not sent."""
+    """Return the rate, ticks and largest lag of each loop; for one in a process also the pages not sent to it."""
     rows: Rows = [
         {
             "loop": name(key),
@@ -61,7 +61,7 @@ def _pulse(loop: Loop) -> dict[str, Any]:
 
 
 def pages(node: Node) -> View:
-    """Return each page's key, age, origin, and what it holds in short."""
+    """Return the key, age, origin and shortened data of each page."""
     rows: Rows = [
         {
             "page": name(key),
@@ -76,7 +76,7 @@ def pages(node: Node) -> View:
 
 
 def links(node: Node) -> View:
-    """Return the state of each link, as it stores it itself."""
+    """Return the state of each link, from the page that it stores."""
     fields = ("up", "age_s", "dropped", "rtt_s")
     rows: Rows = []
     for key, page in node.datastore.pages.copy().items():
@@ -87,7 +87,7 @@ def links(node: Node) -> View:
 
 
 def profile(node: Node) -> View:
-    """Return what each handler and loop took."""
+    """Return the execution times of each handler and loop."""
     if node.profiler is None:
         return "This node has no profiler: its config has one with Mode.DEBUG (`-d` on the command line).", []
     still = Profiler()
@@ -96,7 +96,7 @@ def profile(node: Node) -> View:
 
 
 def page(node: Node, page: Page) -> View:
-    """Return all of a page, cut where it is long."""
+    """Return all of a page, with long data truncated."""
     data = bounded(page.data, ITEMS_MAX)
     fields = {"key": page.key, "data": data, "origin": bounded(page.origin), "created_at_s": bounded(page.created_at_s)}
     seconds = _age_s(node, page)
@@ -111,7 +111,7 @@ def _age_s(node: Node, page: Page) -> float | None:
     return seconds if math.isfinite(seconds) else None
 
 
-# What `list` and `dump` know by name.
+# The names that `list` and `dump` accept.
 VIEWS: dict[str, Callable[[Node], View]] = {
     "components": components,
     "endpoints": components,
@@ -124,7 +124,7 @@ VIEWS: dict[str, Callable[[Node], View]] = {
 
 
 def views(node: Node, names: tuple[str, ...]) -> View:
-    """Return several views, one after another."""
+    """Return several views, in order."""
     seen = {each: VIEWS[each](node) for each in names}
     return "\n\n".join(text for text, _ in seen.values()), {each: data for each, (_, data) in seen.items()}
 

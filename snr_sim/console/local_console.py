@@ -1,4 +1,4 @@
-"""LocalConsole: commands typed at the terminal in which the node runs."""
+"""LocalConsole: commands typed in the terminal in which the node runs."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from snr_sim.core.node import Node
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.node_api import NodeApi
 
-LOOK_S = 0.05  # how long a node's end may have to wait for us
+LOOK_S = 0.05  # maximum time that a closing node waits for this loop
 SOON_S = 0.005
 _READ_BYTES = 4096
 
 
 class LocalConsoleFactory(LoopFactory):
-    """Reads commands from the node's own terminal and prints their answers there; `help` says which there are.
+    """Reads commands from the node's own terminal and prints their answers there; `help` lists them.
 
     Args:
-        reads: where lines come from; standard input if not given. It needs a descriptor.
-        prints: where answers go; standard output if not given.
-        name: of the loop, and the source of its tasks.
+        reads: input of command lines; standard input if not given. It needs a descriptor.
+        prints: output of answers; standard output if not given.
+        name: of the loop, and source of its tasks.
     """
 
     def __init__(self, reads: TextIO | None = None, prints: TextIO | None = None, name: str = "local_console") -> None:
@@ -43,7 +43,7 @@ class LocalConsoleFactory(LoopFactory):
         self.name = name
 
     def __reduce__(self) -> str:
-        """Refuse to be sent to a process.
+        """Raise an error: a terminal cannot be sent to another process.
 
         Raises:
             ConfigError: always.
@@ -59,7 +59,7 @@ class LocalConsoleFactory(LoopFactory):
 
 
 class LocalConsole(Loop):
-    """A loop on a thread of its own, in lock step too: a person types in no virtual time."""
+    """Loop on a thread of its own, in lock step too: a user does not type in virtual time."""
 
     factory: LocalConsoleFactory
     is_reloaded_with_all = False
@@ -81,7 +81,7 @@ class LocalConsole(Loop):
         self.parent.start_loop(self, on_thread=True)
 
     def setup(self) -> None:
-        """Find out how to read without waiting for ever."""
+        """Determine how to read without blocking indefinitely."""
         stream = self.factory.reads or sys.stdin
         try:
             self._read = _reader_of(stream.fileno())
@@ -90,9 +90,9 @@ class LocalConsole(Loop):
             self.stop()
 
     def loop(self) -> None:
-        """Answer what has been typed, and show watched pages that have changed."""
+        """Answer the lines typed, and show watched pages that have changed."""
         if self._lines or self._is_at_end:
-            time.sleep(SOON_S)  # what was typed before has not been carried out yet
+            time.sleep(SOON_S)  # earlier input is not executed yet
         else:
             self._take(self._read())
         now_s = time.monotonic()
@@ -103,7 +103,7 @@ class LocalConsole(Loop):
             if not self._session.is_waiting:
                 self._show(answer)
         if self._is_at_end and not (self._lines or self._session.is_waiting):
-            self.stop()  # the terminal is gone, or the file at its end; the node goes on
+            self.stop()  # the terminal is closed, or the file is at its end; the node continues
         for answer in self._session.changes(now_s):
             self._show(answer)
 
@@ -112,27 +112,27 @@ class LocalConsole(Loop):
         *lines, self._rest = (self._rest + (data or b"")).split(b"\n")
         if self._is_at_end:
             lines.append(self._rest)
-        self._rest = self._rest[: LINE_MAX_CHARS + 1]  # one too many is refused; more is only more
+        self._rest = self._rest[: LINE_MAX_CHARS + 1]  # one character too many is enough for the error
         self._lines += [line.decode(errors="replace") for line in lines if line.strip()]
 
     def _show(self, answer: Answer) -> None:
         try:
             print(answer.text, file=self.factory.prints or sys.stdout, flush=True)
         except (OSError, ValueError):
-            self.stop()  # nobody is there to read it
+            self.stop()  # the output is closed
 
 
 def _select_and_read(descriptor: int) -> bytes | None:
-    """Wait a moment for bytes; return None if none came, and b"" at the end."""
+    """Wait briefly for bytes; return None if none arrived, and b"" at the end."""
     try:
         is_ready, _, _ = select.select([descriptor], [], [], LOOK_S)
         return os.read(descriptor, _READ_BYTES) if is_ready else None
-    except OSError:  # the terminal was taken away
+    except OSError:  # the terminal was closed
         return b""
 
 
 class _ThreadReader:
-    """The same where a terminal cannot be selected, as on Windows: by a thread that waits, and is left behind.
+    """Reader for a terminal that cannot be selected, as on Windows: a thread that blocks and is left running.
 
     It reads the descriptor and not `sys.stdin`, whose lock it would hold while Python ends.
     """

@@ -1,4 +1,4 @@
-"""Prompt: where a person types, with history and completion. The one place that knows prompt_toolkit."""
+"""Prompt: input of commands by a user, with history and completion. The only module that imports prompt_toolkit."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ WELCOME = "help says what there is, Tab completes, Ctrl-D leaves. (The command e
 
 
 class Prompt:
-    """Lines that a person types, one after another; use it in a `with`, so that what others print stands above.
+    """Command lines that a user types; use it in a `with`, so that other output is printed above the prompt.
 
     Args:
-        client: knows the node's name, and how to complete.
-        history: the file of earlier lines; one in the user's folder for such things if not given.
+        client: provides the node's name, and completion.
+        history: file of earlier lines; if not given, a file in the user's data folder.
     """
 
     def __init__(self, client: ConsoleClient, history: Path | None = None) -> None:
@@ -51,7 +51,7 @@ class Prompt:
             try:
                 line = self._session.prompt(lambda: f"{self._client.node or '...'}> ")
             except KeyboardInterrupt:
-                continue  # drops what was begun, as in a shell
+                continue  # discards the unfinished line, as in a shell
             except EOFError:
                 return
             if line.strip():
@@ -59,13 +59,13 @@ class Prompt:
 
 
 class NodeCompleter(Completer):
-    """Asks the node what can stand there: its commands, components, pages and events."""
+    """Completion from the node: its commands, components, pages and events."""
 
     def __init__(self, client: ConsoleClient) -> None:
         self._client = client
 
     def get_completions(self, document: Document, complete_event: CompleteEvent) -> Iterable[Completion]:
-        """Yield words for the place of the cursor."""
+        """Yield completions for the cursor position."""
         before = document.text_before_cursor
         begun = before.split()[-1] if before and not before[-1].isspace() else ""
         for word in self._client.complete(before):
@@ -73,10 +73,10 @@ class NodeCompleter(Completer):
 
 
 class FileOfLines(History):
-    """History in a file, one line each, readable by its owner only; never more than a bounded number of lines.
+    """History in a file, one line each, readable by its owner only, with a bounded number of lines.
 
     Args:
-        path: of the file. If it cannot be written, history lasts as long as the console.
+        path: of the file. If it cannot be written, history ends with the console.
     """
 
     def __init__(self, path: Path) -> None:
@@ -84,7 +84,7 @@ class FileOfLines(History):
         self._path = path
 
     def load_history_strings(self) -> Iterable[str]:
-        """Return the lines of earlier consoles, newest first; what is too old is taken out of the file."""
+        """Return the lines of earlier consoles, newest first; remove the oldest beyond the limit from the file."""
         try:
             lines = self._path.read_text(encoding="utf-8", errors="replace").splitlines()
         except OSError:
@@ -105,5 +105,5 @@ class FileOfLines(History):
 
 
 def history_file() -> Path:
-    """Return where the lines are kept that were typed."""
+    """Return the path of the history file."""
     return user_folder() / "console_history"

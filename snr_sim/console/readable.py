@@ -1,6 +1,6 @@
-"""Any value, in a bounded space: what a page holds goes to a console cut to what a person can read.
+"""Any value as a bounded, readable copy, as sent to a console.
 
-No code of the value's class is called: a student's `__repr__` may raise, or take for ever.
+No code of the value's class is called: a student's `__repr__` may raise, or never return.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ from typing import Any
 from snr_sim.console.words import DEPTH_MAX, NAME_MAX_CHARS
 from snr_sim.prelude.text import escaped
 
-TEXT_MAX_CHARS = 64 * 1024  # of one answer
-ITEMS_MAX = 1000  # of one value, all its levels together
+TEXT_MAX_CHARS = 64 * 1024  # per answer
+ITEMS_MAX = 1000  # per value, all levels together
 _SHORT_ITEMS = 12
 _STRING_MAX_CHARS = 2000
-_STRINGS_MAX_CHARS = 20_000  # of one value, all its texts together
+_STRINGS_MAX_CHARS = 20_000  # per value, all strings together
 _INT_MAX_BITS = 256
 
 
 def bounded(value: Any, items: int = ITEMS_MAX) -> Any:
-    """Return the value as plain numbers, text, lists and dicts, of at most so many items, cut with a remark.
+    """Return the value as plain numbers, text, lists and dicts, truncated to at most `items` items, with a remark.
 
     >>> bounded(list(range(1000)), items=3)
     [0, 1, 2, '... 997 more']
@@ -53,7 +53,7 @@ class _Cutter:
             return "... nested deeper"
         try:
             return self._cut_container(value, depth)
-        except RuntimeError:  # the node changed it under our eyes
+        except RuntimeError:  # the node changed it during the iteration
             return "... it changed while it was read"
 
     def _cut_container(self, value: Any, depth: int) -> Any:
@@ -72,7 +72,7 @@ class _Cutter:
     def _cut_text(self, text: str) -> str:
         limit = min(_STRING_MAX_CHARS, self._chars_left)
         self._chars_left -= min(len(text), limit)
-        clean = text[:limit].encode(errors="backslashreplace").decode()  # half a surrogate pair is no UTF-8
+        clean = text[:limit].encode(errors="backslashreplace").decode()  # half a surrogate pair is not valid UTF-8
         return clean if len(text) <= limit else f"{clean}... {len(text)} characters"
 
     def _cut_fields(self, fields: Iterable[tuple[Any, Any]], count: int, depth: int) -> dict[str, Any]:
@@ -119,14 +119,14 @@ class _Cutter:
 
 
 def _cut_int(number: int) -> int | str:
-    """JSON holds 64 bits; and to write out a number of a million digits takes minutes."""
+    """Limit an integer to the 64 bits of JSON; writing a number of a million digits takes minutes."""
     if -(2**63) <= number < 2**64:
         return number
     return str(number) if number.bit_length() <= _INT_MAX_BITS else f"a whole number of {number.bit_length()} bits"
 
 
 def in_words(value: Any) -> str:
-    """Return a bounded value on one line.
+    """Return a bounded value as text on one line.
 
     >>> in_words({"depth_m": 1.5, "ok": True, "rates": [0.1, float("nan")], "who": "me"})
     '{depth_m: 1.5, ok: true, rates: [0.1, nan], who: "me"}'
@@ -143,18 +143,18 @@ def in_words(value: Any) -> str:
 
 
 def name(text: str) -> str:
-    """Return a name, cut if somebody gave a very long one."""
+    """Return a name, truncated if it is very long."""
     return text if len(text) <= NAME_MAX_CHARS else f"{text[:NAME_MAX_CHARS]}..."
 
 
 def short(value: Any, limit: int = 100) -> str:
-    """Return a value on one short line: what it is about, not all of it."""
+    """Return a value on one short line: an extract, not all of it."""
     line = in_words(bounded(value, _SHORT_ITEMS))
     return line if len(line) <= limit else f"{line[: limit - 3]}..."
 
 
 def table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> str:
-    """Return rows as text in columns; numbers stand to the right."""
+    """Return rows as text in columns; numbers are right-aligned."""
     lines = [[_cell(row.get(column)) for column in columns] for row in rows]
     widths = [max(map(len, column)) for column in zip(columns, *lines, strict=True)]
     sides: list[Callable[..., str]] = [
@@ -175,7 +175,7 @@ def _cell(value: Any) -> str:
 
 
 def cut_text(text: str) -> str:
-    """Return an answer's text, cut with a remark if it is too long."""
+    """Return an answer's text, truncated with a remark if it is too long."""
     if len(text) <= TEXT_MAX_CHARS:
         return text
     return f"{text[:TEXT_MAX_CHARS]}\n... cut: {len(text)} characters"

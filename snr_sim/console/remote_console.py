@@ -1,4 +1,4 @@
-"""RemoteConsole: a person, or a script, gives commands to a node that runs somewhere else."""
+"""RemoteConsole: commands from a user or a script to a node in another process or on another machine."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from snr_sim.console.client import ConsoleClient
 from snr_sim.console.table import Answer
 from snr_sim.prelude.errors import LinkError
 
-WAIT_S = 5.0  # for a node that is only just starting
+WAIT_S = 5.0  # a node may only just be starting
 
 
 class RemoteConsole:
-    """Commands for a node: those given, or what a person types, with history and completion.
+    """Sends commands to a node: given ones, or those that a user types, with history and completion.
 
     Args:
         server_tuple: host and port of the node's CommandReceiver.
-        commands: lines to carry out, one after another; a person is asked if None.
-        token: the one the node was given, if any.
-        retry_wait_s: between two calls, when the node is not there.
-        wait_s: how long `commands` wait for a node that is not there.
+        commands: lines to execute, in order; a user is prompted if None.
+        token: that of the node, if it has one.
+        retry_wait_s: delay between two attempts to connect.
+        wait_s: how long `commands` wait for a node that does not answer.
 
     Raises:
         ConfigError: the token is too short.
@@ -41,10 +41,10 @@ class RemoteConsole:
         self._wait_s = wait_s
 
     def run(self) -> Sequence[Answer]:
-        """Return the answers to `commands`; without them, talks to a person until they leave.
+        """Return the answers to `commands`; without them, prompt the user until they leave.
 
         Raises:
-            LinkError: nobody answers there, or the line was lost before an answer came.
+            LinkError: no node answers, or the connection was lost before an answer arrived.
         """
         with self.client:
             if self.commands is None:
@@ -54,16 +54,16 @@ class RemoteConsole:
             return [self.client.ask(line) for line in self.commands if line.strip()]
 
     def show(self, answer: Answer) -> None:
-        """Print an answer; a watched page's come by themselves."""
+        """Print an answer; those of watched pages arrive without a command."""
         print(answer.text, flush=True)
 
     def tell(self, sentence: str) -> None:
-        """Tell a person how the line is; a script hears of it by an error."""
+        """Print the state of the connection for a user; a script gets an error instead."""
         if self.commands is None:
             print(f"-- {sentence}", flush=True)
 
     def _talk(self) -> None:
-        from snr_sim.console.prompt import Prompt  # one tenth of a second, and only people need it
+        from snr_sim.console.prompt import Prompt  # takes 0.1 s to import, and only users need it
 
         with Prompt(self.client) as lines:
             for line in lines:

@@ -15,19 +15,19 @@ from snr_sim.prelude.errors import SnrError, nearest
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.task import Task
 
-# Every name that comes by stays in the node (a page, a looked-up handler), so consoles may not bring any number.
+# The node keeps every name that it receives (a page, a looked-up handler), so the number from consoles is limited.
 NEW_NAMES_MAX = 1000
-WAITING_MAX = 1000  # tasks at the door from which on a console's are refused: the node does not keep up
+WAITING_MAX = 1000  # with more tasks in the inbox, those of a console are rejected: the node does not keep up
 WATCHES_MAX = 16
 WATCH_PERIOD_S = 0.1
-OUTCOME_WAIT_S = 5.0  # for what comes of a command, before a console is told that nothing has come yet
+OUTCOME_WAIT_S = 5.0  # time limit for a command's result, after which the console is sent a message without one
 
 log = logging.getLogger("snr.console")
 
 
 @dataclass
 class _Watch:
-    """A page that is shown when it changes, and when it may be shown next."""
+    """A watched page: the version shown last, and when it may be shown next."""
 
     shown: Page | None
     next_s: float = 0.0
@@ -35,7 +35,7 @@ class _Watch:
 
 @dataclass
 class _Awaited:
-    """What a command has asked for: how to see what came of it, and until when to look."""
+    """A command whose result is pending: how to detect the result, and until when."""
 
     what: str
     look: Callable[[], Answer | None]
@@ -43,13 +43,13 @@ class _Awaited:
 
 
 class Session:
-    """Carries out one console's lines on a node, from any thread, and shows the pages it watches.
+    """Executes one console's lines on a node, from any thread, and shows the pages it watches.
 
     Args:
-        node: which runs.
-        table: the commands there are.
-        source: whose its tasks are in the trace: the name of the console.
-        new_names: that consoles have brought to the node; shared by the sessions of one receiver.
+        node: the running node.
+        table: the available commands.
+        source: source of its tasks in the trace: the name of the console.
+        new_names: names that consoles have introduced in the node; shared by the sessions of one receiver.
     """
 
     def __init__(self, node: Node, table: Table, source: str = "console", new_names: set[str] | None = None) -> None:
@@ -62,16 +62,16 @@ class Session:
 
     @property
     def is_watching(self) -> bool:
-        """Whether `changes` or `outcome` may have something to say."""
+        """Whether `changes` or `outcome` may return something."""
         return bool(self._watches) or self.is_waiting
 
     @property
     def is_waiting(self) -> bool:
-        """Whether the last command has been answered only in part: `outcome` will have the rest."""
+        """Whether the last command has only a first answer: `outcome` returns the rest."""
         return self._awaited is not None
 
     def answer(self, line: str) -> Answer:
-        """Carry out a line. Never raises: a console must not end the node it looks at."""
+        """Execute a line. Never raises: a console must not end the node it inspects."""
         try:
             command, given = parse(self._table, line)
             answer = command.run(self, given)
@@ -83,7 +83,7 @@ class Session:
             return Answer(f"The command failed, which is a mistake in snr_sim: {type(error).__name__}.", is_error=True)
 
     def complete(self, line: str) -> list[str]:
-        """Return the words that can stand where the line ends."""
+        """Return the words that can follow at the end of the line."""
         try:
             return completions(self._table, line[-LINE_MAX_CHARS:], self.node)
         except Exception:
@@ -91,10 +91,10 @@ class Session:
             return []
 
     def admit_name(self, name: str, is_known: bool) -> None:
-        """Count a name that the node has not heard before.
+        """Count a name that is new to the node.
 
         Raises:
-            CommandRefused: consoles have brought too many.
+            CommandRefused: consoles have introduced too many.
         """
         if is_known or name in self.new_names:
             return
@@ -103,7 +103,7 @@ class Session:
         self.new_names.add(name)
 
     def bring(self, task: Task) -> None:
-        """Put a task at the node's door.
+        """Put a task into the node's inbox.
 
         Raises:
             CommandRefused: the node has ended, or too many tasks wait.
@@ -116,18 +116,18 @@ class Session:
         self.node.enter(task, self.source)
 
     def expect(self, task: Task, what: str, look: Callable[[], Answer | None]) -> None:
-        """Bring a task of which something will come that can be seen.
+        """Put a task into the inbox whose result can be detected.
 
         Args:
-            task: to bring.
-            what: was asked for, in words.
-            look: returns what came of it, or None as long as nothing has.
+            task: the task.
+            what: description of the request.
+            look: returns the result, or None as long as there is none.
         """
         self.bring(task)
         self._awaited = _Awaited(what, look)
 
     def outcome(self, now_s: float) -> Answer | None:
-        """Return what came of the last command, once that is known, or that nothing has come of it so far.
+        """Return the result of the last command, once known, or a message that there is none within the time limit.
 
         Args:
             now_s: as of `changes`.
@@ -146,10 +146,10 @@ class Session:
         return answer
 
     def changes(self, now_s: float) -> list[Answer]:
-        """Return an answer for each watched page that is another than the one shown last.
+        """Return an answer for each watched page that has changed since it was last shown.
 
         Args:
-            now_s: of any clock that goes on while the node runs; each page is shown at most every 0.1 s of it.
+            now_s: of any clock that advances while the node runs; each page is shown at most every 0.1 s of it.
         """
         answers = []
         for key, watch in self._watches.items():
@@ -164,7 +164,7 @@ class Session:
         return Answer(cut_text(text), data, about=page.key)
 
     def watch(self, key: str) -> Answer:
-        """Begin to show a page, with what it holds now.
+        """Start to show a page, beginning with its current data.
 
         Raises:
             CommandRefused: too many are watched.
@@ -179,7 +179,7 @@ class Session:
         return self._shown(page)
 
     def unwatch(self, key: str | None) -> Answer:
-        """End showing one page, or all.
+        """Stop showing one page, or all.
 
         Raises:
             CommandRefused: that page is not watched.

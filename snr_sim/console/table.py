@@ -1,4 +1,4 @@
-"""A table of commands, and the machinery that reads it: the parser, the help and the completion come from one row."""
+"""A table of commands with its parser: parser, help and completion of a command derive from one row."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ COMPLETIONS_MAX = 200
 
 
 class Answer(msgspec.Struct, frozen=True):
-    """What a command gives back.
+    """Result of a command.
 
     Args:
-        text: for a person.
+        text: for a user.
         data: the same for a program: plain values, bounded.
-        is_error: the command was refused; `text` says why.
-        about: the key of the watched page that brings this answer, if nobody asked just now.
+        is_error: the command was rejected; `text` contains the reason.
+        about: key of the watched page for which this answer was sent without a command.
     """
 
     text: str
@@ -33,15 +33,15 @@ class Answer(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Argument:
-    """One thing a command takes.
+    """An argument of a command.
 
     Args:
-        name: as help shows it; capitals, or the words to choose from.
-        kind: 'name' is a word, 'value' is JSON, 'text' is the rest of the line as it stands.
-        is_optional: it may be left out.
-        is_many: takes all words that are left.
-        choices: the only words it can be. One that is optional is left out where another word stands.
-        known: returns the names to complete with, of a node.
+        name: as shown in the help; capitals, or the words to choose from.
+        kind: 'name' is a word, 'value' is JSON, 'text' is the unchanged rest of the line.
+        is_optional: it may be omitted.
+        is_many: takes all remaining words.
+        choices: the only valid words. If it is optional, any other word means that it was omitted.
+        known: returns a node's names for completion.
     """
 
     name: str
@@ -53,7 +53,7 @@ class Argument:
 
     @property
     def usage(self) -> str:
-        """How help shows it."""
+        """Text in the help."""
         shown_name = f"{self.name}..." if self.is_many else self.name
         return f"[{shown_name}]" if self.is_optional else shown_name
 
@@ -63,7 +63,7 @@ Given: TypeAlias = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Command:
-    """A row of the table: a name, what it takes, what it is for, and what it does for a console's session."""
+    """A row of the table: name, arguments and purpose of a command, and its function on a console's session."""
 
     name: str
     arguments: tuple[Argument, ...]
@@ -72,7 +72,7 @@ class Command:
 
     @property
     def usage(self) -> str:
-        """How it is typed."""
+        """Syntax of the command."""
         return " ".join([self.name, *(argument.usage for argument in self.arguments)])
 
 
@@ -83,7 +83,7 @@ def parse(table: Table, line: str) -> tuple[Command, dict[str, Any]]:
     """Return the command of a line, and its arguments by name.
 
     Raises:
-        CommandRefused: no such command, or not what it takes.
+        CommandRefused: the command is unknown, or its arguments are invalid.
     """
     words = split_line(line)
     if not words:
@@ -117,10 +117,10 @@ def _arguments(command: Command, words: list[str]) -> dict[str, Any]:
 
 
 def _check_misspelt(command: Command, words: list[str]) -> None:
-    """Say so if a line makes no sense because its first word was to be one that may also be left out.
+    """Raise an error if a line is invalid because its first word is a misspelt optional choice.
 
     Raises:
-        CommandRefused: it is like one of them.
+        CommandRefused: it is similar to one of them.
     """
     for argument in command.arguments[:1]:
         if words and argument.is_optional and get_close_matches(words[0][:NAME_MAX_CHARS], argument.choices, 1, 0.7):
@@ -149,7 +149,7 @@ def help_text(table: Table) -> str:
 
 
 def completions(table: Table, line: str, node: Any) -> list[str]:
-    """Return the words that can stand where the line ends, instead of its last, begun word."""
+    """Return the words that can replace the incomplete last word of the line."""
     words = line.split()
     begun = words.pop() if words and not line[-1].isspace() else ""
     if not words:
@@ -162,7 +162,7 @@ def completions(table: Table, line: str, node: Any) -> list[str]:
 
 
 def _candidates(arguments: Sequence[Argument], words: Sequence[str], node: Any) -> list[str]:
-    """Return what can come after these words: for this argument, and for the next if this can be left out."""
+    """Return what can follow `words`: for this argument, and for the next if this one is optional."""
     left = list(words)
     found: list[str] = []
     for argument in arguments:

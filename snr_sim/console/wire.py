@@ -1,7 +1,7 @@
-"""What consoles and nodes say to each other, once a session of `comms/session.py` is up between them.
+"""Messages between consoles and nodes, once a session of `comms/session.py` is up between them.
 
-Frames, greeting, proof of the token and keep-alive are those of links; only the purpose is another. A token never
-crosses the wire: both ends prove that they know it.
+Frames, greeting, proof of the token and keep-alive are those of links; only the purpose differs. A token is never
+sent: both ends prove that they know it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ SECRET_IS = ("token", "the node's token, by --token-file FILE or the variable SN
 PURPOSE = "console"
 DEFAULT_PORT = 54321
 READ_BYTES = 1 << 14
-LINE_FRAME_MAX_BYTES = 8 * LINE_MAX_CHARS  # six bytes at most for a character in JSON, and what stands around them
+LINE_FRAME_MAX_BYTES = 8 * LINE_MAX_CHARS  # six bytes at most for a character in JSON, plus the message around them
 
 Number: TypeAlias = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 Line: TypeAlias = Annotated[str, msgspec.Meta(max_length=LINE_MAX_CHARS)]
@@ -30,7 +30,7 @@ Value: TypeAlias = Annotated[msgspec.Raw, msgspec.Meta(extra_json_schema={"$ref"
 
 
 class Command(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="command"):
-    """A line to carry out; a Reply with the same number follows."""
+    """A line to execute; a Reply with the same number follows."""
 
     number: Number
     line: Line
@@ -44,7 +44,7 @@ class Complete(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fiel
 
 
 class Reply(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="reply"):
-    """An answer; number 0 is of a watched page, which nobody asked for just now."""
+    """An answer; number 0 marks that of a watched page, sent without a request."""
 
     number: Number
     text: str
@@ -54,7 +54,7 @@ class Reply(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=M
 
 
 class Words(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="words"):
-    """What can stand where a line ends."""
+    """Words that can follow at the end of a line."""
 
     number: Number
     words: list[str]
@@ -66,12 +66,12 @@ _encode = msgspec.json.Encoder().encode
 
 
 def asked(message: Command | Complete) -> bytes:
-    """Return the frame of a question."""
+    """Return the frame of a request."""
     return encode_frame(_encode(message), LINE_FRAME_MAX_BYTES)
 
 
 def replied(number: int, answer: Answer) -> bytes:
-    """Return the frame of an answer; without its data if both together were too much for a frame."""
+    """Return the frame of an answer; without its data if both together exceed the size of a frame."""
     for data in (answer.data, None):
         reply = Reply(number, answer.text, msgspec.Raw(encode_value(data)), answer.is_error, answer.about)
         payload = _encode(reply)
@@ -89,7 +89,7 @@ def answer_of(reply: Reply) -> Answer:
     """Return the answer in a reply.
 
     Raises:
-        ValueEncodingError: its data is damaged, or beyond the bounds of `comms/wire_bounds.py`.
+        ValueEncodingError: its data is damaged, or beyond the limits of `comms/wire_bounds.py`.
     """
     raw = bytes(reply.data)
     data: Any = decode_value(raw, WIRE_KINDS)
@@ -98,7 +98,7 @@ def answer_of(reply: Reply) -> Answer:
 
 
 async def read_for(reader: asyncio.StreamReader, timeout_s: float) -> bytes | None:
-    """Return what has come, b"" at the end; None if nothing has come in time.
+    """Return what has arrived, b"" at the end; None if nothing has within the time limit.
 
     Raises:
         OSError: the connection broke.
@@ -107,6 +107,6 @@ async def read_for(reader: asyncio.StreamReader, timeout_s: float) -> bytes | No
         async with asyncio.timeout(timeout_s):
             return await reader.read(READ_BYTES)
     except TimeoutError:
-        if reader.exception() is not None:  # a time-out of the network's, not ours
+        if reader.exception() is not None:  # a time-out of the network, not of this wait
             raise
         return None

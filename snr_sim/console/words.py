@@ -1,4 +1,4 @@
-"""A line of text to words and values. Values are JSON, bounded in depth, and nothing else: nothing is evaluated."""
+"""Parser of lines into words and values. Values are JSON of bounded depth; nothing is evaluated as code."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from snr_sim.prelude.errors import SnrError
 
 LINE_MAX_CHARS = 16 * 1024
 NAME_MAX_CHARS = 200
-DEPTH_MAX = 32  # of values: what lies deeper than a student's eye also chokes recorders and links
+DEPTH_MAX = 32  # of values: deeper nesting is unreadable, and can break recorders and links
 
 _decode = msgspec.json.Decoder().decode
 
 
 class CommandRefused(SnrError):
-    """A line that is no command, or a command that cannot be carried out."""
+    """Error for a line that is not a command, or a command that cannot be executed."""
 
 
 def split_line(line: str) -> list[str]:
-    """Return the words of a line: they end at a space that stands in no bracket and in no quotes.
+    """Return the words of a line: they end at a space outside of brackets and quotes.
 
     Raises:
-        CommandRefused: the line is too long, or has a bracket or a quote that does not end.
+        CommandRefused: the line is too long, or has an unclosed bracket or quote.
 
     >>> split_line('task start [1, 2] "a b" {"k": "]"}')
     ['task', 'start', '[1, 2]', '"a b"', '{"k": "]"}']
@@ -60,10 +60,10 @@ def split_line(line: str) -> list[str]:
 
 
 def value_of(word: str) -> Any:
-    """Return the value a word stands for in JSON.
+    """Return the value of a word in JSON.
 
     Raises:
-        CommandRefused: it is not JSON, or a number that 64 bits do not hold.
+        CommandRefused: it is not JSON, or a number that does not fit in 64 bits.
     """
     try:
         value = _decode(word.encode())
@@ -85,10 +85,10 @@ def _check_numbers(value: Any) -> None:
 
 
 def name_of(word: str, what: str) -> str:
-    """Return the name a word stands for: the word itself, or what is in its quotes.
+    """Return the name that a word contains: the word itself, or the content of its quotes.
 
     Raises:
-        CommandRefused: it is empty, too long, or holds what cannot be printed.
+        CommandRefused: it is empty, too long, or contains characters that cannot be printed.
     """
     name = value_of(word) if word.startswith('"') else word
     if not isinstance(name, str) or not 0 < len(name) <= NAME_MAX_CHARS or not name.isprintable():
@@ -99,6 +99,6 @@ def name_of(word: str, what: str) -> str:
 
 
 def shown(text: str, limit: int = 80) -> str:
-    """Return text in quotes, cut if it is long, with what cannot be printed escaped."""
+    """Return text in quotes, truncated if it is long, with unprintable characters escaped."""
     cut = text[:limit]
     return (f"'{cut}'" if cut.isprintable() else ascii(cut)) + ("..." if len(text) > limit else "")

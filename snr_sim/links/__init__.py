@@ -1,1 +1,1 @@
-"""Links: how pages get from one node to another."""
+"""Links: transfer of pages between nodes."""

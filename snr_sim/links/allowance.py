@@ -1,4 +1,4 @@
-"""Allowance: how often something may still happen. Filled up evenly, and up to a limit."""
+"""Allowance: a limit on the rate of something, with bursts; a token bucket."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ class Allowance:
     """A token bucket.
 
     Args:
-        rate_hz: how fast it fills up.
-        most: what it holds; it is full at first.
+        rate_hz: rate at which it fills, in tokens per second.
+        most: its capacity; it is full at first.
     """
 
     def __init__(self, rate_hz: float, most: float) -> None:
@@ -18,7 +18,7 @@ class Allowance:
         self._filled_s = float("-inf")
 
     def take(self, now_s: float) -> bool:
-        """Take one, if there is one; return whether there was.
+        """Take a token if there is one; return whether there was.
 
         >>> allowance = Allowance(rate_hz=10.0, most=2)
         >>> [allowance.take(now_s) for now_s in (0.0, 0.0, 0.0, 0.1)]

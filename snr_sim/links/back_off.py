@@ -1,4 +1,4 @@
-"""BackOff: how long whoever calls in vain waits before the next call."""
+"""BackOff: delay between attempts to connect, which grows with each failure."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ RETRY_MOST_S = 2.0
 
 
 class BackOff:
-    """Waits grow to twice the last, up to a most; each is cut by chance, so that many who wait do not call together.
+    """Doubles the delay after each failure, up to a maximum; random, so that many clients do not retry at once.
 
     Args:
-        luck: behind the chance; not the run's: two clients of one seed must differ, too.
+        luck: random generator; not the run's: two clients of one seed must differ, too.
     """
 
     def __init__(self, luck: Random | None = None) -> None:
@@ -20,10 +20,10 @@ class BackOff:
         self._most_s = RETRY_FIRST_S
 
     def next_s(self) -> float:
-        """Return how long to wait now: from half of the most for this try up to all of it [s]."""
+        """Return the next delay: random, from half of this attempt's maximum up to all of it [s]."""
         most_s, self._most_s = self._most_s, min(RETRY_MOST_S, 2.0 * self._most_s)
         return most_s * self._luck.uniform(0.5, 1.0)
 
     def forget(self) -> None:
-        """Begin with short waits again: a call has come through."""
+        """Reset to short delays, after a success."""
         self._most_s = RETRY_FIRST_S

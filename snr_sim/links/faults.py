@@ -1,7 +1,7 @@
-"""Faults of a link: what latency, jitter, loss, duplication, reordering, cuts and narrowness do to what is sent.
+"""Faults of a link: effect of latency, jitter, loss, duplication, reordering, cuts and bandwidth on what is sent.
 
-A `Way` is told what leaves when, and says when it arrives: never, once, or twice. It owns neither clock nor port, so
-the same object serves simulated links and real sockets.
+A `Way` takes what is sent and when, and returns when it arrives: never, once, or twice. It has neither clock nor port,
+so the same class serves simulated links and real sockets.
 """
 
 from __future__ import annotations
@@ -18,30 +18,30 @@ if TYPE_CHECKING:
 
 MAX_DELAY_S = 86_400.0  # a day
 MIN_BANDWIDTH_BPS = 1.0
-# Of what is sent under a virtual clock, whatever the faults: no link is quicker than one between two programs on one
-# computer, where a page takes 45 to 90 us one way (`snr bench links`). Without it two nodes that answer each other
-# would do so for ever at one moment.
+# Minimum transit time under a virtual clock, whatever the faults: no link is faster than one between two programs on
+# one computer, where a page takes 45 to 90 us one way (`snr bench links`). Without it, two nodes that reply to each
+# other would do so indefinitely at one instant.
 LEAST_TRANSIT_S = 50e-6
 DRAWN_AT_ONCE = 256
 
 
 @dataclass(frozen=True)
 class Faults:
-    """How badly a link carries. Loss, duplication and reordering are for pages; the rest is for all that is sent.
+    """Faults of a link. Loss, duplication and reordering affect pages only; the rest affects everything that is sent.
 
     Args:
-        latency_s: of everything; a day at most.
-        jitter_s: further delay, evenly spread from 0 to this.
-        loss: share of pages that never arrive, 0 to 1.
-        duplication: share of pages that arrive twice.
-        reordering: share of pages that do not wait for those before them, and may wait up to `jitter_s` and
-            `latency_s` longer themselves.
-        cut: moments (start_s, end_s) between which nothing that is sent arrives.
-        bandwidth_bps: bits per second, 1 or more; pages queue for it. None is any number.
-        seed: of its chance; the run's if None.
+        latency_s: delay of everything; a day at most.
+        jitter_s: additional delay, uniformly distributed from 0 to this.
+        loss: fraction of pages that never arrive, 0 to 1.
+        duplication: fraction of pages that arrive twice.
+        reordering: fraction of pages that do not wait for those before them, and may themselves be delayed by up to
+            `jitter_s` and `latency_s` more.
+        cut: intervals (start_s, end_s) in which nothing that is sent arrives.
+        bandwidth_bps: bits per second, 1 or more; pages queue for it. None is unlimited.
+        seed: of its random numbers; the run's if None.
 
     Raises:
-        ParameterError: a number is none or out of range.
+        ParameterError: a number is invalid or out of range.
     """
 
     latency_s: float = 0.0
@@ -97,10 +97,10 @@ def _refused(name: str, value: object, fix: str) -> ParameterError:
 
 
 class Luck:
-    """Numbers from 0 to 1, drawn many at a time: the same ones as two by two, for a tenth of the time.
+    """Random numbers from 0 to 1, drawn in batches: the same as in pairs, in a tenth of the time.
 
     Args:
-        rng: chance behind them.
+        rng: random generator.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
@@ -115,24 +115,24 @@ class Luck:
 
 
 class Way:
-    """One direction of a link with faults.
+    """One direction of a link with faults; a lossy channel.
 
     Args:
         faults: of this direction.
         seed: of the run.
-        name: of the direction; two with different names have different luck.
-        least_s: how long everything takes at least; for a link that has no real wire.
+        name: of the direction; directions of different names have different random numbers.
+        least_s: minimum transit time; for a link without a real wire.
     """
 
     def __init__(self, faults: Faults, seed: int, name: str, least_s: float = 0.0) -> None:
         self.faults = faults
-        self.free_s = 0.0  # when the last thing has left
+        self.free_s = 0.0  # when the last frame has been sent
         self.lost = 0  # pages
         self.duplicated = 0  # pages
         self._least_s = least_s
         self._last_arrival_s = 0.0
         seed = seed if faults.seed is None else faults.seed
-        # Two generators, and each draws for every page: so more of one fault does not shift the luck of another.
+        # Two generators, and each draws for every page: so more of one fault does not change those of another.
         self._luck = Luck(rng_for(seed, name)) if faults.jitter_s or faults.loss else None
         self._odd_luck = Luck(rng_for(seed, f"{name}:odd")) if faults.duplication or faults.reordering else None
 
@@ -141,7 +141,7 @@ class Way:
         return now_s >= self.free_s
 
     def arrivals_s(self, size_bytes: int, now_s: float, is_page: bool = True) -> tuple[float, ...]:
-        """Return when something that is sent now arrives: never, once or twice, in order unless reordered."""
+        """Return when what is sent now arrives: never, once or twice, in order unless reordered."""
         faults = self.faults
         start_s = max(now_s, self.free_s)
         self.free_s = start_s + (size_bytes * 8 / faults.bandwidth_bps if faults.bandwidth_bps is not None else 0.0)
@@ -158,7 +158,7 @@ class Way:
     def _odd_arrivals_s(self, luck: Luck, delay_s: float) -> tuple[float, ...]:
         for_duplication, for_reordering = luck.two()
         if for_reordering < self.faults.reordering:
-            # How far it is put back comes from the same number, spread evenly again.
+            # The delay is derived from the same number, rescaled to a uniform distribution.
             share = for_reordering / self.faults.reordering
             arrival_s = self.free_s + delay_s + share * (self.faults.latency_s + self.faults.jitter_s)
         else:
@@ -169,6 +169,6 @@ class Way:
         return (arrival_s, arrival_s)
 
     def _in_order_s(self, delay_s: float) -> float:
-        """One that jitter holds up holds up those behind it, as over TCP."""
+        """Return the delay that keeps the order: one delayed by jitter also delays those behind it, as over TCP."""
         self._last_arrival_s = max(self._last_arrival_s, self.free_s + delay_s)
         return self._last_arrival_s

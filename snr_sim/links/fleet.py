@@ -1,8 +1,8 @@
-"""Fleets: nets of many nodes on several robots, where every node hears every other; over Zenoh or simulated.
+"""Fleets: nets of nodes on several robots, where every node receives every other; over Zenoh or simulated.
 
-Two robots may run the same program, so their nodes may have the same names. A net therefore knows each node by its
-robot and its own name, and says so in what arrives: see `Member.brings`. Each has a place among the net's keys,
-`snr/<net>/<robot>/<node>/<id>` (docs/formats.md), under which the others' rosters know it.
+Two robots may run the same program, so their nodes may have the same names. A net therefore identifies each node by
+its robot and its own name, and marks arriving pages with both: see `Member.brings`. Each node has an address among the
+net's keys, `snr/<net>/<robot>/<node>/<id>` (docs/formats.md), under which the rosters of the others list it.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from snr_sim.links.session import OFFSETS_REMEMBERED
 from snr_sim.links.simulated import Meeting
 from snr_sim.prelude.page import DataKey, Page
 
-PING_BYTES = 64  # about what asking whether somebody is there costs on a wire
-MAX_MEMBERS = 1000  # of a net; more are not listened to
-MAX_KEYS = 1000  # of a member, whose pages are counted; of more it is not known what was missed
+PING_BYTES = 64  # approximate size of a ping on a wire
+MAX_MEMBERS = 1000  # per net; pages of further members are ignored
+MAX_KEYS = 1000  # per member, whose pages are counted; lost pages of further keys go unnoticed
 ALONE = "nobody else is in the net."
 
 
 @dataclass(frozen=True)
 class Member:
-    """A node as the net knows it.
+    """A node as known in the net.
 
     Args:
-        robot: it belongs to; its own name if it belongs to none.
+        robot: name of its robot; its own name if it has none.
         node: its name.
     """
 
@@ -46,7 +46,7 @@ class Member:
 
     @property
     def name(self) -> str:
-        """Its name in the net.
+        """Name in the net.
 
         >>> Member("rov1", "camera_node").name, Member("topside_node", "topside_node").name
         ('rov1/camera_node', 'topside_node')
@@ -54,10 +54,10 @@ class Member:
         return self.node if self.robot == self.node else f"{self.robot}/{self.node}"
 
     def brings(self, page: Page, to: Member, apart: bool) -> Page:
-        """Return a page of this member as another is to see it: as it is, within one robot.
+        """Return a page of this member as another member sees it: unchanged within one robot.
 
-        From another robot, the origin of a page that was made here becomes this member's name in the net; and if
-        pages are to be kept apart, their keys begin with the robot's name.
+        From another robot, the origin of a page that this member made becomes the member's name in the net; with
+        `apart`, the page's key also begins with the robot's name.
 
         >>> page = Page("depth", 1.5, "auv_node", 0.0)
         >>> Member("rov1", "auv_node").brings(page, Member("shore_node", "shore_node"), apart=True)
@@ -66,17 +66,17 @@ class Member:
         if self.robot == to.robot:
             return page
         key = f"{self.robot}/{page.key}" if apart else page.key
-        # Not of pages it only passes on: their origin would grow with each net they cross.
+        # Forwarded pages keep their origin: it would grow with each net they cross.
         origin = self.name if page.origin == self.node else page.origin
         return replace(page, key=key, origin=origin)
 
 
 @dataclass(frozen=True)
 class Hearing:
-    """What a node of a net wants to hear.
+    """Which pages a node of a net accepts.
 
     Args:
-        robots: whose pages may come in; None is every robot's.
+        robots: robots whose pages to accept; None accepts every robot's.
         apart: whether keys of other robots' pages begin with the robot's name.
     """
 
@@ -85,7 +85,7 @@ class Hearing:
 
 
 def encoded(text: str) -> str:
-    """Return a name or a page's key as one part of a key of Zenoh's, which knows some characters as its own.
+    """Return a name or page key as one part of a Zenoh key, with Zenoh's special characters escaped.
 
     >>> encoded("depth/of rov*")
     'depth%2Fof%20rov%2A'
@@ -94,16 +94,16 @@ def encoded(text: str) -> str:
 
 
 def prefix_of(net: str) -> str:
-    """Return with what all places of a net begin."""
+    """Return the prefix of all addresses of a net."""
     return f"snr/{encoded(net)}"
 
 
 class Far:
-    """Another node of the net.
+    """Remote node of the net.
 
     Args:
-        member: which.
-        now_s: when it was first heard.
+        member: its identity.
+        now_s: time of the first contact.
     """
 
     def __init__(self, member: Member, now_s: float) -> None:
@@ -112,40 +112,40 @@ class Far:
         self.rtt_s: float | None = None
         self.clock_offset_s: float | None = None  # as of Session
         self._offsets_s: deque[float] = deque(maxlen=OFFSETS_REMEMBERED)
-        self.is_here = False  # has shown itself, asked or answered
-        self.has_left = False  # has said so, and not shown itself since
+        self.is_here = False  # it has appeared, pinged or answered
+        self.has_left = False  # it has announced that it leaves, and has not appeared since
         self.received = 0
         self.missed = 0
-        self.numbers: dict[str, int] = {}  # of the newest page of each key
+        self.numbers: dict[str, int] = {}  # of the newest page, per key
 
     def note_offset(self, offset_s: float) -> None:
-        """Take in how far the clocks are apart, too large by what its answer took to come here."""
+        """Record a measured clock offset, which is too large by the transit time of the answer."""
         self._offsets_s.append(offset_s)
         self.clock_offset_s = min(self._offsets_s)
 
 
 class Roster:
-    """All other nodes of a net, as far as one knows, and which of their pages have come. For several threads at a time.
+    """Table of all other nodes of the net known to this one, and of which of their pages arrived. Thread-safe.
 
     Args:
-        prefix: with which all places of the net begin.
+        prefix: of all addresses of the net.
     """
 
     def __init__(self, prefix: str) -> None:
         self.prefix = prefix
         self.own_place = ""
-        self.news = ""  # who left last
+        self.news = ""  # message about the last node that left
         self._fars: dict[str, Far] = {}
-        self._missed = 0  # of those forgotten
+        self._missed = 0  # pages of nodes that are no longer in the table
         self._has_newcomer = False
         self._guard = threading.Lock()
 
     def place_of(self, member: Member, identity: str) -> str:
-        """Return where a member stands, of those that there may be with its name."""
+        """Return the address of a member; `identity` separates members of the same name."""
         return f"{self.prefix}/{encoded(member.robot)}/{encoded(member.node)}/{identity}"
 
     def shows(self, place: str, now_s: float) -> None:
-        """Somebody shows itself."""
+        """Record that a node appeared."""
         with self._guard:
             far = self._at(place, now_s)
             if far is not None:
@@ -153,7 +153,7 @@ class Roster:
                 self._hear(far, now_s)
 
     def leaves(self, place: str) -> None:
-        """Somebody leaves, or is cut off. It stays known: it may come back, and send its last page again."""
+        """Record that a node left or was cut off. It stays known: it may come back, and send its last page again."""
         with self._guard:
             far = self._fars.get(place)
             if far is not None:
@@ -161,14 +161,17 @@ class Roster:
                 self.news = f"'{far.member.name}' left."
 
     def cut_off(self) -> None:
-        """Mark all others as gone: this node has left the net itself."""
+        """Mark all others as gone, because this node itself left the net."""
         with self._guard:
             self.news = ""
             for far in self._fars.values():
                 far.is_here = False
 
     def hears(self, place: str, now_s: float) -> Far | None:
-        """Somebody asks or answers, and so is there. What comes from one who has left was on its way."""
+        """Return the node that pinged or answered, and mark it as present; a node that left stays absent.
+
+        What still arrives from a node that left was sent before.
+        """
         with self._guard:
             far = self._at(place, now_s)
             if far is None or far.has_left:
@@ -177,12 +180,12 @@ class Roster:
             return far
 
     def takes(self, place: str, key: str, number: int, now_s: float) -> tuple[Far | None, bool]:
-        """Somebody sends a page; returns who, and whether the page is new.
+        """Record an arriving page; return its sender and whether the page is new.
 
         Args:
-            place: of whoever sends it.
+            place: address of the sender.
             key: of the page.
-            number: of the page among those of its key, from 1 on; 0 if it has none.
+            number: sequence number of the page for its key, from 1; 0 if it has none.
             now_s: the time.
         """
         with self._guard:
@@ -201,19 +204,19 @@ class Roster:
             return far, True
 
     def take_newcomer(self) -> bool:
-        """Return whether somebody has come since this was asked last."""
+        """Return whether a node has appeared since the last call."""
         with self._guard:
             has_one, self._has_newcomer = self._has_newcomer, False
             return has_one
 
     def here(self) -> list[Far]:
-        """Return those that are there."""
+        """Return the nodes that are present."""
         with self._guard:
             return [far for far in self._fars.values() if far.is_here]
 
     @property
     def missed(self) -> int:
-        """Pages of others that did not arrive."""
+        """Pages of others that did not arrive, by their sequence numbers."""
         with self._guard:
             return self._missed + sum(far.missed for far in self._fars.values())  # exact: integers
 
@@ -223,7 +226,7 @@ class Roster:
         far.is_here = True
 
     def _at(self, place: str, now_s: float) -> Far | None:
-        """Return who is at a place, known or new; None if nobody can be there."""
+        """Return the node at an address, known or new; None if the address is not valid."""
         far = self._fars.get(place)
         if far is not None:
             return far
@@ -242,12 +245,12 @@ class Roster:
 
 
 class Fleet(Transport):
-    """Carries pages to and from all other nodes of a net. How they cross is its subclasses' business.
+    """Carries pages to and from all other nodes of a net. Subclasses implement the transport.
 
     Args:
         link: as of Transport.
         member: the node, as the net knows it.
-        hearing: what it wants to hear.
+        hearing: which pages it accepts.
     """
 
     def __init__(self, link: Link, member: Member, hearing: Hearing) -> None:
@@ -256,11 +259,11 @@ class Fleet(Transport):
         self.hearing = hearing
         self.roster = Roster(prefix_of(link.options.name))
         self.now_s = link.parent.clock.now_s
-        self._ping_s = 0.0  # when to ask next who is there
+        self._ping_s = 0.0  # when to ping the others next
         link.reason = ALONE
 
     def carry(self, page: Page, raw: bytes, frame: bytes, by: object) -> None:
-        """Send a page to all others; what a net has brought, all of the net have heard already."""
+        """Send a page to all others, unless it arrived over this net: then all members have it."""
         if by is None:
             self.send(page.key, raw)
 
@@ -269,9 +272,9 @@ class Fleet(Transport):
         raise NotImplementedError
 
     def let_in(self, member: Member, page: Page, by: object) -> None:
-        """Let a page in that another member sent, if this one wants it."""
+        """Store a page that another member sent, if this node accepts it."""
         link, robots, accept = self.link, self.hearing.robots, self.link.options.accept
-        is_mine = page.origin == self.member.name  # came round, by another way
+        is_mine = page.origin == self.member.name  # its own page, back over another path
         is_heard = not is_mine and (robots is None or member.robot in robots)
         if is_heard and (accept is None or link.is_accepted(page.key, accept)):
             page = member.brings(page, self.member, self.hearing.apart)
@@ -282,15 +285,15 @@ class Fleet(Transport):
 
     @property
     def dropped(self) -> int:
-        """Pages that did not get across, as far as this end knows."""
+        """Number of pages known at this end not to have arrived."""
         return self.link.dropped
 
     def state_of(self, far: Far, now_s: float) -> dict[str, Any]:
-        """Return what there is to say of another node."""
+        """Return the state of another node, as in the link's page."""
         return {"age_s": max(0.0, now_s - far.heard_s), "rtt_s": far.rtt_s}
 
     def state(self, now_s: float) -> dict[str, Any]:
-        """Return how the link is; see Transport."""
+        """Return the state of the link; see Transport."""
         link, shown = self.link, self.roster.here()
         here = [far for far in shown if now_s - far.heard_s <= link.options.timeout_s]
         reason = f"nothing was heard for {link.options.timeout_s:g} s." if shown else self.roster.news or link.reason
@@ -309,11 +312,11 @@ class Fleet(Transport):
 
 
 class SimulatedFleet(Fleet):
-    """A net's nodes under one SimClock. They meet in memory; each pair has its own way, with faults.
+    """A net's nodes under one SimClock. They exchange pages in memory; each pair has its own channel, with faults.
 
     Args:
         link, member, hearing: as of Fleet.
-        meeting: where it finds the others.
+        meeting: where it finds the other nodes.
     """
 
     def __init__(self, link: Link, member: Member, hearing: Hearing, meeting: Meeting[SimulatedFleet]) -> None:
@@ -325,7 +328,7 @@ class SimulatedFleet(Fleet):
         self._newest: dict[DataKey, bytes] = {}
 
     def open(self, ports: ExitStack) -> None:
-        """Meet the others; see Transport."""
+        """Register with the other nodes; see Transport."""
         self.roster.own_place = self.roster.place_of(self.member, self.link.parent.role)
         fleets = self._meeting.on(self.clock)
         for other in fleets:
@@ -338,12 +341,12 @@ class SimulatedFleet(Fleet):
         name = f"link:{link.name}:{node.role}->{other.link.parent.role}"
         self._ways[other] = Way(link.options.faults or Faults(), node.seed, name, LEAST_TRANSIT_S)
         self.roster.shows(other.roster.own_place, self.now_s())
-        for raw in self._newest.values():  # who comes late hears the newest of each key
+        for raw in self._newest.values():  # a node that joins late receives the newest page of each key
             self._send_to(other, raw)
 
     def send(self, key: DataKey, raw: bytes) -> None:
         """Send a page to all others; see Fleet."""
-        self._newest.pop(key, None)  # taken out, so that the order is that of storing
+        self._newest.pop(key, None)  # removed first, so that the dict keeps the order of storing
         self._newest[key] = raw
         self.link.sent += 1
         for other in self._ways:
@@ -368,12 +371,12 @@ class SimulatedFleet(Fleet):
         return self.roster.hears(sender.roster.own_place, self.now_s())
 
     def _say(self, way: Way, hear: Callable[..., None], *words: Any) -> None:
-        """Call a method of another node with this one and some words, when they have crossed."""
+        """Call a method of another node with this node and some arguments, when they have crossed the channel."""
         for arrival_s in way.arrivals_s(PING_BYTES, self.now_s(), is_page=False):
             self.clock.call_at(arrival_s, partial(hear, self, *words), BEFORE_LOOPS)
 
     def pinged(self, sender: SimulatedFleet, asked_s: float, is_answer: bool) -> None:
-        """Somebody asks whether this node is there, or answers that it is."""
+        """Handle a ping of another node, or its answer."""
         far = self._hear(sender)
         if far is None:
             return
@@ -383,7 +386,7 @@ class SimulatedFleet(Fleet):
             self._say(self._ways[sender], sender.pinged, asked_s, True)
 
     def round(self) -> None:
-        """Ask who is there, now and then, and say how the link is; see Transport."""
+        """Ping the other nodes periodically, and report the state of the link; see Transport."""
         now_s = self.now_s()
         if now_s >= self._ping_s:
             self._ping_s = now_s + self.link.options.keep_alive_s
@@ -392,13 +395,13 @@ class SimulatedFleet(Fleet):
         self.link.report(now_s)
 
     def see_off(self) -> None:
-        """Leave the net; the others notice once what was sent before has come."""
+        """Leave the net; the others are notified after what was sent before has arrived."""
         self._meeting.leave(self.clock, self)
         for other, way in self._ways.items():
             self._say(way, other.left)
         self._ways.clear()
 
     def left(self, sender: SimulatedFleet) -> None:
-        """Another node has left the net."""
+        """Record that another node has left the net."""
         if self._ways.pop(sender, None) is not None:
             self.roster.leaves(sender.roster.own_place)

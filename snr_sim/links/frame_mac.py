@@ -1,6 +1,6 @@
-"""Message authentication codes (MACs) of frames: what is added, changed, left out, moved or repeated is found.
+"""Message authentication codes (MACs) of frames: detect frames that are added, changed, removed, moved or repeated.
 
-Each direction of a session has a key of its own, and numbers its frames. The numbers do not cross: a stream keeps its
+Each direction of a session has a key of its own, and numbers its frames. The numbers are not sent: a stream keeps its
 order, so both ends count.
 """
 
@@ -21,7 +21,7 @@ class FrameMac:
     """The MACs of one direction of one session.
 
     Args:
-        key: of this direction and session alone.
+        key: of this direction and session only.
 
     >>> there, here = FrameMac(b"k" * 32), FrameMac(b"k" * 32)
     >>> frame = there.seal(b"\\x00\\x00\\x00\\x02hi")
@@ -32,11 +32,11 @@ class FrameMac:
     __slots__ = ("_keyed", "_number")
 
     def __init__(self, key: bytes) -> None:
-        self._keyed = blake2b(key=key, digest_size=MAC_BYTES)  # a copy of it costs a third of a new one
+        self._keyed = blake2b(key=key, digest_size=MAC_BYTES)  # copying it costs a third of making a new one
         self._number = 0
 
     def seal(self, frame: bytes) -> bytes:
-        """Return a frame with its MAC. Each frame once, in the order in which they are sent."""
+        """Return a frame with its MAC. Call it once per frame, in the order of sending."""
         number = self._number
         self._number = number + 1
         mac = self._keyed.copy()
@@ -44,7 +44,7 @@ class FrameMac:
         return _LENGTH(len(frame) - HEADER_BYTES + MAC_BYTES) + frame[HEADER_BYTES:] + mac.digest()
 
     def open(self, payload: bytes) -> bytes | None:
-        """Return the message in a payload; None if this is not the one that was sent as the next."""
+        """Return the message in a payload; None if it is not the next one that was sent."""
         number = self._number
         self._number = number + 1
         message = payload[:-MAC_BYTES]

@@ -1,6 +1,6 @@
-"""Frames: how a stream of bytes is cut into messages. Four bytes of length (big-endian), then as many bytes.
+"""Frames: a stream of bytes divided into messages. Four bytes of length (big-endian), then as many bytes.
 
-Owns no port: bytes in, frames out. So splitting, nonsense and floods can all be tried without a socket.
+Owns no port: bytes in, frames out. So split frames, invalid bytes and floods can be tested without a socket.
 """
 
 from __future__ import annotations
@@ -9,17 +9,17 @@ import struct
 
 from snr_sim.prelude.errors import FrameTooLarge
 
-MAX_FRAME_BYTES = 1 << 20  # of a payload, if nobody says otherwise
-MAC_BYTES = 16  # behind the message in a payload, where both ends have a secret: see frame_mac.py
-MOST_FRAME_BYTES = (1 << 32) - 1 - MAC_BYTES  # of a message: what the length can say
+MAX_FRAME_BYTES = 1 << 20  # default limit of a payload
+MAC_BYTES = 16  # after the message in a payload, where both ends have a secret: see frame_mac.py
+MOST_FRAME_BYTES = (1 << 32) - 1 - MAC_BYTES  # limit of a message: the largest that the length field can hold
 _LENGTH = struct.Struct(">I")
 HEADER_BYTES = _LENGTH.size
-# With these a TLS record begins: an alert or a handshake, and the version (RFC 8446, section 5.1).
+# First bytes of a TLS record: an alert or a handshake, and the version (RFC 8446, section 5.1).
 _TLS_RECORDS, _TLS_MAJOR = (21, 22), 3
 
 
 def encode_frame(payload: bytes, max_bytes: int = MAX_FRAME_BYTES) -> bytes:
-    """Return length and payload in one piece, so that one send carries them.
+    """Return length and payload in one piece, so that one send suffices.
 
     Raises:
         FrameTooLarge: the payload is longer than `max_bytes`.
@@ -36,7 +36,7 @@ def encode_frame(payload: bytes, max_bytes: int = MAX_FRAME_BYTES) -> bytes:
 
 
 class FrameReader:
-    """Bytes in, payloads out, however the bytes are cut.
+    """Reads payloads from bytes, however the bytes are split.
 
     Args:
         max_bytes: the longest payload; may be changed between frames.
@@ -44,14 +44,14 @@ class FrameReader:
 
     def __init__(self, max_bytes: int = MAX_FRAME_BYTES) -> None:
         self.max_bytes = max_bytes
-        self._rest = bytearray()  # what no frame has been made of yet: at most a frame and one read
+        self._rest = bytearray()  # bytes without a complete frame: at most a frame and one read
 
     def feed(self, data: bytes = b"", at_most: int | None = None) -> list[bytes]:
-        """Take bytes as they come; return the payloads that are complete, at most so many.
+        """Take bytes as they arrive; return the complete payloads, at most `at_most`.
 
         Raises:
-            FrameTooLarge: the next frame announces more than `max_bytes`. Nothing of it is waited for, and there is
-                no way on: whoever counts that high does not speak this protocol.
+            FrameTooLarge: the next frame announces more than `max_bytes`. The reader cannot recover: the sender does
+                not use this protocol.
 
         >>> reader = FrameReader()
         >>> reader.feed(b"\\x00\\x00\\x00\\x02h"), reader.feed(b"i\\x00")
@@ -66,14 +66,14 @@ class FrameReader:
             rest.clear()
         start, end, read_length = 0, len(data), _LENGTH.unpack_from
         if end > HEADER_BYTES and end - HEADER_BYTES == read_length(data)[0] <= self.max_bytes:
-            return [data[HEADER_BYTES:]]  # one frame and nothing else, as nearly always when pages come singly
+            return [data[HEADER_BYTES:]]  # exactly one frame, as nearly always when pages arrive one at a time
         frames: list[bytes] = []
         while end - start >= HEADER_BYTES and (at_most is None or len(frames) < at_most):
             (length,) = read_length(data, start)
             if length > self.max_bytes:
                 if not frames:
                     raise self._too_large(data[start : start + HEADER_BYTES], length)
-                break  # first those that came before it
+                break  # first return those that arrived before it
             stop = start + HEADER_BYTES + length
             if stop > end:
                 break
@@ -84,11 +84,11 @@ class FrameReader:
 
     @property
     def missing_bytes(self) -> int:
-        """How many bytes of the frame that has begun are still to come, as far as its length is known."""
+        """Number of bytes of an incomplete frame that are still missing, as far as its length is known."""
         return self._wanted() - len(self._rest) if self._rest else 0
 
     def _wanted(self) -> int:
-        """How many bytes there must be before looking is worth while."""
+        """Return the number of bytes required before the next attempt to decode."""
         if len(self._rest) < HEADER_BYTES:
             return HEADER_BYTES
         length: int = _LENGTH.unpack_from(self._rest)[0]

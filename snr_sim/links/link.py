@@ -1,8 +1,8 @@
 """Link: carries pages between this node and others, over one transport for each medium.
 
-Out: the node's core hands a page of one of the link's keys to `_out`, right after it was stored. In: the far end's
-pages enter through the door, from the link's name. So a replay, which makes no loops, needs no link. How the link
-itself is stands in a page of its own name: {up, age_s, dropped, rtt_s, ...}.
+Out: the node's core passes each page of one of the link's keys to `_out`, right after it was stored. In: pages of the
+remote peer enter through the node's inbox (`Door`), with the link's name as their source. So a replay, which makes no
+loops, needs no link. The link stores its own state as a page of its own name: {up, age_s, dropped, rtt_s, ...}.
 """
 
 from __future__ import annotations
@@ -30,29 +30,29 @@ from snr_sim.prelude.recorder import RECORDING_KEY
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.prelude.tasks import ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME
 
-BEFORE_LOOPS = -1  # under a SimClock, of what is due at one moment, pages arrive first, so that loops find them
+BEFORE_LOOPS = -1  # under a SimClock, pages due at the same time as loops arrive first, so that loops find them
 REPORT_EVERY_S = 1.0
 HOUSEKEEPING_HZ = 10.0
-# From here on the link lets nothing more in until the node has caught up to half of it: a flood waits at its sender.
+# From this many on, the link accepts nothing until the node has worked off half of them: a flood waits at its sender.
 MAX_TASKS_WAITING = 10_000
 MAX_BYTES_WAITING = 1 << 26
-# With more tasks than this waiting, more pages are likely to follow: then one send for many is cheaper than one each.
+# With more tasks than this waiting, more pages are likely to follow: then one send for several is cheaper.
 FEW_TASKS = 32
-# Remembered of pages of other nodes that were passed on, so that none goes round in a mesh for ever.
+# Number of pages of other nodes whose forwarding is remembered, so that none circulates in a mesh indefinitely.
 _RELAYED_REMEMBERED = 4096
-KEPT_OUT_REMEMBERED = 20  # keys of the far end that `accept` keeps out, for a note
-# What this node tells of itself; a far end's page of such a key comes in only if `accept` names it.
+KEPT_OUT_REMEMBERED = 20  # keys not in `accept` that the remote peer sent, for a note
+# Keys with which this node reports on itself; a peer's page of such a key is accepted only if `accept` contains it.
 OUTCOMES = frozenset((TaskType.reload.value, ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME))
 _STORE_PAGE = TaskType.store_page
 
 
 class Misfits:
-    """Pages that a link cannot carry: one of its own node is a mistake there, those of other nodes are dropped.
+    """Handler of pages that a link cannot send: an error for a page of its own node; those of other nodes are dropped.
 
     Args:
         node: sends them.
-        link: in words.
-        log: where the first of other nodes is told.
+        link: description of the link.
+        log: logs the first dropped page.
     """
 
     def __init__(self, node: NodeApi, link: str, log: logging.Logger | ComponentLog) -> None:
@@ -62,10 +62,10 @@ class Misfits:
         self._is_told = False
 
     def drop(self, page: Page, error: SnrError) -> None:
-        """Drop a page of another node, whose sender must not end this one with it.
+        """Drop a page of another node, which must not end this node by an invalid page.
 
         Raises:
-            SnrError: it is this node's own; of the kind of `error`.
+            SnrError: the page is this node's own; of the type of `error`.
         """
         failure = self._failure(page, error)
         if page.origin == self._node.name:
@@ -75,7 +75,7 @@ class Misfits:
             self._log.warning("%s Dropped, as will be all such pages.", failure)
 
     def _failure(self, page: Page, error: SnrError) -> SnrError:
-        """Return the error of a page; the line that stored it comes first, if it is known."""
+        """Return the error for a page; it starts with the line that stored the page, if known."""
         what = f"{self._link} cannot send page '{page.key}': {error.message}"
         when = f"at t = {page.created_at_s:.3f} s"
         if page.origin != self._node.name:
@@ -87,7 +87,7 @@ class Misfits:
 
 
 def by_name(peers: Iterable[tuple[str, dict[str, Any]]]) -> dict[str, Any]:
-    """Return what there is to say of each peer, by its name; of several with one name, all but the first get a number.
+    """Return the state of each peer by its name; of several with one name, all but the first get a number.
 
     >>> by_name([("a", {"sent": 1}), ("a", {"sent": 2})])
     {'a': {'sent': 1}, 'a#2': {'sent': 2}}
@@ -102,51 +102,51 @@ def by_name(peers: Iterable[tuple[str, dict[str, Any]]]) -> dict[str, Any]:
 
 
 class Transport:
-    """How pages get across: one class for each medium. The link calls all but `carry` on its own thread.
+    """Transport of pages: one subclass per medium. The link calls all but `carry` on its own thread.
 
     Args:
-        link: whose pages they are.
+        link: the link whose pages it carries.
     """
 
-    # Sends a page to every far end but the one that brought it, if any, on the node's thread: the page, as it crosses,
-    # in a frame, and who brought it.
+    # Sends a page to every peer except its sender, on the node's thread. Arguments: the page, its serialised form, its
+    # frame, and its sender or None.
     carry: Callable[[Page, bytes, bytes, object], None]
 
     def __init__(self, link: Link) -> None:
         self.link = link
-        self.lock = threading.Lock()  # held while all is closed; and for what else must not happen then
+        self.lock = threading.Lock()  # held while everything is closed, and for what must not happen at the same time
 
     def open(self, ports: ExitStack) -> None:
-        """Open what is needed, and push onto `ports` how to close it; what it raises first is an error of `begin`."""
+        """Open what is needed, and push callbacks to close it onto `ports`; a first failure is an error of `begin`."""
 
     def round(self) -> None:
-        """Wait until something happens, and act on it; in lock step do what time asks for."""
+        """Wait for an event and handle it; in lock step do what is due."""
         raise NotImplementedError
 
     def wake(self) -> None:
         """End the wait of a round."""
 
     def see_off(self) -> None:
-        """Say goodbye to all far ends before everything is closed."""
+        """Say goodbye to all peers before everything is closed."""
 
     def state(self, now_s: float) -> dict[str, Any]:
-        """Return how the link is: at least up, age_s, dropped, rtt_s, reason."""
+        """Return the state of the link: at least up, age_s, dropped, rtt_s, reason."""
         raise NotImplementedError
 
     def notes(self) -> Iterable[str]:
-        """Return what to note at the end of the run."""
+        """Return notes for the end of the run."""
         return ()
 
 
 class Link(RestartingLoop):
-    """Takes pages of its keys to a transport, lets in what that brings, and stores how the link is.
+    """Sends pages of its keys over a transport, accepts those that arrive, and stores the state of the link.
 
     Args:
-        factory: who made it.
+        factory: the factory that made it.
         parent: its node.
         options: of the link.
         real: makes its transport.
-        simulated: makes it if the node lives under a SimClock.
+        simulated: makes its transport if the node runs under a SimClock.
     """
 
     def __init__(
@@ -162,18 +162,18 @@ class Link(RestartingLoop):
         super().__init__(factory, parent, f"link_{options.name}", rate_hz)
         self.restarts = not is_simulated
         self.options = options
-        self.dropped = 0  # pages that did not get across, as far as this end knows
+        self.dropped = 0  # pages known at this end not to have arrived
         self.sent = 0
         self.received = 0
-        self.unwanted = 0  # pages that came and were not let in
-        self.reason = ""  # why it is down, in words; its transport says so
-        self._brought: dict[int, tuple[Page, object]] = {}  # came by this link, not stored yet: page and who brought it
+        self.unwanted = 0  # pages that arrived and were not accepted
+        self.reason = ""  # why it is down, as text, set by its transport
+        self._brought: dict[int, tuple[Page, object]] = {}  # arrived over this link and not stored yet: page and sender
         self._relayed: dict[bytes | int, None] = {}
         self._misfits = Misfits(parent, f"'{self.name}'", self.log)
-        self._largest_bytes = 1  # of the pages that came lately
-        self.is_deaf = False  # whether nothing more is read, because the node has too much to do
-        self._accepted: set[DataKey] = set()  # those of `accept` that came
-        self._kept_out: set[DataKey] = set()  # the first few that came and are not in it
+        self._largest_bytes = 1  # of recent pages
+        self.is_deaf = False  # paused: nothing more is read, because the node has too much to do
+        self._accepted: set[DataKey] = set()  # keys of `accept` that arrived
+        self._kept_out: set[DataKey] = set()  # the first few keys that arrived and are not in it
         self._told: tuple[Any, ...] = ()
         self._told_s = float("-inf")
         self._logged: tuple[Any, ...] = ()
@@ -181,28 +181,28 @@ class Link(RestartingLoop):
         self._carry = self.transport.carry
 
     def begin(self) -> None:
-        """Open what is needed, and have the node's pages handed over from now on."""
+        """Open what is needed, and start to receive the node's pages."""
         self._open()
         for key in self.options.keys:
             self.parent.tap(key, self._out)
         super().begin()
 
     def join(self) -> None:
-        """Take no more pages, sends what waits, and close."""
+        """Take no more pages, send what waits, and close."""
         super().join()
         if self._backing is not None:
             for key in self.options.keys:
                 self.parent.untap(key, self._out)
 
     def stop(self) -> None:
-        """Ask for no more rounds; end the one that waits."""
+        """Request the end of the rounds, and end a round that waits."""
         super().stop()
         if self._backing is not None:
             self.transport.wake()
 
     def terminate(self) -> None:
-        """Tell at the end of the run what did not cross, and which keys came to nothing: perhaps they are misspelt."""
-        # If it is only taken out, what was not stored yet may still be; and nothing could be if the node never ran.
+        """Report at the end of the run what was not sent, and which keys never occurred: they may be misspelt."""
+        # If the link is only removed, its pages may still be stored later; and a node that never ran stored none.
         if self.parent.is_over and not self.parent.never_ran:
             self._note_missed_keys()
         for words in self.transport.notes():
@@ -211,7 +211,7 @@ class Link(RestartingLoop):
     def _note_missed_keys(self) -> None:
         stored = self.parent.datastore.pages
         for key in self.options.keys:
-            if key not in stored and key != RECORDING_KEY:  # which is only there when something is wrong
+            if key not in stored and key != RECORDING_KEY:  # that page exists only in case of an error
                 near = nearest(key, stored.keys() - {self.name}, "stored were")
                 self.parent.note(f"'{self.name}' waits for store_page '{key}', which nobody stored; {near}")
         missed = (self.options.accept or frozenset()) - self._accepted - {RECORDING_KEY}
@@ -219,7 +219,7 @@ class Link(RestartingLoop):
             near = nearest(key, self._kept_out, "kept out were")
             self.parent.note(f"'{self.name}' accepts '{key}', of which no page came; {near}")
 
-    # A RestartingLoop's
+    # Methods of RestartingLoop
 
     def _open_ports(self, ports: ExitStack) -> None:
         self.transport.open(ports)
@@ -253,7 +253,7 @@ class Link(RestartingLoop):
             self._carry(page, raw, frame, by)
 
     def _has_relayed(self, raw: bytes) -> bool:
-        """Whether this very page of another node has been passed on before: then it has come round."""
+        """Whether this exact page of another node was forwarded before, and so has arrived in a circle."""
         fingerprint = hash(raw)
         if fingerprint in self._relayed:
             return True
@@ -265,7 +265,7 @@ class Link(RestartingLoop):
     # In
 
     def bring(self, pages: Sequence[Page], by: object, is_chosen: bool = False) -> None:
-        """Let in the pages that a far end sent, as far as they are wanted; all if the transport has chosen them."""
+        """Store the pages of a peer that this node accepts; all if the transport has selected them."""
         is_wanted, enter, name = self.is_wanted, self.parent.door.put, self.name
         for page in pages:
             key = page.key
@@ -278,7 +278,7 @@ class Link(RestartingLoop):
         self.received += len(pages)
 
     def is_wanted(self, key: DataKey, origin: str) -> bool:
-        """Whether a page of this key and origin may come in, whatever its data."""
+        """Whether to accept a page of this key and origin, whatever its data."""
         if origin == self.parent.name:
             return False
         accept = self.options.accept
@@ -288,7 +288,7 @@ class Link(RestartingLoop):
         return 0 < len(key) <= MAX_KEY_CHARS and not is_own_state
 
     def is_accepted(self, key: DataKey, accept: frozenset[DataKey]) -> bool:
-        """Whether a key is one of `accept`; remembered for notes at the end, of others only as many as one holds."""
+        """Whether a key is in `accept`; the key is remembered for notes at the end, if there is room."""
         if key in accept:
             self._accepted.add(key)
             return True
@@ -297,29 +297,29 @@ class Link(RestartingLoop):
         return False
 
     def has_few_tasks(self) -> bool:
-        """Whether the node has little to do beside what it does now."""
+        """Whether the node has few other tasks waiting."""
         return self.parent.queued_task_count <= FEW_TASKS
 
     def note_size(self, page_bytes: int) -> None:
-        """Remember how large pages are that come lately; see `must_wait`."""
+        """Record the size of an arriving page; see `must_wait`."""
         if page_bytes > self._largest_bytes:
             self._largest_bytes = page_bytes
 
     def must_wait(self) -> bool:
-        """Whether the node has so much to do that nothing more may be let in."""
+        """Whether the node has too many tasks waiting for the link to accept more."""
         tasks = self.parent.queued_task_count
         if self.is_deaf:
             tasks *= 2
         self.is_deaf = tasks > MAX_TASKS_WAITING or tasks * (self._largest_bytes + HEADER_BYTES) > MAX_BYTES_WAITING
         return self.is_deaf
 
-    # How it is
+    # State
 
     def report(self, now_s: float) -> None:
         """Store the link's state, if it has changed or a second has passed."""
         state = self.transport.state(now_s)
         gist = (state["up"], *state.get("peers", ()))
-        # Not whenever the reason changes: strangers who come and go could then flood the node with reports.
+        # Not at each change of the reason: unauthenticated clients that come and go could flood the node with reports.
         if gist == self._told and now_s - self._told_s < REPORT_EVERY_S:
             return
         if (*gist, state["reason"]) != self._logged:
@@ -333,6 +333,6 @@ class Link(RestartingLoop):
         if state["up"]:
             self.log.info("%s is up: %s", self.name, ", ".join(state.get("peers", ())) or "connected")
         else:
-            is_news = bool(self._logged)  # that nobody is there at the very beginning is none
+            is_news = bool(self._logged)  # the first state, without a peer, is not worth a log line
             level = logging.WARNING if is_news else logging.INFO
             self.log.log(level, "%s is down: %s", self.name, state["reason"])

@@ -1,4 +1,4 @@
-"""A socket that listens, in a selector: takes connections, and rests when the system has no descriptor left."""
+"""A listening socket in a selector: accepts connections, and pauses when the system has no descriptor left."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ PAUSE_S = 0.5
 
 
 class Listener:
-    """Waits for connections.
+    """Accepts connections.
 
     Args:
-        sock: listens already, and does not block.
-        selector: that somebody looks after.
-        log: is told why it rests.
-        data: what the selector says with it.
+        sock: a listening, non-blocking socket.
+        selector: registers the socket; its owner polls it.
+        log: receives the reason of a pause.
+        data: what the selector returns with the socket.
     """
 
     def __init__(
@@ -41,27 +41,27 @@ class Listener:
         self._selector.register(self.sock, selectors.EVENT_READ, self._data)
 
     def accept(self, now_s: float) -> tuple[socket.socket, Any] | None:
-        """Return a connection and its address, or None: there is none after all, or none can be taken now."""
+        """Return a connection and its address, or None if there is none or none can be accepted now."""
         try:
             return self.sock.accept()
         except BlockingIOError:
             return None
-        except ConnectionError:  # who called has gone again, which is no reason to keep others waiting
+        except ConnectionError:  # the caller has gone again, which must not delay others
             return None
-        except OSError as error:  # no descriptor left: accepting at once again would only spin
+        except OSError as error:  # no descriptor left: an immediate retry would only spin
             self._log.warning("cannot take a connection: %s", error.strerror)
             self._selector.unregister(self.sock)
             self._rests_until_s = now_s + PAUSE_S
             return None
 
     def tend(self, now_s: float) -> None:
-        """Go on, if it has rested."""
+        """Resume after a pause, if it is over."""
         if self._rests_until_s is not None and now_s >= self._rests_until_s:
             self._rests_until_s = None
             self._register()
 
     def close(self) -> None:
-        """Take nobody any more. Safe to call twice."""
-        with suppress(KeyError, ValueError):  # it rests, or is closed
+        """Accept no more connections. Safe to call twice."""
+        with suppress(KeyError, ValueError):  # paused, or closed
             self._selector.unregister(self.sock)
         self.sock.close()

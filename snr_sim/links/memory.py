@@ -1,7 +1,7 @@
-"""MemoryLink: carries pages between nodes of one simulated run, with the delay, loss and width of a real link.
+"""MemoryLink: carries pages between nodes of one simulated run, with the delay, loss and bandwidth of a real link.
 
-Pages cross as bytes, as they would on a wire: what arrives is a copy, and what a wire cannot carry fails here too.
-At the far end a page enters through the door, as any input, from the source `link_<sending role>`.
+Pages are serialised, as on a wire: what arrives is a copy, and what a wire cannot carry fails here too.
+The remote node receives a page in its inbox (`Door`), as any input, from the source `link_<sending role>`.
 """
 
 from __future__ import annotations
@@ -22,25 +22,25 @@ from snr_sim.prelude.task import Task
 
 
 class MemoryLink:
-    """Sends the pages of some keys from one role to another. Keeps the promise of Link.
+    """Sends the pages of some keys from one role to another. Implements `Link`.
 
-    Pages arrive in the order in which they were sent, as over TCP: one that jitter holds up holds up those behind
-    it. A page never goes back over the link it came by, nor to the node that made it, so nothing goes in circles.
+    Pages arrive in the order in which they were sent, as over TCP: one delayed by jitter also delays those behind it. A
+    page is never sent back over the link it came by, nor to the node that made it, so nothing circulates.
 
     Args:
         keys: of the pages.
-        from_role: where they are stored first.
-        to_role: where they arrive.
-        latency_s: of every page; `LEAST_TRANSIT_S` at least.
-        jitter_s: further delay, evenly spread from 0 to this.
-        loss: share of pages that never arrive, 0 to 1.
-        bandwidth_bps: bits per second; None is any number.
+        from_role: role that stores them first.
+        to_role: role that receives them.
+        latency_s: delay of every page; `LEAST_TRANSIT_S` at least.
+        jitter_s: additional delay, uniformly distributed from 0 to this.
+        loss: fraction of pages that never arrive, 0 to 1.
+        bandwidth_bps: bits per second; None is unlimited.
         seed: of jitter and loss; the run's if not given.
-        both_ways: pages of these keys go the other way too, with a delay, loss and width of their own.
-        faults: instead of the five numbers above, when more than these is to go wrong.
+        both_ways: also send pages of these keys in the other direction, with its own delay, loss and bandwidth.
+        faults: replaces the five numbers above, for other kinds of faults.
 
     Raises:
-        ConfigError: `keys` is one text, or both ends are one role.
+        ConfigError: `keys` is a single string, or both ends are one role.
         ParameterError: a number is out of range.
     """
 
@@ -92,9 +92,9 @@ class OneWay:
     """One direction of a link.
 
     Args:
-        sender: the node whose pages are tapped.
-        receiver: the node they enter.
-        clock: has them delivered.
+        sender: the node whose pages are sent.
+        receiver: the node that receives them.
+        clock: schedules their delivery.
         faults: of this direction.
     """
 
@@ -104,20 +104,20 @@ class OneWay:
         self.back: OneWay | None = None
         self.sent = 0
         self.delivered = 0
-        self.dropped = 0  # of other nodes, that cannot cross
+        self.dropped = 0  # pages of other nodes that cannot be serialised
         self._clock = clock
         self._way = Way(faults, sender.seed, f"link:{sender.role}->{receiver.role}", LEAST_TRANSIT_S)
         logger = logging.getLogger(f"snr.{sender.name}.link_{receiver.role}")
         self._misfits = Misfits(sender, f"The link from '{sender.role}' to '{receiver.role}'", logger)
-        self._brought: dict[int, Page] = {}  # pages that came by this way and have not been stored yet, by identity
+        self._brought: dict[int, Page] = {}  # pages that arrived in this direction and are not stored yet, by identity
 
     @property
     def lost(self) -> int:
-        """How many pages never arrived."""
+        """Number of pages that never arrived."""
         return self._way.lost
 
     def send(self, page: Page) -> None:
-        """Send a page on its way, unless it came from there."""
+        """Send a page, unless it came from the receiver."""
         if page.origin == self.receiver.name or (self.back is not None and self.back.has_brought(page)):
             return
         try:
@@ -131,7 +131,7 @@ class OneWay:
             self._clock.call_at(arrival_s, partial(self._deliver, raw), BEFORE_LOOPS)
 
     def has_brought(self, page: Page) -> bool:
-        """Return whether this very page came by this way; asked once, when it is stored."""
+        """Return whether this exact page arrived in this direction; called once, when it is stored."""
         return self._brought.pop(id(page), None) is page
 
     def _deliver(self, raw: bytes) -> None:

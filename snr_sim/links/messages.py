@@ -1,6 +1,6 @@
-"""Messages of a link: what may stand in a frame. UTF-8 JSON objects whose key "$" says what they are.
+"""Messages of a link: content of frames. UTF-8 JSON objects whose key "$" contains the type.
 
-A page is exactly what `Page.serialize` gives, so encoding it for a link costs nothing more than recording it.
+A page is exactly what `Page.serialize` returns, so its encoding for a link costs no more than recording it.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ class Hello(msgspec.Struct, frozen=True, tag_field=MARK, tag="hello"):
         protocol: "snr".
         version: of the protocol; both ends must have the same.
         node: name of the node.
-        nonce: 16 random bytes in hexadecimal, new for each session; so each has proofs and keys of its own.
-        purpose: "pages", or what else the port is for; both ends must have the same.
-        auth: whether this end has a shared secret and wants the other to prove that it has it too.
+        nonce: 16 random bytes in hexadecimal, new for each session, so that each has its own proofs and keys.
+        purpose: "pages", or another protocol of the port; both ends must have the same.
+        auth: whether this end has a shared secret and requires proof that the other has it too.
         max_frame_bytes: the longest payload this end takes.
     """
 
@@ -50,7 +50,7 @@ class Hello(msgspec.Struct, frozen=True, tag_field=MARK, tag="hello"):
 
 
 class Auth(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="auth"):
-    """Proof that the sender knows the secret, which itself never crosses.
+    """Proof that the sender knows the secret, which itself is never sent.
 
     Args:
         proof: HMAC-SHA256 in hexadecimal: see `derive_key` in `snr_sim/links/security.py`.
@@ -60,10 +60,10 @@ class Auth(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MA
 
 
 class Ping(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="ping"):
-    """Keeps the link alive and asks for an answer.
+    """Keeps the link alive and requests a reply.
 
     Args:
-        stamp_s: time of whoever asks.
+        stamp_s: time of the sender.
     """
 
     stamp_s: float
@@ -80,20 +80,20 @@ class Pong(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MA
 
 
 class Bye(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="bye"):
-    """The last message of an end that leaves in good order.
+    """The last message of an end that closes in good order.
 
     Args:
-        reason: in words.
+        reason: as text.
     """
 
     reason: Reason
 
 
 class Refused(msgspec.Struct, frozen=True, tag_field=MARK, tag="refused"):
-    """The last message of an end that does not want to go on with the other. Unknown fields are ignored.
+    """The last message of an end that rejects the other. Unknown fields are ignored.
 
     Args:
-        reason: in words, with what to try.
+        reason: as text, with what to try.
     """
 
     reason: Reason
@@ -103,11 +103,11 @@ Control: TypeAlias = Hello | Auth | Ping | Pong | Bye | Refused
 
 
 class PageHead(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="page"):
-    """A page whose data has been looked through and not decoded: that takes a fiftieth of the time.
+    """A page whose data is checked but not decoded, which takes a fiftieth of the time.
 
     Args:
         key, origin, created_at_s, process: as of Page.
-        data: as it came.
+        data: as it arrived.
     """
 
     key: str
@@ -117,7 +117,7 @@ class PageHead(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fiel
     process: bool = True
 
 
-LONG_BYTES = 4096  # from here on a page's head is read first
+LONG_BYTES = 4096  # from this size on, a page's head is decoded first
 encode_message: Callable[[Control], bytes] = msgspec.json.Encoder().encode
 decode_control: Callable[[bytes], Control] = msgspec.json.Decoder(Control).decode
 _decode: Callable[[bytes], Control | Page] = msgspec.json.Decoder(Control | Page).decode
@@ -129,8 +129,8 @@ def decode_message(raw: bytes, is_wanted: Callable[[str, str], bool] | None = No
 
     Args:
         raw: the message.
-        is_wanted: whether a page of this key and origin is; a long one that is not comes with None as its data, and
-            costs little. None: all are.
+        is_wanted: whether to accept a page of this key and origin; a long page that is not is returned with None as
+            its data, and costs little. None accepts all.
 
     Raises:
         msgspec.DecodeError: it is not JSON, or none of these messages.
@@ -144,7 +144,7 @@ def decode_message(raw: bytes, is_wanted: Callable[[str, str], bool] | None = No
     message = _decode(raw)
     if type(message) is Page:
         check_bounds(raw)
-        if may_have_marks(raw, len(b'{"$')):  # beside its own, which mostly stands first
+        if may_have_marks(raw, len(b'{"$')):  # other than its own, which usually comes first
             return Page.deserialize(raw, WIRE_KINDS)
     return message
 

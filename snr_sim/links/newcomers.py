@@ -1,8 +1,8 @@
-"""Newcomers: connections that have not proven yet who they are. Who may greet, and who goes when there are too many.
+"""Newcomers: connections that are not authenticated yet: which may greet, and which to close if there are too many.
 
-Whoever can reach a port can open connections to it at any rate. So each address gets a few greetings a second. Exempt
-are this machine and addresses from which somebody has come up before: there an honest client may have lost its
-connection and call again, and cannot be told from an attacker until it has greeted.
+Any client that can reach a port can open connections to it at any rate. So each address gets a few greetings a second.
+Exempt are this machine and addresses that had an accepted session before: an honest client there may have lost its
+connection and reconnect, and cannot be distinguished from an attacker until it has greeted.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from typing import TypeVar
 from snr_sim.links.allowance import Allowance
 from snr_sim.links.security import as_host
 
-GREETINGS_PER_S = 10.0  # of one address
+GREETINGS_PER_S = 10.0  # per address
 GREETINGS_AT_ONCE = 40.0
-MAX_ADDRESSES = 1024  # remembered; an IPv6 network of 64 bits counts as one
+MAX_ADDRESSES = 1024  # limit of the table; an IPv6 network of 64 bits counts as one address
 MAX_KNOWN = 256
 
 One = TypeVar("One")
@@ -32,7 +32,7 @@ class Newcomers:
         self._known: OrderedDict[str, None] = OrderedDict()
 
     def may_greet(self, address: str, now_s: float) -> bool:
-        """Whether a connection from here may begin to greet; counted if so."""
+        """Whether a connection from this address may start to greet; counts it if so."""
         source = source_of(address)
         if source in self._known or source == LOOPBACK:
             return True
@@ -41,7 +41,7 @@ class Newcomers:
         return allowance.take(now_s)
 
     def know(self, address: str) -> None:
-        """Remember that somebody has come up from here."""
+        """Remember that a session from this address was accepted."""
         source = source_of(address)
         self._known[source] = None
         _keep(self._known, source, MAX_KNOWN)
@@ -52,7 +52,7 @@ LOOPBACK = "this machine"
 
 @lru_cache(maxsize=MAX_ADDRESSES)
 def source_of(address: str) -> str:
-    """Return what one user of a network can have all addresses of: of IPv6 the first 64 bits.
+    """Return the part of an address that a user of a network cannot choose: of IPv6 the first 64 bits.
 
     >>> source_of("192.0.2.1"), source_of("::ffff:192.0.2.1"), source_of("2001:db8::1:2:3:4%eth0"), source_of("::1")
     ('192.0.2.1', '192.0.2.1', '2001:db8::', 'this machine')
@@ -68,7 +68,7 @@ def source_of(address: str) -> str:
 
 
 def crowd(ones: Sequence[One], *traits: Callable[[One], str]) -> list[One]:
-    """Return those that share what most have in common: of these traits, one after the other.
+    """Return the largest group with one trait in common; for several traits, narrow it down one by one.
 
     >>> crowd(["ax", "bx", "by", "bx"], lambda one: one[0], lambda one: one[1])
     ['bx', 'bx']

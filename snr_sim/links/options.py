@@ -1,4 +1,4 @@
-"""LinkOptions: what all kinds of links are told, checked where it is said."""
+"""LinkOptions: options of all kinds of links, checked where they are set."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ MAX_KEY_CHARS = 256
 
 @dataclass(frozen=True)
 class LinkOptions:
-    """What all kinds of links are told.
+    """Options of all kinds of links.
 
     Args:
         name: the link is `link_<name>`, as a component and as a page.
-        keys: pages of these go out.
-        accept: pages of these may come in; None is any.
-        max_frame_bytes: the longest page, as it crosses.
-        queue_pages: how many may wait to be sent to one far end, and for anybody to come for the first time.
-        policy: what happens when more would.
-        keep_alive_s: how often the far end is asked whether it is there.
-        timeout_s: after how much silence it counts as gone.
-        faults: of what this end sends.
+        keys: pages of these keys are sent.
+        accept: keys of the pages to accept; None accepts any.
+        max_frame_bytes: maximum size of a page, as it is sent.
+        queue_pages: maximum number of pages that wait for one peer, and for the first peer to connect.
+        policy: what happens when a queue is full.
+        keep_alive_s: period between pings.
+        timeout_s: silence after which a peer counts as gone.
+        faults: faults to inject in what this end sends.
 
     Raises:
-        ParameterError: a number or the policy makes no sense; or a far end would count as gone between two signs of it.
+        ParameterError: a number or the policy is invalid; or `timeout_s` is less than two ping periods.
     """
 
     name: str
@@ -62,7 +62,7 @@ class LinkOptions:
             raise ParameterError(f"A link with faults={self.faults!r}.", fix="Faults(loss=0.1), or None.")
 
     def for_end(self, keys: DataKey | Iterable[DataKey], accept: Iterable[DataKey] | None) -> LinkOptions:
-        """Return the same for one end: pages of `keys` go out there, those of `accept` may come in; None is any."""
+        """Return the same for one end, which sends pages of `keys` and accepts those of `accept`; None accepts any."""
         return replace(self, keys=as_keys(keys), accept=None if accept is None else frozenset(as_keys(accept)))
 
 

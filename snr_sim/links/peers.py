@@ -1,4 +1,4 @@
-"""Peers: the far ends that a link talks to in sessions, over sockets, pipes, or simulated; and what waits for them."""
+"""Peers: the remote peers that a link has sessions with, over sockets, pipes or simulated, and their queues."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ SHOWN_KEYS = 5
 
 
 class Peer:
-    """One far end.
+    """One remote peer.
 
     Args:
         session: with it.
         options: of the link.
-        way: what faults do to what is sent to it, if any.
+        way: injects faults into what is sent to it, if any.
     """
 
     def __init__(self, session: Session, options: LinkOptions, way: Way | None) -> None:
@@ -36,20 +36,20 @@ class Peer:
         self.queue: SendQueue[bytes] = SendQueue(options.queue_pages, options.policy)
         self.way = way
         self.sent = 0
-        self.dropped = 0  # beside those its queue dropped
+        self.dropped = 0  # in addition to those that its queue dropped
 
     @property
     def all_dropped(self) -> int:
-        """Pages that did not get across, as far as this end knows."""
+        """Number of pages known at this end not to have arrived."""
         return self.dropped + self.queue.dropped
 
     @property
     def waiting(self) -> int:
-        """Pages that wait to be sent."""
+        """Number of pages that wait to be sent."""
         return len(self.queue)
 
     def takes(self, frame: bytes) -> bool:
-        """Whether the far end takes a frame of this length; counted as dropped if not."""
+        """Whether the remote peer accepts a frame of this length; counts the page as dropped if not."""
         hello = self.session.peer
         if hello is not None and len(frame) - HEADER_BYTES <= hello.max_frame_bytes:
             return True
@@ -57,13 +57,13 @@ class Peer:
         return False
 
     def put(self, frame: bytes) -> None:
-        """Have a page sent; on the node's thread, at once or soon, but never waiting."""
+        """Send or queue a page; on the node's thread, without blocking."""
         raise NotImplementedError
 
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """A page, and the frame that it is sent in; as long as that."""
+    """A page and its frame. Its length is that of the frame."""
 
     page: Page
     frame: bytes
@@ -73,7 +73,7 @@ class Kept:
 
 
 class EarlyPages(SendQueue[Kept]):
-    """What is stored before a link is first up, up to the bound of its queue; counts what had to go for each key."""
+    """Pages stored before the link is first up, up to the queue's limit; counts the dropped ones per key."""
 
     def __init__(self, max_pages: int, policy: Policy) -> None:
         super().__init__(max_pages, policy)
@@ -85,7 +85,7 @@ class EarlyPages(SendQueue[Kept]):
 
     @property
     def loss(self) -> str:
-        """What had to go, in words; empty if nothing had to."""
+        """Return which pages were dropped, as text; empty if none were."""
         if not self.gone:
             return ""
         most = ", ".join(f"{key} {count}" for key, count in self.gone.most_common(SHOWN_KEYS))
@@ -100,40 +100,40 @@ class EarlyPages(SendQueue[Kept]):
 class Peers:
     """Keeps one session and one queue per far end.
 
-    Whoever comes first gets all that was stored before, as far as the queue's bound goes. Who comes when all others
-    have gone gets the newest page of each key: what is old by then would only hold up what is new.
+    The first peer to connect gets all pages stored before, up to the queue's limit. A peer that connects after all
+    others have gone gets only the newest page of each key: the old ones would delay the new ones.
 
     Args:
-        link: whose far ends they are.
+        link: the link they belong to.
         terms: of its sessions.
-        least_transit_s: of what is sent, if it is simulated.
+        least_transit_s: minimum transit time of what is sent, if simulated.
     """
 
     def __init__(self, link: Link, terms: Terms, least_transit_s: float = 0.0) -> None:
         self.terms = terms
-        self.up: tuple[Peer, ...] = ()  # never changed in place, so any thread may read it
+        self.up: tuple[Peer, ...] = ()  # replaced and never changed, so any thread may read it
         self._link = link
         link.reason = "nobody has connected yet."
         self._node = link.parent
         self._options = link.options
         self._least_transit_s = least_transit_s
         self._decode = partial(decode_message, is_wanted=link.is_wanted)
-        self._was_left = False  # whether the last who went said goodbye
-        self._lost = self._duplicated = 0  # by faults, on the ways to far ends that have gone
+        self._was_left = False  # whether the last peer that left said goodbye
+        self._lost = self._duplicated = 0  # by faults, on channels to peers that have left
         self._early = EarlyPages(link.options.queue_pages, link.options.policy)
         self._was_up = False
-        self._newest: dict[DataKey, Kept] = {}  # stored while nobody was there any more
+        self._newest: dict[DataKey, Kept] = {}  # stored after all peers had left
         self._numbers = itertools.count(1)
-        self._warned: set[str] = set()  # of names that mean two nodes
-        self._meeting = threading.Lock()  # held while a page is put for all peers, and when one comes or goes
+        self._warned: set[str] = set()  # of node names that two nodes have
+        self._meeting = threading.Lock()  # held while a page is queued for all, or a peer added or removed
 
     def notes(self) -> list[str]:
-        """Return what was lost before anybody had connected, and which names meant two nodes."""
+        """Return notes on pages lost before the first connection and on node names used twice."""
         return [words for words in (self._early.loss, *sorted(self._warned)) if words]
 
     def carry(self, page: Page, raw: bytes, frame: bytes, by: object) -> None:
-        """Put a page for all that are up but the one that brought it, or keep it for who comes; see Transport."""
-        with self._meeting:  # so that nothing is put for a peer whose pages have been counted for the last time
+        """Queue a page for all peers that are up except its sender, or keep it for the next peer; see Transport."""
+        with self._meeting:  # so that no page is put for a peer after its last count
             peers = self.up
             if not peers and by is None:
                 self._keep(page, frame)
@@ -142,17 +142,17 @@ class Peers:
                     peer.put(frame)
 
     def _is_for(self, peer: Peer, page: Page, peers: Iterable[Peer]) -> bool:
-        """Whether a far end has not made this page itself, as far as names tell; told apart if two have one name."""
+        """Whether a peer should get this page: not if it made the page, as far as node names are unique."""
         name = peer.session.peer_node
         if name != page.origin:
             return True
-        if name == self._node.name:  # made here, and the far end would take it for its own
+        if name == self._node.name:  # the peer has the same name as this node and would take the page for its own
             peer.dropped += 1
             return False
         return any(other is not peer and other.session.peer_node == name for other in peers)
 
     def _names_meant_twice(self, peers: Iterable[Peer]) -> str:
-        """Return what is wrong with the names of this end and the far ends, in words."""
+        """Return which node names of this end and the peers are used twice, as text."""
         sessions: dict[str, Session] = {}
         for session in (peer.session for peer in peers):
             name = session.peer_node
@@ -162,7 +162,7 @@ class Peers:
                     "give one of the roles another name."
                 )
             other = sessions.setdefault(name, session)
-            # Not if one has been silent since the other came: then somebody lost a connection and called again.
+            # No warning if one was silent since the other connected: then one node reconnected.
             both_s = max(session.begun_s, other.begun_s) + self._options.keep_alive_s
             if other is not session and min(session.heard_s, other.heard_s) > both_s:
                 return (
@@ -173,7 +173,7 @@ class Peers:
 
     @property
     def unsent(self) -> int:
-        """How many pages wait for somebody to come."""
+        """Number of pages that wait for a peer to connect."""
         return len(self._early) + len(self._newest)
 
     def _keep(self, page: Page, frame: bytes) -> None:
@@ -183,12 +183,12 @@ class Peers:
             self._early.put(kept)
             self._link.dropped += self._early.dropped - before
             return
-        if self._newest.pop(page.key, None) is not None:  # taken out, so that the order is that of storing
+        if self._newest.pop(page.key, None) is not None:  # removed first, so that the dict keeps the order of storing
             self._link.dropped += 1
         self._newest[page.key] = kept
 
     def admit(self, peer: Peer) -> None:
-        """Begin with a session that is up: what waits for somebody goes first, then whatever is stored from now on."""
+        """Start to send to a session that is up: waiting pages first, then each page as it is stored."""
         with self._meeting:
             kept = [*self._early.take(), *self._newest.values()]
             self._newest.clear()
@@ -201,7 +201,7 @@ class Peers:
             self._link.log.warning("%s: %s", self._link.name, self._early.loss)
 
     def dismiss(self, peer: Peer) -> None:
-        """Forget a session that is over: what still waited for it is dropped."""
+        """Remove a session that is over, and drop the pages that wait for it."""
         with self._meeting:
             self.up = tuple(other for other in self.up if other is not peer)
         self._link.dropped += peer.all_dropped + peer.waiting
@@ -213,21 +213,21 @@ class Peers:
         self._was_left = peer.session.was_left
 
     def farewell(self) -> str:
-        """Return what is said to far ends when this one ends in order."""
+        """Return the goodbye message that peers get when this end closes in good order."""
         why = (self._node.exit_reason or "").rstrip(".")
         return f"node '{self._node.name}' ended{f': {why}' if why else ''}."
 
     def new_session(self, nonce: bytes | None = None) -> Session:
-        """Return a session with a new far end; its nonce is random if not given."""
+        """Return a session with a new peer; its nonce is random if not given."""
         return Session(self.terms, self._link.get_time_s(), self._decode, nonce)
 
     def new_way(self) -> Way:
-        """Return the way out to a new far end: each session has a luck of its own, the same in every run."""
+        """Return the outgoing channel of a new peer: each session has its own random numbers, the same in every run."""
         name = f"link:{self._link.name}:{self._node.role}:{next(self._numbers)}"
         return Way(self._options.faults or Faults(), self._node.seed, name, self._least_transit_s)
 
     def state(self, now_s: float) -> dict[str, Any]:
-        """Return how the link is, and each far end; see `Transport.state`."""
+        """Return the state of the link and of each peer; see `Transport.state`."""
         peers, link = self.up, self._link
         words = self._names_meant_twice(peers)
         if words and words not in self._warned:

@@ -1,4 +1,4 @@
-"""Links over a `multiprocessing.Pipe()`: between processes of one machine, without an address. Frames, no pickles."""
+"""Links over a `multiprocessing.Pipe()`: between processes of one machine, without an address. Frames, not pickles."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
 
 def port_of(conn: Connection) -> SocketPort:
-    """Return one end of a two-way pipe as a port, which takes its place: POSIX makes such a pipe of two sockets.
+    """Return one end of a two-way pipe as a port, which owns its descriptor: POSIX makes such a pipe of two sockets.
 
     Raises:
-        LinkError: it is one-way, or this system makes its pipes of something else.
+        LinkError: it is one-way, or this system does not make its pipes of sockets.
     """
     if os.name == "nt":
         raise LinkError("Links over pipes need a POSIX system.", fix="SocketsPair(('127.0.0.1', 0)).")
@@ -43,13 +43,13 @@ class PipeLoopFactory(LoopFactory):
     """Makes a link over one end of a pipe.
 
     Args:
-        conn: one end of `multiprocessing.Pipe()`; the other is for the other process.
-        data_keys: pages of these go out.
-        accept: pages of these may come in; any if None.
+        conn: one end of `multiprocessing.Pipe()`; the other process gets the other.
+        data_keys: pages of these keys are sent.
+        accept: keys of the pages to accept; any if None.
         name: the link is component and page `link_<name>`.
-        is_first: whether this is the end that greets first; nothing depends on which of them does.
-        meeting: where both ends meet under a SimClock; without it such a link is down.
-        options: all else.
+        is_first: whether this end greets first; it does not matter which of them does.
+        meeting: where both ends meet under a SimClock; without it, the link is down there.
+        options: all other options.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class PipeLoopFactory(LoopFactory):
             max_frame_bytes=self.options.max_frame_bytes,
             keep_alive_s=self.options.keep_alive_s,
             timeout_s=self.options.timeout_s,
-            greeting_s=float("inf"),  # the other process may take its time to start, and a pipe is made only once
+            greeting_s=float("inf"),  # the other process may start late, and a pipe is made only once
         )
         return Link(
             self,
@@ -96,10 +96,10 @@ class PipeLoopFactory(LoopFactory):
 
 
 class PipesPair:
-    """A pipe and the links at its two ends, named as those of a SocketsPair.
+    """A pipe and the links at its two ends, with the method names of SocketsPair.
 
     Args:
-        options: of both; keys are given to `client` and `server`.
+        options: of both; keys are passed to `client` and `server`.
     """
 
     def __init__(self, options: LinkOptions | None = None) -> None:
@@ -125,11 +125,11 @@ class PipesPair:
 
 
 class PipeEnd(Streams):
-    """One stream, from begin to end: a pipe that is closed does not come back.
+    """One stream, from begin to end: a pipe that is closed cannot be opened again.
 
     Args:
         link, terms: as of Streams.
-        conn: its end of the pipe.
+        conn: this link's end of the pipe.
     """
 
     def __init__(self, link: Link, terms: Terms, conn: Connection) -> None:
@@ -139,5 +139,5 @@ class PipeEnd(Streams):
     def open(self, ports: ExitStack) -> None:
         """Begin the session; see Transport."""
         super().open(ports)
-        if not self.link.is_shut:  # else the link's failure has closed the pipe, and it stays down
+        if not self.link.is_shut:  # after a failure the pipe is closed and stays down
             self._add_stream(port_of(self._conn), "pipe")

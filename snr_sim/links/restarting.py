@@ -1,4 +1,4 @@
-"""RestartingLoop: a loop over ports that any program can reach. A failure restarts the loop and never ends its node."""
+"""RestartingLoop: loop over ports that any program can reach. A failure restarts the loop and never ends its node."""
 
 from __future__ import annotations
 
@@ -10,38 +10,38 @@ from snr_sim.core.loop import Loop
 from snr_sim.links.back_off import BackOff
 from snr_sim.links.session import on_one_line
 
-STEADY_S = 5.0  # a loop that ran this long without a failure waits shortly before it opens again
+STEADY_S = 5.0  # after this long without a failure, the loop waits only briefly before it opens again
 
 
 class RestartingLoop(Loop):
-    """Calls `_round` again and again; if that raises, closes everything and opens it again after a back-off.
+    """Calls `_round` repeatedly; if that raises, closes everything and opens it again after a back-off.
 
-    What a loop of the robot raises is a mistake in the robot and ends the node. What is raised here was caused by what
-    came over the network: another program must not end the robot's program with it.
+    An exception in a loop of the robot is a mistake in the robot and ends the node. An exception here was caused by
+    data from the network: another program must not be able to end the robot's program.
     """
 
-    restarts = True  # False in a simulation without ports: there a failure is our own, and ends the node as any loop's
-    failures = 0  # errors that no byte of a far end should cause: each closed a stream, or the whole loop
+    restarts = True  # False in a simulation without ports: a failure there is our own, and ends the node
+    failures = 0  # errors that no data of a peer should cause: each closed a stream, or the whole loop
     is_shut = False  # from a failure until everything is open again
     _failure = ""  # the last reason, logged once
     _opened_s = float("-inf")
 
     def _open_ports(self, ports: ExitStack) -> None:
-        """Open what the loop waits for, and push onto `ports` how to close it."""
+        """Open what the loop waits for, and push callbacks that close it onto `ports`."""
         raise NotImplementedError
 
     def _round(self) -> None:
-        """Wait until something happens, and act on it."""
+        """Wait for an event, and handle it."""
         raise NotImplementedError
 
     def _see_off(self) -> None:
-        """Say goodbye to all far ends before everything is closed."""
+        """Say goodbye to all peers before everything is closed."""
 
     def _show_down(self, reason: str) -> None:
         """Publish why the loop is shut."""
 
     def _open(self) -> None:
-        with ExitStack() as ports:  # what raises halfway leaves nothing open
+        with ExitStack() as ports:  # closes what was opened before an exception
             self._open_ports(ports)
             self._ports = ports.pop_all()
 
@@ -50,7 +50,7 @@ class RestartingLoop(Loop):
         self._ports.close()
 
     def setup(self) -> None:
-        """Start to count how long the loop runs without a failure."""
+        """Start to measure how long the loop runs without a failure."""
         self._restarts = BackOff()
         self._opened_s = self.get_time_s()
 
@@ -86,7 +86,7 @@ class RestartingLoop(Loop):
         self.attempt(self._shut)
 
     def attempt(self, step: Callable[[], object]) -> None:
-        """Do one step of closing; what it raises is logged."""
+        """Do one step of closing; log what it raises."""
         try:
             step()
         except Exception:
@@ -96,7 +96,7 @@ class RestartingLoop(Loop):
 
 
 def error_text(error: Exception) -> str:
-    """Return what an error says: the system's text for its own errors, else with the error's type.
+    """Return an error's message: the system's text for its own errors, otherwise with the error's type.
 
     >>> error_text(KeyError("x"))
     "KeyError: 'x'"

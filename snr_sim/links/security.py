@@ -1,4 +1,4 @@
-"""Who may talk to a node: shared secrets, addresses, certificates."""
+"""Access control of a node: shared secrets, addresses, certificates."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ def as_secret(secret: str | bytes | None, source: str = "secret=") -> bytes | No
     """Return a shared secret as bytes; None stays None.
 
     Raises:
-        ConfigError: it is neither text nor bytes, is text that cannot be written, or too short to be one.
+        ConfigError: it is neither text nor bytes, cannot be encoded, or is too short.
     """
     if secret is None:
         return None
-    if not isinstance(secret, (str, bytes)):  # bytes(20) would be twenty zeros, which everybody knows
+    if not isinstance(secret, (str, bytes)):  # bytes(20) would be twenty zero bytes, which is not a secret
         raise ConfigError(
             f"The shared secret ({source}) is of type {type(secret).__name__}.",
             fix="text or bytes; secret_from_file(path) and secret_from_env(name) read one.",
@@ -49,10 +49,10 @@ def as_secret(secret: str | bytes | None, source: str = "secret=") -> bytes | No
 
 
 def secret_from_file(path: str | Path) -> bytes:
-    """Return the shared secret that stands in a file, without white space around it.
+    """Return the shared secret in a file, without white space around it.
 
     Raises:
-        ConfigError: the file cannot be read, or what it holds is too short.
+        ConfigError: the file cannot be read, or its content is too short.
     """
     try:
         raw = Path(path).read_bytes().strip()
@@ -68,7 +68,7 @@ def secret_from_env(name: str) -> bytes:
     """Return the shared secret in an environment variable.
 
     Raises:
-        ConfigError: the variable is not set, or what it holds is too short.
+        ConfigError: the variable is not set, or its value is too short.
     """
     if name not in os.environ:
         raise ConfigError(
@@ -81,19 +81,19 @@ def secret_from_env(name: str) -> bytes:
 def derive_key(secret: bytes, use: str, client_hello: bytes, server_hello: bytes) -> bytes:
     """Return 32 bytes that only ends with this secret can compute, for one use in one session.
 
-    Both greetings are in it as they crossed, and so purpose, names and nonces: it is worth nothing in another session,
-    at another port, or where somebody changed a greeting.
+    The key depends on both greetings as they were sent, and so on purpose, names and nonces. So it is of no use in
+    another session, at another port, or after a greeting was changed in transit.
 
     Args:
-        use: "client proof", "server proof", "client frames" or "server frames"; the sides differ, so what one end
+        use: "client proof", "server proof", "client frames" or "server frames". The sides differ, so that what one end
             sends cannot be sent back to it.
-        client_hello, server_hello: their frames, the length included.
+        client_hello, server_hello: frames of the greetings, including the length.
     """
     return hmac.digest(secret, f"snr 2 {use}\0".encode() + client_hello + server_hello, "sha256")
 
 
 def as_networks(allow: Iterable[str]) -> tuple[Network, ...]:
-    """Return addresses and networks as such.
+    """Parse addresses and networks.
 
     Raises:
         ConfigError: one is neither.
@@ -108,7 +108,7 @@ def as_networks(allow: Iterable[str]) -> tuple[Network, ...]:
     networks = []
     for text in listed:
         try:
-            if isinstance(text, (int, bytes)):  # which would be taken for the number of an address
+            if isinstance(text, (int, bytes)):  # which would be taken as the number of an address
                 raise ValueError("it is no text")
             networks.append(ipaddress.ip_network(text))
         except ValueError as error:
@@ -128,7 +128,7 @@ def is_loopback(host: str) -> bool:
 
 
 def as_host(address: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
-    """Return a peer's address, that of IPv4 if it stands in one of IPv6; None if it is none.
+    """Return a peer's address; that of IPv4 if it is mapped into IPv6; None if it is not an address.
 
     >>> as_host("::ffff:192.0.2.1"), as_host("fe80::1%eth0"), as_host("localhost")
     (IPv4Address('192.0.2.1'), IPv6Address('fe80::1'), None)
@@ -153,14 +153,14 @@ class Tls:
     Args:
         certificate: of the server, with the chain up to its authority.
         key: of that certificate.
-        authority: signed the server's certificate; clients trust nobody else.
-        server_name: the name clients expect in the certificate; the host they call if not given.
-        client_authority: signed the clients' certificates; if given, a server takes only clients that have one.
+        authority: signed the server's certificate; clients trust no other.
+        server_name: the name that clients expect in the certificate; the host they call if not given.
+        client_authority: signed the clients' certificates; if given, a server accepts only clients that have one.
         client_certificate: of the client.
         client_key: of that certificate.
 
     Raises:
-        ConfigError: something that is no file's name.
+        ConfigError: a value is not a file name.
     """
 
     certificate: FileName = None
@@ -181,20 +181,20 @@ class Tls:
                 raise ConfigError(f"TLS with {field.name}={value!r}.", fix=f"{what}.")
 
     def server_context(self) -> ssl.SSLContext:
-        """Return what a server needs.
+        """Return the context of a server.
 
         Raises:
-            ConfigError: a file is missing or is not what it should be.
+            ConfigError: a file is missing or invalid.
         """
         if self.certificate is None:
             raise ConfigError("TLS without the server's certificate.", fix="Tls(certificate=..., key=...).")
         return _context(True, self.certificate, self.key, self.client_authority)
 
     def client_context(self) -> ssl.SSLContext:
-        """Return what a client needs.
+        """Return the context of a client.
 
         Raises:
-            ConfigError: a file is missing or is not what it should be.
+            ConfigError: a file is missing or invalid.
         """
         if self.authority is None:
             raise ConfigError("TLS without the authority that signed the server.", fix="Tls(authority=...).")
@@ -202,8 +202,8 @@ class Tls:
 
 
 def _context(is_server: bool, certificate: FileName, key: FileName, authority: FileName) -> ssl.SSLContext:
-    """Return a context with an own certificate, if there is one, that takes those of an authority, if there is one."""
-    import ssl  # 10 ms, and most links do without
+    """Return a context with our own certificate and the authority to trust, as far as they are given."""
+    import ssl  # takes 10 ms, and most links do not use TLS
 
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER if is_server else ssl.PROTOCOL_TLS_CLIENT)
     context.minimum_version = ssl.TLSVersion.TLSv1_2

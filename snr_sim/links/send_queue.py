@@ -1,4 +1,4 @@
-"""SendQueue: frames that wait to be sent to one far end. Bounded, so that who does not read costs no memory."""
+"""SendQueue: frames that wait to be sent to one peer. Bounded, so that a peer that does not read costs no memory."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from typing import Generic, Literal, TypeAlias, TypeVar, get_args
 from snr_sim.prelude.errors import ParameterError
 
 Policy: TypeAlias = Literal["drop_oldest", "refuse"]
-Frame = TypeVar("Frame", bound=Sized)  # bytes, or what has their number as its length
+Frame = TypeVar("Frame", bound=Sized)  # bytes, or an object whose length is their number
 
 MAX_WAITING_BYTES = 1 << 26  # 64 MiB: of all frames that wait, whatever their number
 
 
 class SendQueue(Generic[Frame]):
-    """First in, first out; when it is full, a page is dropped and counted, and nobody waits.
+    """First in, first out; a full queue drops and counts a page, and never blocks.
 
     Args:
-        max_pages: how many may wait.
-        policy: which page goes when it is full: "drop_oldest", or "refuse" the newest.
-        max_bytes: of all that wait; a frame longer than this may wait alone.
+        max_pages: maximum number of frames that wait.
+        policy: which page a full queue drops: "drop_oldest", or "refuse" the newest.
+        max_bytes: limit of all frames together; a longer frame may wait alone.
 
     Raises:
-        ParameterError: `max_pages` is less than 1, or there is no such policy.
+        ParameterError: `max_pages` is less than 1, or the policy is unknown.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class SendQueue(Generic[Frame]):
         return len(self._frames)
 
     def put(self, frame: Frame) -> bool:
-        """Take a frame in; return whether it now waits. Frames that had to go for it are counted in `dropped`.
+        """Add a frame; return whether it now waits. Frames dropped for it are counted in `dropped`.
 
         >>> queue = SendQueue(max_pages=2)
         >>> [queue.put(frame) for frame in (b"a", b"b", b"c")], queue.take(), queue.dropped
@@ -62,7 +62,7 @@ class SendQueue(Generic[Frame]):
         return True
 
     def take(self, max_bytes: int | None = None) -> list[Frame]:
-        """Return the oldest frames and forget them: at least one if any waits, and not many more bytes than asked."""
+        """Remove and return the oldest frames: at least one if any waits, and about `max_bytes` at most."""
         frames: list[Frame] = []
         taken_bytes = 0
         while self._frames and (max_bytes is None or taken_bytes < max_bytes):

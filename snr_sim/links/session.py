@@ -1,7 +1,7 @@
-"""Session: what two ends of a link say to each other, without a port and without a clock.
+"""Session: the protocol between the two ends of a link, without a port and without a clock.
 
-Bytes in, messages out; bytes to send; and a state. Time is an argument. So a silent peer, a wrong secret or a
-flood of nonsense is a test of a few lines, and TCP, pipes and simulated links all behave alike:
+Bytes in, messages and bytes to send out, and a state. Time is an argument. So a silent peer, a wrong secret or a
+flood of invalid bytes takes a few lines to test, and TCP, pipes and simulated links all behave alike:
 
     greeting -> (proving) -> up -> closed
 """
@@ -40,20 +40,20 @@ from snr_sim.links.security import derive_key
 from snr_sim.prelude.errors import FrameTooLarge, SnrError
 from snr_sim.prelude.text import printable
 
-# Whoever has not said hello yet gets no more of our memory than this.
+# An end that has not sent its hello yet gets no more of our memory than this.
 MAX_GREETING_BYTES = 4096
-# The first frames of each end with a secret, hello and auth, are for ends that do not know each other yet. Later ones
-# have a MAC.
+# With a secret, the first frames of each end (hello and auth) have no MAC, since the ends are not authenticated yet.
+# Later frames have one.
 FRAMES_WITHOUT_MAC = 2
-# Answers that wait because the other end does not read them; beyond this it is left.
+# Limit of answers that wait because the other end does not read; beyond it the session is closed.
 MAX_WAITING_BYTES = 1 << 16
-# Of so many pings the quickest counts for the clocks' offset: more, and clocks that drift apart would be noticed late.
+# The quickest of so many pings determines the clock offset. With more, a drift between the clocks shows up late.
 OFFSETS_REMEMBERED = 8
 _CONTROL = frozenset(get_args(Control))
 
 
 class State(StrEnum):
-    """Where a session stands."""
+    """State of a session."""
 
     greeting = "greeting"
     proving = "proving"
@@ -61,23 +61,23 @@ class State(StrEnum):
     closed = "closed"
 
 
-_UP, _CLOSED = State.up, State.closed  # looked up once: in Python 3.11 a member of an Enum takes 0.1 us to find
+_UP, _CLOSED = State.up, State.closed  # looked up once: in Python 3.11 access to an Enum member takes 0.1 us
 
 
 @dataclass(frozen=True)
 class Terms:
-    """What one end brings to its sessions.
+    """One end's settings for its sessions.
 
     Args:
-        node: name of its node.
-        is_server: whether it is the end that was called.
-        secret: shared by both ends; None asks for none.
-        purpose: what the port is for.
-        max_frame_bytes: the longest payload it takes.
-        keep_alive_s: how often it asks whether the other is there.
-        timeout_s: how long it may hear nothing.
-        greeting_s: how long a greeting may take; `timeout_s` if None.
-        secret_is: what people know the secret as, and how it is given.
+        node: name of the node.
+        is_server: whether this is the end that accepts connections.
+        secret: shared by both ends; None requires none.
+        purpose: protocol of the port.
+        max_frame_bytes: the longest payload it accepts.
+        keep_alive_s: period between pings.
+        timeout_s: silence after which the session ends.
+        greeting_s: maximum duration of the greeting; `timeout_s` if None.
+        secret_is: what users call the secret, and how they pass it; for messages.
     """
 
     node: str
@@ -92,12 +92,12 @@ class Terms:
 
 
 class Session:
-    """One end of a conversation. Not for two threads at a time.
+    """One end of a connection. Not thread-safe.
 
     Args:
-        terms: of this end.
-        now_s: the time; of any clock, but always the same one.
-        decode: of payloads; what it returns beside control messages is what `receive` hands out.
+        terms: settings of this end.
+        now_s: the time, always of the same clock.
+        decode: decodes payloads; `receive` returns its results, except for control messages.
         nonce: of this session; random if not given.
     """
 
@@ -110,18 +110,18 @@ class Session:
     ) -> None:
         self.terms = terms
         self.state = State.greeting
-        self.reason = ""  # why it closed, in words
-        self.was_refused = False  # by either end: trying again soon is of no use
+        self.reason = ""  # why it closed, as text
+        self.was_refused = False  # by either end: an early retry is of no use
         self.was_left = False  # by the other end, in good order
-        self.was_forged = False  # by what is between the two ends
+        self.was_forged = False  # a frame was changed between the two ends
         self.peer: Hello | None = None
-        self.peer_node = ""  # name of the other end's node, once it said so
+        self.peer_node = ""  # name of the other end's node, once received
         self.rtt_s: float | None = None
-        # What to add to a time of the other end's clock to have it in ours; too large by a one-way latency at most.
+        # Add this to a time of the other end's clock to get our time; too large by at most a one-way latency.
         self.clock_offset_s: float | None = None
         self.heard_s = now_s
-        self.received = 0  # messages handed out
-        self.rejected = 0  # once it was up, that were none of the messages, or beyond their bounds
+        self.received = 0  # messages returned by `receive`
+        self.rejected = 0  # while it was up: invalid messages, or values beyond their bounds
         self._decode = decode
         self._reader = FrameReader(min(MAX_GREETING_BYTES, terms.max_frame_bytes))
         self._nonce = (nonce or os.urandom(NONCE_BYTES)).hex()
@@ -130,10 +130,10 @@ class Session:
         self._offsets_s: deque[float] = deque(maxlen=OFFSETS_REMEMBERED)
         self._outbox: list[bytes] = []
         self._outbox_bytes = 0
-        self._sealed = 0  # frames that went through `seal` and got no MAC
-        self._mac_out: FrameMac | None = None  # both once the other end has greeted, if there is a secret
+        self._sealed = 0  # frames that went through `seal` without a MAC
+        self._mac_out: FrameMac | None = None  # both are set after the other end's hello, if there is a secret
         self._mac_in: FrameMac | None = None
-        self._proofs = ("", "")  # of this end, and what the other end's must be
+        self._proofs = ("", "")  # of this end, and the expected one of the other end
         self._hello = encode_frame(
             encode_message(
                 Hello(
@@ -151,57 +151,57 @@ class Session:
 
     @property
     def is_up(self) -> bool:
-        """Whether the other end is known, proven and not gone."""
+        """Whether the other end is known, authenticated and not gone."""
         return self.state is _UP
 
     @property
     def is_closed(self) -> bool:
-        """Whether it is over; `reason` says why."""
+        """Whether it is over; `reason` is then set."""
         return self.state is _CLOSED
 
     @property
     def wants_attention(self) -> bool:
-        """Whether there is something to send, or it is over."""
+        """Whether there is something to send, or the session is over."""
         return bool(self._outbox) or self.state is _CLOSED
 
     @property
     def missing_bytes(self) -> int:
-        """How many bytes of the frame that has begun are still to come."""
+        """Number of bytes of an incomplete frame that are still missing."""
         return self._reader.missing_bytes
 
     def take_output(self) -> list[bytes]:
-        """Return the frames that are to be sent, in order and not sealed yet, and forget them."""
+        """Return and forget the frames to send, in order and not sealed yet."""
         frames, self._outbox, self._outbox_bytes = self._outbox, [], 0
         return frames
 
     def seal(self, frame: bytes) -> bytes:
-        """Return a frame as it crosses: with its MAC, if there is a secret.
+        """Return a frame as it is sent: with its MAC, if there is a secret.
 
-        Every frame of the session, those of `take_output` and all others, once and in the order in which they cross.
-        So not before it is certain that a frame is sent, and which is next; and by one thread at a time.
+        Call it once for every frame of the session, from `take_output` and elsewhere, in sending order. So call it
+        only when it is certain that the frame is sent, and is the next one; from one thread at a time.
         """
         mac = self._mac_out
         if mac is not None and self._sealed >= FRAMES_WITHOUT_MAC:
             return mac.seal(frame)
-        self._sealed += 1  # before it has greeted, the other end gets no more than a hello and a last word
+        self._sealed += 1  # before the other end's hello, it gets only a hello and a last message
         return frame
 
     def receive(self, data: bytes, now_s: float) -> list[Any]:
-        """Take bytes as they come; return the messages in them that are none of the session's own: pages.
+        """Take bytes as they arrive; return the messages in them that are not the session's own: pages.
 
-        Never raises, whatever the bytes: what is wrong closes the session, and `reason` says so.
+        Never raises, whatever the bytes: an error closes the session, and `reason` describes it.
         """
         taken: list[Any] = []
         if self.state is _CLOSED:
             return taken
         self.heard_s = now_s
         try:
-            # One at a time until both know each other: only then does the other end's limit grow.
+            # One at a time until both are authenticated: only then does the other end's size limit grow.
             while self.state is not _UP:
                 frames, data = self._reader.feed(data, at_most=1), b""
                 if not frames:
                     return taken
-                # Who is not known yet is not even listened to beyond the greeting.
+                # Of an end that is not authenticated yet, only the greeting is read.
                 self._answer_greeting(frames[0], now_s)
                 if self.state is _CLOSED:
                     return taken
@@ -229,11 +229,11 @@ class Session:
         return taken
 
     def forgive_silence(self, now_s: float) -> None:
-        """Forgive the other end its silence: it was this end that did not read."""
+        """Reset the idle timer, because it was this end that did not read."""
         self.heard_s = now_s
 
     def tick(self, now_s: float) -> None:
-        """Do what time asks for: asks whether the other end is there; close if it has not been for too long."""
+        """Do what is due: ping the other end; close the session if it has been silent for too long."""
         if self.state is State.closed:
             return
         terms = self.terms
@@ -258,15 +258,15 @@ class Session:
             self._close(reason)
 
     def refuse(self, reason: str) -> None:
-        """End the session and tell the other end what was wrong with it."""
+        """End the session and send the reason to the other end."""
         if self.state is not State.closed:
-            reason = on_one_line(reason)  # it may quote what came
+            reason = on_one_line(reason)  # it may quote received text
             self._say(Refused(reason))
             self.was_refused = True
             self._close(reason)
 
     def lost(self, reason: str) -> None:
-        """End the session because its port did."""
+        """End the session because its port failed."""
         self._close(reason)
 
     def _close(self, reason: str) -> None:
@@ -288,7 +288,7 @@ class Session:
         self._answer(message, now_s)
 
     def _derive_keys(self, secret: bytes, their_hello: bytes) -> None:
-        """Compute what proves both ends to each other, and the keys of what they send."""
+        """Compute the proofs of both ends, and the keys of the frames in each direction."""
         sides, hellos = ("client", "server"), (self._hello, their_hello)
         if self.terms.is_server:
             sides, hellos = sides[::-1], hellos[::-1]
@@ -312,7 +312,7 @@ class Session:
                 self._check(message, now_s)
             case Ping() if self.state is State.up:
                 self._offsets_s.append(now_s - message.stamp_s)
-                self.clock_offset_s = min(self._offsets_s)  # of the one that was quickest
+                self.clock_offset_s = min(self._offsets_s)  # of the quickest ping
                 self._say(Pong(message.stamp_s))
             case Pong() if self.state is State.up:
                 if message.stamp_s == self._ping_s:
@@ -340,7 +340,7 @@ class Session:
             )
         elif hello.auth != has_secret:
             who, other = (terms.node, hello.node) if has_secret else (hello.node, terms.node)
-            self._meet(hello)  # it is what it should be, and only not to be trusted
+            self._meet(hello)  # recorded, since the hello is valid, although the end is not trusted
             what, fix = terms.secret_is
             self.refuse(f"node '{who}' asks for a {what}, node '{other}' has none. Try: {fix}.")
         else:
@@ -349,7 +349,7 @@ class Session:
                 self._go_up(now_s)
                 return
             self.state = State.proving
-            if not terms.is_server:  # who calls proves first: a server tells strangers nothing
+            if not terms.is_server:  # the client proves first: a server reveals nothing to unauthenticated clients
                 self._say(Auth(self._proofs[0]))
 
     def _meet(self, hello: Hello) -> None:
@@ -367,7 +367,7 @@ class Session:
 
     def _go_up(self, now_s: float) -> None:
         self.state = State.up
-        self._ping(now_s)  # before any page: so the other end knows from the first one on how old ours are
+        self._ping(now_s)  # before any page, so that the other end knows the age of our first page
         self._reader.max_bytes = self.terms.max_frame_bytes + (0 if self._mac_in is None else MAC_BYTES)
 
     def _say(self, message: Control) -> None:
@@ -381,7 +381,7 @@ class Session:
 
 
 def on_one_line(reason: str) -> str:
-    """Return a reason without what a terminal would obey: whoever sent it wrote what an operator reads.
+    """Return a reason without control characters: the remote peer wrote it, and an operator's terminal shows it.
 
     >>> on_one_line("gone.\\n  Try: \\x1b[2J")
     'gone. Try: \\\\x1b[2J'

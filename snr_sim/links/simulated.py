@@ -1,6 +1,6 @@
-"""SimulatedTransport: the ends of a pair under one SimClock. The same sessions and faults as over a wire, and no wire.
+"""SimulatedTransport: the ends of a pair under one SimClock, with the sessions and faults of a real link, and no wire.
 
-So a config of several roles runs as one lock-step simulation, and as processes over TCP, without a change.
+So a config of several roles runs both as one lock-step simulation and as processes over TCP, without a change.
 """
 
 from __future__ import annotations
@@ -22,31 +22,31 @@ One = TypeVar("One")
 
 
 class Meeting(Generic[One]):
-    """Where the servers of one pair, or the nodes of one net, are found, per clock."""
+    """Registry of the servers of one pair, or of the nodes of one net, per clock."""
 
     def __init__(self) -> None:
         self._there: WeakKeyDictionary[SimClock, list[One]] = WeakKeyDictionary()
 
     def __reduce__(self) -> tuple[type[Meeting[One]], tuple[()]]:
-        """Return an empty one for another process: clocks stay where they are."""
+        """Return an empty one for another process: clocks are not transferred."""
         return Meeting, ()
 
     def on(self, clock: SimClock) -> list[One]:
-        """Return those that are there, in the order in which they came; to be changed in place."""
+        """Return the registered ones, in order of registration; a list to be changed in place."""
         return self._there.setdefault(clock, [])
 
     def leave(self, clock: SimClock, one: One) -> None:
-        """Take one out, if it is there."""
+        """Remove one, if it is registered."""
         if one in self.on(clock):
             self.on(clock).remove(one)
 
 
 class SimulatedPeer(Peer):
-    """A far end in the same process: each frame is delivered when its way says so.
+    """A peer in the same process: each frame is delivered at the time that its channel computes.
 
     Args:
         session, way: as of Peer.
-        near: whose it is.
+        near: the transport it belongs to.
     """
 
     far: SimulatedPeer
@@ -57,15 +57,15 @@ class SimulatedPeer(Peer):
         self.is_admitted = False
         self.is_gone = False
         self._way = way
-        self._is_waiting = False  # for the way to be free
+        self._is_waiting = False  # for the channel to be free
 
     def put(self, frame: bytes) -> None:
-        """Have a page sent."""
+        """Send or queue a page."""
         self.queue.put(frame)
         self.pump()
 
     def pump(self) -> None:
-        """Send what the way takes now; the rest when it is free again."""
+        """Send what the channel takes now; the rest when it is free again."""
         clock = self.near.clock
         for frame in self.session.take_output():
             self._send(frame, is_page=False)
@@ -92,11 +92,11 @@ class SimulatedPeer(Peer):
 
 
 class SimulatedTransport(Transport):
-    """An end of a pair under a SimClock; alone it is down, and runs all the same.
+    """One end of a pair under a SimClock; without the other end it is down, and still runs.
 
     Args:
         link: as of Transport.
-        terms: of its sessions.
+        terms: settings of its sessions.
         meeting: where it finds the other end.
     """
 
@@ -118,11 +118,11 @@ class SimulatedTransport(Transport):
             self.clock.call_at(self.clock.now_s(), self._call, BEFORE_LOOPS)
 
     def state(self, now_s: float) -> dict[str, Any]:
-        """Return how the link is; see Transport."""
+        """Return the state of the link; see Transport."""
         return self.peers.state(now_s)
 
     def notes(self) -> list[str]:
-        """Return what to note; see Transport."""
+        """Return notes for the end of the run; see Transport."""
         return self.peers.notes()
 
     def _call(self) -> None:
@@ -136,9 +136,9 @@ class SimulatedTransport(Transport):
             there.pump()
 
     def meet(self, other: SimulatedTransport) -> SimulatedPeer:
-        """Begin a session with another node."""
+        """Start a session with another node."""
         roles = f"{self.link.parent.role} {other.link.parent.role}"
-        # The same in every run; a secret that nobody listens to needs no better one.
+        # The same in every run. It need not be random: no other program can read what is sent in memory.
         nonce = hashlib.blake2b(roles.encode(), digest_size=NONCE_BYTES).digest()
         peer = SimulatedPeer(self.peers.new_session(nonce), self, self.peers.new_way())
         self._far_ends.append(peer)
@@ -167,7 +167,7 @@ class SimulatedTransport(Transport):
                 self.peers.dismiss(peer)
 
     def round(self) -> None:
-        """Do what time asks for; see Transport."""
+        """Do what is due; see Transport."""
         now_s = self.clock.now_s()
         for peer in list(self._far_ends):
             peer.session.tick(now_s)

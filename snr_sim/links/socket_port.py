@@ -1,4 +1,4 @@
-"""Sockets as ports, and where they are: all that is particular to TCP and TLS about a stream of bytes."""
+"""Sockets as ports, and their addresses: all that is specific to TCP and TLS about a stream of bytes."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 @dataclass
 class Address:
-    """Where a server is.
+    """Address of a server.
 
     Args:
-        host: it binds to, and nothing else.
-        port: 0 takes a free one; once the server listens, this is the one it has.
+        host: the only host it binds to.
+        port: 0 takes a free one; once the server listens, this is the actual port.
     """
 
     host: str
@@ -34,25 +34,25 @@ class Address:
 
 
 class SocketPort:
-    """A socket, perhaps inside TLS, as a stream of bytes that never makes anybody wait.
+    """A socket, with or without TLS, as a non-blocking stream of bytes.
 
     Args:
-        sock: connected.
-        context: of TLS, if wanted.
-        server_name: what its certificate must say; None on the server's side.
+        sock: a connected socket.
+        context: of TLS, if used.
+        server_name: the name that its certificate must contain; None on the server's side.
     """
 
     def __init__(self, sock: socket.socket, context: ssl.SSLContext | None = None, server_name: str | None = None):
         sock.setblocking(False)
-        with suppress(OSError):  # not every family of sockets has it
+        with suppress(OSError):  # not every socket family supports it
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        # Whether one thread may write while another reads, and `select` shows all that has come: not OpenSSL's.
+        # Whether one thread may write while another reads, and `select` shows all that arrived: not so with OpenSSL.
         self.is_shareable = context is None
         self._sock = sock
         self._blocked: tuple[type[Exception], ...] = ()
         self._broken: tuple[type[ssl.SSLError], ...] = ()
         if context is not None:
-            import ssl  # only links with TLS pay for it
+            import ssl  # imported only by links with TLS
 
             self._blocked = (ssl.SSLWantReadError, ssl.SSLWantWriteError)
             self._broken = (ssl.SSLError,)
@@ -61,16 +61,16 @@ class SocketPort:
             )
 
     def fileno(self) -> int:
-        """Return what `select` waits for."""
+        """Return the descriptor that `select` waits for."""
         return self._sock.fileno()
 
     def read(self, most: int) -> bytes:
-        """Return what has come, b"" at the end; raise BlockingIOError if nothing has, OSError if it broke."""
+        """Return what has arrived, b"" at the end; raise BlockingIOError if nothing has, OSError if it broke."""
         if self.is_shareable:
             return self._sock.recv(most)
         chunks: list[bytes] = []
         try:
-            while (left := most - sum(map(len, chunks))) > 0:  # a record has at most 16 KiB, a frame may have more
+            while (left := most - sum(map(len, chunks))) > 0:  # a TLS record has at most 16 KiB, a frame may have more
                 chunks.append(self._sock.recv(left))
                 if not chunks[-1]:
                     break
@@ -82,7 +82,7 @@ class SocketPort:
         return b"".join(chunks)
 
     def has_more(self) -> bool:
-        """Whether bytes can be read that `select` does not show: those that TLS has taken in."""
+        """Whether there are bytes to read that `select` does not show: those in the buffer of TLS."""
         return not self.is_shareable and self._sock.pending() > 0  # type: ignore[attr-defined]
 
     def write(self, data: bytes | memoryview) -> int:
@@ -95,11 +95,11 @@ class SocketPort:
             raise OSError(tls_words(error)) from None
 
     def end_writing(self) -> None:
-        """Tell the far end that nothing more comes."""
+        """Signal the end of the stream to the peer."""
         if self.is_shareable:
             self._sock.shutdown(socket.SHUT_WR)
         else:
-            socket.socket.shutdown(self._sock, socket.SHUT_WR)  # that of TLS would also end reading
+            socket.socket.shutdown(self._sock, socket.SHUT_WR)  # shutdown() of TLS would also end reading
 
     def close(self) -> None:
         """Close the socket."""
@@ -107,11 +107,11 @@ class SocketPort:
 
 
 class ListenerFactory(LoopFactory):
-    """Makes a loop that listens at an address, which may listen before the loop is there; a PortFactory.
+    """Makes a loop that listens at an address; the socket may be opened before the loop exists. A PortFactory.
 
     Args:
-        address: of this machine; the port that a 0 becomes is written there.
-        who: wants it, for the words of an error.
+        address: of this machine; if its port is 0, the actual port is stored there.
+        who: name of the user of the port, for error messages.
     """
 
     def __init__(self, address: Address, who: str) -> None:
@@ -122,16 +122,16 @@ class ListenerFactory(LoopFactory):
 
     @property
     def host(self) -> str:
-        """Where others reach it."""
+        """Host name or address for clients."""
         return self.address.host
 
     @property
     def port(self) -> int:
-        """Its port; when any was asked for, the one it has, once it listens."""
+        """Port of the server; if 0 was requested, the actual one once it listens."""
         return self.address.port
 
     def claim(self) -> None:
-        """Listen already; see PortFactory.
+        """Listen before the loop exists; see PortFactory.
 
         Raises:
             LinkError: the port is taken, or the host is not this machine.
@@ -141,13 +141,13 @@ class ListenerFactory(LoopFactory):
             self.address.port = self._held.getsockname()[1]
 
     def release(self) -> None:
-        """Let go of the port, if no loop has taken it; see PortFactory. Safe to call twice."""
+        """Close the port, if no loop has taken it; see PortFactory. Safe to call twice."""
         if self._held is not None:
             self._held.close()
             self._held = None
 
     def listener(self) -> socket.socket:
-        """Return the socket that listens, for the loop to close; made now if it was not before.
+        """Return the listening socket, which the loop has to close; opened now if it was not before.
 
         Raises:
             LinkError: as of `claim`.
@@ -159,7 +159,7 @@ class ListenerFactory(LoopFactory):
 
 
 def listen(host: str, port: int, who: str = "A link") -> socket.socket:
-    """Return a socket that listens at one address; `who` wants it, for the words of an error.
+    """Return a socket that listens at one address; `who` names its user in error messages.
 
     Raises:
         LinkError: the port is taken, or the host is not this machine.

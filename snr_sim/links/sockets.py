@@ -3,7 +3,7 @@
     tether = SocketsPair(("192.168.2.2", 9120), name="tether", secret=secret_from_env("SNR_SECRET"))
     Config(factories={"robot": [tether.server("depth")], "topside": [tether.client("controller_input")]})
 
-Under a SimClock both ends meet in memory instead, in the same sessions with the same faults.
+Under a SimClock both ends exchange data in memory instead, with the same sessions and faults.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from snr_sim.prelude.page import DataKey
 if TYPE_CHECKING:
     import ssl
 
-# Time for a greeting, also where the silence that counts is shorter: whoever is called may still be starting.
+# Time limit of a greeting, even where the limit of silence is shorter: the server's program may still be starting.
 GREETING_S = 3.0
 
 
@@ -38,22 +38,22 @@ class SocketsPair:
     """The two ends of links at one address.
 
     Args:
-        server_tuple: host and port of the server. It binds to this host and no other; port 0 takes a free one.
+        server_tuple: host and port of the server. It binds to this host only; port 0 takes a free one.
         name: the link is component and page `link_<name>`; the port's number if not given.
         secret: shared by both ends, at least 16 bytes; see also `secret_from_file` and `secret_from_env`.
         tls: certificates.
-        allow: addresses and networks a server takes clients from, beside this machine.
-        max_frame_bytes: the longest page.
-        queue_pages: how many pages may wait for one far end, and for anybody to come for the first time.
-        policy: what happens when more would: "drop_oldest", or "refuse" the newest.
-        faults: what is to go wrong on the way, in both directions.
-        keep_alive_s: how often each end asks whether the other is there.
-        timeout_s: after how much silence it counts as gone.
-        secret_is: what people know the secret as, and how it is given; for messages.
+        allow: addresses and networks that a server accepts clients from, in addition to this machine.
+        max_frame_bytes: maximum size of a page.
+        queue_pages: maximum number of pages that wait for one peer, and for the first peer to connect.
+        policy: what happens when a queue is full: "drop_oldest", or "refuse" the newest.
+        faults: faults to inject in both directions.
+        keep_alive_s: period between pings of each end.
+        timeout_s: silence after which an end counts as gone.
+        secret_is: what users call the secret, and how they pass it; for messages.
 
     Raises:
-        ConfigError: the address, the secret, the certificates or a network are none.
-        ParameterError: another option makes no sense; see LinkOptions.
+        ConfigError: the address, the secret, the certificates or a network are invalid.
+        ParameterError: another option is invalid; see LinkOptions.
     """
 
     def __init__(
@@ -92,41 +92,41 @@ class SocketsPair:
 
     @property
     def host(self) -> str:
-        """Where the server is, or is to be."""
+        """Host of the server."""
         return self.address.host
 
     @property
     def port(self) -> int:
-        """Its port; when any was asked for, the one it has, once it listens."""
+        """Port of the server; if 0 was requested, the actual one once it listens."""
         return self.address.port
 
     def client(
         self, keys: DataKey | Iterable[DataKey] = (), *, accept: Iterable[DataKey] | None = None
     ) -> SocketsLoopFactory:
-        """Return the factory of the end that calls.
+        """Return the factory of the end that connects.
 
         Args:
-            keys: pages of these go to the server.
-            accept: pages of these may come from it; any if not given.
+            keys: pages of these keys are sent to the server.
+            accept: keys of the pages to accept from the server; any if not given.
         """
         return SocketsLoopFactory(self, keys, accept)
 
     def server(
         self, keys: DataKey | Iterable[DataKey] = (), *, accept: Iterable[DataKey] | None = None
     ) -> SocketsListenerFactory:
-        """Return the factory of the end that is called, by one client or several.
+        """Return the factory of the end that listens, for one client or several.
 
         Args:
-            keys: pages of these go to each client.
-            accept: pages of these may come from clients; any if not given.
+            keys: pages of these keys are sent to each client.
+            accept: keys of the pages to accept from clients; any if not given.
 
         Raises:
-            ConfigError: anybody in the network could connect.
+            ConfigError: any client in the network could connect.
         """
         return SocketsListenerFactory(self, keys, accept)
 
     def terms_for(self, node: str, is_server: bool) -> Terms:
-        """Return what one end brings to its sessions."""
+        """Return the session settings of one end."""
         options = self.options
         return Terms(
             node,
@@ -141,7 +141,7 @@ class SocketsPair:
 
 
 def _as_address(server_tuple: object, more: tuple[object, ...]) -> Address:
-    """Return host and port, checked; `more` is what stood behind them and belongs to them, or have no name."""
+    """Return host and port after a check; `more` are positional arguments that belong in the tuple or need a name."""
     fix = 'SocketsPair(("127.0.0.1", 9120), name="tether"): host and port in parentheses, all else by its name.'
     if more:
         raise ConfigError(f"A SocketsPair of {server_tuple!r} and {', '.join(map(repr, more))}.", fix=fix)
@@ -159,12 +159,12 @@ def _as_address(server_tuple: object, more: tuple[object, ...]) -> Address:
 
 
 class SocketsLoopFactory(LoopFactory):
-    """Makes the end that calls.
+    """Makes the end that connects.
 
     Args:
         pair: the address, or a SocketsPair.
-        data_keys: pages of these go to the server.
-        accept: pages of these may come from it; any if None.
+        data_keys: pages of these keys are sent to the server.
+        accept: keys of the pages to accept from the server; any if None.
     """
 
     def __init__(
@@ -179,15 +179,15 @@ class SocketsLoopFactory(LoopFactory):
         self._context()
 
     def _context(self) -> ssl.SSLContext | None:
-        """Return what TLS needs: made again for each link, since a context cannot be sent to a process.
+        """Return the TLS context: made for each link, since a context cannot be sent to another process.
 
         Raises:
-            ConfigError: a file is missing or is not what it should be.
+            ConfigError: a file is missing or invalid.
         """
         return None if self.pair.tls is None else self.pair.tls.client_context()
 
     def where(self) -> str:
-        """Return where it connects, in words."""
+        """Return a description of where it connects."""
         return f"link_{self.options.name} connects to {self.pair.address}"
 
     def get(self, parent: NodeApi) -> Loop:
@@ -205,15 +205,15 @@ class SocketsLoopFactory(LoopFactory):
 
 
 class SocketsListenerFactory(ListenerFactory):
-    """Makes the end that is called.
+    """Makes the end that listens.
 
     Args:
         pair: a port of this machine, an address, or a SocketsPair.
-        data_keys: pages of these go to each client.
-        accept: pages of these may come from clients; any if None.
+        data_keys: pages of these keys are sent to each client.
+        accept: keys of the pages to accept from clients; any if None.
 
     Raises:
-        ConfigError: anybody in the network could connect.
+        ConfigError: any client in the network could connect.
     """
 
     def __init__(
@@ -227,7 +227,7 @@ class SocketsListenerFactory(ListenerFactory):
         self.pair = pair = pair if isinstance(pair, SocketsPair) else SocketsPair(pair)
         super().__init__(pair.address, f"The link '{pair.options.name}'")
         self.options = pair.options.for_end(data_keys, accept)
-        # Who has a secret or a certificate of ours may come from anywhere.
+        # Clients with our secret or certificate may connect from any address.
         asks_who = pair.secret is not None or (pair.tls is not None and pair.tls.client_authority is not None)
         if not (asks_who or pair.allow or is_loopback(pair.host)):
             raise ConfigError(
@@ -238,11 +238,11 @@ class SocketsListenerFactory(ListenerFactory):
         self._context()
 
     def _context(self) -> ssl.SSLContext | None:
-        """Return what TLS needs; made again for each link, as for a client."""
+        """Return the TLS context; made for each link, as for a client."""
         return None if self.pair.tls is None else self.pair.tls.server_context()
 
     def where(self) -> str:
-        """Return where it listens, in words."""
+        """Return a description of where it listens."""
         return f"link_{self.options.name} listens at {self.pair.address}"
 
     def get(self, parent: NodeApi) -> Loop:

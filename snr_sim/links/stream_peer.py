@@ -1,7 +1,7 @@
-"""StreamPeer: a far end at a stream of bytes. What is sent by whom, and what waits in which order.
+"""StreamPeer: a remote peer at a byte stream: which thread sends, and in which order frames wait.
 
-The node's thread never waits. It tries to send a page itself if nothing stands in line before it (a system call
-that takes what fits and returns), because that is quickest; otherwise the page queues and the link's thread is woken.
+The node's thread never blocks. If no frame is queued, it tries to send a page itself (a system call that takes what
+fits and returns), because that is quickest; otherwise the page is queued and the link's thread is woken.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from snr_sim.links.restarting import error_text
 from snr_sim.links.session import MAX_WAITING_BYTES, Session
 from snr_sim.links.socket_port import SocketPort
 
-WRITE_BYTES = 1 << 17  # in one system call, at least if so much waits
+WRITE_BYTES = 1 << 17  # minimum per system call, if so much waits
 
 
 class Account:
-    """How much time reading from a far end, or from several, has taken lately; see `Streams._in_turn`."""
+    """Time spent lately on reading from a peer, or from several; see `Streams._in_turn`."""
 
     used_s = 0.0
 
 
 class StreamPeer(Peer):
-    """A far end at a port.
+    """A remote peer at a port.
 
     Args:
-        port: to it.
+        port: the port to the peer.
         session, way: as of Peer.
-        link: whose it is.
-        where: its address, in words.
-        account: what it uses is added to.
+        link: the link it belongs to.
+        where: description of its address.
+        account: accumulates the time that it uses.
     """
 
     def __init__(
@@ -45,24 +45,24 @@ class StreamPeer(Peer):
         self.where = where
         self.account = account
         self.port = port
-        self.descriptor = port.fileno()  # kept: a port that is closed has none, and `select` forgets none by itself
-        self.failure = ""  # what happened to the port, if something did
-        self.bug: Exception | None = None  # which failed in our own code, if it was not the port
+        self.descriptor = port.fileno()  # kept: a closed port has none, and `select` does not forget it by itself
+        self.failure = ""  # error of the port, if any
+        self.bug: Exception | None = None  # the exception, if our own code failed and not the port
         self.is_admitted = False
-        self.is_blocked = False  # the port takes nothing now
-        self.unread_bytes = 0  # come since the last page
-        self.watched = 0  # what `select` waits for on its behalf
-        self.is_at_door = False  # whether the node's thread reads it while it waits at its door
-        self.leaves_s: float | None = None  # when it is closed at the latest, once the session is over
+        self.is_blocked = False  # the port accepts nothing now
+        self.unread_bytes = 0  # received since the last page
+        self.watched = 0  # events that `select` waits for
+        self.is_at_door = False  # whether the node's thread reads it while it waits in its inbox
+        self.leaves_s: float | None = None  # time limit for closing it, once the session is over
         self._link = link
         self._sending = threading.Lock()  # held for one call to the port, which does not block
-        self._cut_off: bytes | memoryview = b""  # the rest of what was sent in part
+        self._cut_off: bytes | memoryview = b""  # the rest of a frame that was sent in part
         self._control: list[bytes] = []
         self._delayed: list[tuple[float, int, bytes, bool]] = []
         self._count = 0
 
     def put(self, frame: bytes) -> None:
-        """Send a page at once if nothing stands before it; else it waits in line, and the thread is woken."""
+        """Send a page at once if no frame waits; otherwise queue it and wake the link's thread."""
         if self.way is not None:
             self._put_on_the_way(self.way, frame, is_page=True)
             self._link.transport.wake()
@@ -75,13 +75,13 @@ class StreamPeer(Peer):
         self._link.transport.wake()
 
     def _try(self, frame: bytes) -> bool:
-        """Send what fits of a page, and have the rest wait in front; return whether the stream still works."""
+        """Send what fits of a page, and keep the rest to be sent first; return whether the stream still works."""
         sealed, done = self.session.seal(frame), 0
         try:
             done = self.port.write(sealed)
         except BlockingIOError:
-            pass  # sealed is sent: a later frame cannot go before it any more
-        except Exception as error:  # on the node's thread, which goes on whatever happens to this stream
+            pass  # a sealed frame counts as sent: no later frame may precede it
+        except Exception as error:  # on the node's thread, which must continue whatever happens to this stream
             self.fail(error)
             return False
         self.sent += 1
@@ -91,13 +91,13 @@ class StreamPeer(Peer):
         return True
 
     def fail(self, error: Exception) -> None:
-        """Note what broke the stream; the first error counts. The link's thread closes it."""
+        """Record what broke the stream; only the first error is kept. The link's thread closes it."""
         if not self.failure:
             self.failure = error_text(error)
             self.bug = None if isinstance(error, OSError) else error
 
     def pump(self, now_s: float) -> None:
-        """Send what the port takes of all that waits; on the link's thread."""
+        """Send as much of the waiting frames as the port accepts; on the link's thread."""
         output = self.session.take_output()
         if self.way is None:
             self._control += output
@@ -132,13 +132,13 @@ class StreamPeer(Peer):
             return True
 
     def end_writing(self) -> None:
-        """Tell the far end that nothing more comes."""
-        with suppress(OSError):  # broken already, which is as good
+        """Signal the end of the stream to the peer."""
+        with suppress(OSError):  # broken already, with the same result
             self.port.end_writing()
 
     @property
     def waiting(self) -> int:
-        """Pages that wait to be sent, also those that faults delay."""
+        """Number of pages that wait to be sent, including those that faults delay."""
         with self._sending:
             return len(self.queue) + sum(is_page for _, _, _, is_page in self._delayed)
 
@@ -149,7 +149,7 @@ class StreamPeer(Peer):
 
     @property
     def due_s(self) -> float:
-        """When the next delayed frame is to be sent."""
+        """Time when the next delayed frame is due."""
         return self._delayed[0][0] if self._delayed else float("inf")
 
     def _put_on_the_way(self, way: Way, frame: bytes, is_page: bool) -> None:

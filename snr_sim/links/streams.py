@@ -1,8 +1,8 @@
-"""Streams: what carries a link over streams of bytes, sockets or pipes.
+"""Streams: transport of a link over byte streams, sockets or pipes.
 
-What has come is read by the node's own thread while that waits at its door, because a change of threads takes longer
-than all the rest. Everything else (connecting, greeting, keeping alive, sending what could not be sent at once) is done
-by the link's thread in one `select`. It also reads, when the node is too busy to come to its door.
+The node's own thread reads what has arrived while it waits in its inbox (`Door`), because a change of threads takes
+longer than all the rest. The link's thread does everything else (connects, greets, pings, sends what could not be sent
+at once) in one `select`. It also reads when the node is too busy to wait in its inbox.
 """
 
 from __future__ import annotations
@@ -22,54 +22,53 @@ from snr_sim.links.session import Terms
 from snr_sim.links.socket_port import SocketPort
 from snr_sim.links.stream_peer import Account, StreamPeer
 
-READ_BYTES = 1 << 17  # in one system call, of a frame that has begun
-# Of the frames that begin, all peers together are read so much in a round, each an equal share: a page that comes next
-# waits for few tasks, whatever others send. 8 KiB are a hundred small pages.
+READ_BYTES = 1 << 17  # per system call, of an incomplete frame
+# Of new frames, a round reads so many bytes of all peers together, in equal shares: the next page then waits for few
+# tasks, whatever others send. 8 KiB are a hundred small pages.
 ROUND_BYTES = 1 << 13
 MIN_SHARE_BYTES = 1 << 8
-ROUND_S = 0.02  # how long one round may take; who is left then comes in the next one
-# How often pages are read for a node that still has tasks of the last ones to do.
+ROUND_S = 0.02  # maximum duration of a round; the remaining peers follow in the next
+# Period at which pages are read for a node that still has tasks of the last ones to do.
 STAND_IN_S = 0.1
 TEND_EVERY_S = 0.05  # time-outs, keep-alives, reports
-LOOK_EVERY_S = 0.002  # how often a busy node is looked after: does it come to its door, has it caught up?
-# How long the end of a link may take to send what waits and to hear that it has come. Less than a loop is waited for.
+LOOK_EVERY_S = 0.002  # period at which a busy node is checked: does it wait in its inbox, has it caught up?
+# Time limit for a closing link to send what waits and get its receipt confirmed. Shorter than that of joining a loop.
 LINGER_S = 0.3
 _USED_S = attrgetter("account.used_s")
 
 
 class Streams(Transport):
-    """Waits for all its streams at once, and shares them with the node's thread: whoever holds the lock may touch them.
+    """Waits for all its streams at once, and shares them with the node's thread: hold the lock to access them.
 
-    Streams are read in rounds. In a round each is read once and gets its share, those first that have used least time
-    lately (`_in_turn`); the next round begins when the node has done what the last one brought, or has at least had
-    as long as that took. So nothing that some far ends send, accepted or not, keeps another waiting for longer than a
-    round.
+    Streams are read in rounds. In a round each is read once, up to its share, in order of the time used lately,
+    least first (`_in_turn`). The next round begins when the node has handled the last one, or has had at least as much
+    time as that round took. So whatever some peers send, accepted or not, it delays another peer by one round at most.
 
-    What fails over one stream closes that stream (`_for`). What fails beyond them restarts the link.
+    An error of one stream closes that stream (`_for`). Other errors restart the link.
 
     Args:
         link: as of Transport.
-        terms: of its sessions.
+        terms: settings of its sessions.
     """
 
     def __init__(self, link: Link, terms: Terms) -> None:
         super().__init__(link)
         self.peers = Peers(link, terms)
         self.carry = self.peers.carry
-        self.streams: list[StreamPeer] = []  # all, also those that are not up
+        self.streams: list[StreamPeer] = []  # all, including those that are not up
         self.now_s = link.parent.clock.now_s
         self._node = link.parent
         self._tend_s = 0.0
         self._is_woken = False
         self._is_round_over = False
-        self._is_slow = link.options.faults is not None  # then frames are due at moments of their own
-        self._visits = -1  # of the node at its door, when last seen
+        self._is_slow = link.options.faults is not None  # then each frame is due at a time of its own
+        self._visits = -1  # number of the node's waits in its inbox, when last read
         self._is_node_busy = True
-        self.forged = 0  # streams that something between the two ends has changed
-        self._read_s = float("-inf")  # when pages came last
-        self._rest_s = float("-inf")  # until then no round for a busy node: it has as long as the last one took
+        self.forged = 0  # streams whose data was changed between the two ends
+        self._read_s = float("-inf")  # when pages last arrived
+        self._rest_s = float("-inf")  # no round for a busy node before: it gets the time the last one took
         self._half_read: dict[StreamPeer, None] = {}  # streams with bytes that `select` does not show
-        self._greeting = Account()  # of all streams together that are not up
+        self._greeting = Account()  # of all streams that are not up, together
 
     def open(self, ports: ExitStack) -> None:
         """Open what each round waits for; see Transport."""
@@ -83,29 +82,29 @@ class Streams(Transport):
         ports.callback(self._drop_all)
 
     def notes(self) -> list[str]:
-        """Return what to note; see Transport."""
+        """Return notes for the end of the run; see Transport."""
         return self.peers.notes()
 
     def wake(self) -> None:
-        """Have the link's thread look around; from any thread."""
+        """Wake the link's thread; from any thread."""
         if not self._is_woken:
             self._is_woken = True
-            with suppress(OSError):  # full is as good as written, and closed is over
+            with suppress(OSError):  # a full pipe wakes it as well, and a closed one means the end
                 self._wake_in.send(b"\0")
 
     def _woken(self, events: int) -> None:
         with suppress(OSError):
             self._wake_out.recv(4096)
-        self._is_woken = False  # before looking, so that what comes after the look wakes again
-        self._is_round_over = True  # perhaps it is to stop
+        self._is_woken = False  # before the work, so that what arrives during it wakes the thread again
+        self._is_round_over = True  # the link may be about to stop
         self._look_around()
 
     def _look_around(self) -> None:
-        """Somebody woke the link: a page waits, or it is to stop."""
+        """Handle a wake-up: a page waits, or the link is to stop."""
         self._pump_all()
 
     def round(self) -> None:
-        """Wait until something happens and do what is to be done about it; again and again, while pages come."""
+        """Wait for events and handle them, repeatedly while pages arrive."""
         select, now = self._selector.select, self.now_s
         self._is_round_over = False
         while not self._is_round_over:
@@ -132,7 +131,7 @@ class Streams(Transport):
         self._in_turn(list(ready), lambda stream: self._for(stream, self._serve, ready[stream]))
 
     def _in_turn(self, streams: list[StreamPeer], act: Callable[[StreamPeer], object]) -> None:
-        """Act on each stream once, those first that have used least time lately, until the time of a round is over."""
+        """Act on each stream once, in the order of time used lately, least first, until the time of a round is over."""
         begun_s = now_s = self.now_s()
         if len(streams) > 1:
             streams = sorted(streams, key=_USED_S)
@@ -154,20 +153,20 @@ class Streams(Transport):
         return min([self._tend_s, *(stream.due_s for stream in self.streams)]) if self._is_slow else self._tend_s
 
     def see_off(self) -> None:
-        """Send what waits and say goodbye; not for longer than `LINGER_S`."""
+        """Send what waits and say goodbye, within `LINGER_S`."""
         with self.lock:
             for stream in self.streams:
                 self._stand_at_door(stream, False)
         see_off(self.streams, self.now_s, self.peers.farewell())
 
     def state(self, now_s: float) -> dict[str, Any]:
-        """Return how the link is; see Transport."""
+        """Return the state of the link; see Transport."""
         return {**self.peers.state(now_s), "failures": self.link.failures, "forged": self.forged}
 
     # Streams
 
     def _for(self, stream: StreamPeer, act: Callable[..., object], *args: object) -> None:
-        """Act on one stream, if it is still open. Whatever that raises closes this stream and no other."""
+        """Act on one stream, if it is still open. An exception closes this stream and no other."""
         if stream not in self.streams:
             return  # an earlier event of the same `select` has closed it
         try:
@@ -185,7 +184,7 @@ class Streams(Transport):
         return stream
 
     def _pump(self, stream: StreamPeer) -> None:
-        """Send what waits for a far end, and draw the conclusions."""
+        """Send what waits for a peer, and update its state."""
         stream.pump(self.now_s())
         if stream.failure or stream.session.is_closed:
             self._part_from(stream)
@@ -202,7 +201,7 @@ class Streams(Transport):
         self._pump(stream)
 
     def _serve_at_door(self, ready: list[StreamPeer]) -> None:
-        """Read a round of what has come, on the node's thread, which has nothing else to do."""
+        """Read a round of what has arrived, on the node's thread, which is idle in its inbox."""
         with self.lock:
             self._in_turn(ready, self._read_at_door)
             for stream in ready:
@@ -218,7 +217,7 @@ class Streams(Transport):
                 return
             self._read(stream)
             if stream.session.is_up and stream.session.wants_attention:
-                # A ping is answered here, as a page would be: a change of threads takes far longer than its way.
+                # Answer a ping here, like a page: a change of threads takes far longer than the transit.
                 stream.pump(self.now_s())
                 if stream.has_more:
                     self.wake()
@@ -226,7 +225,7 @@ class Streams(Transport):
             stream.fail(error)
 
     def _stand_in(self, now_s: float) -> None:
-        """Read a round of what has come for a node that has not been at its door since the last look."""
+        """Read a round for a node that has not waited in its inbox since the last check."""
         door = self._node.door
         is_absent = not door.is_waited_at and door.visits == self._visits
         self._is_node_busy, self._visits = not door.is_waited_at, door.visits
@@ -240,7 +239,7 @@ class Streams(Transport):
             self._in_turn(at_door, lambda stream: self._for(stream, self._read))
 
     def _read(self, stream: StreamPeer) -> None:
-        """Let in what has come: of frames that begin no more than the stream's share."""
+        """Accept what has arrived: of new frames no more than the stream's share."""
         session = stream.session
         size_bytes = max(MIN_SHARE_BYTES, ROUND_BYTES // (len(self.peers.up) or 1))
         if stream.unread_bytes and session.missing_bytes > size_bytes:
@@ -265,9 +264,9 @@ class Streams(Transport):
         pages = session.receive(data, now_s)
         if not stream.is_admitted and session.is_up:
             stream.is_admitted, stream.account = True, Account()
-            stream.pump(self.now_s())  # what the session says stands before the first page
+            stream.pump(self.now_s())  # the session's messages precede the first page
             self._admit(stream)
-            self._tend_s = 0.0  # tell it now
+            self._tend_s = 0.0  # report it now
         if pages:
             self.link.note_size(stream.unread_bytes // len(pages))
             stream.unread_bytes = 0
@@ -275,15 +274,15 @@ class Streams(Transport):
             self.link.bring(pages, stream)
 
     def _part_from(self, stream: StreamPeer) -> None:
-        """End a session. The far end is given a moment to read why: closing at once could take that back."""
+        """End a session. Closing at once could discard the reason before the peer reads it, so closing is delayed."""
         leaves_s = self._note_end(stream)
-        if stream.due_s == float("inf"):  # else why it is over is still on its way, where faults delay it
+        if stream.due_s == float("inf"):  # otherwise the reason is still delayed by faults
             stream.end_writing()
         if stream.failure or self.now_s() >= leaves_s:
             self._drop(stream)
 
     def _note_end(self, stream: StreamPeer) -> float:
-        """Note once why a session is over; returns when its stream is closed at the latest."""
+        """Record once why a session is over; return the time limit for closing its stream."""
         if stream.leaves_s is not None:
             return stream.leaves_s
         stream.leaves_s = self.now_s() + LINGER_S
@@ -294,7 +293,7 @@ class Streams(Transport):
         self.link.reason = stream.session.reason
         self.link.unwanted += stream.session.rejected
         self.forged += stream.session.was_forged
-        is_news = stream.session.was_forged and self.forged == 1  # told once: it can happen again and again
+        is_news = stream.session.was_forged and self.forged == 1  # warned once: it can happen again and again
         self.link.log.log(logging.WARNING if is_news else logging.INFO, "%s: %s", stream.where, self.link.reason)
         self._tend_s = 0.0
         return stream.leaves_s
@@ -303,7 +302,7 @@ class Streams(Transport):
         """Close a stream. Every step is tried, whatever the others raise."""
         if stream.bug is not None:
             self.link.failures += 1
-            # One traceback is enough: a far end must not fill the log with more of them.
+            # One traceback is enough: a peer must not fill the log with more of them.
             self.link.log.error(
                 "%s: %s", stream.where, stream.failure, exc_info=stream.bug if self.link.failures == 1 else None
             )
@@ -320,14 +319,14 @@ class Streams(Transport):
             self._drop(stream)
 
     def _admit(self, stream: StreamPeer) -> None:
-        """Begin with a session that is up."""
+        """Start to use a session that is up."""
         self.peers.admit(stream)
 
     def _gone(self, stream: StreamPeer) -> None:
-        """Forget a stream that is closed; a client calls again."""
+        """Forget a stream that is closed; a client connects again."""
 
     def _watch(self, stream: StreamPeer) -> None:
-        """Have `select` wait for what this stream can do now."""
+        """Register in `select` the events that this stream needs now."""
         is_open, is_leaving = stream in self.streams, stream.leaves_s is not None
         is_at_door = is_open and stream.is_admitted and stream.port.is_shareable and not is_leaving
         self._stand_at_door(stream, is_at_door)
@@ -346,7 +345,7 @@ class Streams(Transport):
         stream.watched = wanted
 
     def _stand_at_door(self, stream: StreamPeer, is_wanted: bool) -> None:
-        """Have the node's thread read a stream while it waits at its door, or not any more."""
+        """Add or remove a stream that the node's thread reads while it waits in its inbox."""
         if is_wanted and not stream.is_at_door:
             self._node.door.watch(stream.descriptor, self._serve_at_door, stream)
             stream.is_at_door = True
@@ -355,12 +354,12 @@ class Streams(Transport):
             self._node.door.unwatch(stream.descriptor)
 
     def _tend(self, now_s: float) -> None:
-        """Do what time asks for."""
+        """Do periodic work: keep-alives, time-outs, reports."""
         self._pump_all()
         if now_s < self._tend_s:
             return
         self._tend_s = now_s + TEND_EVERY_S
-        if self._is_woken:  # perhaps while the link restarted, and then nothing has come of it
+        if self._is_woken:  # the wake-up may have come while the link restarted, and had no effect then
             self._is_woken = False
             self._look_around()
         self._greeting.used_s /= 2
@@ -374,7 +373,7 @@ class Streams(Transport):
 
 
 def see_off(streams: list[StreamPeer], now_s: Callable[[], float], reason: str) -> None:
-    """Send what waits, says goodbye, and wait for the far ends to close; for `LINGER_S` at most."""
+    """Send what waits, say goodbye, and wait for the peers to close, at most `LINGER_S`."""
     give_up_s = now_s() + LINGER_S
     with selectors.DefaultSelector() as selector:
         for stream in streams:
@@ -386,7 +385,7 @@ def see_off(streams: list[StreamPeer], now_s: Callable[[], float], reason: str) 
                 stream = key.data
                 try:
                     events = _say_goodbye(stream, now_s(), reason)
-                except Exception as error:  # the others are still seen off
+                except Exception as error:  # the others still get their goodbye
                     stream.fail(error)
                     events = 0
                 if not events:
@@ -396,7 +395,7 @@ def see_off(streams: list[StreamPeer], now_s: Callable[[], float], reason: str) 
 
 
 def _say_goodbye(stream: StreamPeer, now_s: float, reason: str) -> int:
-    """Send what waits, then the goodbye; return what to wait for next, 0 if the far end has closed."""
+    """Send what waits, then the goodbye; return the events to wait for, 0 if the peer has closed."""
     stream.pump(now_s)
     if stream.failure or _has_closed(stream):
         return 0

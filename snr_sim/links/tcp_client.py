@@ -1,4 +1,4 @@
-"""TcpClient: the end of a TCP link that calls, and calls again whenever the connection is gone."""
+"""TcpClient: the end of a TCP link that connects, and reconnects whenever the connection is lost."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ if TYPE_CHECKING:
     import ssl
 
 CONNECT_TIMEOUT_S = 5.0
-STEADY_S = 5.0  # a connection that lasted this long was a good one: the next try comes soon
+STEADY_S = 5.0  # after a connection that lasted this long, the next attempt follows soon
 
 
 class TcpClient(Streams):
-    """Calls, and calls again whenever the connection is gone.
+    """Connects, and reconnects whenever the connection is lost.
 
     Args:
         link, terms: as of Streams.
-        address: of the server; its port may become known only once that listens.
-        context: of TLS, if wanted.
-        server_name: what the server's certificate must say; its host if empty.
+        address: of the server; its port may become known only once the server listens.
+        context: of TLS, if used.
+        server_name: the name that the server's certificate must contain; its host if empty.
     """
 
     def __init__(
@@ -44,9 +44,9 @@ class TcpClient(Streams):
         self._server_name = server_name or address.host
 
     def open(self, ports: ExitStack) -> None:
-        """Call as soon as possible; see Transport."""
+        """Connect as soon as possible; see Transport."""
         super().open(ports)
-        self._call_s: float | None = 0.0  # when to call next; None while somebody does, or the line is open
+        self._call_s: float | None = 0.0  # time of the next attempt; None during an attempt or a connection
         self._back_off = BackOff()
         self._up_s = 0.0
         self._calls = Calls(self.wake)
@@ -70,7 +70,7 @@ class TcpClient(Streams):
     def _connected(self, sock: socket.socket) -> None:
         try:
             port = SocketPort(sock, self._context, self._server_name)
-        except (OSError, ValueError) as error:  # of TLS: a name that no certificate can have is a ValueError
+        except (OSError, ValueError) as error:  # of TLS: an invalid host name is a ValueError
             sock.close()
             self._call_again(f"waits for {self._address}: {error}.")
             return
@@ -89,10 +89,10 @@ class TcpClient(Streams):
 
 
 class Calls:
-    """Resolves names and connects on threads of their own: both may hang for as long as they like.
+    """Resolves names and connects on separate threads: both may block indefinitely.
 
     Args:
-        tell: is called when there is an answer.
+        tell: is called when there is a result.
     """
 
     def __init__(self, tell: Callable[[], None]) -> None:
@@ -101,13 +101,13 @@ class Calls:
         self._has_given_up = False
 
     def begin(self, host: str, port: int) -> None:
-        """Begin to connect; the answer is a socket, or what went wrong."""
+        """Start to connect; the result is a socket, or an error."""
         threading.Thread(target=self._connect, args=(host, port), name=f"call {host}:{port}", daemon=True).start()
 
     def _connect(self, host: str, port: int) -> None:
         try:
             answer: socket.socket | str = connect(host, port)
-        except Exception as error:  # whatever it is: without an answer the link would never call again
+        except Exception as error:  # any: without a result the link would never retry
             answer = error_text(error)
         self.answers.put(answer)
         if self._has_given_up:
@@ -116,7 +116,7 @@ class Calls:
             self._tell()
 
     def give_up(self) -> None:
-        """Want no more answers; a socket that comes all the same is closed."""
+        """Ignore all further results; a socket that still arrives is closed."""
         self._has_given_up = True
         with suppress(Empty):
             while True:
@@ -129,15 +129,15 @@ def connect(host: str, port: int) -> socket.socket:
     """Return a socket that is connected to a server.
 
     Raises:
-        OSError: there is none, or no such host.
+        OSError: there is no server, or no such host.
     """
     sock = socket.create_connection((host, port), CONNECT_TIMEOUT_S)
     try:
         if sock.getsockname() == sock.getpeername():
-            # On one machine, where the system takes our own port from the same range, a call to a port that nobody
-            # listens at can reach itself; and then hold the port against the server that comes.
+            # On one machine, where the system takes our own port from the same range, a connection to a port without a
+            # listener can reach itself; and then block the port for the server.
             raise ConnectionRefusedError(errno.ECONNREFUSED, "nobody listens")
-    except OSError:  # also of a server that has hung up already
+    except OSError:  # also if the server has closed the connection already
         sock.close()
         raise
     return sock

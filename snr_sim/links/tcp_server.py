@@ -1,4 +1,4 @@
-"""TcpServer: the end of a TCP link that is called, by one client or several."""
+"""TcpServer: the end of a TCP link that listens, for one client or several."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ if TYPE_CHECKING:
     import ssl
 
 MAX_PEERS = 64
-MAX_NEWCOMERS = 64  # connections that are not up, or not any more
+MAX_NEWCOMERS = 64  # connections that are not up yet, or closing
 ACCEPTS_PER_ROUND = 8
 
 
 class TcpServer(Streams):
-    """Listens, and serves each client by itself.
+    """Listens, and serves each client separately.
 
     Args:
         link, terms: as of Streams.
-        listener: returns the socket that listens.
-        asks_who: clients have to prove who they are, and may come from anywhere.
-        allow: otherwise only from here, and from this machine.
-        context: of TLS, if wanted.
+        listener: returns the listening socket.
+        asks_who: clients have to authenticate, and may then connect from any address.
+        allow: otherwise accept only these, and this machine.
+        context: of TLS, if used.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class TcpServer(Streams):
         self._allow = allow
         self._context = context
         self._newcomers = Newcomers()
-        self._has_told = False  # that an address may not greet now
+        self._has_told = False  # a warning that an address exceeded its rate of greetings
 
     def open(self, ports: ExitStack) -> None:
         """Listen; see Transport."""
@@ -69,14 +69,14 @@ class TcpServer(Streams):
     def _receive(self, sock: socket.socket, address: tuple[Any, ...]) -> None:
         where = f"{address[0]}:{address[1]}"
         if not self._newcomers.may_greet(address[0], self.now_s()):
-            if not self._has_told:  # once: whoever connects must not fill the log
+            if not self._has_told:  # once: clients must not be able to fill the log
                 self.link.log.warning("refused %s and perhaps others: too many connections from one address.", where)
             self._has_told = True
             sock.close()
             return
         others = [stream for stream in self.streams if not stream.is_admitted or stream.leaves_s is not None]
         if len(others) >= MAX_NEWCOMERS:
-            # Of those from one address who leaves already, or else the oldest.
+            # Of those from one address, take one that is closing already, or else the oldest.
             one = min(crowd(others, _source_of), key=lambda stream: stream.leaves_s is None)
             one.failure = "others came while it said nothing."
             self._for(one, self._pump)
@@ -100,7 +100,7 @@ class TcpServer(Streams):
         if len(self.peers.up) > MAX_PEERS:
             up = [other for other in self.streams if other in self.peers.up]
             crowded = crowd(up, _source_of, lambda other: other.session.peer_node)
-            surplus = crowded[-1] if len(crowded) > 1 else stream  # who has only one connection keeps it
+            surplus = crowded[-1] if len(crowded) > 1 else stream  # a client with only one connection keeps it
             surplus.session.refuse(
                 f"{MAX_PEERS} others are connected to node '{self.link.parent.name}', which is the most."
             )
@@ -110,8 +110,8 @@ class TcpServer(Streams):
         super()._tend(now_s)
 
     def see_off(self) -> None:
-        """Take nobody any more, and say goodbye; see Transport."""
-        self._listener.close()  # first: a client that has heard the goodbye may call again at once
+        """Stop listening, and say goodbye; see Transport."""
+        self._listener.close()  # first: a client may reconnect at once after the goodbye
         super().see_off()
 
 

@@ -1,4 +1,4 @@
-"""What goes wrong in TLS, in words: OpenSSL's own are for who knows OpenSSL, and stand in brackets behind ours."""
+"""Messages for TLS errors. OpenSSL's own text, for readers who know OpenSSL, follows in parentheses."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _UNKNOWN_AUTHORITY = (
 )
 _NO_TLS = "this end speaks TLS, the other does not. Try: tls=Tls(...) on both ends"
 _REASONS = {
-    # Bytes that are no TLS have many names, by OpenSSL's version and by what stands in them.
+    # Bytes that are not TLS cause different errors, depending on OpenSSL's version and on the bytes.
     "BAD_RECORD_TYPE": _NO_TLS,
     "HTTP_REQUEST": _NO_TLS,
     "PACKET_LENGTH_TOO_LONG": _NO_TLS,
@@ -34,9 +34,9 @@ _REJECTED = "the other end does not take this end's certificate. Try: what the o
 
 
 def tls_words(error: ssl.SSLError) -> str:
-    """Return what happened and what to try, and in brackets what OpenSSL says."""
+    """Return what happened and what to try, followed by OpenSSL's text in parentheses."""
     openssl = (error.strerror or str(error)).partition(" (_ssl.c")[0]
-    name = getattr(error, "reason", None) or ""  # only those that OpenSSL raised have one
+    name = getattr(error, "reason", None) or ""  # only errors raised by OpenSSL have one
     code = getattr(error, "verify_code", None)
     if code is not None:
         words = _CERTIFICATES.get(code, _UNKNOWN_AUTHORITY)

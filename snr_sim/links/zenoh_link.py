@@ -1,14 +1,15 @@
-"""ZenohTransport: one node's way to a ZenohNet. The one door to the package `zenoh`.
+"""ZenohTransport: connects one node to a ZenohNet. The only module that imports `zenoh`.
 
-What Zenoh sees of each node, at its place in the net (see fleet.py):
+What Zenoh sees of each node, at its address in the net (see fleet.py):
 
-    <place>/alive        a liveliness token: goes when the node does, however that may be
-    <place>/page/<key>   its pages, exactly as Page.serialize writes them; a number is attached
-    <place>/ping         answers, with its time, whoever asks; who asks says who it is
+    <place>/alive        a liveliness token, which Zenoh removes when the node ends in any way
+    <place>/page/<key>   its pages, exactly as Page.serialize writes them, with a sequence number attached
+    <place>/ping         replies with its time to each query; a query contains the name of its sender
 
-Zenoh calls back on threads of its own. They only put things down, in bounded places; the link's thread does the rest,
-and also what may block: sending. Who comes late is sent the newest page of each key once more, in line with all
-others; the numbers tell the rest that they have had it, and everybody what was lost.
+Zenoh runs callbacks on its own threads. The callbacks only store what arrives, in bounded queues; the link's thread
+does the rest, including calls that may block: sending. When a node joins late, every node publishes its newest page of
+each key again, in order with the others; receivers ignore sequence numbers that they already have, and derive from
+them what was lost.
 """
 
 from __future__ import annotations
@@ -35,10 +36,10 @@ from snr_sim.prelude.errors import LinkError, MissingExtra, SnrError
 from snr_sim.prelude.page import DataKey
 
 TEND_EVERY_S = 0.05
-MAX_TIME_BYTES = 32  # of the answer to a ping
-DEAF_LOOK_S = 0.002  # how often a link that lets nothing in looks whether the node has caught up
-LINGER_S = 0.3  # how long the end of a link may take to send what waits
-LEAVE_S = 5.0  # how long the end of the program waits for a link that has not left by then
+MAX_TIME_BYTES = 32  # maximum length of the reply to a ping
+DEAF_LOOK_S = 0.002  # period at which a paused link checks whether the node has caught up
+LINGER_S = 0.3  # maximum time in which a closing link sends what waits
+LEAVE_S = 5.0  # maximum time that the end of the program waits for links that are still leaving
 BATCH_BYTES = 1 << 17
 MAX_PLACE_BYTES = 1 << 13
 NUMBER_BYTES = 8
@@ -46,14 +47,14 @@ NUMBER_BYTES = 8
 
 @dataclass(slots=True, eq=False)
 class Letter:
-    """A page on its way. Its length is that of its page.
+    """A page in transit. Its length is that of the serialised page.
 
     Args:
-        key: of the page.
+        key: key of the page.
         raw: the page, as Page.serialize writes it.
-        far: whose it is; None is this node's own.
-        number: of the page among those of its key.
-        is_sent: to anybody.
+        far: its sender; None is this node.
+        number: sequence number of the page for its key.
+        is_sent: whether it was sent to any node.
     """
 
     key: DataKey
@@ -67,12 +68,12 @@ class Letter:
 
 
 class ZenohCallbacks:
-    """Make callbacks and wait until the threads that Zenoh (1.10) starts for them have ended.
+    """Make callbacks, and wait until the threads that Zenoh (1.10) starts for them have ended.
 
     Zenoh starts a Python thread for each callback, a daemon where the declaring thread is one, and ends it when the
     session closes or a query is over. `Session.close` does not wait for that. Up to Python 3.13, a daemon that takes
     Python's lock while the interpreter ends is unwound through Zenoh's Rust frames, which aborts the whole process
-    ("FATAL: exception not rethrown"). So whoever ends the program has to wait for these threads first.
+    ("FATAL: exception not rethrown"). So the end of the program has to wait for these threads first.
     """
 
     def __init__(self) -> None:
@@ -85,14 +86,14 @@ class ZenohCallbacks:
 
         Args:
             wrap: zenoh.handlers.Callback.
-            callback: takes what Zenoh brings.
+            callback: handles what Zenoh delivers.
         """
         with self._changed:
             self._open += 1
         return wrap(callback, self._end)
 
     def _end(self) -> None:
-        """Note that this thread ends; Zenoh calls it there, after the last call of the callback."""
+        """Record that this thread ends; Zenoh calls it there, after the last call of the callback."""
         with self._changed:
             self._open -= 1
             self._ending = [thread for thread in self._ending if thread.is_alive()]
@@ -100,7 +101,7 @@ class ZenohCallbacks:
             self._changed.notify_all()
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait until all threads have ended, for `timeout_s` at most, and return whether they have."""
+        """Wait until all threads have ended, at most `timeout_s`, and return whether they have."""
         until_s = time.monotonic() + timeout_s
         with self._changed:
             if not self._changed.wait_for(lambda: self._open == 0, timeout_s):
@@ -112,12 +113,12 @@ class ZenohCallbacks:
 
 
 class ZenohTransport(Fleet):
-    """Sends and hears pages over Zenoh.
+    """Sends and receives pages over Zenoh.
 
     Args:
         link, member, hearing: as of Fleet.
-        config: what Zenoh is told, by the names of its settings.
-        waits_for: whom it connects to, in words; "" if it listens.
+        config: Zenoh's configuration, by the names of its settings.
+        waits_for: description of what it connects to, for messages; "" if it listens.
     """
 
     def __init__(self, link: Link, member: Member, hearing: Hearing, config: dict[str, Any], waits_for: str) -> None:
@@ -134,25 +135,25 @@ class ZenohTransport(Fleet):
         self._try_s = 0.0
         self._outbox: SendQueue[Letter] = SendQueue(options.queue_pages, options.policy)
         self._inbox: SendQueue[Letter] = SendQueue(options.queue_pages, options.policy)
-        self._guard = threading.Lock()  # held for a few steps: of the two above, and what is on the way
+        self._guard = threading.Lock()  # held briefly: guards both queues above and the delayed pages below
         self._newest: dict[DataKey, Letter] = {}
         self._publishers: dict[DataKey, Any] = {}
         self._way = None if options.faults is None else Way(options.faults, node.seed, f"link:{link.name}:{node.role}")
-        self._delayed: list[tuple[float, int, Callable[[], None]]] = []  # what is on the way: when it arrives
+        self._delayed: list[tuple[float, int, Callable[[], None]]] = []  # delayed by faults, ordered by arrival time
         self._count = 0
         self._bell: SimpleQueue[None] = SimpleQueue()
         self._is_rung = False
         self._tend_s = 0.0
 
     def open(self, ports: ExitStack) -> None:
-        """Open a session, if this end listens; see Transport."""
+        """Open a session if this end listens; see Transport."""
         ports.callback(self._shut)
         self._zenoh = zenoh = _zenoh()
         self._config = zenoh.Config()
         for name, value in self._settings.items():
             self._config.insert_json5(name, json.dumps(value))
         if self._waits_for:
-            return  # that may take long, and is the link's thread's business
+            return  # connecting may block, so it is done on the link's thread
         try:
             self._session = zenoh.open(self._config)
         except zenoh.ZError as error:
@@ -162,7 +163,7 @@ class ZenohTransport(Fleet):
             ) from error
 
     def _connect(self) -> None:
-        """Try to connect; on the link's thread, which has nothing better to do."""
+        """Try to connect; on the link's thread, which may block here."""
         try:
             session = self._zenoh.open(self._config)
         except self._zenoh.ZError as error:
@@ -175,7 +176,7 @@ class ZenohTransport(Fleet):
         self._session = session
 
     def _join_net(self) -> None:
-        """Listen first and show itself last: who sees this node can already be heard by it."""
+        """Subscribe first and declare the liveliness token last, so that a node seen by others can already receive."""
         session, accept, robots = self._session, self.link.options.accept, self.hearing.robots
         prefix = self.roster.prefix
         self.roster.own_place = place = self.roster.place_of(self.member, str(session.zid()))
@@ -195,10 +196,10 @@ class ZenohTransport(Fleet):
     def _background(self, callback: Callable[[Any], None]) -> Any:
         return self._callbacks.make(self._zenoh.handlers.Callback, callback)
 
-    # On Zenoh's threads. None of these may raise: Zenoh would only print it.
+    # On Zenoh's threads. None of these may raise: Zenoh would only print the exception.
 
     def _came(self, sample: Any) -> None:
-        """Receive a page, perhaps."""
+        """Queue an arriving page for the link's thread, if its address, size and sequence number are acceptable."""
         place, _, key = str(sample.key_expr).rpartition("/page/")
         size_bytes = len(sample.payload)
         attached = b"" if sample.attachment is None else sample.attachment.to_bytes()[: NUMBER_BYTES + 1]
@@ -213,7 +214,7 @@ class ZenohTransport(Fleet):
             self.wake()
 
     def _seen(self, sample: Any) -> None:
-        """Somebody has come or gone."""
+        """Record that a node joined or left."""
         place = str(sample.key_expr).removesuffix("/alive")
         if sample.kind == self._zenoh.SampleKind.DELETE:
             self.roster.leaves(place)
@@ -226,13 +227,13 @@ class ZenohTransport(Fleet):
         self.wake()
 
     def _asked(self, query: Any) -> None:
-        """Somebody asks whether this node is there."""
+        """Answer the ping of another node."""
         if query.payload is not None and len(query.payload) <= MAX_PLACE_BYTES:
             self.roster.hears(query.payload.to_bytes().decode(errors="replace"), self.now_s())
         self._put_on_the_way(PING_BYTES, lambda: self._answer(query), is_page=False)
 
     def _answer(self, query: Any) -> None:
-        with suppress(self._zenoh.ZError):  # whoever asked is gone
+        with suppress(self._zenoh.ZError):  # the node that asked has left
             query.reply(f"{self.roster.own_place}/ping", repr(self.now_s()).encode())
 
     def _answered(self, asked_s: float, reply: Any) -> None:
@@ -261,7 +262,7 @@ class ZenohTransport(Fleet):
     # From any thread
 
     def _put_on_the_way(self, size_bytes: int, arrive: Callable[[], None], is_page: bool) -> None:
-        """Have something happen when what this link sends arrives: at once, unless there are faults."""
+        """Call `arrive` when what this link sends arrives: at once, unless there are faults."""
         if self._way is None:
             arrive()
             return
@@ -275,7 +276,7 @@ class ZenohTransport(Fleet):
         self.wake()
 
     def wake(self) -> None:
-        """Have the link's thread look around; see Transport."""
+        """Wake the link's thread; see Transport."""
         if not self._is_rung:
             self._is_rung = True
             self._bell.put(None)
@@ -283,13 +284,13 @@ class ZenohTransport(Fleet):
     # On the link's thread
 
     def round(self) -> None:
-        """Wait until there is something to do, and do it."""
+        """Wait until there is work, and do it."""
         due_s = min(self._tend_s, self._delayed[0][0]) if self._delayed else self._tend_s
         wait_s = DEAF_LOOK_S if self.link.is_deaf else due_s - self.now_s()
         if wait_s > 0:
             with suppress(Empty):
                 self._bell.get(timeout=wait_s)
-        self._is_rung = False  # before looking, so that what comes after the look rings again
+        self._is_rung = False  # before the work, so that what arrives during it wakes the thread again
         now_s = self.now_s()
         if self._session is None and now_s >= self._try_s:
             self._connect()
@@ -331,7 +332,7 @@ class ZenohTransport(Fleet):
         self.let_in(far.member, page, far)
 
     def _send_out(self) -> None:
-        """Send what waits; block as long as a far end does not read."""
+        """Send what waits; block as long as a remote node does not read."""
         is_heard = bool(self.roster.here())
         if self.roster.take_newcomer():
             for letter in list(self._newest.values()):
@@ -342,7 +343,7 @@ class ZenohTransport(Fleet):
             if not letters:
                 return
             for letter in letters:
-                last = self._newest.pop(letter.key, None)  # taken out, so that the order is that of storing
+                last = self._newest.pop(letter.key, None)  # removed first, so that the dict keeps the order of storing
                 if last is not None and not last.is_sent:
                     self.link.dropped += 1
                 letter.number = last.number + 1 if last is not None else 1
@@ -360,14 +361,14 @@ class ZenohTransport(Fleet):
             publisher = self._publishers[letter.key] = self._session.declare_publisher(
                 f"{self.roster.own_place}/page/{encoded(letter.key)}",
                 encoding=self._zenoh.Encoding.APPLICATION_JSON,
-                # Not BLOCK: with it, one who does not read can bring Zenoh's routing to a halt for all (1.10).
+                # Not BLOCK: with it, one node that does not read can stop Zenoh's routing for all (1.10).
                 congestion_control=self._zenoh.CongestionControl.DROP,
                 allowed_destination=self._zenoh.Locality.REMOTE,
             )
         publisher.put(letter.raw, attachment=letter.number.to_bytes(NUMBER_BYTES, "big"))
 
     def _tend(self, now_s: float) -> None:
-        """Do what time asks for."""
+        """Do periodic work: pings and reports."""
         if now_s < self._tend_s:
             return
         self._tend_s = now_s + TEND_EVERY_S
@@ -377,7 +378,7 @@ class ZenohTransport(Fleet):
         self.link.report(now_s)
 
     def _ask(self, now_s: float) -> None:
-        """Ask all others whether they are there."""
+        """Ping all other nodes."""
         if self._session is None:
             return
         self._session.get(
@@ -393,17 +394,17 @@ class ZenohTransport(Fleet):
 
     @property
     def dropped(self) -> int:
-        """Pages that did not get across, as far as this end knows; of others, by the numbers on what came."""
+        """Number of pages known not to have arrived; those of others by their sequence numbers."""
         lost = 0 if self._way is None else self._way.lost
         return self.link.dropped + self._outbox.dropped + self._inbox.dropped + self.roster.missed + lost
 
     def state_of(self, far: Far, now_s: float) -> dict[str, Any]:
-        """Return what there is to say of another node; see Fleet."""
+        """Return the state of another node; see Fleet."""
         more = {"clock_offset_s": far.clock_offset_s, "dropped": far.missed, "received": far.received}
         return {**super().state_of(far, now_s), **more}
 
     def state(self, now_s: float) -> dict[str, Any]:
-        """Return how the link is; see Transport."""
+        """Return the state of the link; see Transport."""
         return {**super().state(now_s), "failures": self.link.failures}
 
     def see_off(self) -> None:
@@ -412,7 +413,7 @@ class ZenohTransport(Fleet):
 
     def _shut(self) -> None:
         if not self.link.is_shut:
-            return  # at the end: it has left already, and may still be sending
+            return  # at the end of the program: the link has left already, and may still be sending
         self._leave(lambda: None)
         self._session, self._has_joined = None, False
         self._callbacks = ZenohCallbacks()
@@ -420,7 +421,7 @@ class ZenohTransport(Fleet):
         self.roster.cut_off()
 
     def _leave(self, say_last: Callable[[], None]) -> None:
-        """Leave on a thread of its own and wait for `LINGER_S` at most: what Zenoh does may block."""
+        """Leave on a separate thread and wait at most `LINGER_S`: calls into Zenoh may block."""
         session, callbacks = self._session, self._callbacks
         if session is None:
             return
@@ -434,12 +435,12 @@ class ZenohTransport(Fleet):
         leaving = threading.Thread(target=leave, name=f"{self.link.name} leaves", daemon=True)
         leaving.start()
         leaving.join(LINGER_S)
-        if leaving.is_alive():  # a Python that ends while a thread is in Zenoh is aborted
+        if leaving.is_alive():  # Python aborts if it ends while a thread is inside Zenoh
             atexit.register(leaving.join, LEAVE_S)
 
 
 def _time_in(payload: Any) -> float | None:
-    """Return the time that somebody has answered with, if it is one."""
+    """Return the time in a reply to a ping, or None if it is invalid."""
     try:
         time_s = float(payload.to_bytes()[:MAX_TIME_BYTES])
     except ValueError:
@@ -448,7 +449,7 @@ def _time_in(payload: Any) -> float | None:
 
 
 def _in_words(error: Exception) -> str:
-    """Return what Zenoh says, without where in its own source."""
+    """Return Zenoh's message without the location in Zenoh's source."""
     return str(error).partition(" at /")[0].strip()
 
 

@@ -1,11 +1,11 @@
-"""ZenohNet: links for several robots and several networks, over Zenoh. Every node of a net hears every other.
+"""ZenohNet: links between nodes on several robots and networks, over Zenoh. Every node of a net receives every other.
 
     net = ZenohNet(name="fleet", listen=["tls/192.168.2.1:7447"], tls=Tls(...))       # on shore
     net = ZenohNet(name="fleet", robot="rov1", connect=["tls/192.168.2.1:7447"], tls=Tls(...))
     Config(factories={"auv": [net.link("depth", accept=["mission"])]})
 
-Whoever listens also passes on what it hears, so nodes that cannot reach each other meet through one that both can.
-Under a SimClock the links of one ZenohNet meet in memory. `docs/formats.md` says which keys Zenoh sees.
+Listening nodes also forward what they receive, so nodes that cannot reach each other communicate through a third one.
+Under a SimClock, the links of one ZenohNet exchange pages in memory. `docs/formats.md` lists the keys that Zenoh sees.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey
 
 LOOPBACK_INTERFACES = frozenset({"lo", "lo0"})
-# A far end that reads nothing for so long gets no more until it does, and misses what is sent meanwhile. Until then it
-# holds up the pages to all others: Zenoh sends to one after the other.
+# A remote peer that has not read for this long is sent nothing until it reads again, and misses the pages in between.
+# Until then it delays the pages to all others: Zenoh sends to one peer after the other.
 STUCK_S = 1.0
-SCOUT_S = 1.0  # how long who does not listen looks for others at a time
-MESSAGE_EXTRA_BYTES = 1 << 12  # what Zenoh itself may add to a page
+SCOUT_S = 1.0  # duration of one scouting attempt of a node that does not listen
+MESSAGE_EXTRA_BYTES = 1 << 12  # overhead that Zenoh may add to a page
 _ENDPOINT = re.compile(r"(?P<protocol>[a-z]+)/(?P<host>\[[^\]]+\]|[^:/\[\]]+):(?P<port>\d{1,5})")
 _ALL_MESSAGES = (
     "put",
@@ -49,26 +49,26 @@ _ALL_MESSAGES = (
 
 
 class ZenohNet:
-    """A net of nodes, which may be on several robots.
+    """Net of nodes, on one robot or several.
 
     Args:
-        listen: addresses of this machine where others may connect; no others are opened.
-        connect: addresses of those that listen; they may come and go.
-        name: of the net: the link is component and page `link_<name>`, and nets of different names never meet.
-        robot: the robot this program runs on, if it is one of several; a node stands for itself if not given.
-        tls: certificates, needed beyond this machine. Each side shows one: a listener needs `certificate`, `key` and
-            `client_authority`; who connects needs `authority`, `client_certificate` and `client_key`.
-        discover: whether to look for others by multicast.
-        interfaces: where to look; loopback if not given.
-        max_page_bytes: the longest page.
-        queue_pages: how many pages may wait to be sent, and as many to be let in.
-        policy: what happens when more would: "drop_oldest", or "refuse" the newest.
-        faults: what is to go wrong on the way.
-        keep_alive_s: how often each node asks which others are there.
-        timeout_s: after how much silence one counts as gone.
+        listen: addresses of this machine where others may connect; no other address is opened.
+        connect: addresses of listening nodes, which may come and go.
+        name: of the net: the link is component and page `link_<name>`; nets of different names never exchange pages.
+        robot: the robot this program runs on, if there are several; else each node counts as a robot of its own.
+        tls: certificates, required beyond this machine. Both sides need one: a listener needs `certificate`, `key` and
+            `client_authority`; a connecting node needs `authority`, `client_certificate` and `client_key`.
+        discover: whether to search for other nodes by multicast.
+        interfaces: network interfaces for discovery; loopback if not given.
+        max_page_bytes: maximum size of a page.
+        queue_pages: maximum number of pages that wait to be sent, and of pages that wait to be stored.
+        policy: what happens when the queue is full: "drop_oldest", or "refuse" the newest.
+        faults: faults to inject in what is sent.
+        keep_alive_s: period between pings to the other nodes.
+        timeout_s: silence after which a node counts as gone.
 
     Raises:
-        ConfigError: a name or an address is none, or an address is open to anybody.
+        ConfigError: a name or an address is invalid, or an address would accept any client in the network.
     """
 
     def __init__(
@@ -120,15 +120,15 @@ class ZenohNet:
         """Return the factory of a node's link to all others of the net.
 
         Args:
-            keys: pages of these go to all others.
-            accept: pages of these may come in; any if not given.
-            robots: whose pages may come in; every robot's if not given.
-            apart: have pages of other robots come in as `<robot>/<key>`, so that `depth` of one does not take the
-                place of `depth` of another.
-            robot, listen, connect: of this node, if other than the net's: so that one net serves a whole config.
+            keys: pages of these keys are sent to all others.
+            accept: keys of the pages to accept; any if not given.
+            robots: robots whose pages to accept; every robot's if not given.
+            apart: store pages of other robots as `<robot>/<key>`, so that `depth` of one does not replace `depth` of
+                another.
+            robot, listen, connect: of this node, if they differ from the net's, so that one net serves a whole config.
 
         Raises:
-            ConfigError: as for the net; or certificates are missing, or this node could meet nobody.
+            ConfigError: as for the net; or certificates are missing, or this node could reach no other.
         """
         return ZenohLinkFactory(
             self,
@@ -147,18 +147,18 @@ def _as_name(what: str, name: str) -> str:
 
 
 class ZenohLinkFactory(LoopFactory):
-    """Makes a node's link to a net. Nothing is open on the network that was not asked for.
+    """Makes a node's link to a net. Opens nothing on the network that was not requested.
 
     Args:
-        net: whose certificates, interfaces and limits it has.
+        net: supplies certificates, interfaces and limits.
         options: of the link.
-        hearing: what the node wants to hear.
-        robot: it belongs to, or "".
-        listen: addresses it opens.
-        connect: addresses it calls, again and again.
+        hearing: which pages the node accepts.
+        robot: name of the node's robot, or "".
+        listen: addresses to open.
+        connect: addresses to call, repeatedly.
 
     Raises:
-        ConfigError: certificates are missing, or it could meet nobody.
+        ConfigError: certificates are missing, or the node could reach no other.
     """
 
     def __init__(
@@ -204,31 +204,31 @@ class ZenohLinkFactory(LoopFactory):
 
     @property
     def connects(self) -> bool:
-        """Whether it calls anybody."""
+        """Whether the node connects to other nodes."""
         return bool(self.connect) or self.net.discover
 
     @property
     def discovers_abroad(self) -> bool:
-        """Whether it looks for others beyond this machine."""
+        """Whether the node searches for others beyond this machine."""
         return self.net.discover and not LOOPBACK_INTERFACES.issuperset(self.net.interfaces)
 
     @property
     def waits_for(self) -> str:
-        """Whom it connects to, in words; "" if it listens itself."""
+        """Description of what it connects to, for messages; "" if it listens itself."""
         return "" if self.listen else ", ".join(self.connect) or "anybody to be discovered"
 
     def config(self) -> dict[str, Any]:
-        """Return Zenoh's configuration: no keys but the net's get in or out."""
+        """Return Zenoh's configuration, which admits only the net's keys in either direction."""
         protocols = [address.partition("/")[0] for address in (*self.listen, *self.connect)]
         timeout_ms, stuck_us = int(self.net.options.timeout_s * 1000), int(STUCK_S * 1e6)
         return {
-            # Between those connected to a router it passes on, which it does not between peers. Who does not listen is
-            # a client and no router, because routers miss who comes within 0.1 s of another's going (1.10).
+            # A router forwards between the nodes connected to it; peers do not forward. A node that does not listen is
+            # a client, not a router, because routers miss a node that appears within 0.1 s of another's leaving (1.10).
             "mode": "router" if self.listen else "client",
             "listen": {"endpoints": list(self.listen), "timeout_ms": 0, "exit_on_failure": True},
             "connect": {
                 "endpoints": list(self.connect),
-                # For ever, in the background; but a client would block for so long, so its link tries again itself.
+                # -1: without limit, in the background. A client would block for that long, so its link retries itself.
                 "timeout_ms": -1 if self.listen else 0,
                 "exit_on_failure": not self.listen,
                 "retry": {"period_init_ms": 50, "period_max_ms": 1000, "period_increase_factor": 2},
@@ -246,7 +246,7 @@ class ZenohLinkFactory(LoopFactory):
             "transport": {
                 "unicast": {"open_timeout": timeout_ms, "accept_timeout": timeout_ms},
                 "link": {
-                    # Not what whoever answers a multicast may offer.
+                    # Limits what an answer to a multicast can offer.
                     "protocols": ["tls"] if self.discovers_abroad else sorted({*protocols} or {"tcp"}),
                     "tx": {
                         "lease": timeout_ms,
@@ -281,10 +281,10 @@ class ZenohLinkFactory(LoopFactory):
 
 
 def as_endpoints(what: str, endpoints: str | Iterable[str], tls: Tls | None) -> tuple[str, ...]:
-    """Return addresses, checked: beyond this machine, only TLS with certificates on both sides is good enough.
+    """Return the addresses after a check: beyond this machine, TLS with certificates on both sides is required.
 
     Raises:
-        ConfigError: one is no address, or anybody could listen in there.
+        ConfigError: one is not an address, or would accept any client in the network.
     """
     found = []
     for text in [endpoints] if isinstance(endpoints, str) else endpoints:
@@ -305,7 +305,7 @@ def as_endpoints(what: str, endpoints: str | Iterable[str], tls: Tls | None) -> 
 
 
 def _tls(tls: Tls, listens: bool, connects: bool) -> dict[str, Any]:
-    """Return Zenoh's names for the certificates. It takes one authority for both sides."""
+    """Return the certificates under Zenoh's setting names. Zenoh takes one authority for both sides."""
     return {
         "root_ca_certificate": str(tls.client_authority or tls.authority),
         "enable_mtls": True,
@@ -329,7 +329,7 @@ def _check_tls(tls: Tls, listens: bool, connects: bool) -> None:
                 "A net that listens with TLS takes only those who show a certificate, and knows no authority for them.",
                 fix="Tls(certificate=..., key=..., client_authority=...).",
             )
-        tls.server_context()  # says what is wrong with the files, in words
+        tls.server_context()  # reports invalid files with a readable message
     if connects:
         if tls.client_certificate is None:
             raise ConfigError(

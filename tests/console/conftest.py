@@ -1,4 +1,4 @@
-"""A node to talk to, run by hand: no thread, no port."""
+"""A node with a console session, run by hand: no thread, no port."""
 
 from typing import Any
 
@@ -31,7 +31,7 @@ class Talk:
         self.events.append(task)
 
     def tick(self) -> None:
-        """The loop's next tick: `beat` is stored."""
+        """Run the loop's next tick, which stores `beat`."""
         self.clock.run_next()
         self.settle()
 
@@ -39,7 +39,7 @@ class Talk:
         self.node.run_ready()
 
     def say(self, line: str) -> str:
-        """A command that is carried out; what the node has to do about it is done."""
+        """Execute a command and the node's tasks that follow from it; return the answer's text."""
         answer = self.session.answer(line)
         assert not answer.is_error, answer.text
         self.settle()
@@ -48,7 +48,7 @@ class Talk:
         return answer.text
 
     def refused(self, line: str) -> str:
-        """A command that is refused, and does nothing."""
+        """Send a command that is rejected and must have no effect; return the answer's text."""
         answer = self.session.answer(line)
         assert answer.is_error, answer.text
         assert not self.node.door.waiting

@@ -1,10 +1,10 @@
-"""Everything a console can be sent, at random: bytes at the port, lines, JSON values, sequences of valid commands.
+"""Random input of every kind to a console: bytes at the port, lines, JSON values, sequences of valid commands.
 
     python tests/console/fuzz_console.py --count 1000000 [--seed N] [--only lines]
 
-The node is a real one. After every input: it lives unless a command to end it was carried out, what was refused has
-changed nothing, what was answered is bounded. At the end: it handles a task, has the components it had, and neither
-memory nor any table in it has grown beyond its bound. The ordinary suite runs a share of this (test_fuzz.py).
+The node is a real one. After every input: the node runs unless a command ended it, a rejected input has changed
+nothing, the answer is bounded. At the end: it handles a task, has the same components, and neither memory nor any
+table in it has grown beyond its limit. The ordinary suite runs a fraction of this (test_fuzz.py).
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ WORDS = (
     "datastore", "NaN", "Infinity", "null", "true", "1e400", "-0", "1.5", "[]", "{}", '""', '"', "[", "]", "{", "}",
     "\\", '"\\', '"\\ud800"', "__class__", "{'a': 1}", "\x00", "\x1b[2J", "\n", "\u2028", "\ud800", "𝕊", "é" * 50,
 )  # fmt: skip
-MEMORY_MAX_MB = 60.0  # by which the process may grow once it is warm
+MEMORY_MAX_MB = 60.0  # maximum growth of the process after the warm-up
 
 
 class Errors(logging.Handler):
-    """Collects what the node's and the console's code log as errors."""
+    """Collects errors logged by the node and the console."""
 
     def __init__(self) -> None:
         super().__init__(logging.ERROR)
@@ -61,7 +61,7 @@ class Errors(logging.Handler):
 
 
 class FailingFactory(PartFactory):
-    """Makes its endpoint once; a reload fails, and keeps it."""
+    """Makes its endpoint once; a reload fails, and keeps the endpoint."""
 
     made = 0
 
@@ -73,7 +73,7 @@ class FailingFactory(PartFactory):
 
 
 class Subject:
-    """A real node in lock step, run by hand, and what must be true of it."""
+    """A real node in lock step, run by hand, with its invariants."""
 
     def __init__(self) -> None:
         self.started = 0
@@ -104,7 +104,7 @@ class Subject:
         self.node.run_ready()
 
     def close(self) -> None:
-        """Checks what must be true in the end."""
+        """Check the invariants at the end."""
         node = self.node
         assert self.errors.records == [], self.errors.records[:3]
         if not node.is_terminated:
@@ -122,7 +122,7 @@ class Subject:
             node.end()
 
     def line(self, line: str) -> Answer:
-        """Carries out a line, and checks all that is to be true of any."""
+        """Execute a line, and check the invariants of any line."""
         node, waiting, stored = self.node, len(self.node.door.waiting), self.node.datastore.stored
         answer = self.session.answer(line)
         assert len(answer.text) <= TEXT_MAX_CHARS + 100
@@ -140,7 +140,7 @@ class Subject:
 
 
 def fuzz_lines(rng: random.Random, count: int) -> None:
-    """Words, known and unknown, in any order, with letters changed."""
+    """Send words, known and unknown, in any order, with letters changed."""
     subject = Subject()
     for _ in range(count):
         line = "".join(rng.choice(WORDS) + rng.choice(("", " ", " ", " ", "\t")) for _ in range(rng.randrange(1, 7)))
@@ -157,7 +157,7 @@ def fuzz_lines(rng: random.Random, count: int) -> None:
 
 
 def fuzz_values(rng: random.Random, count: int) -> None:
-    """JSON of any shape and depth, whole and damaged, stored and sent along with events."""
+    """Store JSON values of any shape and depth, whole and damaged, and send them with events."""
     subject = Subject()
     for _ in range(count):
         text = msgspec.json.encode(value(rng, rng.choice((1, 3, 6)))).decode()
@@ -174,7 +174,7 @@ def fuzz_values(rng: random.Random, count: int) -> None:
 
 
 def fuzz_commands(rng: random.Random, count: int) -> None:
-    """Commands as they should be, in any order: all of them are carried out, and all of it is in bounds."""
+    """Send valid commands in any order: all are executed, and all results are bounded."""
     subject = Subject()
     subject.line("store depth_m 1.0")
     now_s = 0.0
@@ -194,7 +194,7 @@ def fuzz_commands(rng: random.Random, count: int) -> None:
 
 
 def fuzz_bytes(rng: random.Random, count: int) -> None:
-    """Bytes at a node's end of a line: nonsense, damaged greetings, and damaged commands after a good greeting."""
+    """Send bytes to a node's end: invalid data, damaged greetings, and damaged commands after a valid greeting."""
     subject = Subject()
     now_s, has_token, conversation = 0.0, False, None
     allowance = Allowance(LINES_PER_S, LINES_AT_ONCE)
@@ -205,7 +205,7 @@ def fuzz_bytes(rng: random.Random, count: int) -> None:
             conversation, far = line_to(subject, allowance, now_s, has_token, is_greeted)
         data = some_bytes(rng)
         if has_token and is_greeted and len(data) >= HEADER_BYTES and rng.random() < 0.9:
-            data = far.seal(data)  # a console with the token sends nonsense
+            data = far.seal(data)  # a console with the token sends invalid data
         conversation.receive(data, now_s)
         now_s += rng.choice((0.0, 0.2, 1.0))
         conversation.work(now_s)
@@ -221,7 +221,7 @@ def fuzz_bytes(rng: random.Random, count: int) -> None:
 def line_to(
     subject: Subject, allowance: Allowance, now_s: float, has_token: bool, is_greeted: bool
 ) -> tuple[Conversation, WireSession]:
-    """A node's end of a new line, and the console's, perhaps after their greeting."""
+    """Return a node's end of a new connection, and the console's, after their greeting if `is_greeted`."""
     secret = as_secret(TOKEN) if has_token else None
     near = Conversation(
         Terms("urov_node", True, secret, PURPOSE), subject.new_session(), now_s, allowance
@@ -237,7 +237,7 @@ def line_to(
 
 
 def some_bytes(rng: random.Random) -> bytes:
-    """A read from a hostile console: frames, good and bad, cut anywhere."""
+    """Return a read from a hostile console: frames, valid and invalid, split anywhere."""
     data = b"".join(frame(rng) for _ in range(rng.randrange(1, 4)))
     if rng.random() < 0.5:
         data = mutated_bytes(rng, data)
@@ -245,7 +245,7 @@ def some_bytes(rng: random.Random) -> bytes:
 
 
 def frame(rng: random.Random) -> bytes:
-    """One message, good or bad."""
+    """Return one message, valid or invalid."""
     kind = rng.randrange(8)
     number = rng.choice((1, 0, -1, 2**63, 7))
     if kind < 3:
@@ -265,7 +265,7 @@ def frame(rng: random.Random) -> bytes:
 
 
 def fuzz_port(rng: random.Random, count: int) -> None:
-    """The same over real sockets, several strangers at a time; then an honest console is served."""
+    """Do the same over real sockets, with several unauthenticated clients at a time; then serve an honest console."""
     console, done = CommandReceiverFactory(0), threading.Event()
     part = PartFactory({(TaskType.event, "start"): lambda *_: done.set()})
     errors = Errors()
@@ -300,11 +300,11 @@ def fuzz_port(rng: random.Random, count: int) -> None:
     assert errors.records == [], errors.records[:3]
 
 
-# Material
+# Random values
 
 
 def value(rng: random.Random, depth: int) -> Any:
-    """A JSON value."""
+    """Return a JSON value."""
     kind = rng.randrange(8 if depth else 6)
     if kind == 6:
         return [value(rng, depth - 1) for _ in range(rng.randrange(5))]
@@ -315,8 +315,8 @@ def value(rng: random.Random, depth: int) -> Any:
 
 
 def valid_command(rng: random.Random) -> str:
-    """A command that does not end the node."""
-    if rng.random() < 0.02:  # it reads this very file again, which takes 40 ms
+    """Return a command that does not end the node."""
+    if rng.random() < 0.02:  # it reads this file again, which takes 40 ms
         return rng.choice(("reload part", "reload ticker", "reload failing", "reload all", "task reload part"))
     key = rng.choice(("depth_m", "k1", "k2", "engine"))
     return rng.choice(
@@ -332,7 +332,7 @@ def valid_command(rng: random.Random) -> str:
 
 
 def mutated_text(rng: random.Random, text: str) -> str:
-    """The text with some of it changed."""
+    """Return the text with parts changed."""
     for _ in range(rng.randrange(1, 4)):
         i = rng.randrange(len(text) + 1)
         text = rng.choice(
@@ -348,7 +348,7 @@ def mutated_text(rng: random.Random, text: str) -> str:
 
 
 def mutated_bytes(rng: random.Random, data: bytes) -> bytes:
-    """The bytes with some of them changed."""
+    """Return the bytes with parts changed."""
     changed = bytearray(data)
     for _ in range(rng.randrange(1, 4)):
         if changed:
@@ -357,14 +357,14 @@ def mutated_bytes(rng: random.Random, data: bytes) -> bytes:
 
 
 def after(subject: Subject, answer: Answer) -> Subject:
-    """The same node, or a new one if a command has ended it."""
+    """Return the same node, or a new one if a command has ended it."""
     if not subject.node.is_terminated:
         return subject
     subject.close()
     return Subject()
 
 
-# How much of all inputs each one gets.
+# Each fuzzer's fraction of all inputs.
 FUZZERS: dict[str, tuple[Callable[[random.Random, int], None], float]] = {
     "bytes": (fuzz_bytes, 0.3),
     "lines": (fuzz_lines, 0.3),
@@ -375,13 +375,13 @@ FUZZERS: dict[str, tuple[Callable[[random.Random, int], None], float]] = {
 
 
 def resident_mb() -> float:
-    """What the process takes of the machine's memory."""
+    """Return the resident memory of the process."""
     with open("/proc/self/statm") as file:
         return int(file.read().split()[1]) * 4096 / 1e6
 
 
 def main() -> None:
-    """Runs all, and says how long it took."""
+    """Run all fuzzers, and print their durations."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=1_000_000)
     parser.add_argument("--seed", type=int, default=0)
@@ -392,7 +392,7 @@ def main() -> None:
         if wanted.only not in (None, name):
             continue
         count = int(wanted.count * share)
-        fuzz(random.Random(wanted.seed), max(1, count // 20))  # warm: caches, and memory that Python keeps
+        fuzz(random.Random(wanted.seed), max(1, count // 20))  # fills caches, and the memory that Python keeps
         before_mb, start_s = resident_mb(), time.monotonic()
         fuzz(random.Random(wanted.seed + 1), count)
         grown_mb = resident_mb() - before_mb

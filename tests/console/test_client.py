@@ -1,4 +1,4 @@
-"""The far end of a console's line: it waits for a node, notices that one is gone, and calls again."""
+"""The client's end of a console connection: it waits for a node, detects that the node is gone, and reconnects."""
 
 import socket
 import threading
@@ -17,7 +17,7 @@ PATIENCE_S = 60.0
 
 
 class Told:
-    """Sentences as they come, from another thread."""
+    """Sentences reported on another thread."""
 
     def __init__(self) -> None:
         self.sentences: list[str] = []

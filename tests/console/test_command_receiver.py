@@ -1,4 +1,4 @@
-"""The console over TCP: several at a time, strangers, silence, nonsense, tokens, the end. Real sockets on loopback."""
+"""The console over TCP: several clients, unauthenticated ones, silence, invalid data, tokens, the end; on loopback."""
 
 import asyncio
 import logging
@@ -36,12 +36,12 @@ HELLO = (
     b'{"$":"hello","protocol":"snr","version":2,"node":"x","nonce":"00000000000000000000000000000000",'
     b'"purpose":"console","auth":false,"max_frame_bytes":1048576}'
 )
-PATIENCE_S = 60.0  # a limit for a machine that is very busy, and nothing that anybody waits for
+PATIENCE_S = 60.0  # an upper limit for a very busy machine; usually no test waits this long
 
 
 @contextmanager
 def running(*factories: Any, token: str | None = None) -> Iterator[tuple[Node, tuple[str, int]]]:
-    """A node with a console, on a thread of this process."""
+    """Run a node with a console, on a thread of this process."""
     console = CommandReceiverFactory(0, token=token)
     part = PartFactory({(TaskType.event, "start"): lambda task, task_id: None})
     node = Node("urov", Config(factories={"urov": [console, part, *factories]}))
@@ -80,7 +80,7 @@ def stranger(address: tuple[str, int]) -> socket.socket:
 
 
 def all_of(sock: socket.socket) -> bytes:
-    """What comes until the other end hangs up."""
+    """Return all data until the other end closes the connection."""
     said = b""
     while data := sock.recv(1 << 16):
         said += data
@@ -358,7 +358,7 @@ def test_a_console_that_floods_and_one_that_does_not_read_cost_memory_to_a_bound
         sock.sendall(encode_frame(HELLO))
         sock.settimeout(0.2)
         with suppress(TimeoutError):
-            while True:  # until the node reads no more
+            while True:  # until the node stops reading
                 sock.sendall(flood)
         receiver: Any = node.components["console"]
         for one in receiver._lines:

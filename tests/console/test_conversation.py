@@ -1,4 +1,4 @@
-"""A node's end of a console's line, without a port and without a clock: bounds, order, silence."""
+"""A node's end of a console connection, without a port and without a clock: bounds, order, silence."""
 
 from typing import Any
 
@@ -19,7 +19,7 @@ def allowance() -> Allowance:
 
 
 class Ends:
-    """Both ends of a line."""
+    """Both ends of a connection."""
 
     def __init__(self, talk: Talk) -> None:
         self.near = Conversation(Terms("urov_node", True, purpose=PURPOSE), talk.session, 0.0, allowance())

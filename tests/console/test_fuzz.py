@@ -1,4 +1,4 @@
-"""A share of what `fuzz_console.py` sends to a console; all of it is 1 000 000 inputs."""
+"""A fraction of the input of `fuzz_console.py`; a full run has 1 000 000 inputs."""
 
 import random
 

@@ -1,4 +1,4 @@
-"""The console in the node's own terminal: here a pipe takes the keyboard's place."""
+"""The console in the node's own terminal; here a pipe replaces the keyboard."""
 
 import io
 import os
@@ -27,7 +27,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture
 def keyboard() -> Iterator[tuple[IO[str], IO[str]]]:
-    """Two ends of a pipe: what reads, and what types."""
+    """Provide the two ends of a pipe: the reading and the typing one."""
     out, into = os.pipe()
     with os.fdopen(out) as reads, os.fdopen(into, "w", buffering=1) as types:
         yield reads, types
@@ -46,7 +46,7 @@ def test_a_command_typed_at_the_terminal_is_answered_and_carried_out(
     if clock is not None:
         node = Node("r", config, clock=clock())
         node.loop()
-    else:  # in lock step at the speed of the world
+    else:  # in lock step at real-time speed
         runner = SimRunner(config, pace=1.0, until_s=30.0)
         runner.run()
         node = runner.nodes["r"]

@@ -1,4 +1,4 @@
-"""Where a person types: history, completion from the node, and leaving. prompt_toolkit's own pipe is the keyboard."""
+"""The prompt: history, completion from the node, and leaving. prompt_toolkit's own pipe replaces the keyboard."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,7 +20,7 @@ CTRL_C, CTRL_D, UP = "\x03", "\x04", "\x1b[A"
 
 
 class Client:
-    """Stands for a line to a node."""
+    """Replaces a connection to a node."""
 
     node, host, port, reason, was_refused = "urov_node", "127.0.0.1", 1, "", False
 
@@ -71,7 +71,7 @@ def test_earlier_lines_come_back_also_those_of_an_earlier_console(keys: PipeInpu
 
 @pytest.mark.slow
 def test_tab_completes_with_what_the_node_knows(keys: PipeInput) -> None:
-    assert typed(keys, f"task sta\t\r{CTRL_D}") in (["task start"], ["task sta"])  # the second if the tab came too late
+    assert typed(keys, f"task sta\t\r{CTRL_D}") in (["task start"], ["task sta"])  # the second if the tab is late
     client: Any = Client()
     event: Any = None
     found = list(NodeCompleter(client).get_completions(Document("task st"), event))

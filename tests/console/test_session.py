@@ -1,4 +1,4 @@
-"""Commands on a running node: what they change, what they only read, and what they refuse."""
+"""Commands on a running node: what they change, what they only read, and what they reject."""
 
 import json
 import math
@@ -248,7 +248,7 @@ def test_names_the_node_has_never_heard_are_few(talk: Talk) -> None:
     other = Session(talk.node, TABLE, new_names=talk.session.new_names)
     assert other.answer("store more 0").is_error
     talk.say("store k0 1")
-    talk.say("store beat 1")  # known
+    talk.say("store beat 1")  # a name that the node knows already
 
 
 def test_a_node_that_does_not_keep_up_gets_no_more(talk: Talk) -> None:

@@ -1,6 +1,6 @@
-"""Programs that attack a link's server, each in its way: `python attackers.py KIND PORT`. Each runs until it is killed.
+"""Programs that attack a link's server, one per KIND: `python attackers.py KIND PORT`. Each runs until it is killed.
 
-All come from 127.0.0.1, as the honest pilot does. Those with the secret greet in order and are taken for peers.
+All connect from 127.0.0.1, as the honest pilot does. Those with the secret complete the greeting and become peers.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from snr_sim.links.session import Session, Terms
 HERE = "127.0.0.1"
 SECRET = b"a secret of 16 bytes or more"
 PORT = 0
-GREETED_S = 20.0  # a greeting may take this long
+GREETED_S = 20.0  # maximum duration of a greeting
 RNG = random.Random(1)
 
 
@@ -31,7 +31,7 @@ def page(key: str, data: object = 1) -> bytes:
 
 
 def large_page(key: str, item: bytes = b"{}") -> bytes:
-    """Return a page as long as a frame may be, of many small values: to decode it takes long."""
+    """Return a page of the maximum frame size with many small values, which takes long to decode."""
     begin, end = page(key, []).split(b"[]")
     count = (MAX_FRAME_BYTES - len(begin) - len(end) - 2) // (len(item) + 1)
     return begin + b"[" + b",".join([item] * count) + b"]" + end
@@ -50,17 +50,17 @@ def reset(sock: socket.socket) -> None:
 
 
 class Far:
-    """A far end that greets as a node does, and then sends what no node would."""
+    """A peer that greets as a node does, and then sends what no node would."""
 
     def __init__(self, secret: bytes = SECRET, node: str = "attacker") -> None:
         self.sock = connect()
         self.session = Session(Terms(node, is_server=False, secret=secret), time.monotonic())
-        self.rest = b""  # frames that have not been sent yet
-        self.greeting = b""  # all that was sent until the session was up
+        self.rest = b""  # frames that are not sent yet
+        self.greeting = b""  # all data sent until the session was up
         self.is_reading = True
 
     def greet(self) -> Far:
-        """Return when the session is up; raise ConnectionError if it is over."""
+        """Complete the greeting and return self; raise ConnectionError if the session is closed."""
         give_up_s = time.monotonic() + GREETED_S
         while not self.session.is_up:
             self.rest += b"".join(map(self.session.seal, self.session.take_output()))
@@ -75,11 +75,11 @@ class Far:
         return self
 
     def say(self, payloads: Iterable[bytes]) -> None:
-        """Have payloads sent, each in a frame."""
+        """Queue payloads, each in a frame."""
         self.rest += b"".join(map(self.session.seal, [*self.session.take_output(), *map(encode_frame, payloads)]))
 
     def push(self) -> bool:
-        """Send what fits; return whether anything did."""
+        """Send what fits; return whether any byte was sent."""
         with suppress(BlockingIOError):
             done = self.sock.send(self.rest) if self.rest else 0
             self.rest = self.rest[done:]
@@ -87,7 +87,7 @@ class Far:
         return False
 
     def pull(self) -> None:
-        """Read what has come."""
+        """Read what has arrived."""
         with suppress(BlockingIOError):
             data = self.sock.recv(1 << 16)
             if not data:
@@ -95,7 +95,7 @@ class Far:
             self.session.receive(data, time.monotonic())
 
     def tend(self) -> None:
-        """Do what an honest far end does, too: read, and show that it is there."""
+        """Do what an honest peer does, too: read, and keep the session alive."""
         if self.is_reading:
             self.pull()
             self.session.tick(time.monotonic())
@@ -108,7 +108,7 @@ class Far:
 def peers(
     count: int, act: Callable[[Far], None], pause_s: float = 0.0, reads: bool = True, node: str = "attacker"
 ) -> None:
-    """Let several far ends with the secret act whenever all they said has gone; each comes again if it is closed."""
+    """Run peers with the secret that act each time their queue is sent, and reconnect when closed."""
     fars: list[Far] = []
     while True:
         while len(fars) < count:
@@ -150,7 +150,7 @@ def byte_by_byte() -> None:
 
 
 def all_at_once() -> None:
-    """Complete the longest frames of many peers in one moment."""
+    """Complete the longest frames of many peers at once."""
     fars = [Far().greet() for _ in range(40)]
     data = large_page("nothing")
     while True:
@@ -167,7 +167,7 @@ def all_at_once() -> None:
 
 
 def newcomers(act: Callable[[socket.socket], None], kept: int = 0, pause_s: float = 0.0) -> None:
-    """Connect again and again, and act; so many connections stay open."""
+    """Connect and act, repeatedly; keep so many connections open."""
     held: list[socket.socket] = []
     while True:
         try:
@@ -213,13 +213,13 @@ def wrong_secret() -> None:
 
 
 def replay() -> None:
-    """Say again and again what an honest client said in its greeting."""
+    """Send a recorded greeting of an honest client, repeatedly."""
     honest = Far().greet()
     newcomers(lambda sock: sock.sendall(honest.greeting), kept=50)
 
 
 def come_and_go() -> None:
-    """Come with the secret, and go, again and again."""
+    """Connect with the secret and disconnect, repeatedly."""
     while True:
         with suppress(OSError):
             far = Far(node=f"attacker{RNG.randrange(1000)}").greet()
@@ -259,7 +259,7 @@ KINDS: dict[str, Callable[[], None]] = {
 
 
 def main() -> None:
-    """Say that it begins, and attack."""
+    """Print that the attack starts, and attack."""
     global PORT
     PORT = int(sys.argv[2])
     print("begins", flush=True)

@@ -1,4 +1,4 @@
-"""Nodes that run on threads of their own, as long as a test lasts, and waiting for what they store."""
+"""Nodes that run on threads of their own during a test, and waiting for the pages they store."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from snr_sim.links.frames import FrameReader, encode_frame
 from snr_sim.links.messages import Ping, Pong, decode_message
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
-LIMIT_S = 90.0  # of any wait: long, because a loaded machine must not fail a test
+LIMIT_S = 90.0  # of any wait: long, because a busy machine must not fail a test
 
 
 def free_port() -> int:
-    """A port that nobody has, below those that systems give to whoever connects to something meanwhile."""
+    """Return an unused port, below the range that systems use for outgoing connections."""
     while True:
         port = random.randrange(20_000, 32_000)
         with socket.socket() as sock, suppress(OSError):
@@ -36,19 +36,19 @@ def free_port() -> int:
 
 
 def ear(came: list[Any], key: str | None = "x", field: str = "data") -> PartFactory:
-    """Keeps a field of each page that is stored under a key, or under any."""
+    """Collect a field of each page stored under a key, or under any key."""
     what: Any = TaskType.store_page if key is None else (TaskType.store_page, key)
     return PartFactory({what: lambda task, task_id: came.append(getattr(task.val_list[0], field))}, "ear")
 
 
 def ticks(key: str, rate_hz: float = 10.0) -> TickerFactory:
-    """Stores 0, 1, 2, ... at a rate."""
+    """Store 0, 1, 2, ... at a rate."""
     values = itertools.count()
     return TickerFactory(lambda loop: loop.store_data(key, next(values)), f"ticks_{key}", rate_hz)
 
 
 def simulate(roles: Mapping[str, Sequence[AnyFactory]], until_s: float | None = None, **options: Any) -> SimRunner:
-    """Runs roles in lock step, and returns the runner."""
+    """Run roles in lock step, and return the runner."""
     runner = SimRunner(Config(factories=dict(roles)), until_s=until_s, **options)
     runner.run()
     return runner
@@ -83,7 +83,7 @@ class Running:
         self._tell()
 
     def until(self, is_so: Callable[[], Any], what: str = "") -> None:
-        """Waits until something has become true, also what no page tells."""
+        """Wait until a condition is true, including those that no page reports."""
         end_s = time.monotonic() + LIMIT_S
         with self.news:
             while not (is_so() or self.failure):
@@ -92,7 +92,7 @@ class Running:
         assert self.failure is None or is_so()
 
     def until_link(self, name: str, up: bool = True, **wanted: Any) -> dict[str, Any]:
-        """Waits until the link's page says so, and returns what it says."""
+        """Wait until the link's page has these values, and return its data."""
         key = f"link_{name}"
 
         def state() -> dict[str, Any]:
@@ -106,17 +106,17 @@ class Running:
         return state()
 
     def until_stored(self, key: str, count: int = 1) -> list[Any]:
-        """Waits until so many pages of a key have been stored, and returns their data."""
+        """Wait until so many pages of a key have been stored, and return their data."""
         self.until(lambda: len(self.stored[key]) >= count, f"{count} of {key}")
         return self.stored[key]
 
     def store(self, key: str, *values: Any) -> None:
-        """Stores values from outside."""
+        """Store values from outside the node."""
         for value in values:
             self.node.store_data(key, value)
 
     def end(self) -> None:
-        """Ends the node, and returns when it has."""
+        """End the node, and wait for its end."""
         self.node.enter(tasks.terminate("test is over"), "test")
         self.thread.join(LIMIT_S)
         assert not self.thread.is_alive()
@@ -127,7 +127,7 @@ Start = Callable[..., Running]
 
 @pytest.fixture
 def start() -> Iterator[Start]:
-    """Starts a node, `start("role", [factories])`, and waits until its link is `down`, or `up`. Ends all of them."""
+    """Start a node, `start("role", [factories])`, and wait until its link is `down`, or `up`. Ends all of them."""
     started: list[Running] = []
 
     def begin(role: str, factories: Sequence[AnyFactory], *, down: str = "", up: str = "", **options: Any) -> Running:
@@ -144,7 +144,7 @@ def start() -> Iterator[Start]:
 
 
 class Raw:
-    """A far end made by hand, that does nothing of itself: to say what no node would."""
+    """A scripted peer that does nothing by itself, to send what no node would."""
 
     def __init__(self, port: int, greets: bool = True, node: str = "raw", **fields: Any) -> None:
         self.sock = socket.create_connection(("127.0.0.1", port), LIMIT_S)
@@ -153,11 +153,11 @@ class Raw:
             self.say(hello(node, **fields))
 
     def say(self, *payloads: bytes) -> None:
-        """Sends payloads, each in a frame."""
+        """Send payloads, each in a frame."""
         self.sock.sendall(b"".join(encode_frame(payload, 1 << 30) for payload in payloads))
 
     def messages(self, until: type | None = None) -> list[Any]:
-        """Reads until a message of a kind has come, or to the end; returns all but pings."""
+        """Read until a message of a type has arrived, or to the end; return all but pings."""
         came: list[Any] = []
         while not (until and came and type(came[-1]) is until):
             try:
@@ -172,24 +172,24 @@ class Raw:
         return came
 
     def close(self) -> None:
-        """Closes the socket."""
+        """Close the socket."""
         self.sock.close()
 
     def reset(self) -> None:
-        """Closes it rudely: the other end gets a RST."""
+        """Close it with a reset: the other end receives a RST."""
         self.sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
         self.sock.close()
 
 
 def hello(node: str = "raw", **fields: Any) -> bytes:
-    """A greeting."""
+    """Return a greeting."""
     usual = {"protocol": "snr", "version": 2, "node": node, "nonce": "0" * 32, "purpose": "pages", "auth": False}
     return msgspec.json.encode({"$": "hello", "max_frame_bytes": 1 << 26, **usual, **fields})
 
 
 @pytest.fixture
 def raw() -> Iterator[Callable[..., Raw]]:
-    """Connects a far end made by hand: `raw(port)`. All are closed after the test."""
+    """Connect a scripted peer: `raw(port)`. All are closed after the test."""
     made: list[Raw] = []
 
     def connect(port: int, greets: bool = True, node: str = "raw", **fields: Any) -> Raw:
@@ -203,7 +203,7 @@ def raw() -> Iterator[Callable[..., Raw]]:
 
 @pytest.fixture(scope="session")
 def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Certificates: of a robot, of a student, of an authority, and of a stranger's authority."""
+    """Create certificates of a robot, of a student, of an authority, and of an untrusted authority."""
     trustme = pytest.importorskip("trustme")  # part of snr_sim[dev]
     folder = tmp_path_factory.mktemp("tls")
     authority, stranger = trustme.CA(), trustme.CA()

@@ -1,4 +1,4 @@
-"""A role for another process: answers what it is sent, until it is told to end. Started by test_processes.py."""
+"""A role for another process: echoes what it receives, until it is ended. Started by test_processes.py."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from snr_sim.testing.parts import PartFactory
 
 
 def main() -> None:
-    """Runs the far role; its arguments say over what: tcp PORT, or pipe DESCRIPTOR."""
+    """Run the remote role; its arguments name the medium: tcp PORT, or pipe DESCRIPTOR."""
     kind, number = sys.argv[1], int(sys.argv[2])
     link: Any
     if kind == "tcp":

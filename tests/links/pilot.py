@@ -15,9 +15,9 @@ RATE_HZ = 50.0
 
 
 def main() -> None:
-    """Send; in the end print how many pages were stored, sent, dropped and kept for later.
+    """Send; at the end print how many pages were stored, sent, dropped and kept for later.
 
-    A number that was drawn last may still stand at the door of a node that ends: so what was stored counts.
+    A node that ends may still have the last number in its inbox, so the count is of stored pages.
     """
     numbers = itertools.count(1)
     pair = SocketsPair(("127.0.0.1", int(sys.argv[1])), name="t", secret=attackers.SECRET)

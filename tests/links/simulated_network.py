@@ -1,7 +1,7 @@
-"""A network in one thread: sockets, listeners, selectors and a clock as the links see them, without ports and waits.
+"""A network in one thread: sockets, listeners, selectors and a clock for links, without ports and waiting.
 
-As in a real one, a descriptor is the lowest free number, a selector keeps a descriptor that was closed without telling
-it, `send` takes a part, `recv` returns a part, and a connection can break at any moment.
+As in a real one, a descriptor is the lowest free number, a selector keeps a descriptor that was closed without
+unregistering it, `send` takes a part, `recv` returns a part, and a connection can break at any time.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from snr_sim.core.node_life import NodeLife
 from snr_sim.links.tcp_client import Calls
 
 BUFFER_BYTES = 4096  # small, so that senders have to wait
-SELECT_S = 1e-4  # that a call takes: a loop that spins makes time pass
+SELECT_S = 1e-4  # duration of a call, so that a loop that spins makes time pass
 HERE = "127.0.0.1"
 
 
@@ -31,18 +31,18 @@ def failure(number: int) -> OSError:
 
 
 class Network:
-    """What all sockets of one test have in common: descriptors, time and randomness."""
+    """Shared state of all sockets of one test: descriptors, time and randomness."""
 
     def __init__(self, seed: int) -> None:
         self.rng = Random(seed)
         self.now_s = 0.0
         self.open: dict[int, Any] = {}  # sockets by descriptor
         self.listeners: dict[int, SimListener] = {}  # by port
-        self.is_full = False  # no descriptor is left for `accept`
-        self.patience_s = float("inf")  # how long a wait may be before whoever waits looks again
+        self.is_full = False  # `accept` finds no free descriptor
+        self.patience_s = float("inf")  # maximum duration of a wait before the caller checks again
 
     def install(self, patch: pytest.MonkeyPatch) -> None:
-        """Give links this network in place of the computer's."""
+        """Replace the computer's network by this one for links."""
         patch.setattr(selectors, "DefaultSelector", lambda: SimSelector(self))
         patch.setattr(socket, "socketpair", self.pair)
         patch.setattr("snr_sim.links.socket_port.listen", lambda host, port, who: SimListener(self, port))
@@ -52,7 +52,7 @@ class Network:
         patch.setattr("snr_sim.core.node.ThreadBacking", StepBacking)
 
     def pass_time(self, time_s: float) -> None:
-        """Let time pass; what happens in the network of itself happens in it."""
+        """Advance time, and with it what happens in the network by itself."""
         self.now_s += time_s
 
     def pair(self) -> tuple[SimSocket, SimSocket]:
@@ -66,13 +66,13 @@ class Network:
         if listener is None or len(listener.waiting) >= 128:
             raise failure(errno.ECONNREFUSED)
         near, far = self.pair()
-        far.release()  # it has a descriptor once it is accepted
+        far.release()  # it gets a descriptor when it is accepted
         listener.waiting.append((far, (address, 40000)))
         return near
 
 
 class Descriptor:
-    """What has a descriptor until it is closed."""
+    """An object with a descriptor until it is closed."""
 
     def __init__(self, network: Network) -> None:
         self.network = network
@@ -98,13 +98,13 @@ class Descriptor:
 
 
 class SimSocket(Descriptor):
-    """One end of a connection. `bug`, if set, is what its next calls raise: an error of our own code."""
+    """One end of a connection. `bug`, if set, is raised by its next calls: an error of our own code."""
 
     def __init__(self, network: Network) -> None:
         super().__init__(network)
         self.far: SimSocket | None = None
         self.come = bytearray()
-        self.is_ended = False  # the far end sends no more
+        self.is_ended = False  # the other end sends no more
         self.is_reset = False
         self.bug: Exception | None = None
 
@@ -154,7 +154,7 @@ class SimSocket(Descriptor):
         self.far.is_ended = True
 
     def close(self) -> None:
-        """Close it: the far end reads to the end, or is reset if something had not been read here."""
+        """Close it: the other end reads to the end, or is reset if data was left unread here."""
         if self.bug is not None:
             self.bug, bug = None, self.bug
             self.close()
@@ -166,7 +166,7 @@ class SimSocket(Descriptor):
         self.release()
 
     def cut(self) -> None:
-        """Let either end go on without the other, and without notice: nothing arrives any more."""
+        """Cut the connection without notice to either end: nothing arrives any more."""
         for sock in (self, self.far):
             if sock is not None:
                 sock.far = SimSocket(self.network)
@@ -174,14 +174,14 @@ class SimSocket(Descriptor):
                 sock.far.release()
 
     def reset(self) -> None:
-        """Close it rudely."""
+        """Close it with a reset."""
         if self.far is not None:
             self.far.is_reset = True
         self.close()
 
 
 class SimListener(Descriptor):
-    """A socket that listens."""
+    """A listening socket."""
 
     def __init__(self, network: Network, port: int) -> None:
         super().__init__(network)
@@ -217,13 +217,13 @@ class SimListener(Descriptor):
 
 
 class SimSelector(selectors.SelectSelector):
-    """Returns all that is ready, in random order; if nothing is, time passes at once."""
+    """Returns all that is ready, in random order; if nothing is, time advances at once."""
 
     def __init__(self, network: Network) -> None:
         super().__init__()
         self.network = network
         self.bug: Exception | None = None
-        self.known: dict[int, Any] = {}  # the kernel's view: what was registered, not which number it had
+        self.known: dict[int, Any] = {}  # the kernel's view: sockets by registration, not by number
 
     def register(self, fileobj: Any, events: int, data: Any = None) -> selectors.SelectorKey:
         key = super().register(fileobj, events, data)
@@ -250,7 +250,7 @@ class SimSelector(selectors.SelectSelector):
 
 
 class SimTime(WallClock):
-    """The network's clock, as a clock of the world: nodes under it take real links, not simulated ones."""
+    """The network's clock, as a real-time clock, so that nodes under it use real links and not simulated ones."""
 
     def __init__(self, network: Network) -> None:
         super().__init__()
@@ -261,7 +261,7 @@ class SimTime(WallClock):
 
 
 class StepBacking:
-    """Calls a loop when the test says so, and not from a thread."""
+    """Calls a loop when the test requests it, instead of a thread."""
 
     setup_patience_s = 0.0
 

@@ -1,4 +1,4 @@
-"""A pilot over real sockets, at 50 Hz from a process of its own, while programs attack the same port."""
+"""A pilot over real sockets, at 50 Hz from its own process, while programs attack the same port."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ HERE = "127.0.0.1"
 LIMIT_S = 60.0
 ATTACK_S = 2.0
 WORST_GAP_S = 0.25
-HANDLER_S = 100e-6  # that an accepted page of an attacker takes
-MAX_GROWTH_BYTES = 300e6  # 60 peers may each have a frame of 1 MiB here, which is more as Python's values
+HANDLER_S = 100e-6  # time to handle an accepted page of an attacker
+MAX_GROWTH_BYTES = 300e6  # 60 peers may each have a frame of 1 MiB here, which takes more as Python objects
 
 
 class Robot:
@@ -121,7 +121,7 @@ def test_pilot_over_real_sockets_under_attack_waits_a_quarter_second_at_most(kin
     assert grown < MAX_GROWTH_BYTES
     assert most <= MAX_PEERS + MAX_NEWCOMERS + 1
     assert stored == sent + dropped + unsent
-    first = 1 + dropped  # what was stored before the pilot was connected
+    first = 1 + dropped  # pages stored before the pilot was connected
     assert [number for _, number in robot.came] == list(range(first, first + sent))  # each once and in order
 
 

@@ -1,4 +1,4 @@
-"""The waits of whoever calls in vain: they grow, they stay bounded, and no two callers share them."""
+"""Delays between attempts to connect: they grow, are bounded, and differ between clients."""
 
 from itertools import pairwise
 from random import Random
@@ -7,7 +7,7 @@ from snr_sim.links.back_off import RETRY_FIRST_S, RETRY_MOST_S, BackOff
 
 
 class NoLuck(Random):
-    """Always gives the most."""
+    """Always returns the maximum."""
 
     def uniform(self, a: float, b: float) -> float:
         return b

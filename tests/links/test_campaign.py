@@ -22,7 +22,7 @@ from snr_sim.prelude.errors import ComponentFailed
 from .simulated_network import HERE, Network, SimSocket, SimTime
 
 STEPS = 120
-SETTLED_S = 60.0  # of simulated time, in which an honest client has to be served again
+SETTLED_S = 60.0  # simulated time in which an honest client has to be served again
 SECRET = "a secret of 16 bytes or more"
 STRANGE = [
     *(encode_message(Hello("snr", 2, "x", "0" * 32, "pages", has_secret, 1 << 20)) for has_secret in (True, False)),
@@ -35,22 +35,22 @@ LINK = "link_t"
 
 
 class History:
-    """A robot with a server, an operator's node with its client, and strangers, in one thread; all from one seed."""
+    """A robot with a server, an operator's node with its client, and attackers, in one thread; all from one seed."""
 
     def __init__(self, seed: int, patch: pytest.MonkeyPatch) -> None:
         self.network = network = Network(seed)
         network.install(patch)
         self.rng = network.rng
-        # Strangers are kept out by a secret, or by their address.
+        # A secret or the address excludes unauthenticated clients.
         self.pair = SocketsPair((HERE, 0), name="t", secret=SECRET, queue_pages=20)
         if seed % 4 == 0:
             self.pair = SocketsPair(("0.0.0.0", 0), name="t", allow=["10.0.0.0/8"], queue_pages=20)
-        self.expected: dict[str, int] = {}  # pages that each node's link had to carry, once for each far end
+        self.expected: dict[str, int] = {}  # pages that each node's link had to send, once per peer
         self.robot = self.node("robot", self.pair.server("depth"))
         self.operator = self.node("operator", self.pair.client("stick"))
         self.nodes = (self.robot, self.operator)
         self.strangers: list[SimSocket] = []
-        self.mark = 0  # the newest page that settles
+        self.mark = 0  # number of the newest page that marks the end of `settle`
         self.acts: list[Callable[[], None]] = [self.round] * 8 + [self.store] * 3 + [self.connect] * 6
         self.acts += [self.say, self.say, self.hang_up, self.hang_up, self.break_line, self.crowd, self.fill, self.wait]
         if self.pair.secret:
@@ -81,7 +81,7 @@ class History:
         self.settle()
         self.end()
 
-    # What may happen
+    # Events
 
     def round(self) -> None:
         for node in self.nodes:
@@ -91,7 +91,7 @@ class History:
                 self.serve(node)
 
     def serve(self, node: Node) -> None:
-        """Do what the node's thread does: everything that is queued, and one look at what can be read."""
+        """Do what the node's thread does: all queued tasks, and one poll of readable streams."""
         node.run_ready()
         node.door.wait(0.0)
         node.run_ready()
@@ -140,7 +140,7 @@ class History:
                 sock.far.is_reset = True
 
     def tamper(self) -> None:
-        """Change, add or leave out bytes of an honest stream on their way."""
+        """Change, add or remove bytes of an honest stream in transit."""
         for stream in self.link(self.rng.choice(self.nodes)).transport.streams:
             come = stream.port._sock.come
             i = self.rng.randrange(len(come) + 1)
@@ -161,10 +161,10 @@ class History:
         if self.rng.random() < 0.3:
             self.link(self.rng.choice(self.nodes)).transport._selector.bug = RuntimeError("a bug")
 
-    # What must be so afterwards
+    # Conditions afterwards
 
     def settle(self) -> None:
-        """Let the strangers go, and demand that the honest client is served."""
+        """Disconnect the attackers, and require that the honest client is served."""
         self.network.is_full = False
         for sock in self.strangers:
             sock.close()
@@ -186,7 +186,7 @@ class History:
         self.network.now_s += 0.01
 
     def check_known(self, node: Node) -> None:
-        """Each stream of a link is open, and its selector knows no other descriptor."""
+        """Check that each stream of a link is open, and that its selector has no other descriptor."""
         link = self.link(node)
         assert self.has_bugs or not link.failures, link.failures
         transport = link.transport
@@ -225,14 +225,14 @@ def test_links_in_random_histories_keep_node_and_honest_client(seeds: range) -> 
 
 
 def act_unguarded(streams: Streams, stream: Any, act: Callable[..., object], *args: object) -> None:
-    """What `Streams._for` was: it acts on streams that an earlier event has closed, and lets errors pass."""
+    """Act as an earlier version of `Streams._for`: also on closed streams, and with errors passed on."""
     act(stream, *args)
 
 
 def test_campaign_without_guard_of_streams_finds_a_failed_link(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Streams, "_for", act_unguarded)
     with pytest.raises(AssertionError):
-        play(range(0, 100, 2))  # no bugs but that one
+        play(range(0, 100, 2))  # no other bugs
 
 
 def test_campaign_without_guard_and_restart_finds_a_node_that_ended(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -244,7 +244,7 @@ def test_campaign_without_guard_and_restart_finds_a_node_that_ended(monkeypatch:
 
 @pytest.fixture
 def history(monkeypatch: pytest.MonkeyPatch) -> Iterator[History]:
-    """Both ends up, and nothing in between."""
+    """Provide both ends up, with nothing in transit."""
     history = History(2, monkeypatch)
     history.settle()
     yield history
@@ -293,7 +293,7 @@ def test_bug_over_one_stream_closes_that_one_and_no_other(history: History) -> N
 
 
 def test_stranger_that_resets_before_it_is_refused_leaves_the_honest_client(monkeypatch: pytest.MonkeyPatch) -> None:
-    history = History(4, monkeypatch)  # strangers are refused by their address
+    history = History(4, monkeypatch)  # unauthenticated clients are refused by their address
     history.settle()
     (honest,) = history.link(history.robot).transport.streams
     history.connect()

@@ -1,7 +1,7 @@
-"""No far end keeps another from being served: a pilot's worst gap while others attack, in simulated time.
+"""No peer can block another: a pilot's longest gap while others attack, in simulated time.
 
-Reading, decoding and handling pages take time here, as on a small computer, and the link's thread looks in while the
-node's is busy. The attackers send whenever the network takes something.
+Reading, decoding and handling pages take time here, as on a small computer, and the link's thread runs while the
+node's is busy. The attackers send whenever the network accepts data.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ LINK = "link_t"
 PERIOD_S = 0.02  # of the pilot
 WORST_GAP_S = 0.25
 ATTACK_S = 0.6
-READ_S, BYTE_S, PAGE_S, HANDLER_S = 20e-6, 20e-9, 20e-6, 200e-6  # what a read, a byte, a page and a handler take
-DECODE_S = 50e-9  # what a byte of a page's data takes besides, if it holds many small values
-STEER_TIMES = 25  # a page of the pilot takes so many times as long
-MOVE_S = 0.0005  # how often far ends send
+READ_S, BYTE_S, PAGE_S, HANDLER_S = 20e-6, 20e-9, 20e-6, 200e-6  # durations of a read, a byte, a page and a handler
+DECODE_S = 50e-9  # additional time per byte of a page with many small values
+STEER_TIMES = 25  # factor for the duration of a page of the pilot
+MOVE_S = 0.0005  # period of sending
 LARGE_BYTES = 200_000
 
 
@@ -43,7 +43,7 @@ Attack = Callable[["Arena"], list[Any]]
 
 
 class Far:
-    """A far end that comes again whenever it is closed; `say` returns what it sends next, once it is up."""
+    """A peer that reconnects whenever it is closed; `say` returns what it sends next, once it is up."""
 
     def __init__(
         self, arena: Arena, say: Callable[[], list[bytes]], name: str = "far", secret: str = SECRET, reads: bool = True
@@ -53,11 +53,11 @@ class Far:
         self.secret = secret
         self.reads = reads
         self.is_over = False
-        self.comings = 0  # how often it has connected
+        self.comings = 0  # number of connections
         self._say = say
         self.rest = b""
-        self.sent = 0  # messages that the network has taken as a whole
-        self._ends: list[int] = []  # bytes until each of those that wait is through
+        self.sent = 0  # messages that the network has accepted completely
+        self._ends: list[int] = []  # for each waiting message, the bytes until its end
         self.connect()
 
     def connect(self) -> None:
@@ -66,7 +66,7 @@ class Far:
         self.session = Session(Terms(self.name, is_server=False, secret=self.secret.encode()), 0.0)
 
     def move(self) -> None:
-        """Send what the network takes, and read; come again if the connection is over."""
+        """Send what the network accepts, and read; reconnect if the connection is over."""
         try:
             self._move()
         except OSError:
@@ -107,8 +107,8 @@ class Arena:
         network.patience_s = 0.001
         patch.setattr(network, "pass_time", self.pass_time)
         self.pair = SocketsPair((HERE, 0), name="t", secret=SECRET)
-        self.came: list[tuple[float, int]] = []  # the pilot's pages: when, and which
-        self.handled = 0  # of the attackers' pages
+        self.came: list[tuple[float, int]] = []  # time and number of the pilot's pages
+        self.handled = 0  # number of the attackers' pages
         handlers: dict[Any, Any] = {
             (TaskType.store_page, "stick"): self.steer,
             (TaskType.store_page, "other"): self.handle,
@@ -117,7 +117,7 @@ class Arena:
         self.robot = Node("robot", Config(factories={"robot": factories}), clock=SimTime(network))
         self.fars: list[Any] = []
         self.is_moving = False
-        self.over_s = float("inf")  # when all end to send
+        self.over_s = float("inf")  # when all stop sending
         self._stepped_s = self._moved_s = 0.0
         self.robot.begin()
         self.link: Any = self.robot.components[LINK]
@@ -145,7 +145,7 @@ class Arena:
         self.run_for(0.2)
 
     def pass_time(self, time_s: float) -> None:
-        """Let time pass, in which the far ends send, unless they are at it."""
+        """Advance time, in which the peers send, unless they are already doing so."""
         self.network.now_s += time_s
         if not self.is_moving and self.network.now_s > self._moved_s + MOVE_S:
             self.is_moving, self._moved_s = True, self.network.now_s
@@ -155,18 +155,18 @@ class Arena:
             self.is_moving = False
 
     def steer(self, task: Task, task_id: Any) -> None:
-        """Take note of a page of the pilot, and reckon."""
+        """Record a page of the pilot, and compute for a while."""
         self.came.append((self.network.now_s, task.val_list[0].data))
         for _ in range(STEER_TIMES):
             self.work()
 
     def handle(self, task: Task, task_id: Any) -> None:
-        """Take time over a page of an attacker."""
+        """Spend the time that a page of an attacker takes."""
         self.handled += 1
         self.work()
 
     def work(self) -> None:
-        """Take time; the link's thread looks around meanwhile."""
+        """Advance time; the link's thread runs meanwhile."""
         self.pass_time(HANDLER_S)
         if self.network.now_s - self._stepped_s > LOOK_EVERY_S:
             self.step()
@@ -184,7 +184,7 @@ class Arena:
             self.robot.run_ready()
 
     def attack(self, *fars: Any) -> float:
-        """Let far ends attack; return the pilot's worst gap in seconds."""
+        """Let peers attack; return the pilot's longest gap in seconds."""
         self.fars += fars
         begun_s = self.network.now_s
         self.over_s = begun_s + ATTACK_S
@@ -200,12 +200,12 @@ def arena(monkeypatch: pytest.MonkeyPatch) -> Arena:
 
 
 def test_ping_is_answered_where_pages_are_read_and_waits_for_no_other_thread(arena: Arena) -> None:
-    """What `rtt_s` tells is then what a page would take; it was some milliseconds where a page takes 0.05."""
+    """So `rtt_s` is what a page would take; before, it was some milliseconds where a page takes 0.05."""
     session = arena.pilot.session
     session.rtt_s = None
     session._ping(arena.network.now_s)
     arena.pilot.move()
-    for _ in range(5):  # the node waits at its door; the link's thread does not come to run
+    for _ in range(5):  # the node waits in its inbox; the link's thread does not run
         arena.robot.door.wait(0.0)
         arena.robot.run_ready()
     arena.pilot.move()
@@ -214,7 +214,7 @@ def test_ping_is_answered_where_pages_are_read_and_waits_for_no_other_thread(are
 
 
 class Newcomers:
-    """Connects again and again, and acts; so many connections stay open."""
+    """Connects and acts, repeatedly; keeps so many connections open."""
 
     def __init__(self, arena: Arena, act: Callable[[SimSocket], object], kept: int = 0, address: str = HERE) -> None:
         self.arena, self.act, self.kept, self.address = arena, act, kept, address
@@ -235,12 +235,12 @@ class Newcomers:
 
 
 def flood(*payloads: bytes, count: int = 1, **options: Any) -> Attack:
-    """Return an attack of peers with the secret that say the same again and again."""
+    """Return an attack of peers with the secret that send the same payloads repeatedly."""
     return lambda arena: [Far(arena, lambda: list(payloads), f"far{i}", **options) for i in range(count)]
 
 
 def newcomers(*says: bytes, kept: int = 0, then: str = "fileno") -> Attack:
-    """Return an attack of connections that send something, and then close, reset or stay."""
+    """Return an attack of connections that send data, and then close, reset or stay open."""
 
     def act(sock: SimSocket) -> None:
         if said := sock.network.rng.choice(says):
@@ -251,7 +251,7 @@ def newcomers(*says: bytes, kept: int = 0, then: str = "fileno") -> Attack:
 
 
 def replayed(arena: Arena) -> list[Any]:
-    """Record the greeting of an honest far end, to say it again."""
+    """Record the greeting of an honest peer, to send it again."""
     far = Far(arena, list)
     said = bytearray()
     far.sock.send, send = lambda data: said.extend(data) or send(data), far.sock.send  # type: ignore[method-assign]
@@ -302,7 +302,7 @@ def test_pilot_under_attack_waits_no_longer_than_a_quarter_second(arena: Arena, 
     arena.run_for(1.0)
     numbers = [number for _, number in arena.came]
     assert numbers == list(range(1, len(numbers) + 1))  # each of the pilot's pages, once and in order
-    if all(isinstance(far, Far) and far.comings == 1 for far in attackers):  # nothing was lost with a connection
+    if all(isinstance(far, Far) and far.comings == 1 for far in attackers):  # no page was lost with a connection
         pages = sum(far.sent for far in attackers) if "ping" not in kind else 0
         assert arena.link.received == arena.pilot.sent + pages
         assert arena.link.received == len(numbers) + arena.handled + arena.link.unwanted

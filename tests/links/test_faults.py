@@ -1,4 +1,4 @@
-"""Faults: when what is sent arrives, given chance and time; and the same object under both clocks."""
+"""Faults: arrival times for given random numbers and time; and the same class under both clocks."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def test_numbers_of_numpy_and_whole_ones_are_numbers() -> None:
 
 
 def fly(faults: Faults, seed: int = 0, until_s: float = 20.0) -> tuple[list[Any], list[dict[str, Any]]]:
-    """Sends 0, 1, 2, ... at 10 Hz from a to b in lock step; returns what came, and a's reports about the link."""
+    """Send 0, 1, 2, ... at 10 Hz from a to b in lock step; return what arrived, and a's reports about the link."""
     pair = SocketsPair(("127.0.0.1", 1), name="t", faults=faults)
     came: list[Any] = []
     reports: list[dict[str, Any]] = []
@@ -130,7 +130,7 @@ def test_a_cut_takes_the_link_down_and_it_comes_back_by_itself() -> None:
     ups = [report["up"] for report in reports]
     downs_s = [report["t"] for report in reports if not report["up"] and report["t"] > 1]
     assert ups[-1]
-    assert 7.5 < downs_s[0] < 8.2  # 3 s after the last word
+    assert 7.5 < downs_s[0] < 8.2  # 3 s after the last message
     assert "nothing was heard for 3 s" in next(r["reason"] for r in reports if r["t"] == downs_s[0])
     assert came[-1] > 190
     assert came == sorted(came)
@@ -160,7 +160,7 @@ def test_the_same_faults_work_on_real_sockets(start: Callable[..., Any]) -> None
         client.store("x", value)
     client.until_stored("x", 300)
     way = client.node.components["link_t"].transport.streams[0].way
-    client.end()  # sends what is still on its way
+    client.end()  # sends what is still delayed
     came = robot.stored["x"]
     robot.until_link("t", up=False)
     assert 60 < way.lost < 120

@@ -1,4 +1,4 @@
-"""What a net of several robots makes of pages, in lock step and without Zenoh; and who is in it: comings and goings."""
+"""Pages in a net of several robots, in lock step and without Zenoh; and its members, when they join and leave."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_every_node_of_a_net_hears_every_other_and_no_page_twice() -> None:
     net = ZenohNet(name="fleet", listen=HERE)
     nodes = run({"a": [ticks("x"), net.link("x")], "b": [net.link("x")], "c": [net.link("x")]})
     assert nodes["b"].get_data("x") == nodes["c"].get_data("x") == 19
-    for role in "bc":  # with every x they could have passed on to each other
+    for role in "bc":  # with every x that they could have forwarded to each other
         assert nodes[role].get_data("link_fleet")["received"] <= 20
         assert nodes[role].get_data("link_fleet")["sent"] == 0
     state = nodes["a"].get_data("link_fleet")
@@ -45,8 +45,8 @@ def test_pages_of_other_robots_are_kept_apart_if_wanted() -> None:
     assert nodes["shore"].get_data("rov1/depth") == nodes["shore"].get_data("rov2/depth") == 19
     assert nodes["shore"].get_page("rov2/depth").origin == "rov2/rov2_node"
     assert nodes["shore"].get_data("depth") is None
-    assert nodes["camera"].get_page("depth").origin == "rov1_node"  # of its own robot, so as it is
-    assert nodes["camera"].get_data("rov2/depth") is None  # whom it does not want to hear
+    assert nodes["camera"].get_page("depth").origin == "rov1_node"  # of its own robot, so unchanged
+    assert nodes["camera"].get_data("rov2/depth") is None  # from a robot that it does not accept
     assert nodes["rov1"].get_page("depth").origin in ("rov1_node", "rov2/rov2_node")
 
 
@@ -62,7 +62,7 @@ def test_a_page_that_comes_round_by_another_way_is_not_taken_back() -> None:
     page = Page("depth", 1.0, "auv_node", 0.0)
     there = me.brings(page, other, apart=False)
     assert there.origin == me.name == "rov1/auv_node"
-    assert other.brings(there, me, apart=False).origin == me.name  # by which its Fleet knows it
+    assert other.brings(there, me, apart=False).origin == me.name  # the name under which its Fleet knows it
     assert me.brings(page, Member("rov1", "camera_node"), apart=True) is page
 
 
@@ -104,7 +104,7 @@ def test_a_page_sent_before_its_node_left_arrives_before_the_others_notice() -> 
     assert came[-1] == ("goodbye", False)
 
 
-# Who is in a net, without a clock
+# Members of a net, without a clock
 
 
 @pytest.fixture
@@ -133,7 +133,7 @@ def test_who_left_and_is_back_is_a_newcomer_whose_last_page_is_none(roster: Rost
     roster.leaves(PLACE)
     assert roster.here() == []
     assert roster.news == "'rov1/auv_node' left."
-    assert roster.hears(PLACE, 2.0) is None  # an answer that was on its way
+    assert roster.hears(PLACE, 2.0) is None  # a reply sent before it left
     assert roster.here() == []
     roster.shows(PLACE, 3.0)
     assert roster.here() == [far]
@@ -152,7 +152,7 @@ def test_who_only_answers_is_there_too(roster: Roster) -> None:
 def test_numbers_that_are_passed_over_are_pages_missed(roster: Roster) -> None:
     for number in (3, 4, 8, 8, 7, 9):
         roster.takes(PLACE, "x", number, 0.0)
-    assert roster.missed == 3  # 5, 6, 7: what comes later is not taken, as it would undo what came before
+    assert roster.missed == 3  # 5, 6, 7: late pages are ignored, since they would overwrite newer ones
     assert [roster.takes(PLACE, "y", 0, 0.0)[1] for _ in range(3)] == [True] * 3
 
 

@@ -1,4 +1,4 @@
-"""What stands between two ends that share a secret can cut the line, and can change nothing on it."""
+"""An attacker between two ends that share a secret can cut the connection, but cannot change any data on it."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def said_by(session: Session) -> list[bytes]:
 
 
 def recorded() -> tuple[list[bytes], list[bytes]]:
-    """The frames of a session in which the pilot sends PAGES: the pilot's, and the robot's."""
+    """Return the frames of a session in which the pilot sends PAGES: the pilot's, and the robot's."""
     pilot, robot = pilot_and_robot()
     there: list[bytes] = []
     back: list[bytes] = []
@@ -58,7 +58,7 @@ STREAM = b"".join(THERE)
 
 
 def taken(stream: bytes, cuts: list[int] = [1 << 20]) -> tuple[list[Any], Session]:  # noqa: B006 - never changed
-    """Pages that the robot takes from a stream in place of the pilot's, cut into reads; and its session."""
+    """Return the pages that the robot accepts from a stream sent for the pilot, split into reads; and its session."""
     robot = end("robot_node", True, b"r" * 16)
     pages: list[Any] = []
     i = start = 0
@@ -131,7 +131,7 @@ places = st.integers(0, len(STREAM))
 
 @st.composite
 def byte_edits(draw: st.DrawFn) -> bytes:
-    """The stream with bytes overwritten, put in, taken out, or copied from elsewhere."""
+    """Return the stream with bytes overwritten, inserted, removed, or copied from elsewhere."""
     stream = STREAM
     for _ in range(draw(st.integers(1, 4))):
         start, length = draw(places), draw(st.integers(0, 200))
@@ -142,7 +142,7 @@ def byte_edits(draw: st.DrawFn) -> bytes:
 
 @st.composite
 def frame_edits(draw: st.DrawFn) -> bytes:
-    """Frames of either direction in any order behind an honest beginning."""
+    """Return frames of either direction in any order after an honest start."""
     honest = draw(st.integers(0, len(THERE)))
     return b"".join([*THERE[:honest], *draw(frames)])
 
@@ -151,10 +151,10 @@ def frame_edits(draw: st.DrawFn) -> bytes:
 def test_stream_is_untouched_or_its_session_ends_and_no_page_is_changed(stream: bytes, cuts: list[int]) -> None:
     pages, robot = taken(stream, cuts)
     assert pages == PAGES[: len(pages)]
-    if STREAM.startswith(stream):  # cut short at most: what is missing may still come
+    if STREAM.startswith(stream):  # only truncated: the rest could still arrive
         assert not robot.is_closed
         return
-    robot.tick(100.0)  # a length that was changed lets it wait for more
+    robot.tick(100.0)  # a changed length makes it wait for more
     assert robot.is_closed
     assert len(pages) < len(PAGES) or len(stream) > len(STREAM)
 
@@ -175,12 +175,12 @@ def relayed(message: dict[str, Any], **changed: Any) -> bytes:
 def test_proof_that_is_passed_on_with_another_greeting_is_refused(
     purpose: str, changed: dict[str, Any], honest: str
 ) -> None:
-    """A pilot's proof, passed on to a console of the same secret, opened it."""
+    """A pilot's proof, forwarded to a console of the same secret, used to open it."""
     pilot = end("pilot_node", False, b"p" * 16, purpose if honest == "server" else "pages")
     robot = end("robot_node", True, b"r" * 16, "pages" if honest == "server" else purpose)
     (there,), (back,) = said_by(pilot), said_by(robot)
     hellos = [msgspec.json.decode(frame[HEADER_BYTES:]) for frame in (there, back)]
-    # What the attacker says to each: what the other said, in words that it takes for its own.
+    # The attacker sends to each end what the other sent, modified so that it looks like its own protocol.
     to_robot, to_pilot = relayed(hellos[0], **changed), relayed(hellos[1], purpose=hellos[0]["purpose"])
     if honest == "server":
         to_robot = relayed(hellos[0], **{**changed, "purpose": "pages"})
@@ -209,7 +209,7 @@ def test_line_of_a_console_that_is_changed_is_not_carried_out() -> None:
 
 @pytest.fixture
 def history(monkeypatch: pytest.MonkeyPatch) -> Iterator[History]:
-    """A robot and an operator with a secret, over a simulated network, both up."""
+    """Provide a robot and an operator with a secret, over a simulated network, both up."""
     history = History(2, monkeypatch)
     history.settle()
     yield history
@@ -226,7 +226,7 @@ def test_forged_frame_closes_that_connection_is_counted_and_logged_once(
         for count in (1, 2, 3):
             (stream,) = link.transport.streams
             stream.port._sock.come += encode_frame(Page("stick", "forged", "operator_node", 0.0).serialize())
-            history.rounds(50)  # the other end is given a moment to read why
+            history.rounds(50)  # time for the other end to read the reason
             assert stream not in link.transport.streams
             assert history.robot.get_data(LINK)["forged"] == count
             assert history.robot.get_data("stick") != "forged"

@@ -1,4 +1,4 @@
-"""The codec: however the bytes are cut, the frames come out whole, and nonsense is told at once."""
+"""The codec: however the bytes are split, it returns whole frames, and it reports invalid data at once."""
 
 import tracemalloc
 

@@ -1,4 +1,4 @@
-"""What peers over TCP can do wrong. None of it blocks, ends or bloats the node, and others are served meanwhile."""
+"""Misbehaviour of peers over TCP. None of it blocks or ends the node or fills its memory, and others are served."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def pair() -> SocketsPair:
 
 @pytest.fixture
 def robot(start: Start, pair: SocketsPair) -> Any:
-    """A node that listens, takes any page and sends its depth."""
+    """Start a node that listens, accepts any page and sends its depth."""
     return start("robot", [pair.server("depth")], down="t")
 
 
@@ -48,7 +48,7 @@ def page(key: str = "x", data: Any = 1, origin: str = "raw") -> bytes:
 
 
 def serves(robot: Any, start: Start, pair: SocketsPair) -> bool:
-    """Whether an honest client gets a page through, both ways."""
+    """Return whether pages of an honest client are exchanged in both directions."""
     honest = start("honest", [pair.client("hi")], up="t")
     honest.store("hi", "there")
     robot.until_stored("hi")
@@ -126,7 +126,7 @@ def test_who_says_nothing_more_is_given_up(start: Start, raw: Connect, how: str)
         far.sock.sendall(encode_frame(page())[:10])
     elif how == "a drip":
         far.sock.sendall(b"\x00")
-    far.messages()  # reads to the end, which comes
+    far.messages()  # reads to the end of the stream
     reason = "nothing was heard" if how == "half a frame" else "the greeting was not completed"
     robot.until(lambda: reason in robot.stored["link_t"][-1]["reason"], reason)
 
@@ -150,7 +150,7 @@ def test_a_peer_that_never_reads_costs_no_more_than_its_queue_and_nobody_waits_f
     raw(pair.port)
     robot.until_link("t")
     text = "x" * 500_000
-    for _ in range(60):  # more than any socket buffer takes
+    for _ in range(60):  # more than any socket buffer holds
         robot.store("depth", text)
     robot.until_stored("depth", 60)
     honest = start("honest", [pair.client("hi")], up="t")
@@ -226,7 +226,7 @@ def test_a_flood_of_connections_without_the_secret_ends_no_node(start: Start) ->
 
 
 def until_deaf(robot: Any) -> None:
-    """Waits until the link takes nothing more in; the node itself is busy, so nobody could tell us."""
+    """Wait until the link is paused; the node itself is busy, so no page can report it."""
     link, pause = robot.node.components["link_t"], threading.Event()
     for _ in range(3000):
         if link.is_deaf:

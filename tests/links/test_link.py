@@ -1,4 +1,4 @@
-"""What links are told, and what they say: options, keys, messages."""
+"""Options, keys and messages of links."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What links of the 2021 library did when they were tried, one test each: none of it happens here.
+"""Failures of links of the 2021 library when they were tried, one test each: none of them occurs here.
 
-Weakness 9 stands in test_sockets.py, 15 in test_frames.py, 16 in test_hostile.py.
+Weakness 9 is in test_sockets.py, 15 in test_frames.py, 16 in test_hostile.py.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def test_weakness_8_a_round_trip_does_not_wait_for_the_other_ends_acknowledgemen
         client.store("ping", i)
         client.until_stored("pong", i + 1)
         times_s.append(time.perf_counter() - start_s)
-    assert statistics.median(times_s) < 0.03  # 0.04 is what Nagle's algorithm and a delayed acknowledgement cost
+    assert statistics.median(times_s) < 0.03  # Nagle's algorithm and a delayed acknowledgement cost 0.04
     for node in (robot, client):
         (stream,) = node.node.components["link_t"].transport.streams
         assert stream.port._sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) != 0
@@ -153,7 +153,7 @@ def test_weakness_14_a_key_shared_both_ways_does_not_echo(start: Start, pair: So
     robot.until_stored("x")
     robot.store("x", "from the robot")
     client.until_stored("x", 2)
-    # What bounced would come before these, on the same streams.
+    # echoed pages would arrive before these, on the same streams
     robot.store("end", 1)
     client.until_stored("end")
     client.store("end", 2)
@@ -206,7 +206,7 @@ def test_a_server_that_vanishes_is_called_again_until_it_is_back(start: Start) -
     client.until_stored("x", 3)
     again = start("robot", [pair.server()])
     client.until_link("t")
-    assert again.until_stored("x") == [3]  # the newest that was stored while nobody was there
+    assert again.until_stored("x") == [3]  # the newest page stored without a peer
     assert client.until_link("t", dropped=2)
 
 

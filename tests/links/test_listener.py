@@ -1,4 +1,4 @@
-"""A socket that listens: it takes who comes, and rests a moment when nobody can be taken."""
+"""A listening socket: it accepts connections, and pauses briefly when none can be accepted."""
 
 import errno
 import logging
@@ -18,7 +18,7 @@ LOG = logging.getLogger("snr.listener")
 
 
 class Full:
-    """A socket whose system has no descriptor left, or another reason not to accept."""
+    """A socket on a system without a free descriptor, or with another reason not to accept."""
 
     def __init__(self, sock: socket.socket, reason: int = errno.EMFILE) -> None:
         self.sock = sock
@@ -83,5 +83,5 @@ def test_caller_that_has_hung_up_does_not_keep_the_next_one_waiting(sock: socket
         assert listener.accept(10.0) is None
         assert selector.get_map()
         listener.close()
-        listener.close()  # twice is as good as once
+        listener.close()  # safe to call twice
         assert not selector.get_map()

@@ -1,4 +1,4 @@
-"""The simulated link: when pages arrive, which do, and that none goes in circles."""
+"""The simulated link: when pages arrive, which do, and that none circulates."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -20,7 +20,7 @@ Heard = list[tuple[float, Any]]
 
 
 class EarFactory(PartFactory):
-    """Takes down (time, data) of each page stored under a key."""
+    """Records (time, data) of each page stored under a key."""
 
     def __init__(self, heard: Heard, key: str = "x") -> None:
         super().__init__(name=f"ear_{key}")
@@ -109,7 +109,7 @@ def test_a_narrow_link_takes_its_time_for_each_byte_and_pages_queue_for_it() -> 
     gaps = [later - earlier for earlier, later in pairwise(arrivals)]
     size_bytes = arrivals[0] * 1000
     assert 60 < size_bytes < 120
-    assert gaps == pytest.approx([arrivals[0]] * 2, rel=0.1)  # one page's time each, although they came 1 ms apart
+    assert gaps == pytest.approx([arrivals[0]] * 2, rel=0.1)  # one page's time each, although they were sent 1 ms apart
 
 
 def test_what_arrives_is_a_copy_with_the_stamp_and_origin_of_the_sender() -> None:

@@ -1,4 +1,4 @@
-"""Who may greet: a few of each address, and nobody has to make room for one who connects again and again."""
+"""Rate of greetings: a few per address; a client that connects repeatedly does not displace others."""
 
 from __future__ import annotations
 
@@ -71,11 +71,11 @@ def test_storm_from_one_address_is_closed_at_once_beyond_its_greetings(arena: Ar
 
 @pytest.mark.slow
 def test_client_of_another_address_greets_while_a_known_address_fills_all_places(arena: Arena) -> None:
-    arena.link.transport._newcomers.know(STRANGER)  # so nothing limits its greetings
+    arena.link.transport._newcomers.know(STRANGER)  # so its greetings are not limited
     arena.fars.append(Attackers(arena, lambda sock: None, kept=1000, address=STRANGER))
     arena.run_for(0.3)
     sock = arena.network.connect("127.0.0.1", arena.pair.port, HONEST)
-    arena.run_for(0.5)  # it says nothing, so it may be the oldest of all
+    arena.run_for(0.5)  # it sends nothing, so it may be the oldest of all
     waiting = [stream.where for stream in arena.link.transport.streams if not stream.is_admitted]
     assert len(waiting) == MAX_NEWCOMERS
     assert f"{HONEST}:40000" in waiting
@@ -86,7 +86,7 @@ def test_client_of_another_address_greets_while_a_known_address_fills_all_places
 def test_peers_of_one_name_that_take_all_places_make_room_for_another_name(
     arena: Arena, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(tcp_server, "MAX_PEERS", 8)  # each that comes again takes simulated, and real, time
+    monkeypatch.setattr(tcp_server, "MAX_PEERS", 8)  # each reconnection takes simulated, and real, time
     far: list[Far] = []
     for _ in range(8 + 5):
         far.append(Far(arena, list, "many"))

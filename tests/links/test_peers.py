@@ -1,4 +1,4 @@
-"""Nodes of one name on one link: what does not cross is counted and told. And no page goes back where it came from."""
+"""Nodes of the same name on one link: pages not sent are counted and reported. No page is sent back to its origin."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_pages_between_two_nodes_of_one_name_are_counted_and_told_at_both_ends(
 ) -> None:
     one = start("robot", [pair.server("depth")], down="t")
     other = start("robot", [pair.client("cmd")])
-    other.store("cmd", 0)  # waits, perhaps, until the other end is there
+    other.store("cmd", 0)  # may wait until the other end is connected
     for end in (one, other):
         end.until_link("t")
     one.store("depth", *range(5))
@@ -58,7 +58,7 @@ def test_a_page_of_one_of_two_far_ends_of_one_name_is_sent_to_the_other_and_that
     robot.until(lambda: len(robot.stored["link_t"][-1]["peers"]) == 2, "both")
     first.store("chat", "hello")
     assert robot.until_stored("chat") == ["hello"]
-    second.until_link("t", unwanted=1)  # it takes it for its own, and counts it
+    second.until_link("t", unwanted=1)  # it takes the page for its own, and counts it
     assert first.until_link("t", unwanted=0)
     robot.until(lambda: "two far ends are named 'pad_node'" in robot.stored["link_t"][-1]["reason"], "reason")
     assert robot.until_link("t", sent=1)
@@ -70,7 +70,7 @@ def test_a_page_of_one_of_two_far_ends_of_one_name_is_sent_to_the_other_and_that
 def test_who_lost_a_connection_and_called_again_is_not_two(start: Start, raw: Callable[..., Any]) -> None:
     pair = SocketsPair((HERE, 0), name="t", keep_alive_s=0.05, timeout_s=1.0)
     robot = start("robot", [pair.server("chat")], down="t")
-    raw(pair.port, node="pad_node")  # says hello, and nothing any more
+    raw(pair.port, node="pad_node")  # sends a hello, and nothing after it
     robot.until_link("t")
     again = start("pad", [pair.client("chat")])
     robot.until(lambda: len(robot.stored["link_t"][-1]["peers"]) == 2, "both")
@@ -111,7 +111,7 @@ def test_page_that_is_stored_while_its_far_end_goes_is_counted(start: Start, pai
 
     def take_slowly(frame: bytes) -> bool:
         going.start()
-        time.sleep(0.3)  # in which the link's thread finds the session over
+        time.sleep(0.3)  # meanwhile the link's thread finds the session closed
         return takes(frame)
 
     peer.takes = take_slowly
@@ -122,7 +122,7 @@ def test_page_that_is_stored_while_its_far_end_goes_is_counted(start: Start, pai
 
 
 def fly_late(count: int, begins_s: float, **options: Any) -> tuple[list[Any], SimRunner]:
-    """Stores pages of two keys before the far end connects; returns what came there, and the run."""
+    """Store pages of two keys before the peer connects; return the pages that arrived there, and the run."""
     pair = SocketsPair((HERE, 0), name="t", faults=Faults(cut=((0.0, begins_s),)), **options)
     came: list[Any] = []
     numbers = iter(range(count))

@@ -1,4 +1,4 @@
-"""Links between two processes: both kinds carry every page there and back, and notice when the other one is killed."""
+"""Links between two processes: both kinds carry every page in both directions, and detect that the other was killed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ KEYS = ["question", "end"]
 
 @contextmanager
 def far_role(start: Callable[..., Any], kind: str) -> Iterator[tuple[Any, subprocess.Popen[bytes]]]:
-    """A node here, and a process with the far role on its link."""
+    """Start a node here, and a process with the remote role on its link."""
     if kind == "tcp":
         pair = SocketsPair(("127.0.0.1", 0), name="t", queue_pages=50_000)
         near = start("near", [pair.server(KEYS)], down="t")

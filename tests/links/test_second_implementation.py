@@ -1,4 +1,4 @@
-"""A program of the standard library alone, written from docs/formats.md, talks to a node over TCP."""
+"""A program with the standard library only, written from docs/formats.md, exchanges pages with a node over TCP."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Call = Callable[..., subprocess.Popen[str]]
 
 @pytest.fixture
 def call() -> Iterator[Call]:
-    """Starts the plain client: `call(port, secret, pages)`; it sends a page `joystick`, {"axis": 0.5}."""
+    """Start the plain client: `call(port, secret, pages)`; it sends a page `joystick`, {"axis": 0.5}."""
     called: list[subprocess.Popen[str]] = []
 
     def begin(port: int, secret: str, pages: int) -> subprocess.Popen[str]:

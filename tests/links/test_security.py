@@ -1,4 +1,4 @@
-"""Who may talk to a node: secrets, addresses, certificates; in words first, then over real sockets."""
+"""Access control of a node: secrets, addresses, certificates; first their messages, then over real sockets."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_only_this_machine_and_named_networks_are_allowed() -> None:
 
 @pytest.fixture
 def tls(files: dict[str, str]) -> Tls:
-    """What a server shows, and whom a client trusts."""
+    """Return the certificates of a server, and the authority that a client trusts."""
     return Tls(files["robot_cert"], files["robot_key"], files["authority"])
 
 
@@ -91,7 +91,7 @@ def tls(files: dict[str, str]) -> Tls:
 def test_an_address_that_is_not_allowed_is_told_so_before_it_is_listened_to(
     start: Start, raw: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # Every peer of a test comes from this machine, so the rule itself has to say no here.
+    # Every peer of a test connects from this machine, so the rule itself is replaced to reject it.
     monkeypatch.setattr("snr_sim.links.tcp_server.is_allowed", lambda address, networks: False)
     pair = SocketsPair((HERE, 0), name="t")
     robot = start("robot", [pair.server()], down="t")
@@ -173,7 +173,7 @@ def test_tls_on_one_end_only_is_said_with_what_to_try(start: Start, tls: Tls, ha
 
     fix = "Try: tls=Tls(...) on both ends"
     says(robot if has_it == "server" else client, f"this end speaks TLS, the other does not. {fix} (")
-    if has_it == "client":  # to a client that is none, a server with TLS says nothing
+    if has_it == "client":  # a server with TLS sends nothing to a client without TLS
         says(robot, f"The other end speaks TLS, this one does not. {fix}.")
 
 
@@ -235,7 +235,7 @@ def test_with_client_certificates_only_those_of_the_authority_get_in(
 def test_who_does_not_speak_tls_gets_nowhere(start: Start, tls: Tls, raw: Callable[..., Any]) -> None:
     pair = SocketsPair((HERE, 0), name="t", tls=tls)
     start("robot", [pair.server()], down="t")
-    assert raw(pair.port).sock.recv(100)[:1] in (b"\x15", b"")  # an alert of TLS, or the end
+    assert raw(pair.port).sock.recv(100)[:1] in (b"\x15", b"")  # an alert of TLS, or the end of the stream
     start("client", [pair.client("x")], up="t")
 
 

@@ -1,4 +1,4 @@
-"""The send queue: bounded in pages and in bytes, and what had to go is counted."""
+"""The send queue: bounded in pages and in bytes; dropped pages are counted."""
 
 import pytest
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""Two ends of a conversation, without a port: who comes up, who is refused and why. Nothing hostile gets in."""
+"""Two ends of a session, without a port: accepted and refused ends, with the reason. Hostile data is rejected."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import tracemalloc
 from typing import Any
 
 import msgspec
-import numpy  # noqa: F401 - here, so that its import is not counted as what a hostile array costs
+import numpy  # noqa: F401 - here, so that its import does not count as time taken by a hostile array
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -22,19 +22,19 @@ SECRET = b"sixteen or more bytes"
 
 
 def ends(client: dict[str, Any] | None = None, server: dict[str, Any] | None = None) -> tuple[Session, Session]:
-    """A client's and a server's session that have not spoken yet."""
+    """Return a client's and a server's session that have not exchanged data yet."""
     one = Session(Terms("a_node", is_server=False, **(client or {})), 0.0, nonce=b"c" * 16)
     other = Session(Terms("b_node", is_server=True, **(server or {})), 0.0, nonce=b"s" * 16)
     return one, other
 
 
 def said_by(session: Session) -> bytes:
-    """What a session has to say, as it crosses."""
+    """Return all bytes that a session has to send, as they are sent."""
     return b"".join(map(session.seal, session.take_output()))
 
 
 def talk(one: Session, other: Session, now_s: float = 0.0) -> list[Any]:
-    """Carries what both say until neither has anything to say; returns the pages that came."""
+    """Exchange the output of both until neither has any; return the pages that arrived."""
     came: list[Any] = []
     while True:
         there, back = said_by(one), said_by(other)
@@ -44,7 +44,7 @@ def talk(one: Session, other: Session, now_s: float = 0.0) -> list[Any]:
 
 
 def greeted(**terms: Any) -> Session:
-    """A server's session that is up."""
+    """Return a server's session that is up."""
     client, server = ends(terms, terms)
     talk(client, server)
     assert server.is_up
@@ -56,7 +56,7 @@ def say(session: Session, *payloads: bytes, now_s: float = 0.0) -> list[Any]:
 
 
 def last_word(session: Session) -> Any:
-    """The last message among what the session wants to send."""
+    """Return the last message that the session has to send."""
     return decode_message(session.take_output()[-1][4:])
 
 
@@ -106,7 +106,7 @@ def test_a_secret_on_one_end_only_is_refused_by_name(has_it: str) -> None:
 
 
 def test_what_a_client_proved_cannot_be_said_back_to_it() -> None:
-    # A false server that knows no secret returns the client's own nonce and proof.
+    # A false server without the secret returns the client's own nonce and proof.
     client = Session(Terms("a_node", is_server=False, secret=SECRET), 0.0)
     own = decode_message(client.take_output()[0][4:])
     assert isinstance(own, Hello)
@@ -227,7 +227,7 @@ def test_the_round_trip_is_the_time_from_a_ping_to_its_own_answer() -> None:
     server = greeted()
     server.tick(1.0)
     assert last_word(server) == Ping(1.0)
-    assert server.rtt_s == 0.0  # of the ping with which it came up
+    assert server.rtt_s == 0.0  # of the ping sent when it came up
     say(server, encode_message(Pong(0.5)), now_s=1.1)
     assert server.rtt_s == 0.0
     say(server, encode_message(Pong(1.0)), now_s=1.25)
@@ -249,7 +249,7 @@ def test_the_quickest_of_the_last_pings_tells_how_far_the_clocks_are_apart() -> 
         say(session, encode_message(Ping(100.0)), now_s=40.0 + latency_s)
     assert session.clock_offset_s == pytest.approx(-59.9)
     for _ in range(8):
-        say(session, encode_message(Ping(100.0)), now_s=42.0)  # its clock was set back: the old ones are forgotten
+        say(session, encode_message(Ping(100.0)), now_s=42.0)  # its clock was set back: earlier samples are dropped
     assert session.clock_offset_s == pytest.approx(-58.0)
 
 

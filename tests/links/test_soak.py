@@ -1,4 +1,4 @@
-"""The soak of tests/bench: three seconds in the slow lane, too few to judge what grows; ten minutes in nightly."""
+"""The soak test of tests/bench: three seconds in the slow lane, too short to measure growth; ten minutes in nightly."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Links over TCP, on this machine's own address, each with a port that is free."""
+"""Links over TCP, on this machine's own address, each with a free port."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_the_same_config_runs_in_lock_step_without_sockets() -> None:
 
 @pytest.mark.slow
 def test_a_node_that_never_rests_still_hears_its_links(start: Callable[..., Any]) -> None:
-    """Its own thread reads them at the door; if it does not come there, the link's thread does."""
+    """A node reads its links while it waits in its inbox; if it never waits, the link's thread reads them."""
     pair = SocketsPair(("127.0.0.1", 0), name="wire")
     busy = PartFactory({(TaskType.event, "again"): lambda task, task_id: tasks.event("again")}, "busy")
     server = start("server", [pair.server(), busy], down="wire")
@@ -60,7 +60,7 @@ def test_a_node_that_never_rests_still_hears_its_links(start: Callable[..., Any]
 
 @pytest.mark.slow
 def test_a_handler_that_takes_long_does_not_cost_the_link(start: Callable[..., Any]) -> None:
-    """The link's thread keeps it alive meanwhile: longer than the far end would wait for a silent one."""
+    """The link's thread keeps it alive meanwhile: for longer than the peer's limit of silence."""
     pair = SocketsPair(("127.0.0.1", 0), name="wire", keep_alive_s=0.05, timeout_s=1.0)
     done = threading.Event()
     slow = PartFactory({(TaskType.process_data, "depth"): lambda task, task_id: done.wait(30.0) and None}, "slow")
@@ -105,7 +105,7 @@ def test_a_client_does_not_take_itself_for_the_server(monkeypatch: pytest.Monkey
     def call_oneself(address: tuple[str, int], timeout_s: float) -> socket.socket:
         sock = socket.socket()
         sock.bind((HERE, 0))
-        sock.connect(sock.getsockname())  # what a client does by chance when both ports are one
+        sock.connect(sock.getsockname())  # as happens to a client by chance when both ports are the same
         return sock
 
     monkeypatch.setattr(socket, "create_connection", call_oneself)

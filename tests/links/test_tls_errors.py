@@ -1,4 +1,4 @@
-"""What OpenSSL says, in our words; test_security.py has the same over real sockets."""
+"""Messages for OpenSSL's errors; test_security.py has the same over real sockets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every link under every runner: pages cross both ways and both nodes end in order, or the refusal says what to use."""
+"""Every link under every runner: pages are exchanged and both nodes end in order, or an error names the alternative."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ README = Path(__file__).parents[2] / "README.md"
 SECRET = "a secret of more than 16 bytes"
 LIMIT_S = 60.0
 WIRES = ("tcp", "tls", "pipe", "zenoh")
-PAGES = 3  # that each link carries each way
+PAGES = 3  # per link and direction
 
 
 class Asks(Endpoint):
-    """Puts a number on each link, the next one when it has come back; ends when all have, and the console says so."""
+    """Sends a number on each link, the next after each reply; ends after all replies and the console's event."""
 
     factory: AsksFactory
 
@@ -66,7 +66,7 @@ class Asks(Endpoint):
         self.may_go = not factory.waits_for_console
 
     def begin(self) -> None:
-        """Puts the first number on each link."""
+        """Send the first number on each link."""
         for link in self.back:
             self.store_data(f"there_{link}", 1)
 
@@ -87,7 +87,7 @@ class Asks(Endpoint):
         return [self.store_data_task("over", True), tasks.finish("all came back")]
 
     def terminate(self) -> None:
-        """Prints what came."""
+        """Print the numbers received."""
         print("asked", self.back, self.parent.exit_reason)
 
 
@@ -102,7 +102,7 @@ class AsksFactory(EndpointFactory):
 
 
 class Answers(Endpoint):
-    """Sends each number back on the link by which it came."""
+    """Sends each number back on the link that it arrived on."""
 
     factory: AnswersFactory
 
@@ -118,7 +118,7 @@ class Answers(Endpoint):
         return self.store_data_task(f"back_{link}", self.came[link])
 
     def terminate(self) -> None:
-        """Prints what came."""
+        """Print the numbers received."""
         print("answered", self.came, self.parent.exit_reason)
 
 
@@ -132,7 +132,7 @@ class AnswersFactory(EndpointFactory):
 
 
 def ends_of(link: str, files: dict[str, str], zenoh_port: int) -> tuple[Any, Any]:
-    """The factories of a link's two ends."""
+    """Return the factories of a link's two ends."""
     there, back = [f"there_{link}", "over"], f"back_{link}"
     if link == "zenoh":
         pytest.importorskip("zenoh")  # part of snr_sim[dev]
@@ -149,7 +149,7 @@ def ends_of(link: str, files: dict[str, str], zenoh_port: int) -> tuple[Any, Any
 
 
 def both_roles(links: tuple[str, ...], files: dict[str, str], *more: Any, zenoh_port: int = 7447) -> Config:
-    """Two roles with all these links between them; `more` are further components of the first."""
+    """Return two roles with all these links between them; `more` are further components of the first."""
     ends = [ends_of(link, files, zenoh_port) for link in links if link != "memory"]
     timeout = TimeoutLoopFactory(seconds=LIMIT_S)
     return Config(
@@ -177,7 +177,7 @@ def test_sim_runner_carries_pages_of_every_link_both_ways(
 
 
 def say_go(console: CommandReceiverFactory) -> None:
-    """What a person does at `snr console`, as soon as the port is known."""
+    """Send what a user would type at `snr console`, as soon as the port is known."""
     deadline_s = time.monotonic() + LIMIT_S
     while console.port == 0 and time.monotonic() < deadline_s:
         time.sleep(0.01)
@@ -257,7 +257,7 @@ def test_a_port_that_is_taken_is_told_before_any_process_starts(capsys: pytest.C
         with pytest.raises(LinkError, match="take another port"):
             runner.run()
     assert capsys.readouterr().out == ""
-    socket.create_server(("127.0.0.1", first.port)).close()  # what was opened before is closed again
+    socket.create_server(("127.0.0.1", first.port)).close()  # the port that was opened before is closed again
 
 
 def goes_when_up(ticker: Any) -> None:
@@ -292,6 +292,6 @@ def test_a_pipe_that_goes_to_a_process_keeps_its_descriptor_and_way() -> None:
     there = unpack(packed).conn
     ours.send_bytes(b"hello")
     assert there.recv_bytes() == b"hello"
-    there._handle = None  # in this one process both have the same descriptor: only one may close it
+    there._handle = None  # in this one process both have the same descriptor, and only one may close it
     for end in (ours, theirs):
         end.close()

@@ -1,4 +1,4 @@
-"""Values that ordinary code fails on do not come in over a link, and do not leave over one."""
+"""Values on which ordinary code fails: links neither accept nor send them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def page(data: bytes) -> bytes:
 
 
 def nested(depth: int) -> bytes:
-    """A page nested so deep."""
+    """Return a page of this nesting depth."""
     return page(b"[" * (depth - 1) + b"]" * (depth - 1))
 
 
@@ -96,7 +96,7 @@ def test_sender_of_a_deep_value_is_told() -> None:
 
 
 numbers = st.integers(-(2**65), 2**65) | st.floats(allow_nan=False, allow_infinity=False) | st.text(max_size=30)
-keys = st.text(max_size=30).filter(lambda key: key != "$")  # that would be a mark
+keys = st.text(max_size=30).filter(lambda key: key != "$")  # that key would be a mark
 values = st.recursive(numbers, lambda inner: st.lists(inner) | st.dictionaries(keys, inner))
 
 

@@ -1,4 +1,4 @@
-"""ZenohCallbacks, with sessions that connect to nobody, and what they are for: programs that end at once."""
+"""ZenohCallbacks, with sessions without peers, and their purpose: programs that end immediately."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ zenoh = pytest.importorskip("zenoh")  # part of snr_sim[dev]
 
 pytestmark = pytest.mark.slow
 
-# Declared on a daemon's thread, as links do. Ends while the thread of a callback is about to end: without the last
+# Declared on a daemon thread, as links do. Ends while the thread of a callback is about to end: without the last
 # line, Python 3.11 aborts four of five such programs.
 PROGRAM = """
 import threading
@@ -64,7 +64,7 @@ def test_it_waits_for_the_last_call_of_every_callback(session: Any) -> None:
         session.declare_subscriber(name, callbacks.make(zenoh.handlers.Callback, called))
         session.put(name, b"")
     assert is_called.wait(10.0)
-    assert not callbacks.wait(0.01)  # nothing ends before the session does
+    assert not callbacks.wait(0.01)  # no callback ends before the session does
     session.close()
     assert callbacks.wait(10.0)
     assert sorted(calls) == ["a", "b"]

@@ -1,4 +1,4 @@
-"""Links over Zenoh, on this machine's own address: nodes on threads here, and in processes where that matters."""
+"""Links over Zenoh, on this machine's own address: nodes on threads here, and in processes where it matters."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ zenoh = pytest.importorskip("zenoh")  # part of snr_sim[dev]
 Start = Callable[..., Any]
 LIMIT_S = 90.0
 NODE = Path(__file__).with_name("zenoh_node.py")
-# The same, but that nobody waits until its link has left: as on a computer with too much to do.
+# The same without waiting for the link's leaving, as on an overloaded computer.
 HASTY = (
     "import runpy; from snr_sim.links import zenoh_link; zenoh_link.LINGER_S = 0.0; "
     f"runpy.run_path({str(NODE)!r}, run_name='__main__')"
@@ -35,7 +35,7 @@ HASTY = (
 
 
 def free_address(protocol: str = "tcp") -> str:
-    """An address that nobody has just now."""
+    """Return an address that is currently unused."""
     return f"{protocol}/127.0.0.1:{free_port()}"
 
 
@@ -45,18 +45,18 @@ def net() -> ZenohNet:
 
 
 def joins(net: ZenohNet, keys: Any = (), **options: Any) -> Any:
-    """A link that connects to where the net's first node listens."""
+    """Return a link that connects to the address at which the net's first node listens."""
     return net.link(keys, listen=(), connect=[net.listen[0]], **options)
 
 
 def names(running: Any) -> list[str]:
-    """Whom a node's link has told of last."""
+    """Return the peers in the newest page of a node's link."""
     pages = running.stored["link_fleet"]
     return sorted(pages[-1]["peers"]) if pages else []
 
 
 class Process:
-    """A node in a process of its own, which joins a net; see zenoh_node.py."""
+    """A node in its own process, which joins a net; see zenoh_node.py."""
 
     def __init__(
         self, net: ZenohNet, role: str, keys: Any = (), program: Sequence[str] = (str(NODE),), **options: Any
@@ -78,13 +78,13 @@ class Process:
                 self.news.notify_all()
 
     def until_stored(self, key: str, count: int = 1) -> list[Any]:
-        """Waits until so many pages of a key have been stored there, and returns their data."""
+        """Wait until so many pages of a key have been stored there, and return their data."""
         with self.news:
             assert self.news.wait_for(lambda: len(self.stored.get(key, ())) >= count, LIMIT_S), self.stored
             return list(self.stored[key])
 
     def until_peers(self, *wanted: str) -> None:
-        """Waits until its link tells of exactly these."""
+        """Wait until its link reports exactly these peers."""
 
         def tells() -> bool:
             pages = self.stored.get("link_fleet")
@@ -94,25 +94,25 @@ class Process:
             assert self.news.wait_for(tells, LIMIT_S), self.stored
 
     def store(self, key: str, *values: Any) -> None:
-        """Has values stored there."""
+        """Store values there."""
         assert self.popen.stdin is not None
         print(json.dumps([key, values]), file=self.popen.stdin, flush=True)
 
     def end(self) -> None:
-        """Ends the node in good order."""
+        """End the node in good order."""
         assert self.popen.stdin is not None
         self.popen.stdin.close()
         assert self.popen.wait(LIMIT_S) == 0
 
     def kill(self) -> None:
-        """Ends it at once."""
+        """Kill the process."""
         self.popen.kill()
         self.popen.wait()
 
 
 @pytest.fixture
 def process() -> Iterator[Callable[..., Process]]:
-    """Starts a node in a process: `process(net, "role", keys)`. All are killed after the test."""
+    """Start a node in a process: `process(net, "role", keys)`. All are killed after the test."""
     started: list[Process] = []
 
     def begin(*args: Any, **options: Any) -> Process:
@@ -131,7 +131,7 @@ def process() -> Iterator[Callable[..., Process]]:
 
 @pytest.fixture
 def stranger(net: ZenohNet) -> Iterator[Callable[[], Any]]:
-    """Connects a program with Zenoh and without snr_sim to the net's first node, which must be there."""
+    """Connect a program with Zenoh and without snr_sim to the net's first node, which must run already."""
     sessions: list[Any] = []
 
     def connect() -> Any:
@@ -150,14 +150,14 @@ def stranger(net: ZenohNet) -> Iterator[Callable[[], Any]]:
         session.close()
 
 
-# Who hears whom
+# Which nodes receive from which
 
 
 @pytest.mark.slow
 def test_pages_go_both_ways_and_either_node_starts_first(start: Start, net: ZenohNet) -> None:
     rov = start("rov", [joins(net, "depth")])
     assert rov.until_link("fleet", up=False)["reason"].startswith(f"waits for {net.listen[0]}")
-    rov.store("depth", 1.5)  # before anybody hears it
+    rov.store("depth", 1.5)  # before any node receives it
     shore = start("shore", [net.link("mission")])
     assert list(shore.until_link("fleet")["peers"]) == ["rov_node"]
     assert list(rov.until_link("fleet")["peers"]) == ["shore_node"]
@@ -217,7 +217,7 @@ def test_nets_with_different_names_never_meet(start: Start, net: ZenohNet) -> No
     shore = start("shore", [net.link()])
     alien = start("alien", [other.link("x")])
     alien.store("x", "theirs")
-    alien.until_link("other fleet?", up=False, reason="nobody else is in the net.")  # connected, and not heard
+    alien.until_link("other fleet?", up=False, reason="nobody else is in the net.")  # connected, but ignored
     friend = start("friend", [joins(net, "x")], up="fleet")
     friend.store("x", "ours")
     assert shore.until_stored("x") == ["ours"]
@@ -227,7 +227,7 @@ def test_nets_with_different_names_never_meet(start: Start, net: ZenohNet) -> No
 
 @pytest.mark.slow
 def test_others_are_discovered_on_the_interface_that_was_named_and_only_there(start: Start) -> None:
-    # Multicast is the whole machine's, so this net's name is nobody else's.
+    # Multicast reaches the whole machine, so this net's name must be unique.
     name = f"fleet {os.getpid()}"
     rov = start("rov", [ZenohNet(name=name, discover=True, listen=free_address()).link("x")])
     shore = start("shore", [ZenohNet(name=name, discover=True, listen=free_address()).link()])
@@ -236,7 +236,7 @@ def test_others_are_discovered_on_the_interface_that_was_named_and_only_there(st
     assert shore.until_stored("x") == [1]
 
 
-# When and what
+# Content and order
 
 
 @pytest.mark.slow
@@ -325,7 +325,7 @@ def test_faults_delay_and_lose_pages_and_say_how_many(start: Start, net: ZenohNe
     assert rov.stored["link_fleet"][-1]["rtt_s"] >= 0.2
 
 
-# Comings and goings
+# Joining and leaving
 
 
 @pytest.mark.slow
@@ -371,7 +371,7 @@ def test_a_process_that_hangs_neither_holds_up_a_node_nor_its_end(
     shore.until(lambda: names(shore) == ["friend_node", "rov_node"])
     os.kill(rov.popen.pid, signal.SIGSTOP)
     text = "x" * 1000
-    shore.store("x", *([text] * 20_000), "last")  # far more than the system keeps for somebody who does not read
+    shore.store("x", *([text] * 20_000), "last")  # far more than the system buffers for a peer that does not read
     shore.until(lambda: shore.stored["x"] and shore.stored["x"][-1] == "last")
     shore.until(lambda: names(shore) == ["friend_node"])
     shore.store("x", "after")
@@ -380,7 +380,7 @@ def test_a_process_that_hangs_neither_holds_up_a_node_nor_its_end(
     assert len(friend.stored["x"]) > 10_000  # nearly all, if not all: this machine may be slow, too
     began_s = time.monotonic()
     shore.end()
-    assert time.monotonic() - began_s < 3.0  # 0.3 s, and this machine's load; Zenoh itself takes 6 s and more
+    assert time.monotonic() - began_s < 3.0  # 0.3 s, plus this machine's load; Zenoh itself takes 6 s and more
 
 
 @pytest.mark.slow
@@ -397,12 +397,12 @@ def test_twenty_links_leave_neither_threads_nor_descriptors_behind(start: Start,
         rov.end()
         shore.until_link("fleet", up=False)
         counts.append(left())
-    # They come and go, so the fewest of each half: if each link left one behind, they would be 10 more.
+    # The counts fluctuate, so compare the minima of each half: if each link left one behind, they would be 10 more.
     for before, after in zip(*(map(min, zip(*half, strict=True)) for half in (counts[:10], counts[10:])), strict=True):
         assert after <= before + 3
 
 
-# Strangers
+# Programs outside of the net
 
 
 @pytest.mark.slow
@@ -421,11 +421,11 @@ def test_what_is_no_page_is_counted_and_changes_nothing(
         (f"{place}/page/x", page.replace(b":1,", b':{"$":"int","v":"0x%x"},' % 10**5000)),
         (f"{place}/page/x", page[:-1]),
         (f"{place}/page/x", b"\xff" * 1000),
-        (f"{place}/page/y", page),  # of another key than it says
-        ("snr/fleet/**", page),  # to everywhere at once
+        (f"{place}/page/y", page),  # of another key than in its address
+        ("snr/fleet/**", page),  # to all addresses at once
         (f"{place}/more/page/x", page),
-        (f"{place}/page/x", Page("x", 1, "shore_node", 0.0).serialize()),  # as if it were the node's own
-        (f"{place}/page/x", Page("x", "x" * (1 << 20), "evil", 0.0).serialize()),  # longer than pages may be
+        (f"{place}/page/x", Page("x", 1, "shore_node", 0.0).serialize()),  # pretends to be the node's own
+        (f"{place}/page/x", Page("x", "x" * (1 << 20), "evil", 0.0).serialize()),  # longer than the limit of pages
     ]
     for key, payload in hostile:
         session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
@@ -470,7 +470,7 @@ def test_only_keys_of_the_net_pass_the_node_that_listens(
         ear.declare_subscriber(keys, take)
 
     def has_heard_the_last() -> bool:
-        # Again and again, because a subscription takes its time to get around.
+        # Repeated, because a subscription takes time to propagate.
         for key in ("foreign/x", "snr/other/a/a/1/page/x", "snr/fleet/a/a/1/page/x"):
             mouth.put(key, b"hello", congestion_control=zenoh.CongestionControl.BLOCK)
         return "snr/fleet/a/a/1/page/x" in came

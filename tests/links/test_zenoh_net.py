@@ -1,4 +1,4 @@
-"""What a ZenohNet is told: addresses, certificates, names. None of it needs Zenoh."""
+"""Options of a ZenohNet: addresses, certificates, names. None of it needs Zenoh."""
 
 from __future__ import annotations
 

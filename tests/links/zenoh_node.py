@@ -1,5 +1,6 @@
-"""A program for test_zenoh_link.py: one node in a process of its own. Told what to do, and telling what it stores, in
-lines of JSON."""
+"""Program for test_zenoh_link.py: one node in its own process. Reads commands and prints the pages it stores, as lines
+of JSON.
+"""
 
 from __future__ import annotations
 
