@@ -1,7 +1,7 @@
-"""What robot and scenario files promise, and the small records that pass between them and a run.
+"""Interfaces of robot and scenario files, and the small records that they exchange with a run.
 
 A scenario is one file (`scenarios/<name>.py`); a robot is a folder (`robots/<name>/robot.py`). Both are ordinary
-Python modules found by path; the library knows none of their names. What it asks of them:
+Python modules found by path; the library does not contain their names. It requires:
 
     scenario file                                       robot.py
       ROBOT: str                 robot's name             ROLES: tuple[str, ...]
@@ -10,21 +10,22 @@ Python modules found by path; the library knows none of their names. What it ask
       TIME_LIMIT_S: float
       parameters(seed) -> object handed to controllers    controllers/<name>.py, or any file:
       plant(seed, engine) -> Plant, already reset           factories(robot) -> [factory, ...]
-      verdict(plant) -> Verdict | None (None: goes on)
+      verdict(plant) -> Verdict | None (None: run continues)
       metrics(plant, seed) -> dict, into result.json
 
-A controller has components for the robot's first role, unless it says for which: ROLES = ("topside",). Then factories
-is called once for each of them, with `robot.role`; a first role that is not one of them gets the scenario's CONTROLLER.
+A controller has components for the robot's first role, unless it lists roles: ROLES = ("topside",). Then factories is
+called once for each of them, with `robot.role`; a first role that is not listed gets the scenario's CONTROLLER.
 
-robot.py may also have `dressed(rig) -> Plant`: what is stepped in place of the scenario's plant (`rig.plant`), for a
-row of the device table that puts something between devices and plant, such as an emulated board; else it returns
+robot.py may also have `dressed(rig) -> Plant`: the plant to step in place of the scenario's (`rig.plant`), for a row
+of the device table that puts a part between devices and plant, such as an emulated board; otherwise it returns
 `rig.plant`.
 
-A controller may also have `start_lines(robot) -> [text, ...]`: what whoever starts a run is to know, such as what the
-robot does by itself when something fails; `snr run` prints it.
+A controller may also have `start_lines(robot) -> [text, ...]`: information for the user who starts a run, such as the
+robot's automatic reactions to failures; `snr run` prints it.
 
 robot.py and a controller may also have OPTIONS, a dict from each key that they read in `options` to a line of help.
-With OPTIONS in robot.py, any other `--option` is refused before the run; without, any key goes. A scenario reads none.
+With OPTIONS in robot.py, any other `--option` is refused before the run; without, any key is allowed. A scenario reads
+no options.
 """
 
 from __future__ import annotations
