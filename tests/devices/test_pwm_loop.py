@@ -71,7 +71,7 @@ def run(outputs: Outputs, *factories: Any, end_s: float = 1.0, timeout_s: float 
 
 
 def pilot(says: Callable[[float], Any], rate_hz: float = RATE_HZ, arms: bool = True) -> TickerFactory:
-    """Store the result of a function at each tick; None is no page. `is_armed` is false at first, if it is to arm."""
+    """Store the result of a function at each tick; None stores no page. `is_armed` is false first, if it is to arm."""
 
     def say(loop: Any) -> None:
         now_s = loop.get_time_s()
