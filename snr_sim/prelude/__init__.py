@@ -1,6 +1,6 @@
 """Data types and interfaces that all other packages of `snr_sim` share.
 
-`from snr_sim.prelude import *`, as the thesis' listings have it, gives what `from snr_sim import *` gives.
+`from snr_sim.prelude import *`, as in the thesis' listings, imports the same names as `from snr_sim import *`.
 """
 
 from typing import TYPE_CHECKING, Any

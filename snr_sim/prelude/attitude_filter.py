@@ -38,7 +38,7 @@ class MahonyFilter:
 
     Args:
         gain_hz: of corrections: the time constant is about its inverse; smaller for longer accelerations.
-        declination_rad: of the field at the place: how far magnetic north lies to the east of north.
+        declination_rad: of the local field: angle of magnetic north east of north.
 
     Attributes:
         attitude: quaternion [w, x, y, z] that turns vectors of the body into the world's (x east, y north, z up).
@@ -63,7 +63,7 @@ class MahonyFilter:
         if self.attitude is None or not 0.0 <= dt_s <= LONGEST_STEP_S:
             self.attitude = level_of(force_mps2, field_ut, self.declination_rad)
             return self.attitude
-        # The mean of both ends: with the newest rate alone, 50 times a second, a turn of 40 deg/s begins 0.4 deg ahead.
+        # The mean of both ends: with the newest rate alone, at 50 Hz, a turn of 40 deg/s starts 0.4 deg ahead.
         (p, q, r), (bx, by, bz), half = self._before_radps, self.bias_radps, 0.5 * dt_s
         turn = (
             half * (p + before[0]) - bx * dt_s,

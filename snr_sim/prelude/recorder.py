@@ -11,7 +11,7 @@ from snr_sim.prelude.task import Task
 RECORDING_KEY = "recording"
 
 # A queued task of a recorded node, and its origin: the task, the seq of the record that contains it, its
-# position among the tasks of that record, and what the recorder has made of it, so that each is encoded once.
+# position among the tasks of that record, and the recorder's encoding of it, so that each is encoded once.
 # A plain tuple: there is one for every task, and a named one costs three times as much to make.
 Ticket: TypeAlias = tuple[Task, int, int, Any]
 

@@ -52,7 +52,7 @@ class EngineCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Args:
         throttle: 0 off to 1 full thrust.
-        gimbal_rad: turns the nozzle; positive makes a positive (counter-clockwise) torque.
+        gimbal_rad: angle of the nozzle; positive makes a positive (counter-clockwise) torque.
         attitude: -1 to 1, fraction of the largest couple of the attitude jets; positive counter-clockwise.
     """
 
@@ -70,7 +70,7 @@ class PwmCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         is_on: whether pulses are sent at all. Without them the speed controllers stop, and soon disarm.
         is_armed: whether outputs may follow. False disarms them, at neutral.
         is_stop: emergency stop: neutral, and arming is refused until a command without it arrives.
-        until_s: when outputs go to neutral by themselves, by the plant's time, unless a newer command has come.
+        until_s: when outputs go to neutral automatically, by the plant's time, unless a newer command has arrived.
     """
 
     pulses_us: list[float] = []

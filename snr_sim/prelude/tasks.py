@@ -85,7 +85,7 @@ def reload_component(name: str, *more: str) -> Task:
 
 
 def add_component(factory: Factory, start_component: bool = True) -> Task:
-    """Return a task that adds what the factory makes to the running node.
+    """Return a task that adds the factory's component to the running node.
 
     Args:
         factory: of the component.
@@ -95,7 +95,7 @@ def add_component(factory: Factory, start_component: bool = True) -> Task:
 
 
 def remove_component(name: str) -> Task:
-    """Return a task that halts the component of that name and take it out of the running node."""
+    """Return a task that halts the component of that name and removes it from the running node."""
     return Task(TaskType.event, REMOVE_COMPONENT_TASK_NAME, [name])
 
 

@@ -64,7 +64,7 @@ class EnginePwmLoopFactory(PwmLoopFactory):
 
     Args:
         key: of the command page (`EngineCommand`); the page `<key>_applied` reports its effect, see `PwmLoopFactory`.
-        servos: what pulses mean.
+        servos: conversion between commands and pulses.
         open_device, rate_hz, timeout_s, lease_s: see `PwmLoopFactory`.
     """
 

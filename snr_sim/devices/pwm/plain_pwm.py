@@ -48,10 +48,10 @@ class PwmChip:
         self.tripped = ""
 
     def open(self) -> None:
-        """Open the wire, test which device answers, and put all at neutral.
+        """Open the wire, identify the device, and set all outputs to neutral.
 
         Raises:
-            DeviceError: it is not there, another device is, or it does not do what was commanded.
+            DeviceError: the device does not answer, another one does, or it does not execute commands.
         """
         raise NotImplementedError(f"{type(self).__name__} needs a method open(self)")
 

@@ -73,7 +73,7 @@ class PwmLoopFactory(ActuatorLoopFactory):
         Args:
             data: of the page.
             out: the outputs.
-            commands: notes what was clamped.
+            commands: records clamped values.
 
         Raises:
             CommandError: the data are not a command of pulses.

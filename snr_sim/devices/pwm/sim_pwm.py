@@ -11,10 +11,10 @@ from snr_sim.prelude.signals import PwmCommand
 
 
 class SimPwm(PlainlyArmed):
-    """Drives an input of a plant, which takes `PwmCommand`s. Its pulses are exact.
+    """Drives an input of a plant that accepts `PwmCommand`s. Its pulses are exact.
 
     Args:
-        plant: what is driven.
+        plant: the driven plant.
         now_s: the clock that commands are stamped by; the plant's time is the same.
         channels: how many thrusters the plant has.
         input_name: name of the plant's input.
@@ -57,7 +57,7 @@ def drive_plant(
         out: the real ones.
         plant: the vehicle.
         input_name: name of the plant's input.
-        command_of: makes that input's command of the pulses [us].
+        command_of: makes that input's command from the pulses [us].
     """
     out.follower = lambda pulses_us: plant.write(input_name, command_of(pulses_us))
     return out

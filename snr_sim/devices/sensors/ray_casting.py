@@ -2,7 +2,7 @@
 
 MuJoCo's renderer needs OpenGL and a driver, which a Raspberry Pi or a server without a screen may lack, and each driver
 rounds differently. This one uses only addition, multiplication, division and roots, which IEEE 754 rounds alike on
-every machine; neither matrix products nor `exp`, which it does not. 64 x 48 pixels take about 10 ms.
+every machine; matrix products and `exp` are avoided, as their rounding differs. 64 x 48 pixels take about 10 ms.
 
 It shows the static part of `scene()`. Water absorbs red first and green later, and veils what is far.
 """

@@ -41,7 +41,7 @@ def encode(data: bytes) -> bytes:
 
 
 def decode(encoded: bytes) -> bytes:
-    """Return what was encoded.
+    """Return the decoded bytes.
 
     Raises:
         CobsError: it contains a zero, or a count points beyond its end.

@@ -30,7 +30,7 @@ class Fault(IntFlag):
 
     LEASE_EXPIRED = 1  # commands stopped while it was armed; until it is armed again
     STOPPED = 2  # emergency stop
-    STALE = 4  # the last command was older than its lease when it came
+    STALE = 4  # the last command was older than its lease on arrival
     REPEATED = 8  # the last command was not newer than the one before, so it extended no lease
     CLAMPED = 16  # the last command had a width outside the limits
     LIMITED = 32  # an output is still changing: slew limit, or waiting in the dead band
@@ -147,7 +147,7 @@ class Telemetry(msgspec.Struct, frozen=True, tag="telemetry"):
         uptime_ms: since it started.
         command_age_ms: since that command was computed; `NO_COMMAND_MS` if there is none.
         crc_errors: frames that were damaged, since it started.
-        battery_pin_mv, current_pin_mv: at the pins A0 and A1; what they mean depends on what is soldered there.
+        battery_pin_mv, current_pin_mv: at pins A0 and A1; their scale depends on the installed module.
         widths_us: widths at the outputs.
     """
 

@@ -60,7 +60,7 @@ class SerialPort:
 
     Args:
         path: such as /dev/ttyUSB0.
-        baud: bits a second. A port that is USB all the way takes any.
+        baud: bits per second. A port that is USB from end to end accepts any.
 
     Raises:
         MissingExtra: pyserial is not installed.
