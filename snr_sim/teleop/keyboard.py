@@ -13,7 +13,7 @@ from snr_sim.teleop.gamepad_pilot import AXIS_COUNT, BUTTON_COUNT, BUTTONS, Stic
 
 KEPT_S = 0.6  # a terminal does not report when a key is released, only repeats it: the first time after half a second
 BUTTON_KEYS = {"1": "arm", "2": "disarm", " ": "stop", "c": "clear", "-": "mode_down", "+": "mode_up", "=": "mode_up"}
-URGENT = ("stop", "disarm")  # these overtake and discard earlier keys
+URGENT = ("stop", "disarm")  # these overtake earlier keys, and cancel "arm" and "clear"
 UNDONE = ("arm", "clear")
 MAX_WAITING = 8  # presses: a key that is leant on has no effect for seconds afterwards
 
@@ -91,7 +91,7 @@ class Keyboard(LifeCycle):
     def _next_down(self) -> str:
         """Return the button that is down in this reading, or "".
 
-        One press per reading, and a button is up between two of its presses: a press is detected by its rising edge.
+        One press per reading; between two presses of a button it is up, because a press is detected by its edge.
         """
         if not self._presses or (self._presses[0] == self._down and self._down not in URGENT):
             return ""
