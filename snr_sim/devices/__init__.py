@@ -1,1 +1,1 @@
-"""Things with a wire: simulated and real, behind the same promise, and the loops that drive them."""
+"""Simulated and real devices behind the same interfaces, and the loops that drive them."""

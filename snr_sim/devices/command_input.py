@@ -1,4 +1,4 @@
-"""The newest command page of a key, on its way from the node to the loop that writes it to a device."""
+"""The newest command page of a key, for the loop that writes it to a device."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from snr_sim.prelude.page import Page
 
 
 class CommandInput:
-    """Receives a loop's command pages, and reports where a wrong one was stored.
+    """Receives a loop's command pages, and reports where an invalid one was stored.
 
-    On the wall clock each page wakes the loop: it would wait for half a tick on average. In lock step, where a tick
-    comes after all that was made at its moment, most wait for none.
+    On the wall clock each page wakes the loop: otherwise it would wait half a tick on average. In lock step a tick runs
+    after everything else at its time, so pages wait less.
 
     Args:
         loop: the loop that writes the commands.
@@ -32,12 +32,12 @@ class CommandInput:
 
     def begin(self) -> None:
         """Receive pages from now on."""
-        self._page = None  # of before: the loop may have been out of the node meanwhile
+        self._page = None  # an older page may be invalid: the loop may have been out of the node meanwhile
         self._is_tapped = True
         self._loop.parent.tap(self._key, self._receive)
 
     def end(self) -> None:
-        """Receive no more. Safe to call twice."""
+        """Stop receiving. Safe to call twice."""
         if self._is_tapped:
             self._is_tapped = False
             self._loop.parent.untap(self._key, self._receive)
@@ -48,7 +48,7 @@ class CommandInput:
 
     def newest(self) -> tuple[Page | None, float]:
         """Return the newest page and its age [s]; None and infinity before the first."""
-        # The node's own: of before `begin`, or in another process. Asking also reports a key that is never stored.
+        # The node's own page: from before `begin`, or in another process. The query also reports an unknown key.
         page = self._page or self._loop.parent.get_page(self._key)
         return (None, math.inf) if page is None else (page, age_s(self._loop.parent, page))
 
@@ -83,5 +83,5 @@ class CommandInput:
 
 
 def _shown(value: Any) -> str:
-    """Return a number, or a list of numbers, as short as can be."""
+    """Return a number, or a list of numbers, as short text."""
     return f"[{', '.join(map(_shown, value))}]" if isinstance(value, (list, tuple)) else f"{value:g}"

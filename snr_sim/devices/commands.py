@@ -1,4 +1,4 @@
-"""A page's data as a command: taken if it is one; if not, it is said in plain words what is wrong with it."""
+"""Conversion of a page's data to a command; an invalid one raises an error that explains it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SHOWN_LENGTH = 80
 
 
 def command_of(data: Any, wanted: type[Any], limits: Limits) -> Any:
-    """Return the command that a page holds.
+    """Return the command in a page.
 
     Args:
         data: of the page: the command itself, or a dict of its fields.
@@ -24,7 +24,7 @@ def command_of(data: Any, wanted: type[Any], limits: Limits) -> Any:
         limits: lowest and highest value of its fields.
 
     Raises:
-        CommandError: it is no such command; says which field holds what, and what it must hold.
+        CommandError: it is not such a command; names the field, its value and what it must be.
     """
     if type(data) is wanted:
         return data
@@ -39,7 +39,7 @@ def command_of(data: Any, wanted: type[Any], limits: Limits) -> Any:
 
 
 def check_finite(name: str, value: float, limits: tuple[float, float]) -> None:
-    """Check a number of a command.
+    """Check a number of a command for NaN and infinity.
 
     Raises:
         CommandError: it is NaN or infinite.
@@ -52,7 +52,7 @@ def check_finite(name: str, value: float, limits: tuple[float, float]) -> None:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value with numpy's numbers and arrays as Python's."""
+    """Return a value with numpy's numbers and arrays converted to Python's."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -86,7 +86,7 @@ def _what_is_wrong(data: Any, wanted: type[Any], limits: Limits) -> CommandError
 
 
 def _wrong_value(place: str, value: Any, kind: Any) -> tuple[str, Any] | None:
-    """Return where in a field something else stands than belongs there, and what; None if all is well."""
+    """Return position and value of the first wrong type in a field; None if it is valid."""
     if get_origin(kind) is list and isinstance(value, (list, tuple)):
         inside = (_wrong_value(f"{place}[{i}]", one, get_args(kind)[0]) for i, one in enumerate(value))
         return next((found for found in inside if found is not None), None)
@@ -112,14 +112,14 @@ def _default(field: Any) -> str:
 
 
 def in_words(value: Any) -> str:
-    """Return what a value is and which, as its author would say it.
+    """Return the type and value of a value as text for a student.
 
     >>> in_words("full"), in_words([0.5]), in_words(None)
     ("the text 'full'", 'the list [0.5]', 'None')
     """
     try:
         shown = repr(value)
-    except ValueError:  # Python writes no integer of more than 4300 digits
+    except ValueError:  # Python does not print integers of more than 4300 digits
         shown = "... with more than 4300 digits"
     if len(shown) > _SHOWN_LENGTH:
         shown = shown[: _SHOWN_LENGTH - 3] + "..."

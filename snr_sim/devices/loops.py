@@ -1,4 +1,4 @@
-"""The loops between devices and pages: a sensor's readings in, an actuator's commands out. They see promises only.
+"""Loops between devices and pages: store a sensor's readings, write an actuator's commands. They use interfaces only.
 
 Devices are opened when a loop is set up, on the thread that will use them, and never in a replay.
 """
@@ -20,14 +20,14 @@ from snr_sim.prelude.page import Page
 from snr_sim.prelude.promises import keeps
 from snr_sim.prelude.task import Task
 
-STALE_NOTES = 5  # a loose plug is not told of for ever
+STALE_NOTES = 5  # a loose plug is not logged indefinitely
 
 
 def configured(device: Any, what: str) -> Any:
-    """Return a device that has just been opened, configured.
+    """Configure a device that has just been opened, and return it.
 
     Raises:
-        DeviceError: it is none; or what its `configure` says.
+        DeviceError: it is not a device; or an error of its `configure`.
     """
     if not keeps(device, Device):
         raise DeviceError(
@@ -40,10 +40,10 @@ def configured(device: Any, what: str) -> Any:
 
 
 def started(device: Any, what: str) -> Any:
-    """Return a device that has just been opened, configured and active.
+    """Configure and activate a device that has just been opened, and return it.
 
     Raises:
-        DeviceError: it is none; or what its `configure` and `activate` say.
+        DeviceError: it is not a device; or an error of its `configure` or `activate`.
     """
     device = configured(device, what)
     device.activate()
@@ -51,12 +51,12 @@ def started(device: Any, what: str) -> Any:
 
 
 class DeviceLoop(Loop):
-    """Has a device from `setup` on, and ends it."""
+    """Owns a device from `setup` on, and closes it."""
 
     device: Any = None
 
     def halt(self) -> None:
-        """End measuring, or go to neutral."""
+        """Stop measuring, or go to neutral."""
         if self.device is not None:
             self.device.deactivate("the robot's program ends")
 
@@ -73,7 +73,7 @@ class SensorLoopFactory(LoopFactory):
         key: of the page.
         open_device: opens the sensor.
         rate_hz: how often it is read.
-        process: whether a reading sets off work (a task `process_data`), or is only there for who looks it up.
+        process: whether a reading triggers a task `process_data`, or is only stored for later queries.
     """
 
     def __init__(self, key: str, open_device: Callable[[], Sensor[Any]], rate_hz: float, process: bool = True) -> None:
@@ -88,7 +88,7 @@ class SensorLoopFactory(LoopFactory):
         return SensorLoop(self, parent, f"{self.key}_sensor", self.rate_hz)
 
     def data_of(self, reading: Any) -> dict[str, Any]:
-        """Return what the page of a reading holds, with lists and arrays of its own."""
+        """Return the data of a reading's page, with copies of lists and arrays."""
         data: dict[str, Any] = msgspec.to_builtins(reading)
         return data
 
@@ -96,7 +96,7 @@ class SensorLoopFactory(LoopFactory):
 class SensorLoop(DeviceLoop):
     """Stores `{field: value}` of the newest reading under the sensor's key.
 
-    While the sensor has none nothing is stored, so the page grows old (`get_age_s`), and it is said once.
+    Without a reading nothing is stored, so the page grows old (`get_age_s`); this is logged once.
     """
 
     factory: SensorLoopFactory
@@ -117,7 +117,7 @@ class SensorLoop(DeviceLoop):
         if self._is_stale:
             self._is_stale = False
             self._say("answers again")
-        data = factory.data_of(reading)  # made here, so that no snapshot is needed
+        data = factory.data_of(reading)  # made here, so no snapshot is needed
         self.schedule(Task.store_page(Page(factory.key, data, self.parent.name, self.get_time_s(), factory.process)))
 
     def _say_stale(self, stale: Stale) -> None:
@@ -141,7 +141,7 @@ class ActuatorLoopFactory(LoopFactory):
         key: of the command page.
         open_device: opens the actuator.
         rate_hz: how often it is written.
-        timeout_s: age from which a command no longer counts.
+        timeout_s: age from which a command is ignored.
     """
 
     def __init__(self, key: str, open_device: Callable[[], Device], rate_hz: float, timeout_s: float = 0.5) -> None:
@@ -157,7 +157,7 @@ class ActuatorLoopFactory(LoopFactory):
 
 
 class CommandLoop(DeviceLoop):
-    """Has a device that follows the pages of its factory's key."""
+    """Owns a device that follows the pages of its factory's key."""
 
     factory: ActuatorLoopFactory
 
@@ -166,32 +166,32 @@ class CommandLoop(DeviceLoop):
         self.commands = CommandInput(self, factory.key)
 
     def begin(self) -> None:
-        """Start ticking, and receive commands from now on."""
+        """Start the ticks, and receive commands from now on."""
         self.commands.begin()
         super().begin()
 
     def join(self) -> None:
-        """End ticking."""
+        """Stop the ticks."""
         self.commands.end()
         super().join()
 
 
 class ActuatorLoop(CommandLoop):
-    """Writes commands; a command that is not one leaves the actuator at neutral and stops the run."""
+    """Writes commands; an invalid command leaves the actuator at neutral and stops the run."""
 
     def setup(self) -> None:
-        """Open the actuator and put it at neutral."""
+        """Open the actuator and go to neutral."""
         self.device = started(self.factory.open_device(), f"the actuator '{self.factory.key}'")
         self.device.neutral()
         self._written: Page | None = None
 
     def loop(self) -> None:
-        """Write the newest command, if it is new; neutral if it is too old."""
+        """Write the newest command once; neutral if it is too old."""
         page, age_s = self.commands.newest()
         if page is None:
             return
         if age_s > self.factory.timeout_s:
-            self.device.neutral()  # also if it is new here: it was held up on its way
+            self.device.neutral()  # also if it has just arrived: it was delayed on the way
         elif page is not self._written:
             self._written = page
             self._write(page)

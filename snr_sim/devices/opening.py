@@ -1,4 +1,4 @@
-"""Devices by a short text that says what and where: for `--io`, and for a robot's own table of ports.
+"""Devices from a short text with kind and address: for `--io`, and for a robot's own table of ports.
 
     mcu:/dev/ttyUSB0                             outputs of servo pulses
     maestro:/dev/ttyACM0   maestro:/dev/ttyACM0,crc
@@ -8,7 +8,7 @@
     icm20948:1:0x69        icm20948:1:0x69,axes=y/-x/z
     gps:/dev/ttyS0         gps:/dev/ttyS0,baud=38400
 
-What keeps its last pulse when a program dies is opened behind the supervisor. Nothing is touched before `configure`.
+Outputs that hold their last pulse when a program ends are opened behind the supervisor. `configure` opens the wires.
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ from snr_sim.prelude.device import Sensor
 from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
 from snr_sim.prelude.io import Io, bus_and_address
 
-HELD = ("pca9685", "sysfs")  # they keep their last pulse
+HELD = ("pca9685", "sysfs")  # they hold their last pulse
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What may follow a place.
+    """A setting that may follow an address.
 
     Args:
-        read: makes the value of its text.
-        wanted: in words.
-        fits: whether a value makes sense.
+        read: converts its text to the value.
+        wanted: description of valid values.
+        fits: whether a value is valid.
     """
 
     read: Callable[[str], Any]
@@ -56,7 +56,7 @@ class Setting:
     fits: Callable[[Any], bool] = lambda value: True
 
 
-# Of the oscillator inside and of a clock outside: NXP, PCA9685 data sheet, tables 13 and 14.
+# Of the internal oscillator and of an external clock: NXP, PCA9685 data sheet, tables 13 and 14.
 SETTINGS: dict[str, dict[str, Setting]] = {
     "mcu": {},
     "maestro": {"crc": Setting({"": True, "yes": True, "no": False}.__getitem__, "crc, crc=yes or crc=no")},
@@ -102,7 +102,7 @@ def open_pwm(
 
 
 def open_held(text: str, channels: int, low_us: float, high_us: float, takes_over: bool = False) -> PlainPwm:
-    """Open outputs that keep their last pulse, in the supervisor's process, whose clock is the computer's."""
+    """Open outputs that hold their last pulse, in the supervisor's process, whose clock is the computer's."""
     return PlainPwm(_held_chip(text, channels, (low_us, high_us), takes_over), time.monotonic, is_supervised=True)
 
 
@@ -126,9 +126,9 @@ def open_sensor(text: str, now_s: Callable[[], float], about: Any = None) -> Sen
     """Open a real sensor.
 
     Args:
-        text: what and where.
-        now_s: the clock that readings are stamped by.
-        about: how it is used, if that can be said: `Ms5837` of an ms5837.
+        text: kind and address.
+        now_s: the clock that stamps readings.
+        about: settings of the part, for kinds that have some: `Ms5837` of an ms5837.
 
     Raises:
         UnknownName, ParameterError: see `split`.
@@ -143,11 +143,11 @@ def open_sensor(text: str, now_s: Callable[[], float], about: Any = None) -> Sen
 
 
 def split(text: str, kinds: tuple[str, ...]) -> tuple[str, str, dict[str, Any]]:
-    """Return kind, place and settings of a device's text.
+    """Return kind, address and settings from a device's text.
 
     Raises:
-        UnknownName: a kind or a setting that is not known, or no place where one is needed.
-        ParameterError: a setting's value makes no sense.
+        UnknownName: a kind or a setting is not known, or a required address is missing.
+        ParameterError: the value of a setting is invalid.
     """
     kind, _, rest = text.partition(":")
     if kind not in kinds:
@@ -181,7 +181,7 @@ def _value(text: str, given: str, value: str, setting: Setting) -> Any:
 
 
 def check_io(io: Io) -> None:
-    """See whether what follows a place in `--io` makes sense, before anything is opened.
+    """Check the settings in `--io` before anything is opened.
 
     Raises:
         UnknownName, ParameterError: see `split`.
@@ -191,10 +191,10 @@ def check_io(io: Io) -> None:
 
 
 def check_table(table: Mapping[str, str]) -> None:
-    """See whether two devices of a robot's table of ports are said to be at one place.
+    """Check that no two devices in a robot's table of ports have the same address.
 
     Raises:
-        UnknownName, ParameterError: they are, or a text is none of a device.
+        UnknownName, ParameterError: two do, or a text is not of a device.
     """
     seen: dict[tuple[str, ...], str] = {}
     for name, text in table.items():

@@ -1,7 +1,7 @@
-"""A game controller as pages: the loop between any pad and the node. A pad that is unplugged lets go of everything.
+"""A game controller as pages: the loop between any pad and the node. An unplugged pad releases all sticks and buttons.
 
-The pad itself is behind the promise of a sensor: `devices/pygame_pad.py` is a real one, a `FakeSensor` of readings is
-one that a test plays.
+The pad implements the sensor interface: `devices/pygame_pad.py` is a real one, and a test uses a `FakeSensor` of
+readings.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ class PadLoopFactory(LoopFactory):
 
 
 class PadLoop(DeviceLoop):
-    """Stores readings; of a pad that has none, one at rest, in the same tick and for as long as it has none.
+    """Stores readings; while the pad has none, a reading at rest from the same tick on.
 
-    Of other sensors there is just no page meanwhile. A pad is unplugged by tripping over its cable, and comes back.
+    Other sensors store no page meanwhile. A pad is unplugged by accident, and comes back.
     """
 
     factory: PadLoopFactory
@@ -62,9 +62,9 @@ class PadLoop(DeviceLoop):
 
 
 def at_rest(reading: PadReading) -> PadReading:
-    """Return the reading of a pad that has gone: as many axes and buttons, and nobody touches them.
+    """Return the reading of a pad that is unplugged: as many axes and buttons, all released.
 
-    Its stamp is still that of when the pad was there.
+    Its stamp stays that of the last real reading.
 
     >>> at_rest(PadReading([0.5, -1.0], [True], [[0, 1]], stamp_s=7.5))
     PadReading(axes=[0.0, 0.0], buttons=[False], hats=[[0, 0]], is_connected=False, stamp_s=7.5)

@@ -1,7 +1,7 @@
-"""A real game controller, through pygame-ce: the only door to that package.
+"""A real game controller, through pygame-ce: the only module that imports that package.
 
-SDL, which pygame stands on, tells of pads only while its video part runs. A robot has no window, so that part runs
-without a screen (SDL's "dummy" driver) unless the program has opened a window before.
+SDL, which pygame uses, reports pads only while its video part runs. A robot has no window, so that part runs without
+a screen (SDL's "dummy" driver) unless the program has opened a window before.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ if TYPE_CHECKING:
     from pygame.joystick import JoystickType
 
 _SETTINGS = {
-    "PYGAME_HIDE_SUPPORT_PROMPT": "1",  # standard output belongs to the program
+    "PYGAME_HIDE_SUPPORT_PROMPT": "1",  # standard output is reserved for the program
     "SDL_VIDEODRIVER": "dummy",
     "SDL_AUDIODRIVER": "dummy",
-    "SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS": "1",  # no window, so no window that could have the focus
-    "SDL_NO_SIGNAL_HANDLERS": "1",  # SDL would take SIGTERM away from the node
+    "SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS": "1",  # without a window there is no focus
+    "SDL_NO_SIGNAL_HANDLERS": "1",  # SDL would replace the node's handler of SIGTERM
 }
 
 
 def start_pygame() -> ModuleType:
-    """Return pygame, ready to tell of pads. What the environment says already is left as it is.
+    """Return pygame, initialised to report pads. Variables that the environment already has are kept.
 
     Raises:
         MissingExtra: it is not installed.
@@ -40,7 +40,7 @@ def start_pygame() -> ModuleType:
     for name, value in _SETTINGS.items():
         os.environ.setdefault(name, value)
     try:
-        pygame = importlib.import_module("pygame")  # slow, and only a real pad needs it
+        pygame = importlib.import_module("pygame")  # slow to import, and only a real pad needs it
     except ImportError:
         raise MissingExtra("pygame-ce", "pad") from None
     pygame.display.init()
@@ -49,11 +49,11 @@ def start_pygame() -> ModuleType:
 
 
 class PygamePad(LifeCycle):
-    """A game controller. Keeps the promise of Sensor; one that was unplugged is found again by itself.
+    """A game controller. Implements `Sensor`; one that was unplugged is found again automatically.
 
     Args:
-        index: which, if there are several: 0 is the first.
-        now_s: the clock that readings are stamped by.
+        index: its number if there are several: 0 is the first.
+        now_s: the clock that stamps readings.
 
     Raises:
         MissingExtra: pygame-ce is not installed.
@@ -67,7 +67,7 @@ class PygamePad(LifeCycle):
         self.title = f"Game controller {index}"
 
     def read(self) -> PadReading | Stale:
-        """Return where sticks and buttons are; `Stale` while no pad is plugged in.
+        """Return the positions of sticks and buttons; `Stale` while no pad is plugged in.
 
         Raises:
             SensorLost: it is closed.
@@ -75,15 +75,15 @@ class PygamePad(LifeCycle):
         if self.state == "closed":
             raise SensorLost("This pad has been closed.", fix="read before close().")
         pygame = self._pygame
-        pygame.event.pump()  # has SDL look at what is plugged in, and where the sticks are
+        pygame.event.pump()  # makes SDL update the list of pads and their sticks
         if not self._has_screen:
-            pygame.event.clear()  # nobody else is there to take them
+            pygame.event.clear()  # no other code reads events
         count = pygame.joystick.get_count()
         if count <= self._index:
             return Stale(
                 f"Game controller {self._index} is not there: {count} are plugged in. It is noticed if it comes."
             )
-        # Anew each time, which costs 1 us if it is open already: a pad that was lost and came back is another one.
+        # Opened each time, which costs 1 us if it is open already: a pad that was lost and came back has a new index.
         return _reading_of(pygame.joystick.Joystick(self._index), self._now_s())
 
 

@@ -1,4 +1,4 @@
-"""A sensor that reads what a recorded one read, when it read it."""
+"""A sensor that returns a recorded sensor's readings at their recorded times."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _ROUNDING_S = 1e-6
 
 
 class ReplayedSensor(LifeCycle):
-    """Answers with the newest page that was stored by now. Keeps the promise of Sensor.
+    """Returns the newest page that was stored by now. Implements `Sensor`.
 
-    Where nothing new was stored, there was no reading then, and there is none now.
+    Where the recording has no new page, the sensor had no reading, and this one has none either.
 
     Args:
         key: of the pages.
-        pages: that the recorded sensor stored, in order.
+        pages: pages of the recorded sensor, in order.
         reading_type: struct of its readings.
         now_s: the clock of this run.
     """
@@ -40,7 +40,7 @@ class ReplayedSensor(LifeCycle):
 
         Raises:
             SensorLost: it was closed.
-            DeviceError: the page holds no such reading.
+            DeviceError: the data of a page are not such a reading.
         """
         if self.state == "closed":
             raise SensorLost(f"{self.title} was closed.", fix="open another.")

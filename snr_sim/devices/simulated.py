@@ -1,7 +1,7 @@
 """Simulated devices: any output of a plant as a Sensor, any input as an Actuator.
 
-A plant tells the truth and obeys at once. Real devices do neither, so these stand between: the sensor answers late,
-with noise and in steps; the actuator takes no more than its limits. Both know a plant only by its promise.
+A plant returns true values and applies commands at once. These classes add the errors of real devices: the sensor
+has delay, noise and steps; the actuator has limits. Both use a plant through its interface only.
 """
 
 from __future__ import annotations
@@ -23,26 +23,25 @@ if TYPE_CHECKING:
 
 CommandT = TypeVar("CommandT", bound=msgspec.Struct)
 
-SAME_TIME_S = 1e-9  # two times closer than this are one, whatever rounding made of them
+SAME_TIME_S = 1e-9  # times closer than this are equal, to allow for rounding
 
 
 class SimSensor(LifeCycle):
-    """Reads one output of a plant, as late and as badly as told. Keeps the promise of Sensor.
+    """Reads one output of a plant, with delay and errors. Implements `Sensor`.
 
     Args:
-        plant: what is measured.
+        plant: the measured plant.
         output: name of the output.
-        errors: how badly.
-        rng: chance behind the errors.
-        senses: what of the plant's output the part feels; the errors are of that. None: all of it, as it is.
-        tells: what the part makes of what it felt, in its reading. None: that itself.
+        errors: of the reading.
+        rng: random generator of the errors.
+        senses: converts the plant's output to the measured quantity, to which the errors apply. None: as it is.
+        tells: converts the measured quantity to the part's reading. None: as it is.
 
     Raises:
-        ParameterError: the errors name a field that is not there.
+        ParameterError: the errors name a field that does not exist.
 
-    A delayed sensor keeps what it has read and answers with the newest of it that is old enough. So the age is
-    `delay_s`, rounded up to whole periods of reading; the reading's own `stamp_s` says what it is. Until there is one
-    old enough the first one stands in.
+    A delayed sensor keeps its readings and returns the newest one that is old enough. So the age is `delay_s`, rounded
+    up to whole periods of reading; the reading's `stamp_s` shows it. Until one is old enough, it returns the first.
     """
 
     def __init__(
@@ -101,13 +100,13 @@ class SimSensor(LifeCycle):
 
 
 class SimActuator(LifeCycle, Generic[CommandT]):
-    """Drives one input of a plant. Keeps the promise of Actuator.
+    """Writes one input of a plant. Implements `Actuator`.
 
     Args:
-        plant: what is driven.
+        plant: the driven plant.
         input_name: name of the input.
         command_type: the struct of its commands; made without arguments it must be neutral.
-        limits: lowest and highest value of each field; a list is limited number by number.
+        limits: lowest and highest value of each field; each number of a list is limited.
     """
 
     def __init__(
@@ -125,7 +124,7 @@ class SimActuator(LifeCycle, Generic[CommandT]):
 
     @property
     def command_type(self) -> type[CommandT]:
-        """The struct that `write` takes."""
+        """The struct that `write` accepts."""
         return self._type
 
     @property
@@ -137,8 +136,8 @@ class SimActuator(LifeCycle, Generic[CommandT]):
         """Apply a command, clamped to the limits, and return it as applied.
 
         Raises:
-            CommandError: it is not a command of this actuator, or a value is not a finite number. What was applied
-                before stays.
+            CommandError: it is not a command of this actuator, or a value is not a finite number. The last applied
+                command stays.
         """
         if self.state == "closed":
             raise DeviceError(f"The simulated actuator '{self._input}' was closed.", fix="open it again.")
@@ -151,7 +150,7 @@ class SimActuator(LifeCycle, Generic[CommandT]):
         for name, low, high in self._bounds:
             value = getattr(command, name)
             if type(value) is list and all(type(one) is float and low <= one <= high for one in value):
-                continue  # as it nearly always is
+                continue  # the usual case
             if type(value) is not float or not low <= value <= high:
                 limited = self._limited(name, value, low, high)
                 if limited is not value:
@@ -172,13 +171,13 @@ class SimActuator(LifeCycle, Generic[CommandT]):
         return min(high, max(low, value))
 
     def neutral(self) -> None:
-        """Stop pushing, also after `close`."""
+        """Write the neutral command, also after `close`."""
         self._plant.write(self._input, self._type())
 
     def on_deactivate(self, reason: str) -> None:
-        """Stop pushing."""
+        """Write the neutral command."""
         self.neutral()
 
     def on_close(self) -> None:
-        """Stop pushing, also if it never was active."""
+        """Write the neutral command, also if it was never active."""
         self.neutral()

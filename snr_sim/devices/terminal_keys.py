@@ -1,4 +1,4 @@
-"""Keys as they are typed at this program's terminal, each at once: Ctrl-C and Ctrl-Z stay what they are."""
+"""Keys typed at this program's terminal, without waiting for Enter. Ctrl-C and Ctrl-Z keep their effect."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import time
 from typing import Any
 
 _READ_BYTES = 1024
-_LOOK_S = 0.02  # how often a Windows console, which cannot be waited for, is asked
+_LOOK_S = 0.02  # polling period of a Windows console, which has no blocking wait
 _IS_WINDOWS = sys.platform == "win32"
 
 
 class TerminalKeys:
-    """The terminal of this program. Close it, or use it in a `with`; without a terminal no key is ever typed."""
+    """The terminal of this program. Close it, or use it in a `with`; without a terminal there are no keys."""
 
     def __init__(self) -> None:
         self.is_there = has_terminal()
@@ -33,7 +33,7 @@ class TerminalKeys:
         self.close()
 
     def typed(self) -> str:
-        """Return what was typed since the last call; does not wait."""
+        """Return the keys typed since the last call, without waiting."""
         typed = b""
         while self._is_ready(0.0):
             new = self._read()
@@ -43,14 +43,14 @@ class TerminalKeys:
         return typed.decode(errors="ignore")
 
     def wait(self, seconds: float) -> bool:
-        """Wait so long, or until a key is typed; return whether one was."""
+        """Wait until a key is typed or the time has passed; return whether one was typed."""
         if not self._is_ready(seconds):
             return False
         self._read()
         return True
 
     def close(self) -> None:
-        """Put the terminal back as it was. Safe to call twice."""
+        """Restore the terminal's settings. Safe to call twice."""
         self.is_there = False
         if self._before is not None:
             import termios
@@ -79,7 +79,7 @@ class TerminalKeys:
 
 
 def has_terminal() -> bool:
-    """Return whether somebody can type keys for this program."""
+    """Return whether a user can type keys for this program."""
     return sys.stdin is not None and not sys.stdin.closed and sys.stdin.isatty()
 
 

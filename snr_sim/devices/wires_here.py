@@ -1,6 +1,6 @@
-"""What this computer has that wires end in: serial ports, I2C buses, PWM chips; and whether this user may use them.
+"""Connectors of this computer: serial ports, I2C buses, PWM chips; and whether this user may use them.
 
-Only names and permissions are looked at; nothing is opened. Sources of the places: Linux' devices.txt and
+Only names and permissions are read; nothing is opened. Sources of the paths: Linux' devices.txt and
 Documentation/driver-api/pwm.rst; /dev/serial/by-id is made by systemd's udev rules.
 """
 
@@ -19,12 +19,12 @@ from snr_sim.prelude.errors import MissingExtra
 
 @dataclass(frozen=True)
 class Wire:
-    """One place that a wire can end in.
+    """One connector.
 
     Args:
         kind: 'serial', 'i2c' or 'pwm'.
-        name: as `--io` takes it: a port, the number of a bus, a chip.
-        about: what is known of it.
+        name: as `--io` accepts it: a port, the number of a bus, a chip.
+        about: further information.
         fix: what to do before it can be used; empty if it can be.
     """
 
@@ -41,12 +41,12 @@ def may_use(path: Path) -> bool:
 
 @dataclass(frozen=True)
 class Machine:
-    """A computer, or in a test a folder that looks like one.
+    """A computer, or in a test a folder with the same files.
 
     Args:
-        root: of its files.
-        ports: its serial ports, each perhaps with what is behind it in brackets.
-        may_use, owner_of: of a file.
+        root: root folder of its files.
+        ports: its serial ports, each optionally with its device in brackets.
+        may_use, owner_of: permission and owner of a file.
     """
 
     root: Path = Path("/")
@@ -56,7 +56,7 @@ class Machine:
 
     @property
     def model(self) -> str:
-        """What it is, if it says so: 'Raspberry Pi 4 Model B Rev 1.4'."""
+        """Its model if known: 'Raspberry Pi 4 Model B Rev 1.4'."""
         try:
             return (self.root / "proc/device-tree/model").read_text(errors="replace").rstrip("\0\n")
         except OSError:
@@ -68,7 +68,7 @@ class Machine:
         return "Raspberry Pi" in self.model
 
     def wires(self) -> Iterator[Wire]:
-        """Yield all there are."""
+        """Yield all connectors."""
         yield from self._serial()
         yield from self._i2c()
         yield from self._pwm()
@@ -115,7 +115,7 @@ class Machine:
             return f"{path}: {error.strerror}"
 
     def missing(self, kind: str) -> str:
-        """Return how a Raspberry Pi, or any computer, comes to have what it lacks."""
+        """Return how to add what is missing to a Raspberry Pi, or to any computer."""
         return {
             "serial": "plug the board in with a cable that carries data; `dmesg | tail` tells its name.",
             "i2c": "sudo raspi-config nonint do_i2c 0 on a Raspberry Pi; else sudo modprobe i2c-dev.",

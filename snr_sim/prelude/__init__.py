@@ -1,13 +1,13 @@
-"""The nouns and the promises: what every other room of the library means by its words.
+"""Data types and interfaces that all other packages of `snr_sim` share.
 
-`from snr_sim.prelude import *`, as the thesis' listings have it, gives what `from snr_sim import *` gives.
+`from snr_sim.prelude import *`, as in the thesis' listings, imports the same names as `from snr_sim import *`.
 """
 
 from typing import TYPE_CHECKING, Any
 
-if not TYPE_CHECKING:  # type checkers are told by each module itself
+if not TYPE_CHECKING:  # type checkers read each module directly
 
     def __getattr__(name: str) -> Any:
-        import snr_sim  # the front door, which knows where each public name is
+        import snr_sim  # the public package, which maps each public name to its module
 
         return getattr(snr_sim, name)

@@ -1,4 +1,4 @@
-"""Angles: which way round is shorter, and attitude as roll, pitch and yaw.
+"""Angles: the shorter direction of a turn, and attitude as roll, pitch and yaw.
 
 Axes as everywhere here: body x forward, y left, z up. So roll turns about x (positive: the left side rises), pitch
 about y (positive: the nose goes down) and yaw about z (positive: the nose goes left), yaw first and roll last.

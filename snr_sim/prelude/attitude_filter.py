@@ -1,8 +1,8 @@
 """Attitude from rates, gravity and the field: a complementary filter on the rotation itself.
 
-Rates say how it turns from moment to moment, and drift; gravity says, slowly, where up is, and the field where north
-is. What the slow ones keep correcting is taken for the gyroscopes' bias. With attitude q, bias b, rates w, and up as
-the attitude has it and as the force has it (u, f, of length 1, body frame):
+Rates give the change of attitude, and drift; gravity gives the slow reference for up, and the field that for north.
+The persistent part of their correction is the gyroscopes' bias. With attitude q, bias b, rates w, and up from the
+attitude and from the force (u, f, of length 1, body frame):
 
     q' = q (w - b + gain_hz e) / 2,    b' = -BIAS_GAIN_HZ2 e,    e = f x u + h u,
 
@@ -28,21 +28,21 @@ GRAVITY_MPS2 = 9.80665
 GAIN_HZ = 0.5
 BIAS_GAIN_HZ2 = 0.02
 MOST_BIAS_RADPS = 0.1
-LONGEST_STEP_S = 0.5  # after a longer gap it begins again
-_ACCELERATED = 0.15  # a share of g: beyond, gravity is not what is felt
-FIELD_UT = (15.0, 75.0)  # of the Earth, and some iron
+LONGEST_STEP_S = 0.5  # after a longer gap it starts again
+_ACCELERATED = 0.15  # fraction of g: beyond, the force is not gravity alone
+FIELD_UT = (15.0, 75.0)  # of the Earth, with some iron nearby
 
 
 class MahonyFilter:
-    """Keeps an attitude up to date; also of what points straight up, or lies on its back.
+    """Estimates the attitude of a body in any orientation, also pointing straight up or upside down.
 
     Args:
-        gain_hz: of corrections: they take about as long as its inverse; less for a vehicle that accelerates for longer.
-        declination_rad: of the field at the place: how far magnetic north lies to the east of north.
+        gain_hz: of corrections: the time constant is about its inverse; smaller for longer accelerations.
+        declination_rad: of the local field: angle of magnetic north east of north.
 
     Attributes:
         attitude: quaternion [w, x, y, z] that turns vectors of the body into the world's (x east, y north, z up).
-        bias_radps: of the gyroscopes, as far as is known.
+        bias_radps: estimated bias of the gyroscopes.
     """
 
     def __init__(self, gain_hz: float = GAIN_HZ, declination_rad: float = 0.0) -> None:
@@ -56,14 +56,14 @@ class MahonyFilter:
     def update(
         self, rate_radps: Sequence[float], force_mps2: Sequence[float], field_ut: Sequence[float], at_s: float
     ) -> Quaternion:
-        """Take a measurement in the body's axes; return the attitude."""
+        """Process a measurement in the body's axes; return the attitude."""
         dt_s = at_s - self._at_s
         before, self._before_radps = self._before_radps, (rate_radps[0], rate_radps[1], rate_radps[2])
         self._at_s = at_s
         if self.attitude is None or not 0.0 <= dt_s <= LONGEST_STEP_S:
             self.attitude = level_of(force_mps2, field_ut, self.declination_rad)
             return self.attitude
-        # The mean of both ends: with the newest rate alone, 50 times a second, a turn of 40 deg/s begins 0.4 deg ahead.
+        # The mean of both ends: with the newest rate alone, at 50 Hz, a turn of 40 deg/s starts 0.4 deg ahead.
         (p, q, r), (bx, by, bz), half = self._before_radps, self.bias_radps, 0.5 * dt_s
         turn = (
             half * (p + before[0]) - bx * dt_s,
@@ -78,7 +78,7 @@ class MahonyFilter:
         return self.attitude
 
     def _error(self, attitude: Quaternion, force_mps2: Sequence[float], field_ut: Sequence[float]) -> Vector:
-        """Return the small rotation [rad] in the body's axes that up and north still ask for."""
+        """Return the small rotation [rad] in the body's axes that aligns up and north with the measurement."""
         ux, uy, uz = _up_in_body(attitude)
         x = y = z = 0.0
         force = _length(force_mps2)

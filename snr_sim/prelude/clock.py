@@ -1,4 +1,4 @@
-"""Clock: the only place time comes from. Wall and virtual clocks look the same to everything above."""
+"""Clock: the only source of time. Wall and virtual clocks have the same interface."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Protocol, runtime_checkable
 
 @runtime_checkable
 class Clock(Protocol):
-    """Tells the time since the run began and owns all waiting for it."""
+    """Measures the time since the run began; all waiting for a time goes through it."""
 
     def now_s(self) -> float:
-        """Return seconds since the run began; never goes back."""
+        """Return seconds since the run began; never decreases."""
         ...
 
     def sleep_until(self, time_s: float) -> None:
-        """Return when `time_s` has come; at once if it has passed."""
+        """Block until `time_s`; return at once if it has passed."""
         ...

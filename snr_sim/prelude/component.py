@@ -1,4 +1,4 @@
-"""What a node is made of: components, and the factories that make them."""
+"""Parts of a node: components, and the factories that make them."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ class Component(Protocol):
     task_handlers: TaskHandlerMap
 
     def begin(self) -> None:
-        """Begin; called once before the first task."""
+        """Start; called once before the first task."""
         ...
 
     def join(self) -> None:
-        """End what the component runs, and call its `halt`; called once after the last task."""
+        """Stop the component's activity and call its `halt`; called once after the last task."""
         ...
 
     def terminate(self) -> None:
-        """Close files and wires; called once after `join`."""
+        """Close files and connections; called once after `join`."""
         ...
 
 
 @runtime_checkable
 class PortFactory(Protocol):
-    """A factory of a component that has what only one program can have: a port to listen at, an end of a pipe."""
+    """A factory of a component with an exclusive resource: a port to listen at, an end of a pipe."""
 
     def claim(self) -> None:
-        """Listen already, so that a port that is taken is told before there is a run; the component takes it over.
+        """Listen in advance, so that a port in use is reported before the run starts; the component takes it over.
 
         Raises:
             LinkError: the port is taken, or the host is not this machine.
@@ -43,7 +43,7 @@ class PortFactory(Protocol):
         ...
 
     def release(self) -> None:
-        """Close it here, if no component has taken it over: nobody needs it, or another process has it now.
+        """Close it here if no component has taken it over: it is not needed, or another process has it now.
 
         Safe to call twice.
         """
@@ -51,6 +51,6 @@ class PortFactory(Protocol):
 
 
 class Factory(Protocol):
-    """Makes one component for a node; keeps what is to survive a reload."""
+    """Makes one component for a node; keeps data that survive a reload."""
 
     reload_targets: list[ModuleType]

@@ -1,11 +1,11 @@
-"""The promise of everything with a wire. Simulated, emulated, real and replayed devices all look like this.
+"""Interfaces of all devices: simulated, emulated, real and replayed ones.
 
     open (an object)  --configure-->  inactive  --activate-->  active  --deactivate-->  inactive  --close-->  closed
-                                         an error at any time: state "error"; configure begins anew
+                                         an error at any time: state "error"; configure starts again
 
-Readings and commands are frozen records whose field names carry units. The loops of `devices/` turn readings into
-pages and pages into commands; nothing downstream can tell which device was behind them. The names of the life cycle
-are those of ros2_control; `prelude/life_cycle.py` is a class to derive from that keeps it.
+Readings and commands are frozen records whose field names carry units. The loops of `devices/` convert readings to
+pages and pages to commands; other components do not depend on the kind of device. The names of the life cycle are
+those of ros2_control; derive from the class in `prelude/life_cycle.py` to implement it.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from snr_sim.prelude.signals import (
 ReadingT = TypeVar("ReadingT", covariant=True)
 CommandT = TypeVar("CommandT")
 
-LEASE_S = 0.2  # how long a command counts at outputs that watch for themselves (shared with the firmware)
+LEASE_S = 0.2  # lifetime of a command at outputs with their own lease (shared with the firmware)
 
 
 class Health(msgspec.Struct, frozen=True):
-    """How a device is.
+    """State of a device.
 
     Args:
         state: 'unconfigured', 'inactive', 'activating', 'active', 'error' or 'closed'.
-        why: in words, if it is not as it should be.
-        counts: what has been counted since it was opened, such as 'crc_errors'.
+        why: as text, the reason if it is not active.
+        counts: counters since it was opened, such as 'crc_errors'.
     """
 
     state: str
@@ -44,10 +44,10 @@ class Health(msgspec.Struct, frozen=True):
 
 
 class Stale(msgspec.Struct, frozen=True):
-    """What a sensor answers that has no fresh reading; it may have one the next time.
+    """Result of a sensor without a fresh reading; it may have one the next time.
 
     Args:
-        why: in words, with the port or address, and what to look at.
+        why: as text, with the port or address, and what to check.
         since_s: when the newest good reading was measured; None if there has been none.
     """
 
@@ -57,13 +57,13 @@ class Stale(msgspec.Struct, frozen=True):
 
 @runtime_checkable
 class Device(Protocol):
-    """Anything with a wire."""
+    """A simulated or real device."""
 
     def configure(self) -> None:
-        """Open the wire, asks who is there, tests. Outputs are off or neutral afterwards. Safe to call twice.
+        """Open the wire, identify the device, test it. Outputs are off or neutral afterwards. Safe to call twice.
 
         Raises:
-            DeviceError: nobody is there, or somebody else.
+            DeviceError: no device answers, or another one does.
         """
         ...
 
@@ -80,36 +80,36 @@ class Device(Protocol):
         ...
 
     def health(self) -> Health:
-        """Return how it is, without asking the wire."""
+        """Return its state, without using the wire."""
         ...
 
     def close(self) -> None:
-        """Go to neutral and let go of the wire. Never raises; safe to call twice."""
+        """Go to neutral and release the wire. Never raises; safe to call twice."""
         ...
 
 
 @runtime_checkable
 class Sensor(Device, Protocol[ReadingT]):
-    """Measures the world."""
+    """Measures a quantity."""
 
     def read(self) -> ReadingT | Stale:
         """Return the newest reading, or `Stale` if there is no fresh one; never None.
 
-        A reading is a frozen msgspec Struct with its time `stamp_s`; its fields are what the page holds.
+        A reading is a frozen msgspec Struct with its time `stamp_s`; its fields become the page's data.
 
         Raises:
-            SensorLost: there will be none any more, as after `close`.
+            SensorLost: there will be no more readings, as after `close`.
         """
         ...
 
 
 @runtime_checkable
 class Actuator(Device, Protocol[CommandT]):
-    """Acts on the world. Clamps every command to limits it declares."""
+    """Acts on the world. Clamps every command to the limits it declares."""
 
     @property
     def command_type(self) -> type[CommandT]:
-        """The frozen msgspec Struct that `write` takes; a page's data is checked against it."""
+        """The frozen msgspec Struct that `write` accepts; a page's data are checked against it."""
         ...
 
     @property
@@ -121,12 +121,12 @@ class Actuator(Device, Protocol[CommandT]):
         """Apply a command and return it as applied, after clamping.
 
         Raises:
-            CommandError: a value is NaN or infinite. The actuator keeps what it had.
+            CommandError: a value is NaN or infinite. The last applied command stays.
         """
         ...
 
     def neutral(self) -> None:
-        """Stop pushing. Always safe, at any time, also twice and after `close`."""
+        """Stop the actuator. Always safe, at any time, also twice and after `close`."""
         ...
 
 
@@ -134,42 +134,42 @@ class Actuator(Device, Protocol[CommandT]):
 class PwmOut(Device, Protocol):
     """Servo pulses on several channels, for speed controllers and servos.
 
-    `activate` arms: outputs follow commands once it is done, which may take as long as the speed controllers take to
-    start ('activating' until then); it is refused or waits while the last command was not neutral.
+    `activate` arms: outputs follow commands once it is done, which may take as long as the speed controllers need to
+    start ('activating' until then); it raises or waits while the last command was not neutral.
     """
 
     @property
     def channels(self) -> int:
-        """How many outputs it has."""
+        """Number of outputs."""
         ...
 
     @property
     def limits_us(self) -> tuple[float, float]:
-        """Shortest and longest pulse that it makes."""
+        """Shortest and longest pulse."""
         ...
 
     @property
     def resolution_us(self) -> float:
-        """Pulses are whole multiples of this; 0 if they are exact."""
+        """Step of the pulses; 0 if they are exact."""
         ...
 
     @property
     def fails_safe_alone(self) -> bool:
-        """Whether its outputs go to neutral when this program is killed. If not, only a supervisor may hold it."""
+        """Whether its outputs go to neutral when this program is killed. If not, only a supervisor may own it."""
         ...
 
     def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
-        """Ask for pulses; return those that are made, as far as is known here, and why they differ.
+        """Request pulses; return the applied ones, as far as is known here, and why they differ.
 
-        After `activate` none are followed until a command for neutral has come.
+        After `activate`, outputs stay neutral until a neutral command arrives.
 
-        What is no pulse (NaN, infinity, None, text, too few or too many) makes all neutral; it never raises, for the
-        loop that writes must go on.
+        An invalid pulse (NaN, infinity, None, text, wrong count) sets all to neutral and never raises, because the loop
+        that writes must continue.
 
         Args:
             pulses_us: one per channel: 1500 stops, 1900 is full ahead, 1100 full astern.
             stamp_s: when the command was computed, by the node's clock. The lease counts from then.
-            lease_s: how long it counts, `LEASE_S` at most; after that outputs are neutral unless a newer one has come.
+            lease_s: how long it is valid, `LEASE_S` at most; then outputs go to neutral unless a newer one has arrived.
         """
         ...
 

@@ -1,4 +1,4 @@
-"""Errors that teach: what happened, what was found, what to try. One tree, a class per thing worth catching."""
+"""Errors with what happened, what was found and what to try. One tree, a class per case worth catching."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Iterable
 
 
 class SnrError(Exception):
-    """Everything this library raises on purpose.
+    """Base of all errors that this library raises on purpose.
 
     Args:
-        message: what happened and what was found, in the words of the student's own robot.
+        message: what happened and what was found, in terms of the student's own robot.
         fix: one thing to try.
     """
 
@@ -23,29 +23,29 @@ class SnrError(Exception):
 
 
 class ConfigError(SnrError):
-    """A robot is put together wrongly: roles, factories, names, handlers."""
+    """A robot's configuration is wrong: roles, factories, names, handlers."""
 
 
 class UnknownName(ConfigError):
-    """A robot, scenario, controller, role, engine or option that nobody knows."""
+    """A robot, scenario, controller, role, engine or option that is not known."""
 
 
 class RetiredName(SnrError, AttributeError):
-    """A name of the 2021 library that this one does not have. The fix is what to write instead."""
+    """A name of the 2021 library that this one does not have. The fix names its replacement."""
 
 
 class TaskError(SnrError):
-    """Something that is not a task, or a task without what it needs, where a task belongs."""
+    """An object that is not a task, or an incomplete task, where a task is required."""
 
 
 class ComponentFailed(SnrError):
-    """A student's handler or loop raised, or answered with something that is not a task.
+    """A student's handler or loop raised, or returned an object that is not a task.
 
     Args:
         message: with the student's line first.
         node: name of the node.
         component: name of the component.
-        step: what it failed in, if not in a handler: 'begin', 'setup', 'loop', 'halt', 'terminate'.
+        step: the failed step if it was not a handler: 'begin', 'setup', 'loop', 'halt', 'terminate'.
     """
 
     def __init__(self, message: str, node: str = "", component: str = "", step: str = "") -> None:
@@ -56,31 +56,31 @@ class ComponentFailed(SnrError):
 
 
 class ClockError(SnrError):
-    """Time was asked for something it cannot do, such as going back."""
+    """An operation that the clock does not support, such as going back."""
 
 
 class ParameterError(SnrError):
-    """A number or an option is outside what makes sense."""
+    """A number or an option is out of range."""
 
 
 class ValueEncodingError(SnrError):
-    """A value that JSON cannot carry and bring back."""
+    """A value that JSON cannot encode without loss."""
 
 
 class DeviceError(SnrError):
-    """A sensor or an actuator cannot do what it was asked."""
+    """A sensor or an actuator cannot execute a request."""
 
 
 class SensorLost(DeviceError):
-    """The sensor has no reading to give."""
+    """The sensor cannot deliver readings any more."""
 
 
 class CommandError(DeviceError):
-    """A command that is not one: NaN, infinite, the wrong type, an unknown field."""
+    """An invalid command: NaN, infinite, wrong type, unknown field."""
 
 
 class PlantError(SnrError):
-    """The simulated world has left what its physics can answer."""
+    """The simulated state is outside the range of the physics."""
 
 
 class TraceError(SnrError):
@@ -88,15 +88,15 @@ class TraceError(SnrError):
 
 
 class LinkError(SnrError):
-    """A link between nodes that cannot be made, or a message that cannot cross one."""
+    """A link between nodes that cannot be made, or a message that it cannot carry."""
 
 
 class FrameTooLarge(LinkError):
-    """A message longer than the link's frames may be."""
+    """A message longer than the link's maximum frame."""
 
 
 class RecordingError(SnrError):
-    """A file of pages or text, beside the trace, that cannot be read or written."""
+    """A file of pages or text, other than the trace, that cannot be read or written."""
 
 
 class MissingExtra(SnrError, ImportError):
@@ -110,12 +110,12 @@ class MissingExtra(SnrError, ImportError):
 
 
 def nearest(wanted: str, known: Iterable[str], listed: str = "one of") -> str:
-    """Return a sentence that offers the nearest known name and lists what is known, for somebody to type.
+    """Return a sentence that suggests the nearest known name and lists the known names.
 
     Args:
-        wanted: what was asked for.
-        known: what there is.
-        listed: what the listed names are, in words.
+        wanted: the requested name.
+        known: the existing names.
+        listed: text in front of the list of names.
 
     >>> nearest("motor_sped", ["depth", "motor_speed"])
     "did you mean 'motor_speed'? One of: depth, motor_speed."
@@ -124,7 +124,7 @@ def nearest(wanted: str, known: Iterable[str], listed: str = "one of") -> str:
     >>> nearest("x", ["depth"])
     "'depth' is the only one."
     """
-    import difflib  # only an error pays for it
+    import difflib  # slow to import, and only errors need it
 
     names = sorted(set(known))
     if not names:

@@ -1,13 +1,13 @@
-"""Where a robot's devices are, said in one string: `--io`, or the environment's SNR_SIM_IO.
+"""Choice of a robot's devices in one string: `--io`, or the environment's SNR_SIM_IO.
 
 sim                 all in the simulated world
-mirror              outputs without anything behind them: what is asked for is what is made
+mirror              outputs without hardware: the requested pulses are the applied ones
 emulated            outputs and power sensor on an emulated microcontroller, in lock step with the simulated world
 mcu:PORT            real outputs behind a microcontroller; the vehicle around them is simulated, in real time
 maestro:PORT        the same, behind a Pololu Maestro
 pca9685:BUS:ADDR    the same, behind a PCA9685 on I2C
 sysfs               the same, at the PWM pins of a Raspberry Pi
-replay:RUN          sensors read what a recorded run read; outputs as in the mirror
+replay:RUN          sensors return the readings of a recorded run; outputs as with mirror
 pi                  all real: the robot's own table of ports, in its robot.py
 """
 
@@ -36,7 +36,7 @@ REFUSED = {
         "1400, which is reverse thrust, and the lowest is beyond the limit (gpiozero#1209)."
     ),
 }
-BENCH = ("mcu", "maestro", "pca9685", "sysfs")  # real outputs, and the rest simulated: in real time
+BENCH = ("mcu", "maestro", "pca9685", "sysfs")  # real outputs, and the rest simulated, in real time
 ON_SERIAL_PORTS = ("mcu", "maestro")
 _EXAMPLES = {
     "PORT": "/dev/ttyUSB0",
@@ -51,7 +51,7 @@ class Io:
 
     Args:
         kind: row of the robot's device table.
-        where: what follows it: a port, a bus and an address, a run folder; empty for most.
+        where: the part after the kind: a port, a bus and an address, a run folder; empty for most.
     """
 
     kind: str
@@ -62,7 +62,7 @@ class Io:
 
     @property
     def has_wires(self) -> bool:
-        """Whether any of the devices is real: outputs then move something, and time is real."""
+        """Whether any of the devices is real: then outputs move hardware, and time is real."""
         return self.kind in (*BENCH, "pi")
 
 
@@ -70,7 +70,7 @@ def parse_io(text: str) -> Io:
     """Return the choice that a string names.
 
     Raises:
-        UnknownName: there is no such kind of devices, or it lacks where they are.
+        UnknownName: there is no such kind of devices, or the port or address is missing.
     """
     kind, _, where = text.partition(":")
     if kind in REFUSED:
@@ -93,7 +93,7 @@ def bus_and_address(where: str) -> tuple[int, int]:
     """Return the number of an I2C bus and an address on it.
 
     Raises:
-        UnknownName: it says neither.
+        UnknownName: the text is not a bus and an address.
 
     >>> bus_and_address("1:0x40"), bus_and_address("i2c-1:64")
     ((1, 64), (1, 64))

@@ -1,6 +1,6 @@
-"""The life of a device, kept once for all: a device derives from `LifeCycle` and writes the `on_` methods it needs.
+"""Base class for the life cycle of a device: derive from `LifeCycle` and override the `on_` methods it needs.
 
-A sensor derives from `SensorLife`, which also knows what `read` answers while nothing is measured.
+A sensor derives from `SensorLife`, which also defines the result of `read` while it does not measure.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from snr_sim.prelude.errors import DeviceError, SensorLost
 
 
 class LifeCycle:
-    """States of a device and the ways between them (`prelude/device.py` has the picture).
+    """States of a device and the transitions between them (`prelude/device.py` has the diagram).
 
     Attributes:
         state: 'unconfigured', 'inactive', 'activating', 'active', 'error' or 'closed'.
-        why: why it is not active, in words.
-        title: what a message calls the device.
+        why: as text, why it is not active.
+        title: its name in messages.
     """
 
     title: str = "This device"
@@ -26,10 +26,10 @@ class LifeCycle:
     _holding: ClassVar[tuple[str, ...]] = ("inactive", "activating", "active")
 
     def configure(self) -> None:
-        """Open the wire; nothing moves. After an error it begins anew.
+        """Open the wire, with outputs neutral. After an error it starts again.
 
         Raises:
-            DeviceError: it is closed, or what `on_configure` says.
+            DeviceError: it is closed, or an error of `on_configure`.
         """
         if self.state == "closed":
             raise DeviceError(f"{self.title} was closed.", fix="open another.")
@@ -43,10 +43,10 @@ class LifeCycle:
         self.state, self.why = "inactive", ""
 
     def activate(self) -> None:
-        """Start.
+        """Start to measure or to follow commands.
 
         Raises:
-            DeviceError: it is not configured, or what `on_activate` says.
+            DeviceError: it is not configured, or an error of `on_activate`.
         """
         if self.state in ("activating", "active"):
             return
@@ -72,15 +72,15 @@ class LifeCycle:
                 self.state, self.why = "inactive", reason
 
     def fail(self, why: str) -> None:
-        """Note that the wire does not do as it should."""
+        """Record that the device has failed."""
         self.state, self.why = "error", why
 
     def health(self) -> Health:
-        """Return how it is."""
+        """Return its state."""
         return Health(self.state, self.why, self.counts())
 
     def close(self) -> None:
-        """End it, at neutral. Never raises."""
+        """Go to neutral and close. Never raises."""
         if self.state == "closed":
             return
         self.deactivate("closed")
@@ -91,27 +91,27 @@ class LifeCycle:
         self.state = "closed"
 
     def counts(self) -> dict[str, int]:
-        """Return what has been counted."""
+        """Return its counters."""
         return {}
 
     def on_configure(self) -> None:
-        """Open and tests."""
+        """Open the wire and test the device."""
 
     def on_activate(self) -> None:
-        """Start measuring, or arm; one that takes its time sets `state` to 'activating', and later to 'active'."""
+        """Start measuring, or arm; if that takes time, set `state` to 'activating', and later to 'active'."""
 
     def on_deactivate(self, reason: str) -> None:
         """Put outputs at neutral."""
 
     def on_close(self) -> None:
-        """Let go of the wire."""
+        """Release the wire."""
 
 
 class SensorLife(LifeCycle):
-    """The life of a sensor with a wire."""
+    """Life cycle of a sensor with a wire."""
 
     def idle(self, since_s: float | None = None) -> Stale | None:
-        """Return what `read` answers while nothing is measured; None while it is active, and something is.
+        """Return the result of `read` while nothing is measured; None while it is active.
 
         Args:
             since_s: when the newest good reading was measured.

@@ -1,4 +1,4 @@
-"""What components see of their node: tasks, pages, time, randomness, notes. `core/node.py` implements it."""
+"""Interface of a node for its components: tasks, pages, time, randomness, notes. Implemented by `core/node.py`."""
 
 from __future__ import annotations
 
@@ -26,26 +26,26 @@ class PageStore(Protocol):
 
 
 class TaskDoor(Protocol):
-    """Where tasks enter a node, from any thread.
+    """Thread-safe inbox of tasks from outside the node.
 
     Attributes:
-        visits: how often the node has waited here.
+        visits: how often the node has waited for it.
     """
 
     visits: int
 
     @property
     def waiting(self) -> Sized:
-        """Tasks that have not been taken yet."""
+        """Tasks that the node has not taken yet."""
         ...
 
     @property
     def is_waited_at(self) -> bool:
-        """Whether the node's thread waits here now."""
+        """Whether the node's thread waits for it now."""
         ...
 
     def put(self, task: Task, source: str) -> None:
-        """Add a task; `source` is who brings it."""
+        """Add a task; `source` is the name of its sender."""
         ...
 
     def fail(self, failure: SnrError) -> None:
@@ -57,7 +57,7 @@ class TaskDoor(Protocol):
         ...
 
     def unwatch(self, descriptor: int) -> None:
-        """End what `watch` began."""
+        """Remove a descriptor that `watch` added."""
         ...
 
 
@@ -72,8 +72,8 @@ class NodeApi(Protocol):
         chance: seed that the random generators of its components are derived from.
         is_in_lock_step: whether its clock is virtual.
         is_replay: whether a recorded run is repeated: no file may be written then, and no page sent.
-        exit_reason: of the first terminate task, once there was one.
-        never_ran: whether an error ended it at its start: what it waited for could not come.
+        exit_reason: of the first terminate task, once there has been one.
+        never_ran: whether an error ended it at its start: a condition that it waited for could not be met.
     """
 
     name: str
@@ -98,12 +98,12 @@ class NodeApi(Protocol):
 
     @property
     def door(self) -> TaskDoor:
-        """Where tasks enter."""
+        """Inbox of tasks from outside."""
         ...
 
     @property
     def queued_task_count(self) -> int:
-        """How many tasks wait to be executed."""
+        """Number of tasks in the queue."""
         ...
 
     @property
@@ -128,25 +128,25 @@ class NodeApi(Protocol):
         ...
 
     def enter(self, tasks: SomeTasks, source: str) -> None:
-        """Queue tasks as inputs, from any thread; `source` is who brings them."""
+        """Queue tasks as inputs, from any thread; `source` is the name of their sender."""
         ...
 
     def seen_tasks(self) -> Mapping[TaskType, Mapping[TaskName, Any]]:
-        """Return by type and name all tasks that were executed, with who handled them."""
+        """Return by type and name all tasks that were executed, with their handlers."""
         ...
 
     def handlers_changed(self) -> None:
-        """Look up handlers again."""
+        """Update the handlers after a change."""
         ...
 
     def start_loop(self, loop: Any, on_thread: bool = False) -> None:
         """Start the ticks of a loop of this node.
 
-        By the virtual clock in lock step, else on a thread or in a process, as the loop says.
+        By the virtual clock in lock step, else on a thread or in a process, as the loop declares.
 
         Args:
-            loop: that begins.
-            on_thread: on a thread in any case.
+            loop: the loop to start.
+            on_thread: use a thread in any case.
         """
         ...
 
@@ -181,7 +181,7 @@ class NodeApi(Protocol):
         ...
 
     def untap(self, key: DataKey, way_out: Callable[[Page], None]) -> None:
-        """End what `tap` began."""
+        """Remove a callback that `tap` added."""
         ...
 
     # Time, notes
@@ -191,7 +191,7 @@ class NodeApi(Protocol):
         ...
 
     def note(self, text: str, lines: str = "") -> None:
-        """Keep a remark for the end of the run, once; `lines` are the student's lines that it is about."""
+        """Add a note to the run diagnostics, once; `lines` are the related lines of the student's code."""
         ...
 
     def note_object(self, key: DataKey, kind: type) -> bool:

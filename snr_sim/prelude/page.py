@@ -17,13 +17,13 @@ _encode = msgspec.json.Encoder().encode
 
 
 class Page(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="page"):
-    """Data with a name, and where and when it came from.
+    """Data with a name, origin and time.
 
     Args:
         key: the page's name in the datastore.
         data: plain JSON types and numpy arrays survive recording and links exactly. A component's `page` and
             `store_data` copy them, so that a page does not change with its owner's list; a page that is made
-            directly keeps what it is given.
+            directly does not copy its data.
         origin: name of the node that made it.
         created_at_s: node time when it was made.
         process: whether a `process_data` task follows once it is stored.
@@ -36,19 +36,19 @@ class Page(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MA
     process: bool = True
 
     def serialize(self) -> bytes:
-        """Return the page as one line of JSON that brings back equal data: see `prelude/values.py`.
+        """Return the page as one line of JSON that decodes to equal data: see `prelude/values.py`.
 
         >>> Page("depth", 1.5, "urov_node", 0.25).serialize()
         b'{"$":"page","key":"depth","data":1.5,"origin":"urov_node","created_at_s":0.25,"process":true}'
         """
         try:
             raw = _encode(self)
-            # What C cannot carry (NaN, a tuple, ...) comes back unequal. Nearly always its "$" is the only one of the
-            # text; else its mark must be the only mark.
+            # Values that C cannot encode (NaN, a tuple, ...) decode to unequal ones. Usually the page's "$" is the only
+            # one in the text; else its mark must be the only mark.
             if (raw.rfind(b"$") == 2 or raw.count(b'"$":') == 1) and _decode_data(raw).data == self.data:
                 return raw
         except (TypeError, ValueError, OverflowError, RecursionError):
-            pass  # not plain: numpy, an unknown object, nested too deeply
+            pass  # numpy, an unknown object, nested too deeply
         return encode_with_marks(self)
 
     @staticmethod
@@ -60,11 +60,11 @@ class Page(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MA
             kinds: as of `decode_value`; those of tasks and traces if None.
 
         Raises:
-            ValueEncodingError: it is no page.
+            ValueEncodingError: the JSON is not a page.
         """
         data = json_bytes(raw)
         try:
-            # As we write it, and with no mark beside its own: then C can do it all.
+            # In our own format, and without further marks: then C decodes all of it.
             is_plain = data.startswith(_OWN_MARK) and not may_have_marks(data, len(_OWN_MARK))
             page: Any = _decode_page(data) if is_plain else decode_value(data, kinds or KINDS)
         except NO_JSON as error:
@@ -79,7 +79,7 @@ _FIX = "pages are written by Page.serialize(); PageReader also reads those of th
 
 
 class _DataOfPage(msgspec.Struct):
-    """A page's data alone: decoding the rest, only to throw it away, would take as long again."""
+    """A page's data alone: decoding the other fields, only to drop them, would take as long again."""
 
     data: Any
 
@@ -92,5 +92,5 @@ def _page_of(**fields: Any) -> Page:
     return msgspec.convert(fields, learned(Page))
 
 
-# The marks that tasks and traces know beside the plain ones of prelude/values.py.
+# The marks of tasks and traces in addition to the plain ones of prelude/values.py.
 KINDS = {"page": _page_of}

@@ -1,7 +1,7 @@
-"""The promise of every simulated body: it starts from a seed, moves only when stepped, and can be put back.
+"""Interface of all simulated bodies: start from a seed, move only in steps, restore an earlier state.
 
-A plant knows nothing of nodes, devices or clocks. Actuators reach it through named inputs, sensors through named
-outputs, and whatever steps it owns the time. Same seed, same inputs, same steps: same bits.
+A plant does not depend on nodes, devices or clocks. Actuators write its named inputs, sensors read its named
+outputs, and the code that steps it controls the time. Same seed, same inputs, same steps: same bits.
 
 Frames: world x east, y north, z up; body x forward, y left, z up. Metres, kilograms, seconds, radians.
 """
@@ -17,12 +17,12 @@ class Plant(Protocol):
 
     @property
     def engine(self) -> str:
-        """Name of the physics behind it, such as 'pymunk', with its version: goes into the trace's header."""
+        """Name and version of its physics engine, such as 'pymunk': goes into the trace's header."""
         ...
 
     @property
     def step_s(self) -> float | None:
-        """The one step it is integrated with, or None if any step is exact."""
+        """The fixed integration step, or None if any step is exact."""
         ...
 
     @property
@@ -32,20 +32,20 @@ class Plant(Protocol):
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Names that `write` takes."""
+        """Names that `write` accepts."""
         ...
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """Names that `read` takes."""
+        """Names that `read` accepts."""
         ...
 
     def reset(self, seed: int) -> None:
-        """Put everything back to the start that belongs to this seed; nothing of the run before survives."""
+        """Set the initial state of this seed; no state of an earlier run survives."""
         ...
 
     def step(self, dt_s: float) -> None:
-        """Move on by `dt_s`, which is `step_s` unless that is None.
+        """Advance by `dt_s`, which is `step_s` unless that is None.
 
         Raises:
             PlantError: a state is no longer finite.
@@ -53,7 +53,7 @@ class Plant(Protocol):
         ...
 
     def write(self, name: str, command: Any) -> None:
-        """Set an input, which holds until it is set again. The plant clamps it to what the body can do."""
+        """Set an input, which holds until it is set again. The plant clamps it to the body's limits."""
         ...
 
     def read(self, name: str) -> Any:
@@ -61,15 +61,15 @@ class Plant(Protocol):
         ...
 
     def snapshot(self) -> Any:
-        """Return all of the state, so that `restore` and the same steps give the same bits."""
+        """Return the complete state, so that `restore` and the same steps give the same bits."""
         ...
 
     def restore(self, snapshot: Any) -> None:
-        """Put back what `snapshot` returned."""
+        """Restore a state that `snapshot` returned."""
         ...
 
     def scene(self) -> dict[str, Any]:
-        """Return what does not move, and the shapes of what does, as JSON for the viewer.
+        """Return the static shapes, and those of moving bodies, as JSON for the viewer.
 
         {"statics": {name: shape}, "bodies": {name: [shape, ...]}} where a shape is one of
 
@@ -77,20 +77,20 @@ class Plant(Protocol):
             {"kind": "mesh", "vertices_m": [[x, y, z], ...], "triangles": [[i, j, k], ...], "rgb": [r, g, b]}
             {"kind": "box", "half_size_m": [x, y, z], "center_m": [x, y, z], "rgb": [r, g, b]}
 
-        of which one that does not move may have a "label" to be read beside it. There may be
+        A static shape may have a "label", which is shown next to it. There may be
 
             "tethers": {name: {"anchor_m": [x, y, z], "body": name, "place_m": [x, y, z], "length_m": 35.0}}
 
-        from a fixed place to one in a body's frame; the arrow of the same name is what it pulls with. And of a plant
-        that moves in the x-z plane alone, "is_planar": true.
+        from a fixed point to one in a body's frame; the arrow of the same name is its pull. A plant that moves only in
+        the x-z plane has "is_planar": true.
         """
         ...
 
     def truth(self) -> dict[str, Any]:
-        """Return the true state as plain JSON, for the recorder alone: no node can read it.
+        """Return the true state as plain JSON, for the recorder alone: nodes cannot read it.
 
         {"poses": {body: [x, y, z, qx, qy, qz, qw]},          world frame [m], quaternion
          "arrows": {name: [ox, oy, oz, vx, vy, vz]},          origin [m] and vector (forces in N), world frame
-         "values": {name_with_unit: number}}              broken_<arrow> is 1 from when what makes this arrow is broken
+         "values": {name_with_unit: number}}              broken_<arrow> is 1 once the source of this arrow is broken
         """
         ...

@@ -1,4 +1,4 @@
-"""Whether an object keeps a promise: a Protocol of this kit, whose members it must have."""
+"""Check of interfaces: whether an object has all members of a Protocol."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ PromiseT = TypeVar("PromiseT")
 
 
 def lacks(thing: Any, promise: type[Any]) -> list[str]:
-    """Return the public members of a promise that an object does not have, in alphabetical order.
+    """Return the public members of a Protocol that an object does not have, in alphabetical order.
 
-    Asks the object itself, so a wrapper that passes on what it is asked for (`__getattr__`) has the members of what it
-    wraps. `isinstance` with a Protocol says so too up to Python 3.11, and no more from 3.12 on.
+    Queries the object itself, so a wrapper with `__getattr__` has the members of the wrapped object. `isinstance` with
+    a Protocol does so up to Python 3.11, but not from 3.12 on.
 
     >>> from snr_sim.prelude.device import Device
     >>> lacks(3.5, Device)
@@ -23,5 +23,5 @@ def lacks(thing: Any, promise: type[Any]) -> list[str]:
 
 
 def keeps(thing: Any, promise: type[PromiseT]) -> TypeGuard[PromiseT]:
-    """Return whether an object has all members of a promise."""
+    """Return whether an object has all members of a Protocol."""
     return not lacks(thing, promise)

@@ -1,4 +1,4 @@
-"""Names of the 2021 library that this one does not have: using one raises an error that says what to write instead."""
+"""Names of the 2021 library that this one does not have: their use raises an error that names the replacement."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from snr_sim.prelude.errors import RetiredName
 
 
 class Retired:
-    """Stands where a retired name stood: a class or function in a module, or a member in a class.
+    """Placeholder for a retired name: a class or function in a module, or a member in a class.
 
-    A module's can be imported and used in annotations, since that asks nothing of it; calling it, inheriting from it
-    or asking for one of its members raises. A member raises when it is read, unless an object or a subclass sets its
-    own. It costs nothing where it is not used.
+    A module's can be imported and used in annotations, which do not access it; calling it, inheriting from it or
+    reading one of its members raises. A member raises when it is read, unless an object or a subclass sets its own.
+    Unused, it has no cost.
 
     Args:
-        name: as the reader of the thesis writes it.
-        fix: what to write instead.
+        name: as in the thesis.
+        fix: the replacement.
 
     >>> Retired("Consumer", "a Loop.")("printer", print)
     Traceback (most recent call last):
@@ -24,7 +24,7 @@ class Retired:
       Try: a Loop.
     """
 
-    _name = _fix = ""  # copies are looked at before they have their own
+    _name = _fix = ""  # a copy is read before its own are set
 
     def __init__(self, name: str, fix: str) -> None:
         self._name = name

@@ -1,4 +1,4 @@
-"""Chance: every generator comes from the run's seed and the name of who uses it, and from nothing else."""
+"""Random generators: each is derived only from the run's seed and the name of the component that uses it."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
 
 def chance_of(seed: int) -> int:
-    """Return the number that the chance of a run's components comes from.
+    """Return the seed that the random generators of a run's components are derived from.
 
-    It follows from the seed, but the seed does not from it: a component that is kept apart from plant and devices, as
-    in grading, is told this number and cannot know what else the seed brings.
+    It follows from the seed, but the seed does not follow from it: a component that is isolated from plant and devices,
+    as in grading, gets this number and cannot compute other values that depend on the seed.
     """
     digest = hashlib.blake2b((seed % 2**64).to_bytes(8, "little"), digest_size=8, person=b"components").digest()
     return int.from_bytes(digest, "little")
@@ -24,7 +24,7 @@ def chance_of(seed: int) -> int:
 def rng_for(seed: int, name: str) -> np.random.Generator:
     """Return the random generator that belongs to a name in a run.
 
-    Two names never share a generator, so a component that draws once more does not shift the chance of others.
+    Two names never share a generator, so a component that draws once more does not change the numbers of others.
 
     >>> rng_for(7, "radar").random() == rng_for(7, "radar").random()
     True
@@ -35,7 +35,7 @@ def rng_for(seed: int, name: str) -> np.random.Generator:
         MissingExtra: numpy is not installed.
     """
     try:
-        import numpy as np  # slow to import, and most nodes never draw
+        import numpy as np  # slow to import, and most nodes need no random numbers
     except ImportError:
         raise MissingExtra("numpy", "sim") from None
 

@@ -1,7 +1,7 @@
-"""Readings and commands that plants and devices exchange: the words on the wire, without the wire.
+"""Readings and commands that plants and devices exchange, independent of their encoding on a wire.
 
-Plants answer with these (true values), simulated sensors spoil them, real ones measure them; the loops turn them
-into pages with the same field names.
+Plants return them (true values), simulated sensors add errors, real ones measure them; the loops convert them to pages
+with the same field names.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ class RadarReading(msgspec.Struct, frozen=True):
     """Height over the ground below and its rate, as a radar altimeter gives them.
 
     Args:
-        altitude_m: of the foot pads over the ground, never below 0 but for noise.
+        altitude_m: of the foot pads over the ground, never below 0 except for noise.
         velocity_mps: vertical, up positive.
         stamp_s: when it was measured.
     """
@@ -48,12 +48,12 @@ class InertialReading(msgspec.Struct, frozen=True):
 
 
 class EngineCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a lunar module's engine and jets are told.
+    """Command of a lunar module's engine and jets.
 
     Args:
         throttle: 0 off to 1 full thrust.
-        gimbal_rad: turns the nozzle; positive makes a positive (counter-clockwise) torque.
-        attitude: -1 to 1, couple of the attitude jets as a share of its largest; positive counter-clockwise.
+        gimbal_rad: angle of the nozzle; positive makes a positive (counter-clockwise) torque.
+        attitude: -1 to 1, fraction of the largest couple of the attitude jets; positive counter-clockwise.
     """
 
     throttle: float = 0.0
@@ -62,15 +62,15 @@ class EngineCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class PwmCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The pulses that the speed controllers of all thrusters are sent.
+    """Pulses for the speed controllers of all thrusters.
 
     Args:
         pulses_us: high time of each thruster's pulse [microseconds]: 1500 stops, 1900 is full ahead, 1100 full astern.
             An empty list is 1500 for all.
         is_on: whether pulses are sent at all. Without them the speed controllers stop, and soon disarm.
         is_armed: whether outputs may follow. False disarms them, at neutral.
-        is_stop: emergency stop: neutral, and nothing arms them until a command without it comes.
-        until_s: when outputs go to neutral by themselves, by the plant's time, unless a newer command has come.
+        is_stop: emergency stop: neutral, and arming is refused until a command without it arrives.
+        until_s: when outputs go to neutral automatically, by the plant's time, unless a newer command has arrived.
     """
 
     pulses_us: list[float] = []
@@ -81,12 +81,12 @@ class PwmCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class AppliedPulses(msgspec.Struct, frozen=True):
-    """What outputs of servo pulses do, and why that is not what they were told.
+    """Applied pulses of servo outputs, and why they differ from the command.
 
     Args:
         pulses_us: of each channel, as far as is known here.
-        stamp_s: of the command that they follow.
-        why: nothing if they are as told; else some of the words below.
+        stamp_s: of the applied command.
+        why: empty if they equal the command; else some of the constants below.
     """
 
     pulses_us: list[float]
@@ -94,20 +94,20 @@ class AppliedPulses(msgspec.Struct, frozen=True):
     why: list[str] = []
 
 
-# Why outputs are not as told.
+# Why applied pulses differ from the command.
 CLAMPED = "clamped"  # to the limits
-SLEWING = "slewing"  # on the way there, as fast as is allowed
+SLEWING = "slewing"  # still changing, at the permitted rate
 NO_PULSE = "no pulse"  # NaN, infinite, None, text: all are neutral
 WRONG_COUNT = "wrong count"  # fewer or more than channels: all are neutral
-TOO_OLD = "too old"  # the lease of the newest command has run out: all are neutral
-NOT_ACTIVE = "not active"  # not armed, or disarmed by itself since: all are neutral
+TOO_OLD = "too old"  # the lease of the newest command has expired: all are neutral
+NOT_ACTIVE = "not active"  # not armed, or disarmed automatically since: all are neutral
 STOPPED = "stopped"  # by the emergency stop
-RESET = "reset"  # the microcontroller that makes them has started anew, and they have not been armed since
-LOST = "lost"  # the wire is gone: what the outputs do is not known; neutral, if they fail safe alone
+RESET = "reset"  # the microcontroller has restarted, and the outputs have not been armed since
+LOST = "lost"  # the wire is gone: the state of the outputs is unknown; neutral if they fail safe alone
 
 
 class DepthReading(msgspec.Struct, frozen=True):
-    """What a pressure sensor in the water measures, and the depth that follows from it.
+    """Measurement of a pressure sensor in the water, and the depth computed from it.
 
     Args:
         depth_m: positive down, of the sensor.
@@ -123,7 +123,7 @@ class DepthReading(msgspec.Struct, frozen=True):
 
 
 class ImuReading(msgspec.Struct, frozen=True):
-    """What an inertial unit measures, and the attitude that it reckons from it. Body frame.
+    """Measurement of an inertial unit, and the attitude that it computes from it. Body frame.
 
     Args:
         rate_radps: [x, y, z] angular velocity.
@@ -145,11 +145,11 @@ class ImuReading(msgspec.Struct, frozen=True):
 
 
 class EchoReading(msgspec.Struct, frozen=True):
-    """The distance to what an echo sounder hears.
+    """Distance to the object from which an echo sounder gets its echo.
 
     Args:
-        distance_m: along its axis; means nothing without confidence.
-        confidence: 0 nothing heard to 1 sure.
+        distance_m: along its axis; meaningless without confidence.
+        confidence: 0 no echo to 1 certain.
         stamp_s: when it was measured.
     """
 
@@ -159,7 +159,7 @@ class EchoReading(msgspec.Struct, frozen=True):
 
 
 class PowerReading(msgspec.Struct, frozen=True):
-    """What a power module at the battery measures.
+    """Measurement of a power module at the battery.
 
     Args:
         voltage_v: under load.
@@ -173,17 +173,17 @@ class PowerReading(msgspec.Struct, frozen=True):
 
 
 class GpsReading(msgspec.Struct, frozen=True):
-    """What a receiver of satellite navigation tells. None is what it did not tell.
+    """Report of a satellite navigation receiver. None: not reported.
 
     Args:
         latitude_deg: north positive.
         longitude_deg: east positive.
-        altitude_m: over the sea.
+        altitude_m: above sea level.
         speed_mps: over ground.
-        course_rad: where it moves to: 0 to the east, positive to the left, as yaw.
+        course_rad: direction of motion: 0 to the east, positive to the left, as yaw.
         satellites: that were used.
-        hdop: how badly they stand; below 2 is good.
-        stamp_s: when it was told.
+        hdop: horizontal dilution of precision; below 2 is good.
+        stamp_s: when it was reported.
     """
 
     latitude_deg: float
@@ -200,7 +200,7 @@ class LeakReading(msgspec.Struct, frozen=True):
     """Whether a probe in the hull is wet.
 
     Args:
-        is_wet: it is, or has been: a probe does not dry while it dives.
+        is_wet: it is, or has been: a probe does not dry under water.
         stamp_s: when it was measured.
     """
 
@@ -209,14 +209,14 @@ class LeakReading(msgspec.Struct, frozen=True):
 
 
 class PadReading(msgspec.Struct, frozen=True):
-    """Where the sticks and buttons of a game controller are, numbered as the system numbers them.
+    """Positions of the sticks and buttons of a game controller, numbered as by the operating system.
 
     Args:
         axes: -1 to 1 each. A stick at rest is near 0; a trigger rests at -1, and many show 0 until first touched.
         buttons: whether each is pressed.
         hats: [x, y] of each cross of buttons: -1, 0 or 1, up and right positive.
-        is_connected: whether there is a pad. If not, everything is at rest.
-        stamp_s: when it was looked at.
+        is_connected: whether there is a pad. If not, all values are at rest.
+        stamp_s: when it was read.
     """
 
     axes: list[float]

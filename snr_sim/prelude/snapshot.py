@@ -1,9 +1,9 @@
-"""Snapshots: a page keeps what its data were when it was made, whatever their owner does with them later.
+"""Snapshots: a page keeps its data as they were when it was made, even if their owner changes them later.
 
-Dicts, lists, tuples, sets and numpy arrays are copied, and so are dataclasses, Structs and named tuples; what cannot
-change is not. Any other object stays what it is, and is named to who asks: a copy of it might be anything.
+Dicts, lists, tuples, sets and numpy arrays are copied, and so are dataclasses, Structs and named tuples; immutable
+values are not. Other objects are not copied either, because a copy may not be independent; the caller gets their list.
 
-A number costs nothing, a dict of three 0.2 us, an inertial reading (seven values, three of them lists) 1 us, a picture
+A number costs nothing, a dict of three 0.2 us, an inertial reading (seven values, three of them lists) 1 us, an image
 of 320 x 240 in three colours 3 us (one core of an AMD EPYC, Python 3.11).
 """
 
@@ -18,17 +18,17 @@ from typing import Any
 
 import msgspec
 
-# What cannot change, by its exact class: nearly all that pages hold.
+# Immutable values, by exact class: nearly all that pages contain.
 IMMUTABLE = frozenset((type(None), bool, int, float, str, bytes))
 _are_immutable = IMMUTABLE.issuperset
 
 
 def snapshot(value: Any, objects: list[Any]) -> Any:
-    """Return data as they are now: changes of the value do not reach them.
+    """Return a copy of the data: later changes of the value do not affect it.
 
     Args:
         value: the data.
-        objects: gets the objects in it that are no data; they are not copied.
+        objects: gets the objects in it that are not data; they are not copied.
 
     Raises:
         RecursionError: it contains itself, or is nested too deeply.
@@ -44,7 +44,7 @@ def snapshot(value: Any, objects: list[Any]) -> Any:
         return value
     if kind is dict:
         kept = value.copy()
-        if not _are_immutable(map(type, kept.values())):  # in C: half the time of a look at each
+        if not _are_immutable(map(type, kept.values())):  # in C: half the time of a check of each
             for key, item in value.items():
                 if type(item) not in IMMUTABLE:
                     kept[key] = snapshot(item, objects)
@@ -57,13 +57,13 @@ def snapshot(value: Any, objects: list[Any]) -> Any:
 
 
 def _snapshot_of_other(value: Any, objects: list[Any]) -> Any:
-    kind = type(value)  # and not isinstance: that asks the object itself, whose answer may be an exception
+    kind = type(value)  # not isinstance: that calls the object, which may raise
     numpy = sys.modules.get("numpy")
     if numpy is not None and issubclass(kind, (numpy.ndarray, numpy.generic)):
         return value.copy() if issubclass(kind, numpy.ndarray) else value
     if issubclass(kind, (int, float, str, bytes, frozenset, Enum)):
         return value
-    if issubclass(kind, (dict, list, set, bytearray)):  # also of a class of its own, which the copy has
+    if issubclass(kind, (dict, list, set, bytearray)):  # also for subclasses, which become the plain type
         return _snapshot_of_container(value, objects)
     if issubclass(kind, tuple) and hasattr(kind, "_make"):
         return kind._make([snapshot(item, objects) for item in value])

@@ -1,8 +1,8 @@
-"""Structs in threads: what msgspec learns of a type when it is first used, two threads may not learn at once.
+"""Structs in threads: two threads must not use a type with msgspec for the first time at once.
 
-It fills it in bit by bit, and lets a second thread read the half of it: msgspec 0.22 then ends the process with a
-segmentation fault, for dataclasses, too. A type that is known is safe. So a module makes its decoders once, when it is
-imported, and who is given a type by somebody else writes `msgspec.convert(data, learned(kind))`.
+At first use msgspec fills its type information step by step, and a second thread may read it half filled: msgspec 0.22
+then crashes with a segmentation fault, for dataclasses, too. Later uses are safe. So a module makes its decoders once,
+at import, and code that gets a type as an argument calls `msgspec.convert(data, learned(kind))`.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from typing import Any, TypeVar
 
 import msgspec
 
-_MOST_TYPES = 256  # that are kept in mind, and so in memory: reloaded files make new ones
-_learning = RLock()  # not a Lock: the collector may run anybody's code meanwhile, also code that comes here
+_MOST_TYPES = 256  # that are remembered, and so kept in memory: reloaded files make new ones
+_learning = RLock()  # not a Lock: the garbage collector may run any code meanwhile, even this function
 
 AnyKind = TypeVar("AnyKind")
 
 
 def learned(kind: AnyKind) -> AnyKind:
-    """Return the type, which msgspec then knows with all that is inside: any thread may make values of it.
+    """Make msgspec's information of a type and all types inside complete, and return the type: then it is thread-safe.
 
     Raises:
-        TypeError: msgspec cannot make such a type of data.
+        TypeError: msgspec does not support the type.
     """
     _learn(kind)
     return kind

@@ -1,6 +1,6 @@
 """Sums whose rounding is the same under every version of Python.
 
-Python 3.12 changed `sum` of floats: it carries the rounding error along, so its last bits differ from those of 3.11. A
+Python 3.12 changed `sum` of floats: it compensates rounding errors, so its last bits differ from those of 3.11. A
 run amplifies them, and a recording of one version then replays with differences under the other.
 """
 

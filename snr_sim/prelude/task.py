@@ -1,4 +1,4 @@
-"""Tasks: the only thing that moves through a node. A handler takes one and returns the next ones."""
+"""Tasks: the only messages inside a node. A handler takes one and returns the next ones."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class TaskType(StrEnum):
 
     event = "event"
     store_page = "store_page"
-    store_data = "store_page"  # an alias: so the thesis' text calls it, too
+    store_data = "store_page"  # an alias, also used by the thesis' text
     process_data = "process_data"
     reload = "reload"
     terminate = "terminate"
@@ -33,15 +33,15 @@ _STORE_PAGE = TaskType.store_page  # looked up once: in Python 3.11 a member of 
 
 
 class Task(msgspec.Struct, frozen=True):
-    """One thing to be done.
+    """One piece of work for a node's handlers.
 
     A frozen msgspec Struct: the event machine makes these by the million, and a frozen dataclass costs four
     times as much to make.
 
     Args:
         type: one of the five kinds.
-        name: what it is about: an event's name, a page's key, a component's name, a reason to terminate.
-        val_list: values it carries; each task has a list of its own.
+        name: subject: an event's name, a page's key, a component's name, a reason to terminate.
+        val_list: values; each task has a list of its own.
 
     >>> Task(TaskType.event, "start").id()
     (<TaskType.event: 'event'>, 'start')
@@ -53,12 +53,12 @@ class Task(msgspec.Struct, frozen=True):
 
     @property
     def page(self) -> Page | None:
-        """The page that a `store_page` or `process_data` task carries; None if it carries none."""
+        """The page in a `store_page` or `process_data` task; None if there is none."""
         values = self.val_list
         return values[0] if values and type(values[0]) is Page else None
 
     def id(self) -> tuple[TaskType, TaskName]:
-        """Return what handlers can register for to get exactly this task."""
+        """Return the type and name that handlers register for to get exactly this task."""
         return (self.type, self.name)
 
     def __hash__(self) -> int:
@@ -78,7 +78,7 @@ class Task(msgspec.Struct, frozen=True):
         """Return the task that `serialize` wrote.
 
         Raises:
-            TaskError: the bytes are no task.
+            TaskError: the bytes are not a task.
         """
         try:
             kind, name, val_list = decode_value(data, KINDS)

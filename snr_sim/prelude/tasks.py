@@ -1,4 +1,4 @@
-"""Short ways to make the tasks that handlers return most: `tasks.event("landed")`, `tasks.terminate("done")`."""
+"""Functions that make the most frequent tasks of handlers: `tasks.event("landed")`, `tasks.terminate("done")`."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ _NO_VALUES: Sequence[Any] = ()
 
 ADD_COMPONENT_TASK_NAME = "add_component"
 REMOVE_COMPONENT_TASK_NAME = "remove_component"
-REMOVE_ENDPOINT_TASK_NAME = "remove_endpoint"  # the thesis' name for the same
+REMOVE_ENDPOINT_TASK_NAME = "remove_endpoint"  # the thesis' name of it
 ROLL_BACK_TASK_NAME = "roll_back"
 CHANGE_TASK_NAMES = frozenset(
     (ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME, REMOVE_ENDPOINT_TASK_NAME, ROLL_BACK_TASK_NAME)
 )
 FINISH_TASK_NAME = "finish_node"
-# How often a task that finishes a node goes to the end of the queue: so many generations of what follows are done.
+# How often a task that finishes a node moves to the end of the queue: so many generations of following tasks run.
 FINISH_GENERATIONS = 10
 
 
 def event(name: str, val_list: Sequence[Any] = _NO_VALUES) -> Task:
-    """Return a task that tells that something happened.
+    """Return a task that reports an event.
 
     Args:
-        name: what happened.
-        val_list: values it carries, a list or a tuple; the task has a list of its own.
+        name: of the event.
+        val_list: values, a list or a tuple; the task has a list of its own.
 
     Raises:
-        TaskError: the values are no list.
+        TaskError: the values are not a list or a tuple.
 
     >>> event("contact", ["left"]).val_list
     ['left']
@@ -60,32 +60,32 @@ store_data = Retired("tasks.store_data", "self.store_data_task(key, data), which
 
 
 def process_data(key: str) -> Task:
-    """Return a task that has the newest page of `key` processed; one that follows a stored page carries that page."""
+    """Return a task that processes the newest page of `key`; one that follows a stored page contains that page."""
     return Task(TaskType.process_data, key)
 
 
 def terminate(reason: str) -> Task:
-    """Return the task that ends the node; it passes everything that is queued."""
+    """Return the task that ends the node; it overtakes all queued tasks."""
     return Task(TaskType.terminate, reason)
 
 
 def finish(reason: str) -> Task:
-    """Return the task that ends the node once what is queued, and what follows from that, is done, however long."""
+    """Return the task that ends the node after all queued tasks and those that follow from them, without time limit."""
     return Task(TaskType.event, FINISH_TASK_NAME, [reason, FINISH_GENERATIONS])
 
 
 def reload_component(name: str, *more: str) -> Task:
-    """Return a task that makes components anew, from the code that stands in their files then.
+    """Return a task that creates components again from the current code of their files.
 
     Args:
         name: of the component; "all" is every one.
-        more: names of others to be made anew together with it: a file that they share is read once.
+        more: names of others to be created again together with it: a file that they share is read once.
     """
     return Task(TaskType.reload, name, list(more))
 
 
 def add_component(factory: Factory, start_component: bool = True) -> Task:
-    """Return a task that adds what the factory makes to the running node.
+    """Return a task that adds the factory's component to the running node.
 
     Args:
         factory: of the component.
@@ -95,16 +95,16 @@ def add_component(factory: Factory, start_component: bool = True) -> Task:
 
 
 def remove_component(name: str) -> Task:
-    """Return a task that halts the component of that name and take it out of the running node."""
+    """Return a task that halts the component of that name and removes it from the running node."""
     return Task(TaskType.event, REMOVE_COMPONENT_TASK_NAME, [name])
 
 
 def roll_back(name: str, number: int, message: str) -> Task:
-    """Return the task that rolls back a reload of which a loop has failed.
+    """Return the task that rolls back a reload after a failure of a loop.
 
     Args:
         name: of the loop.
         number: of the reload among those of its node.
-        message: what went wrong, in words.
+        message: the error as text.
     """
     return Task(TaskType.event, ROLL_BACK_TASK_NAME, [name, number, message])

@@ -1,4 +1,4 @@
-"""Where programs keep what they remember of their user."""
+"""Folder for data that programs keep for their user."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Values as JSON, without loss: what pages and tasks carry, on disk and on a wire.
+"""Values as JSON, without loss: encoding of the data in pages and tasks, on disk and on a wire.
 
-Plain JSON stays plain. What JSON would change or lose is wrapped in an object whose key "$" says what it is:
+Plain JSON stays plain. Other values are wrapped in an object whose key "$" names their kind:
 
     {"$": "float", "v": "nan"}                         also "inf", "-inf"
     {"$": "int", "v": "0x1f..."}                       beyond 64 bits
@@ -8,13 +8,13 @@ Plain JSON stays plain. What JSON would change or lose is wrapped in an object w
     {"$": "bytes", "v": "<base64>"}
     {"$": "dict", "v": [[key, value], ...]}            keys that are not text, or a key "$"
     {"$": "array", "dtype": "float64", "shape": [2], "data": [0.5, 1.0]}    "b64" for "data" above 256 elements,
-                                                       and for what has no JSON number: complex, text, dates
-    {"$": "object", "type": "module.Class", "fields": {...}}                readable, but cannot be brought back
+                                                       and for values without a JSON number: complex, text, dates
+    {"$": "object", "type": "module.Class", "fields": {...}}                readable, but cannot be decoded
 
-docs/formats.md says it exactly, snr_sim/schemas/value.schema.json for machines. What neither allows is refused here.
+docs/formats.md defines it, snr_sim/schemas/value.schema.json for programs. Other values are rejected here.
 
-Almost every value is plain. So the fast path encodes in C, decodes again and compares: two passes in C are
-quicker than one walk in Python, and nothing that JSON would change can slip through.
+Almost every value is plain. So the fast path encodes in C, decodes again and compares: two passes in C are faster than
+one walk in Python, and detect every value that JSON would change.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from snr_sim.prelude.errors import MissingExtra, ValueEncodingError
 _encode = msgspec.json.Encoder().encode
 _decode = msgspec.json.Decoder().decode
 
-# What decoders raise for bytes that are no JSON, or other JSON than is wanted. Text that is no UTF-8 is refused by
-# Python's own error where a text is wanted, and by msgspec's where it is not.
+# Errors of decoders for bytes that are not valid JSON, or JSON of another type. For invalid UTF-8, Python's own error
+# is raised where text is required, and msgspec's elsewhere.
 NO_JSON = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
 
 MARK = "$"
@@ -71,12 +71,12 @@ def encode_value(value: Any) -> bytes:
         if _decode(raw) == value and _MARK_BYTES not in raw:
             return raw
     except (TypeError, ValueError, OverflowError, RecursionError):
-        pass  # not plain: numpy, an unknown object, nested too deeply, a comparison that has no answer
+        pass  # numpy, an unknown object, nested too deeply, a comparison that fails
     return encode_with_marks(value)
 
 
 def encode_with_marks(value: Any) -> bytes:
-    """Return the JSON of a value that is not plain; `encode_value` comes here by itself."""
+    """Return the JSON of a value that is not plain; `encode_value` calls it when needed."""
     try:
         return _encode(_marked(value))
     except RecursionError:
@@ -96,10 +96,10 @@ def decode_value(raw: bytes | str, kinds: Mapping[str, Callable[..., Any]] | Non
 
     Args:
         raw: JSON.
-        kinds: classes for further marks: `{"page": Page}` makes `Page(**fields)` of `{"$": "page", ...}`.
+        kinds: classes for further marks: `{"page": Page}` makes `Page(**fields)` from `{"$": "page", ...}`.
 
     Raises:
-        ValueEncodingError: it is not JSON, a mark is unknown, or it holds an object that cannot be brought back.
+        ValueEncodingError: it is not JSON, a mark is unknown, or it contains an object that cannot be decoded.
 
     >>> decode_value(b'{"$":"tuple","v":[1,2.5]}')
     (1, 2.5)
@@ -126,13 +126,13 @@ def json_bytes(raw: bytes | str) -> bytes:
 
 
 def may_have_marks(raw: bytes, start: int = 0) -> bool:
-    """Whether there may be a mark from this place on, in JSON that somebody else may have written with other spaces."""
-    # One character is found four times as fast as six, and most JSON has no escape at all.
+    """Return whether there may be a mark from this index on, in JSON with any spacing."""
+    # Searching one character is four times as fast as six, and most JSON has no escape at all.
     return raw.find(b"$", start) >= 0 or (raw.find(b"\\") >= 0 and b"\\u0024" in raw)
 
 
 def _marked(value: Any) -> Any:
-    """Wrap what JSON would lose. The order matters: bool before int, subclasses after their plain parents."""
+    """Wrap values that JSON would lose. The order matters: bool before int, subclasses after their plain parents."""
     kind = type(value)
     if value is None or kind is bool or kind is str:
         return value
@@ -159,12 +159,12 @@ def _marked_object(value: Any) -> Any:
     numpy = sys.modules.get("numpy")
     if numpy is not None and isinstance(value, (numpy.ndarray, numpy.generic)) and value.dtype.kind in _ARRAY_KINDS:
         return _marked_array(value)
-    if isinstance(value, (bool, int, float, str)):  # an Enum, or a class of the student's own on top of a number
+    if isinstance(value, (bool, int, float, str)):  # an Enum, or a student's subclass of a number
         return _marked(_plain_parent(value))
-    if isinstance(value, (type, ModuleType)):  # what they hold is code; of a module its file tells, whoever runs it
+    if isinstance(value, (type, ModuleType)):  # their attributes are code; a module's would expose the user's file path
         name = value.__qualname__ if isinstance(value, type) else Path(value.__file__ or value.__name__).stem
         return {MARK: "object", "type": f"builtins.{type(value).__name__}", "fields": {"name": name}}
-    if isinstance(value, (dict, list)):  # a class on top of one; what is plain in it was written in the fast way
+    if isinstance(value, (dict, list)):  # a subclass of one; its plain values were encoded by the fast path
         return _marked(dict(value) if isinstance(value, dict) else list(value))
     config = getattr(type(value), "__struct_config__", None)
     if config is not None:
@@ -179,16 +179,16 @@ def _marked_object(value: Any) -> Any:
 
 
 def _marked_page(page: Any) -> Any:
-    """Return a page with plain numbers and text in its own fields, also where numpy's were given."""
+    """Return a page whose own fields are plain numbers and text, also if they were numpy's."""
     fields = {name: getattr(page, name) for name in type(page).__struct_fields__}
     plain = {name: item.item() if name != "data" and hasattr(item, "item") else item for name, item in fields.items()}
     return {MARK: "page", **{name: _marked(item) for name, item in plain.items()}}
 
 
 def _attributes(value: Any) -> dict[str, Any]:
-    """Return what an object holds, whether it keeps it in a dict or in slots; an array of objects, as a list.
+    """Return the attributes of an object, from its dict or slots; an array of objects as a list.
 
-    Of a part of the program its name alone: from an endpoint one comes to all there is.
+    For a part of the program only its name: an endpoint refers to the whole program.
     """
     if is_of_program(value):
         return {"name": getattr(value, "name", "")}
@@ -205,7 +205,7 @@ def _attributes(value: Any) -> dict[str, Any]:
 
 
 def is_of_program(value: Any) -> bool:
-    """Return whether an object is no data but a part of the program: of a class of the kit's, or made from one."""
+    """Return whether an object is a part of the program and not data: of a class of `snr_sim`, or derived from one."""
     kind = type(value)
     is_record = hasattr(kind, "__struct_fields__") or hasattr(kind, "__dataclass_fields__")
     if is_record or issubclass(kind, BaseException):
@@ -273,7 +273,7 @@ def _unmarked_simple(mark: Any, value: dict[str, Any], kinds: Mapping[str, Calla
 
 
 def _only(value: dict[str, Any], *names: str) -> Any:
-    """Return the last of these fields; they and the mark must be all there are."""
+    """Return the last of these fields; there must be no others except the mark."""
     if len(value) != len(names) + 1 or any(name not in value for name in names):
         raise ValueError(f"it has the fields {', '.join(value)}")
     return value[names[-1]]
@@ -304,13 +304,13 @@ def _unmarked_array(value: dict[str, Any]) -> Any:
     elif is_plain:
         with np.errstate(over="ignore"):  # 1e300 as float32 is infinite, as everywhere in numpy
             array = np.array(list(_items(kept, shape, _ITEM_TYPES[dtype.kind])), dtype).reshape(shape)
-    else:  # from a wire, one letter could ask for an element of 2 GB
+    else:  # a single letter from a wire could request an element of 2 GB
         raise ValueError(f"an array of {name} needs b64")
     return array if shape else array[()]
 
 
 def _items(data: Any, shape: list[int], types: tuple[type, ...]) -> Iterator[Any]:
-    """Yield the numbers in lists that are nested as the shape says."""
+    """Yield the numbers in lists that are nested according to the shape."""
     if shape:
         if type(data) is not list or len(data) != shape[0]:
             raise ValueError(f"its data are not of shape {shape}")

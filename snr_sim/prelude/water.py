@@ -1,6 +1,6 @@
-"""Water and air as pools and depth sensors take them unless they are told otherwise: one place, so that both agree.
+"""Default water and air of pools and depth sensors: one module, so that both agree.
 
-A pool makes pressure out of depth, and a sensor depth out of pressure; a sensor that takes 997 kg/m3 and 9.80665 m/s2
+A pool converts depth to pressure, and a sensor pressure to depth; a sensor that assumes 997 kg/m3 and 9.80665 m/s2
 in a pool of 1000 and 9.81 reads 0.34 % deep.
 """
 

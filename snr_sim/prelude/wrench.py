@@ -1,4 +1,4 @@
-"""Wrenches: a force and a moment in one, and which of their axes a set of thrusters can push at all.
+"""Wrenches: force and moment in one vector, and which of their axes a set of thrusters can produce at all.
 
 A wrench has six numbers in the body frame (x forward, y left, z up): force along x, y, z [N], then moment about x, y, z
 [N m]. Thrusters are a matrix of six rows: column i is the wrench of thruster i at 1 N.
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 ARM_M = 0.15  # compares moments with forces: about the arm of a small vehicle's thrusters
-_NOTHING = 1e-6  # a size below this share of the greatest is rounding
+_NOTHING = 1e-6  # values below this fraction of the largest are rounding errors
 
 
 def thruster_matrix(columns_by_axis: Sequence[Sequence[float]] | NDArray[np.float64]) -> NDArray[np.float64]:
     """Return thrusters as an array of shape (6, n), checked.
 
     Raises:
-        ParameterError: it has not six rows of equal length, or holds what is no finite number.
+        ParameterError: it does not have six rows of equal length, or a value is not a finite number.
         MissingExtra: numpy is not installed.
     """
     np = _numpy()
@@ -41,11 +41,10 @@ def thruster_matrix(columns_by_axis: Sequence[Sequence[float]] | NDArray[np.floa
 
 
 def lacking_axes(matrix: NDArray[np.float64]) -> tuple[str, ...]:
-    """Return the axes that thrusters cannot push by themselves: one for each rank that their matrix lacks.
+    """Return the axes that thrusters cannot produce independently: one for each missing rank of their matrix.
 
-    Thrusters that sit under the centre push the nose up whenever they push ahead. If nothing can undo that, it is pitch
-    that lacks and not surge: of the axes that hang together, the one that the thrusters reach least, moments counted at
-    `ARM_M`.
+    Thrusters below the centre push the nose up whenever they push ahead. If no thruster can counter that, pitch is
+    missing and not surge: of the coupled axes, the one that the thrusters reach least, with moments scaled by `ARM_M`.
     """
     np = _numpy()
     scaled = matrix * np.array([[1.0]] * 3 + [[1.0 / ARM_M]] * 3)
@@ -55,7 +54,7 @@ def lacking_axes(matrix: NDArray[np.float64]) -> tuple[str, ...]:
         rank = int((sizes > _NOTHING * max(1.0, float(sizes.max(initial=0.0)))).sum())
         if rank == len(rows):
             return tuple(axis for i, axis in enumerate(AXES) if i not in rows)
-        out_of_reach = (left[:, rank:] ** 2).sum(axis=1)  # the share of each axis that no thrust can give
+        out_of_reach = (left[:, rank:] ** 2).sum(axis=1)  # the fraction of each axis that no thrust can produce
         del rows[int(out_of_reach.argmax())]
         if not rows:
             return AXES
@@ -63,7 +62,7 @@ def lacking_axes(matrix: NDArray[np.float64]) -> tuple[str, ...]:
 
 def _numpy() -> Any:
     try:
-        import numpy as np  # slow to import, and only who has thrusters needs it
+        import numpy as np  # slow to import, and only vehicles with thrusters need it
     except ImportError:
         raise MissingExtra("numpy", "sim") from None
     return np

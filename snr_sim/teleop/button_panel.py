@@ -1,4 +1,4 @@
-"""A panel of buttons at the surface, such as an emergency stop; in simulation, pressed as asked.
+"""A panel of buttons at the surface, such as an emergency stop; in simulation, pressed at given times.
 
 A button is down for a moment only: the component that reads the page must remember what was pressed.
 """
@@ -20,7 +20,7 @@ class ButtonPanelFactory(LoopFactory):
 
     Args:
         key: of its page.
-        presses_s: for each button the moments at which it goes down.
+        presses_s: for each button the times at which it goes down.
         rate_hz: how often its page is stored.
     """
 
@@ -41,7 +41,7 @@ class ButtonPanel(Loop):
     factory: ButtonPanelFactory
 
     def loop(self) -> None:
-        """Store what is down now."""
+        """Store the buttons that are down now."""
         now_s = self.get_time_s()
         down = {
             button: any(at_s - 1e-9 <= now_s < at_s + PRESS_DURATION_S - 1e-9 for at_s in moments_s)
@@ -51,10 +51,10 @@ class ButtonPanel(Loop):
 
 
 def presses_of(options: Mapping[str, str], buttons: Sequence[str]) -> dict[str, tuple[float, ...]]:
-    """Return when each button is pressed, by options such as `--option stop=12,30.5`.
+    """Return the times at which each button is pressed, from options such as `--option stop=12,30.5`.
 
     Raises:
-        ParameterError: something there is no moment of the run.
+        ParameterError: a value is not a time of the run.
     """
     return {button: _moments_s(button, options[button]) if button in options else () for button in buttons}
 

@@ -1,7 +1,7 @@
-"""What the person at the surface sees: what the vehicle is doing.
+"""Display for the person at the surface: the state of the vehicle.
 
-On a terminal that is a table, a few times a second; in a pipe a line whenever a row of `news` changes, and now and
-then. A loop and no endpoint: it reads pages that are there and stores none, and a replay does without it.
+On a terminal it is a table, a few times a second; in a pipe a line whenever a row of `news` changes, and periodically.
+It is a loop and not an endpoint: it only reads pages and stores none, and a replay does not need it.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class DisplayFactory(LoopFactory):
         link: key of the status page of the link to the vehicle.
         news: names of rows that are printed as soon as they change.
         rate_hz: how often it is drawn.
-        in_lock_step: whether it shows anything under a virtual clock; no, if that run is not watched as it goes.
+        in_lock_step: whether it shows anything under a virtual clock; false if the user does not watch that run live.
         lines: what is below the table.
     """
 
@@ -69,7 +69,7 @@ class DisplayFactory(LoopFactory):
 
         Args:
             pages: the newest of each key, or None.
-            heard_s: how long ago page "vehicle" arrived.
+            heard_s: age of the last arrival of page "vehicle".
             has_keys: whether there is a terminal to type at.
         """
         page, pad = pages["vehicle"], pages.get("pad")
@@ -85,11 +85,11 @@ class DisplayFactory(LoopFactory):
         try:
             status = self.describe(page.data, pages)
         except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
-            # These pages come over a wire, and a display that ends takes the pilot with it.
+            # These pages come over a wire, and an error here would end the pilot, too.
             status = [("pages", f"[red]what was told cannot be shown: {type(error).__name__}[/red]")]
         if heard_s <= SILENT_S:
             return [*shown, ("vehicle", f"heard {heard_s:.2f} s ago"), *status]
-        # What it was is worth knowing, but must not look like what it is.
+        # The last value is useful, but must not look like a current one.
         then = [(name, f"[dim]last heard: {text}[/dim]") for name, text in status]
         return [*shown, ("vehicle", f"[red]silent for {heard_s:.1f} s[/red]"), *then]
 
@@ -114,10 +114,10 @@ class Display(Loop):
             self.live.start()
 
     def loop(self) -> None:
-        """Show what is known now."""
+        """Show the current state."""
         if self.is_off:
             return
-        # By when it came here: what the vehicle's own clock shows, another computer cannot compare with.
+        # By its arrival time here: the vehicle's own clock cannot be compared with this computer's.
         heard_s = self.get_time_s() - self.parent.came_at_s("vehicle")
         shown = self.factory.rows({key: self.get_page(key) for key in self.factory.keys}, heard_s, self.has_keys)
         if self.live is None:
@@ -137,7 +137,7 @@ class Display(Loop):
         self.live.update(table, refresh=True)
 
     def print_line(self, shown: Rows) -> None:
-        """Print a line, if there is news or it is time."""
+        """Print a line if there is news or the period has passed."""
         from rich.text import Text
 
         now_s = self.get_time_s()
@@ -155,7 +155,7 @@ class Display(Loop):
 
 
 def _reason_of(link: Any) -> str:
-    """Return what the link waits for, while it is not up."""
+    """Return why the link is not up."""
     from rich.markup import escape
 
     return "" if link is None or link.data["up"] else f": the link {escape(link.data['reason'])}"

@@ -56,7 +56,7 @@ class LatchedButtons:
     is_stop: bool = False
 
     def after(self, down: Sequence[str], mode_count: int) -> LatchedButtons:
-        """Return what is set after some buttons went down. The emergency stop counts before all others.
+        """Return the state after some buttons went down. The emergency stop has priority.
 
         >>> LatchedButtons(is_armed=True).after(["mode_up", "stop"], mode_count=2)
         LatchedButtons(mode=0, is_armed=False, is_stop=True)
@@ -74,7 +74,7 @@ class GamepadPilotFactory(EndpointFactory):
 
     Args:
         command_type: struct of the controls.
-        sticks: what moves each of its sticks.
+        sticks: inputs of each field of the controls.
         modes: its modes, from the first.
         key: of the page, if a component at the surface makes "controls" of it.
     """
@@ -98,7 +98,7 @@ class GamepadPilotFactory(EndpointFactory):
 
 
 class GamepadPilot(Endpoint):
-    """Answers each reading with controls. A gamepad that is unplugged is at rest: what is armed stays armed."""
+    """Answers each reading with controls. A gamepad that is unplugged is at rest: armed outputs stay armed."""
 
     factory: GamepadPilotFactory
 
@@ -116,7 +116,7 @@ class GamepadPilot(Endpoint):
         self.number += 1
         was_stop = self.latched.is_stop
         self.latched = latched = self.latched.after(self.pressed_edges(pad.buttons), len(factory.modes))
-        # A stop is asked to be cleared until the vehicle reports that it is: one command may be lost.
+        # The request to clear a stop is repeated until the vehicle reports it: one command may be lost.
         vehicle = self.get_data("vehicle")
         is_stopped = isinstance(vehicle, dict) and vehicle.get("is_stopped") is True
         self.clears = not latched.is_stop and (was_stop or (self.clears and is_stopped))

@@ -13,7 +13,7 @@ from snr_sim.teleop.gamepad_pilot import AXIS_COUNT, BUTTON_COUNT, BUTTONS, Stic
 
 KEPT_S = 0.6  # a terminal does not report when a key is released, only repeats it: the first time after half a second
 BUTTON_KEYS = {"1": "arm", "2": "disarm", " ": "stop", "c": "clear", "-": "mode_down", "+": "mode_up", "=": "mode_up"}
-URGENT = ("stop", "disarm")  # these overtake what was typed before them, and undo it
+URGENT = ("stop", "disarm")  # these overtake earlier keys, and cancel "arm" and "clear"
 UNDONE = ("arm", "clear")
 MAX_WAITING = 8  # presses: a key that is leant on has no effect for seconds afterwards
 
@@ -36,7 +36,7 @@ class Keyboard(LifeCycle):
 
     Args:
         sticks: the keys that move each stick.
-        typed: returns what was typed since its last call, at once; None is the program's own terminal.
+        typed: returns the keys typed since its last call, without waiting; None is the program's own terminal.
         now_s: clock of the person who types.
     """
 
@@ -55,7 +55,7 @@ class Keyboard(LifeCycle):
             for key, side in zip(stick.keys, (-1.0, 1.0), strict=True)
         }
         self._until_s: dict[str, float] = {}  # of keys that move a stick
-        self._presses: list[str] = []  # of buttons, each waits for a reading of its own
+        self._presses: list[str] = []  # of buttons, each waits for a separate reading
         self._down = ""  # the button that was down in the last reading
 
     def read(self) -> PadReading:
@@ -91,7 +91,7 @@ class Keyboard(LifeCycle):
     def _next_down(self) -> str:
         """Return the button that is down in this reading, or "".
 
-        One press a reading, and the same button is up between two of its own: a press is noticed by its beginning.
+        One press per reading; between two presses of a button it is up, because a press is detected by its edge.
         """
         if not self._presses or (self._presses[0] == self._down and self._down not in URGENT):
             return ""

@@ -1,4 +1,4 @@
-"""Ends the surface's role when the vehicle's has finished. A vehicle whose link is lost is waited for."""
+"""Ends the surface's role when the vehicle's has finished. If the link is lost, it waits for the vehicle."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class LinkMonitorFactory(EndpointFactory):
 
 
 class LinkMonitor(Endpoint):
-    """Ends the surface's role when the vehicle's has sent its goodbye, which one that was cut off or killed did not."""
+    """Ends the surface's role after the vehicle's goodbye, which a vehicle that was cut off or killed does not send."""
 
     factory: LinkMonitorFactory
 

@@ -1,7 +1,7 @@
-"""The link between a vehicle and its surface, where `--option` host, port, secret and allow say.
+"""The link between a vehicle and its surface, configured by `--option` host, port, secret and allow.
 
-It leaves this process only where a role runs by itself. Else both ends meet in memory, and a secret is neither needed
-nor read; so a run that had one can be replayed without it.
+It leaves this process only where a role runs by itself. Otherwise both ends are connected in memory, and a secret is
+neither needed nor read; so a run that had one can be replayed without it.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ HERE = "127.0.0.1"
 SECRET_VARIABLE = "SNR_SECRET"  # the name of a variable, not a secret
 MAKES_ONE = 'python3 -c "import secrets; print(secrets.token_hex(16))" > secret.txt'
 SECRET_IS = ("secret", "--option secret=FILE at both ends, with the same text in it, or the same SNR_SECRET in both")
-# After so much silence either end counts as gone, also one that is there and does nothing: shown within a second.
+# After this silence either end counts as gone, also one that is connected but hangs: shown within a second.
 KEEP_ALIVE_S, GONE_S = 0.2, 0.6
 
 
 def surface_link(rig: Rig, vehicle: str, name: str, port: int, faults: Faults) -> SocketsPair:
-    """Return the link, to where the options say.
+    """Return the link with the address in the options.
 
     Args:
         rig: of the run.
         vehicle: the role that listens.
         name: of the link.
-        port: if they say none.
+        port: the default.
         faults: of the link.
 
     Raises:
-        ParameterError: an option is no address or no port.
-        ConfigError: the secret cannot be read, or anybody in the network could steer the vehicle.
+        ParameterError: an option is not an address or a port.
+        ConfigError: the secret cannot be read, or any user in the network could steer the vehicle.
     """
     options = rig.robot.options
     address, allow = address_of(options, port), _allowed(options)
@@ -58,10 +58,10 @@ def surface_link(rig: Rig, vehicle: str, name: str, port: int, faults: Faults) -
 
 
 def address_of(options: Mapping[str, str], port: int) -> tuple[str, int]:
-    """Return where the vehicle listens: `--option host=...` and `--option port=...`, the same for both roles.
+    """Return the address where the vehicle listens: `--option host=...` and `--option port=...`, same for both roles.
 
     Raises:
-        ParameterError: they say something else.
+        ParameterError: an option is not an address or a port.
     """
     text = options.get("port", str(port))
     given = int(text) if text.isascii() and text.isdecimal() and len(text) < 6 else 0
@@ -107,14 +107,14 @@ def _allowed(options: Mapping[str, str]) -> tuple[str, ...]:
 
 
 def _secret(options: Mapping[str, str]) -> bytes | None:
-    """Return what both ends have to know, or None."""
+    """Return the shared secret of both ends, or None."""
     if "secret" in options:
         return secret_from_file(options["secret"])
     return secret_from_env(SECRET_VARIABLE) if SECRET_VARIABLE in os.environ else None
 
 
 def _check_door(host: str, is_guarded: bool) -> None:
-    """Check that not everybody may steer a vehicle that listens there."""
+    """Check that a vehicle that listens at this address does not accept commands from every user."""
     if is_loopback(host) or is_guarded:
         return
     raise ConfigError(

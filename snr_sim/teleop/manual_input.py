@@ -1,4 +1,4 @@
-"""What a person holds in their hands: a gamepad, with a dead-man switch if asked for, and the keyboard."""
+"""Input devices of a person: a gamepad, with an optional dead-man switch, and the keyboard."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class ManualInput(LifeCycle):
     def read(self) -> PadReading:
         """Return the gamepad's sticks, or the keyboard's if there is none, and the buttons of both.
 
-        So space stops the vehicle, whatever is plugged in and taken for a gamepad.
+        So space stops the vehicle, even if another device is mistaken for a gamepad.
         """
         keys: PadReading = msgspec.structs.replace(self._keyboard.read(), stamp_s=self._now_s())
         if self._pad is None:

@@ -34,7 +34,7 @@ class ScriptedPilotFactory(LoopFactory):
     Args:
         script: cues in the order of their times.
         rate_hz: controls per second.
-        neutral: controls that ask for nothing, with a field `number`, which counts.
+        neutral: controls without a command, with a field `number`, which counts up.
         check: raises CommandError for a dict that holds no controls.
         once: fields that a cue sets in one page only: later ones have the neutral value.
         key: of the page, if a component at the surface makes "controls" of it.
@@ -76,7 +76,7 @@ class ScriptedPilot(Loop):
     factory: ScriptedPilotFactory
 
     def setup(self) -> None:
-        """Begin with controls that ask for nothing."""
+        """Start with neutral controls."""
         self._controls = dict(self.factory.neutral)
         self._left = list(self.factory.script)
         self._start_s: float | None = None

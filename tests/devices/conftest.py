@@ -1,4 +1,4 @@
-"""The vehicle's firmware on an emulated microcontroller, as a bench for what talks to it over its serial line."""
+"""The vehicle's firmware on an emulated microcontroller, as a bench for devices on its serial line."""
 
 import fcntl
 import os
@@ -24,7 +24,7 @@ FIRMWARE = Path(__file__).parents[2] / "robots" / "urov" / "firmware"
 
 
 class EmulatedBench:
-    """A board on a bench whose time is the board's, with a plug that can be pulled. Keeps the promise of PwmBench."""
+    """A board on a bench with the board's time, and a plug that can be pulled. Implements `PwmBench`."""
 
     can_unplug = True
 
@@ -65,7 +65,7 @@ class EmulatedBench:
 
 
 class DeliveringPort(SerialPort):
-    """A real serial port, on which bytes arrive at once and time is the board's: a test depends on no other clock."""
+    """A real serial port whose bytes arrive at once, in the board's time: a test depends on no other clock."""
 
     def __init__(self, bench: "PtyBench") -> None:
         super().__init__(str(bench.link))
@@ -107,7 +107,7 @@ class PtyBench(EmulatedBench):
             self._far = -1
 
     def take_in(self, count: int) -> None:
-        """Brings so many bytes to the board, once the system has passed them on."""
+        """Deliver this many bytes to the board, once the system has passed them on."""
         while count:
             assert select.select([self._far], [], [], 60.0)[0], "the terminal keeps the bytes"
             data = os.read(self._far, count)
@@ -127,7 +127,7 @@ class PtyBench(EmulatedBench):
 
 
 def waiting(terminal: int) -> int:
-    """How many bytes can be read there."""
+    """Return how many bytes can be read there."""
     return int.from_bytes(fcntl.ioctl(terminal, termios.FIONREAD, bytes(4)), sys.byteorder)
 
 

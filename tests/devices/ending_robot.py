@@ -1,7 +1,7 @@
-"""A robot that pushes with all it has, ends in the way that is asked for, and says what its outputs made, and when.
+"""A robot that commands full thrust, ends in the requested way, and prints its applied pulses with their times.
 
 `python ending_robot.py HOW`: a line for each write, "NANOSECONDS HELD_UP_NANOSECONDS WORD". WORD is "pushing", "still",
-or "now" when the end begins. Held up is how long its threads have stood in line for a core so far.
+or "now" when the end begins. Held up is how long its threads have waited for a core so far.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 FAST, STILL = [1900.0, 1900.0], [1500.0, 1500.0]
-PUSHES = 60  # commands before it ends by itself
-ARMS_AFTER = 20  # of them
+PUSHES = 60  # commands before it ends
+ARMS_AFTER = 20  # commands; `is_armed` is false in these
 HELD_UP_NS: dict[str, int] = {}  # of each thread, also of those that have ended
 
 
 def held_up_ns() -> int:
-    """Returns how long this program's threads have stood in line for a core; 0 where the system does not tell."""
+    """Return how long this program's threads have waited for a core; 0 where the system does not report it."""
     for thread in Path("/proc/self/task").glob("*/schedstat"):
-        with suppress(OSError, IndexError):  # one that has just ended
+        with suppress(OSError, IndexError):  # a thread that has just ended
             HELD_UP_NS[thread.parent.name] = int(thread.read_text().split()[1])
     return sum(HELD_UP_NS.values())
 
@@ -38,7 +38,7 @@ def say(word: str) -> None:
 
 
 class SpokenPwm(PwmBackend):
-    """Outputs that say what they make."""
+    """Outputs that print the applied pulses."""
 
     title = "The outputs that speak"
     fails_safe_alone = True
@@ -55,7 +55,7 @@ class SpokenPwm(PwmBackend):
 
 
 def ends(how: str) -> Any:
-    """Returns a handler that ends it after some commands."""
+    """Return a handler that ends the robot after some commands."""
     counted = [0]
 
     def on_pwm(task: Any, task_id: Any) -> None:
@@ -75,7 +75,7 @@ def ends(how: str) -> Any:
 
 
 def robot(how: str) -> None:
-    """Runs a node with outputs behind it."""
+    """Run a node with outputs."""
     outputs: list[SpokenPwm] = []
 
     def opened() -> SpokenPwm:
@@ -86,7 +86,7 @@ def robot(how: str) -> None:
     said = [0]
 
     def push(loop: Any) -> None:
-        said[0] += 1  # it is armed by saying so after it has said that it is not
+        said[0] += 1  # it arms by true after false
         loop.store_data("pwm", {"pulses_us": FAST, "is_armed": said[0] > ARMS_AFTER})
 
     pusher = TickerFactory(push, "pusher", rate_hz=100.0)
@@ -98,7 +98,7 @@ def robot(how: str) -> None:
 
 
 def alone(how: str) -> SpokenPwm | None:
-    """Pushes without a node; drops its outputs, or leaves them to the end of the program."""
+    """Command thrust without a node; drop the outputs, or leave them to the end of the program."""
     out = SpokenPwm()
     out.configure()
     out.activate()
@@ -106,11 +106,11 @@ def alone(how: str) -> SpokenPwm | None:
     say("now")
     if how == "leave":
         return out
-    if how == "cycle":  # outputs that something in them refers to, so that only the collector finds them
+    if how == "cycle":  # a reference cycle, which only the garbage collector finds
         out.me = out  # type: ignore[attr-defined]
     del out
     gc.collect()
-    time.sleep(10.0)  # it is not the end of the program that lets go of them
+    time.sleep(10.0)  # the outputs must be released before the end of the program
     return None
 
 

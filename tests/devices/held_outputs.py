@@ -1,4 +1,4 @@
-"""Outputs that supervisors open in tests, and a robot's program that pushes until it is killed."""
+"""Outputs that supervisors open in tests, and a robot's program that commands thrust until it is killed."""
 
 import mmap
 import sys
@@ -18,33 +18,33 @@ STOP = [1500.0, 1500.0]
 
 
 def open_tree(root: str, takes_over: bool) -> PlainPwm:
-    """The kernel's PWM files in a folder."""
+    """Open the kernel's PWM files in a folder."""
     write = PwmTree(Path(root)).write
     pins = SysfsPins(2, root=Path(root), takes_over=takes_over, write=write)
     return PlainPwm(pins, time.monotonic, esc_start_s=0.05, is_supervised=True)
 
 
 def open_chip(file: str, takes_over: bool) -> PlainPwm:
-    """The registers of a PCA9685 in a file."""
+    """Open a PCA9685 whose registers are in a file."""
     bus = FakeBus({0x40: chip_in(file)})
     chip = Pca9685(lambda: I2cBus(1, bus.opened), 0x40, 2)
     return PlainPwm(chip, time.monotonic, esc_start_s=0.05, is_supervised=True)
 
 
 def chip_in(file: str) -> Pca9685Part:
-    """A PCA9685 whose registers are a file of 256 bytes."""
+    """Return a PCA9685 whose registers are a file of 256 bytes."""
     with Path(file).open("r+b") as opened:
         return Pca9685Part(registers=mmap.mmap(opened.fileno(), 256))
 
 
 def supervised(opener: str, place: str) -> SupervisedPwm:
-    """The outputs behind a supervisor."""
+    """Return the outputs behind a supervisor."""
     like = globals()[opener](place, False)
     return SupervisedPwm(like, time.monotonic, f"held_outputs:{opener}", [place])
 
 
 def push(opener: str, place: str) -> None:
-    """Arms, and pushes with all there is; says when it does."""
+    """Arm, and command full thrust; print when it is applied."""
     out = supervised(opener, place)
     out.configure()
     out.activate()
@@ -56,7 +56,7 @@ def push(opener: str, place: str) -> None:
             print("pushing", flush=True)
             has_said = True
         if out.health().state == "inactive":
-            out.activate()  # a busy computer: a lease has run out
+            out.activate()  # a busy computer: a lease has expired
         if out.health().state == "error":
             print(out.health(), flush=True)
             return

@@ -19,7 +19,7 @@ from snr_sim.testing.contracts import check_sensor
 from snr_sim.testing.fakes import FakePlant
 
 UPRIGHT = [1.0, 0.0, 0.0, 0.0]
-ABOVE = [0.0, 0.0, 2.0]  # in air: nothing is lost on the way down but what the veil takes
+ABOVE = [0.0, 0.0, 2.0]  # in air: no absorption on the way down except by the veil
 SQUARE = Camera("down", 80, 80, math.radians(90.0))  # 1 m away it sees 2 m x 2 m, a pixel is 25 mm
 
 
@@ -113,7 +113,7 @@ def test_deeper_water_takes_red_before_green_and_green_before_blue() -> None:
     for before, after in ((shown[0], shown[1]), (shown[1], shown[2])):
         lost = 1.0 - after / before
         assert lost[0] > lost[1] > lost[2] > 0.0
-    # 1.5 m of water more on the light's way down; the veil, which adds some, is as thick.
+    # Light travels through 1.5 m more water on the way down; the veil, which adds some, is as thick.
     assert shown[1][0] / shown[0][0] == pytest.approx(math.exp(-0.340 * 1.5), rel=0.03)
 
 

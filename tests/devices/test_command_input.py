@@ -1,4 +1,4 @@
-"""The newest command page, as its loop gets it: handed over, and looked up where none was."""
+"""The newest command page for its loop: by callback, and from the node's pages before the first callback."""
 
 import math
 from types import SimpleNamespace
@@ -9,7 +9,7 @@ from snr_sim.prelude.page import Page
 
 
 class Store:
-    """What a loop's node has of pages."""
+    """Page store of a loop's node."""
 
     name = "robot"
 

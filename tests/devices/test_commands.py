@@ -1,4 +1,4 @@
-"""What a page holds is taken as a command, or told in plain words."""
+"""A page's data are converted to a command, or rejected with an explanation."""
 
 from typing import Any
 

@@ -42,7 +42,7 @@ def test_within_half_of_its_cone_a_tilt_changes_nothing(tilt_deg: float) -> None
 
 def test_beyond_it_the_nearest_edge_of_the_cone_is_heard_and_confidence_falls() -> None:
     part = EchoSounder()
-    distance, confidence = part.heard(4.0, math.radians(42.5))  # the edge of the cone stands at 30 deg
+    distance, confidence = part.heard(4.0, math.radians(42.5))  # the edge of the cone is at 30 deg
     assert distance == pytest.approx(4.0 / math.cos(math.radians(30.0)))
     assert 0.0 < confidence < 1.0
     tilts = [math.radians(tilt) for tilt in range(12, 91, 3)]

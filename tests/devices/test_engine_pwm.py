@@ -1,4 +1,4 @@
-"""An engine behind servo outputs: its commands as pulses, and what becomes of pages that are none."""
+"""An engine behind servo outputs: its commands as pulses, and the handling of invalid pages."""
 
 import math
 
@@ -15,7 +15,7 @@ SERVOS = EngineServos(gimbal_rad=math.radians(6.0))
     "command", [EngineCommand(), EngineCommand(1.0, 0.1, -1.0), EngineCommand(0.1, -0.05, 0.25), EngineCommand(0.6)]
 )
 def test_a_command_comes_back_from_its_pulses_as_exactly_as_the_steps_allow(command: EngineCommand) -> None:
-    steps = [round(pulse * 2) / 2 for pulse in SERVOS.pulses_us(command)]  # of half a microsecond
+    steps = [round(pulse * 2) / 2 for pulse in SERVOS.pulses_us(command)]  # steps of half a microsecond
     back = SERVOS.command(steps)
     for field, (_, most) in SERVOS.limits.items():
         assert getattr(back, field) == pytest.approx(getattr(command, field), abs=most / 1600 + 1e-12)

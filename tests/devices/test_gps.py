@@ -1,4 +1,4 @@
-"""The receiver, with a text for the sky."""
+"""The receiver, with a text in place of the sky."""
 
 import math
 
@@ -89,7 +89,7 @@ def test_place_speed_and_course_of_one_moment_are_one_reading() -> None:
     receiver.says = line(GGA, "123520")
     later = gps.read()
     assert isinstance(later, GpsReading)
-    assert later.speed_mps is None  # it was told of a moment before
+    assert later.speed_mps is None  # it was reported a moment before
 
 
 def test_a_course_to_the_north_is_a_quarter_turn_to_the_left_of_east() -> None:

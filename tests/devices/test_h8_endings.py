@@ -1,6 +1,6 @@
-"""H8: however a program ends, short of being killed, its outputs are neutral within one frame.
+"""H8: however a program ends, unless it is killed, its outputs are neutral within one frame.
 
-Times are without those for which the program stood in line for a core: a busy computer is no news.
+Times exclude those in which the program waited for a core: a busy computer is not a failure.
 """
 
 import select
@@ -19,11 +19,11 @@ FRAME_S = 0.02
 LEASE_S = 0.2
 WAIT_S = 60.0
 PROGRAM = Path(__file__).with_name("ending_robot.py")
-Line = tuple[float, float, str]  # when, how long it had stood in line for a core until then, and what
+Line = tuple[float, float, str]  # time, total wait for a core until then, and text
 
 
 class Robot:
-    """A program whose outputs speak."""
+    """A program that prints its outputs."""
 
     def __init__(self, how: str) -> None:
         command = [sys.executable, str(PROGRAM), how]
@@ -48,7 +48,7 @@ class Robot:
             pass
 
     def still_after_s(self, since: Line) -> float:
-        """Until the outputs are neutral, and stay so to the end."""
+        """Return the time until the outputs are neutral for the rest of the run."""
         last_push = max(i for i, line in enumerate(self.lines) if line[2] == "pushing")
         still = next(line for line in self.lines[last_push:] if line[2] == "still")
         return still[0] - since[0] - (still[1] - since[1])
@@ -74,7 +74,7 @@ def test_h8_a_signal_leaves_neutral_within_a_frame(start: Callable[[str], Robot]
     robot = start("signal")
     _, held_up_s, _ = robot.read_until("pushing")
     robot.process.send_signal(number)
-    sent_s = time.monotonic()  # after it was sent: this program, too, may have to wait for a core
+    sent_s = time.monotonic()  # after it was sent: this process, too, may have to wait for a core
     robot.read_all()
     assert robot.process.wait(WAIT_S) is not None
     assert robot.still_after_s((sent_s, held_up_s, "")) <= FRAME_S

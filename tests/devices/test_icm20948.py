@@ -1,4 +1,4 @@
-"""The inertial unit's driver against its registers: units, axes, and what may be wrong."""
+"""The inertial unit's driver against its registers: units, axes, and faults."""
 
 import math
 
@@ -64,7 +64,7 @@ def test_what_it_feels_is_told_in_si_units_and_microtesla() -> None:
 
 
 def test_an_independent_driver_reads_the_same_of_the_same_part(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Rates and forces, in other scales than ours; it reads the magnetometer on a way that the part here has not."""
+    """Rates and forces, in other scales than ours; it reads the magnetometer in a way that the emulated part lacks."""
     monkeypatch.setattr(adafruit_icm20x, "sleep", lambda seconds: None)
     monkeypatch.setattr(adafruit_icm20x.ICM20948, "_magnetometer_init", lambda self: True)
     bench = Bench()
@@ -151,7 +151,7 @@ def test_pulled_it_is_stale_and_put_back_it_is_set_up_again() -> None:
     assert "Nobody answers at 0x69" in stale.why
     bench.raw.is_there = True
     bench.part.power_on()
-    assert isinstance(sensor.read(), Stale)  # asleep: it would tell zeros
+    assert isinstance(sensor.read(), Stale)  # asleep: it would report zeros
     bench.time_s += 1.0
     for _ in range(10):
         bench.time_s += 0.05

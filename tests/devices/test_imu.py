@@ -28,7 +28,7 @@ FIELD_UT = (0.0, 20.0, -44.0)
 def at_rest(
     roll: float = 0.1, pitch: float = -0.2, yaw: float = 2.0, rate: Sequence[float] = (0.0,) * 3, iron_ut: float = 0.0
 ) -> Imu:
-    """What is true of a vehicle that stands still, or turns on the spot; `iron_ut` is added along its x axis."""
+    """Return the true values of a vehicle at rest or turning on the spot; `iron_ut` is added along its x axis."""
     w, x, y, z = quaternion_of(roll, pitch, yaw)
     field = into_world((w, -x, -y, -z), FIELD_UT)
     force = into_world((w, -x, -y, -z), (0.0, 0.0, 9.81))
@@ -73,7 +73,7 @@ def test_noise_from_reading_to_reading_is_that_of_the_part() -> None:
 
 
 def test_heading_at_rest_is_within_two_and_a_half_degrees_19_times_of_20() -> None:
-    """After the filter has settled; and up to 0.6, two standard deviations of what the accelerometer is off."""
+    """After the filter has settled; and up to 0.6, two standard deviations of the accelerometer's bias."""
     last = [readings(still(0.0, 0.0, 2.0), 40, seed=seed, period_s=0.2)[-1] for seed in range(400)]
     headings, rolls = (np.degrees([getattr(one, name) for one in last]) for name in ("yaw_rad", "roll_rad"))
     assert np.mean(np.abs(headings - math.degrees(2.0)) < 2.5) == pytest.approx(0.954, abs=0.03)
@@ -87,7 +87,7 @@ def test_angles_come_in_sixteenths_of_a_degree() -> None:
 
 
 def test_heading_follows_the_gyroscope_between_what_the_field_says() -> None:
-    """A rate that is none, in a field that stands still: y' = w - k y."""
+    """A rate of 0 with a bias, in a constant field: y' = w - k y."""
     plant = FakePlant({"imu": at_rest(0.0, 0.0, 0.0, rate=(0.0, 0.0, 0.2))})
     for i, reading in enumerate(readings(plant, 101, EXACT)):
         closed = 0.2 / GAIN_HZ * -math.expm1(-GAIN_HZ * 0.01 * i)
@@ -122,7 +122,7 @@ def test_iron_turns_the_heading_by_the_angle_it_turns_the_level_field() -> None:
 
 
 def test_a_thrusters_current_disturbs_the_heading() -> None:
-    """Of the vehicle as it rises, all four vertical thrusters at 1800 us: level field and what the current adds."""
+    """Of the vehicle as it rises, all four vertical thrusters at 1800 us: level field plus that of the current."""
     dive = Dive((0.0, 0.0, -40.0))
     plant = Urov(read_vehicle(VEHICLE), Pool(100.0, 100.0, 50.0), lambda seed: dive, Propulsion(8))
     plant.write("pwm", PwmCommand())

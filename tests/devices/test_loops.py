@@ -1,4 +1,4 @@
-"""Between devices and pages: readings in, commands out, neutral whenever in doubt. On both clocks."""
+"""Loops between devices and pages: store readings, write commands, neutral if in doubt. On both clocks."""
 
 import math
 import re
@@ -56,12 +56,12 @@ def run(*factories: Any, clock: Callable[[], Any] = SimClock, end_s: float = 0.1
 
 
 def ends_when(is_so: Callable[[Node], bool]) -> TickerFactory:
-    """Ends the run as soon as something is so: a run by the wall clock lasts as long as its computer needs for it."""
+    """End the run as soon as a condition is true: a run on the wall clock takes as long as its computer needs."""
     return TickerFactory(lambda loop: is_so(loop.parent) and loop.schedule(tasks.terminate("enough")), "ender", 200.0)
 
 
 def commands(*commands: Any, rate_hz: float = 100.0, taken_by: FakeActuator[Any] | None = None) -> TickerFactory:
-    """Stores these command pages, one at each tick, and then no more; the next only when the last was taken."""
+    """Store these command pages, one per tick, then stop; with `taken_by`, each only after it applied the last one."""
     left = list(commands)
 
     def send(loop: Any) -> None:
@@ -170,7 +170,7 @@ def test_a_command_that_is_too_old_no_longer_counts() -> None:
 
 def test_a_command_that_was_already_old_when_it_came_is_not_written() -> None:
     actuator = FakeActuator(Push, LIMITS)
-    old = Page("engine", {"thrust_n": 5.0}, "topside_node", 0.0)  # held up on a link
+    old = Page("engine", {"thrust_n": 5.0}, "topside_node", 0.0)  # delayed on a link
     late = TimeoutLoopFactory(seconds=0.9, task=tasks.store_page(old), name="late")
     run(late, engine(actuator, timeout_s=0.5), end_s=1.5)
     assert actuator.written == []

@@ -1,4 +1,4 @@
-"""The Maestro's driver against a Maestro of the user's guide: the contract, and what a board may be set up wrongly."""
+"""The Maestro's driver against a Maestro of the user's guide: the contract, and wrong settings of a board."""
 
 import os
 import pty
@@ -149,7 +149,7 @@ def test_after_silence_it_is_armed_again_only_from_neutral() -> None:
     out.activate()
     for _ in range(200):
         bench.advance(0.02)
-        assert out.write_us(FAST, bench.time_s).pulses_us == STOP  # neutral is what it waits for
+        assert out.write_us(FAST, bench.time_s).pulses_us == STOP  # it waits for neutral
     assert out.health().state == "activating"
 
 
@@ -195,7 +195,7 @@ def test_noise_on_the_line_is_counted_and_too_much_of_it_is_told() -> None:
 
 @pytest.fixture
 def bench_on_a_line(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Bench, str]]:
-    """A Maestro behind a real serial line, in a time of its own: however slow this computer is."""
+    """Yield a Maestro behind a real serial line, in its own time: however slow this computer is."""
     monkeypatch.setattr("snr_sim.devices.pwm.maestro.ANSWER_S", 60.0)
     far, near = pty.openpty()
     tty.setraw(near)
@@ -225,7 +225,7 @@ def test_through_a_serial_line_the_pins_do_as_they_are_told(bench_on_a_line: tup
             out.write_us(pulses_us, bench.time_s)
             if bench.pins_us() == pulses_us:
                 return
-            sleep(0.001)  # the other end of the line is a thread of its own
+            sleep(0.001)  # the other end of the line is a separate thread
         raise AssertionError(f"{bench.pins_us()}, {out.health()}")
 
     hold(STOP)

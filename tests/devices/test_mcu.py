@@ -66,7 +66,7 @@ def test_it_is_armed_only_after_the_speed_controllers_have_been_shown_neutral(be
     out.configure()
     out.activate()
     pilot = Pilot(bench, out)
-    applied = pilot.hold(AHEAD, 0.5)  # a command that is not neutral is not sent before
+    applied = pilot.hold(AHEAD, 0.5)  # a command that is not neutral is not sent until the outputs are armed
     assert out.health().state == "activating"
     assert NOT_ACTIVE in applied.why
     assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
@@ -86,12 +86,12 @@ def test_a_command_that_nobody_renews_ends_though_somebody_goes_on_sending_it(be
         applied = out.write_us(AHEAD, computed_s)
         bench.advance(TICK_S)
     assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
-    bench.advance(0.06)  # the board tells by itself every 50 ms, if no command in time has it answer
+    bench.advance(0.06)  # the board sends every 50 ms, also without a command
     applied = out.write_us(AHEAD, computed_s)
     assert TOO_OLD in applied.why
     assert out.health().state == "inactive"
     assert "no new command in time" in out.health().why
-    assert pilot.hold(AHEAD, 0.5).pulses_us == STILL  # and it stays so until it is armed again
+    assert pilot.hold(AHEAD, 0.5).pulses_us == STILL  # it stays so until it is armed again
     assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
     out.close()
 
@@ -101,7 +101,7 @@ def test_a_program_that_ends_and_has_closed_nothing_says_farewell(bench: Any) ->
     pilot = Pilot(bench, out)
     pilot.arm()
     pilot.hold(AHEAD, 0.5)
-    out.board._farewell()  # which Python calls at the end of a program
+    out.board._farewell()  # which Python calls at exit
     bench.advance(TICK_S)
     assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
     out.close()
@@ -110,7 +110,7 @@ def test_a_program_that_ends_and_has_closed_nothing_says_farewell(bench: Any) ->
 def test_the_board_is_told_how_old_a_command_is(bench: Any) -> None:
     out = bench.open()
     Pilot(bench, out).arm()
-    bench.advance(0.16)  # a command is not taken that was computed before the last one
+    bench.advance(0.16)  # a command that was computed before the last one is not accepted
     out.write_us(AHEAD, bench.now_s() - 0.15)
     bench.advance(0.01)
     out.write_us(AHEAD, bench.now_s())
@@ -200,7 +200,7 @@ def test_a_silent_board_is_lost_though_its_port_is_open(bench: Any, monkeypatch:
 
 
 def test_outputs_that_a_program_forgot_are_neutral_within_a_frame(bench: Any) -> None:
-    """Nobody closed them: not in 200 ms, when the lease is over, but as soon as they are gone (H8)."""
+    """Without `close`: not in 200 ms, when the lease expires, but as soon as they are deleted (H8)."""
     out = bench.open()
     pilot = Pilot(bench, out)
     pilot.arm()
@@ -257,7 +257,7 @@ def test_power_is_what_stands_at_the_pins_and_stale_when_the_plug_is_out(bench: 
     bench.plug_in()
     board.lose("pulled")
     out.fail("pulled")
-    out.configure()  # who acts brings it back for both
+    out.configure()  # the device that acts brings it back for both
     assert not isinstance(power.read(), Stale)
     out.close()
     assert not isinstance(power.read(), Stale), "the board stays open for who is left"

@@ -1,4 +1,4 @@
-"""The microcontroller's board at a port: who has it, and a plug that is pulled in the middle of a run."""
+"""The microcontroller's board at a port: its owner, and a plug that is pulled in the middle of a run."""
 
 import subprocess
 import sys
@@ -53,7 +53,7 @@ def test_a_port_that_is_not_there_is_told_and_opened_once_it_is(pty_bench: Any) 
 
 
 def test_a_plug_that_is_pulled_in_the_middle_of_a_run_and_put_back(pty_bench: Any) -> None:
-    """The node goes on; it is told once, and the outputs turn again only after half a second of neutral."""
+    """The node continues; it logs this once, and the outputs turn again only after half a second of neutral."""
     pulled_s, back_s, rests_s, end_s = 4.0, 5.0, 7.0, 11.0
     board_s: list[float] = []
     pins: list[tuple[float, float]] = []
@@ -68,7 +68,7 @@ def test_a_plug_that_is_pulled_in_the_middle_of_a_run_and_put_back(pty_bench: An
             pty_bench.plug_in()
 
     def follow(time_s: float) -> None:
-        """Keeps the board up with the node's clock."""
+        """Keep the board's time up with the node's clock."""
         if not board_s:
             board_s.append(pty_bench.now_s() - time_s)
         behind_s = time_s + board_s[0] - pty_bench.now_s()
@@ -95,7 +95,7 @@ def test_a_plug_that_is_pulled_in_the_middle_of_a_run_and_put_back(pty_bench: An
 
 @pytest.mark.slow
 def test_two_loops_on_threads_share_one_board_in_real_time(emulators: None, tmp_path: Path) -> None:
-    """As on the vehicle: the wall clock, a thread for each device, and a board in a process of its own."""
+    """As on the vehicle: the wall clock, a thread for each device, and a board in a separate process."""
     link = tmp_path / "ttyUSB0"
     words = ["-m", "snr_sim.devices.emulated.pty_board", str(FIRMWARE), "--link", str(link)]
     with subprocess.Popen([sys.executable, *words], stdout=subprocess.PIPE, text=True) as far:

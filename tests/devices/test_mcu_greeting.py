@@ -1,4 +1,4 @@
-"""Who is at the other end of a port: each answer that may come, and what is said of it, read aloud."""
+"""The device at the other end of a port: each possible answer, and the whole message about it."""
 
 from collections.abc import Callable
 
@@ -30,7 +30,7 @@ TELEMETRY = Telemetry(1, 0, 0, 50, State.STARTING, Fault(0), ResetCause.EXTERNAL
 
 
 class FarEnd:
-    """A port whose other end says what a function of the time says; time passes when it is waited for."""
+    """A port whose other end sends the result of a function of the time; time passes while it is waited for."""
 
     name = "/dev/ttyUSB0"
 
@@ -68,7 +68,7 @@ def told(says: Callable[[float, list[bytes]], bytes]) -> str:
 
 
 def heard_at(data: bytes, sent_baud: int, heard_baud: int) -> bytes:
-    """What a receiver makes of bytes sent at another rate: it looks at the line in the middles of its own bits."""
+    """Return the bytes that a receiver decodes at another rate: it samples the line in the middles of its own bits."""
     line = [1] * 20
     for byte in data:
         line += [0, *(byte >> bit & 1 for bit in range(8)), 1]
@@ -162,7 +162,7 @@ def test_a_firmware_of_another_version_says_both_versions(protocol: int) -> None
 def test_a_firmware_that_refuses_the_protocol_is_told_as_such() -> None:
     refusal = encode(Answer(0, 0, TYPE_OF[Hello], Result.OTHER_PROTOCOL))
     assert "speaks another protocol than this program's, which is 1" in told(lambda t, heard: refusal)
-    refusal = encode(Answer(0, 0, TYPE_OF[Hello], Result.OTHER_SESSION))  # of somebody before
+    refusal = encode(Answer(0, 0, TYPE_OF[Hello], Result.OTHER_SESSION))  # of an earlier session
     assert "no answer" in told(lambda t, heard: refusal)
 
 

@@ -1,4 +1,4 @@
-"""A board that would not keep thrusters safe by itself is refused, with what it says and what is wanted."""
+"""A board that would not keep thrusters safe by itself is refused, with its values and the required ones."""
 
 from pathlib import Path
 from typing import Any

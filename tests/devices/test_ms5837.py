@@ -80,7 +80,7 @@ def test_who_takes_salt_water_for_fresh_reads_too_deep_by_the_ratio_of_densities
 
 
 def test_sensor_in_a_pool_reads_the_true_depth_from_end_to_end() -> None:
-    """By the plant's own pressure: pool and sensor take the same density and gravity unless they are told otherwise."""
+    """By the plant's own pressure: pool and sensor have the same default density and gravity."""
     part = Ms5837(noise_pa=0.0)
     for pool, sensor in (
         (Pool(), part),

@@ -50,7 +50,7 @@ def test_it_keeps_the_promise_of_sensors() -> None:
 
 def test_it_tells_depth_pressure_and_temperature_from_where_it_was_switched_on() -> None:
     bench = Bench()
-    bench.part.feel(99_000.0, 15.0)  # a low on the weather map, and an offset of its own
+    bench.part.feel(99_000.0, 15.0)  # low air pressure, and the sensor's offset
     sensor = bench.started()
     bench.part.feel(99_000.0 + 1000.0 * 9.81 * 2.5, 12.0)
     reading = bench.reading(sensor, ticks=12)

@@ -1,4 +1,4 @@
-"""Devices by a short text; and the underwater vehicle's own table of ports."""
+"""Devices from a short text; and the underwater vehicle's own table of ports."""
 
 from types import ModuleType
 from typing import Any
@@ -43,7 +43,7 @@ def test_outputs_are_opened_by_text_and_all_of_them_fail_safe_alone(text: str, k
     out = open_pwm(text, now_s, 2)
     assert type(out) is kind
     assert out.fails_safe_alone
-    assert out.health().state == "unconfigured"  # nothing has been touched
+    assert out.health().state == "unconfigured"  # nothing has been opened
 
 
 @pytest.mark.parametrize(

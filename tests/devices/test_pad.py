@@ -1,4 +1,4 @@
-"""A pad that is lost is at rest within a tick, and comes back by itself."""
+"""A lost pad is at rest within a tick, and recovers automatically."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Outputs that only obey: how long neutral is shown before they follow, and who may arm them."""
+"""Outputs without a supervisor of their own: how long neutral is sent before they follow, and how they are armed."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +14,7 @@ STILL, AHEAD = [1500.0, 1500.0], [1700.0, 1600.0]
 
 
 class Pins(PwmChip):
-    """Two outputs that take down what they are sent."""
+    """Two outputs that record the pulses sent to them."""
 
     def __init__(self) -> None:
         super().__init__("These pins", 2)

@@ -1,4 +1,4 @@
-"""The guard of a supervisor of outputs: neutral when signs of life end or are late, and never otherwise."""
+"""The guard of a supervisor of outputs: neutral when heartbeats end or are late, and never otherwise."""
 
 import mmap
 import os
@@ -9,15 +9,15 @@ from collections.abc import Iterator
 import pytest
 
 from snr_sim.devices.pwm.pwm_guard import Guard
-from snr_sim.testing.fakes import FakeSensor  # a device, whose life is enough here
+from snr_sim.testing.fakes import FakeSensor  # a device, of which only the life cycle is used here
 
 GENEROUS_S = 60.0
-# A supervisor has one thread; whoever runs these tests may have more, of which Python 3.12 warns.
+# A supervisor has one thread; the process of these tests may have more, of which Python 3.12 warns.
 pytestmark = pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
 
 
 class Out(FakeSensor[None]):
-    """Outputs that only count how often they were put to neutral: in memory that a fork shares."""
+    """Outputs that only count how often they go to neutral: in memory that a fork shares."""
 
     def __init__(self) -> None:
         super().__init__([])
@@ -73,7 +73,7 @@ def test_when_signs_of_life_are_late_it_goes_to_neutral_once_until_there_are_new
 
 @pytest.mark.slow
 def test_when_its_supervisor_is_gone_it_goes_to_neutral_and_ends_whether_armed_or_not(out: Out) -> None:
-    """The supervisor is a process of its own, which ends as one that is killed does: without a word."""
+    """The supervisor is a separate process, which ends like a killed one: without a message."""
     pid = os.fork()
     if pid == 0:
         guard_of(out)
@@ -86,7 +86,7 @@ def test_when_its_supervisor_is_gone_it_goes_to_neutral_and_ends_whether_armed_o
 def test_signals_that_end_a_program_do_not_end_it(out: Out) -> None:
     guard = guard_of(out)
     guard.sign(True)
-    out.wait_for(1)  # so it has begun
+    out.wait_for(1)  # it has started
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         os.kill(guard.pid, number)
     guard.sign(True)

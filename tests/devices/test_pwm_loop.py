@@ -1,4 +1,4 @@
-"""Between pages of pulses and outputs: once a tick, with the command's age, and neutral whenever in doubt."""
+"""The loop between pages of pulses and outputs: one write per tick, with the command's age, and neutral if in doubt."""
 
 import math
 import re
@@ -22,7 +22,7 @@ STILL, AHEAD = [1500.0, 1500.0], [1600.0, 1700.0]
 
 
 class Outputs(PwmBackend):
-    """Two outputs that take down what they are told, and can be broken or let go by themselves at a time."""
+    """Two outputs that record their commands, and can break or disarm themselves at a given time."""
 
     title = "These outputs"
 
@@ -71,7 +71,7 @@ def run(outputs: Outputs, *factories: Any, end_s: float = 1.0, timeout_s: float 
 
 
 def pilot(says: Callable[[float], Any], rate_hz: float = RATE_HZ, arms: bool = True) -> TickerFactory:
-    """Stores what somebody says at each moment; None is nothing. Says first that it is not armed, if it is to arm."""
+    """Store the result of a function at each tick; None stores no page. `is_armed` is false first, if it is to arm."""
 
     def say(loop: Any) -> None:
         now_s = loop.get_time_s()
@@ -171,7 +171,7 @@ def test_the_lease_of_a_robot_that_stopped_thinking_runs_out_and_then_neutral_is
 
 
 def test_a_robot_that_hesitates_is_made_neutral_by_the_loop_before_its_lease_runs_out() -> None:
-    """As it is if nobody says otherwise: so outputs that watch for themselves need not be armed anew."""
+    """By default: so outputs with their own lease need not be armed again."""
     outputs = Outputs()
     factory = PwmLoopFactory("pwm", lambda: outputs, RATE_HZ)
     says = pilot(lambda t: AHEAD if t < 0.1 else None)
@@ -221,9 +221,9 @@ def test_h6_on_the_wall_clock_a_page_that_is_no_command_is_neutral_and_told_and_
     since_s: list[float] = []
 
     def says(t: float) -> Any:
-        """Arms until it goes ahead; then ten times nonsense, and then it is ahead for some more ticks.
+        """Arm until it goes ahead; then ten invalid pages, and then ahead for some more ticks.
 
-        Again and again, as what is said for one tick alone is not heard by a loop whose thread begins a little later.
+        Repeated, because a loop whose thread starts a little later does not receive a page of one tick alone.
         """
         if AHEAD in [pulses for _, pulses, *_ in outputs.told]:
             since_s.append(t)
@@ -242,7 +242,7 @@ def test_h6_on_the_wall_clock_a_page_that_is_no_command_is_neutral_and_told_and_
     (note,) = [note for note in node.notes if "is no command" in note]
     assert "test_pwm_loop.py" in note
     assert "nan is no finite number" in note
-    # What was on its way when the first was stored may still be written; then it is neutral until the next command.
+    # A write that was in progress when the first was stored may still complete; then neutral until the next command.
     meanwhile = [pulses for t, pulses, *_ in outputs.told if since_s[0] < t < since_s[10]]
     assert STILL in meanwhile
     assert [pulses for pulses in meanwhile[meanwhile.index(STILL) :] if pulses != STILL] == []

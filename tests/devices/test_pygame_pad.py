@@ -1,4 +1,4 @@
-"""A real pad's door, with a pad that SDL takes for a real one."""
+"""A real pad's driver, with a virtual pad that SDL takes for a real one."""
 
 import os
 import signal
@@ -70,7 +70,7 @@ def test_without_the_package_it_says_what_to_install(monkeypatch: pytest.MonkeyP
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGTERM to wait for")
 def test_the_pad_does_not_take_sigterm_away() -> None:
-    """SDL would turn it into an event that nobody reads, and the program would go on."""
+    """SDL would convert it to an event that no code reads, and the program would continue."""
     code = (
         "from snr_sim.devices.pygame_pad import PygamePad; import signal\n"
         "PygamePad(); print('ready', flush=True); signal.pause()"

@@ -1,4 +1,4 @@
-"""A sensor that reads what a recorded one read."""
+"""A sensor that returns a recorded sensor's readings."""
 
 import msgspec
 import pytest
@@ -38,7 +38,7 @@ def test_each_reading_comes_when_it_came_then() -> None:
     assert isinstance(replayed, Sensor)
     got = []
     for i in range(3):
-        clock.time_s = i * 0.05 - 1e-9  # as rounding makes it
+        clock.time_s = i * 0.05 - 1e-9  # rounding error
         got.append(replayed.read())
     assert got == [Depth(1.0, 0.0), Depth(1.1, 0.05), Depth(1.2, 0.1)]
 

@@ -110,7 +110,7 @@ def test_a_delayed_sensor_answers_with_what_was_then() -> None:
     for _ in range(100):
         ages.append(tank.time_s - device.read().stamp_s)
         tank.step(0.1)
-    assert ages[:3] == pytest.approx([0.0, 0.1, 0.2])  # nothing is older yet
+    assert ages[:3] == pytest.approx([0.0, 0.1, 0.2])  # no reading is old enough yet
     assert ages[3:] == pytest.approx([0.3] * 97)  # rounded up to whole periods
 
 

@@ -1,4 +1,4 @@
-"""Outputs behind the supervisor: the contract in simulated time, and what is left when processes are killed (H9)."""
+"""Outputs behind the supervisor: the contract in simulated time, and the outputs after processes are killed (H9)."""
 
 import os
 import select
@@ -35,7 +35,7 @@ GENEROUS_S = 60.0
 
 
 class Line:
-    """A supervisor without a process: it obeys at once."""
+    """A supervisor without a process: it executes orders at once."""
 
     name = "supervisor"
 
@@ -69,7 +69,7 @@ class Line:
 class Bench:
     """A PCA9685 behind a supervisor, in simulated time."""
 
-    can_unplug = False  # of the pipe there is no wire to pull; of the chip's there is a test below
+    can_unplug = False  # the pipe has no wire to pull; the chip's has a test below
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.time_s = 100.0
@@ -107,7 +107,7 @@ class Bench:
         return self.time_s
 
     def advance(self, seconds: float) -> None:
-        """Lets time go on; a supervisor looks at its clock by itself."""
+        """Advance the time; a supervisor checks its clock by itself."""
         until_s = self.time_s + seconds
         while self.time_s < until_s - 1e-9:
             self.time_s = min(until_s, self.time_s + 0.005)
@@ -208,7 +208,7 @@ def test_a_robot_whose_supervisor_dies_is_neutral_until_it_has_commanded_neutral
 
     assert moved(0.0, 1.5) == {False}
     assert moved(1.6, 2.0) == {True}
-    assert moved(2.1, 5.5) == {False}  # the next supervisor has it at neutral, and nobody armed it
+    assert moved(2.1, 5.5) == {False}  # the next supervisor holds neutral, and it is not armed
     assert moved(5.6, 6.0) == {True}
     (told,) = [note for note in node.notes if "error" in note]
     assert "The process 7 was killed by SIGKILL." in told
@@ -277,7 +277,7 @@ def place_and_pins(kind: str, folder: Path) -> tuple[str, Callable[[], list[floa
 
 
 def wait_until(is_so: Callable[[], bool], what: str) -> float:
-    """Returns how long it took."""
+    """Wait until a condition is true; return how long it took."""
     began_s = time.monotonic()
     while not is_so():
         assert time.monotonic() < began_s + GENEROUS_S, what
@@ -291,7 +291,7 @@ def is_neutral(pins_us: list[float]) -> bool:
 
 @contextmanager
 def pushing(kind: str, place: str) -> Iterator[subprocess.Popen[str]]:
-    """A robot's program in a process of its own, at full thrust."""
+    """Yield a robot's program in a separate process, at full thrust."""
     program = [sys.executable, str(HERE / "held_outputs.py"), kind, place]
     with subprocess.Popen(program, stdout=subprocess.PIPE, text=True) as node:
         assert node.stdout is not None
@@ -325,7 +325,7 @@ def test_h9_a_program_that_is_killed_or_hangs_leaves_neutral_within_a_quarter_of
 
 
 def children_of(pid: int) -> list[int]:
-    """The processes that a process has begun."""
+    """Return the child processes of a process."""
     found = []
     for stat in Path("/proc").glob("[0-9]*/stat"):
         with suppress(OSError):
@@ -372,12 +372,12 @@ def pid_of(out: SupervisedPwm) -> int:
 
 
 def follow(out: SupervisedPwm, pulses_us: list[float], is_so: Callable[[], bool]) -> None:
-    """Arms outputs and commands pulses until something is so."""
+    """Arm outputs and command pulses until a condition is true."""
 
     def write() -> bool:
         if out.health().state == "inactive":
-            out.activate()  # a busy computer: a lease has run out
-        is_armed = out.health().state == "active"  # and armed it is only while neutral is asked for
+            out.activate()  # a busy computer: a lease has expired
+        is_armed = out.health().state == "active"  # arming completes only while neutral is commanded
         out.write_us(pulses_us if is_armed else [1500.0] * 2, time.monotonic())
         return is_so()
 
@@ -396,7 +396,7 @@ def test_h9_a_supervisor_that_hangs_leaves_neutral_by_its_guard_and_follows_noth
     os.kill(pid_of(out), signal.SIGSTOP)
     try:
         wait_until(lambda: is_neutral(pins_us()), "the guard does nothing")
-        out.write_us([1900.0] * 2, time.monotonic())  # which it will find when it goes on
+        out.write_us([1900.0] * 2, time.monotonic())  # which it will read when it continues
     finally:
         os.kill(pid_of(out), signal.SIGCONT)
     wait_until(lambda: NOT_ACTIVE in out.write_us([1900.0] * 2, time.monotonic()).why, "it is not told")
@@ -408,7 +408,7 @@ def test_h9_a_supervisor_that_hangs_leaves_neutral_by_its_guard_and_follows_noth
 def test_a_guard_that_was_killed_is_missed_by_nobody_and_outputs_go_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It is there for the day on which its supervisor is killed; a second day like that is not provided for."""
+    """It is needed when its supervisor is killed; no protection is provided against the end of both."""
     monkeypatch.syspath_prepend(str(HERE))
     place, pins_us = place_and_pins("open_chip", tmp_path)
     out: SupervisedPwm = from_tests(lambda held: held.supervised("open_chip", place))
@@ -433,5 +433,5 @@ def test_what_a_supervisor_cannot_open_is_told_in_its_words_and_it_is_gone(
         out.configure()
     assert "unexport" in e.value.fix
     assert out._line is None
-    assert capfd.readouterr().err == ""  # of outputs that were never held nobody says that they are neutral
+    assert capfd.readouterr().err == ""  # a message about neutral needs outputs that were held
     out.close()

@@ -124,7 +124,7 @@ def test_pins_that_a_killed_supervisor_left_pushing_are_taken_over_at_neutral(tm
     killed.write_us([1500.0] * 2, 0.0)
     killed.write_us([1900.0] * 2, 0.0)
     bench.tree.history.clear()
-    next_one = bench.open(takes_over=True)  # kept: outputs that nobody holds let go of their pins
+    next_one = bench.open(takes_over=True)  # kept: outputs without a reference release their pins
     next_one.configure()
     assert bench.tree.history[0] == "pwm0/duty_cycle 1500000"
     assert bench.pins_us() == [1500.0, 1500.0]

@@ -1,4 +1,4 @@
-"""What is found of ports, buses and chips, on computers that are folders."""
+"""Detection of ports, buses and chips, on computers that are folders."""
 
 from collections.abc import Callable
 from dataclasses import replace

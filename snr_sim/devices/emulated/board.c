@@ -17,7 +17,7 @@
 
 #define MOST_PINS 16
 #define QUEUE 65536 /* bytes that wait on either way; a power of two */
-#define LOG 16384   /* pulses that nobody has fetched; a power of two */
+#define LOG 16384   /* pulses that have not been fetched; a power of two */
 
 typedef struct {
     uint64_t rise; /* cycles since power on */
@@ -93,7 +93,7 @@ static void on_pin(struct avr_irq_t *irq, uint32_t value, void *param)
     set_level(hook->board, hook->channel, value & 1);
 }
 
-/* A reset lets go of all pins, and what hangs there pulls them low: it cuts a pulse off. (simavr says nothing of it.) */
+/* A reset releases all pins, and their loads pull them low: it cuts a pulse off. (simavr does not report it.) */
 static void on_reset(avr_t *avr)
 {
     for (int i = 0; i < 64; i++)

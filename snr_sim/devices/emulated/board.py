@@ -1,4 +1,4 @@
-"""A microcontroller with its firmware, in simavr: time passes when it is told to, and equal calls give equal answers.
+"""A microcontroller with its firmware, in simavr: time advances only on request, and equal calls give equal results.
 
 board = Board(firmware_elf(folder, "atmega328p"), "atmega328p")
 board.uart_in(encode(Hello(1)))
@@ -20,7 +20,7 @@ from snr_sim.prelude.errors import DeviceError, ParameterError, nearest
 
 CLOCK_HZ = 16_000_000
 _CYCLES_PER_US = CLOCK_HZ // 1_000_000
-# Port and bit of each channel; the same stands in the firmware's pulses_*.c.
+# Port and bit of each channel; the same as in the firmware's pulses_*.c.
 PINS = {
     "atmega328p": "D2 D3 D4 D5 D6 D7 B0 B1",
     "atmega2560": "E4 E5 E3 H3 H4 H5 B5 B6",
@@ -29,7 +29,7 @@ _ROOM = 65_536
 _PULSES = 16_384
 
 
-_PIN = struct.Struct("=QII")  # rise, width, count: in a third of the time that ctypes takes
+_PIN = struct.Struct("=QII")  # rise, width, count: takes a third of the time of ctypes
 
 
 class _Pulse(ctypes.Structure):
@@ -37,10 +37,10 @@ class _Pulse(ctypes.Structure):
 
 
 class Pulse(NamedTuple):
-    """A pulse that is over.
+    """A pulse that has ended.
 
     Args:
-        rise_us: when it began, since power on.
+        rise_us: its rising edge, since power on.
     """
 
     channel: int
@@ -49,12 +49,12 @@ class Pulse(NamedTuple):
 
 
 class Pin(NamedTuple):
-    """What was last seen at a channel's pin.
+    """Last state of a channel's pin.
 
     Args:
-        rise_us: when the last pulse began, since power on; it may not be over.
-        width_us: of the last pulse that is over; 0 if there was none.
-        pulses: how many are over.
+        rise_us: rising edge of the last pulse, since power on; it may not have ended.
+        width_us: of the last pulse that has ended; 0 if there was none.
+        pulses: number of ended pulses.
     """
 
     rise_us: float
@@ -67,7 +67,7 @@ def _library(path: Path) -> Any:
     try:
         library = ctypes.CDLL(str(path))
     except OSError as error:
-        path.unlink(missing_ok=True)  # it was made for another version of simavr: next time it is made anew
+        path.unlink(missing_ok=True)  # it was made for another version of simavr: the next call compiles it again
         raise DeviceError(
             f"The emulator cannot be loaded: {error}.", fix=f"try once more; if it stays so: {APT}"
         ) from error
@@ -90,7 +90,7 @@ def _library(path: Path) -> Any:
 
 
 class _SwitchedOff:
-    """What is called on a board that is off: the library would end the program."""
+    """Replacement for calls to a board that is off: the library would end the program."""
 
     def __getattr__(self, name: str) -> Any:
         raise DeviceError("The emulated board was switched off.", fix="make another Board.")
@@ -102,7 +102,7 @@ class Board:
     Args:
         elf: its firmware.
         mcu: "atmega328p" or "atmega2560".
-        baud: of whoever talks to it; the firmware has its own.
+        baud: of the program at the other end; the firmware has its own.
 
     Raises:
         ToolsMissing: the packages that the emulator is made with are not installed.
@@ -131,14 +131,14 @@ class Board:
         return self._now / _CYCLES_PER_US
 
     def run_us(self, us: float) -> None:
-        """Let time pass. What an instruction took too long is taken off the next time: nothing adds up."""
+        """Advance time. An instruction that overruns shortens the next call: errors do not add up."""
         self.run_until_us(self._until_us + us)
 
     def run_until_us(self, us: float) -> None:
-        """Let time pass until so long after power on; do nothing if that is over.
+        """Advance to a time after power on; do nothing if that has passed.
 
         Raises:
-            DeviceError: the firmware has stopped for good: it slept without interrupts, or did what no program does.
+            DeviceError: the firmware has stopped: it slept without interrupts, or crashed.
         """
         self._until_us = max(self._until_us, us)
         until = round(self._until_us * _CYCLES_PER_US)
@@ -150,31 +150,31 @@ class Board:
                 )
 
     def uart_in(self, data: bytes) -> int:
-        """Put bytes on the line to the microcontroller; they arrive one after the other, at its rate.
+        """Put bytes on the line to the microcontroller; they arrive one after the other, at its baud rate.
 
         Returns:
-            How many there was room for: 65536 may be on their way.
+            How many were accepted: the queue holds 65536.
         """
         return int(self._library.board_put(self._board, data, len(data)))
 
     def uart_out(self) -> bytes:
-        """Return the bytes that have come from the microcontroller since the last call."""
+        """Return the bytes received from the microcontroller since the last call."""
         count = self._library.board_get(self._board, self._bytes, _ROOM)
         return ctypes.string_at(self._bytes, count)
 
     @property
     def waiting(self) -> int:
-        """Bytes that are still on their way to the microcontroller."""
+        """Bytes queued on the line to the microcontroller."""
         return int(self._library.board_waiting(self._board))
 
     def pulses(self) -> list[Pulse]:
-        """Return the pulses that have ended since the last call, of the last 16384, in the order of their ends."""
+        """Return the pulses that have ended since the last call, at most the last 16384, ordered by falling edge."""
         count = self._library.board_pulses(self._board, self._pulses, _PULSES)
         found = self._pulses[:count]
         return [Pulse(one.channel, one.rise / _CYCLES_PER_US, one.width / _CYCLES_PER_US) for one in found]
 
     def pins(self) -> list[Pin]:
-        """Return what was last seen at each channel."""
+        """Return the last state of each channel."""
         self._library.board_pins(self._board, self._pins)
         return [
             Pin(rise / _CYCLES_PER_US, width / _CYCLES_PER_US, count)
@@ -182,24 +182,24 @@ class Board:
         ]
 
     def set_millivolts(self, pin: int, millivolts: float) -> None:
-        """Put a voltage, 0 to 5000, at an analogue pin: 0 is A0."""
+        """Apply a voltage, 0 to 5000, to an analogue pin: 0 is A0."""
         self._library.board_millivolts(self._board, pin, max(0, round(millivolts)))
 
     def set_supply_millivolts(self, millivolts: float) -> None:
-        """Set the supply, 5000 at power on, against which the converter measures; brown-out is not emulated."""
+        """Set the supply, 5000 at power on, the ADC's reference; brown-out is not emulated."""
         self._library.board_supply(self._board, round(millivolts))
 
     def reset(self) -> None:
-        """Pull the reset pin, as whoever opens the port of an Arduino does."""
+        """Pull the reset pin, as opening the port of an Arduino does."""
         self._library.board_reset(self._board)
 
     @property
     def resets(self) -> int:
-        """How often it was reset since power on, by whatever."""
+        """Number of resets since power on, from any cause."""
         return int(self._library.board_resets(self._board))
 
     def close(self) -> None:
-        """Switch it off. Safe to call twice; whatever else is called then raises a DeviceError."""
+        """Switch it off. Safe to call twice; any other call afterwards raises a DeviceError."""
         if self._board:
             self._library.board_close(self._board)
             self._board, self._library = None, _SwitchedOff()

@@ -1,9 +1,9 @@
-"""A plant whose thrusters hang at the pins of an emulated board: both move on together, step by step.
+"""A plant whose thrusters are connected to the pins of an emulated board: both advance together, step by step.
 
     McuPwm --> serial line --> firmware in simavr --> pulses at the pins --> plant
     McuPower <----------------- its ADC <-- battery's voltage and current <--'
 
-So thrust comes from the pulses that the firmware makes, whatever it was asked for.
+So thrust comes from the pulses that the firmware generates, not from the requested ones.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import PwmCommand
 
 STEP_S = 0.01
-MISSED_US = 50_000.0  # without a pulse for so long, a speed controller takes it that the signal is gone
+MISSED_US = 50_000.0  # without a pulse for this time, a speed controller assumes that the signal is lost
 
 
 class PlantOnBoard:
-    """A plant and a board in lock step. Keeps the promise of Plant but for `snapshot`; other members are the plant's.
+    """A plant and a board in lock step. Implements `Plant` except `snapshot`; other members are the plant's.
 
     Args:
-        plant: what is driven.
-        open_board: powers a new board up.
-        channels: how many of its pins lead to the plant, from the first on.
+        plant: the driven plant.
+        open_board: powers up a new board.
+        channels: how many of its pins drive the plant, from the first on.
         input_name: of the plant's input that the pulses drive.
-        command_of: makes that input's command of the pulses [us].
-        power: name of the plant's output with `voltage_v` and `current_a`, which are put at the board's ADC.
-        scale: of the power module between.
+        command_of: makes that input's command from the pulses [us].
+        power: name of the plant's output with `voltage_v` and `current_a`, which are applied to the board's ADC.
+        scale: of the power module in between.
         up_s: how long the board has been powered before the start.
 
     Attributes:
@@ -62,7 +62,7 @@ class PlantOnBoard:
 
     def _power_up(self) -> None:
         board = self.board = self._open_board()
-        self._connect_battery()  # before it measures for the first time, or that would be 0 V
+        self._connect_battery()  # before its first measurement, which would be 0 V otherwise
         board.run_us(self._up_s * 1e6)
         self._pulses_us = None
         self.mcu = McuBoard(
@@ -74,37 +74,37 @@ class PlantOnBoard:
 
     @property
     def engine(self) -> str:
-        """Name of the plant's physics, and of the board's."""
+        """Names of the plant's and of the board's simulation."""
         return f"{self.plant.engine}, {self.board.mcu} in simavr"
 
     @property
     def step_s(self) -> float:
-        """The plant's step; one that takes any is stepped often enough to follow the pulses."""
+        """The plant's step; a plant without a fixed step is stepped often enough to follow the pulses."""
         return self.plant.step_s or STEP_S
 
     @property
     def time_s(self) -> float:
-        """The plant's time. The board's is later by as long as it was up before, and as it took to say hello."""
+        """The plant's time. The board's is later by its time before the start and by the greeting."""
         return self.plant.time_s
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Names that `write` takes."""
+        """Names that `write` accepts."""
         return self.plant.inputs
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """Names that `read` takes."""
+        """Names that `read` accepts."""
         return self.plant.outputs
 
     def reset(self, seed: int) -> None:
-        """Put the plant back, and take a new board."""
+        """Reset the plant, and power up a new board."""
         self.plant.reset(seed)
         self.board.close()
         self._power_up()
 
     def step(self, dt_s: float) -> None:
-        """Move both on: the board first, and the plant by the pulses that were at the pins by then."""
+        """Advance both: first the board, then the plant with the pulses at the pins by then."""
         board = self.board
         self._connect_battery()
         board.run_us(dt_s * 1e6)
@@ -112,7 +112,7 @@ class PlantOnBoard:
         self.plant.step(dt_s)
 
     def _connect_battery(self) -> None:
-        """Put what the plant's battery has now at the pins that measure it."""
+        """Apply the voltage and current of the plant's battery to the pins that measure them."""
         if self._power is not None:
             battery = self.plant.read(self._power)
             for pin, millivolts in enumerate(self._scale.pins_mv(battery.voltage_v, battery.current_a)):
@@ -123,7 +123,7 @@ class PlantOnBoard:
         pulses_us = []
         for rise_us, width_us, pulses in self.board.pins()[: self._channels]:
             if not pulses or rise_us < oldest_us:
-                pulses_us = [STOP_US] * self._channels  # no pulses stop a speed controller, as neutral does
+                pulses_us = [STOP_US] * self._channels  # speed controllers stop without pulses, as at neutral
                 break
             pulses_us.append(width_us)
         if pulses_us != self._pulses_us:
@@ -131,7 +131,7 @@ class PlantOnBoard:
             self.plant.write(self._input, self._command_of(pulses_us))
 
     def write(self, name: str, command: Any) -> None:
-        """Set another input than the one that the pins drive.
+        """Write an input other than the one that the pins drive.
 
         Raises:
             PlantError: the pins drive it.
@@ -145,21 +145,21 @@ class PlantOnBoard:
         return self.plant.read(name)
 
     def snapshot(self) -> Any:
-        """Refuse.
+        """Raise an error.
 
         Raises:
-            PlantError: always: simavr cannot be put back.
+            PlantError: always: simavr cannot restore a state.
         """
         raise PlantError("An emulated board cannot be put back to where it was.", fix="--io sim, for what needs that.")
 
     def restore(self, snapshot: Any) -> None:
-        """Refuse, as there is no snapshot."""
+        """Raise an error, as there is no snapshot."""
         self.snapshot()
 
     def scene(self) -> dict[str, Any]:
-        """Return the plant's."""
+        """Return the plant's scene."""
         return self.plant.scene()
 
     def truth(self) -> dict[str, Any]:
-        """Return the plant's."""
+        """Return the plant's truth."""
         return self.plant.truth()

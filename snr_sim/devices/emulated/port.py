@@ -1,20 +1,20 @@
-"""The serial port of an emulated board: no wire, no operating system, and time that passes only when it is told to."""
+"""Serial port of an emulated board: without a wire or an operating system; time advances only on request."""
 
 from __future__ import annotations
 
 from snr_sim.devices.emulated.board import Board
 from snr_sim.prelude.errors import DeviceError
 
-_STEP_US = 500.0  # of waiting; a byte takes 87
-_CYCLE_US = 0.0625  # nothing shorter passes
+_STEP_US = 500.0  # step of waiting; a byte takes 87
+_CYCLE_US = 0.0625  # smallest step of time
 
 
 class EmulatedPort:
-    """A port that leads to an emulated board. Keeps the promise of BytePort.
+    """A port that is connected to an emulated board. Implements `BytePort`.
 
     Args:
         board: at its other end.
-        name: what messages call it.
+        name: its name in messages.
     """
 
     def __init__(self, board: Board, name: str = "the emulated board") -> None:
@@ -26,14 +26,14 @@ class EmulatedPort:
         """Put bytes on the line.
 
         Raises:
-            DeviceError: it was closed, or takes no more.
+            DeviceError: it was closed, or its queue is full.
         """
         self._check()
         if self._board.uart_in(data) < len(data):
             raise DeviceError(f"{self.name} takes no more bytes.", fix="let its time go on: board.run_us.")
 
     def read(self) -> bytes:
-        """Return what has come.
+        """Return the received bytes.
 
         Raises:
             DeviceError: it was closed.
@@ -43,7 +43,7 @@ class EmulatedPort:
         return come
 
     def wait(self, seconds: float) -> bool:
-        """Let the board's time go on until bytes have come; return whether they have."""
+        """Advance the board's time until bytes arrive; return whether they have."""
         self._check()
         end_us = self._board.now_us + seconds * 1e6
         self._come += self._board.uart_out()
@@ -53,7 +53,7 @@ class EmulatedPort:
         return bool(self._come)
 
     def close(self) -> None:
-        """End it; the board goes on. Safe to call twice."""
+        """Close the port; the board keeps running. Safe to call twice."""
         self._is_open = False
 
     def _check(self) -> None:

@@ -1,9 +1,9 @@
-"""An emulated microcontroller on a serial port, in real time: for whatever opens serial ports, and cannot tell.
+"""An emulated microcontroller on a serial port, in real time, for programs that open serial ports.
 
     python -m snr_sim.devices.emulated.pty_board robots/urov/firmware --link /tmp/esc --log /tmp/esc.log
 
-A pseudo terminal is no cable: it has no baud rate (here the line's is kept to), no DTR that resets an Arduino and no
-noise. If the computer is too busy to keep up, the emulated time stands still meanwhile; the log says by how much.
+A pseudo terminal differs from a cable: it has no baud rate (the emulated line's is used), no DTR that resets an Arduino
+and no noise. If the computer is too busy to keep up, the emulated time pauses; the log contains by how much.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from snr_sim.devices.emulated.toolchain import firmware_elf
 
 STEP_S = 0.001
 _MOST_BEHIND_S = 0.02
-_START_US = 10_000.0  # so that the firmware listens when the port is there
+_START_US = 10_000.0  # so that the firmware receives as soon as the port exists
 _WAITING_BYTES = 256  # on the line; more stay with the sender, as in a real port
 
 
@@ -33,10 +33,10 @@ class PtyBoard:
     """A board behind a pseudo terminal.
 
     Args:
-        link: where a link to the terminal is put; taken away in the end.
-        log: a line for whatever is seen: `rx` bytes that came from the computer, `pulse` when a channel's width is
-            another than before, `behind` milliseconds in which the time stood still, `start` of the board's time by the
-            computer's monotonic clock [s]; each after the board's time [us].
+        link: path of a link to the terminal; removed at the end.
+        log: a line for each event: `rx` bytes from the computer, `pulse` when a channel's width has changed, `behind`
+            milliseconds in which the time was paused, `start` of the board's time by the monotonic clock [s];
+            each after the board's time [us].
     """
 
     def __init__(self, board: Board, link: Path, log: TextIO | None = None) -> None:
@@ -47,14 +47,14 @@ class PtyBoard:
         self._end, self._far_end = os.openpty()
         tty.setraw(self._far_end)
         os.set_blocking(self._end, False)
-        # Kept open: a terminal that nobody has open forgets what it has, and who reads from it gets an error.
+        # Kept open: a terminal that is not open anywhere loses its buffer, and reading from it fails.
         self.path = os.ttyname(self._far_end)
         with suppress(FileNotFoundError):
             link.unlink()
         link.symlink_to(self.path)
 
     def serve(self, goes_on: Callable[[], bool]) -> None:
-        """Run in real time as long as it is to go on."""
+        """Run in real time while `goes_on` returns true."""
         start_s = time.monotonic() - self.board.now_us * 1e-6
         self._note("start", f"{start_s:.6f}")
         while goes_on():
@@ -65,13 +65,13 @@ class PtyBoard:
                 self._note("behind", f"{behind_s * 1e3:.1f}")
                 self._note("start", f"{start_s:.6f}")
             self.board.run_until_us((time.monotonic() - start_s) * 1e6)
-            if is_ready:  # and not before: the bytes come now, however late the board is
+            if is_ready:  # only now: the bytes arrive now, however late the board is
                 self._take()
             self._give()
             self._note_pulses()
 
     def close(self) -> None:
-        """Pull the plug."""
+        """Close the terminal and switch the board off."""
         with suppress(FileNotFoundError):
             if os.readlink(self._link) == self.path:
                 self._link.unlink()
@@ -79,7 +79,7 @@ class PtyBoard:
         os.close(self._far_end)
 
     def _wait(self) -> bool:
-        """Wait for bytes, not longer than a step; return whether there are some, and room for them."""
+        """Wait for bytes, at most one step; return whether there are some, and space for them."""
         has_room = self.board.waiting < _WAITING_BYTES
         return bool(select.select([self._end] if has_room else [], [], [], STEP_S)[0])
 
@@ -91,7 +91,7 @@ class PtyBoard:
     def _give(self) -> None:
         data = self.board.uart_out()
         if data:
-            with suppress(BlockingIOError):  # nobody reads: it is lost, as on a cable
+            with suppress(BlockingIOError):  # no reader: the bytes are lost, as on a cable
                 os.write(self._end, data)
 
     def _note_pulses(self) -> None:
@@ -107,7 +107,7 @@ class PtyBoard:
 
 
 def main() -> None:
-    """Run until it is told to end, or who started it has ended."""
+    """Run until a signal arrives or the parent process ends."""
     parser = argparse.ArgumentParser(description="An emulated microcontroller on a serial port, in real time.")
     parser.add_argument("firmware", type=Path, help="folder of the firmware, with its Makefile")
     parser.add_argument("--link", type=Path, required=True, help="where to put the port")

@@ -1,6 +1,6 @@
-"""Compiles what the emulator needs, when it is first needed, and keeps it in a cache folder by what it was made from.
+"""Compiles the emulator's parts when they are first needed, and caches them by a digest of their sources.
 
-The firmware is compiled by its own Makefile, so that the emulator runs what `make` makes and `make flash` flashes.
+The firmware is compiled by its own Makefile, so that the emulator runs the same files that `make flash` flashes.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ class ToolsMissing(DeviceError):
 
 
 def cache_folder() -> Path:
-    """Return where compiled files are kept: `snr_sim/emulated` under XDG_CACHE_HOME, or ~/.cache."""
+    """Return the folder of compiled files: `snr_sim/emulated` under XDG_CACHE_HOME, or ~/.cache."""
     base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(base) / "snr_sim" / "emulated"
 
 
 def require_tools() -> None:
-    """Look for what the emulator is made with.
+    """Check that the emulator's build tools are installed.
 
     Raises:
-        ToolsMissing: says what is not there, and the command that installs it.
+        ToolsMissing: names the missing ones, and the command that installs them.
     """
     missing = [tool for tool in ("gcc", "make", "avr-gcc", "avr-objcopy") if shutil.which(tool) is None]
     if not any((folder / "sim_avr.h").exists() for folder in _INCLUDE):
@@ -52,7 +52,7 @@ def runner_library() -> Path:
 
     Raises:
         ToolsMissing: see `require_tools`.
-        DeviceError: the compiler cannot make it; says why.
+        DeviceError: the compiler failed; with its output.
     """
     target = cache_folder() / f"board-{_digest([_RUNNER])}.so"
     if not target.exists():
@@ -67,12 +67,12 @@ def firmware_elf(folder: Path, mcu: str, settings: Mapping[str, str | int] | Non
 
     Args:
         folder: where its Makefile is.
-        mcu: as avr-gcc calls it: "atmega328p".
+        mcu: as avr-gcc names it: "atmega328p".
         settings: of the Makefile, such as {"PERIOD_MS": 20}.
 
     Raises:
         ToolsMissing: see `require_tools`.
-        DeviceError: it cannot be compiled; says why.
+        DeviceError: the compiler failed; with its output.
     """
     words = [f"{name}={value}" for name, value in sorted((settings or {}).items())]
     files = sorted(path for pattern in _FIRMWARE_FILES for path in folder.glob(pattern))
@@ -95,7 +95,7 @@ def _digest(files: Iterable[Path], *words: str) -> str:
 
 
 def _make(target: Path, name: str, command: list[str]) -> None:
-    """Run a command in a folder of its own, and move the file of this name from there to its place, in one step."""
+    """Run a command in a temporary folder, and move its output file of this name to its destination atomically."""
     elsewhere = "XDG_CACHE_HOME=FOLDER before the command names another place for what is compiled."
     try:
         target.parent.mkdir(parents=True, exist_ok=True)

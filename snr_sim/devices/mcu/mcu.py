@@ -1,7 +1,7 @@
-"""Outputs of servo pulses and a power monitor on a microcontroller, over a serial port or an emulated one.
+"""Servo outputs and a power monitor on a microcontroller, over a serial port or an emulated one.
 
-What is told to outputs is what the microcontroller says stands at its pins, not what it was asked for. It watches for
-itself: without commands that somebody has *computed* lately, its outputs are neutral (docs/formats.md, section 8).
+The applied pulses are those that the microcontroller reports at its pins, not the requested ones. It has a watchdog of
+its own: without recently *computed* commands its outputs are neutral (docs/formats.md, section 8).
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ _RESETS = {
 
 
 class McuPwm(PwmBackend):
-    """Outputs on the microcontroller. Keeps the promise of PwmOut.
+    """Outputs on the microcontroller. Implements `PwmOut`.
 
     Args:
-        board: where they are.
-        now_s: the clock that commands are stamped by.
-        channels: how many of its outputs are used, from the first on.
+        board: their board.
+        now_s: the clock of command stamps.
+        channels: number of outputs in use, from the first on.
     """
 
     fails_safe_alone = True
@@ -81,7 +81,7 @@ class McuPwm(PwmBackend):
         return list(self._widths_us)
 
     def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
-        """Ask for pulses. One that is not active only listens, and so find out if the wire is pulled."""
+        """Request pulses. While it is not active it only receives, and so detects a pulled wire."""
         if self.state == "inactive":
             try:
                 self._listen([])
@@ -90,7 +90,7 @@ class McuPwm(PwmBackend):
         return super().write_us(pulses_us, stamp_s, lease_s)
 
     def _command(self, pulses_us: list[float], stamp_s: float, lease_s: float) -> None:
-        """Send them with the age that they have now: the lease counts from when they were computed."""
+        """Send pulses with their current age: the lease counts from when they were computed."""
         board = self.board
         assert board.ident is not None
         spare = [STOP_US] * (board.ident.channels - self.channels)
@@ -100,13 +100,13 @@ class McuPwm(PwmBackend):
         stamp_ms = round(stamp_s * 1e3) & 0xFFFFFFFF
         board.send(SetWidths(board.session, self._seq, stamp_ms, age_ms, lease_ms, (*pulses_us, *spare)))
 
-    # -- what is heard ------------------------------------------------------------------------------------------------
+    # -- received messages --------------------------------------------------------------------------------------------
 
     def _listen(self, why: list[str]) -> None:
-        """Take in what the board has said since.
+        """Process the messages that the board has sent since the last call.
 
         Raises:
-            DeviceError: the wire is gone, the board is silent, or it has forgotten us.
+            DeviceError: the wire is gone, the board is silent, or it has lost our session.
         """
         board = self.board
         board.poll()
@@ -150,7 +150,7 @@ class McuPwm(PwmBackend):
 
     @property
     def _is_asking(self) -> bool:
-        """Whether a yes is an answer to what is asked now, and not to what was asked before."""
+        """Whether a positive answer belongs to the current request, not to an earlier one."""
         return self.state == "activating" and not self._is_disarming
 
     def _let_go(self, what: str, why: list[str], *words: str) -> None:
@@ -168,7 +168,7 @@ class McuPwm(PwmBackend):
     # -- life cycle ---------------------------------------------------------------------------------------------------
 
     def on_configure(self) -> None:
-        """Open the board and ask who it is.
+        """Open the board and check its identity.
 
         Raises:
             DeviceError: see `McuBoard.open` and `check_identity`; or an emergency stop is set.
@@ -183,7 +183,7 @@ class McuPwm(PwmBackend):
         self._check_not_stopped()
 
     def on_activate(self) -> None:
-        """Ask to be armed: with neutral commands, until the speed controllers have seen enough of them.
+        """Request arming: send neutral commands until the speed controllers have started.
 
         Raises:
             DeviceError: an emergency stop is set.
@@ -209,20 +209,20 @@ class McuPwm(PwmBackend):
             self._say(Disarm(self.board.session))
 
     def on_close(self) -> None:
-        """Let go of the board."""
+        """Release the board."""
         self.board.leave(self)
 
     def counts(self) -> dict[str, int]:
-        """Return what the board has counted."""
+        """Return the board's counters."""
         return self.board.counts()
 
     def on_stop(self) -> None:
-        """Have the microcontroller keep the stop, also if this program dies: until it is cleared, or off and on."""
+        """Store the stop in the microcontroller: it outlives this program, until it is cleared or power is cut."""
         self.board.open(self)
         self._say(EmergencyStop(self.board.session))
 
     def on_clear_stop(self) -> None:
-        """Have the microcontroller end it."""
+        """Clear it in the microcontroller."""
         self.board.open(self)
         self._say(ClearStop(self.board.session))
 
@@ -231,7 +231,7 @@ class McuPwm(PwmBackend):
         if now_s >= self._asked_s + _ASK_EVERY_S:
             self._asked_s = now_s
             session = self.board.session
-            # Not before it has said that it is disarmed: what is still on its way tells of before.
+            # Not before it has reported that it is disarmed: telemetry still in transit is older.
             self.board.send(Disarm(session) if self._is_disarming else Arm(session))
 
     def _say(self, message: Disarm | EmergencyStop | ClearStop) -> None:
@@ -247,7 +247,7 @@ class McuPwm(PwmBackend):
 
 @dataclass(frozen=True)
 class PowerScale:
-    """What volt and ampere the voltages at the pins A0 and A1 stand for.
+    """Conversion of the voltages at pins A0 and A1 to volts and amperes.
 
     Args:
         volts_per_volt: of the battery, at A0.
@@ -266,7 +266,7 @@ class PowerScale:
             raise ParameterError(f"A power module with {self}.", fix="scales above 0.")
 
     def reading(self, battery_pin_mv: float, current_pin_mv: float, stamp_s: float) -> PowerReading:
-        """Return what the pins mean.
+        """Return the reading for the pin voltages.
 
         >>> PowerScale().reading(1400, 990, 0.0)
         PowerReading(voltage_v=15.4, current_a=25.0, stamp_s=0.0)
@@ -275,18 +275,18 @@ class PowerScale:
         return PowerReading(round(battery_pin_mv / 1000.0 * self.volts_per_volt, 3), round(amps, 3), stamp_s)
 
     def pins_mv(self, voltage_v: float, current_a: float) -> tuple[float, float]:
-        """Return what the module puts on the pins, 0 to 5000 each."""
+        """Return the voltages that the module puts on the pins, 0 to 5000 each."""
         pins_v = voltage_v / self.volts_per_volt, current_a / self.amps_per_volt + self.offset_v
         volts, amps = (min(5000.0, max(0.0, pin_v * 1000.0)) for pin_v in pins_v)
         return volts, amps
 
 
 class McuPower(LifeCycle):
-    """A power module at the pins A0 and A1 of the microcontroller. Keeps the promise of PowerMonitor.
+    """A power module at pins A0 and A1 of the microcontroller. Implements `PowerMonitor`.
 
     Args:
-        board: where it is.
-        scale: of the module that is soldered there.
+        board: its board.
+        scale: of the installed module.
     """
 
     title = "The power module at the microcontroller"
@@ -295,7 +295,7 @@ class McuPower(LifeCycle):
         self._board, self._scale = board, scale
 
     def read(self) -> PowerReading | Stale:
-        """Return what the newest telemetry says.
+        """Return the reading in the newest telemetry.
 
         Raises:
             SensorLost: it was closed.
@@ -324,9 +324,9 @@ class McuPower(LifeCycle):
         self._board.open(self)
 
     def on_close(self) -> None:
-        """Let go of the board."""
+        """Release the board."""
         self._board.leave(self)
 
     def counts(self) -> dict[str, int]:
-        """Return what the board has counted."""
+        """Return the board's counters."""
         return self._board.counts()

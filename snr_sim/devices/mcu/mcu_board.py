@@ -1,4 +1,4 @@
-"""The microcontroller's board as the computer sees it: one owner of the port, for all devices that are on the board.
+"""The microcontroller's board as the computer sees it: one owner of the port, shared by all devices on the board.
 
 McuPwm --.                       .--> greeting (mcu_greeting.py)
 McuPower --> McuBoard --> port --+
@@ -22,25 +22,25 @@ from snr_sim.devices.wire.serial_port import BytePort
 from snr_sim.prelude.errors import DeviceError, SnrError
 
 PATIENCE_S = 4.0  # for the first answer: opening the port resets most boards, whose boot loaders take up to 2 s
-SILENT_S = 0.25  # without telemetry, which comes every 50 ms at least, somebody has pulled a wire
+SILENT_S = 0.25  # telemetry comes at least every 50 ms; without it a wire is pulled
 _FIRST_TELEMETRY_S = 0.5
 
 
 class McuBoard:
-    """Opens the port when the first device needs it, and lets go with the last one. For several threads.
+    """Opens the port for the first device that needs it, and closes it after the last one. Thread-safe.
 
     Args:
         open_port: opens the port.
-        now_s: the clock that readings are stamped by.
-        line_s: the clock that the wire goes by; the computer's for a real one.
+        now_s: the clock that stamps readings.
+        line_s: the clock of the wire; the computer's for a real one.
         patience_s: how long to wait for the answer to a greeting.
-        session: the first number to greet with; by chance if not given, as two programs must not take the same.
+        session: the number of the first greeting; random if not given, because two programs must not use the same.
 
     Attributes:
-        ident: who answered; None if nobody has.
+        ident: identity of the board that answered; None if none has.
         telemetry: the newest.
-        measured_s: when it came, by `now_s`.
-        fault: why the port is not open, in words.
+        measured_s: when it arrived, by `now_s`.
+        fault: as text, why the port is not open.
     """
 
     def __init__(
@@ -69,22 +69,22 @@ class McuBoard:
 
     @property
     def is_open(self) -> bool:
-        """Whether somebody answered, and the wire has not been lost since."""
+        """Whether a board answered and the wire has not been lost since."""
         return self._port is not None
 
     @property
     def silent_s(self) -> float:
-        """How long nothing has been heard."""
+        """Time in seconds since the last received byte."""
         return self._line_s() - self._heard_s
 
     def open(self, user: object) -> Ident:
-        """Open the port and greet, if nobody has.
+        """Open the port and greet, if not done yet.
 
         Args:
             user: the device that needs it.
 
         Raises:
-            DeviceError: the port cannot be opened, or nobody or somebody else answers.
+            DeviceError: the port cannot be opened, no device answers, or another one does.
         """
         with self._lock:
             self._users.add(id(user))
@@ -94,7 +94,7 @@ class McuBoard:
             return self.ident
 
     def leave(self, user: object) -> None:
-        """Release the board, which a device needs no more. Safe to call twice."""
+        """Release the board for one device. Safe to call twice."""
         with self._lock:
             self._users.discard(id(user))
             if not self._users:
@@ -110,7 +110,7 @@ class McuBoard:
             self._opened().write(encode(message))
 
     def poll(self) -> None:
-        """Take in what has come.
+        """Process the bytes that have arrived.
 
         Raises:
             DeviceError: the wire is gone.
@@ -119,14 +119,14 @@ class McuBoard:
             self._take(self._opened().read())
 
     def news(self) -> list[FromMcu]:
-        """Return what has come since, for the one device that acts."""
+        """Return the messages since the last call, for the one device that acts."""
         with self._lock:
             news = list(self._news)
             self._news.clear()
             return news
 
     def lose(self, why: str) -> None:
-        """Let go of the port. Never raises."""
+        """Close the port. Never raises."""
         with self._lock:
             port, self._port = self._port, None
             self.fault = why
@@ -137,9 +137,9 @@ class McuBoard:
                 port.close()
 
     def counts(self) -> dict[str, int]:
-        """Return what has been counted: 'bytes', 'frames', 'crc_errors', 'gaps' at this end, 'reopened', 'silent_ms'.
+        """Return the counters: 'bytes', 'frames', 'crc_errors', 'gaps' at this end, 'reopened', 'silent_ms'.
 
-        'refused_there' are frames that came to the microcontroller damaged.
+        'refused_there' are frames that reached the microcontroller damaged.
         """
         there = {} if self.telemetry is None else {"refused_there": self.telemetry.crc_errors}
         frames, before = self._frames, self._counts
@@ -157,7 +157,7 @@ class McuBoard:
         port = self._open_port()
         self.name = port.name
         self._counts = {**self.counts(), "reopened": self._counts["reopened"] + 1}
-        self._frames = McuFrames()  # whose count of gaps begins anew, too
+        self._frames = McuFrames()  # its count of gaps restarts, too
         self.session = self.session % 0xFFFF + 1
         self.telemetry = None
         try:
@@ -171,7 +171,7 @@ class McuBoard:
                 port.wait(_FIRST_TELEMETRY_S)
                 self._take(port.read())
         except BaseException as error:
-            self._port = port  # to be let go of in the same way
+            self._port = port  # to be closed in the same way
             self.lose(str(error))
             raise
 
@@ -195,7 +195,7 @@ class McuBoard:
 
 
 def _say_farewell(port: BytePort, session: int) -> None:
-    """Disarm at the end of a program that has not closed its devices, or have forgotten them: the lease is longer."""
+    """Disarm at exit of a program that did not close or dropped its devices: the lease lasts longer."""
     with suppress(SnrError):
         port.write(encode(Disarm(session)))
     port.close()

@@ -1,8 +1,7 @@
-"""Finding out who is at the other end of a serial port: the microcontroller with our firmware, or who else.
+"""Identification of the device at the other end of a serial port: the microcontroller with our firmware, or another.
 
-The port of most Arduinos resets them when it is opened, and then a boot loader listens for up to two seconds before the
-firmware starts. So the greeting is said again and again, and there is some patience; what comes meanwhile is kept to be
-shown if nobody answers it rightly.
+Opening the port of most Arduinos resets them; then a boot loader listens for up to two seconds before the firmware
+starts. So the greeting is repeated until a timeout, and received bytes are kept to be shown if no valid answer comes.
 """
 
 from __future__ import annotations
@@ -16,13 +15,13 @@ from snr_sim.devices.wire.serial_port import BytePort
 from snr_sim.prelude.errors import DeviceError
 
 FLASH = "flash the firmware that belongs to this kit: robots/urov/firmware/README.md."
-_AGAIN_S = 0.5  # not too often: some boot loaders stay as long as they hear something
+_AGAIN_S = 0.5  # not more often: some boot loaders stay as long as they receive bytes
 _SHOWN = 16  # bytes
 
 
 @dataclass
 class _Heard:
-    """What came since the greeting."""
+    """The bytes and messages received since the greeting."""
 
     data: bytes = b""
     telemetry: int = 0
@@ -31,24 +30,24 @@ class _Heard:
 def greet(
     port: BytePort, frames: McuFrames, session: int, patience_s: float, line_s: Callable[[], float]
 ) -> tuple[Ident, list[FromMcu]]:
-    """Say hello and wait for the answer; return it, and what came after it.
+    """Send a greeting and wait for the answer; return it, and the messages after it.
 
     Args:
         port: open.
-        frames: takes the bytes apart.
+        frames: decodes the bytes.
         session: of this greeting.
         patience_s: how long to wait, by `line_s`; a boot loader takes up to 2 s.
-        line_s: the clock that the line goes by.
+        line_s: the clock of the line.
 
     Raises:
-        DeviceError: nobody answers, somebody else does, or a firmware of another version.
+        DeviceError: no device answers, another one does, or the firmware has another version.
     """
     heard = _Heard()
     end_s = line_s() + patience_s
     said_s = -_AGAIN_S
     while (now_s := line_s()) < end_s:
         if now_s >= said_s + _AGAIN_S or said_s < 0.0:
-            port.write(b"\0" + encode(Hello(session)))  # the zero ends whatever stood there before
+            port.write(b"\0" + encode(Hello(session)))  # the zero ends any partial frame
             said_s = now_s
         port.wait(min(end_s, said_s + _AGAIN_S) - now_s)
         data = port.read()
@@ -86,7 +85,7 @@ def _check_answer(port: BytePort, answer: Answer) -> None:
 
 
 def _nobody(port: BytePort, heard: _Heard, patience_s: float) -> DeviceError:
-    """Return what is wrong, judged by what came."""
+    """Return the error for a missing answer, chosen by the received bytes."""
     within = f"{port.name}: no answer to the greeting in {patience_s:g} s"
     if not heard.data:
         return DeviceError(
@@ -112,7 +111,7 @@ def _nobody(port: BytePort, heard: _Heard, patience_s: float) -> DeviceError:
 
 
 def in_hex(data: bytes) -> str:
-    """Return the first bytes, as they stand in a message.
+    """Return the first bytes as hexadecimal text for a message.
 
     >>> in_hex(b"$GP")
     '24 47 50'

@@ -1,6 +1,6 @@
-"""Whether a microcontroller that has answered may drive thrusters: what it says of itself, beside what is wanted.
+"""Check whether a microcontroller may drive thrusters: compares its identity with the requirements.
 
-The computer clamps and counts leases, too; but when the computer is gone, only what the firmware keeps to is left.
+The computer clamps and counts leases, too; but when the computer fails, only the firmware's limits remain.
 """
 
 from __future__ import annotations
@@ -11,21 +11,21 @@ from snr_sim.devices.wire.mcu_messages import Ident
 from snr_sim.prelude.errors import DeviceError
 
 NAME, CHANNELS = "snr_sim esc", 8  # of our firmware, robots/urov/firmware
-MOST_LEASE_MS = 250  # a computer that is gone has stopped its thrusters by then (docs/hardware.md, H1)
+MOST_LEASE_MS = 250  # thrusters stop within this time after a computer has failed (docs/hardware.md, H1)
 MOST_SLEW_US_PER_100MS = 400  # H7 there
-LEAST_ESC_START_MS = 1000  # a Basic ESC wants neutral for about so long (Blue Robotics), H4
+LEAST_ESC_START_MS = 1000  # a Basic ESC needs neutral for about so long (Blue Robotics), H4
 
 
 def check_identity(port: str, ident: Ident, channels: int) -> None:
-    """See whether a board fits.
+    """Check that a board meets the requirements.
 
     Args:
-        port: what a message calls it.
-        ident: what it says of itself.
+        port: its name in messages.
+        ident: the identity it has sent.
         channels: how many are needed.
 
     Raises:
-        DeviceError: it does not; with all that is wrong.
+        DeviceError: it does not; lists all differences.
     """
     wrong = misfits(ident, channels)
     if wrong:
@@ -36,7 +36,7 @@ def check_identity(port: str, ident: Ident, channels: int) -> None:
 
 
 def misfits(ident: Ident, channels: int) -> list[str]:
-    """Return what of a board's identity does not fit, each with what is wanted; empty if all of it does."""
+    """Return each field of a board's identity that does not fit, with the required value; empty if all fit."""
     low_us, high_us = LIMITS_US
     limits_fit = low_us <= ident.lowest_us < STOP_US < ident.highest_us <= high_us
     wanted = (

@@ -1,4 +1,4 @@
-"""An engine whose throttle valve, nozzle and jets are servos: its commands as pulses on three channels, and back."""
+"""Engine whose throttle valve, nozzle and jets are servos: converts commands to pulses on three channels and back."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ _SPAN_US = 400.0
 
 @dataclass(frozen=True)
 class EngineServos:
-    """How far each servo goes: 1500 us is shut, straight and still; 400 us more is all there is.
+    """Travel of each servo: at 1500 us shut, straight or off; full travel is 400 us more.
 
     In steps of half a microsecond, as a microcontroller makes them, that is 1/800 of the throttle, 1/800 of the turn to
     either side and 1/800 of the jets.
 
     Args:
-        gimbal_rad: how far the nozzle turns.
+        gimbal_rad: largest angle of the nozzle.
     """
 
     gimbal_rad: float
@@ -52,19 +52,19 @@ class EngineServos:
         return [STOP_US + _SPAN_US * share for share in shares]
 
     def command(self, pulses_us: list[float]) -> EngineCommand:
-        """Return what pulses mean to the servos."""
+        """Return the command that pulses mean to the servos."""
         throttle, turn, attitude = ((pulse_us - STOP_US) / _SPAN_US for pulse_us in pulses_us)
         return EngineCommand(max(0.0, throttle), turn * self.gimbal_rad, attitude)
 
 
 class EnginePwmLoopFactory(PwmLoopFactory):
-    """Writes the newest engine command to three servo outputs, and neutral when there is none or it is too old.
+    """Writes the newest engine command to three servo outputs; neutral when there is none or it is too old.
 
-    A lander has nobody who could arm it: it arms itself as it begins.
+    A lander has no operator who could arm it: it arms itself at the start.
 
     Args:
-        key: of the command page (`EngineCommand`); `<key>_applied` tells what becomes of it, see `PwmLoopFactory`.
-        servos: what pulses mean.
+        key: of the command page (`EngineCommand`); the page `<key>_applied` reports its effect, see `PwmLoopFactory`.
+        servos: conversion between commands and pulses.
         open_device, rate_hz, timeout_s, lease_s: see `PwmLoopFactory`.
     """
 
@@ -83,10 +83,10 @@ class EnginePwmLoopFactory(PwmLoopFactory):
         self.servos = servos
 
     def read_command(self, data: Any, out: PwmOut, commands: CommandInput) -> PwmCommand:
-        """Return the pulses for an engine command, clamped to what the engine can do.
+        """Return the pulses for an engine command, clamped to the range of the engine.
 
         Raises:
-            CommandError: the data are no engine command.
+            CommandError: the data are not an engine command.
         """
         limits = self.servos.limits
         command: EngineCommand = command_of(data, EngineCommand, limits)

@@ -1,9 +1,9 @@
 """A Pololu Maestro: servo pulses from a small board on USB, in steps of a quarter microsecond.
 
-It goes to its home positions when commands stop coming, but only if its owner has set it up so: its serial timeout is
-off when it is new, and a channel's home may be "ignore". Neither can be read. So `configure` tries it: all channels are
-told 1501 us, which no speed controller takes for more than stop, then nothing; a quarter of a second later the board
-must tell of its timeout, and of channels at 1500 us. That is why it counts as failing safe alone.
+It goes to its home positions when commands stop, but only if its owner has configured that: its serial timeout is off
+when it is new, and a channel's home may be "ignore". Neither setting can be read, so `configure` tests it: it sends
+1501 us to all channels, which every speed controller takes as stop, then nothing. A quarter of a second later the board
+must report its timeout, and all channels at 1500 us. Therefore it counts as failing safe alone.
 
 In Maestro Control Center: Serial mode "USB Dual Port", Timeout 0.20 s; each channel "Servo", 8-bit neutral and
 "On startup or error: Go to" 1500. The port is its command port, the first of the two that appear.
@@ -24,7 +24,7 @@ from snr_sim.prelude.device import LEASE_S
 from snr_sim.prelude.errors import DeviceError
 
 PROBE_US = STOP_US + 1.0
-SILENCE_S = LEASE_S + 0.04  # after which a timeout that is set as above has come up
+SILENCE_S = LEASE_S + 0.04  # by then a timeout that is set as above has expired
 MOST_ERRORS = 5  # in a row
 _ALL_ERRORS = sum(MaestroError)  # exact: integers
 
@@ -34,10 +34,10 @@ class Maestro(PwmChip):
 
     Args:
         open_port: opens the port.
-        now_s: the clock that its timeout goes by.
+        now_s: the clock of its timeout.
         channels, limits_us: as in PwmChip.
         has_crc: whether "Enable CRC" is on in its settings.
-        sleep: waits, while it is being tried.
+        sleep: waits during the test of its timeout.
     """
 
     fails_safe_alone = True
@@ -55,21 +55,21 @@ class Maestro(PwmChip):
         self._open_port, self._now_s, self._sleep, self._has_crc = open_port, now_s, sleep, has_crc
         self._port: BytePort | None = None
         self._counts: Counter[str] = Counter()
-        self._asked_s: list[float] = []  # when questions for errors were asked that are not answered yet
+        self._asked_s: list[float] = []  # times of error queries that are not answered yet
         self._heard = b""
         self._errors = MaestroError(0)
         self._in_a_row = 0
         self._sent_s = now_s()
 
     def counts(self) -> dict[str, int]:
-        """Return how often each error came up."""
+        """Return the number of occurrences of each error."""
         return dict(self._counts)
 
     def open(self) -> None:
-        """Open the port, asks who is there, and try whether it fails safe.
+        """Open the port, identify the board, and test whether it fails safe.
 
         Raises:
-            DeviceError: nobody answers, or no Maestro; or it would go on if this program were killed.
+            DeviceError: no device answers, or not a Maestro; or its outputs would stay on if this program were killed.
         """
         self.close()
         self._port = self._open_port()
@@ -84,12 +84,12 @@ class Maestro(PwmChip):
         self._command(self.still_us)
 
     def before_arming(self) -> None:
-        """Forget what happened while nothing was sent."""
+        """Discard errors from the time in which nothing was sent."""
         self._ask(wire.get_errors(), wire.ERRORS_BYTES, "its errors")
         self._forget()
 
     def send(self, pulses_us: list[float]) -> list[float]:
-        """Send targets, unless the board went home meanwhile: then neutral."""
+        """Send targets. If the board went home since the last call, send neutral instead."""
         silent_s = self._now_s() - self._sent_s
         self.tripped = ""
         if silent_s > LEASE_S:
@@ -103,22 +103,22 @@ class Maestro(PwmChip):
         return pulses_us
 
     def _exchange(self, pulses_us: list[float]) -> None:
-        """Send targets and ask for errors; take the answers that have come to earlier questions."""
+        """Send targets and query errors; read the answers to earlier queries."""
         self._command(pulses_us)
         self._write(wire.get_errors())
         self._asked_s.append(self._now_s())
         self._hear()
 
     def close(self) -> None:
-        """Let go of the port."""
+        """Close the port."""
         port, self._port = self._port, None
         if port is not None:
             port.close()
 
     def _meet(self) -> None:
-        """See whether it answers as a Maestro does, and have as many channels."""
+        """Check that it answers as a Maestro and has enough channels."""
         self._ask(wire.get_errors(), wire.ERRORS_BYTES, "its errors")
-        errors = self._ask(wire.get_errors(), wire.ERRORS_BYTES, "its errors")  # the first ones may be of long ago
+        errors = self._ask(wire.get_errors(), wire.ERRORS_BYTES, "its errors")  # the first answer may report old errors
         if errors & ~_ALL_ERRORS:
             raise DeviceError(
                 f"{self.title} answers 0x{errors:04x} for its errors, which has bits that no Maestro has: "
@@ -133,7 +133,7 @@ class Maestro(PwmChip):
         self._ask(wire.get_position(self.channels - 1), wire.POSITION_BYTES, f"channel {self.channels - 1}")
 
     def _try_timeout(self) -> None:
-        """Try whether all channels go to neutral when commands stop coming."""
+        """Check that all channels go to neutral when commands stop."""
         self._command([PROBE_US] * self.channels)
         for channel in range(self.channels):
             self._check_channel(channel, PROBE_US, "its mode is not 'Servo', or a speed or acceleration limits it")
@@ -186,7 +186,7 @@ class Maestro(PwmChip):
         return wire.with_crc(command) if self._has_crc else command
 
     def _hear(self) -> None:
-        """Take the answers to the questions for errors; none waits for them."""
+        """Read the answers to error queries without waiting."""
         self._heard += self._opened().read()
         self._errors = MaestroError(0)
         while len(self._heard) >= wire.ERRORS_BYTES:

@@ -1,4 +1,4 @@
-"""Outputs without anything behind them: what is asked for is what is made. For tutorials, and for looking on."""
+"""Outputs without hardware: the requested pulses are the applied ones. For tutorials and for watching."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from snr_sim.devices.pwm.pwm_backend import PlainlyArmed
 
 
 class MirrorPwm(PlainlyArmed):
-    """Makes just the pulses that it is told; its answer is all that shows them."""
+    """Applies exactly the requested pulses; only its return value shows them."""
 
     fails_safe_alone = True
     title = "The mirror"
 
     def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
-        """Return them."""
+        """Return the pulses unchanged."""
         return pulses_us

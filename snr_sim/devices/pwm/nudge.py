@@ -1,4 +1,4 @@
-"""One thruster moved a little, once, for the bench: is it this one, and does it turn the right way?
+"""One thruster moved a little, once, on the bench: is it this one, and does it turn in the right direction?
 
 0.5 s up, 1 s held, 0.5 s down; all other channels at neutral.
 """
@@ -8,8 +8,8 @@ from __future__ import annotations
 from snr_sim.devices.pwm.pwm_backend import LIMITS_US, STOP_US
 from snr_sim.prelude.errors import UnknownName, nearest
 
-SHARE = 0.05  # of what the thruster can do
-# Speed controllers of this kit stop within 1475 to 1525 us (Blue Robotics, Basic ESC): less would move nothing.
+SHARE = 0.05  # of the thruster's range
+# The project's speed controllers stop from 1475 to 1525 us (Blue Robotics, Basic ESC): less would move nothing.
 DEAD_BAND_US = 25.0
 RAMP_S, HOLD_S = 0.5, 1.0
 WHOLE_S = 2 * RAMP_S + HOLD_S
@@ -27,7 +27,7 @@ def top_us(limits_us: tuple[float, float] = LIMITS_US) -> float:
 def nudge_us(
     channel: int, channels: int, since_s: float, limits_us: tuple[float, float] = LIMITS_US
 ) -> list[float] | None:
-    """Return the pulses at a time after its beginning; None when it is over.
+    """Return the pulses at a time after the start; None when the nudge is over.
 
     >>> [nudge_us(1, 2, t) for t in (0.0, 0.25, 1.0, 2.0)]
     [[1500.0, 1500.0], [1500.0, 1521.875], [1500.0, 1543.75], None]
@@ -41,10 +41,10 @@ def nudge_us(
 
 
 def channel_of(name: str, names: list[str]) -> int:
-    """Return which channel a name means.
+    """Return the number of the channel with a name.
 
     Raises:
-        UnknownName: none.
+        UnknownName: no channel has this name.
     """
     if name not in names:
         raise UnknownName(f"There is no channel '{name}'.", fix=nearest(name, names))

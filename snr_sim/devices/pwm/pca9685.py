@@ -1,9 +1,9 @@
 """A PCA9685: sixteen servo pulses from a chip on I2C, in 4096 steps of a period.
 
-Its steps are 4.88 us at 50 Hz, so 1500 us become 1498.2: what is told is what is made. How long a step really is
-depends on its oscillator, which may be 8 % off: measure a pulse of 1500 us once and give `oscillator_hz`, or clock it
-from outside. It keeps its last pulses for ever when this program is killed, or the wire is pulled: so it is armed only
-behind the supervisor, and for real water its OE pin belongs to something that lets go by itself.
+Its steps are 4.88 us at 50 Hz, so 1500 us become 1498.2: it reports the pulses that are generated. The length of a step
+depends on its oscillator, which may be 8 % off: measure a pulse of 1500 us once and pass `oscillator_hz`, or clock it
+externally. It holds its last pulses indefinitely when this program is killed or the wire is pulled: so it can be armed
+only behind the supervisor, and for real water connect its OE pin to a circuit that disables the outputs by itself.
 
 Source of registers and sequences: NXP, PCA9685 product data sheet, section 7.
 """
@@ -37,14 +37,14 @@ class Pca9685(PwmChip):
 
     Args:
         open_bus: opens the bus.
-        address: 0x40, if no solder bridge is closed.
+        address: 0x40 if no solder bridge is closed.
         channels, limits_us: as in PwmChip.
-        oscillator_hz: as measured, or of the clock outside.
-        has_external_clock: that clock is at its EXTCLK pin. Only power off and on brings the chip back from it.
+        oscillator_hz: as measured, or of the external clock.
+        has_external_clock: that clock is at its EXTCLK pin. The chip leaves this mode only at power off.
         sleep: waits for its oscillator.
 
     Raises:
-        ParameterError: it has not so many channels, or a clock gives no 50 Hz.
+        ParameterError: it does not have that many channels, or a clock cannot make 50 Hz.
     """
 
     def __init__(
@@ -80,15 +80,15 @@ class Pca9685(PwmChip):
         return count + 1 if count * self.count_us < low else count
 
     def open(self) -> None:
-        """Set it up: all outputs off, asleep, the rate, awake, neutral.
+        """Initialise the chip: all outputs off, sleep, set the rate, wake, neutral.
 
         Raises:
-            DeviceError: nobody is there, or what was written is not there afterwards.
+            DeviceError: no device answers, or a register does not read back as written.
         """
         self.close()
         self._bus = self._open_bus()
-        self._write(ALL_LED_OFF_H, FULL_OFF)  # first of all, for it may be pushing; so it falls asleep in order, too
-        self._write(MODE1, AUTO_INCREMENT | SLEEP)  # only asleep it takes a rate or another clock
+        self._write(ALL_LED_OFF_H, FULL_OFF)  # first: it may be driving a thruster; also required before sleep
+        self._write(MODE1, AUTO_INCREMENT | SLEEP)  # it accepts a rate or another clock only asleep
         if self._mode & EXTCLK:
             self._write(MODE1, self._mode | SLEEP)
         self._write(PRE_SCALE, self.prescale)
@@ -104,7 +104,7 @@ class Pca9685(PwmChip):
         self.send(self.still_us)
 
     def send(self, pulses_us: list[float]) -> list[float]:
-        """Write counts, and look whether the chip is still awake."""
+        """Write counts, and check that the chip is still awake."""
         counts = [self.count_of(pulse) for pulse in pulses_us]
         for first in range(0, len(counts), _BLOCK):
             self._write(
@@ -121,7 +121,7 @@ class Pca9685(PwmChip):
         return self._made(counts)
 
     def close(self) -> None:
-        """Let go of the bus; the pulses go on, at neutral."""
+        """Close the bus; the pulses continue at neutral."""
         bus, self._bus = self._bus, None
         if bus is not None:
             bus.close()

@@ -1,9 +1,9 @@
-"""Outputs that have no program of their own to watch over them: chips, pins, passive boards.
+"""Outputs without a processor of their own that could supervise them: chips, pins, passive boards.
 
     PlainPwm (life cycle, checks, arming)  -->  PwmChip (bytes and registers)  -->  bus, port or files
 
-Arming shows the speed controllers neutral for as long as they take to start, and ends only when neutral is commanded.
-Where the last pulse would stay if this program were killed, it is refused: such outputs belong behind a supervisor.
+Arming sends neutral for as long as the speed controllers take to start, and ends only when neutral is commanded.
+Outputs whose last pulse would stay if this program were killed cannot be armed here: they need a supervisor.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from snr_sim.devices.pwm.pwm_backend import LIMITS_US, STOP_US, PwmBackend
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import NOT_ACTIVE
 
-ESC_START_S = 2.0  # steady neutral that a Basic ESC needs is about a second (its maker's forum): twice that
+ESC_START_S = 2.0  # a Basic ESC needs steady neutral for about a second (its maker's forum): twice that
 
 
 class PwmChip:
-    """What makes the pulses, and has no state but its wire. A chip of your own writes `open`, `send` and `close`.
+    """Generator of the pulses, without state except its wire. A chip of your own implements `open`, `send` and `close`.
 
     Args:
-        title: what a message calls it.
+        title: its name in messages.
         channels: how many outputs are used.
         limits_us: shortest and longest pulse.
-        resolution_us: of pulses; 0 if they are exact.
+        resolution_us: step of the pulses; 0 if they are exact.
 
     Attributes:
         still_us: the pulses it makes for neutral.
@@ -48,18 +48,18 @@ class PwmChip:
         self.tripped = ""
 
     def open(self) -> None:
-        """Open the wire, test which device answers, and put all at neutral.
+        """Open the wire, identify the device, and set all outputs to neutral.
 
         Raises:
-            DeviceError: it is not there, another device is, or it does not do what was commanded.
+            DeviceError: the device does not answer, another one does, or it does not execute commands.
         """
         raise NotImplementedError(f"{type(self).__name__} needs a method open(self)")
 
     def before_arming(self) -> None:
-        """Forget what happened while nothing was sent."""
+        """Discard errors from the time in which nothing was sent."""
 
     def send(self, pulses_us: list[float]) -> list[float]:
-        """Send pulses inside the limits; return those that are made.
+        """Send pulses inside the limits; return the generated ones.
 
         Raises:
             DeviceError: the wire is gone.
@@ -70,7 +70,7 @@ class PwmChip:
         """Release the wire. Safe to call twice, also if it is not open."""
 
     def counts(self) -> dict[str, int]:
-        """Return what has been counted."""
+        """Return the chip's counters."""
         return {}
 
 
@@ -78,10 +78,10 @@ class PlainPwm(PwmBackend):
     """The outputs of a chip. Implements PwmOut.
 
     Args:
-        chip: what makes the pulses.
-        now_s: the clock that commands are stamped by.
-        esc_start_s: how long neutral is shown before outputs follow commands.
-        is_supervised: this is the supervisor's process. Without it outputs that do not fail safe alone stay neutral.
+        chip: generates the pulses.
+        now_s: the clock of command stamps.
+        esc_start_s: how long neutral is sent before outputs follow commands.
+        is_supervised: this is the supervisor's process. Without it, outputs that do not fail safe alone stay neutral.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class PlainPwm(PwmBackend):
         self._neutral_since_s = 0.0
 
     def counts(self) -> dict[str, int]:
-        """Return what the chip has counted."""
+        """Return the chip's counters."""
         return self.chip.counts()
 
     def on_configure(self) -> None:
@@ -108,10 +108,10 @@ class PlainPwm(PwmBackend):
         try:
             self.chip.open()
         finally:
-            self.title = self.chip.title  # it may have learned its port's name
+            self.title = self.chip.title  # it may have read its port's name
 
     def on_activate(self) -> None:
-        """Begin to show neutral.
+        """Start to send neutral.
 
         Raises:
             DeviceError: the last pulse would stay if this program were killed.
@@ -127,7 +127,7 @@ class PlainPwm(PwmBackend):
         self.state, self.why = "activating", "the speed controllers are shown neutral"
 
     def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
-        """Send pulses; end arming when neutral was shown for long enough and is commanded."""
+        """Send pulses; end arming when neutral was sent for long enough and is commanded."""
         made = self.chip.send(pulses_us)
         if self.chip.tripped:
             if self.state == "active":
@@ -138,7 +138,7 @@ class PlainPwm(PwmBackend):
         return made
 
     def _has_started(self) -> bool:
-        """Return whether neutral has been shown for long enough."""
+        """Return whether neutral has been sent for long enough."""
         return self.now_s() >= self._neutral_since_s + self.esc_start_s
 
     def on_deactivate(self, reason: str) -> None:

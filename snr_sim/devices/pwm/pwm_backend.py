@@ -1,4 +1,4 @@
-"""What all outputs of servo pulses do alike: refuse what is no pulse, clamp, count a command's age, and never raise."""
+"""Base of all servo outputs: rejects invalid pulses, clamps, checks a command's age, and never raises."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from snr_sim.prelude.life_cycle import LifeCycle
 from snr_sim.prelude.signals import CLAMPED, LOST, NO_PULSE, NOT_ACTIVE, STOPPED, TOO_OLD, WRONG_COUNT, AppliedPulses
 
 STOP_US = 1500.0
-FUTURE_S = 0.02  # a stamp may be ahead of the clock by so much, as clocks are read one after the other
-LIMITS_US = (1100.0, 1900.0)  # of the speed controllers in this kit
+FUTURE_S = 0.02  # a stamp may be this far ahead of the clock, as clocks are read one after the other
+LIMITS_US = (1100.0, 1900.0)  # of the project's speed controllers
 
 
 class PwmBackend(LifeCycle):
-    """Outputs of servo pulses. Keeps the promise of PwmOut; a backend writes `put`, and its steps of the life cycle.
+    """Outputs of servo pulses. Implements `PwmOut`; a backend implements `put` and its steps of the life cycle.
 
     Args:
-        now_s: the clock that commands are stamped by.
+        now_s: the clock of command stamps.
         channels: how many outputs.
         limits_us: shortest and longest pulse.
-        resolution_us: of pulses; 0 if they are exact.
+        resolution_us: step of the pulses; 0 if they are exact.
 
     Attributes:
-        asks_neutral: whether the newest command was a whole one, not too old, and neutral: only then may be armed.
-        is_stopped: an emergency stop holds.
-        let_go_for: words that stay in each answer until it is armed again: RESET, STOPPED.
-        follower: is called with the pulses that are made, whenever they may have changed.
+        asks_neutral: whether the newest command was complete, fresh and neutral: arming requires such a command.
+        is_stopped: an emergency stop is set.
+        let_go_for: reasons that stay in each answer until the outputs are armed again: RESET, STOPPED.
+        follower: called with the applied pulses whenever they may have changed.
     """
 
     fails_safe_alone = False
@@ -52,12 +52,12 @@ class PwmBackend(LifeCycle):
         self.let_go_for: list[str] = []
 
     def __del__(self) -> None:
-        """Go to neutral if whoever had it has dropped it: nobody is left who could."""
+        """Go to neutral when the last reference is dropped: no code is left that could."""
         if self.state in self._holding:
             self.close()
 
     def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
-        """Ask for pulses; return what is made of them. Never raises."""
+        """Request pulses; return the applied ones. Never raises."""
         self.applied = self._applied(pulses_us, stamp_s, lease_s)
         self._lead(self.applied.pulses_us)
         return self.applied
@@ -91,7 +91,7 @@ class PwmBackend(LifeCycle):
             self.follower(pulses_us)
 
     def _left_of(self, stamp_s: float, lease_s: float) -> float:
-        """Return what is left of a lease, 0 if nothing: also of one that begins in times to come, or at no time."""
+        """Return the remaining time of a lease; 0 if it has expired, or its stamp is in the future or not a time."""
         try:
             now_s = self.now_s()
             lease_s = min(float(lease_s), LEASE_S)
@@ -101,17 +101,17 @@ class PwmBackend(LifeCycle):
         return min(left_s, lease_s) if 0.0 < left_s <= lease_s + FUTURE_S else 0.0
 
     def _time_of(self, stamp_s: float) -> float:
-        """Return when a command was computed; now, of one that says no time, or one to come."""
+        """Return when a command was computed; the current time if its stamp is not a time or in the future."""
         now_s = self.now_s()
         return float(stamp_s) if isinstance(stamp_s, (int, float)) and -math.inf < stamp_s <= now_s else now_s
 
     def deactivate(self, reason: str) -> None:
-        """Go to neutral, and what follows with it. Never raises."""
+        """Go to neutral, and update the follower. Never raises."""
         super().deactivate(reason)
         self._lead([STOP_US] * self.channels)
 
     def stop(self) -> None:
-        """Emergency stop: neutral, and nothing arms these outputs until `clear_stop`. Never raises."""
+        """Emergency stop: neutral, and arming is refused until `clear_stop`. Never raises."""
         self.is_stopped = True
         self.deactivate("emergency stop")
         self._try(self.on_stop)
@@ -131,20 +131,20 @@ class PwmBackend(LifeCycle):
         """Arm; see `PwmOut`.
 
         Raises:
-            DeviceError: an emergency stop holds, it is not configured, or what `on_activate` says.
+            DeviceError: an emergency stop is set, the outputs are not configured, or an error of `on_activate`.
         """
         if self.is_stopped:
             raise DeviceError(f"{self.title} has its emergency stop set.", fix="make it safe, then clear the stop.")
         super().activate()
 
     def on_stop(self) -> None:
-        """Have outputs that can keep an emergency stop by themselves do so."""
+        """Set the emergency stop in outputs that can hold it themselves."""
 
     def on_clear_stop(self) -> None:
-        """Have them end it."""
+        """Clear it there."""
 
     def _pulses_of(self, pulses_us: Sequence[float], why: list[str]) -> list[float]:
-        """Return the pulses as they may be sent, neutral if they are none."""
+        """Return the pulses to send; neutral if they are not valid."""
         low, high = self.limits_us
         try:
             if isinstance(pulses_us, (str, bytes, Mapping, Set)):  # these have no order of channels
@@ -166,13 +166,13 @@ class PwmBackend(LifeCycle):
         return [min(high, max(low, round(one / step) * step)) for one in clamped] if step else clamped
 
     def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
-        """Send pulses, which are inside all limits, and return what is made as far as is known here.
+        """Send pulses, which are inside all limits, and return the applied ones as far as is known here.
 
         Args:
             pulses_us: one for each channel.
             stamp_s: of the command.
-            lease_s: what is left of its lease.
-            why: add reasons for anything that is made otherwise.
+            lease_s: remaining time of its lease.
+            why: append a reason for each difference to the command.
 
         Raises:
             DeviceError: the wire is gone.
@@ -181,14 +181,14 @@ class PwmBackend(LifeCycle):
 
 
 class PlainlyArmed(PwmBackend):
-    """Outputs that are armed in the moment in which they are asked for neutral."""
+    """Outputs that are armed by the first neutral command."""
 
     def on_activate(self) -> None:
         """Wait for a neutral command."""
         self.state, self.why = "activating", "armed by a command for neutral"
 
     def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
-        """Ask for pulses; the first for neutral arms."""
+        """Request pulses; the first neutral command arms."""
         applied = super().write_us(pulses_us, stamp_s, lease_s)
         if self.state == "activating" and self.asks_neutral:
             self.state, self.why = "active", ""

@@ -1,14 +1,14 @@
-"""The loop between pages of pulses and outputs of servo pulses, the same for simulated, emulated and real ones.
+"""Loop between pages of pulses and servo outputs; the same for simulated, emulated and real ones.
 
-It writes once in each tick, with the moment at which the command was made: so outputs that watch for themselves hear
-whether anybody still thinks. Who arms them:
+It writes once per tick, with the time at which the command was computed, so that outputs with their own lease can
+detect a program that stopped computing. Arming:
 
-    the robot's command says `is_armed`, and said before that it was not: neutral is shown until they are armed
-    it never said otherwise: the robot itself must command neutral first
-    they were lost, let go by themselves, or the robot fell silent: the robot must say that it is disarmed and then
-    armed; or, if it never says so, command neutral for half a second
+    the robot's command has `is_armed`, and it was false before: neutral is sent until the outputs are armed
+    `is_armed` was never false: the robot itself must command neutral first
+    they were lost, disarmed themselves, or the robot stopped sending: the robot must set `is_armed` to false and
+    then to true; or, if it never sets it, command neutral for half a second
 
-No neutral that this loop writes of itself, because there is no fresh command, ever arms anything.
+Neutral that this loop writes because there is no fresh command never arms the outputs.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.signals import CLAMPED, AppliedPulses, PwmCommand
 
-TIMEOUT_S = 0.75 * LEASE_S  # neutral of now is sent before a lease runs out behind a robot that hesitates
-SILENT_S = 1.0  # a robot that hesitates for so long has stopped thinking: outputs are disarmed
+TIMEOUT_S = 0.75 * LEASE_S  # neutral is sent before a lease expires if the robot is late
+SILENT_S = 1.0  # a robot that is late for so long has failed: outputs are disarmed
 REARM_AFTER_S = 0.5  # of commands that are all neutral
 RETRY_EVERY_S = 1.0
 ARMED = ("active", "activating")
@@ -39,18 +39,18 @@ HOW_TO_ARM = f"Neutral until the robot disarms and arms, or has commanded neutra
 
 
 class PwmLoopFactory(ActuatorLoopFactory):
-    """Writes the newest page of pulses to outputs, and neutral when there is none or it is too old.
+    """Writes the newest page of pulses to outputs; neutral when there is none or it is too old.
 
     Args:
-        key: of the command page (`PwmCommand`). What becomes of it is told in the page `<key>_applied`, with the fields
-            of `AppliedPulses`, `state` of the outputs, and `fault`, what is wrong with them in words.
+        key: of the command page (`PwmCommand`). The page `<key>_applied` reports its effect, with the fields of
+            `AppliedPulses`, `state` of the outputs, and `fault`, their error as text.
         open_device: opens the outputs.
         rate_hz: how often they are written.
-        timeout_s: age from which a command no longer counts.
-        lease_s: how long outputs that watch for themselves follow a command.
+        timeout_s: age from which a command is ignored.
+        lease_s: how long outputs with their own lease follow a command.
     """
 
-    arms_by_itself = False  # for a robot that nobody arms
+    arms_by_itself = False  # for a robot without an operator
 
     def __init__(
         self,
@@ -68,15 +68,15 @@ class PwmLoopFactory(ActuatorLoopFactory):
         return PwmLoop(self, parent, f"{self.key}_actuator", self.rate_hz)
 
     def read_command(self, data: Any, out: PwmOut, commands: CommandInput) -> PwmCommand:
-        """Return the pulses that a page's data asks for.
+        """Return the pulses that a page's data request.
 
         Args:
             data: of the page.
             out: the outputs.
-            commands: notes what was clamped.
+            commands: records clamped values.
 
         Raises:
-            CommandError: it asks for none.
+            CommandError: the data are not a command of pulses.
         """
         command: PwmCommand = command_of(data, PwmCommand, {"pulses_us": out.limits_us})
         for i, pulse in enumerate(command.pulses_us):
@@ -89,24 +89,24 @@ class PwmLoopFactory(ActuatorLoopFactory):
 
 
 class PwmLoop(CommandLoop):
-    """Writes pulses. A page that holds none is neutral; in lock step it stops the run, with the line that stored it."""
+    """Writes pulses. An invalid page means neutral; in lock step it stops the run, with the line that stored it."""
 
     factory: PwmLoopFactory
 
     def setup(self) -> None:
-        """Open the outputs: neutral, and not armed."""
+        """Open the outputs: neutral and disarmed."""
         self.device = self.out = configured(self.factory.open_device(), f"the outputs '{self.factory.key}'")
         self._state = ""
         self._why: list[str] = []
         self._refused = ""
         self._told_s = self._tried_s = -math.inf
         self._neutral_since_s: float | None = None
-        self._was_armed: bool | None = None  # by the robot's own word; None: it has not said anything yet
-        self._is_arming = self.factory.arms_by_itself  # neutral is shown until outputs are armed
+        self._was_armed: bool | None = None  # as in the robot's commands; None: not sent yet
+        self._is_arming = self.factory.arms_by_itself  # neutral is sent until outputs are armed
         self._was_lost = self._is_stopped = self._is_told = False
 
     def loop(self) -> None:
-        """Write the newest command, with its age; neutral if it is too old."""
+        """Write the newest command with its age; neutral if it is too old."""
         now_s = self.get_time_s()
         page, age = self.commands.newest()
         command = None if page is None else self._command_of(page)
@@ -126,12 +126,12 @@ class PwmLoop(CommandLoop):
         applied = self.out.write_us(pulses_us, stamp_s, self.factory.lease_s)
         if CLAMPED in applied.why:
             low, high = self.out.limits_us
-            clamped = [min(high, max(low, pulse)) for pulse in pulses_us]  # the answer may still be on its way there
+            clamped = [min(high, max(low, pulse)) for pulse in pulses_us]  # applied pulses may arrive later
             self.commands.note_clamped(PwmCommand(list(pulses_us)), PwmCommand(clamped), {"pulses_us": (low, high)})
         self._tell(now_s, applied)
 
     def _hear(self, now_s: float, command: PwmCommand, pulses_us: list[float]) -> None:
-        """Take in what a fresh command says of stopping and arming."""
+        """Process the stop and arming fields of a fresh command."""
         if command.is_stop != self._is_stopped:
             self._is_stopped = command.is_stop
             if command.is_stop:
@@ -152,10 +152,10 @@ class PwmLoop(CommandLoop):
             self._neutral_since_s = now_s
 
     def _arm(self, now_s: float) -> None:
-        """Open outputs that were lost, once a second; arm them if they may be."""
+        """Reopen outputs that were lost, once a second; arm them if allowed."""
         state = self.out.health().state
         if state in ARMED:
-            self._was_lost = True  # if they are not armed the next time, unless the robot has disarmed them
+            self._was_lost = True  # if arming fails the next time, unless the robot has disarmed them
             if state == "active":
                 self._is_arming = False
             return
@@ -173,12 +173,12 @@ class PwmLoop(CommandLoop):
             if may_arm:
                 self.out.activate()
         except DeviceError as error:
-            self.log.debug("%s", error)  # told as the fault already, and tried again
+            self.log.debug("%s", error)  # already reported as the fault; will be tried again
 
     def _command_of(self, page: Page) -> PwmCommand | None:
-        """Return what a page commands. One that commands nothing is a mistake of who stored it: they hear of it.
+        """Return the command in a page. The error for an invalid one names the component that stored it.
 
-        In lock step that ends the run. On the wall clock, where a vehicle may be in the water, all are neutral instead.
+        In lock step that ends the run. On the wall clock, a vehicle may be in the water: outputs go to neutral.
         """
         try:
             return self.factory.read_command(page.data, self.out, self.commands)
@@ -193,7 +193,7 @@ class PwmLoop(CommandLoop):
             return None
 
     def _tell(self, now_s: float, applied: AppliedPulses) -> None:
-        """Say what becomes of the commands: now and then, and at once when it changes."""
+        """Report the effect of the commands: periodically, and at once when it changes."""
         health = self.out.health()
         if health.state != self._state:
             if self._state:
@@ -206,7 +206,7 @@ class PwmLoop(CommandLoop):
         self.store_data(f"{self.factory.key}_applied", data, process=False)
 
     def _note_change(self, now_s: float, health: Health) -> None:
-        """Note that outputs were lost or let go by themselves, with what arms them again; and that they are back."""
+        """Log that outputs were lost or disarmed themselves, and what arms them again; and that they are back."""
         state, before = health.state, self._state
         is_lost = state not in ARMED and (state == "error" or (before in ARMED and self._was_armed is not False))
         is_back = self._is_told and (state == "active" or before == "error")

@@ -1,12 +1,12 @@
-"""The supervisor of outputs that keep their last pulse: a small process that owns them, and what runs inside it.
+"""Supervisor of outputs that hold their last pulse: a small process that owns them, and the code inside it.
 
     robot's program  --leases over a pipe-->  supervisor  --> PCA9685, PWM pins
-    (SupervisedPwm)  <--what is made---------
+    (SupervisedPwm)  <--applied pulses-------
 
-It goes to neutral when a lease runs out and when the pipe ends, which it does when the robot's program is killed, in
-whatever way. If it is killed itself, its guard does so (`pwm_guard.py`). Nothing protects from the death of both, of
-the kernel, or of the power: for real water, the outputs need an enable pin on a timer of hardware. It stands in
-`devices` because to the program it is one more device; `supervision` is about roles.
+It goes to neutral when a lease expires and when the pipe closes, which happens however the robot's program ends. If the
+supervisor is killed, its guard does the same (`pwm_guard.py`). Nothing protects against the end of both, of the kernel
+or of the power: for real water, the outputs need an enable pin on a hardware timer. It is in `devices` because for the
+program it is one more device; `supervision` is about roles.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from snr_sim.prelude.device import PwmOut
 from snr_sim.prelude.errors import DeviceError, SnrError
 
 IDLE_S = 1.0
-HOLD_S = 0.5  # of neutral, after the program has died, before outputs are let go
+HOLD_S = 0.5  # of neutral after the program has ended, before outputs are released
 
 
 class Supervisor:
-    """Obeys orders and watches the lease. Owns no pipe, so a test needs none.
+    """Executes orders and checks the lease. Owns no pipe, so a test needs none.
 
     Args:
-        now_s: the clock that leases are stamped by.
-        guarded: has outputs that were opened guarded.
+        now_s: the clock of lease stamps.
+        guarded: starts a guard for open outputs.
     """
 
     def __init__(self, now_s: Callable[[], float], guarded: Callable[[PwmOut], Guard] | None = None) -> None:
@@ -48,7 +48,7 @@ class Supervisor:
         self.has_closed = False
 
     def obey(self, order: Message) -> Answer:
-        """Do what it is told; what goes wrong stands in the answer."""
+        """Execute an order; the answer contains the error if it fails."""
         self.look()
         try:
             self._do(order)
@@ -59,7 +59,7 @@ class Supervisor:
         return self._answer()
 
     def look(self) -> float:
-        """Go to neutral if the lease has run out; return how long it will be until then."""
+        """Go to neutral if the lease has expired; return the time until it does."""
         if self._out is None or not self._is_armed:
             return IDLE_S
         left_s = self._until_s - self._now_s()
@@ -78,14 +78,14 @@ class Supervisor:
             self._guard.sign(self._is_armed)
 
     def end(self, hold: Callable[[float], None]) -> None:
-        """Go to neutral, show it for a while, and let go."""
+        """Go to neutral, hold it for a while, and release the outputs."""
         if self._out is not None:
             self._out.deactivate("the robot's program has ended")
             self._show_life()
             if not self.has_closed:
                 hold(HOLD_S)
             if self._guard is not None:
-                self._guard.dismiss()  # while the outputs are still ours
+                self._guard.dismiss()  # while this process still owns the outputs
                 self._guard = None
             self._out.close()
 
@@ -111,7 +111,7 @@ class Supervisor:
     def _lease(self, out: PwmOut, lease: Lease) -> None:
         applied = out.write_us(lease.pulses_us, lease.stamp_s, lease.lease_s)
         self._seq, self._made, self._reasons = lease.seq, applied.pulses_us, applied.why
-        self._until_s = min(lease.stamp_s, self._now_s()) + lease.lease_s  # the newest command's, not the longest
+        self._until_s = min(lease.stamp_s, self._now_s()) + lease.lease_s  # of the newest command, not the latest
 
     def _answer(self, message: str = "", fix: str = "") -> Answer:
         if self._out is None:
@@ -122,8 +122,8 @@ class Supervisor:
 
 
 def run(line: Connection) -> int:
-    """Run the process: obey until its line ends."""
-    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(0))  # to neutral on the way out
+    """Run the process: execute orders until its line closes."""
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(0))  # goes to neutral during exit
     spawned.hear_signals()
     supervisor = Supervisor(time.monotonic, lambda out: Guard(out, [line.fileno()]))
     why = "the robot's program has gone without closing them"
@@ -132,9 +132,9 @@ def run(line: Connection) -> int:
     except DeviceError as error:
         why = error.message
     except (EOFError, OSError):
-        pass  # it has gone
+        pass  # the other end has closed
     finally:
-        supervisor.end(time.sleep)  # before anything is said: nobody may be there to take it
+        supervisor.end(time.sleep)  # before the answer is sent: the other process may be gone
     if not supervisor.has_closed:
         with suppress(OSError):
             print(f"Outputs have gone to neutral: {why}.", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""Outputs of servo pulses in a simulated vehicle, and outputs of which the vehicle's water is simulated."""
+"""Servo outputs of a simulated vehicle, and real outputs on a bench that drive a simulated vehicle."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from snr_sim.prelude.signals import PwmCommand
 
 
 class SimPwm(PlainlyArmed):
-    """Drives an input of a plant, which takes `PwmCommand`s. Its pulses are exact.
+    """Drives an input of a plant that accepts `PwmCommand`s. Its pulses are exact.
 
     Args:
-        plant: what is driven.
-        now_s: the clock that commands are stamped by; the plant's time is the same.
+        plant: the driven plant.
+        now_s: the clock of command stamps; it must equal the plant's time.
         channels: how many thrusters the plant has.
         input_name: name of the plant's input.
     """
@@ -35,29 +35,29 @@ class SimPwm(PlainlyArmed):
         self._plant, self._input = plant, input_name
 
     def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
-        """Have the plant make them, for as long as the lease lasts."""
+        """Write the pulses to the plant, valid until the lease expires."""
         self._plant.write(self._input, PwmCommand(pulses_us, until_s=self._plant.time_s + lease_s))
         return pulses_us
 
     def on_configure(self) -> None:
-        """Make neutral pulses, so that speed controllers start."""
+        """Send neutral, so that speed controllers start."""
         self._plant.write(self._input, PwmCommand())
 
     def on_deactivate(self, reason: str) -> None:
-        """Stop."""
+        """Send neutral."""
         self._plant.write(self._input, PwmCommand())
 
 
 def drive_plant(
     out: PwmBackend, plant: Plant, input_name: str = "pwm", command_of: Callable[[list[float]], Any] = PwmCommand
 ) -> PwmBackend:
-    """Have real outputs on a bench drive a simulated vehicle, by the pulses that they make; return the outputs.
+    """Drive a simulated vehicle with the applied pulses of real outputs on a bench; return the outputs.
 
     Args:
         out: the real ones.
         plant: the vehicle.
         input_name: name of the plant's input.
-        command_of: makes that input's command of the pulses [us].
+        command_of: makes that input's command from the pulses [us].
     """
     out.follower = lambda pulses_us: plant.write(input_name, command_of(pulses_us))
     return out

@@ -16,20 +16,20 @@ from snr_sim.prelude.device import LEASE_S
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import NOT_ACTIVE, SLEWING
 
-OPEN_S = 20.0  # until a fresh Python on a small computer has opened them
+OPEN_S = 20.0  # until a new Python on a small computer has opened them
 ANSWER_S = 1.0
 
 open_supervisor = partial(ChildPort, "snr_sim.devices.pwm.pwm_supervisor:run", receive)
 
 
 class SupervisedPwm(PwmBackend):
-    """Outputs that a process of their own holds. Keeps the promise of PwmOut.
+    """Outputs that a separate process owns. Implements `PwmOut`.
 
     Args:
-        like: the same outputs, not opened: for their channels, limits and steps.
-        now_s: the clock that commands are stamped by.
-        opener: "module:function", called in the supervisor: it returns the outputs.
-        args: of it; JSON. One more follows them: whether a supervisor of this program held the outputs before.
+        like: the same outputs, not opened: source of their channels, limits and steps.
+        now_s: the clock of command stamps.
+        opener: "module:function", called in the supervisor; returns the outputs.
+        args: its arguments, JSON. One more follows: whether a supervisor of this program held the outputs before.
         open_line: starts a supervisor.
         monotonic_s: the clock that all processes of this computer share.
     """
@@ -59,14 +59,14 @@ class SupervisedPwm(PwmBackend):
         self._heard_s = 0.0
 
     def counts(self) -> dict[str, int]:
-        """Return what the outputs have counted."""
+        """Return the counters of the outputs."""
         return self._answer.counts
 
     def on_configure(self) -> None:
         """Start a supervisor, which opens the outputs.
 
         Raises:
-            DeviceError: what it says, or that it died.
+            DeviceError: the supervisor's error, or that it died.
         """
         self._let_go()
         self._line = self._open_line()
@@ -79,22 +79,22 @@ class SupervisedPwm(PwmBackend):
         self._has_held = True
 
     def on_activate(self) -> None:
-        """Have it arm them."""
+        """Order the supervisor to arm."""
         self._order(Arm(), ANSWER_S)
         self.state, self.why = self._answer.state, self._answer.why
         self._heard_s = self._monotonic_s()
 
     def on_deactivate(self, reason: str) -> None:
-        """Have it put them at neutral."""
+        """Order the supervisor to go to neutral."""
         if self._line is not None:
             self._order(Disarm(reason), ANSWER_S)
 
     def on_close(self) -> None:
-        """Have it let go of them, and end."""
+        """Order the supervisor to release the outputs and end."""
         self._let_go()
 
     def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
-        """Send a lease; return what is made by the newest answer, which may be of the lease before."""
+        """Send a lease; return the pulses of the newest answer, which may belong to the lease before."""
         self._hear()
         now_s = self._monotonic_s()
         if self._asked_of and now_s > self._heard_s + ANSWER_S:
@@ -102,7 +102,7 @@ class SupervisedPwm(PwmBackend):
                 f"{self.title} has not answered for {ANSWER_S:g} s.", fix="is the computer overloaded? `top`."
             )
         self._seq += 1
-        # An old command is neutral by now, and that is as new as can be.
+        # An old command has expired to neutral, and no newer state is possible.
         age_s = self.now_s() - stamp_s if lease_s > 0.0 else 0.0
         self._send(Lease(self._seq, pulses_us, now_s - age_s, age_s + lease_s if lease_s > 0.0 else LEASE_S))
         self._asked_of[self._seq] = pulses_us
@@ -122,7 +122,7 @@ class SupervisedPwm(PwmBackend):
         return answer.pulses_us or self.still_us
 
     def _order(self, order: Message, timeout_s: float) -> None:
-        """Give an order and wait for what comes of it."""
+        """Send an order and wait for its result."""
         line = self._opened()
         self._hear()
         before = len(self._asked_of)
@@ -142,7 +142,7 @@ class SupervisedPwm(PwmBackend):
         self._opened().write(encode(message))
 
     def _hear(self) -> int:
-        """Take the answers that have come; return how many."""
+        """Read the answers that have arrived; return their number."""
         heard = 0
         for message in self._opened().read():
             if isinstance(message, Answer):
@@ -158,7 +158,7 @@ class SupervisedPwm(PwmBackend):
         line, self._line = self._line, None
         if line is None:
             return
-        with suppress(DeviceError):  # one that has died
+        with suppress(DeviceError):  # a supervisor that has died
             line.write(encode(Close()))
         line.close()
 

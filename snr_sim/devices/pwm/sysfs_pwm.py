@@ -1,8 +1,8 @@
-"""The PWM pins of a Raspberry Pi, through the kernel's files: two or four exact pulses without any other part.
+"""PWM pins of a Raspberry Pi through the kernel's files: two or four exact pulses without further hardware.
 
-The chip is found by what its `device` link points to, never by its number: a Pi 5's was pwmchip2 with kernel 6.6 and is
-pwmchip0 with 6.12. The kernel goes on making the last pulse when this program is killed, so these outputs are armed
-only behind the supervisor.
+The chip is found by the target of its `device` link, never by its number: a Pi 5's was pwmchip2 with kernel 6.6 and is
+pwmchip0 with 6.12. The kernel keeps generating the last pulse when this program is killed, so these outputs can be
+armed only behind the supervisor.
 
     /sys/class/pwm/pwmchip0/device -> .../1f00098000.pwm
                             npwm, export, unexport
@@ -32,24 +32,24 @@ OVERLAYS = (
     "in config.txt dtoverlay=pwm-2chan (Raspberry Pi 3, 4), or "
     "dtoverlay=pwm-2chan,pin=12,func=4,pin2=13,func2=4 (5); then restart."
 )
-HOLD_S = 0.1  # five pulses: a speed controller that just loses its signal may push on for seconds
+HOLD_S = 0.1  # five pulses: a speed controller that just loses its signal may keep its thrust for seconds
 PERMISSION_S = 1.0  # udev gives new files to their group a moment after they appear
 
 
 def write_file(path: Path, text: str) -> None:
-    """Write one of the kernel's files, in one go."""
+    """Write one of the kernel's files in a single call."""
     with path.open("w", encoding="ascii") as file:
         file.write(text)
 
 
 class SysfsPins(PwmChip):
-    """The first channels of the Pi's PWM chip. It keeps its last pulses.
+    """The first channels of the Pi's PWM chip. It holds its last pulses.
 
     Args:
         channels, limits_us: as in PwmChip.
-        now_s: the clock that waits go by.
+        now_s: the clock of waits.
         root: where the kernel's files are.
-        takes_over: pins that are in use already are those of a supervisor of ours that was killed.
+        takes_over: pins that are in use belong to a killed supervisor of this program.
         write: writes a file.
         sleep: waits for udev.
     """
@@ -71,10 +71,10 @@ class SysfsPins(PwmChip):
         self._pins: list[Path] = []
 
     def open(self) -> None:
-        """Find the chip, take its channels, and have them make neutral pulses.
+        """Find the chip, export its channels, and start neutral pulses.
 
         Raises:
-            DeviceError: there is no such chip, it has too few channels, somebody else has one, or we may not.
+            DeviceError: no such chip, too few channels, one in use by another process, or no permission.
         """
         takes_over = self._takes_over or self._chip is not None
         self._chip, self._pins = find_chip(self._root), []
@@ -83,7 +83,7 @@ class SysfsPins(PwmChip):
             self._take(self._chip, channel, takes_over)
 
     def send(self, pulses_us: list[float]) -> list[float]:
-        """Write how long each pulse is, and look whether it is still made."""
+        """Write the length of each pulse, and check that it is still generated."""
         if len(self._pins) < self.channels:
             raise DeviceError(f"{self.title} is not open.", fix="configure() it first.")
         for pin, pulse_us in zip(self._pins, pulses_us, strict=True):
@@ -93,7 +93,7 @@ class SysfsPins(PwmChip):
         return pulses_us
 
     def close(self) -> None:
-        """End the pulses, once neutral has been shown, and give the channels back."""
+        """Stop the pulses after holding neutral, and unexport the channels."""
         pins, self._pins = self._pins, []
         if pins:
             self._sleep(HOLD_S)
@@ -126,7 +126,7 @@ class SysfsPins(PwmChip):
             self._write(pin / "period", str(PERIOD_NS))
         self._write(pin / "duty_cycle", neutral)
         if self._read(pin / "polarity") not in ("normal", ""):
-            self._write(pin / "enable", "0")  # it changes only at rest
+            self._write(pin / "enable", "0")  # it changes only while disabled
             self._write(pin / "polarity", "normal")
         self._write(pin / "enable", "1")  # after the pulse's length, so that the first one is neutral
         if self._read(pin / "enable") != "1":
@@ -158,7 +158,7 @@ def find_chip(root: Path = ROOT) -> Path:
     """Return the folder of the Pi's PWM chip.
 
     Raises:
-        DeviceError: there is none, with the line that is missing in config.txt.
+        DeviceError: there is none; names the missing line of config.txt.
     """
     found = {chip: os.path.basename(os.path.realpath(chip / "device")) for chip in sorted(root.glob("pwmchip*"))}
     for chip, device in found.items():

@@ -1,4 +1,4 @@
-"""A small camera that looks ahead or down, without noise. Its picture is a numpy array in the page."""
+"""A small camera that looks ahead or down, without noise. Its image is a numpy array in the page."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.snapshot import snapshot
 
-# Axis, right and down of the picture, body frame. Looking down, what is ahead is at the top.
+# Axis, right and down of the image, body frame. Looking down, the top of the image is ahead.
 LOOKS = {
     "ahead": ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)),
     "down": ((0.0, 0.0, -1.0), (0.0, -1.0, 0.0), (-1.0, 0.0, 0.0)),
@@ -25,12 +25,12 @@ LOOKS = {
 
 
 class CameraReading(msgspec.Struct, frozen=True, eq=False):
-    """A picture.
+    """An image.
 
     Args:
         rgb: uint8, shape (height, width, 3): the top row first, its left pixel first; read-only.
         field_of_view_rad: from the left edge to the right one.
-        stamp_s: when it was taken.
+        stamp_s: capture time.
     """
 
     rgb: Image
@@ -40,20 +40,20 @@ class CameraReading(msgspec.Struct, frozen=True, eq=False):
 
 @dataclass(frozen=True)
 class Camera:
-    """The part: a pinhole without distortion. All numbers are our own choice; a bigger picture takes longer.
+    """The part: a pinhole camera without distortion. All numbers are our own choice; a larger image takes longer.
 
     Args:
         looks: "ahead" or "down".
-        width_px, height_px: of the picture.
+        width_px, height_px: of the image.
         field_of_view_rad: from the left edge to the right one.
-        period_s: between two pictures.
-        place_m: where it is, body frame.
-        veiled_per_m: what the water between it and what it sees scatters; murky water has 1 and more.
-        clouds: (from_s, until_s, veiled_per_m) of each time when the water is other than that.
+        period_s: time between two images.
+        place_m: its position, body frame.
+        veiled_per_m: scattering of the water in front of it; murky water has 1 and more.
+        clouds: (from_s, until_s, veiled_per_m) of each period with other water.
 
     Raises:
-        UnknownName: it looks elsewhere.
-        ParameterError: the numbers make no sense.
+        UnknownName: `looks` has another value.
+        ParameterError: a number is out of range.
     """
 
     looks: str = "ahead"
@@ -88,13 +88,13 @@ class Camera:
     def picture(
         self, statics: dict[str, Any], position_m: list[float], attitude: list[float], time_s: float = -math.inf
     ) -> Image:
-        """Return what it sees of a scene's `statics` from a vehicle at a place.
+        """Return the image of a scene's `statics` from a vehicle at a position.
 
         Args:
             statics: shapes by name, as `Plant.scene()` gives them.
             position_m: of the vehicle, world frame.
             attitude: [w, x, y, z] unit quaternion that turns vectors of the body into the world's.
-            time_s: when, which tells whether there is a cloud.
+            time_s: capture time, which selects a cloud.
         """
         clouds = [veil for from_s, until_s, veil in self.clouds if from_s <= time_s < until_s]
         rights = (np.arange(self.width_px) - 0.5 * (self.width_px - 1)) * self.pixel
@@ -104,7 +104,7 @@ class Camera:
         x, y, z = (axis[i] + along * right[i] + down * below[i] for i in range(3))
         place = _turned(attitude, self.place_m)
         eye = position_m[0] + place[0], position_m[1] + place[1], position_m[2] + place[2]
-        with np.errstate(divide="ignore", invalid="ignore"):  # rays that are level with a face
+        with np.errstate(divide="ignore", invalid="ignore"):  # rays parallel to a face
             rays = Rays(eye, (x, y, z), self.pixel)
             meet_scene(rays, statics)
             rgb = rays.through_water(clouds[0] if clouds else self.veiled_per_m).reshape(
@@ -114,7 +114,7 @@ class Camera:
         return rgb
 
     def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
-        """Open the camera in a plant; it sees what of its scene does not move."""
+        """Open the camera in a plant; it sees the static part of its scene."""
         statics = plant.scene()["statics"]
 
         def see(pose: Any) -> CameraReading:
@@ -125,16 +125,16 @@ class Camera:
 
 
 class CameraLoopFactory(SensorLoopFactory):
-    """Reads a camera at a rate and stores each picture as a page; arguments are those of `SensorLoopFactory`."""
+    """Reads a camera at a rate and stores each image as a page; arguments are those of `SensorLoopFactory`."""
 
     def data_of(self, reading: CameraReading) -> dict[str, Any]:
-        """Return what the page of a picture holds: a copy, as a camera may use its array again."""
+        """Return the data of an image's page: a copy, as a camera may reuse its array."""
         data: dict[str, Any] = snapshot(msgspec.structs.asdict(reading), [])
         return data
 
 
 def _turned(attitude: list[float], way: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Return a vector of the body's frame in the world's."""
+    """Return a vector of the body frame in the world frame."""
     w, x, y, z = attitude
     a, b, c = way
     # v + 2 q x (q x v + w v)

@@ -1,8 +1,8 @@
-"""The Ping echo sounder: distance to the floor, and how sure it is.
+"""The Ping echo sounder: distance to the floor, and its confidence.
 
-It sends a cone of sound and takes the strongest echo. A level floor answers strongest from straight below, as long as
-that is in the cone; tilted further, it hears the nearest edge of the cone's footprint, and less of it. So a vehicle
-that rolls a little reads the same height, and one that rolls a lot reads too much.
+It sends a cone of sound and takes the strongest echo. On a level floor that is the one from straight below, as long as
+that is in the cone; at larger tilt it is the nearest edge of the cone's footprint, and weaker. So a vehicle with a
+small roll reads the same height, and one with a large roll reads too much.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from snr_sim.prelude.signals import EchoReading
 if TYPE_CHECKING:
     import numpy as np
 
-SOUND_MPS = 1500.0  # what it takes for the speed of sound in water
+SOUND_MPS = 1500.0  # the speed of sound in water that it assumes
 
 
 @dataclass(frozen=True)
@@ -28,15 +28,15 @@ class EchoSounder:
     """The part. Range, cone and resolution are those of the Ping1D; the rest is our own choice.
 
     Args:
-        least_m: nearer than this it hears its own voice.
-        most_m: farther than this it hears nothing.
-        cone_rad: angle of the whole cone.
+        least_m: minimum distance: below it receives its own ping.
+        most_m: maximum distance.
+        cone_rad: full angle of the cone.
         deaf_rad: tilt at which the confidence has fallen to 0.
         noise_m: standard deviation of a distance.
         period_s: between two pings.
 
     Raises:
-        ParameterError: the numbers make no sense.
+        ParameterError: a number is out of range.
     """
 
     least_m: float = 0.3
@@ -71,7 +71,7 @@ class EchoSounder:
 
     @property
     def errors(self) -> SensorErrors:
-        """How it measures: in whole millimetres, as it tells them."""
+        """Errors of the reading: whole millimetres, as the part reports them."""
         return SensorErrors(
             noise={"distance_m": self.noise_m},
             resolution={"distance_m": 0.001, "confidence": 0.01},
@@ -80,7 +80,7 @@ class EchoSounder:
         )
 
     def echo(self, below: Any) -> EchoReading:
-        """Return the echo of a plant's output with `altitude_m`, `tilt_rad` and `stamp_s`."""
+        """Return the echo for a plant's output with `altitude_m`, `tilt_rad` and `stamp_s`."""
         return EchoReading(*self.heard(below.altitude_m, below.tilt_rad), below.stamp_s)
 
     def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:

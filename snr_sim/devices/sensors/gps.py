@@ -1,4 +1,4 @@
-"""A receiver of satellite navigation on a serial port. At the surface only: water stops its signals."""
+"""A satellite navigation receiver on a serial port. At the surface only: water blocks the signals."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from snr_sim.prelude.life_cycle import SensorLife
 from snr_sim.prelude.signals import GpsReading
 
 BAUD = 9600
-FRESH_S = 2.5  # most receivers tell once a second
+FRESH_S = 2.5  # most receivers report once a second
 RETRY_EVERY_S = 1.0
 _SHOWN = 16
 
 
 class Gps(SensorLife):
-    """The receiver. Keeps the promise of Sensor; reads `GpsReading`, and is stale without a fix.
+    """The receiver. Implements `Sensor`; reads `GpsReading`, and is stale without a fix.
 
     Args:
         open_port: opens the port.
-        now_s: the clock that readings are stamped by, when they come in.
+        now_s: the clock that stamps readings on arrival.
     """
 
     def __init__(self, open_port: Callable[[], BytePort], now_s: Callable[[], float]) -> None:
@@ -40,7 +40,7 @@ class Gps(SensorLife):
         self._retry_s = 0.0
 
     def counts(self) -> dict[str, int]:
-        """Return what came: 'bytes', 'sentences', 'checksum_errors', 'garbage'."""
+        """Return the counters: 'bytes', 'sentences', 'checksum_errors', 'garbage'."""
         lines = self._lines
         return {
             "bytes": self._heard,
@@ -50,10 +50,10 @@ class Gps(SensorLife):
         }
 
     def on_configure(self) -> None:
-        """Open the port. Whether a receiver is there shows when it speaks.
+        """Open the port. A missing receiver is detected only when sentences stay out.
 
         Raises:
-            DeviceError: there is no such port, it is busy, or we may not.
+            DeviceError: there is no such port, it is busy, or permission is missing.
         """
         self.on_close()
         self._port = self._open_port()
@@ -85,7 +85,7 @@ class Gps(SensorLife):
         return Stale(self._why_none(), since_s)
 
     def on_close(self) -> None:
-        """Let go of the port."""
+        """Close the port."""
         port, self._port = self._port, None
         if port is not None:
             port.close()
@@ -132,5 +132,5 @@ class Gps(SensorLife):
 
 
 def _course_rad(course_deg: float | None) -> float | None:
-    """Return a course, clockwise from north, as our yaw: from east, positive to the left."""
+    """Return a course, clockwise from north, as yaw: from east, positive to the left."""
     return None if course_deg is None else wrap_rad(math.radians(90.0 - course_deg))

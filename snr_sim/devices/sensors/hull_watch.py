@@ -1,4 +1,4 @@
-"""What watches over a hull and its battery: a power module that measures voltage and current, and a leak probe."""
+"""Sensors of hull and battery: a power module that measures voltage and current, and a leak probe."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from snr_sim.prelude.signals import LeakReading, PowerReading
 if TYPE_CHECKING:
     import numpy as np
 
-# A module for 60 V and 120 A at a 12-bit converter: its steps follow, its noise is about one of them (our own choice).
+# A module for 60 V and 120 A with a 12-bit converter: steps follow from that; noise is about one (our own choice).
 POWER_MODULE = SensorErrors(
     noise={"voltage_v": 0.015, "current_a": 0.03},
     resolution={"voltage_v": 60.0 / 4096, "current_a": 120.0 / 4096},
@@ -24,10 +24,10 @@ POWER_MODULE = SensorErrors(
 
 @dataclass(frozen=True)
 class PowerModule:
-    """Measures at the battery. More than 120 A it shows as 120 A.
+    """Measures at the battery. It shows more than 120 A as 120 A.
 
     Args:
-        errors: how it measures, by field of a `PowerReading`.
+        errors: by field of a `PowerReading`.
     """
 
     errors: SensorErrors = POWER_MODULE
@@ -46,7 +46,7 @@ class LeakProbe:
     """A sponge between two contacts, low in the hull. Once wet it stays wet.
 
     Args:
-        wets_at_l: litres in the hull that reach it: our own choice.
+        wets_at_l: litres in the hull at which it gets wet: our own choice.
     """
 
     wets_at_l: float = 0.02

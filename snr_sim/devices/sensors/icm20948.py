@@ -1,12 +1,12 @@
 """A real inertial unit: an ICM-20948 on I2C, with its magnetometer (an AK09916 in the same package) and our own filter.
 
-Chosen over a BNO055, which reckons its own attitude: that part stretches the bus's clock, and the Raspberry Pi's I2C
-controllers do not keep to that, so bits of its readings come wrong, without a check sum that would show it (Adafruit,
-"Raspberry Pi I2C clock stretching fixes"). This one never stretches. What is simulated are the numbers of a BNO055 all
-the same (`devices/sensors/imu.py`), with the filter that is used here.
+Chosen over a BNO055, which computes its own attitude: that part stretches the bus's clock, which the Raspberry Pi's I2C
+controllers do not support, so bits of its readings are wrong without a check sum that would show it (Adafruit,
+"Raspberry Pi I2C clock stretching fixes"). This one never stretches. The simulated unit still has the numbers of a
+BNO055 (`devices/sensors/imu.py`), with the filter that is used here.
 
 Rates in 500 deg/s, forces in 4 g, both low-passed at 51 Hz. Calibrate the compass in the finished vehicle: turn it
-about all axes, and give the middle of what the field showed as `hard_iron_ut`.
+about all axes, and pass the centre of the measured field as `hard_iron_ut`.
 
 Source of registers and scales: TDK InvenSense, ICM-20948 data sheet DS-000189 (also of the magnetometer's axes: its y
 and z point the other way).
@@ -47,22 +47,22 @@ OVERFLOW = 0x08
 UT_PER_COUNT = 0.15
 RESET_S = 0.1
 MEND_EVERY_S = 0.25
-_REST = (0.7 * GRAVITY_MPS2, 1.3 * GRAVITY_MPS2)  # what it must feel when it is started
+_REST = (0.7 * GRAVITY_MPS2, 1.3 * GRAVITY_MPS2)  # required specific force at the start
 
 
 class Icm20948(SensorLife):
-    """The unit. Keeps the promise of Sensor; reads `ImuReading` in the body's axes.
+    """The unit. Implements `Sensor`; reads `ImuReading` in the body's axes.
 
     Args:
         open_bus: opens the bus.
-        now_s: the clock that readings are stamped by.
+        now_s: the clock that stamps readings.
         address: 0x69, or 0x68 with its AD0 pin low.
         axes: which of the chip's axes, as printed on it, is the body's x (forward), y (left), z (up): "x", "-y", ...
-        hard_iron_ut: what to take off the field, in the body's axes.
+        hard_iron_ut: subtracted from the field, in the body's axes.
         sleep: waits at the start.
 
     Raises:
-        ParameterError: the axes are no right-handed three.
+        ParameterError: the axes are not right-handed.
     """
 
     def __init__(
@@ -86,14 +86,14 @@ class Icm20948(SensorLife):
         self._mend_s = 0.0
 
     def counts(self) -> dict[str, int]:
-        """Return how often it did not answer, or with what cannot be."""
+        """Return how often it did not answer, or answered with impossible values."""
         return {"errors": self._errors}
 
     def on_configure(self) -> None:
-        """Reset it, set it up, and see whether it is the part, took what was written, and feels gravity.
+        """Reset and initialise it; check its identity, its registers, and that it measures gravity.
 
         Raises:
-            DeviceError: it is not, or does not.
+            DeviceError: a check failed.
         """
         self.on_close()
         self._bus = self._open_bus()
@@ -116,7 +116,7 @@ class Icm20948(SensorLife):
         self._newest = self._measured()
 
     def read(self) -> ImuReading | Stale:
-        """Return what it measures now.
+        """Return a new measurement.
 
         Raises:
             SensorLost: it was closed.
@@ -133,7 +133,7 @@ class Icm20948(SensorLife):
         return self._newest
 
     def on_close(self) -> None:
-        """Let go of the bus."""
+        """Close the bus."""
         bus, self._bus = self._bus, None
         if bus is not None:
             bus.close()
@@ -141,7 +141,7 @@ class Icm20948(SensorLife):
     def _set_up(self) -> None:
         self._write(POWER_1, AUTO_CLOCK)
         self._write(POWER_2, 0)
-        self._write(INT_PIN, BYPASS)  # the magnetometer is on our bus, too
+        self._write(INT_PIN, BYPASS)  # connects the magnetometer to our bus
         self._write(BANK_SELECT, 2 << 4)
         settings = {
             GYRO_DIVIDER: DIVIDER, GYRO_CONFIG: GYRO_500_DPS, ACCEL_DIVIDER: DIVIDER, ACCEL_CONFIG: ACCEL_4_G
@@ -160,10 +160,10 @@ class Icm20948(SensorLife):
         self._opened().write(COMPASS_ADDRESS, COMPASS_MODE, bytes([A_HUNDRED_A_SECOND]))
 
     def _mend(self) -> None:
-        """Set it up again, in case that it was without power."""
+        """Initialise it again, in case it was without power."""
         if self._now_s() >= self._mend_s:
             self._mend_s = self._now_s() + MEND_EVERY_S
-            with suppress(DeviceError):  # it is told already that it does not answer
+            with suppress(DeviceError):  # the missing answer is already reported
                 self._set_up()
 
     def _measured(self) -> ImuReading:
@@ -182,7 +182,7 @@ class Icm20948(SensorLife):
         return ImuReading(rate, force, list(self._field_ut), *roll_pitch_yaw_rad(attitude), at_s)
 
     def _look_at_field(self, status_and_field: bytes) -> None:
-        """Take the field, if there is a new one, and it is not too strong."""
+        """Store the field if it is new and not saturated."""
         ready, x, y, z, _, status = struct.unpack("<B3hBB", status_and_field)
         if ready & 1 and not status & OVERFLOW:
             chip = [x * UT_PER_COUNT, -y * UT_PER_COUNT, -z * UT_PER_COUNT]
@@ -211,7 +211,7 @@ class Icm20948(SensorLife):
 
 
 def is_right_handed(axes: Sequence[str]) -> bool:
-    """Return whether these are three axes, as a right hand has them."""
+    """Return whether these are three axes of a right-handed frame."""
     try:
         return bool(_right_handed(axes))
     except ParameterError:
@@ -219,7 +219,7 @@ def is_right_handed(axes: Sequence[str]) -> bool:
 
 
 def _right_handed(axes: Sequence[str]) -> list[tuple[int, float]]:
-    """Return for each axis of the body which of the chip's it is, and its sign.
+    """Return for each axis of the body the index and sign of the chip's axis.
 
     >>> _right_handed(("y", "-x", "z"))
     [(1, 1.0), (0, -1.0), (2, 1.0)]

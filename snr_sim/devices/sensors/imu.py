@@ -1,14 +1,14 @@
-"""An inertial unit that fuses its own attitude, with the numbers of a BNO055.
+"""An inertial unit that computes its own attitude, with the numbers of a BNO055.
 
     true rate, force and field --> errors --> rate_radps, specific_force_mps2, field_ut
                                                 `--> MahonyFilter --> roll_rad, pitch_rad, yaw_rad
 
-The attitude comes of what is measured, with its errors, and of nothing else: a long acceleration tilts it, and iron
-or a thruster's current nearby turns its heading, by the angle that this turns the level field. The filter is ours, as
-the part's own is not published; it runs with each reading, where the part's runs 100 times a second.
+The attitude depends only on the measurements with their errors: a long acceleration tilts it, and iron or a thruster's
+current nearby turns its heading by the angle that it turns the level field. The filter is ours, as the part's own is
+not published; it runs with each reading, while the part's runs 100 times a second.
 
-[D] data sheet; [O] our own choice or estimate. The magnetometer tells as often as the rest, where the real one is five
-times slower.
+[D] data sheet; [O] our own choice or estimate. The magnetometer reports at the rate of the others; the real one is
+five times slower.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ BNO055 = SensorErrors(
         "field_ut": 0.3,  # [D]
     },
     wander={
-        "rate_radps": Wander(0.05 * _DEG, 300.0),  # what is left of the bias that its fusion takes out [O]
-        # What is left after calibration [O]: at rest, up is .05 / 9.81 = 0.3 degrees off, and the heading is known to
+        "rate_radps": Wander(0.05 * _DEG, 300.0),  # rest of the bias that its fusion removes [O]
+        # Error after calibration [O]: at rest, up is .05 / 9.81 = 0.3 degrees off, and the heading is known to
         # 2.5 degrees [O], taken for two standard deviations. In the field of 50 degrees north, 20 uT level and 44 down,
         # one of them is hypot(.37 / 20, .05 / 9.81 * 44 / 20) = .0216 rad.
         "specific_force_mps2": Wander(0.05),
@@ -53,15 +53,15 @@ BNO055 = SensorErrors(
     },
     limits={
         "rate_radps": (-2000.0 * _DEG, 2000.0 * _DEG),  # [D]
-        "specific_force_mps2": (-39.2, 39.2),  # 4 g, as its fusion sets it [D]
+        "specific_force_mps2": (-39.2, 39.2),  # 4 g, as set by its fusion [D]
     },
     delay_s=0.01,  # one period of its fusion [O]
-    period_s=0.01,  # its fusion tells 100 times a second [D]
+    period_s=0.01,  # its fusion reports 100 times a second [D]
 )
 
 
 class Measured(msgspec.Struct, frozen=True):
-    """What the unit's three sensors measure: fields of an `ImuReading`."""
+    """Measurements of the unit's three sensors: fields of an `ImuReading`."""
 
     rate_radps: list[float]
     specific_force_mps2: list[float]
@@ -74,8 +74,8 @@ class InertialUnit:
     """The part.
 
     Args:
-        errors: how its sensors measure, by field of `Measured`. Those of its angles follow.
-        angle_step_rad: that angles are rounded to; 0 is not at all.
+        errors: of its sensors, by field of `Measured`. Those of its angles follow from them.
+        angle_step_rad: step that angles are rounded to; 0: none.
     """
 
     errors: SensorErrors = BNO055

@@ -1,11 +1,11 @@
-"""The MS5837-30BA pressure sensor (Bar30): what it resolves, how long it takes, and depth from its pressure.
+"""The MS5837-30BA pressure sensor (Bar30): resolution, conversion time, and depth from its pressure.
 
-More oversampling takes longer and is less noisy. A sensor is off by up to a fifth of a bar when it is new, which is two
-metres of water: so whoever dives sets it to zero first.
+More oversampling takes longer and is less noisy. The offset of a new sensor is up to a fifth of a bar, which is two
+metres of water: so zero it before a dive.
 
 Source: TE Connectivity, MS5837-30BA data sheet (10/2015; C2 of 12/2019): conversion times, and "resolution RMS" of
 pressure by oversampling, which is the standard deviation here. That of 512 and 1024 is from memory, the other four were
-read again. Temperature's, 2 to 9 thousandths of a degree, is less than the step that it is told in and left out.
+read again. Temperature's, 2 to 9 thousandths of a degree, is below the step of its reading and left out.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 NOISE_PA = {256: 157.0, 512: 84.0, 1024: 54.0, 2048: 38.0, 4096: 28.0, 8192: 20.0}  # by oversampling
 OVERSAMPLING = tuple(NOISE_PA)
-CONVERSION_S_PER_SAMPLE = 2.2e-6  # one conversion, at most; a measurement is two: pressure, then temperature
+CONVERSION_S_PER_SAMPLE = 2.2e-6  # one conversion, at most; a measurement has two: pressure, then temperature
 RESOLUTION_PA = 10.0  # a tenth of a millibar, the last digit of the data sheet's P: 1 mm of water
 RESOLUTION_C = 0.01
 LIMITS_PA = (0.0, 3_000_000.0)
@@ -36,26 +36,26 @@ OFFSET_PA = 5_000.0  # half of the usual range: our estimate
 
 
 class Water(Protocol):
-    """What a plant's output must tell of the water at the sensor."""
+    """Plant output with the state of the water at the sensor."""
 
     @property
     def pressure_pa(self) -> float:
-        """Absolute."""
+        """Absolute pressure."""
         ...
 
     @property
     def temperature_c(self) -> float:
-        """Of the water."""
+        """Temperature of the water."""
         ...
 
     @property
     def stamp_s(self) -> float:
-        """When."""
+        """Time of the state."""
         ...
 
 
 class Pressure(msgspec.Struct, frozen=True):
-    """What the sensor feels."""
+    """The quantities that the sensor measures."""
 
     pressure_pa: float
     temperature_c: float
@@ -68,7 +68,7 @@ def depth_m(
     density_kgm3: float = FRESH_KGM3,
     gravity_mps2: float = GRAVITY_MPS2,
 ) -> float:
-    """Return the depth at a pressure, positive down, in water that does not give way.
+    """Return the depth at a pressure, positive down, in incompressible water.
 
     >>> round(depth_m(399_980.0, 101_300.0, 997.0, 9.80665), 3)  # with the numbers of its maker's own library
     30.549
@@ -78,21 +78,21 @@ def depth_m(
 
 @dataclass(frozen=True)
 class Ms5837:
-    """How the sensor is used.
+    """Settings of the sensor.
 
-    It reads the true depth where it is told the water that it is in. Surface, density and gravity are those of a pool
-    unless either is told otherwise: to a `Pool(density_kgm3=1026.0)` belongs an `Ms5837(density_kgm3=1026.0)`.
+    It reads the true depth if it has the parameters of the water that it is in. Surface, density and gravity are those
+    of a pool by default: for a `Pool(density_kgm3=1026.0)` use an `Ms5837(density_kgm3=1026.0)`.
 
     Args:
-        oversampling: samples that make a measurement; more are slower and less noisy.
-        is_zeroed: somebody set it to zero at the surface, before the dive. If not, it has the offset it was made with.
-        surface_pa: what it takes for the pressure at the surface.
-        density_kgm3: what it takes for the water's density.
-        gravity_mps2: what it takes for gravity.
+        oversampling: samples per measurement; more are slower and less noisy.
+        is_zeroed: it was zeroed at the surface before the dive. If not, it has its offset from production.
+        surface_pa: pressure at the surface that it assumes.
+        density_kgm3: density of the water that it assumes.
+        gravity_mps2: gravity that it assumes.
         noise_pa: standard deviation of a measurement; None: the data sheet's for the oversampling.
 
     Raises:
-        ParameterError: the sensor has no such oversampling, or there is no such water.
+        ParameterError: the sensor does not have this oversampling, or a number of the water is out of range.
     """
 
     oversampling: int = 8192
@@ -117,12 +117,12 @@ class Ms5837:
 
     @property
     def period_s(self) -> float:
-        """How long one measurement of pressure and temperature takes."""
+        """Time of one measurement of pressure and temperature."""
         return 2.0 * CONVERSION_S_PER_SAMPLE * self.oversampling
 
     @property
     def errors(self) -> SensorErrors:
-        """How it measures. What is told was measured while the conversions ran, so it is a conversion old."""
+        """Errors of the reading. It was measured while the conversions ran, so it is a conversion old."""
         return SensorErrors(
             noise={"pressure_pa": NOISE_PA[self.oversampling] if self.noise_pa is None else self.noise_pa},
             resolution={"pressure_pa": RESOLUTION_PA, "temperature_c": RESOLUTION_C},
@@ -138,7 +138,7 @@ class Ms5837:
         return DepthReading(depth, felt.pressure_pa, felt.temperature_c, felt.stamp_s)
 
     def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
-        """Open the sensor in a plant, at an output that tells of the water (`Water`)."""
+        """Open the sensor in a plant, at an output with the state of the water (`Water`)."""
         return SimSensor(plant, output, self.errors, rng, _felt, self.reading)
 
 

@@ -1,8 +1,8 @@
-"""The real MS5837-30BA on an I2C bus: the part that `devices/sensors/ms5837.py` describes, and simulates.
+"""The real MS5837-30BA on an I2C bus: the part that `devices/sensors/ms5837.py` simulates.
 
-A conversion takes 18 ms at the highest oversampling, and nobody waits for it: each `read` takes what has been converted
-and starts the next one. Temperature, which changes slowly, is measured in one of ten. The surface is where it is
-switched on: the first measurement is taken for it, if it can be one of air.
+A conversion takes 18 ms at the highest oversampling, and no call waits for it: each `read` fetches the finished
+conversion and starts the next one. Temperature, which changes slowly, is measured in one of ten. Depth 0 is where it
+is switched on: the first measurement is the surface pressure, if it is in the range of air.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from snr_sim.prelude.life_cycle import SensorLife
 from snr_sim.prelude.signals import DepthReading
 
 ADDRESS = 0x76
-CONVERSION_S_PER_SAMPLE = 2.5e-6  # 2.2 at most, and a little
+CONVERSION_S_PER_SAMPLE = 2.5e-6  # 2.2 at most, plus a margin
 RESET_S = 0.01
 STALE_S = 0.5
 TEMPERATURE_EVERY = 10
-AIR_PA = (85_000.0, 108_500.0)  # of the sea's highest, and of a town at 1400 m
-_NOTHING, _RESET, _PRESSURE, _TEMPERATURE = "nothing", "reset", "pressure", "temperature"  # what it is busy with
+AIR_PA = (85_000.0, 108_500.0)  # highest at sea level, and of a town at 1400 m
+_NOTHING, _RESET, _PRESSURE, _TEMPERATURE = "nothing", "reset", "pressure", "temperature"  # the command in progress
 _PLAUSIBLE_PA = (20_000.0, 3_100_000.0)
 
 
 class Ms5837I2c(SensorLife):
-    """The sensor. Keeps the promise of Sensor; reads `DepthReading`.
+    """The sensor. Implements `Sensor`; reads `DepthReading`.
 
     Args:
         open_bus: opens the bus.
-        now_s: the clock that readings are stamped by.
-        part: how it is used. If it `is_zeroed`, the pressure at the start is taken for the surface's.
+        now_s: the clock that stamps readings.
+        part: its settings. If it `is_zeroed`, the pressure at the start is the surface pressure.
         address: it has only one.
         sleep: waits at the start.
     """
@@ -61,14 +61,14 @@ class Ms5837I2c(SensorLife):
         self._why = ""
 
     def counts(self) -> dict[str, int]:
-        """Return how often it did not answer, or with what cannot be."""
+        """Return how often it did not answer, or answered with impossible values."""
         return {"errors": self._errors}
 
     def on_configure(self) -> None:
         """Reset it and read its calibration.
 
         Raises:
-            DeviceError: nobody answers, or the calibration's check sum is wrong.
+            DeviceError: no device answers, or the calibration's check sum is wrong.
         """
         self.on_close()
         self._bus = self._open_bus()
@@ -88,7 +88,7 @@ class Ms5837I2c(SensorLife):
         self._newest = None
 
     def on_activate(self) -> None:
-        """Take the first measurement, and it for the surface if it can be that."""
+        """Take the first measurement; use it as surface pressure if it is in the range of air."""
         felt = self._felt(self._waited_for())
         if self._surface_pa is None and self._part.is_zeroed and AIR_PA[0] <= felt.pressure_pa <= AIR_PA[1]:
             self._surface_pa = felt.pressure_pa
@@ -97,7 +97,7 @@ class Ms5837I2c(SensorLife):
         self._convert(_PRESSURE)
 
     def read(self) -> DepthReading | Stale:
-        """Return the newest reading; take what has been converted since, and start the next one.
+        """Return the newest reading; fetch the finished conversion, and start the next one.
 
         Raises:
             SensorLost: it was closed.
@@ -117,7 +117,7 @@ class Ms5837I2c(SensorLife):
         return newest
 
     def on_close(self) -> None:
-        """Let go of the bus."""
+        """Close the bus."""
         bus, self._bus = self._bus, None
         if bus is not None:
             bus.close()
@@ -125,7 +125,7 @@ class Ms5837I2c(SensorLife):
     def _look(self) -> None:
         if self._now_s() < self._due_s:
             return
-        if self._pending == _NOTHING:  # it may have lost its power, so it is begun with anew
+        if self._pending == _NOTHING:  # it may have lost its power, so it starts again
             self._command(wire.RESET)
             self._waits_for(_RESET, RESET_S)
             return
@@ -155,7 +155,7 @@ class Ms5837I2c(SensorLife):
 
     def _raw(self) -> int:
         raw = int.from_bytes(self._opened().read(self._address, wire.READ_ADC, wire.ADC_BYTES), "big")
-        if raw == 0:  # what it answers when there is no finished conversion
+        if raw == 0:  # its answer when there is no finished conversion
             raise DeviceError(f"{self.title} has converted nothing.", fix="its power: was it reset under way?")
         return raw
 

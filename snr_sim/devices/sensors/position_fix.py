@@ -1,4 +1,4 @@
-"""Where a vehicle is, as an observer above sees it. The vehicle does not know it by itself."""
+"""Position of a vehicle, as an observer above sees it. The vehicle cannot measure it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import msgspec
 from snr_sim.devices.sensors.sensor_errors import SensorErrors
 from snr_sim.prelude.angles import roll_pitch_yaw_rad
 
-# A person sees to about a hand's breadth, some times a second, and needs a moment: our own choice.
+# A person sees to about the width of a hand, some times a second, with a delay: our own choice.
 POSITION_FIX_ERRORS = SensorErrors(
     noise={"position_m": 0.03, "yaw_rad": 0.03},
     delay_s=0.2,
@@ -18,12 +18,12 @@ POSITION_FIX_ERRORS = SensorErrors(
 
 
 class PositionFix(msgspec.Struct, frozen=True):
-    """Where it is.
+    """Position and heading.
 
     Args:
         position_m: [x, y, z], world frame.
-        yaw_rad: where it points.
-        stamp_s: when.
+        yaw_rad: heading.
+        stamp_s: time of the fix.
     """
 
     position_m: list[float]

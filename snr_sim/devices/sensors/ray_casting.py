@@ -1,10 +1,10 @@
-"""A picture of a plant's scene, one ray for each pixel, in numpy alone.
+"""Image of a plant's scene, one ray per pixel, in numpy alone.
 
-Why not MuJoCo's own: that one needs OpenGL and a driver, which a Raspberry Pi or a server without a screen may lack,
-and each driver rounds in its own way. Here all is addition, multiplication, division and roots, which IEEE 754 rounds
-alike on every machine; so neither matrix products nor `exp`, which it does not. 64 x 48 pixels take about 10 ms.
+MuJoCo's renderer needs OpenGL and a driver, which a Raspberry Pi or a server without a screen may lack, and each driver
+rounds differently. This one uses only addition, multiplication, division and roots, which IEEE 754 rounds alike on
+every machine; matrix products and `exp` are avoided, as their rounding differs. 64 x 48 pixels take about 10 ms.
 
-Seen is what `scene()` says does not move. Water takes red first and green later, and veils what is far.
+It shows the static part of `scene()`. Water absorbs red first and green later, and veils what is far.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ Floats: TypeAlias = npt.NDArray[np.float64]
 Image: TypeAlias = npt.NDArray[np.uint8]
 Point: TypeAlias = tuple[float, float, float]
 
-# Red, green and blue light that pure water takes for each metre: at 650, 550 and 450 nm. Source: Pope and Fry, Applied
-# Optics 36 (1997). Light goes down to what is seen, and then to the camera.
+# Absorption of red, green and blue light in pure water per metre: at 650, 550 and 450 nm. Source: Pope and Fry, Applied
+# Optics 36 (1997). Light travels down to the object, and then to the camera.
 ABSORBED_PER_M = (0.340, 0.0565, 0.0092)
-# What is between camera and thing scatters light, too: our choice, for a clean pool.
+# The water between camera and object scatters light, too: our choice, for a clean pool.
 VEILED_PER_M = 0.06
 VEIL_RGB = (90.0, 150.0, 175.0)
-STEEP_SHADE = 0.3  # so much darker is an upright face than a level one: our choice
+STEEP_SHADE = 0.3  # brightness of an upright face relative to a level one: our choice
 NEAREST_M = 0.01
 _BOX = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))  # corners, by bits of xyz
 
 
 class Rays:
-    """One ray for each pixel, from one point.
+    """One ray per pixel, from one point.
 
     Args:
-        eye_m: where they begin.
+        eye_m: their origin.
         ways: x, y and z of each ray's direction, each of shape (n,), world frame; 1 m along the camera's axis.
         pixel: width of a pixel, 1 m away.
     """
@@ -43,11 +43,11 @@ class Rays:
         self.eye_m, self.ways, self.pixel = eye_m, ways, pixel
         x, y, z = ways
         self.lengths: Floats = np.sqrt(x * x + y * y + z * z)
-        self.depths: Floats = np.full(x.shape, np.inf)  # of what is hit first, along the camera's axis
+        self.depths: Floats = np.full(x.shape, np.inf)  # of the first hit, along the camera's axis
         self.colors: Floats = np.zeros((*x.shape, 3))
 
     def meet_triangle(self, a: Point, b: Point, c: Point, rgb: list[float]) -> None:
-        """Hit a flat triangle, whichever side it shows."""
+        """Hit a flat triangle from either side."""
         normal = _cross(_less(b, a), _less(c, a))
         square = _dot(normal, normal)
         if square == 0.0:
@@ -57,13 +57,13 @@ class Rays:
         inside = depths > NEAREST_M
         for start, end in ((a, b), (b, c), (c, a)):
             inward = _cross(normal, _less(end, start))
-            # A little over the edge still counts, so that no ray gets through between two neighbours.
+            # The edge is widened a little, so that no ray passes between two neighbours.
             inside &= _dot(_less(spot, start), inward) >= -1e-9 * square
         level = abs(normal[2]) / square**0.5
         self._hit(inside, depths, [value * (1.0 - STEEP_SHADE * (1.0 - level)) for value in rgb])
 
     def meet_line(self, a: Point, b: Point, radius_m: float, rgb: list[float]) -> None:
-        """Hit a round bar. One that is thinner than a pixel is shown as wide as that, or it would flicker."""
+        """Hit a round bar. One that is thinner than a pixel is drawn one pixel wide, or it would flicker."""
         along, to_eye = _less(b, a), _less(self.eye_m, a)
         length2 = _dot(along, along)
         if length2 == 0.0:
@@ -75,7 +75,7 @@ class Rays:
         shares = np.clip(np.where(spread > 0.0, shares, 0.0), 0.0, 1.0)
         depths = (shares * slant - _dot(self.ways, to_eye)) / (self.lengths * self.lengths)
         gaps = [e + depths * way - shares * u for e, way, u in zip(to_eye, self.ways, along, strict=True)]
-        # Half a pixel, and a little more: of a bar just between two rows, one of them at least must show it.
+        # Half a pixel, and a little more: a bar just between two rows must show in at least one.
         reach = np.maximum(radius_m, 0.505 * self.pixel * depths * self.lengths)
         self._hit((depths > NEAREST_M) & (_dot(gaps, gaps) <= reach * reach), depths - reach, rgb)
 
@@ -85,7 +85,7 @@ class Rays:
         self.colors[first] = rgb
 
     def through_water(self, veiled_per_m: float = VEILED_PER_M) -> Image:
-        """Return what arrives at the eye, shape (n, 3), through water that scatters so much for each metre."""
+        """Return the light at the eye, shape (n, 3), through water with this scattering per metre."""
         is_hit = np.isfinite(self.depths)
         depths = np.where(is_hit, self.depths, 0.0)
         way_m = depths * self.lengths
@@ -100,7 +100,7 @@ class Rays:
 
 
 def meet_scene(rays: Rays, statics: dict[str, Any]) -> None:
-    """Let rays hit the shapes of a scene; `prelude/plant.py` says which there are."""
+    """Intersect rays with the shapes of a scene; `prelude/plant.py` lists the kinds."""
     for shape in statics.values():
         rgb = [float(value) for value in shape["rgb"]]
         if shape["kind"] == "polyline":

@@ -1,6 +1,6 @@
-"""How sensors spoil what they measure: noise, errors that stay for a while, limits, steps, and age.
+"""Errors of sensors: noise, bias and drift, limits, resolution, and delay.
 
-What is true goes through them in this order: what stays, noise, limits, steps. Age and rate are `SimSensor`'s own.
+They apply to the true value in this order: bias and drift, noise, limits, resolution. `SimSensor` adds delay and rate.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from snr_sim.prelude.errors import ParameterError, nearest
 if TYPE_CHECKING:
     import numpy as np
 
-SMOOTHNESS = 500.0  # an error that wanders takes so many steps in its time: each is of 6 % of its size
-NOISE_BLOCK = 256  # drawn at once: one number at a time costs 40 times as much
+SMOOTHNESS = 500.0  # steps of a drifting error within its correlation time: each is 6 % of its sigma
+NOISE_BLOCK = 256  # drawn at once: single draws cost 40 times as much
 
 
 @dataclass(frozen=True)
 class Wander:
-    """An error that stays for a while: a bias, or one that drifts (a Gauss-Markov process of first order).
+    """A slow error: a constant bias, or one that drifts (a Gauss-Markov process of first order).
 
     Args:
         sigma: its standard deviation, from the first reading on, in the field's unit.
-        time_s: after which it has forgotten itself to 1/e; endless for a bias that is another in every run.
+        time_s: correlation time, after which it has decayed to 1/e; infinite for a bias that is constant in a run.
     """
 
     sigma: float
@@ -35,15 +35,15 @@ class Wander:
 
 @dataclass(frozen=True)
 class SensorErrors:
-    """How a sensor spoils what it measures. Empty: not at all. Of a list, each number has an error of its own.
+    """Errors of a sensor. Empty: none. Each number of a list has an error of its own.
 
     Args:
         noise: standard deviation by field, in the field's unit.
         resolution: step that values are rounded to, by field.
         delay_s: how old a reading is when it is read.
-        wander: errors that stay for a while, by field.
-        limits: least and most that the part can measure, by field.
-        period_s: between two measurements; whoever reads more often gets the same reading again.
+        wander: bias and drift, by field.
+        limits: measuring range, by field.
+        period_s: between two measurements; reading more often returns the same reading again.
 
     Raises:
         ParameterError: a number is negative or not finite.
@@ -73,17 +73,17 @@ class SensorErrors:
 
     @property
     def fields(self) -> set[str]:
-        """All fields that it spoils."""
+        """All fields with errors."""
         return {*self.noise, *self.resolution, *self.wander, *self.limits}
 
 
 class Spoiler:
-    """Spoils readings of one kind.
+    """Adds errors to readings of one kind.
 
     Args:
         sample: one of them, a msgspec Struct of two fields or more.
-        errors: what is done to them.
-        rng: chance behind it.
+        errors: the errors to add.
+        rng: their random generator.
         name: of the sensor, for errors.
 
     Raises:
@@ -137,7 +137,7 @@ class Spoiler:
 
 
 class _Field:
-    """What is done to one field of a reading."""
+    """Errors of one field of a reading."""
 
     def __init__(self, place: int, sample: Any, name: str, errors: SensorErrors) -> None:
         self.place = place
@@ -151,7 +151,7 @@ class _Field:
 
 
 class _Wandering:
-    """An error of one field that stays for a while."""
+    """A slow error of one field."""
 
     def __init__(self, wander: Wander) -> None:
         self._wander = wander
@@ -160,7 +160,7 @@ class _Wandering:
         self._patience_s = wander.time_s / SMOOTHNESS
 
     def added_to(self, value: Any, stamp_s: float, draw: Callable[[], float]) -> Any:
-        """Return a value or a list of them with the error of a moment."""
+        """Return a value or a list of them with the error at a time."""
         if not self._errors:
             sigma = self._wander.sigma
             self._errors = [sigma * draw() for _ in (value if isinstance(value, list) else [value])]

@@ -1,1 +1,1 @@
-"""Bytes only: how what a device says is cut into frames and read. No port is opened here."""
+"""Byte formats of devices: framing, encoding and decoding, and the ports and buses that carry them."""

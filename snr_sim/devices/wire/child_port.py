@@ -1,4 +1,4 @@
-"""A port to a process of our own: messages to it and from it, and the end of it as a cable that was pulled."""
+"""A port to a child process: messages in both directions; its end looks like a pulled cable."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ Message = TypeVar("Message")
 
 
 class ChildPort(Generic[Message]):
-    """A fresh Python that runs one function of the library. No call waits for it but `wait` and `close`.
+    """A new Python process that runs one function of the library. Only `wait` and `close` block.
 
-    It is in a group of its own, so that Ctrl-C at a terminal does not reach it; it sees the end of this program,
-    however that comes, as the end of its line.
+    It has its own process group, so that Ctrl-C at a terminal does not reach it. When this program ends in any way, its
+    line closes.
 
     Args:
-        target: "module:function", called there with the Connection to here.
-        receive: returns the next message from a Connection. One is far shorter than what fits into the line.
+        target: "module:function", called there with its end of the Connection.
+        receive: returns the next message from a Connection. A message is far shorter than the pipe's buffer.
     """
 
     def __init__(self, target: str, receive: Callable[[Connection], Message]) -> None:
@@ -35,7 +35,7 @@ class ChildPort(Generic[Message]):
 
     @property
     def pid(self) -> int:
-        """Its number."""
+        """Process id."""
         return self._process.pid
 
     def write(self, message: bytes) -> None:
@@ -52,7 +52,7 @@ class ChildPort(Generic[Message]):
             raise self._ended() from error
 
     def read(self) -> list[Message]:
-        """Return the messages that have come.
+        """Return the messages that have arrived.
 
         Raises:
             DeviceError: the process has ended.
@@ -67,11 +67,11 @@ class ChildPort(Generic[Message]):
         return messages
 
     def wait(self, seconds: float) -> bool:
-        """Return whether a message has come, or the end."""
+        """Return whether a message, or the end of the process, has arrived."""
         return self._line.poll(seconds)
 
     def close(self) -> None:
-        """End its line, and so it."""
+        """Close its line, which ends the process."""
         self._line.close()
         try:
             self._process.wait(END_S)

@@ -1,6 +1,6 @@
-"""COBS: bytes without a zero among them, so that a zero can say where a frame ends.
+"""COBS: encodes bytes without zeros, so that a zero can mark the end of a frame.
 
-Whoever listens in the middle, or misses a byte, is right again after the next zero. It costs one byte in 254.
+A receiver that starts in the middle or misses a byte is synchronised again at the next zero. Overhead: 1 byte in 254.
 
 Source: S. Cheshire, M. Baker, "Consistent Overhead Byte Stuffing", IEEE/ACM Transactions on Networking 7 (1999).
 """
@@ -9,15 +9,15 @@ from __future__ import annotations
 
 from snr_sim.prelude.errors import DeviceError
 
-_LONGEST = 254  # bytes without a zero that one count can announce
+_LONGEST = 254  # bytes without a zero that one count can cover
 
 
 class CobsError(DeviceError):
-    """Bytes that no encoder has made."""
+    """Bytes that an encoder cannot produce."""
 
 
 def encode(data: bytes) -> bytes:
-    """Return the data without zeros: before each run of other bytes stands how far it is to the next zero.
+    """Return the data without zeros: each run of other bytes starts with the distance to the next zero.
 
     The zero that ends the frame is not among them.
 
@@ -36,15 +36,15 @@ def encode(data: bytes) -> bytes:
         encoded.append(len(run) - start + 1)
         encoded += run[start:]
     if is_full:
-        encoded.pop()  # the data ended with 254 bytes at a stretch: nothing is left to announce
+        encoded.pop()  # the data ended with a full run of 254 bytes: the last count is not needed
     return bytes(encoded)
 
 
 def decode(encoded: bytes) -> bytes:
-    """Return what was encoded.
+    """Return the decoded bytes.
 
     Raises:
-        CobsError: a zero stands in it, or a count goes beyond its end.
+        CobsError: it contains a zero, or a count points beyond its end.
 
     >>> decode(bytes.fromhex("02 11 02 22")).hex(" ")
     '11 00 22'

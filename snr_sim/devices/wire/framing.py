@@ -1,4 +1,4 @@
-"""Frames among bytes: each with a check sum, in COBS, ended by a zero. Whatever is not one is dropped and counted.
+"""Frames in a byte stream: each with a check sum, in COBS, ended by a zero. Other bytes are dropped and counted.
 
 body --> body, CRC-16/XMODEM (high byte first) --> COBS --> a zero
 """
@@ -24,13 +24,13 @@ def framed(body: bytes) -> bytes:
 
 
 class FrameReader:
-    """Bytes in, bodies out, however they are cut and whatever else is among them. Never raises, never grows.
+    """Decoder from bytes to bodies, for chunks of any size with other bytes among them. Never raises, never grows.
 
     Args:
         most_bytes: of a frame, between two zeros.
 
     Attributes:
-        crc_errors: frames that were damaged: no COBS, or another check sum than they carry.
+        crc_errors: frames that were damaged: invalid COBS, or a wrong check sum.
         overlong: runs of bytes without a zero, longer than any frame: another baud rate, another device.
     """
 
@@ -38,10 +38,10 @@ class FrameReader:
         self.crc_errors = self.overlong = 0
         self._most = most_bytes
         self._rest = bytearray()
-        self._skips = False  # inside something overlong
+        self._skips = False  # inside an overlong run
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take bytes as they come; return the bodies that are complete, at least one byte long.
+        """Add received bytes; return the bodies that are complete, at least one byte long.
 
         >>> frames = FrameReader(96)
         >>> frames.feed(bytes.fromhex("99 99 00 03 03 01 03 6a")), frames.feed(bytes.fromhex("61 00"))
@@ -75,7 +75,7 @@ class FrameReader:
         except CobsError:
             self.crc_errors += 1
             return None
-        # With its check sum behind it, a frame's check sum is zero.
+        # The CRC over a body and its own CRC is zero.
         if len(checked) <= _CRC_BYTES or crc_hqx(checked, 0) != 0:
             self.crc_errors += 1
             return None

@@ -1,7 +1,7 @@
-"""I2C buses: the only door to smbus2, and words for what is wrong with a bus or with who should be on it.
+"""I2C buses: the only module that imports smbus2, and error messages for a bus or a missing device.
 
-Only the SMBus calls that every adapter has are used (a byte, a block of at most 32 bytes behind a register): they work
-with the Raspberry Pi's own controller, with a bus on two ordinary pins, and with the kernel's stand-ins.
+Only the SMBus calls that every adapter supports are used (a byte, a block of at most 32 bytes behind a register): they
+work with the Raspberry Pi's own controller, with a bit-banged bus on two GPIO pins, and with the kernel's stubs.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from snr_sim.devices.wire.permission import how_to_use
 from snr_sim.prelude.errors import DeviceError, MissingExtra
 
 MOST_BYTES = 32  # of one SMBus block
-_FIRST, _LAST = 0x08, 0x77  # addresses outside are reserved
-_NOBODY = (errno.EREMOTEIO, errno.ENXIO, errno.EIO)  # no acknowledge, as different adapters say it
+_FIRST, _LAST = 0x08, 0x77  # other addresses are reserved
+_NOBODY = (errno.EREMOTEIO, errno.ENXIO, errno.EIO)  # no acknowledge, as different adapters report it
 
 
 class RawBus(Protocol):
-    """What is used of `smbus2.SMBus`; a test gives its own."""
+    """The part of `smbus2.SMBus` in use; a test passes its own."""
 
     def read_byte(self, i2c_addr: int) -> int:
         """Read a byte without naming a register."""
@@ -45,15 +45,15 @@ class RawBus(Protocol):
 
 
 class I2cBus:
-    """A bus, as one device sees it. Others may have it open, too: the kernel lets them speak in turn.
+    """A bus, as one device uses it. Other users may have it open, too: the kernel serialises transfers.
 
     Args:
         number: 1 for /dev/i2c-1, the one on a Raspberry Pi's pins 3 and 5.
-        open_raw: opens what is behind it.
+        open_raw: opens the underlying bus.
 
     Raises:
         MissingExtra: smbus2 is not installed.
-        DeviceError: there is no such bus, or we may not use it.
+        DeviceError: there is no such bus, or permission is missing.
     """
 
     def __init__(self, number: int, open_raw: Callable[[int], RawBus] | None = None) -> None:
@@ -74,7 +74,7 @@ class I2cBus:
         """Return a block.
 
         Raises:
-            DeviceError: nobody acknowledges, the bus hangs, or the block is not whole.
+            DeviceError: no device acknowledges, the bus hangs, or the block is incomplete.
         """
         try:
             block = bytes(self._raw.read_i2c_block_data(address, register, length))
@@ -102,19 +102,19 @@ class I2cBus:
             raise self._why_not(address, error) from error
 
     def who_answers(self) -> list[int]:
-        """Return the addresses that acknowledge. Asks each of them, which takes some 20 ms."""
+        """Return the addresses that acknowledge. Queries each of them, which takes some 20 ms."""
         found = []
         for address in range(_FIRST, _LAST + 1):
             try:
                 self._raw.read_byte(address)
             except OSError as error:
-                if error.errno != errno.EBUSY:  # a driver of the kernel has it, so somebody is there
+                if error.errno != errno.EBUSY:  # a kernel driver has the address, so a device is there
                     continue
             found.append(address)
         return found
 
     def close(self) -> None:
-        """Let go of the bus. Never raises; safe to call twice."""
+        """Close the bus. Never raises; safe to call twice."""
         self._raw.close()
 
     def _why_not(self, address: int, error: OSError) -> DeviceError:

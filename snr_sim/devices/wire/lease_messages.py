@@ -1,7 +1,7 @@
-"""What a program and the supervisor of its outputs say to each other over a `multiprocessing` connection.
+"""Messages between a program and the supervisor of its outputs over a `multiprocessing` connection.
 
-Each message is JSON, never a pickle; nobody takes more than `MOST_BYTES`. Times are of the computer's clock
-that all its processes share (CLOCK_MONOTONIC), so that a lease which waited in the pipe is as old as it is.
+Each message is JSON, never a pickle; neither end accepts more than `MOST_BYTES`. Times are of the computer's clock
+that all its processes share (CLOCK_MONOTONIC), so the age of a lease includes its time in the pipe.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class Open(msgspec.Struct, frozen=True, tag=True):
 
     Args:
         opener: "module:function"; called with `args` it returns a PwmOut.
-        args: of it.
+        args: its arguments.
     """
 
     opener: str
@@ -30,7 +30,7 @@ class Open(msgspec.Struct, frozen=True, tag=True):
 
 
 class Arm(msgspec.Struct, frozen=True, tag=True):
-    """Begins to arm."""
+    """Starts arming."""
 
 
 class Disarm(msgspec.Struct, frozen=True, tag=True):
@@ -40,13 +40,13 @@ class Disarm(msgspec.Struct, frozen=True, tag=True):
 
 
 class Lease(msgspec.Struct, frozen=True, tag=True):
-    """Asks for pulses, for a while.
+    """Requests pulses for a limited time.
 
     Args:
         seq: counts up.
         pulses_us: one for each channel.
         stamp_s: when the command was computed.
-        lease_s: how long it counts from then on.
+        lease_s: how long it is valid from then on.
     """
 
     seq: int
@@ -60,16 +60,16 @@ class Close(msgspec.Struct, frozen=True, tag=True):
 
 
 class Answer(msgspec.Struct, frozen=True, tag=True):
-    """To each order one.
+    """Reply to one order.
 
     Args:
         seq: of the newest lease.
         state: of the outputs, as in Health.
         why: as in Health.
-        pulses_us: that are made.
-        reasons: why they are not as told.
+        pulses_us: the applied pulses.
+        reasons: why they differ from the command.
         counts: as in Health.
-        fix: if the order failed: what to try.
+        fix: if the order failed, what to try.
     """
 
     seq: int
@@ -103,7 +103,7 @@ def decode(body: bytes) -> Message:
     """Return the message that `encode` wrote.
 
     Raises:
-        DeviceError: that is no message.
+        DeviceError: the bytes are not a message.
 
     >>> decode(b'{"type":"Arm"}')
     Arm()
@@ -118,7 +118,7 @@ def receive(connection: Connection) -> Message:
     """Return the next message from a connection.
 
     Raises:
-        EOFError, OSError: the other process has gone, or sends more than `MOST_BYTES`.
-        DeviceError: that is no message.
+        EOFError, OSError: the other process has ended, or sent more than `MOST_BYTES`.
+        DeviceError: the bytes are not a message.
     """
     return decode(connection.recv_bytes(MOST_BYTES))

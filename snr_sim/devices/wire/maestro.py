@@ -1,7 +1,7 @@
-"""What a Pololu Maestro servo controller is sent, and how its answers are read. Bytes only.
+"""Commands of a Pololu Maestro servo controller, and decoding of its answers. Bytes only.
 
-Its compact protocol: a command byte with the highest bit set, then data bytes without it; 14-bit numbers as two times
-seven bits, low ones first. Targets and positions count quarters of a microsecond. With "Enable CRC" in its settings
+Its compact protocol: a command byte with the highest bit set, then data bytes without it; 14-bit numbers as two groups
+of seven bits, low one first. Targets and positions count quarters of a microsecond. With "Enable CRC" in its settings
 each command ends with a CRC-7; answers never have one.
 
 Source: Pololu Maestro Servo Controller User's Guide, sections 4.c (errors), 5.c to 5.e (protocol, CRC, commands).
@@ -14,14 +14,14 @@ from enum import IntFlag
 
 QUARTERS_PER_US = 4
 POSITION_BYTES = ERRORS_BYTES = 2
-MOST_BY_ONE = 6  # the Micro Maestro, with six channels, does not know Set Multiple Targets
+MOST_BY_ONE = 6  # the Micro Maestro, with six channels, lacks Set Multiple Targets
 _CRC7_REVERSED = 0x91  # polynomial x^7 + x^3 + 1, lowest bit first
 
 _SET_TARGET, _SET_TARGETS, _GET_POSITION, _GET_ERRORS = 0x84, 0x9F, 0x90, 0xA1
 
 
 class MaestroError(IntFlag):
-    """Bits of its error register. Each of them sends all channels to their home positions when it comes up."""
+    """Bits of its error register. Each of them, when set, sends all channels to their home positions."""
 
     SIGNAL = 1 << 0
     OVERRUN = 1 << 1
@@ -48,7 +48,7 @@ MEANINGS = {
 
 
 def crc7(data: bytes) -> int:
-    """Return the check that a Maestro expects behind a command.
+    """Return the CRC that a Maestro expects after a command.
 
     >>> hex(crc7(bytes([0x83, 0x01])))
     '0x17'
@@ -71,7 +71,7 @@ def set_target(channel: int, pulse_us: float) -> bytes:
 
 
 def set_targets(pulses_us: Sequence[float]) -> list[bytes]:
-    """Return the commands for channels 0 to n - 1: one for all, or one for each where the small board may be meant.
+    """Return the commands for channels 0 to n - 1: one for all, or one for each if it may be the six-channel board.
 
     >>> [len(command) for command in set_targets([1500.0] * 8)], len(set_targets([1500.0] * 6))
     ([19], 6)
@@ -83,17 +83,17 @@ def set_targets(pulses_us: Sequence[float]) -> list[bytes]:
 
 
 def get_position(channel: int) -> bytes:
-    """Return the question what pulse a channel makes now."""
+    """Return the query for the pulse of a channel."""
     return bytes([_GET_POSITION, channel])
 
 
 def get_errors() -> bytes:
-    """Return the question for the error register, which clears it."""
+    """Return the query for the error register, which clears it."""
     return bytes([_GET_ERRORS])
 
 
 def with_crc(command: bytes) -> bytes:
-    """Return a command with its CRC-7 behind it.
+    """Return a command with its CRC-7 appended.
 
     >>> with_crc(bytes([0x83, 0x01])).hex(" ")
     '83 01 17'
@@ -102,7 +102,7 @@ def with_crc(command: bytes) -> bytes:
 
 
 def number_of(answer: bytes) -> int:
-    """Return the number of an answer of two whole bytes, low one first.
+    """Return the number in an answer of two bytes, low one first.
 
     >>> number_of(bytes([0x70, 0x17])) / QUARTERS_PER_US
     1500.0
@@ -111,7 +111,7 @@ def number_of(answer: bytes) -> int:
 
 
 def in_words(errors: int) -> str:
-    """Return what is set in an error register."""
+    """Return the bits that are set in an error register as text."""
     known = [f"{bit.name}: {MEANINGS[bit]}" for bit in MaestroError if errors & bit]
     return "; ".join(known) or "none"
 

@@ -2,7 +2,7 @@
 
     message --> type, fields, CRC --> COBS --> a zero            (docs/formats.md, section 8, says every byte)
 
-Owns no port: messages in, bytes out; bytes in, messages out.
+Owns no port: converts messages to bytes, and bytes to messages.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def encode(message: ToMcu | FromMcu) -> bytes:
     """Return a message as the bytes of its frame, with the zero that ends it.
 
     Raises:
-        CommandError: a number does not fit, is NaN, infinite or none, or there are more than 16 widths.
+        CommandError: a value is not a finite number or does not fit, or there are more than 16 widths.
 
     >>> encode(Arm(session=1)).hex(" ")
     '03 03 01 03 6a 61 00'
@@ -108,14 +108,14 @@ def _packed_ident(kind: int, i: Ident) -> bytes:
 
 
 class McuFrames:
-    """Bytes in, messages out, however they are cut and whatever else is among them. Never raises, never grows.
+    """Decoder from bytes to messages, for chunks of any size with other bytes among them. Never raises, never grows.
 
     Attributes:
-        crc_errors: frames that were damaged: no COBS, or another check sum than they carry.
-        not_ours: frames in order that are of no type or length that this end knows.
+        crc_errors: frames that were damaged: invalid COBS, or a wrong check sum.
+        not_ours: intact frames of a type or length that is unknown here.
         overlong: runs of bytes without a zero, longer than any frame: another baud rate, another device.
-        gaps: frames of the microcontroller that never came, by their count.
-        frames: messages read.
+        gaps: frames of the microcontroller that were lost, by their count.
+        frames: messages decoded.
     """
 
     def __init__(self) -> None:
@@ -134,7 +134,7 @@ class McuFrames:
         return self._reader.overlong
 
     def feed(self, data: bytes) -> list[ToMcu | FromMcu]:
-        """Take bytes as they come; return the messages that are complete.
+        """Add received bytes; return the messages that are complete.
 
         >>> frames = McuFrames()
         >>> frames.feed(bytes.fromhex("99 99 00 03 03 01 03 6a")), frames.feed(bytes.fromhex("61 00"))
@@ -161,7 +161,7 @@ class McuFrames:
 
 
 def _unpacked(body: bytes) -> ToMcu | FromMcu | None:
-    """Return the message in a frame without its check sum; None if it is none that we know."""
+    """Return the message in a frame without its check sum; None if its type is unknown."""
     kind, size = body[0], len(body)
     if kind == TYPE_OF[Telemetry] and size >= _TELEMETRY.size:
         return _telemetry(body)

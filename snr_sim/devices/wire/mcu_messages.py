@@ -1,6 +1,6 @@
-"""What a computer and the microcontroller that drives the speed controllers have to say to each other.
+"""Messages between a computer and the microcontroller that drives the speed controllers.
 
-How these messages become bytes is in `mcu_frames.py`; states, rules and timings are in docs/formats.md, section 8.
+Their encoding is in `mcu_frames.py`; states, rules and timings are in docs/formats.md, section 8.
 The other end is `robots/urov/firmware/`.
 """
 
@@ -17,52 +17,52 @@ NO_COMMAND_MS = 0xFFFF  # the age of the last command when there was none
 
 
 class State(IntEnum):
-    """What the microcontroller is doing."""
+    """State of the microcontroller."""
 
-    STARTING = 0  # shows the speed controllers neutral until they know it
-    DISARMED = 1  # neutral, whatever is asked for
-    ARMED = 2  # does what it is told
+    STARTING = 0  # sends neutral until the speed controllers have started
+    DISARMED = 1  # neutral, whatever is commanded
+    ARMED = 2  # applies commands
     STOPPED = 3  # emergency stop: neutral until it is cleared
 
 
 class Fault(IntFlag):
-    """Why an output is not what was asked for. Those marked * stay until the next `Hello`."""
+    """Why an output differs from the command. Those marked * stay until the next `Hello`."""
 
-    LEASE_EXPIRED = 1  # it was armed and commands stopped coming; until it is armed again
+    LEASE_EXPIRED = 1  # commands stopped while it was armed; until it is armed again
     STOPPED = 2  # emergency stop
-    STALE = 4  # the last command was older than its lease when it came
-    REPEATED = 8  # the last command was no newer than the one before, so it extended no lease
-    CLAMPED = 16  # the last command had a width beyond the limits
-    LIMITED = 32  # an output is on its way: slew limit, or waiting in the dead band
-    BAD_LENGTH = 64  # * a frame had not as many bytes as its type has; a command like that disarms
-    OTHER_SESSION = 128  # * somebody else talks on the line
+    STALE = 4  # the last command was older than its lease on arrival
+    REPEATED = 8  # the last command was not newer than the one before, so it extended no lease
+    CLAMPED = 16  # the last command had a width outside the limits
+    LIMITED = 32  # an output is still changing: slew limit, or waiting in the dead band
+    BAD_LENGTH = 64  # * a frame's length did not fit its type; such a command disarms
+    OTHER_SESSION = 128  # * another program uses the line
     OVERRUN = 256  # * bytes were lost before they could be read
     UNKNOWN_TYPE = 512  # * a frame of a type that this firmware does not know
 
 
 class ResetCause(IntFlag):
-    """Why the microcontroller started, as its register MCUSR says. 0: a boot loader has cleared it."""
+    """Why the microcontroller started, from its register MCUSR. 0: a boot loader has cleared it."""
 
     POWER_ON = 1
-    EXTERNAL = 2  # the reset pin: also whoever opens the port of an Arduino
+    EXTERNAL = 2  # the reset pin: also any program that opens the port of an Arduino
     BROWN_OUT = 4
     WATCHDOG = 8  # the firmware hung
 
 
 class Result(IntEnum):
-    """What came of a request."""
+    """Result of a request."""
 
     DONE = 0
-    STARTING = 1  # the speed controllers have not been shown neutral for long enough
-    NO_COMMAND = 2  # there is no command, or its lease has run out: nothing to be armed with
+    STARTING = 1  # the speed controllers have not had neutral for long enough
+    NO_COMMAND = 2  # there is no command, or its lease has expired: arming needs one
     NOT_NEUTRAL = 3  # the last command is not neutral on every channel
     STOPPED = 4  # an emergency stop must be cleared first
-    OTHER_SESSION = 5  # say hello first
+    OTHER_SESSION = 5  # send a hello first
     OTHER_PROTOCOL = 6
 
 
 class Hello(msgspec.Struct, frozen=True, tag="hello"):
-    """To the microcontroller: somebody begins. Disarms if the session is a new one. `Ident` answers.
+    """To the microcontroller: a program starts a session. Disarms if the session is new. `Ident` answers.
 
     Args:
         session: 1 to 65535, another one each time a program opens the port.
@@ -79,7 +79,7 @@ class SetWidths(msgspec.Struct, frozen=True, tag="set_widths"):
         seq: 0 to 65535, then from 0 again.
         stamp_ms: when the command was computed, by the computer's clock; it may wrap at 2^32.
         age_ms: how long ago that was when the frame was sent.
-        lease_ms: how long after it was computed it holds; the firmware has an upper limit.
+        lease_ms: how long it is valid after it was computed; the firmware has an upper limit.
         widths_us: of each channel, in steps of 0.5.
     """
 
@@ -92,7 +92,7 @@ class SetWidths(msgspec.Struct, frozen=True, tag="set_widths"):
 
 
 class Arm(msgspec.Struct, frozen=True, tag="arm"):
-    """To the microcontroller: from now on do what you are told. `Answer` answers, as to all that follow."""
+    """To the microcontroller: apply commands from now on. `Answer` answers this and all that follow."""
 
     session: int
 
@@ -104,19 +104,19 @@ class Disarm(msgspec.Struct, frozen=True, tag="disarm"):
 
 
 class EmergencyStop(msgspec.Struct, frozen=True, tag="emergency_stop"):
-    """To the microcontroller, by anybody: neutral at once, and until cleared."""
+    """To the microcontroller, from any session: neutral at once, and until cleared."""
 
     session: int = 0
 
 
 class ClearStop(msgspec.Struct, frozen=True, tag="clear_stop"):
-    """To the microcontroller: the emergency is over. It is disarmed then."""
+    """To the microcontroller: clear the emergency stop. It stays disarmed."""
 
     session: int
 
 
 class Ident(msgspec.Struct, frozen=True, tag="ident"):
-    """From the microcontroller: who it is, and what it keeps to whatever it is told."""
+    """From the microcontroller: its identity, and the limits that it applies to every command."""
 
     nth: int
     session: int
@@ -138,17 +138,17 @@ class Ident(msgspec.Struct, frozen=True, tag="ident"):
 
 
 class Telemetry(msgspec.Struct, frozen=True, tag="telemetry"):
-    """From the microcontroller: after each command, and 20 times a second if none comes.
+    """From the microcontroller: after each command, and 20 times a second without commands.
 
     Args:
         nth: counts its frames, 0 to 255 and from 0 again.
-        session: whose commands it takes; 0 if nobody has said hello since it started.
+        session: whose commands it takes; 0 if it has not received a hello since it started.
         seq: of the last command taken.
         uptime_ms: since it started.
         command_age_ms: since that command was computed; `NO_COMMAND_MS` if there is none.
         crc_errors: frames that were damaged, since it started.
-        battery_pin_mv, current_pin_mv: at the pins A0 and A1; what they mean depends on what is soldered there.
-        widths_us: what is at the outputs.
+        battery_pin_mv, current_pin_mv: at pins A0 and A1; their scale depends on the installed module.
+        widths_us: widths at the outputs.
     """
 
     nth: int
@@ -166,7 +166,7 @@ class Telemetry(msgspec.Struct, frozen=True, tag="telemetry"):
 
 
 class Answer(msgspec.Struct, frozen=True, tag="answer"):
-    """From the microcontroller: what came of a request.
+    """From the microcontroller: the result of a request.
 
     Args:
         to: type byte of the request, as in `TYPE_OF`.

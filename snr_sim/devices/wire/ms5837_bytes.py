@@ -1,8 +1,8 @@
-"""What an MS5837-30BA says in bytes: its calibration with a check sum, and pressure and temperature from raw counts.
+"""Byte formats of an MS5837-30BA: calibration with a check sum, and pressure and temperature from raw counts.
 
 Source: TE Connectivity, MS5837-30BA data sheet C2 of 12/2019 (commands; first and second order compensation);
-Measurement Specialties, application note AN520 (the four-bit check sum). Counts and each integer that must come of them
-stand in docs/ms5837.csv.
+Measurement Specialties, application note AN520 (the four-bit check sum). docs/ms5837.csv lists counts and each integer
+that must result from them.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from typing import NamedTuple
 from snr_sim.prelude.errors import DeviceError
 
 RESET, READ_ADC, READ_PROM = 0x1E, 0x00, 0xA0
-CONVERT_PRESSURE, CONVERT_TEMPERATURE = 0x40, 0x50  # at 256 samples; each next oversampling is 2 further on
+CONVERT_PRESSURE, CONVERT_TEMPERATURE = 0x40, 0x50  # at 256 samples; add 2 for each doubling of samples
 ADC_BYTES = 3
 PROM_WORDS = 7
 _POLYNOMIAL = 0x3000
 
 
 def crc4(words: Sequence[int]) -> int:
-    """Return the check sum of a PROM of eight words, in which its own four bits are 0.
+    """Return the check sum of a PROM of eight words, whose own check sum bits are 0.
 
     >>> hex(crc4([0x3132, 0x3334, 0x3536, 0x3738, 0x3940, 0x4142, 0x4344, 0x4500]))  # the example of AN520
     '0xb'
@@ -37,7 +37,7 @@ def calibration(words: Sequence[int]) -> tuple[int, ...]:
     """Return C0 to C6 of a PROM's seven words, C0 without the check sum.
 
     Raises:
-        DeviceError: the check sum is of other words.
+        DeviceError: the check sum does not match.
     """
     told, first = words[0] >> 12, words[0] & 0x0FFF
     counted = crc4([first, *words[1:], 0])
@@ -51,7 +51,7 @@ def calibration(words: Sequence[int]) -> tuple[int, ...]:
 
 
 class Compensation(NamedTuple):
-    """Each integer on the way from raw counts to pressure and temperature, under the data sheet's name for it.
+    """Each intermediate integer from raw counts to pressure and temperature, named as in the data sheet.
 
     Args:
         d_t: dT, difference to the reference temperature, in counts.
@@ -59,9 +59,9 @@ class Compensation(NamedTuple):
         off: OFF, offset.
         sens: SENS, sensitivity.
         p: P, of the first order [0.1 mbar].
-        t_i: Ti, what the second order takes off TEMP.
-        off_i: OFFi, and off OFF.
-        sens_i: SENSi, and off SENS.
+        t_i: Ti, subtracted from TEMP by the second order.
+        off_i: OFFi, subtracted from OFF.
+        sens_i: SENSi, subtracted from SENS.
         off_2: OFF2.
         sens_2: SENS2.
         temp_2: TEMP2, of the second order [0.01 C].
@@ -83,10 +83,10 @@ class Compensation(NamedTuple):
 
 
 def compensation(c: Sequence[int], d1: int, d2: int) -> Compensation:
-    """Return each step of the data sheet's integer arithmetic, to compare a port in another language with.
+    """Return each step of the data sheet's integer arithmetic, to compare a port in another language with it.
 
-    A division is an arithmetic shift, so it rounds down: of the data sheet's own example, TEMP is 1981 only so. In C,
-    all products take 64 bits.
+    A division is an arithmetic shift, so it rounds down: only then is TEMP of the data sheet's example 1981. In C, all
+    products need 64 bits.
 
     Args:
         c: C0 to C6.
@@ -117,7 +117,7 @@ def compensation(c: Sequence[int], d1: int, d2: int) -> Compensation:
 def compensated(c: Sequence[int], d1: int, d2: int) -> tuple[float, float]:
     """Return pressure [Pa] and temperature [C] of raw counts, with the second order.
 
-    The pressure keeps what the data sheet's last shift would cut off, so it is in steps of a count.
+    The pressure keeps the bits that the data sheet's last shift would drop, so its step is one count.
 
     Args:
         c: C0 to C6.

@@ -1,9 +1,9 @@
-"""NMEA 0183: the lines of text that receivers of satellite navigation say once a second. Bytes in, sentences out.
+"""NMEA 0183: text lines of satellite navigation receivers, once a second. Decodes bytes to sentences.
 
     $GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47
      talker and type, fields between commas, the exclusive or of all between $ and * in two hexadecimal digits
 
-Whatever else is on the line is counted and skipped: a wrong baud rate, another device, half a sentence.
+Other bytes on the line are counted and skipped: a wrong baud rate, another device, half a sentence.
 
 Source: NMEA 0183, as the receivers' makers describe it (u-blox, "Receiver Description", NMEA protocol).
 """
@@ -17,21 +17,21 @@ from operator import xor
 import msgspec
 
 MOST_DIGITS = 4  # of a count
-MOST_BYTES = 120  # of a line: 82 by the standard, and some receivers say more
+MOST_BYTES = 120  # of a line: 82 by the standard, and some receivers send more
 KNOTS_TO_MPS = 1852.0 / 3600.0
 
 
 class Fix(msgspec.Struct, frozen=True):
-    """A sentence GGA: where it is.
+    """A sentence GGA: position.
 
     Args:
-        time_s: of day, UTC; None before it knows.
+        time_s: of day, UTC; None before it is known.
         latitude_deg: north positive; None without a fix.
         longitude_deg: east positive; None without a fix.
         quality: 0 none, 1 satellites, 2 with corrections, 4 and 5 with those of a base nearby.
         satellites: that are used.
-        hdop: how badly they stand: below 2 is good; None if not told.
-        altitude_m: over the sea; None if not told.
+        hdop: horizontal dilution of precision: below 2 is good; None if not given.
+        altitude_m: above sea level; None if not given.
     """
 
     time_s: float | None
@@ -44,16 +44,16 @@ class Fix(msgspec.Struct, frozen=True):
 
 
 class Course(msgspec.Struct, frozen=True):
-    """A sentence RMC: where it goes.
+    """A sentence RMC: speed and course.
 
     Args:
-        time_s: of day, UTC; None before it knows.
+        time_s: of day, UTC; None before it is known.
         is_valid: whether it has a fix.
         latitude_deg: north positive; None without a fix.
         longitude_deg: east positive; None without a fix.
-        speed_mps: over ground; None if not told.
-        course_deg: clockwise from north; None if not told, as at rest.
-        date: ddmmyy, as it comes; empty before it knows.
+        speed_mps: over ground; None if not given.
+        course_deg: clockwise from north; None if not given, as at rest.
+        date: ddmmyy, as received; empty before it is known.
     """
 
     time_s: float | None
@@ -66,13 +66,13 @@ class Course(msgspec.Struct, frozen=True):
 
 
 class NmeaLines:
-    """Bytes in, sentences out. Never raises, never grows.
+    """Decoder from bytes to sentences. Never raises, never grows.
 
     Attributes:
-        sentences: that were whole.
-        unread: whole ones of types that are not read here.
-        checksum_errors: lines with another check sum than they carry.
-        garbage: lines that are no sentence, or too long.
+        sentences: complete sentences.
+        unread: complete ones of types that are not decoded.
+        checksum_errors: lines with a wrong check sum.
+        garbage: lines that are not sentences, or too long.
     """
 
     def __init__(self) -> None:
@@ -81,7 +81,7 @@ class NmeaLines:
         self._skips = False  # inside a line that is too long
 
     def feed(self, data: bytes) -> list[Fix | Course]:
-        """Take bytes as they come; return the sentences that are complete and of use.
+        """Add received bytes; return the complete sentences of decoded types.
 
         >>> lines = NmeaLines()
         >>> len(lines.feed(b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\\r\\n"))
@@ -127,7 +127,7 @@ class NmeaLines:
 
 
 def checksum(body: bytes) -> int:
-    """Return the check sum of what stands between $ and *.
+    """Return the check sum of the characters between $ and *.
 
     >>> f"{checksum(b'GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,'):02X}"
     '47'
@@ -156,13 +156,13 @@ _READERS: dict[str, Callable[[list[str]], Fix | Course]] = {"GGA": _fix, "RMC": 
 def _number(text: str) -> float | None:
     if not text:
         return None
-    if not set(text) <= set("0123456789.-"):  # Python's float would take "nan" and "1_0"
+    if not set(text) <= set("0123456789.-"):  # float() would accept "nan" and "1_0"
         raise ValueError(text)
     return float(text)
 
 
 def _count(text: str) -> int:
-    if not (text.isdecimal() and len(text) <= MOST_DIGITS):  # a line has room for a number that no link carries
+    if not (text.isdecimal() and len(text) <= MOST_DIGITS):  # a line has room for a number too large for a page
         raise ValueError(text)
     return int(text)
 
@@ -177,7 +177,7 @@ def _time_s(text: str) -> float | None:
 
 
 def _angle_deg(text: str, side: str, sides: str) -> float | None:
-    """Return degrees of ddmm.mmmm, or dddmm.mmmm, and a letter."""
+    """Return the angle in degrees from ddmm.mmmm, or dddmm.mmmm, and a letter."""
     if not text:
         return None
     whole, _, part = text.partition(".")

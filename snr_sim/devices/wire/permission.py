@@ -1,7 +1,7 @@
-"""How a user comes to be allowed a port, a bus or a PWM pin: by joining its group, or by a rule that gives it one.
+"""How a user gets access to a port, a bus or a PWM pin: by joining its group, or by a rule that gives it one.
 
-Joining a group helps only if that group may read and write the file, and nobody should join 'root'. Fresh systems leave
-some ports to root alone: then udev has to be told. Source of the rules' words: man 7 udev.
+Joining a group helps only if that group may read and write the file, and users should not join 'root'. Fresh systems
+leave some ports to root alone: then a udev rule is needed. Source of the rules' syntax: man 7 udev.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 RULES = "/etc/udev/rules.d/90-snr.rules"
-_ON_BOARD = ("ttyS", "ttyAMA", "ttyTHS")  # which a system may use for its console
+_ON_BOARD = ("ttyS", "ttyAMA", "ttyTHS")  # a system may use these for its console
 
 
 @dataclass(frozen=True)
 class Owner:
-    """Whose a file is.
+    """Group of a file.
 
     Args:
         group: its group's name, or number if it has none.
@@ -28,27 +28,27 @@ class Owner:
 
 
 def owner_of(path: Path) -> Owner:
-    """Return whose a file is.
+    """Return the group of a file.
 
     Raises:
-        OSError: it is not there.
+        OSError: the file does not exist.
     """
     about = path.stat()
-    wanted = stat.S_IWGRP if path.name == "export" else stat.S_IRGRP | stat.S_IWGRP  # which nobody may read
+    wanted = stat.S_IWGRP if path.name == "export" else stat.S_IRGRP | stat.S_IWGRP  # export is write-only
     try:
         name = path.group()
     except KeyError:
-        return Owner(str(about.st_gid), False)  # nobody can join what has no name
+        return Owner(str(about.st_gid), False)  # a group without a name cannot be joined
     return Owner(name, about.st_gid != 0 and about.st_mode & wanted == wanted)
 
 
 def how_to_use(path: Path, usual: str, owner: Owner | None = None) -> str:
-    """Return what to do to be allowed a file.
+    """Return how to get access to a file.
 
     Args:
         path: a port, a bus, or a file of a PWM chip.
-        usual: the group that such files belong to where all is well: 'dialout', 'i2c', 'gpio'.
-        owner: whose it is; looked up if not given, and as usual if it is not there.
+        usual: the group that such files usually belong to: 'dialout', 'i2c', 'gpio'.
+        owner: its group; read from the file if not given, and as usual if there is no file.
 
     >>> how_to_use(Path("/dev/ttyUSB0"), "dialout", Owner("dialout", True))
     'sudo usermod -aG dialout $USER, then log out and in again.'

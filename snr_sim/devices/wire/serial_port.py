@@ -1,6 +1,6 @@
-"""Serial ports: the only door to pyserial. Bytes out, bytes in, and words for what is wrong with a port.
+"""Serial ports: the only module that imports pyserial. Sends and receives bytes; explains why a port fails.
 
-A port is opened for this program alone (an exclusive lock), and nothing here waits but `ask` and `wait`.
+A port is opened with an exclusive lock; only `ask` and `wait` block.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ _BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 460800, 500000, 921600, 100
 
 
 class BytePort(Protocol):
-    """A port that bytes go out of and come in by: a real one, or the far end itself in a test."""
+    """A port that sends and receives bytes: a real one, or the device itself in a test."""
 
     @property
     def name(self) -> str:
-        """What a message calls it."""
+        """Name in messages."""
         ...
 
     def write(self, data: bytes) -> None:
-        """Send bytes; do not wait until they are out.
+        """Send bytes without waiting until they are out.
 
         Raises:
-            DeviceError: the port is gone, or takes no more.
+            DeviceError: the port is gone, or its buffer is full.
         """
         ...
 
     def read(self) -> bytes:
-        """Return what has come, which may be nothing; do not wait.
+        """Return the received bytes, which may be none, without waiting.
 
         Raises:
             DeviceError: the port is gone.
@@ -47,24 +47,24 @@ class BytePort(Protocol):
         ...
 
     def wait(self, seconds: float) -> bool:
-        """Return whether bytes have come, as soon as they have; False after so long."""
+        """Return whether bytes have arrived, as soon as they have; False after the timeout."""
         ...
 
     def close(self) -> None:
-        """Let go of it. Never raises; safe to call twice."""
+        """Close the port. Never raises; safe to call twice."""
         ...
 
 
 class SerialPort:
-    """A serial port of this computer. Keeps the promise of BytePort.
+    """A serial port of this computer. Implements `BytePort`.
 
     Args:
         path: such as /dev/ttyUSB0.
-        baud: bits a second. A port that is USB all the way takes any.
+        baud: bits per second. A port that is USB from end to end accepts any.
 
     Raises:
         MissingExtra: pyserial is not installed.
-        DeviceError: there is no such port, somebody has it, or we may not.
+        DeviceError: there is no such port, another process has it, or permission is missing.
     """
 
     def __init__(self, path: str, baud: int = 115_200) -> None:
@@ -88,7 +88,7 @@ class SerialPort:
             )
 
     def read(self) -> bytes:
-        """Return what has come."""
+        """Return the received bytes."""
         try:
             waiting = self._serial.in_waiting
             data: bytes = self._serial.read(waiting) if waiting else b""
@@ -97,15 +97,15 @@ class SerialPort:
         return data
 
     def wait(self, seconds: float) -> bool:
-        """Return whether bytes have come."""
+        """Return whether bytes have arrived."""
         try:
             return bool(select.select([self._serial], [], [], seconds)[0])
         except (OSError, ValueError, TypeError) as error:
             raise self._gone(error) from error
 
     def close(self) -> None:
-        """Let go of the port."""
-        with suppress(OSError):  # of one that was unplugged
+        """Close the port."""
+        with suppress(OSError):  # raised for a port that was unplugged
             self._serial.close()
 
     def _gone(self, error: Exception) -> DeviceError:
@@ -116,10 +116,10 @@ class SerialPort:
 
 
 def ask(port: BytePort, request: bytes, length: int, timeout_s: float = ANSWER_S) -> bytes:
-    """Send a request and return what comes back: at least `length` bytes, or as many as came in the time.
+    """Send a request and return the answer: at least `length` bytes, or as many as arrived in time.
 
     Args:
-        port: where to. What has come before is thrown away.
+        port: destination. Bytes received earlier are discarded.
         request: bytes to send.
         length: of the whole answer.
         timeout_s: by the computer's clock.
@@ -134,10 +134,10 @@ def ask(port: BytePort, request: bytes, length: int, timeout_s: float = ANSWER_S
 
 
 def check_port(path: str) -> None:
-    """Look whether a port is there and may be opened, without opening it, which would reset an Arduino.
+    """Check that a port exists and may be opened, without opening it, which would reset an Arduino.
 
     Raises:
-        DeviceError: it is not, with those that are; or which group may.
+        DeviceError: it does not, with a list of those that do; or permission is missing, with the group that has it.
     """
     if not os.path.exists(path):
         raise _why_not(path, 0, FileNotFoundError(errno.ENOENT, "not there"))
@@ -146,7 +146,7 @@ def check_port(path: str) -> None:
 
 
 def ports() -> list[str]:
-    """Return the serial ports there are, each with what is behind it, if that is known."""
+    """Return the serial ports of this computer, each with its device if known."""
     _pyserial()
     found = importlib.import_module("serial.tools.list_ports").comports()
     return sorted(
@@ -163,7 +163,7 @@ def _pyserial() -> Any:
 
 
 def _why_not(path: str, baud: int, error: Exception) -> DeviceError:
-    """Return what is wrong with a port that would not open."""
+    """Return the reason why a port did not open."""
     number = getattr(error, "errno", None)
     if isinstance(error, ValueError):
         listed = ", ".join(map(str, _BAUDS))
@@ -194,7 +194,7 @@ def _why_not(path: str, baud: int, error: Exception) -> DeviceError:
 
 
 def _holder(path: str) -> str:
-    """Return who has a port open, as far as we may know: root sees all, others see their own."""
+    """Return which process has a port open, as far as visible: root sees all, other users see their own."""
     wanted, processes, found = os.path.realpath(path), Path("/proc"), "another program"
     for process in sorted(processes.glob("[0-9]*")):
         try:
@@ -204,7 +204,7 @@ def _holder(path: str) -> str:
                     return f"process {process.name} ({name})"
                 found = "this program itself"
         except OSError:
-            continue  # somebody else's, or it has ended meanwhile
+            continue  # of another user, or it has ended meanwhile
     return found
 
 

@@ -1,4 +1,4 @@
-"""A plant whose thrusters hang at the pins of an emulated board."""
+"""A plant whose thrusters are connected to the pins of an emulated board."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The emulated board behind a serial port, as a process: it answers, and leaves nothing behind, however it ends."""
+"""The emulated board behind a serial port, as a process: it answers, and removes its files, however it ends."""
 
 import os
 import select

@@ -1,4 +1,4 @@
-"""What the emulator is made with, and words for what is not there."""
+"""Build tools of the emulator, and messages for missing ones."""
 
 import shutil
 from pathlib import Path

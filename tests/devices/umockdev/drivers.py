@@ -1,4 +1,4 @@
-"""Runs drivers over a real smbus2, where /dev/i2c-1 is not the kernel's; prints what they made of it, as JSON."""
+"""Runs drivers over a real smbus2, with an emulated /dev/i2c-1; prints their readings as JSON."""
 
 import json
 import time

@@ -12,11 +12,11 @@ import sys
 SLAVE, FUNCS, SMBUS = 0x0703, 0x0705, 0x0720
 READ = 1
 BYTE, BYTE_DATA, BLOCK = 1, 2, 8  # sizes of a transfer
-EVERYTHING = 0xEFF0008  # what the adapter can do; not used by our calls
+EVERYTHING = 0xEFF0008  # functions of the adapter; not used by our calls
 
 
 class Adapter:
-    """Which address was chosen, and the far end of our standard streams."""
+    """The selected address, and the test process at our standard streams."""
 
     def __init__(self):
         self.address = 0
@@ -74,7 +74,7 @@ def main():
     testbed.attach_ioctl("/dev/i2c-1", handler)
     print(json.dumps(testbed.get_root_dir()), flush=True)
     loop = GLib.MainLoop()
-    GLib.unix_signal_add(GLib.PRIORITY_DEFAULT, signal.SIGTERM, loop.quit)  # so that its folder is taken away
+    GLib.unix_signal_add(GLib.PRIORITY_DEFAULT, signal.SIGTERM, loop.quit)  # so that its folder is removed
     loop.run()
     testbed.detach_ioctl("/dev/i2c-1")
 

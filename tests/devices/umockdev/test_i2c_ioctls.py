@@ -1,4 +1,4 @@
-"""smbus2's real ioctls between our drivers and our parts: umockdev stands where the kernel would.
+"""smbus2's real ioctls between our drivers and our emulated parts: umockdev replaces the kernel.
 
 Needs Debian's umockdev with its Python bindings, which only the system's Python has: that one plays the kernel.
 """
@@ -25,7 +25,7 @@ HAS = "import gi; gi.require_version('UMockdev', '1.0'); from gi.repository impo
 
 
 def need_umockdev() -> str:
-    """Returns umockdev-wrapper; skips where it is absent, but not in CI."""
+    """Return umockdev-wrapper; skip where it is absent, but not in CI."""
     wrapper = shutil.which("umockdev-wrapper")
     has_bindings = Path(SYSTEM).exists() and subprocess.run([SYSTEM, "-c", HAS], capture_output=True).returncode == 0
     if wrapper is None or not has_bindings:
@@ -37,7 +37,7 @@ def need_umockdev() -> str:
 
 
 def answer_of(bus: FakeBus, call: list[object]) -> object:
-    """What the parts say to one call: bytes, or the number of an error."""
+    """Return the answer of the parts to one call: bytes, or the number of an error."""
     address, what, register, rest = call
     assert isinstance(address, int)
     try:
@@ -59,7 +59,7 @@ def answer_of(bus: FakeBus, call: list[object]) -> object:
 
 @contextmanager
 def kernel_with(bus: FakeBus, tick: Callable[[], None]) -> Iterator[dict[str, str]]:
-    """Has the parts of a bus at /dev/i2c-1 of whoever is started under umockdev-wrapper with this environment."""
+    """Attach the parts of a bus to /dev/i2c-1 of processes under umockdev-wrapper with this environment."""
     script = [need_umockdev(), SYSTEM, str(HERE / "i2c_kernel.py")]
     with subprocess.Popen(script, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as kernel:
         calls, answers = kernel.stdout, kernel.stdin
@@ -85,7 +85,7 @@ def test_our_drivers_reach_our_parts_through_the_ioctls_of_smbus2() -> None:
     depth = Ms5837Part(lambda: clock[0], pressure_pa=123_456.0, temperature_c=12.34)
 
     def tick() -> None:
-        clock[0] += 1.0  # whatever was being converted is by now
+        clock[0] += 1.0  # so any conversion has ended
 
     with kernel_with(FakeBus({0x40: chip, 0x76: depth}), tick) as environment:
         told = subprocess.run(

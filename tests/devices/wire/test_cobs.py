@@ -1,4 +1,4 @@
-"""COBS, byte for byte what the package of PyPI makes, and nothing that is sent can harm who reads it."""
+"""COBS: the same bytes as the package of PyPI, and no input can harm the decoder."""
 
 import pytest
 from cobs import cobs as peer

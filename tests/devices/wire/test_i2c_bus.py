@@ -1,4 +1,4 @@
-"""Each thing that is wrong with a bus is told with what to do about it."""
+"""Each fault of a bus is reported with a fix."""
 
 import errno
 import sys

@@ -1,4 +1,4 @@
-"""Messages of the microcontroller's line: as they are written down, unharmed by cuts, and lost in no garbage."""
+"""Messages of the microcontroller's line: as documented, in chunks of any size, and among garbage."""
 
 import math
 from binascii import crc_hqx
@@ -48,7 +48,7 @@ MESSAGE = st.one_of(
 
 
 def frame(body: bytes) -> bytes:
-    """A frame made without our code."""
+    """Return a frame made without our code."""
     return peer.encode(body + crc_hqx(body, 0).to_bytes(2, "big")) + b"\0"
 
 

@@ -32,7 +32,7 @@ def test_each_integer_of_the_data_sheets_example_is_met() -> None:
     assert (steps.d_t, steps.temp, steps.sens, steps.p) == (-5962, 1981, 1145816755, 39998)
     assert steps.off == 36352 * 2**16 - 1041208 == 2381323464, "it prints 2381326464, which its own equation rules out"
     pressure_pa, temperature_c = compensated(EXAMPLE, 4958179, 6815414)
-    assert pressure_pa == pytest.approx(399_984.0, abs=0.5)  # as its maker's own library counts it: 3999.84 mbar
+    assert pressure_pa == pytest.approx(399_984.0, abs=0.5)  # as in its maker's own library: 3999.84 mbar
     assert temperature_c == 19.81
 
 
@@ -51,7 +51,7 @@ def test_vectors_are_of_each_branch_and_both_sides_of_each_edge() -> None:
 @pytest.mark.parametrize("d1", [3_000_000, 4_958_179, 8_000_000])
 @pytest.mark.parametrize("d2", range(5_000_000, 8_800_000, 190_001))
 def test_pressure_and_temperature_are_those_of_the_makers_library(d1: int, d2: int) -> None:
-    """Blue Robotics, ms5837-python, in floating point: the integers cut off less than a count of each number."""
+    """Blue Robotics, ms5837-python, in floating point: the integers drop less than a count of each number."""
     c = EXAMPLE
     d_t = d2 - c[5] * 256
     sens, off = c[1] * 32768 + c[3] * d_t / 256, c[2] * 65536 + c[4] * d_t / 128
@@ -64,7 +64,7 @@ def test_pressure_and_temperature_are_those_of_the_makers_library(d1: int, d2: i
             off_i, sens_i = off_i + 7 * (temp + 1500) ** 2, sens_i + 4 * (temp + 1500) ** 2
     theirs = (d1 * (sens - sens_i) / 2097152 - (off - off_i)) / 8192, temp - t_i
     steps = compensation(c, d1, d2)
-    # TEMP is cut to a hundredth of a degree first, and far from 20 degrees the second order is steep in it.
+    # TEMP is rounded to a hundredth of a degree first, and far from 20 degrees the second order is steep in it.
     cold, very_cold = max(0.0, 2000 - temp), max(0.0, -1500 - temp)
     slope = (cold * (5 / 4 * d1 / 2**21 + 3) + very_cold * (8 * d1 / 2**21 + 14)) / 8192
     assert (steps.p_2, steps.temp_2) == (pytest.approx(theirs[0], abs=1.0 + slope), pytest.approx(theirs[1], abs=2.0))
@@ -74,7 +74,7 @@ def test_pressure_and_temperature_are_those_of_the_makers_library(d1: int, d2: i
 
 
 def port(folder: Path, *flags: str) -> list[list[int]]:
-    """Compiles the port in C and lets it read the vectors."""
+    """Compile the port in C and run it on the vectors."""
     program = folder / "port"
     subprocess.run(["gcc", "-O1", "-fwrapv", *flags, "-o", program, PORT], check=True)
     told = subprocess.run([program], input=VECTORS.read_bytes(), capture_output=True, check=True).stdout.decode()

@@ -1,4 +1,4 @@
-"""Sentences against an independent reader, and everything else that may come down the line."""
+"""Sentences against an independent reader, and other bytes on the line."""
 
 import random
 

@@ -1,4 +1,4 @@
-"""Whom a file belongs to, and what to do to be allowed it."""
+"""The owner of a file, and how to get access to it."""
 
 import grp
 import os

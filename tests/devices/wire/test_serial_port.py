@@ -1,4 +1,4 @@
-"""A serial port, with a pty for the cable; each message is read as a student would."""
+"""A serial port, with a pty in place of the cable; messages are compared as a student reads them."""
 
 import errno
 import os
@@ -21,7 +21,7 @@ class Cable:
     def __init__(self) -> None:
         self.far, near = pty.openpty()
         self.path = os.ttyname(near)
-        self._near: int | None = near  # kept open, as a plug that stays in
+        self._near: int | None = near  # kept open, like a connected plug
 
     def pull(self) -> None:
         for end in (self.far, self._near):
@@ -97,7 +97,7 @@ def test_a_program_that_has_the_port_is_named(cable: Cable) -> None:
 
 def test_a_port_is_looked_at_without_being_opened(cable: Cable, monkeypatch: pytest.MonkeyPatch) -> None:
     port = SerialPort(cable.path)
-    check_port(cable.path)  # and it is ours meanwhile
+    check_port(cable.path)  # our own lock does not make it fail
     port.close()
     monkeypatch.setattr(os, "access", lambda *_: False)
     with pytest.raises(DeviceError, match=r"may not be opened by this user(.|\n)*sudo usermod -aG"):
