@@ -38,6 +38,9 @@ from snr_sim.prelude.page import DataKey
 TEND_EVERY_S = 0.05
 MAX_TIME_BYTES = 32  # maximum length of the reply to a ping
 DEAF_LOOK_S = 0.002  # period at which a paused link checks whether the node has caught up
+# A newcomer's token can arrive before Zenoh routes pages to it. What is put in between is lost: 4 of 80 first pages
+# never arrived while both cores were busy.
+RESEND_S = 0.5
 LINGER_S = 0.3  # maximum time in which a closing link sends what waits
 LEAVE_S = 5.0  # maximum time that the end of the program waits for links that are still leaving
 BATCH_BYTES = 1 << 17
@@ -133,6 +136,7 @@ class ZenohTransport(Fleet):
         self._has_joined = False
         self._back_off = BackOff()
         self._try_s = 0.0
+        self._resend_s = math.inf  # moment at which the newest pages are sent to a newcomer a second time
         self._outbox: SendQueue[Letter] = SendQueue(options.queue_pages, options.policy)
         self._inbox: SendQueue[Letter] = SendQueue(options.queue_pages, options.policy)
         self._guard = threading.Lock()  # held briefly: guards both queues above and the delayed pages below
@@ -335,8 +339,8 @@ class ZenohTransport(Fleet):
         """Send what waits; block as long as a remote node does not read."""
         is_heard = bool(self.roster.here())
         if self.roster.take_newcomer():
-            for letter in list(self._newest.values()):
-                self._put(letter, is_heard)
+            self._resend_s = self.now_s() + RESEND_S
+            self._send_newest(is_heard)
         while True:
             with self._guard:
                 letters = self._outbox.take(BATCH_BYTES)
@@ -349,6 +353,11 @@ class ZenohTransport(Fleet):
                 letter.number = last.number + 1 if last is not None else 1
                 self._newest[letter.key] = letter
                 self._put(letter, is_heard)
+
+    def _send_newest(self, is_heard: bool) -> None:
+        """Send the newest page of each key again; receivers ignore numbers that they have."""
+        for letter in list(self._newest.values()):
+            self._put(letter, is_heard)
 
     def _put(self, letter: Letter, is_heard: bool) -> None:
         if self._session is None:
@@ -375,6 +384,9 @@ class ZenohTransport(Fleet):
         if now_s >= self._ping_s:
             self._ping_s = now_s + self.link.options.keep_alive_s
             self._put_on_the_way(PING_BYTES, lambda: self._ask(now_s), is_page=False)
+        if now_s >= self._resend_s:
+            self._resend_s = math.inf
+            self._send_newest(bool(self.roster.here()))
         self.link.report(now_s)
 
     def _ask(self, now_s: float) -> None:
