@@ -29,8 +29,8 @@ PAD_HIGH = (500.0, 1000.0, 100.0, 100.0, math.pi, 5.0, 1.0, 1.0, 1000.0)
 
 LANDED, NOT_LANDED = 100.0, -100.0
 FUEL_WEIGHT = 50.0  # for all of the propellant
-SPEED_WEIGHT = 0.2  # for a metre per second beside the speed that suits the height
-BRAKING_G = 1.0  # deceleration that the speed for a height is reckoned with, as a share of the Moon's gravity
+SPEED_WEIGHT = 0.2  # per m/s of difference from the suitable speed for the height
+BRAKING_G = 1.0  # deceleration behind the suitable speed for a height, in units of the Moon's gravity
 TOUCHDOWN_MPS = 1.0
 
 
@@ -162,7 +162,7 @@ def seen_in_the_plane(radar: RadarReading, inertial: InertialReading) -> list[fl
 
 
 def pad_command(action: int) -> EngineCommand:
-    """Return what a discrete action of `LanderPad` tells the engine.
+    """Return the engine command of a discrete action of `LanderPad`.
 
     >>> pad_command(8)
     EngineCommand(throttle=0.6, gimbal_rad=0.0, attitude=1.0)
@@ -172,7 +172,7 @@ def pad_command(action: int) -> EngineCommand:
 
 
 def cost_aside(x_m: Any, lateral_mps: Any, attitude_deg: Any) -> Any:
-    """Return what the potential of `LanderPad` is less for a place beside the pad, sideways speed and tilt.
+    """Return how much distance from the pad, sideways speed and tilt lower the potential of `LanderPad`.
 
     >>> cost_aside(np.array([-10.0]), np.array([0.0]), np.array([4.0])).tolist()
     [4.0]

@@ -1,9 +1,9 @@
 """Many landers as one vector environment: `gymnasium.make_vec(name, num_envs)`, of `LanderVertical` and its base.
 
-Each lander does what a single environment does, given the same seed and actions: it has the same starts, is told the
-same to the last bit, and has the same rewards but for rounding. While they fly, all of them are moved in a few array
-operations (`vertical_batch.py`, `plane_flight.py`). One that meets the ground is taken over by the plant itself, so
-contact and verdict are the plant's own.
+With the same seed and actions, each lander matches a single environment: the same starts, bitwise equal observations,
+and the same rewards but for rounding. In flight all landers are advanced in a few array operations
+(`vertical_batch.py`, `plane_flight.py`). A lander that meets the ground is handed to the plant itself, so contact and
+verdict are the plant's own.
 """
 
 from __future__ import annotations
@@ -127,10 +127,10 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
         return self._observed(), self._infos()
 
     def step(self, actions: Any) -> tuple[NDArray[np.float32], Floats, Bools, Bools, dict[str, Any]]:
-        """Act, lets one period go by, and observes.
+        """Act, advance by one period, and observe.
 
         Raises:
-            ParameterError: there was no reset, or the actions are none.
+            ParameterError: there was no reset, or the actions are not valid.
         """
         again = self._ended
         if again is None:
@@ -170,7 +170,7 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
         return observations, rewards, terminated, truncated, infos
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Let go of the plant's devices."""
+        """Close the plant's devices."""
         self._single.close()
 
     # -- for subclasses -----------------------------------------------------------------------------------------------
@@ -193,7 +193,7 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
 
     @abstractmethod
     def _observed(self, which: Indices | None = None) -> NDArray[np.float32]:
-        """Return what some are told, or all; then all sensors measure again. Shape (number of them, ...)."""
+        """Return the observations of some or all landers, then sample all sensors again. Shape (their number, ...)."""
 
     # -- inside -------------------------------------------------------------------------------------------------------
 

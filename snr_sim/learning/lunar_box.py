@@ -124,10 +124,10 @@ class LunarLanderBox(CopyableEnv):
         return self._seen(state), {}
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Act, let a fiftieth of a second go by, and observe.
+        """Act, advance by 0.02 s, and observe.
 
         Raises:
-            ParameterError: the episode has not begun or has ended, or it is no action.
+            ParameterError: the episode has not begun or has ended, or the action is not valid.
         """
         if self._is_over or self.world is None:
             raise ParameterError("step() outside an episode: it has not begun, or has ended.", fix="call reset().")

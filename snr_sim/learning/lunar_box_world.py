@@ -62,7 +62,7 @@ NOTHING = [0, 0, 0]  # is touched by hull and legs
 
 
 class LunarBoxWorld:
-    """One world, in which episodes begin anew: the ground, the lander above its middle, nothing moving.
+    """World that is reused for all episodes: the ground, and the lander at rest above its middle.
 
     Args:
         gravity: less than 0, along y.
@@ -70,12 +70,12 @@ class LunarBoxWorld:
     Attributes:
         heights: of the ground.
         hull: the body; `position` is the origin of its corners.
-        x, y, angle_rad: where the hull is after the last step. Each is read once: a question to the engine takes as
-            long as ten lines of Python.
-        vx, vy, turn_radps: how its centre of mass moves, in flight less the pull that Chipmunk is ahead, and how it
-            turns.
+        x, y, angle_rad: pose of the hull after the last step. Each is read once: a query to pymunk takes as long as
+            ten lines of Python.
+        vx, vy, turn_radps: velocity of its centre of mass (in flight less the step of gravity that Chipmunk is ahead)
+            and its angular velocity.
         contacts: which of the legs touch the ground.
-        steps_still: for how many steps everything has been still.
+        steps_still: number of steps for which everything has been at rest.
     """
 
     def __init__(self, gravity: float) -> None:
@@ -111,10 +111,10 @@ class LunarBoxWorld:
         return push, body.mass, body.moment, x, y - CENTRE_Y, *turn, body.center_of_gravity[1]
 
     def begin(self, heights: Sequence[float]) -> None:
-        """Begin an episode, to the last bit as it would begin in a new world.
+        """Begin an episode, bitwise as it would begin in a new world.
 
-        The lander is moved to an engine of its own, which has not seen the last episode; joints are made anew, as
-        each remembers its last push. To make all of the lander anew would take a third longer.
+        The lander is moved to a fresh pymunk space, which holds nothing of the last episode. Joints are recreated, as
+        each stores its last impulse. To recreate the whole lander would take a third longer.
 
         Args:
             heights: of the ground at `CHUNKS` equal distances.
@@ -181,12 +181,12 @@ class LunarBoxWorld:
         return self.steps_still >= STILL_S * STEPS_HZ
 
     def kick(self, force: Point, torque: float = 0.0, arm: float = WIND_ARM) -> None:
-        """Have a force and a torque act for one step.
+        """Apply a force and a torque for one step.
 
         Args:
             force: in the world's frame.
-            torque: beside that of the force.
-            arm: how far above the lander's centre of mass the force acts.
+            torque: in addition to that of the force.
+            arm: height above the lander's centre of mass at which the force acts.
         """
         sin, cos = math.sin(self.angle_rad), math.cos(self.angle_rad)
         side, up = cos * force[0] + sin * force[1], cos * force[1] - sin * force[0]
@@ -235,8 +235,8 @@ class LunarBoxWorld:
         for push, mass, moment, x, y, cos, sin, centre_y in self._parts:
             away_x, away_y = mass * (add_x - turn_radps * y), mass * (add_y + turn_radps * x)
             own_x, own_y = cos * away_x + sin * away_y, cos * away_y - sin * away_x
-            # An impulse beside the centre is the same one through it, and a twist: one call for both.
-            beside = moment * turn_radps / (own_x * own_x + own_y * own_y or 1.0)  # no wind is no push
+            # An off-centre impulse equals one through the centre plus an angular impulse: one call for both.
+            beside = moment * turn_radps / (own_x * own_x + own_y * own_y or 1.0)  # both are 0 without wind
             push((own_x, own_y), (beside * own_y, centre_y - beside * own_x))
 
     def step(self) -> None:

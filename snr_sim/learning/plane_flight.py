@@ -1,8 +1,8 @@
-"""Many landers in the plane at once, in flight, step by step as `plants/lander/lander_2d.py` flies each of them.
+"""Many landers in the plane in flight, step by step as `plants/lander/lander_2d.py` computes each of them.
 
-It is that plant's own scheme in arrays, with its steps, so a flight is the same but for rounding. What meets the ground
-is not flown here: `met` says who does, and `state_of` hands it to the plant. (`plane_batch.py`, which learning uses,
-takes steps ten times as long, and is right to some centimetres.)
+The scheme and the steps are the plant's own, in arrays, so a flight is the same but for rounding. Contact with the
+ground is not simulated here: `met` returns which landers reach it, and `state_of` hands their state to the plant.
+(`plane_batch.py`, which learning uses, takes steps ten times as long, and is accurate to some centimetres.)
 """
 
 from __future__ import annotations
@@ -174,7 +174,7 @@ class PlaneFlight:
         self.vz -= self._fall
 
     def take(self, i: int, reading: InertialReading, mass_kg: float) -> None:
-        """Take over where the plant has flown one of them."""
+        """Copy the state of one lander back from the plant."""
         (x, z), (vx, vz) = reading.position_m, reading.velocity_mps
         body = self._held(x, z, reading.attitude_rad, vx, vz, reading.rate_radps)
         self._numbers[:, i] = (*body, mass_kg, reading.fuel_kg, 0.0, 0.0)

@@ -106,10 +106,10 @@ class ScenarioEnv(CopyableEnv):
         return self._observed(), self._info()
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Act, lets one period go by, and observes.
+        """Act, advance by one period, and observe.
 
         Raises:
-            ParameterError: the episode has not begun or has ended, or it is no action.
+            ParameterError: the episode has not begun or has ended, or the action is not valid.
         """
         if self._steps < 0 or self.verdict is not None or self._is_over():
             raise ParameterError("step() outside an episode: it has not begun, or has ended.", fix="call reset().")
@@ -138,7 +138,7 @@ class ScenarioEnv(CopyableEnv):
         return self._frame.draw(self.plant.truth())
 
     def close(self) -> None:
-        """Let go of the devices."""
+        """Close the devices."""
         for device in (*self.sensors.values(), *self.actuators.values()):
             device.close()
 
@@ -224,10 +224,10 @@ def drawn_start(rng: np.random.Generator) -> int:
 
 
 def checked_start(start: Any) -> int:
-    """Return a start that was asked for.
+    """Return the start that was requested.
 
     Raises:
-        ParameterError: it is no whole number.
+        ParameterError: it is not a whole number.
     """
     if isinstance(start, bool) or not isinstance(start, (int, np.integer)):
         raise ParameterError(f"reset() was given the start {start!r}.", fix="a whole number, as for --seed.")

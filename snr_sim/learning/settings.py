@@ -1,4 +1,4 @@
-"""Numbers that a training is told: looked at before it begins, and not an hour into it."""
+"""Checks of the settings of a training, made before it begins and not an hour into it."""
 
 from __future__ import annotations
 

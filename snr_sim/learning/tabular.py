@@ -55,15 +55,15 @@ class Decay:
 
 @dataclass(frozen=True)
 class Training:
-    """How a table is learned.
+    """Settings of the training of a table.
 
     Args:
         method: one of `METHODS`.
-        episodes: how many.
-        discount: what a reward is worth that comes a step later, 0 to 1.
-        step: how far a value moves towards what was seen.
-        epsilon: how often an action is taken at random.
-        seed: of all chance in the training.
+        episodes: number of them.
+        discount: factor for a reward that comes a step later, 0 to 1.
+        step: step size of an update.
+        epsilon: probability of a random action.
+        seed: of all random numbers in the training.
     """
 
     method: str = "q_learning"
@@ -180,7 +180,7 @@ def train(
 
 
 def evaluate(env: Any, act: Callable[[Sequence[float]], Any], starts: Sequence[int]) -> list[dict[str, Any]]:
-    """Try a policy without learning and without chance of its own.
+    """Evaluate a policy without learning and without random actions.
 
     Args:
         env: over a scenario.
