@@ -47,5 +47,5 @@ def verdict(plant: Lander1D) -> Verdict | None:
 
 
 def metrics(plant: Lander1D, seed: int) -> dict[str, Any]:
-    """Return the touchdown, and the propellant beside the least that could have done."""
+    """Return the touchdown, and the propellant relative to the minimum."""
     return vertical_metrics(plant, start(seed), parameters(seed).engine)

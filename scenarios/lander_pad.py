@@ -63,5 +63,5 @@ def verdict(plant: Lander) -> Verdict | None:
 
 
 def metrics(plant: Lander, seed: int) -> dict[str, Any]:
-    """Return the touchdown, and the propellant beside a lower bound: the best vertical descent from the same start."""
+    """Return the touchdown, and the propellant relative to a lower bound: the best vertical descent from this start."""
     return plane_metrics(plant, *start(seed))

@@ -39,7 +39,7 @@ TIME_LIMIT_S = END_S + 1.0
 
 KINDS = ("loss", "late", "cut", "narrow", "gone")
 COUNTS_S = 0.45  # how long a command counts after it was made
-LIMITS = FailsafeLimits(stale_s=COUNTS_S, lost_s=60.0)  # nothing is held: there is nobody to come up for
+LIMITS = FailsafeLimits(stale_s=COUNTS_S, lost_s=60.0)  # no hold: there is no person to surface for
 ARM_S, CUE_S = 2.0, 0.05
 NEUTRAL_S, STILL_S = 0.5, 0.1  # allowed until the pulses are neutral, and until the propellers then stand still
 BACK_S = 2.5  # after which a link that was cut carries commands again: it tries to greet for three seconds
@@ -100,10 +100,10 @@ def parameters(seed: int) -> UrovParameters:
 
 
 class Steered(WatchedUrov):
-    """The vehicle, with somebody above who knows what is wrong with its link."""
+    """The vehicle, with an observer above who knows the faults of its link."""
 
     def reset(self, seed: int) -> None:
-        """Start anew."""
+        """Reset."""
         self.link = bad_link(seed)
         super().reset(seed)
 

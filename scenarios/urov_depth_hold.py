@@ -1,4 +1,4 @@
-"""From 1 m down to 3 m and stay there, in a current, while a payload is let go.
+"""From 1 m down to 3 m and stay there, in a current, while a payload is released.
 
 Every seed is another start, current and payload. The depth is held if, after the step, the vehicle settles within 10 cm
 in 12 s, does not overshoot by more than 20 cm, and ends within 5 cm; and if, after the payload has gone, it is back

@@ -1,6 +1,6 @@
 """Through three gates, one after the other, without touching them. The pilot sees the vehicle, and knows the gates.
 
-The course was swum if the vehicle went through all gates in their order and touched nothing.
+The run succeeds if the vehicle went through all gates in their order and touched nothing.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def parameters(seed: int) -> UrovParameters:
 
 
 class Course(WatchedUrov):
-    """The vehicle, with somebody who counts the gates it went through."""
+    """The vehicle, with a counter of the gates it went through."""
 
     def passed(self) -> list[str]:
         """Return the names of the gates it went through, in the right direction, in this order."""
@@ -84,7 +84,7 @@ def plant(seed: int, engine: str) -> Course:
 
 
 def verdict(plant: Course) -> Verdict | None:
-    """Return how it ended, or None while it swims."""
+    """Return how it ended, or None while it runs."""
     if plant.touched_n > 0.0:
         return Verdict("touched", False, f"it touched something with {plant.touched_n:.0f} N")
     last = plant.pool.gates[-1]

@@ -3,7 +3,7 @@
 The heading is held if the vehicle settles within 6 degrees of the new one in 8 s, does not turn more than 12 degrees
 too far, ends within 5 degrees, and stays within 20 cm of its depth. Why not better: at rest it knows its heading to 2.5
 degrees, 19 times of 20, and less well while its thrusters draw current. So 5 degrees are four standard deviations of
-what its compass tells: a controller without a fault misses them less than once in 10 000 runs; 4 degrees once in 500.
+its compass: a controller without a fault misses them less than once in 10 000 runs; 4 degrees once in 500.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class Turning(WatchedUrov):
     """The vehicle, which knows what heading its pilot will ask for."""
 
     def reset(self, seed: int) -> None:
-        """Start anew."""
+        """Reset."""
         self.headings_rad = headings_rad(seed)
         super().reset(seed)
 

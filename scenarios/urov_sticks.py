@@ -49,7 +49,7 @@ def parameters(seed: int) -> UrovParameters:
         Cue(ARM_S, is_armed=True),
         Cue(DOWN_S, heave=-rng.uniform(0.55, 0.65)),
         Cue(DOWN_S + 4.0, heave=0.0),
-        Cue(AHEAD_S, surge=rng.uniform(0.18, 0.2)),  # with more a vehicle that nobody keeps level turns over
+        Cue(AHEAD_S, surge=rng.uniform(0.18, 0.2)),  # with more a vehicle without attitude control turns over
         Cue(AHEAD_S + 3.0, surge=0.0),
         Cue(UP_S, heave=rng.uniform(0.45, 0.55)),
         Cue(UP_S + 2.0, heave=0.0),

@@ -92,7 +92,7 @@ class Tank(WatchedUrov):
     """The vehicle in its tank; knows what was asked for, and can be judged by it."""
 
     def reset(self, seed: int) -> None:
-        """Start anew, for another task."""
+        """Reset, for another task."""
         self.asked = task(seed)
         super().reset(seed)
 

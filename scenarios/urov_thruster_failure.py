@@ -1,7 +1,7 @@
-"""One of eight thrusters dies while the vehicle goes ahead at 2 m. Nobody tells it; it only sees that it is off.
+"""One of eight thrusters fails while the vehicle goes ahead at 2 m. The vehicle gets no notice of it, only its errors.
 
-It has coped if, from eight seconds after the failure on, it is within 20 cm of its depth and 12 degrees of its heading.
-Every seed is another thruster; in half of them it is not dead but weak, or stuck as it was.
+The run succeeds if, from eight seconds after the failure on, it is within 20 cm of its depth and 12 degrees of its
+heading. Every seed is another thruster; in half of them it is not dead but weak, or stuck at its last thrust.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""How a landing is judged, the same in every scenario: by the gear, and by propellant beside the least possible.
+"""Judge of a landing, the same in every scenario: by the gear's limits, and by propellant relative to the minimum.
 
-The least possible (`fuel_optimum_kg`) is that of a touchdown as fast as the gear takes, 3.05 m/s: so the last kilograms
-are saved by letting the module fall on its legs. To come to rest at the ground instead takes 7 % more from 1000 m, 18 %
-more from low gate: `fuel_optimum_to_rest_kg`.
+The minimum (`fuel_optimum_kg`) is that of a touchdown at the gear's limit, 3.05 m/s: letting the module fall on its
+legs saves the last kilograms. To come to rest at the ground instead takes 7 % more from 1000 m, 18 % more from low
+gate: `fuel_optimum_to_rest_kg`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Landing(Protocol):
 
     @property
     def why(self) -> str:
-        """What ended it badly, in words."""
+        """Description of what failed."""
         ...
 
 

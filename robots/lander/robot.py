@@ -42,7 +42,7 @@ from snr_sim.scenario import library
 ROLES = ("lander",)
 OPTIONS: dict[str, str] = {}
 
-BOARD_HZ = 50.0  # how often outputs on a board are written: they let go by themselves if nobody does for 0.2 s
+BOARD_HZ = 50.0  # rate of writes to a board's outputs: without one for 0.2 s they disarm themselves
 LEAST_HZ = 10.0  # and so often there must be a new command, hence a new reading
 MCU = "atmega328p"
 

@@ -100,7 +100,7 @@ class Holds:
         return -self._depth.update(self.depth_m, depth.depth_m, dt_s, rate=rate, feed_forward=drag_n)
 
     def _moved(self, wanted_m: float, heave: float, depth_m: float, dt_s: float) -> float:
-        """Return where the stick moves a depth to that is wanted: not beyond what a vehicle on the floor can follow.
+        """Return the target depth that the stick moves a depth to: not beyond what a vehicle on the floor can follow.
 
         Else a stick that was held down there for long would have to be held up for as long.
         """

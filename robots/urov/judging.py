@@ -1,4 +1,4 @@
-"""How a dive is judged: the course of the true depth and heading, and what can be said of it."""
+"""Judge of a dive: the record of true depth and heading, and the conclusions from it."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Course(Sequence[Sample]):
 
 
 class Watched(Urov):
-    """A vehicle with somebody above who takes down its course, ten times a second, and can tell where it is: "place".
+    """A vehicle with an observer above that records its course, ten times a second, and provides its position: "place".
 
     Attributes:
         course: since the reset.
@@ -85,13 +85,13 @@ class Watched(Urov):
         self._readers["place"] = partial(position_fix_of, self)
 
     def reset(self, seed: int) -> None:
-        """Start anew, with an empty course."""
+        """Reset, with an empty course."""
         self.course = Course()
         self.touched_n = 0.0
         super().reset(seed)
 
     def step(self, dt_s: float) -> None:
-        """Move on, and take down what is due."""
+        """Advance, and record a sample when it is due."""
         super().step(dt_s)
         if self.contact_n is not None:
             self.touched_n = max(self.touched_n, math.hypot(*self.contact_n))
@@ -101,12 +101,12 @@ class Watched(Urov):
             self.course.append(Sample(self.time_s, self.position_m, *angles, thrust_n))
 
     def restore(self, snapshot: Any) -> None:
-        """Put the vehicle back; what was taken down since is taken back."""
+        """Restore the vehicle, and drop the samples recorded since."""
         super().restore(snapshot)
         self.course = Course(sample for sample in self.course if sample.time_s <= self.time_s)
 
     def during(self, from_s: float, to_s: float) -> list[Sample]:
-        """Return what was taken down between two moments."""
+        """Return the samples between two moments."""
         return [sample for sample in self.course if from_s - 1e-9 <= sample.time_s <= to_s + 1e-9]
 
 
@@ -118,7 +118,7 @@ def judged(plant: Watched, misses: Sequence[str]) -> Verdict:
 
 
 def unready(plant: Watched) -> list[str]:
-    """Return what is to be said of speed controllers that were not armed as they should be: a beginner's mistake."""
+    """Return remarks on speed controllers that were not armed as they should be: a beginner's mistake."""
     if plant.thrusters is None:
         return []
     said = []

@@ -109,7 +109,7 @@ class Sensors:
     """The parts, and how often each is read. No camera unless one is given: it takes longer than all others.
 
     Raises:
-        ParameterError: a part is none, or it is read at no rate; the message names it.
+        ParameterError: a part is not valid, or its rate is not; the message names it.
     """
 
     depth: Annotated[Ms5837, "Ms5837()"] = field(default_factory=Ms5837)
@@ -146,10 +146,10 @@ class UrovParameters:
     Args:
         vehicle: its numbers.
         script: what the pilot does, where there is no person.
-        route: where a pilot who sees goes; if there is one, he flies instead.
+        route: of a pilot who sees the vehicle; if there is one, it replaces the script.
         sensors, holds, failsafe_limits: see there.
         failsafes: what the vehicle does by itself when something fails.
-        fix_hz: how often the vehicle is told its place, as by an acoustic positioning system; 0 is never.
+        fix_hz: rate of position fixes, as of an acoustic positioning system; 0 disables them.
         nominal_v: at which the pulse for a thrust is looked up.
         slew_nps: how fast a thrust may change.
         first: axes that are served before the others when thrusters are at their limits.

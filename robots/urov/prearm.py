@@ -1,4 +1,4 @@
-"""What keeps the vehicle from being armed before the dive, in words: so the pilot knows why not, and what to look at.
+"""Pre-arm checks: why the vehicle may not be armed before the dive, as text, so that the pilot knows what to check.
 
 Only the first arming is checked. In the water a person who arms has a reason, and failsafes do the rest.
 """
@@ -21,13 +21,13 @@ WARM_UP_S = 2.0  # of a program that has just started what is missing may still 
 def failing_checks(
     failsafe: FailsafeMonitor, readings: Readings, ages_s: Mapping[str, float], outputs: Outputs | None
 ) -> list[str]:
-    """Return what is not as it must be, each in words; nothing if the vehicle may be armed.
+    """Return a description of each failing check; none if the vehicle may be armed.
 
     Args:
-        failsafe: knows battery, leak, disk and what else has failed.
+        failsafe: has the state of battery, leak, disk and other failures.
         readings: of the sensors.
         ages_s: of the pages of the newest ones.
-        outputs: how they are; None if nobody tells.
+        outputs: their state; None if it is not known.
     """
     failing = readings.missing(ages_s)
     if failsafe.rest_v is not None and failsafe.rest_v < failsafe.limits.low_v:
@@ -55,7 +55,7 @@ class PreArm:
 
     def __init__(self) -> None:
         self.has_armed = False
-        self._refused = ""  # why, when it was asked for; told until the pilot disarms
+        self._refused = ""  # reason of the refusal; reported until the pilot disarms
         self._start_s = math.inf
 
     def why_not(self, is_armed: bool, failing: list[str], now_s: float) -> str | None:

@@ -33,7 +33,7 @@ class Waypoint:
         depth_m: positive down.
         heading_rad: to point to on the way there.
         within_m: as close as this counts as there.
-        stay_s: how long to stay there: who comes in sideways goes on sideways.
+        stay_s: how long to stay there: a vehicle that arrives sideways keeps drifting sideways.
     """
 
     x_m: float

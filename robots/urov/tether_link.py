@@ -24,12 +24,12 @@ def tether_faults(
 
     Args:
         length_m: of the tether.
-        loss: share of pages that never arrive.
-        cut: moments (start_s, end_s) between which nothing arrives.
-        seed: of its chance; the run's if None.
+        loss: fraction of pages that never arrive.
+        cut: intervals (start_s, end_s) in which nothing arrives.
+        seed: of its random numbers; the run's if None.
 
     Raises:
-        ParameterError: there is no such tether, or no such loss or cut.
+        ParameterError: the length, the loss or a cut is out of range.
     """
     if not 0.0 <= length_m <= FULL_M:
         raise ParameterError(f"A link through {length_m!r} m of tether.", fix=f"0 to {FULL_M:g} m.")

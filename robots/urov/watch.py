@@ -1,4 +1,4 @@
-"""Has the autopilot think also when no reading comes: so outputs hear neutral, and the surface hears why."""
+"""Watchdog: runs the autopilot also without readings, so that outputs become neutral and the surface gets a reason."""
 
 from __future__ import annotations
 

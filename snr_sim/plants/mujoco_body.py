@@ -1,9 +1,11 @@
-"""One free body in a MuJoCo world that has more mass than MuJoCo knows of: the added mass of water, or a load.
+"""One free body in a MuJoCo world with more mass than MuJoCo's model has: the added mass of water, or a payload.
 
-MuJoCo's step is split. After `look` its own mass matrix M and forces are known; `move` adds to M, has it factored
-anew, applies the force that gives the wanted acceleration, and lets MuJoCo do the rest: contacts, with the true mass.
+MuJoCo's step is split. After `look` its own mass matrix M and forces are known; `move` adds to M, factorises it
+again, applies the force that gives the requested acceleration, and leaves the rest to MuJoCo: contacts, with the true
+mass.
 
-MuJoCo's velocities of a free body are the world's for the linear part (of its origin) and the body's for the angular.
+MuJoCo's velocities of a free body are in the world frame for the linear part (of its origin) and in the body frame for
+the angular part.
 """
 
 from __future__ import annotations

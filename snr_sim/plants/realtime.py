@@ -1,7 +1,7 @@
-"""A plant that keeps up with a clock on the wall, for robots whose roles run as processes of their own.
+"""A plant that follows the wall clock, for robots whose roles run as processes of their own.
 
-Nothing steps it by itself: whoever reads, writes or looks brings it to now first. Loops on threads do so many times a
-second, one at a time.
+It has no stepping loop: each call that reads, writes or looks first advances it to the present. Loops on threads make
+such calls many times a second, one at a time.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ class RealTimePlant:
         self._lock = threading.RLock()
 
     def follow(self, clock: Clock) -> None:
-        """Go by another clock from now on: one that starts when the run does, after all has been made ready."""
+        """Use another clock from now on: one that starts when the run does, after all setup."""
         self._clock = clock
 
     @contextmanager
     def now(self) -> Iterator[Any]:
-        """Yield the plant itself as it is now, and nobody else reaches it meanwhile."""
+        """Yield the plant itself, advanced to the present; other threads wait meanwhile."""
         with self._lock:
             self._stepper.advance_to(self._clock.now_s())
             yield self._plant

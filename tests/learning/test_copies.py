@@ -1,4 +1,4 @@
-"""Copies of environments, by `copy.deepcopy` and by `pickle`: they go on as the original does."""
+"""Copies of environments, by `copy.deepcopy` and by `pickle`, continue as the original does."""
 
 import copy
 import pickle

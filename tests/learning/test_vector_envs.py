@@ -1,4 +1,4 @@
-"""Vector environments beside as many single ones: what is told, what it is worth, how it ends; the API's contract."""
+"""Vector environments compared with as many single ones: observations, rewards, ends; the API's contract."""
 
 from collections.abc import Sequence
 from typing import Any

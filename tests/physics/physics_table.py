@@ -44,7 +44,7 @@ def row(case: Case, ours: list[float]) -> str:
 
 
 def _error(case: Case, ours: float) -> str:
-    """Return an error to one digit; what matters to nobody, and may differ between computers, is 0."""
+    """Return an error to one digit; one that is negligible, and may differ between computers, is 0."""
     error = case.error(ours)
     return f"{error:+.0e}" if abs(error) >= least_shown(case) else "0"
 

@@ -26,7 +26,7 @@ def test_in_a_corner_both_are_stopped_at_once() -> None:
 def test_two_feet_of_a_body_stop_its_fall_and_its_turning() -> None:
     feet = [Touch(0.0, 1.0, x, -0.2, 0.0) for x in (-0.3, 0.3)]
     velocity, impulse = stopped((0.0, -1.0, 0.5), feet, MOBILITY, 0.0, 0.005)
-    # Turning by q moves a place at x by -q x along z: neither foot goes on downwards.
+    # Turning by q moves a place at x by -q x along z: neither foot continues downwards.
     for x in (-0.3, 0.3):
         assert velocity[1] - velocity[2] * x >= -1e-6
     assert impulse[1] > 0.0

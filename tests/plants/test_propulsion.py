@@ -17,7 +17,7 @@ STOP = 1500.0
 
 
 def armed(count: int = 8, volts: float | None = None, **kwargs: float) -> Propulsion:
-    """Thrusters whose controllers have heard a second of stop, on a bench supply if a voltage is given."""
+    """Thrusters whose controllers have received a second of stop, on a bench supply if a voltage is given."""
     thrusters = Propulsion(count, None if volts is None else BenchSupply(volts), **kwargs)
     run(thrusters, [STOP] * count, 1.0)
     return thrusters

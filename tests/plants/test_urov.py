@@ -540,7 +540,7 @@ def test_a_step_that_is_taken_back_for_a_contact_is_taken_back_for_other_bodies_
 
 @pytest.mark.parametrize("after", [100, 340, 700, 1150], ids=["swimming", "landing", "on the floor", "in flight"])
 def test_a_state_put_into_another_vehicle_of_the_same_make_goes_on_to_the_bit(after: int) -> None:
-    """The thrusters kept sums of forces by the matrix they were made with, and of another made them anew."""
+    """The thrusters cached sums of forces by the matrix of their vehicle, and recomputed them for another matrix."""
     dive = Dive(
         (0.0, 0.0, -1.0),
         currents=(Current(0.0, (0.3, 0.2, 0.0)),),

@@ -97,7 +97,7 @@ def test_depth_that_is_no_longer_measured_is_no_longer_held_and_that_is_said_onc
     blind, pulses = blind_from(2.0, holds)
     assert blind.is_blind
     assert blind.told(4.0, ImuReading([0.0] * 3, [0.0] * 3, [0.0] * 3, 0.0, 0.0, 0.0, 4.0))["is_blind"]
-    assert pulses[-1] == [1500.0] * 8  # what it last knew does not push it on for ever
+    assert pulses[-1] == [1500.0] * 8  # the last reading does not push it on indefinitely
     (note,) = [note for note in blind.parent.notes if "no fresh reading of depth" in note]
     assert 2.4 < float(note.partition("t = ")[2].partition(" s")[0]) < 2.6
 

@@ -50,7 +50,7 @@ class HoverAndDrop(Endpoint):
 
 
 class HoverAndDropLaw:
-    """Sinks to a height, hovers, sinks slowly, and lets go.
+    """Sinks to a height, hovers, sinks slowly, and shuts the engine off.
 
     Args:
         parameters: of the lander.

@@ -11,9 +11,9 @@ from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.scenario import Robot
 from snr_sim.prelude.signals import EngineCommand, RadarReading
 
-IN_HAND = 0.96  # share of the thrust that the plan counts on: the rest answers noise and what is not in the plan
+IN_HAND = 0.96  # fraction of the thrust that the plan uses: the rest is a margin for noise and model errors
 STOP_M = -0.02  # aim just under the ground: the module touches down at half a metre a second instead of hanging over it
-EARLY = 0.7  # who needs less than this brakes too early, and may fall on for a moment
+EARLY = 0.7  # if less throttle is needed than this, braking is too early: coast for a moment
 SOFT_MPS = 0.6  # a touchdown that costs nothing: the gear takes 3.05
 
 
@@ -61,7 +61,7 @@ class OptimalLaw:
         self.is_burning = False
 
     def update(self, radar: RadarReading, now_s: float) -> EngineCommand:
-        """Return no throttle before ignition, and afterwards the one that stops in time, planned anew each time."""
+        """Return zero throttle before ignition, then the one that stops in time, planned again each time."""
         here = self.reckoning.now(radar, now_s)
         if self.is_burning:
             throttle = self.braking_throttle(here)

@@ -45,10 +45,10 @@ def factories(robot: Robot) -> list[EndpointFactory]:
 
 
 class QLearningControllerFactory(EndpointFactory):
-    """Makes the pilot.
+    """Factory of the pilot.
 
     Args:
-        table: what it goes by.
+        table: action values that it uses.
     """
 
     def __init__(self, table: QTable) -> None:
@@ -78,10 +78,10 @@ class QLearningControllerEndpoint(Endpoint):
 
 
 class TilesControllerFactory(EndpointFactory):
-    """Makes the pilot in the plane.
+    """Factory of the pilot in the plane.
 
     Args:
-        policy: what it goes by.
+        policy: that it uses.
     """
 
     def __init__(self, policy: PadPolicy) -> None:

@@ -189,7 +189,7 @@ def constant_mass_ignition_m(start: Motion, engine: Engine) -> float:
 def find_root(function: Callable[[float], float], low: float, high: float) -> float:
     """Return where a function that is positive at `low` and negative at `high` crosses 0, to the last bit.
 
-    Halving, because it cannot fail and nobody waits for it: some fifty calls.
+    Bisection, because it always converges and some fifty calls are fast enough.
     """
     while True:
         middle = 0.5 * (low + high)

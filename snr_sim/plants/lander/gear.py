@@ -104,7 +104,7 @@ class GearLimits:
         return "landed" if rest else "tilted"
 
     def passed(self, touchdown: Touchdown, rest_rad: float = 0.0) -> list[str]:
-        """Return which limits a landing passes, in words; none if all is well. Exactly at a limit is well.
+        """Return descriptions of the exceeded limits of a landing; a value at a limit is within it.
 
         >>> GearLimits().passed(Touchdown(vertical_mps=3.0, lateral_mps=0.61, attitude_deg=-7.5, rate_degps=0.0))
         ['vertical 3.000 m/s is over 2.59 m/s (3.05 if it did not slide)', 'attitude -7.500 deg is over 6 deg']

@@ -21,7 +21,7 @@ from snr_sim.plants.mujoco_engine import MujocoWorld
 from snr_sim.prelude.errors import ParameterError, PlantError
 from snr_sim.prelude.sums import ordered_sum
 
-FOOT_KG = 20.0  # own choice: little beside the module, enough for its motion to be followed in steps of 5 ms
+FOOT_KG = 20.0  # own choice: small relative to the module, large enough to be integrated in steps of 5 ms
 FOOT_RADIUS_M = 0.1
 GROUND_HALF_DEPTH_M = 30.0
 GROUND_DEEP_M = 20.0  # under its lowest place: nothing falls through, however fast
@@ -123,7 +123,7 @@ class Hull3D:
         """Set force [N] at the centre of mass, world frame, and torque [N m], body frame, until they are set again.
 
         Raises:
-            PlantError: one is not finite; said here, before MuJoCo writes a log file about what came of it.
+            PlantError: one is not finite; checked here, because MuJoCo would write a log file.
         """
         total = ordered_sum(force) + ordered_sum(torque)
         if total - total != 0.0:
@@ -192,10 +192,10 @@ def _mjcf(module: LunarModule, terrain: Terrain) -> str:
       </body>"""
         for name, (x, y) in PADS_M.items()
     )
-    # The integrator "discrete": under Euler's and the implicit ones contacts reckon without the dampers of the legs,
-    # which in a step of 5 ms weigh three times a foot, and a module at rest rattles for ever. Flight is the same.
-    # Contacts as stiff as the step allows: it is the legs that give way. An elliptic cone, and friction computed ten
-    # times as hard as the rest, so that a module on a slope does not creep.
+    # The integrator "discrete": under Euler's and the implicit ones, contacts are computed without the dampers of the
+    # legs, which in a step of 5 ms count three times a foot's mass, and a module at rest never stops vibrating. Flight
+    # is equal. Contacts are as stiff as the step allows: the compliance is in the legs. An elliptic cone, and friction
+    # solved ten times as stiffly as the rest, so that a module on a slope does not creep.
     return f"""
 <mujoco model="lunar module">
   <option gravity="0 0 {-module.gravity_mps2:.17g}" integrator="discrete" cone="elliptic" impratio="10">

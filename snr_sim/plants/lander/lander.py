@@ -1,16 +1,16 @@
-"""A lunar module in flight, whichever engine of physics moves its body: propellant, throttle, judge and sensors.
+"""A lunar module in flight, independent of the physics engine: propellant, throttle, judge and sensors.
 
     command --> write --> burn --> force on the body    (lander_2d.py: pymunk, two legs; lander_3d.py: MuJoCo, four)
                                         |
     reading <-- read <-- pose in the x-z plane <--'
 
-What stands here is the same for both: two engines differ by how the body moves, and by nothing else.
+This module contains what both engines share: they differ only in how the body moves.
 
-How a step goes, in both: a kick (velocity += what engine, jets, legs and weight give in a step), then a way (position
+Both compute a step as a kick (velocity += what engine, jets, legs and weight give in a step), then a drift (position
 += velocity * step). This is the leapfrog scheme if the kick is that of the middle of the step: so the position that an
-engine of physics holds is half a step ahead of its velocity. `reset` puts it there, and `read` takes the half step off
+engine of physics holds is half a step ahead of its velocity. `reset` puts it there, and `read` subtracts the half step
 again. It costs nothing. A flight under constant force is exact (either engine alone ends g t dt / 2 too high or too
-low), a command acts from the moment on at which it is written, errors shrink with the step squared, and a bouncing leg
+low), a command acts from the moment at which it is written, errors shrink with the step squared, and a bouncing leg
 gains no energy.
 """
 
@@ -43,20 +43,20 @@ EDGE_M = HALF_WIDTH_M - ROOF_REACH_M
 
 
 class Lander(ABC):
-    """What the landers of both engines have in common. With `_advance` and the rest, it keeps the promise of Plant.
+    """Base of the landers of both engines. With `_advance` and the other hooks it implements `Plant`.
 
     Args:
         module: its numbers.
-        start_of: gives the start and the ground that belong to a seed.
+        start_of: returns the start and the ground that belong to a seed.
         step_s: of integration; see `STEP_S`.
 
     Raises:
-        ParameterError: a number cannot be, or a start is under ground.
+        ParameterError: a number is out of range, or a start is below ground.
 
     Attributes:
         touchdown: the first contact, once there was one.
-        outcome: 'landed', 'crashed', 'out_of_fuel' (crashed with a dry tank), 'tilted' (stands, and not upright enough)
-            or 'lost' (left the region), once over. From then on it stands still.
+        outcome: 'landed', 'crashed', 'out_of_fuel' (crashed with an empty tank), 'tilted' (at rest, and not upright
+            enough) or 'lost' (left the region), once over. From then on the state does not change.
     """
 
     inputs = ("engine",)
@@ -98,7 +98,7 @@ class Lander(ABC):
         """Return the start and the ground that belong to a seed.
 
         Raises:
-            ParameterError: they are none, or a part of the module is in the ground.
+            ParameterError: they are not valid, or a part of the module is in the ground.
         """
         given = self.start_of(seed)
         if not (isinstance(given, tuple) and tuple(map(type, given)) == (PlaneStart, Terrain)):
@@ -272,7 +272,7 @@ class Lander(ABC):
 
     @property
     def why(self) -> str:
-        """What ended it badly, in words; empty if nothing did."""
+        """Description of what failed; empty if nothing did."""
         if self.outcome == "lost":
             return "it left the region that is simulated"
         rest_rad = self._tilt_rad() if self.outcome == "tilted" else 0.0

@@ -71,7 +71,7 @@ class Lander2D(Lander):
     # -- start, and being put back ------------------------------------------------------------------------------------
 
     def reset(self, seed: int) -> None:
-        """Build the world anew and put the module at the start that belongs to this seed."""
+        """Rebuild the world and put the module at the start that belongs to this seed."""
         start, terrain = self._start(seed)
         (x, z), (vx, vz), half_s = start.position_m, start.velocity_mps, 0.5 * self.step_s
         attitude, rate = start.attitude_rad + half_s * start.rate_radps, start.rate_radps
@@ -116,7 +116,7 @@ class Lander2D(Lander):
         """Let engine and jets push for one step, from the propellant there is; return how, in the module's frame."""
         side, up, twist = kick = self._burn()
         if up > 0.0:
-            # A push beside the centre of mass is the same push through it, and a twist: one call for both.
+            # An off-centre impulse equals one through the centre of mass plus an angular impulse: one call for both.
             self._push((side, up), (twist / up, 0.0))
         elif twist:
             self._hull.turn(twist / self.module.gyration_m**2)

@@ -87,7 +87,7 @@ class Lander3D(Lander):
         self._pose: Pose | None = None
 
     def _build(self) -> None:
-        """Build the world anew if the ground is another."""
+        """Rebuild the world if the ground has changed."""
         if self._hull.terrain is not self.terrain:
             self._hull = Hull3D(self.module, self.terrain, self.step_s)
 

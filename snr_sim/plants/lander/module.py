@@ -13,14 +13,14 @@ from snr_sim.prelude.errors import ParameterError
 
 @dataclass(frozen=True)
 class Throttle:
-    """Which shares of full thrust an engine can run at: off, a range, or full.
+    """Throttle range of an engine, as fractions of full thrust: off, a range, or full.
 
     Args:
         lowest: end of the range; below it the flame goes out.
-        highest: other end; between it and full the nozzle wears away, so the engine leaves that out.
+        highest: other end; between it and full the nozzle erodes, so the engine skips that range.
 
     Raises:
-        ParameterError: they are no such shares.
+        ParameterError: the fractions are not valid.
     """
 
     lowest: Annotated[float, LIMITS["share"]]

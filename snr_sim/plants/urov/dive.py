@@ -18,14 +18,14 @@ STILL: Vector = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Load:
-    """Something small that hangs at the vehicle for a while. It has mass, so it also makes the vehicle sluggish.
+    """Small payload that is attached to the vehicle for a while. It has mass, so it also makes the vehicle sluggish.
 
     Args:
         mass_kg: of it.
         volume_m3: of the water it displaces; a kilogram of lead has 0.000088.
         place_m: body frame.
-        from_s: when it is taken up.
-        until_s: when it is let go.
+        from_s: when it is attached.
+        until_s: when it is released.
     """
 
     mass_kg: Annotated[float, LIMITS["load_kg"]]

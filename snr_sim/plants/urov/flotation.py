@@ -34,16 +34,16 @@ class Flotation:
         self.load((), 0.0)
 
     def load(self, loads: Sequence[Load], water_l: float, water_at: Vector = (0.0, 0.0, 0.0)) -> None:
-        """Weigh all of it anew; what hangs at the vehicle counts with its own buoyancy, as if always under water.
+        """Compute weight and buoyancy again; payloads count with their own buoyancy, as if always under water.
 
         Args:
-            loads: what hangs at it.
+            loads: attached payloads.
             water_l: leaked into the hull.
             water_at: where that is, body frame.
         """
         rigid, gravity, density = self._rigid, self._gravity, self._density
         weight = gravity * float(rigid[0, 0])
-        # Mass times place stands in the mass matrix: m z at [0, 4], m x at [1, 5], m y at [2, 3].
+        # The mass matrix contains mass times position: m z at [0, 4], m x at [1, 5], m y at [2, 3].
         arm = [gravity * float(rigid[1, 5]), gravity * float(rigid[2, 3]), gravity * float(rigid[0, 4])]
         parts = [(one.mass_kg, one.mass_kg - density * one.volume_m3, one.place_m) for one in loads]
         if water_l > 0.0:

@@ -3,7 +3,7 @@
     M nu' + C(nu) nu + D(nu) nu = push + weight and buoyancy,          M = rigid body + wet share of the added mass
 
 `nu` is the velocity relative to the water, in the body frame. That rigid body and added mass can share one M and one C
-is no simplification: in water that moves as a whole, the laws of motion are those of still water, seen from the water.
+is exact: in water that moves as a whole, the laws of motion are those of still water, seen from the water.
 So the off-diagonal terms of a current, such as M_A (w x v_r), are in here without being written down.
 
 C is not written down either. M nu is the momentum (P, L) of body and water; seen from a turning body it changes by

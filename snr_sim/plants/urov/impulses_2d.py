@@ -1,8 +1,8 @@
-"""What contacts do to a body whose mass is another in every direction, which the contacts of pymunk cannot know.
+"""Contact impulses on a body whose mass differs by direction, which pymunk's contacts do not support.
 
-pymunk says where a body touches, which way and how deep; here are the impulses: each contact in turn asks for as much
-as stops the body there, never pulls, and holds sideways up to friction, until all are content (sequential impulses).
-All begins anew at every step, so a body at rest can be put back to the bit.
+pymunk detects contact points, normals and depths; this module computes the impulses. Each contact in turn applies the
+impulse that stops the body there, never a pulling one, with friction up to its limit, until all converge (sequential
+impulses). Every step starts from zero impulses, so a body at rest can be restored bitwise.
 
 Source: Catto, Iterative Dynamics with Temporal Coherence (2005); with a full matrix in place of one mass, and without
 the coherence.

@@ -1,4 +1,4 @@
-"""What the underwater vehicle tells: its outputs, the true state for the recorder, and its shapes for the viewer."""
+"""Outputs of the underwater vehicle: readings, the true state for the recorder, and its shapes for the viewer."""
 
 from __future__ import annotations
 

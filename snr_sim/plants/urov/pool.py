@@ -1,7 +1,8 @@
-"""The pool a vehicle swims in: still surface at z = 0, a level floor, four walls, and gates to go through.
+"""Pool of a vehicle: still surface at z = 0, a level floor, four walls, and gates.
 
-It writes the world as MJCF, in which MuJoCo finds what touches what. `simple="false"` at the vehicle's body matters:
-without it MuJoCo keeps only the diagonal of a mass matrix that is one, and the added mass of a tilted vehicle is not.
+It writes the world as MJCF, in which MuJoCo detects contacts. `simple="false"` at the vehicle's body matters:
+without it MuJoCo keeps only the diagonal of a mass matrix that is diagonal, and with the added mass of a tilted vehicle
+it is not.
 """
 
 from __future__ import annotations
@@ -29,12 +30,12 @@ PARTS = ("floor", "surface", "rim")  # names that the view has for what belongs 
 
 @dataclass(frozen=True)
 class Gate:
-    """Two posts and two bars, upright, to swim through along its heading.
+    """Gate of two posts and two bars, upright, to pass through along its heading.
 
     Args:
         name: its own.
         position_m: of its middle.
-        heading_rad: of who goes through: 0 is along x.
+        heading_rad: of a vehicle that passes through: 0 is along x.
         width_m: between the posts.
         height_m: between the bars.
     """
@@ -101,7 +102,7 @@ class Pool:
             raise ParameterError(f"Two gates have one name: {', '.join(names)}.", fix="give each its own.")
 
     def extent(self) -> str:
-        """Return where the water is, in words."""
+        """Return a description of where the water is."""
         size = f"{self.length_m:g} x {self.width_m:g} m around 0, 0 and {self.depth_m:g} m deep"
         return f"the pool is {size}; under water z is negative."
 

@@ -29,7 +29,7 @@ class Pool2D:
     """A vehicle in the cut at its own y.
 
     Args:
-        pool: where it swims.
+        pool: where it is.
         vehicle: its frame, mass and inertia.
 
     Attributes:

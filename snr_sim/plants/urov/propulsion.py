@@ -39,7 +39,7 @@ from snr_sim.prelude.sums import dot_product, ordered_sum
 LAG_S = (9258.0 - 6136.0) / 108700.0
 ELECTRONICS_A = 1.0  # computer, camera, sensors: our own guess, about 15 W
 STEPS_PER_VOLT = 4  # the table is looked up at every quarter of a volt and every microsecond; between, all is linear
-ODD_PULSES_US = (800.0, 2200.0)  # what no servo output makes: a percentage, or seconds, that somebody took for a pulse
+ODD_PULSES_US = (800.0, 2200.0)  # what no servo output makes: a percentage, or seconds, given as a pulse by mistake
 _SOUND = (1.0, 1.0)  # shares of its force and of its current
 FAULTS = ("none", "off", "weak", "stuck")
 GONE = 1e-15  # a share so small that rounding hides it; smaller and smaller numbers would at last be slow
@@ -206,16 +206,17 @@ class Propulsion:
         return all(esc.is_armed for esc in self.escs)
 
     def fail(self, thruster: int, fault: str, share: float = 0.5) -> None:
-        """Break a thruster, or mends it.
+        """Set or clear the fault of a thruster.
 
         Args:
             thruster: its number, from 0.
-            fault: 'off' gives and draws nothing; 'weak' gives a share of its force for all of its current, as with a
-                damaged propeller; 'stuck' goes on as it was told last, whatever it is told; 'none' is mended.
+            fault: 'off' gives no force and draws no current; 'weak' gives a fraction of its force for all of its
+                current, as with a damaged propeller; 'stuck' keeps its last pulse, whatever is commanded; 'none' clears
+                the fault.
             share: of a weak one, 0 to 1.
 
         Raises:
-            ParameterError: there is no such thruster, or no such share.
+            ParameterError: there is no such thruster, or the share is out of range.
             UnknownName: there is no such fault.
         """
         if not 0 <= thruster < self.count:
@@ -234,7 +235,7 @@ class Propulsion:
         """
         mix = self._mix
         if mix is not None and mix.matrix is not matrix and np.array_equal(mix.matrix, matrix):
-            # Another vehicle's of the same make, whose state this is: multiplied anew, the last bit would be another.
+            # State of another vehicle of the same type: multiplying again would change the last bit.
             self._mix = mix = mix._replace(matrix=matrix)
         if mix is None or mix.matrix is not matrix:
             rows, n = matrix.tolist(), self.count
@@ -242,14 +243,14 @@ class Propulsion:
         return mix.lines.at(*self._mean)
 
     def step(self, dt_s: float, pulses_us: Sequence[float | None]) -> None:
-        """Move on by `dt_s`.
+        """Advance by `dt_s`.
 
         Args:
-            dt_s: how long.
+            dt_s: step [s].
             pulses_us: of each thruster; None where no pulse comes.
 
         Raises:
-            PlantError: a pulse is none, or there are more or fewer of them than thrusters.
+            PlantError: a pulse is not valid, or their number is not that of the thrusters.
         """
         volts = self.voltage_v
         if not self._is_settled or volts < LEAST_V or pulses_us != self._told:
@@ -275,7 +276,7 @@ class Propulsion:
         self.voltage_v = supply.voltage_v(current_a)
 
     def _hear(self, dt_s: float, pulses: list[float | None]) -> None:
-        """Have the speed controllers hear the pulses; skipped while they are armed and told the same as before."""
+        """Pass the pulses to the speed controllers; skipped while these are armed and the pulses have not changed."""
         if pulses != self._told:
             self._check(pulses)
             self._told = pulses
@@ -343,7 +344,7 @@ class Propulsion:
         """
         forces, currents, forces_per_v, currents_per_v = columns
         left, rise = self._left, self._rise
-        if self._mix is not None:  # where it is it goes on from, too
+        if self._mix is not None:  # it continues from its current value, too
             matrix, rows, lines = self._mix
             lines = Lines(lines.at(left, rise), _products(rows, forces), _products(rows, forces_per_v))
             self._mix = Mix(matrix, rows, lines)
@@ -355,7 +356,7 @@ class Propulsion:
         self._left, self._rise, self._is_stale = 1.0, 0.0, False
 
     def _forget(self) -> None:
-        """Have everything looked up and heard anew."""
+        """Invalidate all cached pulses and table values."""
         self._told = None
         self._is_settled = False
         self._is_stale = True

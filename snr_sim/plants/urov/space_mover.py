@@ -60,7 +60,7 @@ class SpaceMover(Mover):
         self._body, self._motion, self._water, self._room, self._half_m = body, motion, water, room, half_m
         self._parts = parts_of(motion.step_s)
         self._part_s = motion.step_s / self._parts
-        self._touches: bool | None = None  # where it is now; None: nobody has looked
+        self._touches: bool | None = None  # at the current pose; None: not yet checked
 
     def engine_state(self) -> Any:
         """Return all of MuJoCo's state, with the vehicle where it is."""

@@ -63,14 +63,14 @@ class Curve(NamedTuple):
 
 @lru_cache(maxsize=128)
 def curve(voltage_v: float) -> Curve:
-    """Return what the thruster does at a voltage from `LEAST_V` to `MOST_V`, at the speed controller.
+    """Return force and current of the thruster at a voltage from `LEAST_V` to `MOST_V`, at the speed controller.
 
     >>> force_n, current_a, _ = curve(16.0).at(1900.0)
     >>> round(force_n / NEWTONS_PER_KGF, 2), current_a
     (5.25, 23.83)
 
     Raises:
-        ParameterError: the voltage is none that the thruster runs at.
+        ParameterError: the thruster does not run at this voltage.
     """
     if not LEAST_V <= voltage_v <= MOST_V:
         raise ParameterError(

@@ -41,20 +41,20 @@ STEP_S = 0.005  # the table in robots/urov/PHYSICS.md says what 2 and 10 ms woul
 
 
 class Urov:
-    """The underwater vehicle. Keeps the promise of Plant.
+    """The underwater vehicle. Implements `Plant`.
 
     Args:
         vehicle: its numbers; it is trimmed in the pool's water.
-        pool: where it swims.
-        start_of: gives the dive that belongs to a seed.
+        pool: where it is.
+        start_of: returns the dive that belongs to a seed.
         thrusters: turn pulses into forces; without any, the input is a wrench.
         seed: of the first run.
         step_s: of integration; see `STEP_S`.
-        mjcf: another world than the pool's, with a body 'vehicle' on a free joint, whose mass and inertia then count as
-            they are, without trim; `given_world.py` says what it must leave to the plant.
+        mjcf: another world than the pool's, with a body 'vehicle' on a free joint, whose mass and inertia are then used
+            without trim; `given_world.py` says what it must leave to the plant.
 
     Raises:
-        ParameterError: vehicle, thrusters, dive and world do not go together.
+        ParameterError: vehicle, thrusters, dive and world are not compatible.
 
     Attributes:
         vehicle: as trimmed.

@@ -1,4 +1,4 @@
-"""What the underwater vehicle is made of and what it remembers: what moves it, what it is told, all of its state."""
+"""Parts and state of the underwater vehicle: its models of motion, its inputs, and its full state."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """An underwater vehicle as numbers: mass, added mass, damping, buoyancy, and where its thrusters are.
 
-The numbers of one vehicle stand in a file (`vehicle_file.py`); what they must be like is checked here, where the
-mistake was made. Coefficients that oppose a motion or add mass are positive. All is in the body frame: x forward,
-y left, z up.
+The numbers of one vehicle are in a file (`vehicle_file.py`); they are checked here, where the mistake was made.
+Coefficients that oppose a motion or add mass are positive. All is in the body frame: x forward, y left, z up.
 
 A wrench has six numbers: force along x, y, z [N], then moment about x, y, z [N m].
 """

@@ -18,7 +18,7 @@ from snr_sim.plants.urov.urov_state import Body
 from snr_sim.plants.urov.vehicle import Six, Vector, Vehicle
 
 SLOWING_ROUNDS = 3  # with one, an error of first order in the step is left
-WATER_STEP_L = 0.01  # leaked water is weighed anew when it has become so much more
+WATER_STEP_L = 0.01  # the weight of leaked water is updated at each such increase
 
 
 class WaterForces:

@@ -171,7 +171,7 @@ def friction(name: str) -> Iterator[Case]:
         return (go(plant, 4.0).position_m[0] - begin) / 4.0
 
     def slowed(step_s: float) -> float:
-        """Push it along and let go; return the speed lost in 0.2 s, as a share of what it should be."""
+        """Push it along and release it; return the speed lost in 0.2 s, as a fraction of what it should be."""
         plant = go(go(grounded(one, step_s), 1.0), 2.0, along(0, PUSH_N))
         begin = plant.velocity_mps[0]
         end = go(plant, 0.2, along(0, 0.0)).velocity_mps[0]
