@@ -124,7 +124,7 @@ class Course:
         self.noise = np.array(noise)
 
     def exploring(self, count: int, rng: np.random.Generator) -> Floats:
-        """Return starts anywhere on the way down, shape (4, count), rows as in `Landers`."""
+        """Return random starts within a descent, shape (4, count), rows as in `Landers`."""
         height = 1500.0 * rng.random(count) ** 2
         speed = self.suitable(height) + rng.uniform(-25.0, 25.0, count) * np.minimum(1.0, 0.2 + height / 200.0)
         mass = rng.uniform(7000.0, 8500.0, count)
@@ -269,7 +269,7 @@ def try_table(table: QTable, course: Course, count: int, seed: int | Sequence[in
 def _learn(
     values: Floats, visits: NDArray[np.int64], places: NDArray[np.int64], targets: Floats, least_step: float
 ) -> None:
-    """Move the values at some places towards targets; of several for one place, towards their mean."""
+    """Move the values at some indices towards targets; of several for one index, towards their mean."""
     hit, which, counts = np.unique(places, return_inverse=True, return_counts=True)
     visits[hit] += counts
     steps = np.maximum(least_step, (1.0 + visits[hit] / 30.0) ** -0.7)

@@ -51,7 +51,7 @@ class CopyableEnv(Env[Any, Any]):
         return made_again, (type(self), self._made_with, kept, self._episode)
 
     def _note_reset(self, options: dict[str, Any] | None) -> None:
-        """Remember how an episode begins; called when the random generator is seeded and have drawn nothing."""
+        """Store how an episode begins; called when the random generator is seeded, before the first draw."""
         self._episode = Episode(self.np_random.bit_generator.state, copy.deepcopy(options), [])
 
     def _note_action(self, action: Any) -> None:

@@ -24,7 +24,7 @@ def factors_of(options: Mapping[str, Any], names: Sequence[str], rng: np.random.
     Args:
         options: of `reset`. {"factors": {"thrust_n": 0.95}} is that; {"dispersion": {"thrust_n": 0.05}} draws the
             factor evenly from 0.95 to 1.05.
-        names: of the numbers that the plant lets scale.
+        names: of the numbers of the plant that can be scaled.
         rng: what draws; in the order of `names`, whatever order they are given in.
 
     Raises:

@@ -37,7 +37,7 @@ TOUCHDOWN_MPS = 1.0
 class LanderEnv(ScenarioEnv):
     """What both have in common: the reward.
 
-    +100 for a landing and -100 for any other end, less 50 for all of the propellant (a share of it for a share), and
+    +100 for a landing and -100 for any other end, less 50 times the burned fraction of the propellant, and
     a shaping term that is a difference of potentials, so that it does not change which policy is best (Ng, Harada,
     Russell 1999): 0.2 for each metre per second that the module comes nearer to the speed that suits its height,
     from which it can stop braking gently.
@@ -103,7 +103,7 @@ def vertical_potentials(altitudes_m: Floats, speeds_mps: Floats) -> Floats:
 
 
 def seen_by_radar(radar: RadarReading) -> list[float]:
-    """Return what `LanderVertical` observes of a reading, to the last bit: a policy in a node looks through the same.
+    """Return what `LanderVertical` observes of a reading, to the last bit: a policy in a node uses it, too.
 
     >>> seen_by_radar(RadarReading(altitude_m=0.1, velocity_mps=-300.0, stamp_s=0.0))
     [0.10000000149011612, -250.0]
@@ -145,13 +145,13 @@ class LanderVertical(LanderEnv):
 
 
 def seen_in_the_plane(radar: RadarReading, inertial: InertialReading) -> list[float]:
-    """Return what `LanderPad` observes of readings, to the last bit: a policy in a node looks through the same."""
+    """Return what `LanderPad` observes of readings, to the last bit: a policy in a node uses it, too."""
     left, right = inertial.contact
     seen = [
         inertial.position_m[0],
         radar.altitude_m,
         *inertial.velocity_mps,
-        wrap_rad(inertial.attitude_rad),  # it turns over; an angle that stopped at half a turn would say it hangs there
+        wrap_rad(inertial.attitude_rad),  # it turns over; a clipped angle would show it at rest there
         inertial.rate_radps,
         float(left),
         float(right),
@@ -195,7 +195,7 @@ class LanderPad(LanderEnv):
         8  fuel_kg        left [kg], -10 to 1000 (the gauge is noisy too)
 
     Action, Discrete(9): throttle 0, 0.25 or 0.6 (index // 3), and attitude jets -1, 0 or 1 (index % 3 - 1).
-    Continuous, Box(3): throttle 0 to 1, gimbal as a share of its largest angle -1 to 1, jets -1 to 1.
+    Continuous, Box(3): throttle 0 to 1, gimbal as a fraction of its largest angle -1 to 1, jets -1 to 1.
 
     The reward has two more potentials: for the distance to the pad and for leaning.
 

@@ -40,7 +40,7 @@ Indices = NDArray[np.int64]
 
 
 class LanderVectorEnv(VectorEnv[Any, Any, Any]):
-    """What both vector environments do alike. A subclass says how landers begin, fly and are measured.
+    """Base of both vector environments. A subclass defines how landers start, move and are measured.
 
     Args:
         single: one of the environments: its scenario, spaces and devices are those of all.
@@ -53,7 +53,7 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
     start of a seed of the scenario, or with a list of them at one for each.
 
     Raises:
-        ParameterError: an argument makes no sense.
+        ParameterError: an argument is out of range.
     """
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012 - as gymnasium has it
@@ -102,7 +102,7 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
             options: {"start": n} or {"start": [n, ...]}.
 
         Raises:
-            ParameterError: an option is not known or makes no sense, or there are not as many as landers.
+            ParameterError: an option is unknown or not valid, or their number is not that of the landers.
         """
         count = self.num_envs
         seeds = [seed + i for i in range(count)] if isinstance(seed, int) else list(seed or [None] * count)
@@ -259,7 +259,7 @@ class LanderVerticalVector(LanderVectorEnv):
         after, _, _ = step(Landers(*before), throttles, self._engine, self._step_s)
         self._landers = np.stack(after)
         height, velocity, gravity = before[0], before[1], self._engine.gravity_mps2
-        # One that turns round within the step may have touched on its way.
+        # One that reverses within the step may have touched in between.
         dips = (velocity < 0.0) & (after.velocity_mps > 0.0)
         dips &= height + (velocity - gravity * self._step_s) * self._step_s <= 0.0
         met = flies & ((after.height_m <= 0.0) | dips | (after.height_m > self._plant.ceiling_m))

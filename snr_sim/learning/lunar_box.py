@@ -25,7 +25,7 @@ from snr_sim.learning.lunar_box_world import (
 from snr_sim.prelude.errors import ParameterError
 
 POWERS = {0: (0.0, 0.0), 1: (0.0, -1.0), 2: (1.0, 0.0), 3: (0.0, 1.0)}  # of the main and the orientation engines
-PUSH_MOST = 1000.0  # of what sets the lander moving at the start, either way
+PUSH_MOST = 1000.0  # of the impulse at the start, in each direction
 MAIN_COST, SIDE_COST = 0.30, 0.03  # of an engine at full power for a step
 LANDED, CRASHED = 100.0, -100.0  # in place of the last step's reward
 LIMITS = np.array([2.5, 2.5, 10.0, 10.0, 2.0 * math.pi, 10.0, 1.0, 1.0], np.float32)
@@ -40,7 +40,7 @@ class LunarLanderBox(CopyableEnv):
         4     angle [rad], positive when the nose goes to the left
         5     angular velocity, times 0.4 s
         6, 7  whether the left and the right leg touch the ground
-    Angle and speeds are kept within their bounds, where the original lets them go beyond.
+    Angle and speeds are clipped to their bounds; the original does not clip them.
 
     Action, Discrete(4): nothing, left orientation engine, main engine, right orientation engine. With
     `continuous=True` Box(2): the main engine's throttle (above 0: 50 to 100 %), and the orientation engines' (below
@@ -63,7 +63,7 @@ class LunarLanderBox(CopyableEnv):
         enable_wind, wind_power, turbulence_power: as the original has them.
 
     Raises:
-        ParameterError: an argument cannot be.
+        ParameterError: an argument is out of range.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": STEPS_HZ}  # noqa: RUF012 - as gymnasium declares it
@@ -218,5 +218,5 @@ def potential(state: tuple[float, ...]) -> float:
 
 
 def gust(moment: int) -> float:
-    """Return how the wind blows at a moment, -1 to 1; it never repeats itself."""
+    """Return the wind at a moment, -1 to 1; it is not periodic."""
     return math.tanh(math.sin(0.02 * moment) + math.sin(math.pi * 0.01 * moment))

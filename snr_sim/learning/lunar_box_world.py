@@ -8,7 +8,7 @@ are a unit of length); the engine is Chipmunk, not Box2D. What they do different
 - A leg weighs 1.5 % of the hull that stands on it, for which Box2D's solver goes round 180 times. Here some of the
   hull's mass is in the legs: as a whole, with legs out, the lander has the same mass, centre and moment of inertia.
 - Chipmunk moves first and has the joints share a push afterwards, so what pushes the lander pushes hull and legs.
-- Box2D's joint drives legs against a limit. Here the motor stops when they are out, or the two would never be still.
+- Box2D's joint drives legs against a limit. Here the motor stops when they are out, or the legs would never rest.
 - Box2D multiplies frictions and takes the root, Chipmunk multiplies them.
 - Box2D puts to sleep what has been still for half a second (slower than 0.01 and 2 degrees a second); here it is
   counted by hand, as Chipmunk asks for energies.
@@ -52,7 +52,7 @@ LEG_MASS, LEG_MOMENT = 0.4, 0.05  # instead of 0.071 and 0.0018; the hull has th
 MAIN_POWER, SIDE_POWER = 13.0, 0.6
 MAIN_DOWN = 4 / PIXELS
 SIDE_AWAY, SIDE_UP, SIDE_ARM = 12 / PIXELS, 14 / PIXELS, 17 / PIXELS
-SPREAD = 1 / PIXELS  # of where an engine pushes, either way
+SPREAD = 1 / PIXELS  # of the point where an engine acts, in each direction
 
 STILL_MPS, STILL_RADPS, STILL_S = 0.01, math.radians(2.0), 0.5
 GROUND, ON_HULL, ON_LEG = 0, 1, 2  # pymunk's collision types; legs are 2 and 3
@@ -217,7 +217,7 @@ class LunarBoxWorld:
         self._fire(SIDE_POWER * power, along, across, away, up)
 
     def _fire(self, power: float, along: float, across: float, at_x: float, at_y: float) -> None:
-        """Have an engine blow out along and across, and so push the other way at a place; all in the hull's frame."""
+        """Apply an engine's exhaust along and across, as the opposite force at a point; all in the hull's frame."""
         side, up = across * power, along * power
         self._push(side, up, ((at_x - across) * up - (at_y - along - CENTRE_Y) * side) / MOMENT)
 
@@ -240,7 +240,7 @@ class LunarBoxWorld:
             push((own_x, own_y), (beside * own_y, centre_y - beside * own_x))
 
     def step(self) -> None:
-        """Move on by a fiftieth of a second, and look where the hull is then."""
+        """Advance by 0.02 s, and read the hull's pose."""
         if self._touching == NOTHING:
             self._space.step(STEP_S)
             self._look()

@@ -41,7 +41,7 @@ _DAMAGED = (
 
 
 class Origin(msgspec.Struct, frozen=True):
-    """What every such file says, whatever it is of.
+    """Metadata that every such file has.
 
     Args:
         environment: what it was learned in.

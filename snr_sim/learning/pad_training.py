@@ -55,7 +55,7 @@ STEP_S = 0.1
 TILINGS = 8
 BURN_AXES = (Axis("altitude_m", 0.0, 200.0, 30), Axis("vz_mps", -25.0, 6.0, 50))
 LEAN_AXES = (Axis("vx_mps", -12.0, 12.0, 16), Axis("attitude_rad", -0.4, 0.4, 14), Axis("rate_radps", -0.2, 0.2, 12))
-ALTITUDE, VX, VZ, ATTITUDE, RATE, LEFT, RIGHT = range(1, 8)  # places in what LanderPad observes
+ALTITUDE, VX, VZ, ATTITUDE, RATE, LEFT, RIGHT = range(1, 8)  # indices in LanderPad's observation
 ALL_OFF = PAD_THROTTLES.index(0.0) * len(PAD_TURNS) + PAD_TURNS.index(0.0)
 
 FORESIGHT_BURN, FORESIGHT_LEAN = 0.99, 0.985  # discount of a step: 10 s and 7 s
@@ -102,7 +102,7 @@ class PadPolicy:
         self.made_by = ""
 
     def act(self, observation: Sequence[float]) -> int:
-        """Return the action of `LanderPad` that is worth most for what it observes. Changes nothing.
+        """Return the action of `LanderPad` with the highest value for an observation. Changes nothing.
 
         Once a foot touches, all is off: what was learned ends there, and so did the crews at the contact light.
         """
@@ -215,7 +215,7 @@ class Sky:
         self.rng = np.random.default_rng(seed)
 
     def exploring(self, count: int) -> PlaneLanders:
-        """Return starts anywhere on the way down, most of them low, and most of them nearly straight."""
+        """Return random starts within a descent, most of them low, and most of them nearly straight."""
         draw = self.rng.uniform
         height = 180.0 * self.rng.random(count) ** 2
         near = np.minimum(1.0, 0.2 + height / 50.0)
@@ -361,7 +361,7 @@ def _tiles(policy: PadPolicy, sky: Sky, landers: PlaneLanders) -> tuple[Ints, In
 
 
 def _explored(values: Floats, epsilon: float, rng: np.random.Generator) -> Ints:
-    """Return the action that is worth most of each row, now and then another one."""
+    """Return the action of the highest value in each row, sometimes a random one."""
     actions: Ints = np.argmax(values, axis=1)
     explores = rng.random(len(actions)) < epsilon
     actions[explores] = rng.integers(0, values.shape[1], int(explores.sum()))

@@ -18,7 +18,7 @@ from snr_sim.view.picture_water import SURFACE, WATER, rectangle
 WIDTH_PX, HEIGHT_PX = 320, 240
 SKY: Rgb = (24, 27, 38)
 LEAST_SHOWN_M = 8.0  # of height; a body is drawn at least so large that it can be seen
-LEAST_BODY = 0.12  # share of the frame's height
+LEAST_BODY = 0.12  # fraction of the frame's height
 
 
 class Frame:

@@ -29,7 +29,7 @@ OPTIONS = {"start", "factors", "dispersion"}  # of `reset`
 
 
 class ScenarioEnv(CopyableEnv):
-    """What all environments over scenarios do alike. A subclass says what is observed, done and rewarded.
+    """Base of all environments over scenarios. A subclass defines observations, actions and rewards.
 
     Args:
         scenario: its name or file.
@@ -87,7 +87,7 @@ class ScenarioEnv(CopyableEnv):
                 "factors" as in `factors_of`.
 
         Raises:
-            ParameterError: an option is not known, or makes no sense.
+            ParameterError: an option is unknown or not valid.
             UnknownName: the plant does not have a number that is to be scaled.
         """
         super().reset(seed=seed)
@@ -235,7 +235,7 @@ def checked_start(start: Any) -> int:
 
 
 def end_info(verdict: Verdict | None, limit_s: float) -> dict[str, Any]:
-    """Return what `info` says at the end of an episode: the scenario's verdict, or that the time was over."""
+    """Return the entries of `info` at the end of an episode: the scenario's verdict, or the time limit."""
     if verdict is None:
         return {"outcome": "timeout", "success": False, "why": f"longer than {limit_s:g} s"}
     return {"outcome": verdict.outcome, "success": verdict.success, "why": verdict.why}

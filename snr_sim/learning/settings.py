@@ -38,7 +38,7 @@ def check_batch(training: Any, counts: Sequence[str]) -> None:
     """Look whether the settings of a training in a batch make sense.
 
     Args:
-        training: with a `seed`, and `epsilon` and `least_step`, which are shares.
+        training: with a `seed`, and `epsilon` and `least_step`, which are in 0 to 1.
         counts: names of its other numbers, whole and 1 or more.
 
     Raises:

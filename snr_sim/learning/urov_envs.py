@@ -1,4 +1,4 @@
-"""The underwater vehicle's two environments: to a depth and stay there, and stay in a place while the water moves."""
+"""The underwater vehicle's two environments: go to a depth and stay there, and hold a position in a current."""
 
 from __future__ import annotations
 
@@ -165,11 +165,11 @@ class UrovDepthHold(UrovEnv):
 
 
 class UrovStation(UrovEnv):
-    """Scenario urov_station_keeping: stay in a place that is seen from above, also when a current begins. 10 steps a
+    """Scenario urov_station_keeping: hold a position that is seen from above, also when a current begins. 10 steps a
     second; 40 s.
 
     Observation, Box(11), float32: what the vehicle's sensors read, and where a person above sees it, 0.2 s late.
-        0  ahead_m      the place, ahead of the vehicle [m], -15 to 15
+        0  ahead_m      the target, ahead of the vehicle [m], -15 to 15
         1  left_m       and to its left [m], -15 to 15
         2  down_m       and below it [m], -6 to 6
         3  turn_rad     to the heading it had at first, positive to the left [rad], -pi to pi
@@ -194,7 +194,7 @@ class UrovStation(UrovEnv):
         super().__init__("urov_station_keeping", None, render_mode, limits)
 
     def begin(self) -> None:
-        """Remember the place."""
+        """Store the target position."""
         super().begin()
         self._place = self.run.robot.parameters.route[-1]
         self._rates = Rate(), Rate()
@@ -212,7 +212,7 @@ class UrovStation(UrovEnv):
         return [ahead_m, left_m, down_m, turn_rad, *motion, imu.roll_rad, imu.pitch_rad, power.voltage_v]
 
     def error_m(self) -> float:
-        """Return the true distance from the place [m]."""
+        """Return the true distance from the target [m]."""
         plant: Any = self.plant
         x_m, y_m, z_m = (float(one) for one in plant.position_m)
         return math.dist((x_m, y_m, -z_m), (self._place.x_m, self._place.y_m, self._place.depth_m))

@@ -25,7 +25,7 @@ FREE_JOINT = 0  # MuJoCo's mjJNT_FREE
 # Times what friction can do to the dry body is asked of a contact that slides: at 1 friction is too weak, for a turning
 # body is easier to move than its mass says; far above 4 what slides hops.
 GRIP = 4.0
-LEAST_PRESSED = 0.1  # share of its weight by which a body counts as pressed at the first touch
+LEAST_PRESSED = 0.1  # fraction of its weight by which a body counts as pressed at the first touch
 
 
 class MujocoBody:
@@ -92,7 +92,7 @@ class MujocoBody:
         self._weight_n = float(self.rigid[0, 0]) * abs(self.gravity_mps2)
 
     def _mass_at_rest(self) -> Matrix:
-        """Return MuJoCo's mass matrix where its axes are the body's: turned by nothing."""
+        """Return MuJoCo's mass matrix where its axes are the body's: without rotation."""
         self._qpos[3:] = 1.0, 0.0, 0.0, 0.0
         self.look()
         flat = np.zeros(36)
@@ -102,7 +102,7 @@ class MujocoBody:
         return lower + lower.T - np.diag(np.diag(lower))
 
     def put(self, pose: Sequence[float], velocity: Sequence[float]) -> None:
-        """Put the body somewhere.
+        """Set the body's pose.
 
         Args:
             pose: x, y, z [m] and the quaternion w, x, y, z.
@@ -139,7 +139,7 @@ class MujocoBody:
         """End the step that `look` began.
 
         Args:
-            more: 6 x 6 mass that MuJoCo does not know of, in the body's axes.
+            more: 6 x 6 mass that MuJoCo's model does not have, in the body's axes.
             acceleration: that the body has if nothing touches, in MuJoCo's frames.
             step_s: how far to move on; the world's own step is what contacts count with.
         """
@@ -188,7 +188,7 @@ class MujocoBody:
         return touch
 
     def height_over_ground_m(self, place: Sequence[float]) -> float:
-        """Return how far it is straight down from a place to anything but the body; negative if there is nothing."""
+        """Return the distance straight down from a point to anything but the body; negative if there is nothing."""
         down = np.array([0.0, 0.0, -1.0])
         return float(
             self._world.mujoco.mj_ray(
@@ -197,7 +197,7 @@ class MujocoBody:
         )
 
     def deepest(self) -> tuple[str, float]:
-        """Return in what the body is deepest, and how deep [m]; 0 if it is in nothing. To be asked after a look."""
+        """Return what the body penetrates deepest, and how deep [m]; 0 if nothing. Call it after `look`."""
         model, data = self._model, self._data
         solid, depth_m = "", 0.0
         for contact in data.contact[: data.ncon]:

@@ -62,7 +62,7 @@ class MujocoWorld:
         """Return the number of a body.
 
         Raises:
-            ParameterError: there is none of this name.
+            ParameterError: the name does not exist.
         """
         names = [self.model.body(i).name for i in range(self.model.nbody)]
         if name not in names:

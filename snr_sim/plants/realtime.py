@@ -1,6 +1,6 @@
 """A plant that follows the wall clock, for robots whose roles run as processes of their own.
 
-It has no stepping loop: each call that reads, writes or looks first advances it to the present. Loops on threads make
+It has no stepping loop: each read or write first advances it to the present. Loops on threads make
 such calls many times a second, one at a time.
 """
 
@@ -43,7 +43,7 @@ class RealTimePlant:
 
     @property
     def time_s(self) -> float:
-        """Up to when it has come."""
+        """Simulated time that the plant has reached."""
         return self._plant.time_s
 
     def write(self, name: str, command: Any) -> None:

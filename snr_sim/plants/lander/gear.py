@@ -1,4 +1,4 @@
-"""Landing gear: what a touchdown may look like, and how a module may stand. The judge of every lander."""
+"""Landing gear: limits of a touchdown and of the attitude at rest. The judge of every lander."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class GearLimits:
         rest_rad: largest tilt of a module that stands.
 
     Raises:
-        ParameterError: a number cannot be.
+        ParameterError: a number is out of range.
 
     Source of the defaults: design limits of the lunar module's gear (10 ft/s; 7 ft/s with 4 ft/s; 6 deg; 2 deg/s;
     slopes of up to 12 deg, along which it then stands), as given for NASA TN D-6850.
@@ -78,7 +78,7 @@ class GearLimits:
             vertical_mps: at the first contact, positive down.
             lateral_mps, attitude_rad, rate_radps: there, too.
             rest_rad: tilt when the module stands.
-            share: of each limit that counts.
+            share: factor of each limit.
 
         >>> GearLimits().kept(np.array([2.0, 4.0]))[0].tolist()
         [True, False]

@@ -31,7 +31,7 @@ class Hull:
     Attributes:
         has_touched: whether the hull has met the ground. It stays so: a world that has seen a contact remembers it.
         move: moves on by a time [s]: position by velocity, then velocity by gravity.
-        push: gives a kick (x, z) [m/s] at a place [m], both in the body's frame.
+        push: applies a kick (x, z) [m/s] at a point [m], both in the body's frame.
         push_in_world: the same in the world frame.
     """
 
@@ -71,7 +71,7 @@ class Hull:
         return Pose(x, z, body.angle, vx, vz, body.angular_velocity)
 
     def put(self, pose: Pose) -> None:
-        """Put the body where `pose` says, to the bit."""
+        """Put the body at `pose`, bitwise."""
         body = self._body
         body.position = pose.x_m, pose.z_m
         body.angle = pose.attitude_rad

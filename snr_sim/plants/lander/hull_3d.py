@@ -24,7 +24,7 @@ from snr_sim.prelude.sums import ordered_sum
 FOOT_KG = 20.0  # own choice: small relative to the module, large enough to be integrated in steps of 5 ms
 FOOT_RADIUS_M = 0.1
 GROUND_HALF_DEPTH_M = 30.0
-GROUND_DEEP_M = 20.0  # under its lowest place: nothing falls through, however fast
+GROUND_DEEP_M = 20.0  # below its lowest point: nothing falls through, however fast
 NOMINAL_KG = 7000.0  # MuJoCo computes for a module of this mass how softly to treat contacts: they give 0.1 mm
 
 # All feet together: mass, and their moments about the module's centre of mass.
@@ -50,7 +50,7 @@ class Hull3D:
 
     Attributes:
         engine: name and version of the physics.
-        place: where the centre of mass is [m], how the module is turned (quaternion w, x, y, z), then how far each
+        place: of the centre of mass [m], attitude of the module (quaternion w, x, y, z), then how far each
             foot has given way along the body's axes [m].
         motion: velocity [m/s] in the world's frame, rate [rad/s] in the body's, then that of each foot.
         axes: the matrix whose columns are the body's axes in the world's frame, row by row.
@@ -77,7 +77,7 @@ class Hull3D:
     # -- the state ----------------------------------------------------------------------------------------------------
 
     def put(self, place: tuple[float, ...], motion: tuple[float, ...]) -> None:
-        """Put the module somewhere with its legs at rest; then `weigh` and `look`."""
+        """Set the module's pose with its legs at rest; then `weigh` and `look`."""
         self._world.mujoco.mj_resetData(self._model, self._data)
         self._qpos[:7], self._qvel[:6] = place, motion
 
@@ -138,7 +138,7 @@ class Hull3D:
         self._end_step(self._model, self._data)
 
     def stop(self) -> None:
-        """Take all motion from module and feet, and let nothing push."""
+        """Set all velocities of module and feet to 0, and clear all forces."""
         self._qvel[:] = 0.0
         self._force[:] = 0.0
         self.motion = self._qvel.tolist()

@@ -37,7 +37,7 @@ from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
 STEP_S = 0.005
 SAME = 1e-5  # a throttle this near to what is commanded is there
 STILL_MPS, STILL_RADPS, SETTLE_S = 0.05, 0.01, 0.5  # slower than this for so long, on both sides' feet: it stands
-GIVES_M = 0.01  # so deep a run may begin in the ground: legs give way
+GIVES_M = 0.01  # depth in the ground at which a run may begin: legs give way
 CEILING_M = 20_000.0
 EDGE_M = HALF_WIDTH_M - ROOF_REACH_M
 
@@ -240,7 +240,7 @@ class Lander(ABC):
             self.throttle = self._throttle_goal = 0.0
         self.fuel_kg -= burned
         self.mass_kg -= burned
-        # By the mean mass of the step: so any burn gives what the rocket equation says, to the step squared.
+        # By the mean mass of the step: so any burn agrees with the rocket equation, to the step squared.
         mass_kg = self.mass_kg + 0.5 * burned
         push, twist = burned * self.module.exhaust_mps / mass_kg, self._jets * self.step_s / mass_kg
         side = push * math.sin(gimbal)
@@ -284,7 +284,7 @@ class Lander(ABC):
     # -- being measured -----------------------------------------------------------------------------------------------
 
     def read(self, name: str) -> RadarReading | InertialReading:
-        """Return what a sensor without faults would say."""
+        """Return the reading of a sensor without errors."""
         x, z, attitude, vx, vz, rate = self._read_pose()
         if name == "inertial":
             return InertialReading([x, z], [vx, vz], attitude, rate, self.fuel_kg, self._contact(), self.time_s)

@@ -34,7 +34,7 @@ class VerticalStart:
         fuel_kg: of the mass, what may be burned.
 
     Raises:
-        ParameterError: a number cannot be.
+        ParameterError: a number is out of range.
     """
 
     height_m: Annotated[float, LIMITS["above_m"]]
@@ -48,7 +48,7 @@ class VerticalStart:
 
 
 class State(NamedTuple):
-    """All there is to know of the plant at one moment."""
+    """Full state of the plant at one moment."""
 
     time_s: float
     height_m: float

@@ -79,7 +79,7 @@ class Lander2D(Lander):
         self.restore(State(body, start.mass_kg, start.fuel_kg, terrain))
 
     def snapshot(self) -> State:
-        """Return all of the state; it never changes afterwards."""
+        """Return the full state; the returned object is immutable."""
         return State(
             body=self._hull.pose(),
             has_hull_touched=self._hull.has_touched,
@@ -123,7 +123,7 @@ class Lander2D(Lander):
         return kick
 
     def _meet_ground(self, kick: Kick) -> None:
-        """Let the feet push against the ground, end the flight when it is over, and say when to look again."""
+        """Apply the feet's forces, end the flight when it is over, and return when to check again."""
         x, z, attitude, vx, vz, rate = body = self._hull.pose()
         if not math.isfinite(x + z + attitude + vx + vz + rate):
             raise PlantError(
@@ -147,7 +147,7 @@ class Lander2D(Lander):
         self._settle(still)
 
     def _midway(self, body: Pose, kick: Kick) -> Pose:
-        """Return how it moves in the middle of a step, where its place is, from the motion at the end and the kick."""
+        """Return the motion in the middle of a step, where its position is, from the motion at the end and the kick."""
         side, up, twist = kick
         cos, sin = math.cos(body.attitude_rad), math.sin(body.attitude_rad)
         kick_x, kick_z = cos * side - sin * up, sin * side + cos * up - self._fall_mps

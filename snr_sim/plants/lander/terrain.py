@@ -12,7 +12,7 @@ from snr_sim.prelude.sums import ordered_sum
 SPACING_M = 5.0  # between two points of the line; a foot pad is 0.9 m across, so the ground between is plain
 HALF_WIDTH_M = 400.0
 PAD_HALF_WIDTH_M = 15.0
-ROOF_REACH_M = 10.0  # how far to either side `roof_m` looks: more than a leg's reach and the way of a tenth second
+ROOF_REACH_M = 10.0  # range of `roof_m` to either side: more than a leg's reach and the distance of a tenth second
 
 
 @dataclass(frozen=True)

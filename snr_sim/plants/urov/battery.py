@@ -33,7 +33,7 @@ def _line_at(charge: float) -> tuple[float, float, float]:
 
 
 def cell_v(charge: float) -> float:
-    """Return the voltage of a cell from which nothing is drawn.
+    """Return the voltage of a cell without load.
 
     >>> cell_v(1.0), round(cell_v(0.5), 2), round(cell_v(0.1), 2), cell_v(0.0)
     (4.2, 3.74, 3.35, 2.5)
@@ -98,7 +98,7 @@ class BenchSupply:
         self.energy_j = 0.0
 
     def reset(self) -> None:
-        """Count from nothing."""
+        """Reset the counters to 0."""
         self.energy_j = 0.0
 
     def voltage_v(self, current_a: float) -> float:
@@ -143,7 +143,7 @@ class Battery:
         self.reset()
 
     def reset(self) -> None:
-        """Charges it as it was at first."""
+        """Restore the initial charge."""
         self.charge = self._first_charge
         self.energy_j = 0.0  # given so far, at the terminals
         self.is_cut_off = self.charge <= 0.0
@@ -158,7 +158,7 @@ class Battery:
         return max(0.0, from_v + (self.charge - from_charge) * slope - current_a * resistance_ohm)
 
     def draw(self, current_a: float, voltage_v: float, dt_s: float) -> None:
-        """Take a current out of it for a time, at a voltage; of one that has been cut off, nothing."""
+        """Draw a current for a time, at a voltage; no effect once it is cut off."""
         if self.is_cut_off:
             return
         charge = self.charge - current_a * dt_s * self._share_per_as

@@ -75,7 +75,7 @@ class ThrusterFault:
         at_s: when.
         thruster: its name, or its number from 0.
         fault: 'off', 'weak', 'stuck' or 'none', as in `Propulsion.fail`.
-        share: of its force that a weak one keeps.
+        share: fraction of its force that a weak one keeps.
     """
 
     at_s: Annotated[float, LIMITS["time_s"]]
@@ -142,7 +142,7 @@ class Dive:
         tether: if there is one.
 
     Raises:
-        ParameterError: a number cannot be, or currents are out of order.
+        ParameterError: a number is out of range, or currents are out of order.
     """
 
     position_m: Annotated[Vector, LIMITS["position_m"]] = (0.0, 0.0, -1.0)

@@ -30,7 +30,7 @@ LITRES = {"litres": 1e-3, "cubic centimetres": 1e-6}
 DEGREES = {"degrees": math.pi / 180.0}
 LEAD_KGM3 = 11340.0
 OUTRIGGER_M = 0.1  # how far a propeller may sit outside the frame
-IS_ABOVE = True  # the least number itself cannot be
+IS_ABOVE = True  # excludes the bound `least` itself
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Limit:
     is_above: bool = False
 
     def holds(self, value: float) -> bool:
-        """Return whether a number can be; NaN never can."""
+        """Return whether a number is within the limit; NaN is not."""
         return self.least <= value <= self.most and not (self.is_above and value == self.least)
 
     def wanted(self) -> str:
@@ -168,10 +168,10 @@ def check_record(record: Any, who: str) -> None:
 
     Args:
         record: just made.
-        who: it is, for the message: "The tether's ".
+        who: its owner, for the message: "The tether's ".
 
     Raises:
-        ParameterError: a field cannot be what it is; the message names it.
+        ParameterError: a field is out of range; the message names it.
     """
     made_of: Any = type(record)
     for name, kind in _kinds(made_of).items():

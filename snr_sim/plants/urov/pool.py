@@ -25,7 +25,7 @@ FRICTION = 0.5  # of a plastic frame on tiles: our estimate, as is that what tou
 CONTACT = 'solimp="0.1 0.95 0.003"'
 FRICTION_RATIO = 100
 BODY = "vehicle"
-PARTS = ("floor", "surface", "rim")  # names that the view has for what belongs to the pool
+PARTS = ("floor", "surface", "rim")  # names of the pool's parts in the viewer
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Pool:
         temperature_c: of the water.
 
     Raises:
-        ParameterError: a number cannot be, a gate is outside, or two gates have one name.
+        ParameterError: a number is out of range, a gate is outside, or two gates have one name.
     """
 
     length_m: Annotated[float, LIMITS["basin_m"]] = 25.0
@@ -107,7 +107,7 @@ class Pool:
         return f"the pool is {size}; under water z is negative."
 
     def room_m(self, place: Vector) -> float:
-        """Return how far it is at least from a place in the water to floor, walls and gates."""
+        """Return the minimum distance from a point in the water to floor, walls and gates."""
         x, y, z = place
         rooms = [z + self.depth_m, 0.5 * self.length_m - abs(x), 0.5 * self.width_m - abs(y)]
         rooms += [
