@@ -31,7 +31,7 @@ def start(seed: int) -> VerticalStart:
 
 
 def parameters(seed: int) -> LanderParameters:
-    """Return what the controller may know."""
+    """Return the parameters for the controller."""
     begin = start(seed)
     return LanderParameters(mass_kg=begin.mass_kg, fuel_kg=begin.fuel_kg)
 

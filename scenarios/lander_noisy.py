@@ -34,7 +34,7 @@ def start(seed: int) -> VerticalStart:
 
 
 def parameters(seed: int) -> LanderParameters:
-    """Return what the controller may know."""
+    """Return the parameters for the controller."""
     begin = start(seed)
     return LanderParameters(begin.mass_kg, begin.fuel_kg, radar=NOISY_RADAR, engine_hz=20.0)
 

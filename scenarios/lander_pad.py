@@ -47,7 +47,7 @@ def start(seed: int) -> tuple[PlaneStart, Terrain]:
 
 
 def parameters(seed: int) -> LanderParameters:
-    """Return what the controller may know."""
+    """Return the parameters for the controller."""
     begin, _ = start(seed)
     return LanderParameters(begin.mass_kg, begin.fuel_kg, APOLLO, PLANE_RADAR, INERTIAL, engine_hz=10.0)
 

@@ -91,7 +91,7 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Return what the controller may know, and what the pilot does: his hand is never still."""
+    """Return the parameters for the controller, and the pilot's script: his hand is never still."""
     script = [Cue(ARM_S, is_armed=True)]
     for i in range(round((END_S - ARM_S) / CUE_S)):
         slow, fast = math.sin(0.03 * i), math.sin(0.4 * i)

@@ -53,7 +53,7 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Return what the controller may know, and the pilot's way: before each gate, then behind it."""
+    """Return the parameters for the controller, and the pilot's route: before each gate, then behind it."""
     route = []
     for gate in gates(seed):
         x, y, z = gate.position_m
@@ -102,7 +102,7 @@ def metrics(plant: Course, seed: int) -> dict[str, Any]:
 
 
 def _seen_from(gate: Gate, place_m: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Return a place as seen from a gate: how far behind it, to its left, and above its middle."""
+    """Return a position relative to a gate: distance behind it, to its left, and above its middle."""
     x, y, z = (a - b for a, b in zip(place_m, gate.position_m, strict=True))
     cos, sin = math.cos(gate.heading_rad), math.sin(gate.heading_rad)
     return cos * x + sin * y, -sin * x + cos * y, z

@@ -56,7 +56,7 @@ def headings_rad(seed: int) -> tuple[float, float]:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Return what the controller may know, and what the pilot does."""
+    """Return the parameters for the controller, and the pilot's script."""
     first, second = headings_rad(seed)
     script = (
         Cue(ARM_S, is_armed=True, mode="heading_hold", depth_m=DEPTH_M, heading_rad=first),
@@ -66,7 +66,7 @@ def parameters(seed: int) -> UrovParameters:
 
 
 class Turning(WatchedUrov):
-    """The vehicle, which knows what heading its pilot will ask for."""
+    """The vehicle, with the heading that its pilot will request."""
 
     def reset(self, seed: int) -> None:
         """Reset."""

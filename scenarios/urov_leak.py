@@ -39,7 +39,7 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Return what the controller may know, and what the pilot does: he does not look at the leak's lamp."""
+    """Return the parameters for the controller, and the pilot's script: he ignores the leak's lamp."""
     return UrovParameters(vehicle(), (Cue(ARM_S, is_armed=True, mode="heading_hold", depth_m=DEPTH_M),))
 
 

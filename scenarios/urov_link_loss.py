@@ -47,7 +47,7 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Return what the controller may know, and what the pilot does."""
+    """Return the parameters for the controller, and the pilot's script."""
     script = (Cue(ARM_S, is_armed=True, mode="heading_hold"), Cue(AHEAD_S, surge=0.5))
     link = replace(tether_faults(35.0), cut=((CUT_S, math.inf),))
     return UrovParameters(vehicle(), script, failsafe_limits=LIMITS, tether=link)

@@ -43,7 +43,7 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Return what the controller may know, and what the pilot does."""
+    """Return the parameters for the controller, and the pilot's script."""
     rng = rng_for(seed, "hands")
     script = (
         Cue(ARM_S, is_armed=True),
@@ -81,7 +81,7 @@ def verdict(plant: Watched) -> Verdict | None:
 
 
 def metrics(plant: Watched, seed: int) -> dict[str, Any]:
-    """Return how far it went each way, and what it cost."""
+    """Return the distance in each direction, and the cost."""
     down_m, ahead_m, up_m = _moved(plant)
     return {
         "down_m": down_m,

@@ -79,7 +79,7 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Return what the controller may know, and what the pilot does."""
+    """Return the parameters for the controller, and the pilot's script."""
     asked = task(seed)
     script = (
         Cue(ARM_S, is_armed=True, mode="depth_hold", depth_m=asked.start_m),
@@ -89,7 +89,7 @@ def parameters(seed: int) -> UrovParameters:
 
 
 class Tank(WatchedUrov):
-    """The vehicle in its tank; knows what was asked for, and can be judged by it."""
+    """The vehicle in its tank, with the requested targets, by which it is judged."""
 
     def reset(self, seed: int) -> None:
         """Reset, for another task."""

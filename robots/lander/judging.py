@@ -20,7 +20,7 @@ from snr_sim.prelude.scenario import Verdict
 
 
 class Landing(Protocol):
-    """What both landers say about their end."""
+    """End of a run, as both landers report it."""
 
     outcome: str | None
     touchdown: Touchdown | None
@@ -47,7 +47,7 @@ def plane_metrics(plant: Lander, start: PlaneStart, ground: Terrain) -> dict[str
     """Return touchdown and propellant of a descent in the plane.
 
     The optimum is that of the same descent straight down under the module, by an engine that runs at any throttle. It
-    leaves out the way to the pad and the sideways speed: a lower bound that no flight reaches.
+    ignores the distance to the pad and the sideways speed: a lower bound that no flight reaches.
     """
     module = plant.module
     height = start.position_m[1] - PADS_BELOW_M - ground.ground(start.position_m[0])[0]

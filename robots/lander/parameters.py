@@ -91,7 +91,7 @@ def worse(level: SensorLevel, factor: float) -> SensorLevel:
 
 @dataclass(frozen=True)
 class LanderParameters:
-    """What a controller may know about its lander. Where it starts, its sensors tell.
+    """Parameters of the lander for a controller. The start is known from the sensors only.
 
     Args:
         mass_kg: all of it, at the start.

@@ -12,7 +12,7 @@ from snr_sim.prelude.signals import RadarReading
 
 from .parameters import LanderParameters
 
-LEAST_GAIN = 0.15  # share of a new reading in the estimate, once many have come; less is smoother and slower
+LEAST_GAIN = 0.15  # weight of a new reading in the estimate, after many readings; less is smoother and slower
 
 
 class Reckoning:

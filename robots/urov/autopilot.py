@@ -1,4 +1,4 @@
-"""The vehicle's own mind: from controls and sensor pages to pulses.
+"""Autopilot of the vehicle: from controls and sensor pages to pulses.
 
 page "controls" --> failsafe: whose word counts --.
 page "imu" ------> holds: wrench --> allocation: thrusts --> slew limit --> curve: pulses --> page "pwm"
@@ -34,16 +34,16 @@ from .readings import Outputs, Readings, outputs_of
 
 TOLD_EVERY_S = 0.1  # and whenever something else than numbers changes
 SURFACE_M = 0.2  # where going up ends: the top of the vehicle is just out of the water
-BLIND_S = 0.5  # age of the newest depth from which the vehicle does not know how deep it is
+BLIND_S = 0.5  # age of the newest depth from which the depth counts as unknown
 DIZZY_S = 0.25  # age of the newest attitude from which nothing pushes, as of the newest controls
-NEAR_SURFACE_M = 0.3  # less deep than this, buoyancy does the rest of the way up, unless the vehicle has taken in water
+NEAR_SURFACE_M = 0.3  # above this depth buoyancy completes the ascent, unless the vehicle has taken in water
 # The node is overloaded if readings have waited so long, for so long; and it is no more if none has for so long.
 LATE_S, LATE_FOR_S, IN_TIME_S = 0.1, 0.5, 1.0
 CAUSE_NOTES = 3  # limit, because a loose plug would be noted indefinitely
 
 
 class AutopilotFactory(EndpointFactory):
-    """Makes the vehicle's mind.
+    """Factory of the autopilot.
 
     Args:
         parameters: of the vehicle.
@@ -156,7 +156,7 @@ class Autopilot(Endpoint):
             self.failsafe.measure(reading)
 
     def on_imu(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Answer with pulses, and now and then with what it is doing; also if no reading has come (`watch.py`)."""
+        """Answer with pulses, and periodically with the vehicle's state; also without a reading (`watch.py`)."""
         now_s, page = self.get_time_s(), self.get_page("imu")
         if self.readings.take("imu", page, now_s) and page is not None:
             self._watch_lateness(now_s, age_s(self.parent, page))
@@ -169,7 +169,7 @@ class Autopilot(Endpoint):
         return self.readings.newest.get(key) if page is self.readings.pages.get(key) else None
 
     def _answer(self, now_s: float) -> SomeTasks:
-        """Return pulses for now, and now and then what the vehicle is doing."""
+        """Return pulses for now, and periodically the vehicle's state."""
         self._take("depth", now_s)
         depth, imu = self.readings.newest.get("depth"), self.readings.newest.get("imu")
         ages_s = self._ages_s()
@@ -227,7 +227,7 @@ class Autopilot(Endpoint):
             self.late_s = now_s
 
     def _see_causes(self, now_s: float, ages_s: dict[str, float]) -> None:
-        """Note what has failed that the monitor cannot know by itself."""
+        """Report failures that the monitor cannot detect by itself."""
         see = self.failsafe.see
         stale = self.readings.stale(ages_s)
         see("stale_sensor", f"no fresh reading of {stale}" if stale else "", now_s)

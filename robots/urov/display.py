@@ -1,4 +1,4 @@
-"""What the person at the surface sees of this vehicle, from its pages."""
+"""Display of this vehicle's pages for the person at the surface."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
     idle      nothing pushes: disarmed, an emergency stop that is not yet cleared, or outputs that have disarmed the
               thrusters by themselves
-    pilot     as the controls say
+    pilot     the controls apply
     neutral   nothing pushes: the newest controls are older than a quarter of a second, or a failsafe requires it
     hold      a failsafe requires it: stays at the depth and heading of the last controls that were in effect
     surface   a failsafe requires it: goes up
@@ -225,12 +225,12 @@ class FailsafeMonitor:
         return "pilot" if age_s <= limits.stale_s else "neutral"
 
     def _does(self, cause: str, now_s: float) -> str:
-        """Return what a cause makes of the rules; "warn" if nothing."""
+        """Return the control state that a cause requires; "warn" if none."""
         action = self.failsafes.of(cause)
         if not isinstance(action, str):
             action = "neutral"
         if cause in OUTPUTS and action == "neutral":
-            return "warn"  # they are armed again, so another row has said so
+            return "warn"  # they are armed again, so another row required it
         if action == "hold" and now_s - self.since_s[cause] >= self.limits.hold_s:
             return "surface"
         return action

@@ -26,7 +26,7 @@ class Holds:
     Args:
         numbers: gains and limits.
         drag: of the vehicle in heave, linear [N s/m] and quadratic [N s2/m2].
-        lacking: axes that the thrusters cannot push: what cannot be held is left alone.
+        lacking: axes that the thrusters cannot push: these are not controlled.
     """
 
     def __init__(self, numbers: HoldNumbers, drag: tuple[float, float], lacking: tuple[str, ...] = ()) -> None:

@@ -31,7 +31,7 @@ class Sample(NamedTuple):
     roll_rad: float
     pitch_rad: float
     yaw_rad: float
-    thrust_n: float  # of all thrusters, whichever way they push
+    thrust_n: float  # of all thrusters, sum of absolute values
 
     @property
     def depth_m(self) -> float:
@@ -111,7 +111,7 @@ class Watched(Urov):
 
 
 def judged(plant: Watched, misses: Sequence[str]) -> Verdict:
-    """Return the verdict over a dive that has come to its end: held, if nothing was missed."""
+    """Return the verdict of a finished dive: held, if nothing was missed."""
     if not misses:
         return Verdict("held", True)
     return Verdict("missed", False, "; ".join([*misses, *unready(plant)]))

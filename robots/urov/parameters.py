@@ -59,7 +59,7 @@ class Gains:
     """Of a PID controller; its output is a force [N] or a moment [N m].
 
     Raises:
-        ParameterError: one cannot be; the message names it.
+        ParameterError: one is out of range; the message names it.
     """
 
     kp: Annotated[float, GAIN]
@@ -80,7 +80,7 @@ class HoldNumbers:
         level: of roll and pitch.
         sticks_n: what full sticks push in surge, sway and heave.
         yaw_nm: what a full stick turns with.
-        sink_mps: how fast a held depth moves, at full stick or on its way to another one.
+        sink_mps: how fast a held depth moves, at full stick or towards another one.
         brake_mps2: how it slows down before it arrives.
         lead_m: how far from where the vehicle is a stick moves it at most; more than it takes to slow down.
         turn_radps, brake_radps2: the same of a held heading.
@@ -141,7 +141,7 @@ class Sensors:
 
 @dataclass(frozen=True)
 class UrovParameters:
-    """What a controller may know about its vehicle.
+    """Parameters of the vehicle for a controller.
 
     Args:
         vehicle: its numbers.

@@ -46,7 +46,7 @@ def failing_checks(
 
 
 def _late_s(newest: Mapping[str, Any], pages: Mapping[str, Page]) -> dict[str, float]:
-    """Return how long before its page each reading was measured, if it says so."""
+    """Return how long before its page each reading was measured, from its stamp."""
     return {key: pages[key].created_at_s - reading.stamp_s for key, reading in newest.items() if key in pages}
 
 

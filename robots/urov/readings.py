@@ -102,7 +102,7 @@ class Outputs(msgspec.Struct, frozen=True):
 
 
 def outputs_of(data: Any) -> Outputs | None:
-    """Return how the outputs are; None if the page does not say."""
+    """Return the state of the outputs; None if the page is not valid."""
     try:
         return msgspec.convert(data, learned(Outputs))
     except msgspec.ValidationError:

@@ -7,7 +7,7 @@
     link monitor  altitude, power, leak
 
     controls  what the surface asks for, 20 times a second    (controls.py)
-    camera    what it sees, if it has a camera; that stays on board  (snr_sim/devices/sensors/camera.py)
+    camera    its images, if it has a camera; that stays on board  (snr_sim/devices/sensors/camera.py)
     place     position fix from an observer above, if there is one (fix_hz in parameters.py)
     vehicle   what the vehicle is doing, and for whom          (autopilot.py, failsafe_monitor.py)
     pwm       pulses_us of each thruster

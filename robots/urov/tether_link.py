@@ -10,7 +10,7 @@ from snr_sim.links.faults import Faults
 from snr_sim.prelude.errors import ParameterError
 
 SIGNAL_MPS = 2.0e8  # two thirds of the speed of light, as in any cable
-MODEM_S, MODEM_JITTER_S = 0.003, 0.002  # each way, through two modems: our estimate
+MODEM_S, MODEM_JITTER_S = 0.003, 0.002  # in each direction, through two modems: our estimate
 FULL_BPS, FULL_M = 80e6, 300.0  # at the modem; and the length at which a tenth of it is left, our estimate
 
 

@@ -1,4 +1,4 @@
-"""Falls as long as possible, then burns: the cheapest way to rest, planned on closed forms at every reading."""
+"""Falls as long as possible, then burns: the descent of least propellant, planned by closed forms at every reading."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Optimal(Endpoint):
         self.task_handlers = {(TaskType.process_data, "radar"): self.on_radar}
 
     def on_radar(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Pass the reading to the law, and what the law says to the engine."""
+        """Pass the reading to the law, and its command to the engine."""
         command = self.law.update(RadarReading(**self.get_data("radar")), self.get_time_s())
         return self.store_data_task("engine", {"throttle": command.throttle})
 
@@ -73,8 +73,8 @@ class OptimalLaw:
     def ignition_throttle(self, here: Motion) -> float:
         """Return 0 as long as the next reading is time enough.
 
-        If ignition is due before it, returns the share of full thrust that does in a whole period what a burn from the
-        right moment to its end would do: so there is no need to begin early.
+        If ignition is due before it, returns the fraction of full thrust that does in a whole period what a burn from
+        the right moment to its end would do: so there is no need to begin early.
         """
         thrust, exhaust, gravity = self.reckoning.engine
         engine = Engine(IN_HAND * thrust, exhaust, gravity)

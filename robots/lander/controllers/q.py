@@ -1,6 +1,6 @@
-"""Lands as a learned policy says: `snr run lander_vertical --controller q --policy FILE`, or lander_pad.
+"""Lands by a learned policy: `snr run lander_vertical --controller q --policy FILE`, or lander_pad.
 
-The file is one that `snr_sim.learning` has saved: a table for the way straight down (robots/lander/learn.py makes one),
+The file is one that `snr_sim.learning` has saved: a table for the vertical descent (robots/lander/learn.py makes one),
 tiles for the plane (learn_pad.py). The controller chooses, and learns no more.
 """
 

@@ -52,7 +52,7 @@ class SpaceMover(Mover):
         body: the vehicle in MuJoCo, whose world counts in parts of a step.
         motion: of the vehicle, which is written.
         water: what it does to the vehicle.
-        room: whose walls are known, so that MuJoCo need not look where none is near; None of a world of its own.
+        room: its walls are known, so MuJoCo need not check where none is near; None for a world of its own.
         half_m: no part of the vehicle that touches is farther from its origin.
     """
 
@@ -69,7 +69,7 @@ class SpaceMover(Mover):
         return self._body.snapshot()
 
     def forget(self) -> None:
-        """Look again before the next step: the vehicle was put somewhere else."""
+        """Check for contacts again before the next step: the vehicle was moved."""
         self._looked_at, self._room_m2, self._touches = self._motion.place, 0.0, None
 
     def advance(self, push: Sequence[float]) -> None:
@@ -105,7 +105,7 @@ class SpaceMover(Mover):
         self._move_in_parts(push)
 
     def _move_in_parts(self, push: Sequence[float]) -> None:
-        """Move on by one step in parts, after a look; what contacts push is their mean."""
+        """Advance by one step in parts, after `look`; the contact force is the mean of the parts."""
         motion, water = self._motion, self._water
         part_s, begin = self._part_s, motion.velocity
         pushes = []
@@ -125,7 +125,7 @@ class SpaceMover(Mover):
             self.contact_n = (fx, fy, fz)
 
     def _look(self) -> bool:
-        """Have MuJoCo look for what touches, and find how far the vehicle can go before it need look again."""
+        """Have MuJoCo detect contacts, and find how far the vehicle can move before the next check."""
         motion, body = self._motion, self._body
         body.put([*motion.place, *motion.attitude], [*motion.velocity, *motion.rate])
         touches = body.look()
@@ -211,7 +211,7 @@ class SpaceMover(Mover):
         return fx, fy, fz
 
     def _check_finite(self, nu: Six, gained: Vector, change: Six) -> None:
-        """Raise a PlantError that says what has exploded, before MuJoCo or the next step sees it."""
+        """Raise a PlantError that names what has diverged, before MuJoCo or the next step uses it."""
         x, y, z = gained
         _, _, _, p, q, r = change
         if x * x + y * y + z * z + p * p + q * q + r * r < EXPLODED * EXPLODED:  # not so if one is NaN

@@ -37,7 +37,7 @@ from snr_sim.plants.urov.water_forces import WaterForces, seen_from_world
 from snr_sim.prelude.angles import quaternion_of
 from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
 
-STEP_S = 0.005  # the table in robots/urov/PHYSICS.md says what 2 and 10 ms would change
+STEP_S = 0.005  # the table in robots/urov/PHYSICS.md shows what 2 and 10 ms would change
 
 
 class Urov:
@@ -113,7 +113,7 @@ class Urov:
         """Return a vehicle of which some numbers, those in `SCALABLE`, are multiplied, in the same pool.
 
         Raises:
-            ParameterError: it is in a world of its own, or a number that is scaled cannot be.
+            ParameterError: it is in a world of its own, or a scaled number is out of range.
         """
         if not self._is_in_pool:
             raise ParameterError("A vehicle in an MJCF world cannot be scaled.", fix="scale it in the file.")
@@ -285,7 +285,7 @@ class Urov:
         return self._mover.contact_n
 
     def read(self, name: str) -> Any:
-        """Return what a sensor without faults would say; all of them sit at the origin but the echo sounder."""
+        """Return the reading of a sensor without errors; all of them are at the origin but the echo sounder."""
         if name not in self.outputs:
             raise UnknownName(f"This plant has no output '{name}'.", fix=nearest(name, self.outputs))
         return self._readers[name]()

@@ -64,7 +64,7 @@ class Altitude(msgspec.Struct, frozen=True):
 
 
 class Pose(msgspec.Struct, frozen=True):
-    """Where the vehicle's origin is and which way it is turned: for what a camera sees.
+    """Position of the vehicle's origin and its attitude: for a camera's image.
 
     Args:
         position_m: [x, y, z], world frame.

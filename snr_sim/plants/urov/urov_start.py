@@ -22,8 +22,8 @@ from snr_sim.prelude.angles import quaternion_of
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.sums import ordered_sum
 
-GIVES_M = 0.01  # so deep a dive may begin in the floor: contacts give way a little, and then push the vehicle out
-TAUT = 1.001  # share of its length that a tether may be stretched to at the start
+GIVES_M = 0.01  # depth in the floor at which a dive may begin: contacts are soft, and then push the vehicle out
+TAUT = 1.001  # factor of its length that a tether may be stretched to at the start
 
 
 def check_parts(vehicle: Any, pool: Any, start_of: Any, thrusters: Any, step_s: Any) -> None:
@@ -74,7 +74,7 @@ def check_room(dive: Dive, solid: str, depth_m: float, vehicle: Vehicle, pool: P
     """Check that a vehicle at its start is in nothing solid.
 
     Args:
-        dive: says where the start is.
+        dive: contains the start.
         solid: what the vehicle is deepest in.
         depth_m: how deep.
         vehicle, pool: for the message.

@@ -35,13 +35,13 @@ _THRUSTER = ("name", "position_m", "direction")
 def read_vehicle(path: Path | str) -> Vehicle:
     """Return the vehicle of a TOML file; its name is the file's.
 
-    The file says its `frame` ("FRD" or "FLU"), the `[sources]` by short names, the numbers as
+    The file contains its `frame` ("FRD" or "FLU"), the `[sources]` by short names, the numbers as
     `mass_kg = { value = 13.5, source = "paper" }`, the `[[thruster]]` tables, and in `lacks` the axes that these
     thrusters cannot push, so that a misplaced one is not taken for a choice. Matrices may be given by their diagonal.
 
     Raises:
-        ParameterError: the file cannot be read, lacks a number or its source, or a number cannot be; the message names
-            the file, the field and what was found in it.
+        ParameterError: the file cannot be read, lacks a number or its source, or a number is out of range; the message
+            names the file, the field and what was found in it.
     """
     if not isinstance(path, str | Path):
         raise ParameterError(f"The path of the vehicle's file is {shown(path)}.", fix='Path("vehicles/mine.toml").')
@@ -77,7 +77,7 @@ def _tables(path: Path) -> dict[str, Any]:
 
 
 def _vehicle(name: str, data: dict[str, Any]) -> Vehicle:
-    """Return the vehicle that the file's tables say."""
+    """Return the vehicle of the file's tables."""
     _check_keys("the file", data, "number of a vehicle", _KNOWN)
     frame = data.get("frame")
     if not isinstance(frame, str) or frame not in FRAMES:
@@ -212,7 +212,7 @@ def _check_keys(where: str, table: dict[str, Any], what: str, known: Sequence[st
 
 
 def _lacks(data: dict[str, Any]) -> tuple[str, ...]:
-    """Return the axes that the file says its thrusters cannot push."""
+    """Return the axes that, by the file, its thrusters cannot push."""
     declared = data.get("lacks", [])
     if not isinstance(declared, list):
         raise ParameterError(f"lacks is {shown(declared)}, which is no list.", fix='write lacks = ["pitch"], or [].')
