@@ -1,6 +1,6 @@
 """A lunar module in the plane, above gentle hills: fly to the pad, stand upright, touch down softly.
 
-Every seed is another start: height, distance, speed, tilt, mass and hills. It has landed when it stands still on both
+Every seed is another start: height, distance, speed, tilt, mass and hills. It has landed when it is at rest on both
 feet, tilted by at most 12 degrees, and the first contact was within what the gear takes, on the pad or off it. No wind
 (there is no air), and nothing breaks. With `--engine mujoco` the same module is free in all six directions and stands
 on four legs.

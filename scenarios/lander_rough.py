@@ -1,7 +1,7 @@
 """A lunar module coming in fast over rough ground, with poor sensors: the pad is there, but it slopes.
 
 Every seed is another start: height, distance, speed sideways, tilt, mass, hills and slope of the pad. It has landed
-when it stands still on both feet, tilted by at most 12 degrees, and the first contact was within what the gear takes.
+when it is at rest on both feet, tilted by at most 12 degrees, and the first contact was within what the gear takes.
 Noise is 2.5 times that of `lander_pad`; engines are the same.
 """
 

@@ -4,7 +4,7 @@
     seed 1, 6, 11 ...   late     everything takes 0.3 s
     seed 2, 7, 12 ...   cut      nothing arrives for two seconds, then all is well again
     seed 3, 8, 13 ...   narrow   less gets through than is sent: what arrives gets older and older
-    seed 4, 9, 14 ...   gone     everything takes 0.2 s, then the surface falls silent and never comes back
+    seed 4, 9, 14 ...   gone     everything takes 0.2 s, then the surface stops sending for good
 
 A command counts for 0.45 s after it was made. It was safe if nothing pushed half a second after the last command that
 could count, and if the vehicle pushed while commands came in time.
@@ -52,7 +52,7 @@ class BadLink:
 
     Args:
         kind: one of KINDS.
-        from_s: when it begins; 0 if it is there all the time.
+        from_s: when it begins; 0 for all the time.
         to_s: when it ends.
         faults: as the link has them.
     """
@@ -65,7 +65,7 @@ class BadLink:
 
 @lru_cache(maxsize=4)
 def bad_link(seed: int) -> BadLink:
-    """Return what is wrong in the run of a seed."""
+    """Return the faults in the run of a seed."""
     good, rng, kind = tether_faults(35.0), rng_for(seed, "link"), KINDS[seed % len(KINDS)]
     if kind == "loss":
         return BadLink(kind, 0.0, END_S, replace(good, loss=0.2, reordering=0.2, jitter_s=0.08))

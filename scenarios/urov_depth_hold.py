@@ -81,7 +81,7 @@ def verdict(plant: Watched) -> Verdict | None:
 
 
 def metrics(plant: Watched, seed: int) -> dict[str, Any]:
-    """Return how well depth was held, and what it cost."""
+    """Return how well depth was held, and the cost."""
     step, back = _judged(plant)
     return {
         "settling_s": step.settling_s,

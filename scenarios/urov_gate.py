@@ -97,7 +97,7 @@ def verdict(plant: Course) -> Verdict | None:
 
 
 def metrics(plant: Course, seed: int) -> dict[str, Any]:
-    """Return which gates it went through, how long that took and what it cost."""
+    """Return which gates it went through, the time and the cost."""
     return {"gates": plant.passed(), "time_s": plant.time_s, "energy_j": plant.thrusters.energy_j}
 
 

@@ -96,7 +96,7 @@ def verdict(plant: Turning) -> Verdict | None:
 
 
 def metrics(plant: Turning, seed: int) -> dict[str, Any]:
-    """Return how well heading and depth were held, and what it cost."""
+    """Return how well heading and depth were held, and the cost."""
     step = _turn(plant)
     return {
         "settling_s": step.settling_s,

@@ -1,4 +1,4 @@
-"""Water comes in at 2.5 m: the vehicle notices it by its probe and comes up by itself, though it grows heavier.
+"""Water leaks in at 2.5 m: the vehicle detects it with its probe and surfaces by itself, though it grows heavier.
 
 It has saved itself if it is at the surface 20 s after the leak began, and still there at the end, a litre heavier.
 """

@@ -75,7 +75,7 @@ def verdict(plant: Watched) -> Verdict | None:
 
 
 def metrics(plant: Watched, seed: int) -> dict[str, Any]:
-    """Return what it did after the cut."""
+    """Return measures of its motion after the cut."""
     quiet = plant.during(CUT_S + QUIET_S, CUT_S + LIMITS.lost_s - 0.2)
     at_cut = plant.during(CUT_S, CUT_S + 0.05)
     held = plant.during(CUT_S, CUT_S + LIMITS.lost_s + LIMITS.hold_s)

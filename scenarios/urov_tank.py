@@ -1,6 +1,6 @@
 """To the depth that the pilot asks for, in a tank, and stay there.
 
-Every seed is another start, goal and current, and another weight or float that hangs at the vehicle. Seed 0 goes from
+Every seed is another start, goal and current, and another weight or float on the vehicle. Seed 0 goes from
 1 m to 3 m. The depth is held if the vehicle is within 15 cm of the goal after 6.5 s, and stays there, overshoots by no
 more than a fifth of the way, and ends within 10 cm of it.
 """
@@ -124,7 +124,7 @@ def verdict(plant: Tank) -> Verdict | None:
 
 
 def metrics(plant: Tank, seed: int) -> dict[str, Any]:
-    """Return how well depth was held, and what it cost."""
+    """Return how well depth was held, and the cost."""
     asked, step = task(seed), plant.step_taken()
     way_m = abs(asked.goal_m - asked.start_m)
     return {

@@ -94,7 +94,7 @@ def verdict(plant: WatchedUrov) -> Verdict | None:
 
 
 def metrics(plant: WatchedUrov, seed: int) -> dict[str, Any]:
-    """Return where it went, and what it cost."""
+    """Return its path, and the cost."""
     steps = zip(plant.course, plant.course[1:], strict=False)
     return {
         "deepest_m": _deepest_m(plant),

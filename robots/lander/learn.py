@@ -37,7 +37,7 @@ def main() -> int:
     asked = parser.parse_args()
     if not asked.out.parent.is_dir():  # reported now, and not after the training
         parser.error(f"--out: there is no folder {asked.out.parent}. Make it, or name a file in another one.")
-    assert snr_sim.learning is not None  # imported for what it makes known to gymnasium
+    assert snr_sim.learning is not None  # imported because it registers the environments with gymnasium
     env = gymnasium.make("snr_sim/LanderVertical-v0").unwrapped
     table = new_table() if asked.method == "batch" else new_table(coarse_grid())
     console = Console(stderr=True)

@@ -63,7 +63,7 @@ def sim_engine(rig: Rig) -> SimActuator[EngineCommand]:
 
 
 def replayed_sensor(rig: Rig, name: str) -> ReplayedSensor:
-    """Open a sensor that reads what it read in a recorded run."""
+    """Open a sensor that returns the readings of a recorded run."""
     assert rig.recorded is not None
     return ReplayedSensor(name, rig.recorded(name), READINGS[name], rig.now_s)
 

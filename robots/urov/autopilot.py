@@ -2,8 +2,8 @@
 
 page "controls" --> failsafe: whose word counts --.
 page "imu" ------> holds: wrench --> allocation: thrusts --> slew limit --> curve: pulses --> page "pwm"
-page "depth" ----'                                                     `--> page "vehicle": what it is doing
-pages "leak", "power", "pwm_applied", "recording" --> failsafe: what has failed, and what is done then (failsafes.py)
+page "depth" ----'                                                     `--> page "vehicle": its state
+pages "leak", "power", "pwm_applied", "recording" --> failsafe: failures, and the actions (failsafes.py)
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class Autopilot(Endpoint):
         self.late_since_s: float | None = None
         self.late_s = -math.inf  # when readings were last late for long enough
         self.causes: dict[str, int] = dict.fromkeys(CAUSES, 0)  # how often each was noted
-        self.noted: set[str] = set()  # the causes that are there
+        self.noted: set[str] = set()  # active causes
         self.told_s = -math.inf
         self.task_handlers = {
             (TaskType.process_data, "controls"): self.on_controls,

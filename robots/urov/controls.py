@@ -33,9 +33,9 @@ class Controls(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         mode: one of MODES.
         is_armed: the thrusters may push.
         is_stop: emergency stop. It stays in effect until it is cleared.
-        clears_stop: ends an emergency stop, if it comes disarmed and without a stop.
+        clears_stop: ends an emergency stop, if the command is disarmed and without a stop.
         surge, sway, heave, yaw: sticks, -1 to 1; forward, left, up and to the left are positive. In a mode that holds
-            depth or heading they move what is held.
+            depth or heading they move the setpoint.
         depth_m: what depth to hold from now on, in a mode that does.
         heading_rad: what heading to hold from now on, in a mode that does.
     """

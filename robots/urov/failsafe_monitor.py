@@ -115,7 +115,7 @@ class FailsafeMonitor:
         if not controls.is_armed:
             self.let_go = ""
             for known in (self.since_s, self.words, self._gone_on):
-                known.clear()  # what is still there is seen again
+                known.clear()  # active causes are detected again
         if controls.clears_stop and not (controls.is_stop or controls.is_armed):
             self.is_stopped = False
 
@@ -173,11 +173,11 @@ class FailsafeMonitor:
         """
         self.let_go, self._needs_person = why, is_stopped
         cause = "controller_reset" if was_reset else "line_lost"
-        self.since_s.pop(cause, None)  # each time is counted by itself
+        self.since_s.pop(cause, None)  # each time is counted separately
         self.see(cause, why, now_s)
 
     def see_outputs(self, state: str, now_s: float) -> None:
-        """Take in the state of the outputs (`Health.state`), to detect that disarmed outputs are back."""
+        """Update from the state of the outputs (`Health.state`), to detect that disarmed outputs are back."""
         self._are_back = state != "error"
         if not self.let_go:
             return

@@ -21,7 +21,7 @@ from .parameters import Gains, HoldNumbers
 
 
 class Holds:
-    """Keeps what is held, and the controllers that hold it.
+    """Setpoints of depth and heading, and their controllers.
 
     Args:
         numbers: gains and limits.
@@ -40,7 +40,7 @@ class Holds:
         self.let_go()
 
     def let_go(self) -> None:
-        """Hold nothing any more; what is held next is what then is."""
+        """Drop the setpoints; the next ones are the depth and heading then."""
         self.depth_m: float | None = None
         self.heading_rad: float | None = None
         self._wanted_depth_m: float | None = None
@@ -111,7 +111,7 @@ class Holds:
         return min(wanted_m, max(moved_m, depth_m - numbers.lead_m))
 
     def _rate(self, depth: DepthReading) -> float:
-        """Compute the rate once for each reading: the depth comes less often than control is asked for."""
+        """Compute the rate once for each reading: the depth has a lower rate than control."""
         seen = self._seen
         if seen is None or depth.stamp_s > seen.stamp_s:
             if seen is not None:

@@ -147,7 +147,7 @@ class Step(NamedTuple):
     """How well a step of a held quantity was followed.
 
     Args:
-        settling_s: from the step until the error stayed within the band; None if it never did.
+        settling_s: from the step until the error stayed within the band; None if it did not.
         overshoot: beyond the new value, in the direction of the step; 0 if it never was; None if the dive ended before
             the step.
         steady: mean size of the error at the end; None if the dive ended before there was one.

@@ -73,7 +73,7 @@ class Gains:
 
 @dataclass(frozen=True)
 class HoldNumbers:
-    """How the vehicle holds what it holds.
+    """Parameters of the depth and heading holds.
 
     Args:
         depth, heading: on errors in metres and radians.
@@ -86,7 +86,7 @@ class HoldNumbers:
         turn_radps, brake_radps2: the same of a held heading.
 
     Raises:
-        ParameterError: a number cannot be; the message names it and says what is usual.
+        ParameterError: a number is out of range; the message names it and the usual range.
     """
 
     depth: Annotated[Gains, SUCH_GAINS] = Gains(kp=120.0, ki=40.0, kd=70.0, most=70.0)
@@ -148,18 +148,18 @@ class UrovParameters:
         script: what the pilot does, where there is no person.
         route: of a pilot who sees the vehicle; if there is one, it replaces the script.
         sensors, holds, failsafe_limits: see there.
-        failsafes: what the vehicle does by itself when something fails.
+        failsafes: the vehicle's action for each failure.
         fix_hz: rate of position fixes, as of an acoustic positioning system; 0 disables them.
         nominal_v: at which the pulse for a thrust is looked up.
         slew_nps: how fast a thrust may change.
         first: axes that are served before the others when thrusters are at their limits.
         command_hz: how often the surface sends controls.
         pwm_hz: how often pulses are written.
-        tether: what is wrong with the link through it.
+        tether: faults of the link through it.
         port: of the link, when it is a real one.
 
     Raises:
-        ParameterError: a number cannot be; the message names it and says what is usual.
+        ParameterError: a number is out of range; the message names it and the usual range.
     """
 
     vehicle: Vehicle
@@ -191,5 +191,5 @@ def vehicle(name: str = "benzon2022") -> Vehicle:
 
 
 def failsafe_lines(parameters: UrovParameters) -> list[str]:
-    """Return what the vehicle does by itself when something fails, in few lines."""
+    """Return the vehicle's actions for failures, in few lines."""
     return [f"failsafe  {line}" for line in parameters.failsafes.lines(parameters.failsafe_limits.hold_s)]

@@ -15,7 +15,7 @@ from .failsafe_monitor import FailsafeMonitor
 from .readings import Outputs, Readings
 
 CLOCK_S = 1.0  # readings that were measured so long before they came: their clock is another one
-WARM_UP_S = 2.0  # of a program that has just started what is missing may still come: arming waits so long
+WARM_UP_S = 2.0  # after the start missing readings may still arrive: arming waits for so long
 
 
 def failing_checks(

@@ -92,7 +92,7 @@ class Outputs(msgspec.Struct, frozen=True):
 
     Args:
         state: as of `Health`.
-        fault: description of what is wrong with them.
+        fault: description of their fault.
         why: words of `AppliedPulses`.
     """
 
@@ -125,7 +125,7 @@ class Readings:
         self.pages: dict[str, Page] = {}
         self._silent_s = {key: max(SILENT_S, SILENT_PERIODS / rates_hz[key]) for key in CAN_BE}
         self._seen: dict[str, Page] = {}
-        self._wrong: dict[str, tuple[float, str]] = {}  # when a page held none, and what was wrong with it
+        self._wrong: dict[str, tuple[float, str]] = {}  # time of the last invalid page, and its fault
 
     def take(self, key: str, page: Page | None, now_s: float) -> bool:
         """Take a sensor's newest page, if it is another than before; return whether it is."""

@@ -89,7 +89,7 @@ PI: dict[str, str] = {
     "imu": "icm20948:1:0x69",
 }
 
-SENSORS = ("depth", "altitude", "power", "leak", "imu")  # the last one sets off control, so it comes after the others
+SENSORS = ("depth", "altitude", "power", "leak", "imu")  # the last one triggers control, so it is after the others
 READINGS: dict[str, type[msgspec.Struct]] = {
     "depth": DepthReading,
     "altitude": EchoReading,
@@ -213,7 +213,7 @@ def dressed(rig: Rig) -> Plant:
 
 
 def replayed_sensor(rig: Rig, name: str) -> ReplayedSensor:
-    """Open a sensor that reads what it read in a recorded run."""
+    """Open a sensor that returns the readings of a recorded run."""
     assert rig.recorded is not None
     return ReplayedSensor(name, rig.recorded(name), READINGS[name], rig.now_s)
 

@@ -14,7 +14,7 @@ from snr_sim.std_mods.slew import approach
 # Sticks per metre, per metre and second, and per metre a second: for a full stick of 60 N, 20 kg with water and a
 # delay of 0.3 s. Our own choice.
 KP, KI, KD, MOST = 0.35, 0.06, 0.55, 0.7
-SPEED_MPS, BRAKE_MPS2 = 0.35, 0.06  # how it comes in
+SPEED_MPS, BRAKE_MPS2 = 0.35, 0.06  # of the approach
 FEEL = 1.5  # stick per m/s that it takes to go so fast, with what KD takes away
 
 

@@ -1,4 +1,4 @@
-"""The link through the tether, and what is to be expected of it.
+"""The link through the tether, and its expected faults.
 
 The vehicle's maker sends Ethernet over one twisted pair with a pair of powerline modems (HomePlug AV). On the pair they
 reach 80 Mbit/s at best; over a tether of full length some tens are left, and a page takes some milliseconds.

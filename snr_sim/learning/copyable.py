@@ -55,7 +55,7 @@ class CopyableEnv(Env[Any, Any]):
         self._episode = Episode(self.np_random.bit_generator.state, copy.deepcopy(options), [])
 
     def _note_action(self, action: Any) -> None:
-        """Remember what was done: something that does not change afterwards."""
+        """Store an action, as an object that does not change afterwards."""
         assert self._episode is not None
         self._episode.actions.append(action)
 

@@ -18,7 +18,7 @@ from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
 Floats = NDArray[np.float64]
 
 VERTICAL_THROTTLES = (0.0, 0.25, 0.5, 1.0)
-VERTICAL_NAMES = ("altitude_m", "velocity_mps")  # of what is observed
+VERTICAL_NAMES = ("altitude_m", "velocity_mps")  # of the observation
 VERTICAL_ACTIONS = tuple(f"throttle {throttle:g}" for throttle in VERTICAL_THROTTLES)
 VERTICAL_LOW, VERTICAL_HIGH = (-20.0, -250.0), (5000.0, 250.0)
 # Off (which the engine does not stay for long), about hovering, the most it gives steadily.
@@ -83,7 +83,7 @@ def suitable_mps(altitude_m: float, gravity_mps2: float = MOON_GRAVITY_MPS2) -> 
 
 
 def suitable_speeds_mps(altitudes_m: Floats, gravity_mps2: float) -> Floats:
-    """Return the same for many heights at once, to the last bit; for one alone it would take seven times as long.
+    """Return the same for many heights at once, bitwise; for a single one it would take seven times as long.
 
     >>> suitable_speeds_mps(np.array([-1.0, 100.0]), 1.62).tolist() == [suitable_mps(-1.0), suitable_mps(100.0)]
     True

@@ -35,7 +35,7 @@ class LunarLanderBox(CopyableEnv):
     """LunarLander-v3's definitions under pymunk: code written for it runs when its id is changed. 50 steps a second.
 
     Observation, Box(8), float32, dimensionless:
-        0, 1  x from the pad, y over a lander that stands on it: 1 is half the width, half the height of the world
+        0, 1  x from the pad, y over a lander that rests on it: 1 is half the width, half the height of the world
         2, 3  their speeds: 1 is 7.5 times the former and 3.75 times the latter in a second
         4     angle [rad], positive when the nose goes to the left
         5     angular velocity, times 0.4 s
@@ -44,7 +44,7 @@ class LunarLanderBox(CopyableEnv):
 
     Action, Discrete(4): nothing, left orientation engine, main engine, right orientation engine. With
     `continuous=True` Box(2): the main engine's throttle (above 0: 50 to 100 %), and the orientation engines' (below
-    -0.5 left, above 0.5 right); what is beyond -1 and 1 counts as that.
+    -0.5 left, above 0.5 right); values beyond -1 and 1 are clipped.
 
     Reward: how much a potential has grown, -100 times the distance from the pad, the speed and the tilt, and 10 for
     each leg on the ground; less 0.3 for the main engine and 0.03 for an orientation engine at full power. In place of
@@ -145,7 +145,7 @@ class LunarLanderBox(CopyableEnv):
         return self._seen(state), reward, self._is_over, False, {}
 
     def render(self) -> Any:
-        """Return the scene as it is, shape (height, width, 3), dtype uint8; needs no screen and no GPU."""
+        """Return the current scene, shape (height, width, 3), dtype uint8; needs no screen and no GPU."""
         if self.render_mode is None:
             return None
         if self.world is None:
@@ -208,7 +208,7 @@ class LunarLanderBox(CopyableEnv):
 
 
 def potential(state: tuple[float, ...]) -> float:
-    """Return how well placed a lander is: 20 where it stands on the pad, less everywhere else.
+    """Return the potential of a lander: 20 at rest on the pad, less everywhere else.
 
     >>> potential((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0)), potential((0.3, 0.4, 0.0, 0.0, -0.1, 0.0, 0.0, 0.0))
     (20.0, -60.0)

@@ -4,8 +4,8 @@ Sizes, powers and joints are those that LunarLander-v3 of gymnasium 1.4 states (
 are a unit of length); the engine is Chipmunk, not Box2D. What they do differently, and how it is met:
 
 - Box2D pulls first and moves then, Chipmunk the other way round. So everything starts with one step's pull, which is
-  taken off what is observed until something touches: in free flight both move alike.
-- A leg weighs 1.5 % of the hull that stands on it, for which Box2D's solver goes round 180 times. Here some of the
+  subtracted from observations until something touches: in free flight both move alike.
+- A leg weighs 1.5 % of the hull above it, for which Box2D's solver takes 180 iterations. Here some of the
   hull's mass is in the legs: as a whole, with legs out, the lander has the same mass, centre and moment of inertia.
 - Chipmunk moves first and has the joints share a push afterwards, so what pushes the lander pushes hull and legs.
 - Box2D's joint drives legs against a limit. Here the motor stops when they are out, or the legs would never rest.
@@ -177,7 +177,7 @@ class LunarBoxWorld:
 
     @property
     def is_asleep(self) -> bool:
-        """Whether everything has been still for so long that it stands."""
+        """Whether everything has been at rest for long enough."""
         return self.steps_still >= STILL_S * STEPS_HZ
 
     def kick(self, force: Point, torque: float = 0.0, arm: float = WIND_ARM) -> None:
@@ -229,7 +229,7 @@ class LunarBoxWorld:
 
         Args:
             side, up: impulse at the centre of mass, in the hull's frame.
-            turn_radps: what it turns faster.
+            turn_radps: change of its angular velocity.
         """
         add_x, add_y = side / MASS, up / MASS
         for push, mass, moment, x, y, cos, sin, centre_y in self._parts:

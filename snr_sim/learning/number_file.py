@@ -122,7 +122,7 @@ def read_numbers(
 
 
 def check_room(count: int) -> None:
-    """Look whether so many numbers are few enough, before there are any.
+    """Check that a count of numbers is within the limit, before they are allocated.
 
     Raises:
         ParameterError: they are not.
@@ -142,7 +142,7 @@ def _array(archive: zipfile.ZipFile, name: str, like: NDArray[Any] | None) -> ND
     Args:
         archive: the file.
         name: of the array.
-        like: what it must be like; None for the text, which is bytes.
+        like: example of its dtype and shape; None for the text, which is bytes.
 
     Raises:
         ValueError: it is not so; many more where the file is damaged.

@@ -128,7 +128,7 @@ class ScenarioEnv(CopyableEnv):
         return observation, float(self.reward(self.verdict)), is_ended, is_over, info
 
     def render(self) -> Any:
-        """Return the scene as it is, shape (height, width, 3), dtype uint8; needs no screen and no GPU."""
+        """Return the current scene, shape (height, width, 3), dtype uint8; needs no screen and no GPU."""
         if self.render_mode is None:
             return None
         if self._steps < 0:
@@ -152,7 +152,7 @@ class ScenarioEnv(CopyableEnv):
         raise NotImplementedError(f"{type(self).__name__} needs a method act(self, action)")
 
     def observe(self) -> list[float]:
-        """Read `self.sensors`; what is outside the bounds of the space is clipped to them."""
+        """Read `self.sensors`; values outside the bounds of the space are clipped to them."""
         raise NotImplementedError(f"{type(self).__name__} needs a method observe(self)")
 
     def reward(self, verdict: Verdict | None) -> float:

@@ -109,7 +109,7 @@ class Learner:
         """Learn from one transition; return by how much it was a surprise.
 
         Args:
-            cell, action: where, and what was done.
+            cell, action: the state, and the action taken.
             reward: for it.
             next_cell, next_action: the result, and the action to be taken there: only SARSA uses it, and for the
                 others it is None, as they decide on it when they have learned.

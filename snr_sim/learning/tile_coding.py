@@ -26,7 +26,7 @@ class Axis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Args:
         name: of the number.
-        low, high: what is outside counts as the end.
+        low, high: values outside are clipped.
         intervals: how many.
         is_rooted: cut at equal steps of its square root, so finer near 0, on either side.
     """

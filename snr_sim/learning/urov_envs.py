@@ -40,7 +40,7 @@ class Rate:
         self._rate = 0.0
 
     def update(self, value: float, stamp_s: float) -> float:
-        """Take in a reading, unless it has been already, and return the rate [per second]."""
+        """Use a reading, unless it has been used, and return the rate [per second]."""
         if self._before is None:
             self._before = value, stamp_s
         elif stamp_s > self._before[1]:

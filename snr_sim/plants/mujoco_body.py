@@ -29,7 +29,7 @@ LEAST_PRESSED = 0.1  # fraction of its weight by which a body counts as pressed 
 
 
 class MujocoBody:
-    """The body, found once in MuJoCo's arrays: each look-up there costs as much as a step's arithmetic.
+    """The body, found once in MuJoCo's arrays: each access there costs as much as a step's arithmetic.
 
     Args:
         world: where it is.
@@ -141,7 +141,7 @@ class MujocoBody:
         Args:
             more: 6 x 6 mass that MuJoCo's model does not have, in the body's axes.
             acceleration: that the body has if nothing touches, in MuJoCo's frames.
-            step_s: how far to move on; the world's own step is what contacts count with.
+            step_s: step to advance by; contacts use the world's own step.
         """
         model, data = self._model, self._data
         self._mass += mass_seen_by_mujoco(more, self._rotation.tolist())
@@ -158,7 +158,7 @@ class MujocoBody:
         model.opt.timestep = own_s
 
     def limit_grip(self, pressed_n: float) -> None:
-        """Have contacts of a body that slides ask for about as much friction as they can have, between look and move.
+        """Limit the friction that contacts of a sliding body request to about the maximum, between `look` and `move`.
 
         MuJoCo asks a contact to stop what slides within its time constant, and finds friction and pressure in one: what
         it cannot have as friction it gives as pressure. A vehicle that slid at 1 m/s was thrown up by each contact; the

@@ -73,7 +73,7 @@ class MujocoWorld:
         return names.index(name)
 
     def check_finite(self) -> None:
-        """Look at positions and velocities.
+        """Check positions and velocities.
 
         Raises:
             PlantError: one is not finite; it is named by its joint.

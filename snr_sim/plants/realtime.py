@@ -17,7 +17,7 @@ from snr_sim.prelude.plant import Plant
 
 
 class RealTimePlant:
-    """What devices and viewers want of a plant, at the pace of a clock and for several threads at once.
+    """Interface of a plant for devices and viewers, at the pace of a clock and for several threads at once.
 
     Args:
         plant: as it was reset, at time 0; from now on reached through this one only.
@@ -52,16 +52,16 @@ class RealTimePlant:
             plant.write(name, command)
 
     def read(self, name: str) -> Any:
-        """Return an output as it is now."""
+        """Return the present value of an output."""
         with self.now() as plant:
             return plant.read(name)
 
     def scene(self) -> dict[str, Any]:
-        """Return what does not move, and the shapes of what does."""
+        """Return the static geometry, and the shapes of moving parts."""
         return self._plant.scene()
 
     def truth(self) -> dict[str, Any]:
-        """Return the true state as it is now."""
+        """Return the present true state."""
         with self.now() as plant:
             truth: dict[str, Any] = plant.truth()
             return truth

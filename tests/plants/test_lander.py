@@ -50,7 +50,7 @@ def pose(plant: Lander) -> Pose:
 
 
 def fly(plants: tuple[Lander, Lander], time_s: float, program: Program = ()) -> Pose:
-    """The largest difference between the two on the way."""
+    """The largest difference between the two during the run."""
     most = [0.0] * 6
     commands = {round(at_s / 0.005): command for at_s, command in program}
     for i in range(round(time_s / 0.005)):

@@ -315,7 +315,7 @@ def test_a_pilot_pushes_towards_where_he_wants_to_be_whichever_way_the_vehicle_p
 
 
 def look(goal: Waypoint, places: list[tuple[float, ...]]) -> list[dict[str, Any]]:
-    """The controls of a pilot who sees these places, ten times a second."""
+    """The controls of a pilot who gets these positions, ten times a second."""
     told: list[dict[str, Any]] = []
     left = list(places)
 

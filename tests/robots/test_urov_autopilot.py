@@ -1,4 +1,4 @@
-"""How the vehicle takes controls that were long on their way."""
+"""The vehicle's response to controls that arrive late."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from snr_sim_robot_urov.parameters import UrovParameters, vehicle  # noqa: E402
 
 
 def told(age_s: float, **controls: Any) -> Autopilot:
-    """The vehicle's mind after ten seconds of controls that are so old when they come."""
+    """The autopilot after ten seconds of controls that are so old when they arrive."""
     number = 0
 
     def bring(loop: Any) -> None:
@@ -62,7 +62,7 @@ def test_age_counts_from_when_controls_were_made() -> None:
 
 
 def blind_from(blind_s: float, controls: Controls) -> tuple[Autopilot, list[list[float]]]:
-    """The mind of a vehicle whose depth sensor falls silent, five centimetres above what is held, and its pulses."""
+    """The autopilot of a vehicle whose depth sensor stops, five centimetres above the setpoint, and its pulses."""
     number, pulses = 0, []
 
     def bring(loop: Any) -> None:

@@ -71,7 +71,7 @@ class QLearningControllerEndpoint(Endpoint):
         self.task_handlers = {(TaskType.process_data, "radar"): self.on_radar}
 
     def on_radar(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Look the reading up."""
+        """Return the throttle of the table for the newest reading."""
         observation = seen_by_radar(RadarReading(**self.get_data("radar")))
         throttle = VERTICAL_THROTTLES[self.table.act(observation)]
         return self.store_data_task("engine", {"throttle": throttle}, process=False)
@@ -104,7 +104,7 @@ class TilesControllerEndpoint(Endpoint):
         self.task_handlers = {(TaskType.process_data, "inertial"): self.on_inertial}
 
     def on_inertial(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Look the readings up."""
+        """Return the command of the policy for the newest readings."""
         radar = self.get_data("radar")
         if radar is None:
             return None

@@ -33,13 +33,13 @@ class GearLimits:
         lateral_mps: largest lateral speed.
         attitude_rad: largest tilt at the first contact.
         rate_radps: largest rate of tilting.
-        rest_rad: largest tilt of a module that stands.
+        rest_rad: largest tilt of a module at rest.
 
     Raises:
         ParameterError: a number is out of range.
 
     Source of the defaults: design limits of the lunar module's gear (10 ft/s; 7 ft/s with 4 ft/s; 6 deg; 2 deg/s;
-    slopes of up to 12 deg, along which it then stands), as given for NASA TN D-6850.
+    slopes of up to 12 deg, along which it then rests), as given for NASA TN D-6850.
     """
 
     vertical_mps: Annotated[float, LIMITS["gear_mps"]] = 3.05
@@ -77,7 +77,7 @@ class GearLimits:
         Args:
             vertical_mps: at the first contact, positive down.
             lateral_mps, attitude_rad, rate_radps: there, too.
-            rest_rad: tilt when the module stands.
+            rest_rad: tilt of the module at rest.
             share: factor of each limit.
 
         >>> GearLimits().kept(np.array([2.0, 4.0]))[0].tolist()

@@ -134,7 +134,7 @@ class Hull3D:
         self._force[:] = *force, *torque
 
     def move(self) -> None:
-        """Move on by one step; then `weigh`, `look` and `push`."""
+        """Advance by one step; then `weigh`, `look` and `push`."""
         self._end_step(self._model, self._data)
 
     def stop(self) -> None:

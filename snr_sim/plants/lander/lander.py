@@ -35,8 +35,8 @@ from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
 # tests/plants/test_lander_2d.py). Four times as long would still be stable: the stiffest motion, a foot gripping
 # sideways, has 25 steps in each radian. Shorter steps only cost time.
 STEP_S = 0.005
-SAME = 1e-5  # a throttle this near to what is commanded is there
-STILL_MPS, STILL_RADPS, SETTLE_S = 0.05, 0.01, 0.5  # slower than this for so long, on both sides' feet: it stands
+SAME = 1e-5  # a throttle this near to the command has reached it
+STILL_MPS, STILL_RADPS, SETTLE_S = 0.05, 0.01, 0.5  # slower than this for so long, on both sides' feet: at rest
 GIVES_M = 0.01  # depth in the ground at which a run may begin: legs give way
 CEILING_M = 20_000.0
 EDGE_M = HALF_WIDTH_M - ROOF_REACH_M
@@ -166,7 +166,7 @@ class Lander(ABC):
 
     @abstractmethod
     def _advance(self) -> None:
-        """Move on by one step."""
+        """Advance by one step."""
 
     @abstractmethod
     def _read_pose(self) -> Pose:
@@ -203,7 +203,7 @@ class Lander(ABC):
         self._jets = min(1.0, max(-1.0, jets)) * self.module.jets_nm
 
     def step(self, dt_s: float) -> None:
-        """Move on by one step."""
+        """Advance by one step."""
         if dt_s != self.step_s and not abs(dt_s - self.step_s) <= 1e-9:  # also NaN
             raise ParameterError(
                 f"This plant moves in steps of {self.step_s} s, not {dt_s} s.", fix="use plant.step_s."
@@ -259,7 +259,7 @@ class Lander(ABC):
             self._end(outcome)
 
     def _settle(self, is_still: bool) -> None:
-        """Count the time in which it stands, and end the flight when it has stood for long enough."""
+        """Count the time at rest, and end the flight when it is long enough."""
         self._still_steps = self._still_steps + 1 if is_still else 0
         if self.outcome is None and self.touchdown is not None and self._still_steps * self.step_s >= SETTLE_S:
             self._end(self.module.gear.outcome(self.touchdown, self.fuel_kg, self._tilt_rad()))

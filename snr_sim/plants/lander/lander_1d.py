@@ -163,7 +163,7 @@ class Lander1D:
             self._move(dt_s - burn_s, 0.0)
 
     def _move(self, time_s: float, thrust_n: float) -> None:
-        """Move on under constant thrust, or until the pads touch."""
+        """Advance under constant thrust, or until the pads touch."""
         start = Motion(self.height_m, self.velocity_mps, self.mass_kg)
         end = after(start, thrust_n, self.exhaust_mps, self.gravity_mps2, time_s)
         contact_s = self._contact_s(start, end, thrust_n, time_s)

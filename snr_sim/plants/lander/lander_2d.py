@@ -26,7 +26,7 @@ FAR_STEPS_MAX = 20  # the ground is looked for at least this often
 
 
 class State(NamedTuple):
-    """All of the plant: what pymunk holds (places half a step ahead), and what is ours. Defaults: a start."""
+    """Full state of the plant: pymunk's (positions half a step ahead), and ours. Defaults: a start."""
 
     body: Pose
     mass_kg: float
@@ -142,7 +142,7 @@ class Lander2D(Lander):
             self._judge_contact(self._midway(body, kick))
         if self.outcome is None and (self._hull.has_touched or (touching and abs(attitude) > TIPPED_RAD)):
             self._end("crashed")
-        # At the end of the step, but for the legs: near enough to tell whether it stands.
+        # At the end of the step, but for the legs: accurate enough to decide whether it is at rest.
         still = touching == 2 and abs(vx) + abs(vz) < STILL_MPS and abs(rate) < STILL_RADPS
         self._settle(still)
 

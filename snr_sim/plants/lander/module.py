@@ -56,7 +56,7 @@ class Leg:
         friction: largest fraction of the normal force that the foot holds sideways before it slides.
 
     Raises:
-        ParameterError: a number cannot be.
+        ParameterError: a number is out of range.
     """
 
     spring_npm: Annotated[float, LIMITS["leg_npm"]]
@@ -85,7 +85,7 @@ class LunarModule:
         gravity_mps2: pulls down.
 
     Raises:
-        ParameterError: a number cannot be.
+        ParameterError: a number is out of range.
     """
 
     thrust_n: Annotated[float, LIMITS["engine_n"]]
@@ -129,7 +129,7 @@ class PlaneStart:
         fuel_kg: of the mass, what may be burned.
 
     Raises:
-        ParameterError: a number cannot be.
+        ParameterError: a number is out of range.
     """
 
     position_m: Annotated[tuple[float, float], LIMITS["way_m"]]

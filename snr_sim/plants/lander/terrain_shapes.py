@@ -1,6 +1,6 @@
 """Shapes of the ground: the line that the physics uses, with terrain to either side, for the viewer alone.
 
-Close to the line the country is the line itself, so that feet stand on what they touch. Farther out it goes its own
+Close to the line the terrain is the line itself, so that feet stand on what they touch. Farther out it goes its own
 way, with hills in all directions and craters, the same for the same ground.
 """
 

@@ -102,7 +102,7 @@ class BenchSupply:
         self.energy_j = 0.0
 
     def voltage_v(self, current_a: float) -> float:
-        """Return what it holds."""
+        """Return its state."""
         return self.volts
 
     def draw(self, current_a: float, voltage_v: float, dt_s: float) -> None:
@@ -110,7 +110,7 @@ class BenchSupply:
         self.energy_j += current_a * voltage_v * dt_s
 
     def snapshot(self) -> float:
-        """Return what it counted."""
+        """Return its counters."""
         return self.energy_j
 
     def restore(self, snapshot: float) -> None:

@@ -45,7 +45,7 @@ class Load:
 
 @dataclass(frozen=True)
 class Leak:
-    """Water that comes into the hull.
+    """Water that leaks into the hull.
 
     Args:
         from_s: when it begins.
@@ -92,7 +92,7 @@ class ThrusterFault:
         """Return the number of the thruster among those of a vehicle.
 
         Raises:
-            ParameterError: there is none; the message names those there are.
+            ParameterError: the name is unknown; the message lists the known ones.
         """
         if isinstance(self.thruster, str):
             found = names.index(self.thruster) if self.thruster in names else -1

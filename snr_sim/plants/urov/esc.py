@@ -48,7 +48,7 @@ class EscState(NamedTuple):
 
 
 class Esc:
-    """One speed controller, as it is when it is connected for the first time."""
+    """One speed controller, new as when it is connected for the first time."""
 
     def __init__(self) -> None:
         self.state = EscState()

@@ -73,7 +73,7 @@ class SpaceMover(Mover):
         self._looked_at, self._room_m2, self._touches = self._motion.place, 0.0, None
 
     def advance(self, push: Sequence[float]) -> None:
-        """Move on by one step, in which nothing begins or breaks."""
+        """Advance by one step, in which nothing begins or breaks."""
         if self._touches is None:
             self._touches = self._look()
         if self._touches:
@@ -82,7 +82,7 @@ class SpaceMover(Mover):
             self._move_unless_it_touches(push)
 
     def _move_unless_it_touches(self, push: Sequence[float]) -> None:
-        """Move on by one free step; if something touches at its end, it is taken back, and gone in parts."""
+        """Advance by one free step; if something touches at its end, it is taken back, and gone in parts."""
         motion, water, body = self._motion, self._water, self._body
         step_s = motion.step_s
         before = motion.place, motion.attitude, motion.velocity, motion.rate, motion.rotation
@@ -136,7 +136,7 @@ class SpaceMover(Mover):
         return touches
 
     def _move_freely(self, nu: Six, push: Sequence[float], step_s: float) -> None:
-        """Move on by the middle of the step, where nothing touches."""
+        """Advance by the middle of the step, where nothing touches."""
         motion, water, body = self._motion, self._water, self._body
         flotation, hydro = water.flotation, water.hydro
         if water.slam is not None:

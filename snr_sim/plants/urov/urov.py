@@ -204,7 +204,7 @@ class Urov:
         self._drive.write(name, command)
 
     def step(self, dt_s: float) -> None:
-        """Move on by one step."""
+        """Advance by one step."""
         step_s, motion = self.step_s, self._motion
         if dt_s != step_s and not abs(dt_s - step_s) <= 1e-9:  # also NaN
             raise ParameterError(f"This plant moves in steps of {step_s} s, not {dt_s} s.", fix="use plant.step_s.")

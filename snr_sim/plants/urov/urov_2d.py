@@ -99,7 +99,7 @@ class PlaneMover(Mover):
             self._equation.set_mass(mass, wet)
 
     def advance(self, push: Sequence[float]) -> None:
-        """Move on by one step."""
+        """Advance by one step."""
         motion, plane, water, equation = self._motion, self._plane, self._water, self._equation
         step_s, flotation = motion.step_s, water.flotation
         (vx, _, vz), (cx, _, cz), pitch_rate = motion.velocity, motion.current, motion.rate[1]

@@ -36,7 +36,7 @@ class Mover(ABC):
 
     @abstractmethod
     def advance(self, push: Sequence[float]) -> None:
-        """Move on by one step under a wrench."""
+        """Advance by one step under a wrench."""
 
     @abstractmethod
     def engine_state(self) -> Any:
