@@ -34,7 +34,7 @@ def start(seed: int) -> VerticalStart:
 
 
 def parameters(seed: int) -> LanderParameters:
-    """Return what the controller may know."""
+    """Return the parameters for the controller."""
     begin = start(seed)
     return LanderParameters(begin.mass_kg, begin.fuel_kg, radar=NOISY_RADAR, engine_hz=20.0)
 
@@ -50,5 +50,5 @@ def verdict(plant: Lander1D) -> Verdict | None:
 
 
 def metrics(plant: Lander1D, seed: int) -> dict[str, Any]:
-    """Return the touchdown, and the propellant beside the least that could have done."""
+    """Return the touchdown, and the propellant relative to the minimum."""
     return vertical_metrics(plant, start(seed), parameters(seed).engine)

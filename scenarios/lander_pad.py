@@ -1,6 +1,6 @@
 """A lunar module in the plane, above gentle hills: fly to the pad, stand upright, touch down softly.
 
-Every seed is another start: height, distance, speed, tilt, mass and hills. It has landed when it stands still on both
+Every seed is another start: height, distance, speed, tilt, mass and hills. It has landed when it is at rest on both
 feet, tilted by at most 12 degrees, and the first contact was within what the gear takes, on the pad or off it. No wind
 (there is no air), and nothing breaks. With `--engine mujoco` the same module is free in all six directions and stands
 on four legs.
@@ -47,7 +47,7 @@ def start(seed: int) -> tuple[PlaneStart, Terrain]:
 
 
 def parameters(seed: int) -> LanderParameters:
-    """Return what the controller may know."""
+    """Return the parameters for the controller."""
     begin, _ = start(seed)
     return LanderParameters(begin.mass_kg, begin.fuel_kg, APOLLO, PLANE_RADAR, INERTIAL, engine_hz=10.0)
 
@@ -63,5 +63,5 @@ def verdict(plant: Lander) -> Verdict | None:
 
 
 def metrics(plant: Lander, seed: int) -> dict[str, Any]:
-    """Return the touchdown, and the propellant beside a lower bound: the best vertical descent from the same start."""
+    """Return the touchdown, and the propellant relative to a lower bound: the best vertical descent from this start."""
     return plane_metrics(plant, *start(seed))

@@ -1,7 +1,7 @@
 """A lunar module coming in fast over rough ground, with poor sensors: the pad is there, but it slopes.
 
 Every seed is another start: height, distance, speed sideways, tilt, mass, hills and slope of the pad. It has landed
-when it stands still on both feet, tilted by at most 12 degrees, and the first contact was within what the gear takes.
+when it is at rest on both feet, tilted by at most 12 degrees, and the first contact was within what the gear takes.
 Noise is 2.5 times that of `lander_pad`; engines are the same.
 """
 
@@ -47,7 +47,7 @@ def start(seed: int) -> tuple[PlaneStart, Terrain]:
 
 
 def parameters(seed: int) -> LanderParameters:
-    """Return what the controller may know."""
+    """Return the parameters for the controller."""
     begin, _ = start(seed)
     return LanderParameters(
         begin.mass_kg, begin.fuel_kg, APOLLO, worse(PLANE_RADAR, 2.5), worse(INERTIAL, 2.5), engine_hz=10.0
@@ -65,5 +65,5 @@ def verdict(plant: Lander) -> Verdict | None:
 
 
 def metrics(plant: Lander, seed: int) -> dict[str, Any]:
-    """Return the touchdown, and the propellant beside a lower bound: the best vertical descent from the same start."""
+    """Return the touchdown, and the propellant relative to a lower bound: the best vertical descent from this start."""
     return plane_metrics(plant, *start(seed))

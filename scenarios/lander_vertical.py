@@ -31,7 +31,7 @@ def start(seed: int) -> VerticalStart:
 
 
 def parameters(seed: int) -> LanderParameters:
-    """Return what the controller may know."""
+    """Return the parameters for the controller."""
     begin = start(seed)
     return LanderParameters(mass_kg=begin.mass_kg, fuel_kg=begin.fuel_kg)
 
@@ -47,5 +47,5 @@ def verdict(plant: Lander1D) -> Verdict | None:
 
 
 def metrics(plant: Lander1D, seed: int) -> dict[str, Any]:
-    """Return the touchdown, and the propellant beside the least that could have done."""
+    """Return the touchdown, and the propellant relative to the minimum."""
     return vertical_metrics(plant, start(seed), parameters(seed).engine)

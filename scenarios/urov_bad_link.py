@@ -4,7 +4,7 @@
     seed 1, 6, 11 ...   late     everything takes 0.3 s
     seed 2, 7, 12 ...   cut      nothing arrives for two seconds, then all is well again
     seed 3, 8, 13 ...   narrow   less gets through than is sent: what arrives gets older and older
-    seed 4, 9, 14 ...   gone     everything takes 0.2 s, then the surface falls silent and never comes back
+    seed 4, 9, 14 ...   gone     everything takes 0.2 s, then the surface stops sending for good
 
 A command counts for 0.45 s after it was made. It was safe if nothing pushed half a second after the last command that
 could count, and if the vehicle pushed while commands came in time.
@@ -39,7 +39,7 @@ TIME_LIMIT_S = END_S + 1.0
 
 KINDS = ("loss", "late", "cut", "narrow", "gone")
 COUNTS_S = 0.45  # how long a command counts after it was made
-LIMITS = FailsafeLimits(stale_s=COUNTS_S, lost_s=60.0)  # nothing is held: there is nobody to come up for
+LIMITS = FailsafeLimits(stale_s=COUNTS_S, lost_s=60.0)  # no hold: there is no person to surface for
 ARM_S, CUE_S = 2.0, 0.05
 NEUTRAL_S, STILL_S = 0.5, 0.1  # allowed until the pulses are neutral, and until the propellers then stand still
 BACK_S = 2.5  # after which a link that was cut carries commands again: it tries to greet for three seconds
@@ -52,7 +52,7 @@ class BadLink:
 
     Args:
         kind: one of KINDS.
-        from_s: when it begins; 0 if it is there all the time.
+        from_s: when it begins; 0 for all the time.
         to_s: when it ends.
         faults: as the link has them.
     """
@@ -65,7 +65,7 @@ class BadLink:
 
 @lru_cache(maxsize=4)
 def bad_link(seed: int) -> BadLink:
-    """Return what is wrong in the run of a seed."""
+    """Return the faults in the run of a seed."""
     good, rng, kind = tether_faults(35.0), rng_for(seed, "link"), KINDS[seed % len(KINDS)]
     if kind == "loss":
         return BadLink(kind, 0.0, END_S, replace(good, loss=0.2, reordering=0.2, jitter_s=0.08))
@@ -91,7 +91,7 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Return what the controller may know, and what the pilot does: his hand is never still."""
+    """Return the parameters for the controller, and the pilot's script: his hand is never still."""
     script = [Cue(ARM_S, is_armed=True)]
     for i in range(round((END_S - ARM_S) / CUE_S)):
         slow, fast = math.sin(0.03 * i), math.sin(0.4 * i)
@@ -100,10 +100,10 @@ def parameters(seed: int) -> UrovParameters:
 
 
 class Steered(WatchedUrov):
-    """The vehicle, with somebody above who knows what is wrong with its link."""
+    """The vehicle, with an observer above who knows the faults of its link."""
 
     def reset(self, seed: int) -> None:
-        """Start anew."""
+        """Reset."""
         self.link = bad_link(seed)
         super().reset(seed)
 

@@ -1,4 +1,4 @@
-"""From 1 m down to 3 m and stay there, in a current, while a payload is let go.
+"""From 1 m down to 3 m and stay there, in a current, while a payload is released.
 
 Every seed is another start, current and payload. The depth is held if, after the step, the vehicle settles within 10 cm
 in 12 s, does not overshoot by more than 20 cm, and ends within 5 cm; and if, after the payload has gone, it is back
@@ -49,7 +49,7 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Return what the controller may know, and what the pilot does."""
+    """Return the parameters for the controller, and the pilot's script."""
     script = (
         Cue(ARM_S, is_armed=True, mode="heading_hold", depth_m=FROM_M),
         Cue(STEP_S, depth_m=TO_M),
@@ -81,7 +81,7 @@ def verdict(plant: Watched) -> Verdict | None:
 
 
 def metrics(plant: Watched, seed: int) -> dict[str, Any]:
-    """Return how well depth was held, and what it cost."""
+    """Return how well depth was held, and the cost."""
     step, back = _judged(plant)
     return {
         "settling_s": step.settling_s,

@@ -1,6 +1,6 @@
 """Through three gates, one after the other, without touching them. The pilot sees the vehicle, and knows the gates.
 
-The course was swum if the vehicle went through all gates in their order and touched nothing.
+The run succeeds if the vehicle went through all gates in their order and touched nothing.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Return what the controller may know, and the pilot's way: before each gate, then behind it."""
+    """Return the parameters for the controller, and the pilot's route: before each gate, then behind it."""
     route = []
     for gate in gates(seed):
         x, y, z = gate.position_m
@@ -65,7 +65,7 @@ def parameters(seed: int) -> UrovParameters:
 
 
 class Course(WatchedUrov):
-    """The vehicle, with somebody who counts the gates it went through."""
+    """The vehicle, with a counter of the gates it went through."""
 
     def passed(self) -> list[str]:
         """Return the names of the gates it went through, in the right direction, in this order."""
@@ -84,7 +84,7 @@ def plant(seed: int, engine: str) -> Course:
 
 
 def verdict(plant: Course) -> Verdict | None:
-    """Return how it ended, or None while it swims."""
+    """Return how it ended, or None while it runs."""
     if plant.touched_n > 0.0:
         return Verdict("touched", False, f"it touched something with {plant.touched_n:.0f} N")
     last = plant.pool.gates[-1]
@@ -97,12 +97,12 @@ def verdict(plant: Course) -> Verdict | None:
 
 
 def metrics(plant: Course, seed: int) -> dict[str, Any]:
-    """Return which gates it went through, how long that took and what it cost."""
+    """Return which gates it went through, the time and the cost."""
     return {"gates": plant.passed(), "time_s": plant.time_s, "energy_j": plant.thrusters.energy_j}
 
 
 def _seen_from(gate: Gate, place_m: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Return a place as seen from a gate: how far behind it, to its left, and above its middle."""
+    """Return a position relative to a gate: distance behind it, to its left, and above its middle."""
     x, y, z = (a - b for a, b in zip(place_m, gate.position_m, strict=True))
     cos, sin = math.cos(gate.heading_rad), math.sin(gate.heading_rad)
     return cos * x + sin * y, -sin * x + cos * y, z

@@ -3,7 +3,7 @@
 The heading is held if the vehicle settles within 6 degrees of the new one in 8 s, does not turn more than 12 degrees
 too far, ends within 5 degrees, and stays within 20 cm of its depth. Why not better: at rest it knows its heading to 2.5
 degrees, 19 times of 20, and less well while its thrusters draw current. So 5 degrees are four standard deviations of
-what its compass tells: a controller without a fault misses them less than once in 10 000 runs; 4 degrees once in 500.
+its compass: a controller without a fault misses them less than once in 10 000 runs; 4 degrees once in 500.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def headings_rad(seed: int) -> tuple[float, float]:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Return what the controller may know, and what the pilot does."""
+    """Return the parameters for the controller, and the pilot's script."""
     first, second = headings_rad(seed)
     script = (
         Cue(ARM_S, is_armed=True, mode="heading_hold", depth_m=DEPTH_M, heading_rad=first),
@@ -66,10 +66,10 @@ def parameters(seed: int) -> UrovParameters:
 
 
 class Turning(WatchedUrov):
-    """The vehicle, which knows what heading its pilot will ask for."""
+    """The vehicle, with the heading that its pilot will request."""
 
     def reset(self, seed: int) -> None:
-        """Start anew."""
+        """Reset."""
         self.headings_rad = headings_rad(seed)
         super().reset(seed)
 
@@ -96,7 +96,7 @@ def verdict(plant: Turning) -> Verdict | None:
 
 
 def metrics(plant: Turning, seed: int) -> dict[str, Any]:
-    """Return how well heading and depth were held, and what it cost."""
+    """Return how well heading and depth were held, and the cost."""
     step = _turn(plant)
     return {
         "settling_s": step.settling_s,

@@ -1,4 +1,4 @@
-"""Water comes in at 2.5 m: the vehicle notices it by its probe and comes up by itself, though it grows heavier.
+"""Water leaks in at 2.5 m: the vehicle detects it with its probe and surfaces by itself, though it grows heavier.
 
 It has saved itself if it is at the surface 20 s after the leak began, and still there at the end, a litre heavier.
 """
@@ -39,7 +39,7 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Return what the controller may know, and what the pilot does: he does not look at the leak's lamp."""
+    """Return the parameters for the controller, and the pilot's script: he ignores the leak's lamp."""
     return UrovParameters(vehicle(), (Cue(ARM_S, is_armed=True, mode="heading_hold", depth_m=DEPTH_M),))
 
 

@@ -47,7 +47,7 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Return what the controller may know, and what the pilot does."""
+    """Return the parameters for the controller, and the pilot's script."""
     script = (Cue(ARM_S, is_armed=True, mode="heading_hold"), Cue(AHEAD_S, surge=0.5))
     link = replace(tether_faults(35.0), cut=((CUT_S, math.inf),))
     return UrovParameters(vehicle(), script, failsafe_limits=LIMITS, tether=link)
@@ -75,7 +75,7 @@ def verdict(plant: Watched) -> Verdict | None:
 
 
 def metrics(plant: Watched, seed: int) -> dict[str, Any]:
-    """Return what it did after the cut."""
+    """Return measures of its motion after the cut."""
     quiet = plant.during(CUT_S + QUIET_S, CUT_S + LIMITS.lost_s - 0.2)
     at_cut = plant.during(CUT_S, CUT_S + 0.05)
     held = plant.during(CUT_S, CUT_S + LIMITS.lost_s + LIMITS.hold_s)

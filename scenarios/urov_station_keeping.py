@@ -1,6 +1,7 @@
-"""Stay where you are: after 12 s the water begins to move, and the pilot, who sees it, keeps the vehicle in its place.
+"""Stay where you are: after 12 s the water begins to move, and the pilot, who sees it, keeps the vehicle in position.
 
-Station was kept if, from 15 s after the current began, the vehicle is within 30 cm of its place and 20 cm of its depth.
+Station was kept if, from 15 s after the current began, the vehicle is within 30 cm of its position and 20 cm of its
+depth.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Return what the controller may know, and where the pilot wants to be."""
+    """Return the parameters for the controller, and the pilot's target position."""
     return UrovParameters(vehicle(), route=(Waypoint(0.0, 0.0, DEPTH_M, dive(seed).attitude_rad[2]),))
 
 

@@ -43,13 +43,13 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Return what the controller may know, and what the pilot does."""
+    """Return the parameters for the controller, and the pilot's script."""
     rng = rng_for(seed, "hands")
     script = (
         Cue(ARM_S, is_armed=True),
         Cue(DOWN_S, heave=-rng.uniform(0.55, 0.65)),
         Cue(DOWN_S + 4.0, heave=0.0),
-        Cue(AHEAD_S, surge=rng.uniform(0.18, 0.2)),  # with more a vehicle that nobody keeps level turns over
+        Cue(AHEAD_S, surge=rng.uniform(0.18, 0.2)),  # with more a vehicle without attitude control turns over
         Cue(AHEAD_S + 3.0, surge=0.0),
         Cue(UP_S, heave=rng.uniform(0.45, 0.55)),
         Cue(UP_S + 2.0, heave=0.0),
@@ -81,7 +81,7 @@ def verdict(plant: Watched) -> Verdict | None:
 
 
 def metrics(plant: Watched, seed: int) -> dict[str, Any]:
-    """Return how far it went each way, and what it cost."""
+    """Return the distance in each direction, and the cost."""
     down_m, ahead_m, up_m = _moved(plant)
     return {
         "down_m": down_m,

@@ -1,6 +1,6 @@
 """To the depth that the pilot asks for, in a tank, and stay there.
 
-Every seed is another start, goal and current, and another weight or float that hangs at the vehicle. Seed 0 goes from
+Every seed is another start, goal and current, and another weight or float on the vehicle. Seed 0 goes from
 1 m to 3 m. The depth is held if the vehicle is within 15 cm of the goal after 6.5 s, and stays there, overshoots by no
 more than a fifth of the way, and ends within 10 cm of it.
 """
@@ -79,7 +79,7 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Return what the controller may know, and what the pilot does."""
+    """Return the parameters for the controller, and the pilot's script."""
     asked = task(seed)
     script = (
         Cue(ARM_S, is_armed=True, mode="depth_hold", depth_m=asked.start_m),
@@ -89,10 +89,10 @@ def parameters(seed: int) -> UrovParameters:
 
 
 class Tank(WatchedUrov):
-    """The vehicle in its tank; knows what was asked for, and can be judged by it."""
+    """The vehicle in its tank, with the requested targets, by which it is judged."""
 
     def reset(self, seed: int) -> None:
-        """Start anew, for another task."""
+        """Reset, for another task."""
         self.asked = task(seed)
         super().reset(seed)
 
@@ -124,7 +124,7 @@ def verdict(plant: Tank) -> Verdict | None:
 
 
 def metrics(plant: Tank, seed: int) -> dict[str, Any]:
-    """Return how well depth was held, and what it cost."""
+    """Return how well depth was held, and the cost."""
     asked, step = task(seed), plant.step_taken()
     way_m = abs(asked.goal_m - asked.start_m)
     return {

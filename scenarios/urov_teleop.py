@@ -50,7 +50,7 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Return what the controller may know, and what the pilot does if you do not fly."""
+    """Return the parameters for the controller, and the pilot's script for runs without a person."""
     script = (
         Cue(2.0, is_armed=True, mode="heading_hold", depth_m=1.5, heading_rad=0.0),
         Cue(9.0, surge=0.4),
@@ -94,7 +94,7 @@ def verdict(plant: WatchedUrov) -> Verdict | None:
 
 
 def metrics(plant: WatchedUrov, seed: int) -> dict[str, Any]:
-    """Return where it went, and what it cost."""
+    """Return its path, and the cost."""
     steps = zip(plant.course, plant.course[1:], strict=False)
     return {
         "deepest_m": _deepest_m(plant),

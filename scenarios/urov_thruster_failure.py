@@ -1,7 +1,7 @@
-"""One of eight thrusters dies while the vehicle goes ahead at 2 m. Nobody tells it; it only sees that it is off.
+"""One of eight thrusters fails while the vehicle goes ahead at 2 m. The vehicle gets no notice of it, only its errors.
 
-It has coped if, from eight seconds after the failure on, it is within 20 cm of its depth and 12 degrees of its heading.
-Every seed is another thruster; in half of them it is not dead but weak, or stuck as it was.
+The run succeeds if, from eight seconds after the failure on, it is within 20 cm of its depth and 12 degrees of its
+heading. Every seed is another thruster; in half of them it is not dead but weak, or stuck at its last thrust.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Return what the controller may know, and what the pilot does."""
+    """Return the parameters for the controller, and the pilot's script."""
     script = (
         Cue(ARM_S, is_armed=True, mode="heading_hold", depth_m=DEPTH_M, heading_rad=0.0),
         Cue(AHEAD_S, surge=0.3),

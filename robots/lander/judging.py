@@ -1,8 +1,8 @@
-"""How a landing is judged, the same in every scenario: by the gear, and by propellant beside the least possible.
+"""Judge of a landing, the same in every scenario: by the gear's limits, and by propellant relative to the minimum.
 
-The least possible (`fuel_optimum_kg`) is that of a touchdown as fast as the gear takes, 3.05 m/s: so the last kilograms
-are saved by letting the module fall on its legs. To come to rest at the ground instead takes 7 % more from 1000 m, 18 %
-more from low gate: `fuel_optimum_to_rest_kg`.
+The minimum (`fuel_optimum_kg`) is that of a touchdown at the gear's limit, 3.05 m/s: letting the module fall on its
+legs saves the last kilograms. To come to rest at the ground instead takes 7 % more from 1000 m, 18 % more from low
+gate: `fuel_optimum_to_rest_kg`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from snr_sim.prelude.scenario import Verdict
 
 
 class Landing(Protocol):
-    """What both landers say about their end."""
+    """End of a run, as both landers report it."""
 
     outcome: str | None
     touchdown: Touchdown | None
@@ -28,7 +28,7 @@ class Landing(Protocol):
 
     @property
     def why(self) -> str:
-        """What ended it badly, in words."""
+        """Description of what failed."""
         ...
 
 
@@ -47,7 +47,7 @@ def plane_metrics(plant: Lander, start: PlaneStart, ground: Terrain) -> dict[str
     """Return touchdown and propellant of a descent in the plane.
 
     The optimum is that of the same descent straight down under the module, by an engine that runs at any throttle. It
-    leaves out the way to the pad and the sideways speed: a lower bound that no flight reaches.
+    ignores the distance to the pad and the sideways speed: a lower bound that no flight reaches.
     """
     module = plant.module
     height = start.position_m[1] - PADS_BELOW_M - ground.ground(start.position_m[0])[0]

@@ -4,7 +4,7 @@
     --method q_learning       one landing after the other, as in a textbook: a minute; also sarsa, expected_sarsa
     --episodes N --seed N     how long (textbook methods), and which chance
 
-Afterwards the table lands 100 starts that it has never seen, and the way there is in policy.csv, the learning curve.
+Afterwards the table lands 100 new starts; policy.csv contains the learning curve.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ def main() -> int:
     parser.add_argument("--episodes", type=int, default=1500)
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
-    if not asked.out.parent.is_dir():  # said now, and not when all is learned
+    if not asked.out.parent.is_dir():  # reported now, and not after the training
         parser.error(f"--out: there is no folder {asked.out.parent}. Make it, or name a file in another one.")
-    assert snr_sim.learning is not None  # imported for what it makes known to gymnasium
+    assert snr_sim.learning is not None  # imported because it registers the environments with gymnasium
     env = gymnasium.make("snr_sim/LanderVertical-v0").unwrapped
     table = new_table() if asked.method == "batch" else new_table(coarse_grid())
     console = Console(stderr=True)

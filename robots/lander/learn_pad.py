@@ -2,7 +2,7 @@
 
     --steps N --seed N     how long, and which chance
 
-Afterwards the policy lands 100 starts that it has never seen, and the way there is in policy.csv, the learning curve.
+Afterwards the policy lands 100 new starts; policy.csv contains the learning curve.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ def main() -> int:
     parser.add_argument("--steps", type=int, default=PadTraining.steps)
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
-    if not asked.out.parent.is_dir():  # said now, and not when all is learned
+    if not asked.out.parent.is_dir():  # reported now, and not after the training
         parser.error(f"--out: there is no folder {asked.out.parent}. Make it, or name a file in another one.")
-    assert snr_sim.learning is not None  # imported for what it makes known to gymnasium
+    assert snr_sim.learning is not None  # imported because it registers the environments with gymnasium
     env = gymnasium.make("snr_sim/LanderPad-v0").unwrapped
     policy, console = PadPolicy(), Console(stderr=True)
     how = PadTraining(steps=asked.steps, seed=asked.seed)

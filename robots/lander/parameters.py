@@ -49,7 +49,7 @@ class SensorLevel:
     errors: SensorErrors = field(default_factory=SensorErrors)
 
 
-# A landing radar of the time told height in steps of 1.079 ft (0.33 m) and vertical speed in steps of 0.644 ft/s (0.20
+# A landing radar of the time gave height in steps of 1.079 ft (0.33 m) and vertical speed in steps of 0.644 ft/s (0.20
 # m/s) [L]. What the computer made of it by smoothing, its noise and its finer steps, is an estimate [O]. One period of
 # delay is what computing takes [O].
 VERTICAL_RADAR = SensorLevel(
@@ -71,7 +71,7 @@ PLANE_RADAR = SensorLevel(
         delay_s=0.1,
     ),
 )
-# Noise and steps are ours [O]: those of attitude are 2.6 times Apollo's, which told it in 32768 steps of a full turn.
+# Noise and steps are ours [O]: those of attitude are 2.6 times Apollo's, which gave it in 32768 steps of a full turn.
 INERTIAL = SensorLevel(
     rate_hz=10.0,
     errors=SensorErrors(
@@ -91,7 +91,7 @@ def worse(level: SensorLevel, factor: float) -> SensorLevel:
 
 @dataclass(frozen=True)
 class LanderParameters:
-    """What a controller may know about its lander. Where it starts, its sensors tell.
+    """Parameters of the lander for a controller. The start is known from the sensors only.
 
     Args:
         mass_kg: all of it, at the start.

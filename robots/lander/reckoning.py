@@ -1,8 +1,8 @@
-"""Where the vertical lander is now, from a radar that tells where it was.
+"""Estimate of the vertical lander's present motion from delayed radar readings.
 
-A reading is old when it arrives, it is noisy, and nothing measures the mass. But much follows from what the engine was
-told: the mass from all commands so far, the way since the reading from the last one. And where the module should be by
-now, had the last estimate been right, is worth more than one noisy reading.
+A reading is delayed and noisy, and no sensor measures the mass. The engine's commands supply much of it: the mass
+follows from all commands so far, the motion since the reading from the last one. The prediction from the last
+estimate is more accurate than one noisy reading, so the two are blended.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from snr_sim.prelude.signals import RadarReading
 
 from .parameters import LanderParameters
 
-LEAST_GAIN = 0.15  # share of a new reading in the estimate, once many have come; less is smoother and slower
+LEAST_GAIN = 0.15  # weight of a new reading in the estimate, after many readings; less is smoother and slower
 
 
 class Reckoning:
@@ -48,7 +48,7 @@ class Reckoning:
         return self.estimate
 
     def told(self, throttle: float) -> float:
-        """Note what the engine is told from now on, as it will do it; return it."""
+        """Store the throttle that the engine applies from now on, clamped to 0 to 1; return it."""
         self.throttle = min(1.0, max(0.0, throttle))
         return self.throttle
 

@@ -42,7 +42,7 @@ from snr_sim.scenario import library
 ROLES = ("lander",)
 OPTIONS: dict[str, str] = {}
 
-BOARD_HZ = 50.0  # how often outputs on a board are written: they let go by themselves if nobody does for 0.2 s
+BOARD_HZ = 50.0  # rate of writes to a board's outputs: without one for 0.2 s they disarm themselves
 LEAST_HZ = 10.0  # and so often there must be a new command, hence a new reading
 MCU = "atmega328p"
 
@@ -63,7 +63,7 @@ def sim_engine(rig: Rig) -> SimActuator[EngineCommand]:
 
 
 def replayed_sensor(rig: Rig, name: str) -> ReplayedSensor:
-    """Open a sensor that reads what it read in a recorded run."""
+    """Open a sensor that returns the readings of a recorded run."""
     assert rig.recorded is not None
     return ReplayedSensor(name, rig.recorded(name), READINGS[name], rig.now_s)
 

@@ -1,9 +1,9 @@
-"""The vehicle's own mind: from controls and sensor pages to pulses.
+"""Autopilot of the vehicle: from controls and sensor pages to pulses.
 
 page "controls" --> failsafe: whose word counts --.
 page "imu" ------> holds: wrench --> allocation: thrusts --> slew limit --> curve: pulses --> page "pwm"
-page "depth" ----'                                                     `--> page "vehicle": what it is doing
-pages "leak", "power", "pwm_applied", "recording" --> failsafe: what has failed, and what is done then (failsafes.py)
+page "depth" ----'                                                     `--> page "vehicle": its state
+pages "leak", "power", "pwm_applied", "recording" --> failsafe: failures, and the actions (failsafes.py)
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ from .readings import Outputs, Readings, outputs_of
 
 TOLD_EVERY_S = 0.1  # and whenever something else than numbers changes
 SURFACE_M = 0.2  # where going up ends: the top of the vehicle is just out of the water
-BLIND_S = 0.5  # age of the newest depth from which the vehicle does not know how deep it is
+BLIND_S = 0.5  # age of the newest depth from which the depth counts as unknown
 DIZZY_S = 0.25  # age of the newest attitude from which nothing pushes, as of the newest controls
-NEAR_SURFACE_M = 0.3  # less deep than this, buoyancy does the rest of the way up, unless the vehicle has taken in water
+NEAR_SURFACE_M = 0.3  # above this depth buoyancy completes the ascent, unless the vehicle has taken in water
 # The node is overloaded if readings have waited so long, for so long; and it is no more if none has for so long.
 LATE_S, LATE_FOR_S, IN_TIME_S = 0.1, 0.5, 1.0
-CAUSE_NOTES = 3  # a plug that is loose is not told of for ever
+CAUSE_NOTES = 3  # limit, because a loose plug would be noted indefinitely
 
 
 class AutopilotFactory(EndpointFactory):
-    """Makes the vehicle's mind.
+    """Factory of the autopilot.
 
     Args:
         parameters: of the vehicle.
@@ -81,7 +81,7 @@ class Autopilot(Endpoint):
         self.holds = Holds(parameters.holds, drag, self.allocation.lacking)
         self.before_s: float | None = None
         self.rules = "idle"
-        self.kept: tuple[float, float] = (0.0, 0.0)  # depth and heading while a pilot was heard
+        self.kept: tuple[float, float] = (0.0, 0.0)  # depth and heading while controls arrived
         self.share = 1.0
         self.refused = ""
         self.is_blind = False
@@ -89,7 +89,7 @@ class Autopilot(Endpoint):
         self.late_since_s: float | None = None
         self.late_s = -math.inf  # when readings were last late for long enough
         self.causes: dict[str, int] = dict.fromkeys(CAUSES, 0)  # how often each was noted
-        self.noted: set[str] = set()  # the causes that are there
+        self.noted: set[str] = set()  # active causes
         self.told_s = -math.inf
         self.task_handlers = {
             (TaskType.process_data, "controls"): self.on_controls,
@@ -99,7 +99,10 @@ class Autopilot(Endpoint):
         }
 
     def on_controls(self, task: Task, task_id: TaskId) -> None:
-        """Hear the surface. What is no command is not obeyed, and told; soon there is none, and nothing pushes."""
+        """Take a command from the surface.
+
+        An invalid one is reported and not applied; without valid ones the vehicle soon stops pushing.
+        """
         try:
             controls = controls_of(self.get_data("controls"))
         except (CommandError, UnknownName) as error:
@@ -109,7 +112,7 @@ class Autopilot(Endpoint):
         if not old_s <= self.parameters.failsafe_limits.stale_s and not controls.is_stop:
             if controls.is_armed and not self.prearm.has_armed and math.isinf(old_s):
                 self._refuse("Not armed: clock: how far the surface's clock is from the vehicle's is not known.")
-            return  # held up on its way, or nobody knows when it was made: only to stop it is never too late
+            return  # late, or of unknown age: only a stop is accepted then
         if self.allocation.lacking and controls.mode != self.failsafe.controls.mode and controls.mode != "manual":
             self.parent.note(f"The thrusters cannot push {', '.join(self.allocation.lacking)}: that is not held.")
         now_s = self.get_time_s()
@@ -124,7 +127,10 @@ class Autopilot(Endpoint):
         self.failsafe.hear(controls, now_s - old_s if math.isfinite(old_s) else now_s)
 
     def _refuse(self, why: str) -> None:
-        """Tell the surface why it is not obeyed, and note it once: else it were twenty notes a second."""
+        """Report to the surface why its commands are refused.
+
+        It is noted once: else it would be twenty notes a second.
+        """
         if not self.refused:
             self.parent.note(f"Controls were refused: {why}")
         self.refused = why
@@ -150,20 +156,20 @@ class Autopilot(Endpoint):
             self.failsafe.measure(reading)
 
     def on_imu(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Answer with pulses, and now and then with what it is doing; also if no reading has come (`watch.py`)."""
+        """Answer with pulses, and periodically with the vehicle's state; also without a reading (`watch.py`)."""
         now_s, page = self.get_time_s(), self.get_page("imu")
         if self.readings.take("imu", page, now_s) and page is not None:
             self._watch_lateness(now_s, age_s(self.parent, page))
         return self._answer(now_s)
 
     def _take(self, key: str, now_s: float) -> Any:
-        """Return the reading that a sensor's newest page holds; None if that is none."""
+        """Return the reading that a sensor's newest page holds; None if the page is not valid."""
         page = self.get_page(key)
         self.readings.take(key, page, now_s)
         return self.readings.newest.get(key) if page is self.readings.pages.get(key) else None
 
     def _answer(self, now_s: float) -> SomeTasks:
-        """Return pulses for now, and now and then what the vehicle is doing."""
+        """Return pulses for now, and periodically the vehicle's state."""
         self._take("depth", now_s)
         depth, imu = self.readings.newest.get("depth"), self.readings.newest.get("imu")
         ages_s = self._ages_s()
@@ -192,12 +198,12 @@ class Autopilot(Endpoint):
     # -- what fails ---------------------------------------------------------------------------------------------------
 
     def _outputs(self) -> Outputs | None:
-        """Return how the outputs are, as their loop has told last; None if it has not."""
+        """Return the state of the outputs from the newest page of their loop; None if there is none."""
         page = self.parent.datastore.pages.get("pwm_applied")
         return None if page is None else outputs_of(page.data)
 
     def _watch_outputs(self, now_s: float) -> None:
-        """Notice outputs that have let go while they should push, and what has become of those that had."""
+        """Detect outputs that have disarmed themselves while they should push, and those that recover."""
         outputs = self._outputs()
         if outputs is None:
             return
@@ -221,7 +227,7 @@ class Autopilot(Endpoint):
             self.late_s = now_s
 
     def _see_causes(self, now_s: float, ages_s: dict[str, float]) -> None:
-        """Note what has failed that the monitor cannot know by itself."""
+        """Report failures that the monitor cannot detect by itself."""
         see = self.failsafe.see
         stale = self.readings.stale(ages_s)
         see("stale_sensor", f"no fresh reading of {stale}" if stale else "", now_s)
@@ -233,7 +239,7 @@ class Autopilot(Endpoint):
         see("disk_full", f"not recorded: {data['reason']}" if "reason" in data else "", now_s)
 
     def _note_causes(self, now_s: float) -> None:
-        """Note each cause that begins, with what is done; not for ever."""
+        """Note each cause that begins, with the action; a limited number of times."""
         failsafe, there = self.failsafe, set(self.failsafe.since_s)
         for cause in CAUSES:
             if cause not in there - self.noted or self.causes[cause] > CAUSE_NOTES:
@@ -250,13 +256,13 @@ class Autopilot(Endpoint):
     # -- what follows -------------------------------------------------------------------------------------------------
 
     def slewed(self, wanted_n: list[float], dt_s: float) -> list[float]:
-        """Return thrusts on their way to those wanted. To nothing at all there is no way: that is obeyed at once."""
+        """Return thrusts with limited slew rate. If all are to be zero, they are so at once."""
         if not any(wanted_n):
             self.slew.reset()
         return self.slew.update(wanted_n, dt_s)
 
     def thrusts(self, rules: str, depth: DepthReading, imu: ImuReading, dt_s: float) -> list[float]:
-        """Return the thrusts that are wanted now, by whose word counts."""
+        """Return the thrusts for the current control state (`rules`)."""
         is_there = depth.depth_m < NEAR_SURFACE_M and not self.is_blind
         floats = rules == "surface" and not self.failsafe.is_wet and is_there
         if rules in ("idle", "neutral") or floats:
@@ -274,7 +280,7 @@ class Autopilot(Endpoint):
         return thrusts
 
     def told(self, now_s: float, imu: ImuReading | None) -> dict[str, Any]:
-        """Return what the surface is told about the vehicle; `failsafes` only if something has failed."""
+        """Return the vehicle's state for the surface; `failsafes` only if something has failed."""
         failsafe, holds = self.failsafe, self.holds
         failed = {
             cause: f"{failsafe.words[cause]}; {self._does(cause)}" for cause in CAUSES if cause in failsafe.since_s

@@ -1,4 +1,4 @@
-"""What `--option` may say of this robot: each value is checked before there is a run, and told with what to type."""
+"""Options of this robot (`--option`): each value is checked before there is a run, and the error shows what to type."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ BUTTONS = ("stop", "reset")  # of the panel
 
 
 def check_choices(rig: Rig) -> None:
-    """Check what can be told from the options alone.
+    """Check what depends on the options alone.
 
     Raises:
-        UnknownName: a value is not one of those there are.
-        ParameterError: a value does nothing in this run, so it cannot be what was meant.
+        UnknownName: a value is not one of the possible ones.
+        ParameterError: a value has no effect in this run, so it is a mistake.
     """
     options = rig.robot.options
     pilot = options.get("pilot", PILOTS[0])

@@ -29,13 +29,13 @@ class Controls(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One command from the surface. Made without arguments it asks for nothing, disarmed.
 
     Args:
-        number: counts commands, so that one that was overtaken is not obeyed.
+        number: counts commands, so that one that arrives out of order is dropped.
         mode: one of MODES.
         is_armed: the thrusters may push.
-        is_stop: emergency stop. The vehicle keeps to it until somebody clears it.
-        clears_stop: ends an emergency stop, if it comes disarmed and without a stop.
+        is_stop: emergency stop. It stays in effect until it is cleared.
+        clears_stop: ends an emergency stop, if the command is disarmed and without a stop.
         surge, sway, heave, yaw: sticks, -1 to 1; forward, left, up and to the left are positive. In a mode that holds
-            depth or heading they move what is held.
+            depth or heading they move the setpoint.
         depth_m: what depth to hold from now on, in a mode that does.
         heading_rad: what heading to hold from now on, in a mode that does.
     """
@@ -57,7 +57,7 @@ def controls_of(data: Any) -> Controls:
     """Return the command that a page holds.
 
     Raises:
-        CommandError: it is none, or a number in it is none or out of range.
+        CommandError: it is not a command, or a number in it is not valid or out of range.
         UnknownName: there is no such mode.
     """
     try:

@@ -1,4 +1,4 @@
-"""What the person at the surface sees of this vehicle, from its pages."""
+"""Display of this vehicle's pages for the person at the surface."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def display(has_pad: bool = False, in_lock_step: bool = True, lines: Sequence[st
 
 
 def status_rows(vehicle: dict[str, Any], pages: Mapping[str, Any]) -> Rows:
-    """Return names and texts of what the vehicle has told, as it was then."""
+    """Return names and texts of the vehicle's last reported state."""
     from rich.markup import escape
 
     shown: Rows = []

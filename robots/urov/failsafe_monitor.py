@@ -1,13 +1,13 @@
-"""The failsafe monitor decides whose word counts: the pilot's, nobody's, or the vehicle's own.
+"""Failsafe monitor: decides which commands are in effect, the pilot's, none, or the vehicle's own.
 
-    idle      nothing pushes: disarmed, an emergency stop that nobody has cleared, or outputs that have let go of the
+    idle      nothing pushes: disarmed, an emergency stop that is not yet cleared, or outputs that have disarmed the
               thrusters by themselves
-    pilot     as the controls say
-    neutral   nothing pushes: the newest controls are older than a quarter of a second, or a failsafe says so
-    hold      a failsafe says so: stays at the depth and heading it had when the pilot was last obeyed
-    surface   a failsafe says so: goes up
+    pilot     the controls apply
+    neutral   nothing pushes: the newest controls are older than a quarter of a second, or a failsafe requires it
+    hold      a failsafe requires it: stays at the depth and heading of the last controls that were in effect
+    surface   a failsafe requires it: goes up
 
-What fails, and what is done then, is the table of `failsafes.py`; `see` takes causes in. The age of controls is counted
+The table of `failsafes.py` contains the causes and their actions; `see` takes causes in. The age of controls is counted
 from when they were made, by the vehicle's own clock.
 """
 
@@ -23,7 +23,7 @@ from snr_sim.prelude.signals import PowerReading
 from .controls import Controls
 from .failsafes import MILLISECONDS, OUTPUTS, Failsafes
 
-IDLE_S = 0.2  # outputs that have let go are told for so long that they are disarmed, before they are armed again
+IDLE_S = 0.2  # outputs that disarmed themselves get disarm commands for this long before they are armed again
 # fmt: off
 LIMITS = {
     "stale_s": Limit(0.0, 5.0, "s", "0.25 is usual, and until then the vehicle goes on as it was told", MILLISECONDS,
@@ -39,7 +39,7 @@ LIMITS = {
 
 @dataclass(frozen=True)
 class FailsafeLimits:
-    """What the failsafe monitor goes by.
+    """Limits of the failsafe monitor.
 
     Args:
         stale_s: age of the newest controls from which nothing pushes. Our choice: five of those that come 20 times a
@@ -47,13 +47,13 @@ class FailsafeLimits:
         lost_s: age from which the link counts as lost.
         hold_s: how long a failsafe's `hold` holds before the vehicle goes up.
         low_v: of the battery at rest; lower than that for `low_s`, and it is low until the next start. 13 V is 3.25 V
-            a cell, some 7 % of the charge; at 12 V the pack's maker wants it charged. 0 asks nothing.
+            a cell, some 7 % of the charge; at 12 V the pack's maker wants it charged. 0 disables the check.
         low_s: as ArduPilot waits (BATT_LOW_TIMER).
-        sag_ohm: makes the voltage at rest out of that under load. What this does not know of (a pack that is old or
-            cold) a burst of thrust would take for a low battery, and that is what `low_s` is for.
+        sag_ohm: gives the voltage at rest from that under load. Where it is too small (a pack that is old or cold), a
+            burst of thrust looks like a low battery, which is why `low_s` exists.
 
     Raises:
-        ParameterError: a number cannot be; the message names it and says what is usual.
+        ParameterError: a number is out of range; the message names it and the usual range.
     """
 
     stale_s: Annotated[float, LIMITS["stale_s"]] = 0.25
@@ -73,16 +73,16 @@ class FailsafeLimits:
 
 
 class FailsafeMonitor:
-    """Keeps what it has heard, and what has failed.
+    """State machine of the newest controls and of the current failures.
 
     Args:
-        limits: what it goes by.
-        failsafes: what is done when something fails.
+        limits: its thresholds.
+        failsafes: action for each cause.
 
     Attributes:
-        since_s: the causes that are there, or last until a person disarms, and when each began.
-        words: what is told of each cause.
-        let_go: why the outputs have let go by themselves; empty once they are armed again, or a person has disarmed.
+        since_s: active causes, or those that last until a person disarms, and when each began.
+        words: description of each cause.
+        let_go: why the outputs disarmed themselves; empty once they are armed again, or a person has disarmed.
     """
 
     def __init__(self, limits: FailsafeLimits, failsafes: Failsafes | None = None) -> None:
@@ -97,8 +97,8 @@ class FailsafeMonitor:
         self.rest_v: float | None = None  # of the battery, without what the load costs
         self.since_s: dict[str, float] = {}
         self.words: dict[str, str] = {}
-        self._gone_on: set[str] = set()  # causes after which it has gone on by itself, since a person disarmed
-        self._are_back = self._needs_person = False  # the outputs that have let go
+        self._gone_on: set[str] = set()  # causes after which it has resumed by itself, since a person disarmed
+        self._are_back = self._needs_person = False  # outputs that disarmed themselves
         self._low_since_s: float | None = None
 
     def hear(self, controls: Controls, made_s: float) -> None:
@@ -115,7 +115,7 @@ class FailsafeMonitor:
         if not controls.is_armed:
             self.let_go = ""
             for known in (self.since_s, self.words, self._gone_on):
-                known.clear()  # what is still there is seen again
+                known.clear()  # active causes are detected again
         if controls.clears_stop and not (controls.is_stop or controls.is_armed):
             self.is_stopped = False
 
@@ -137,7 +137,7 @@ class FailsafeMonitor:
     # -- what fails ---------------------------------------------------------------------------------------------------
 
     def see(self, cause: str, words: str, now_s: float) -> None:
-        """Take in whether a cause is there: in words, or "" if it is not. It may last longer, as its action says."""
+        """Set or clear a cause: `words` describes it, "" clears it. It may last longer, depending on its action."""
         if words:
             self.since_s.setdefault(cause, now_s)
             self.words[cause] = words
@@ -151,7 +151,7 @@ class FailsafeMonitor:
         return self._goes_on(cause, now_s)
 
     def _goes_on(self, cause: str, now_s: float) -> bool:
-        """Return whether the vehicle goes on by itself now that a cause is over; note that it has."""
+        """Return whether the vehicle resumes by itself now that a cause is over; if so, record it."""
         if not self._may_go_on(cause, now_s):
             return False
         self._gone_on.add(cause)
@@ -163,21 +163,21 @@ class FailsafeMonitor:
         return in_time and cause not in self._gone_on
 
     def lose_outputs(self, was_reset: bool, why: str, is_stopped: bool, now_s: float) -> None:
-        """Note that the outputs have let go by themselves.
+        """Record that the outputs have disarmed themselves.
 
         Args:
-            was_reset: because their microcontroller has started anew.
-            why: in words.
-            is_stopped: by an emergency stop: nobody but a person ends it.
+            was_reset: because their microcontroller has restarted.
+            why: description of the reason.
+            is_stopped: by an emergency stop: only a person ends it.
             now_s: when.
         """
         self.let_go, self._needs_person = why, is_stopped
         cause = "controller_reset" if was_reset else "line_lost"
-        self.since_s.pop(cause, None)  # each time is counted by itself
+        self.since_s.pop(cause, None)  # each time is counted separately
         self.see(cause, why, now_s)
 
     def see_outputs(self, state: str, now_s: float) -> None:
-        """Take in the state of the outputs (`Health.state`), and so notice that those that had let go are back."""
+        """Update from the state of the outputs (`Health.state`), to detect that disarmed outputs are back."""
         self._are_back = state != "error"
         if not self.let_go:
             return
@@ -194,7 +194,7 @@ class FailsafeMonitor:
                 self.since_s[cause] = now_s  # it holds, or goes up, from now on
 
     def _may_arm(self, now_s: float) -> bool:
-        """Return whether the vehicle arms outputs by itself that have let go."""
+        """Return whether the vehicle itself arms outputs that have disarmed themselves."""
         lost = [cause for cause in (*OUTPUTS, "no_rearm") if cause in self.since_s]
         if self._needs_person or not self._are_back or now_s < max(self.since_s[one] for one in lost) + IDLE_S:
             return False
@@ -225,12 +225,12 @@ class FailsafeMonitor:
         return "pilot" if age_s <= limits.stale_s else "neutral"
 
     def _does(self, cause: str, now_s: float) -> str:
-        """Return what a cause makes of the rules; "warn" if nothing."""
+        """Return the control state that a cause requires; "warn" if none."""
         action = self.failsafes.of(cause)
         if not isinstance(action, str):
             action = "neutral"
         if cause in OUTPUTS and action == "neutral":
-            return "warn"  # they are armed again, so another row has said so
+            return "warn"  # they are armed again, so another row required it
         if action == "hold" and now_s - self.since_s[cause] >= self.limits.hold_s:
             return "surface"
         return action

@@ -1,22 +1,22 @@
-"""What the vehicle does by itself when something fails, agreed before the dive: one row for each cause.
+"""Failsafe actions of the vehicle, agreed before the dive: one row for each cause.
 
     cause             there while                                                           action, unless changed
     link_lost         no controls that count have come for `lost_s`                         hold
     line_lost         the outputs have disarmed by themselves, or do not answer             neutral
-    controller_reset  the outputs' microcontroller has started anew                         neutral
+    controller_reset  the outputs' microcontroller has restarted                            neutral
     stale_sensor      a sensor that has been read has had no reading for a while            warn
-    nonsense          a sensor's page has wrong types, NaN or what cannot be                hold
+    nonsense          a sensor's page has wrong types, NaN or implausible values            hold
     low_battery       it was low for `low_s`; until the next start                          surface
     leak              a probe is wet; until the next start                                  surface
-    disk_full         nothing more is recorded: page `recording` says so                    warn
+    disk_full         nothing more is recorded: page `recording` reports it                 warn
     overloaded        readings wait for more than 0.1 s until they are answered             warn
-    no_rearm          the outputs have let go, and no person has re-armed for `no_rearm_s`  neutral
+    no_rearm          disarmed outputs, and no person has re-armed them for `no_rearm_s`    neutral
 
     action       what the vehicle does
-    warn         tells it, and nothing else
+    warn         reports it, and nothing else
     neutral      nothing pushes until a person has disarmed and armed
-    Rearm(N)     nothing pushes; if the cause is over within N seconds it goes on by itself, once; else as neutral
-    hold         depth and heading, for `hold_s`; then it goes up. The pilot is obeyed when the cause is over
+    Rearm(N)     nothing pushes; if the cause is over within N seconds it resumes by itself, once; else as neutral
+    hold         depth and heading, for `hold_s`; then it goes up. Controls apply again when the cause is over
     surface      goes up
 
 Of several causes, `surface` counts first, then `neutral`, then `hold`. While outputs do not answer nothing can push:
@@ -33,7 +33,7 @@ from snr_sim.plants.urov.plausible import IS_ABOVE, Limit, check_number, check_r
 from snr_sim.prelude.errors import ParameterError, nearest
 
 ACTIONS = ("warn", "neutral", "hold", "surface")
-OUTPUTS = ("line_lost", "controller_reset")  # the outputs have let go of the thrusters
+OUTPUTS = ("line_lost", "controller_reset")  # the outputs have disarmed themselves
 LASTING = ("low_battery", "leak")  # until the next start
 MILLISECONDS = {"milliseconds": 1e-3}
 WITHIN = Limit(0.0, 600.0, "s", "5 is usual, and later nobody expects thrusters to turn", MILLISECONDS, IS_ABOVE)
@@ -42,13 +42,13 @@ NO_REARM = Limit(0.0, 3600.0, "s", "10 is usual: as long as a person needs", MIL
 
 @dataclass(frozen=True)
 class Rearm:
-    """Go on by itself, once until a person disarms, if the cause is over soon enough.
+    """Action: resume without a person, once until a person disarms, if the cause is over soon enough.
 
     Args:
         within_s: since it began, with all that arming takes: a microcontroller that was reset needs 1.5 s.
 
     Raises:
-        ParameterError: the number cannot be.
+        ParameterError: the number is out of range.
     """
 
     within_s: float

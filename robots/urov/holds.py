@@ -21,12 +21,12 @@ from .parameters import Gains, HoldNumbers
 
 
 class Holds:
-    """Keeps what is held, and the controllers that hold it.
+    """Setpoints of depth and heading, and their controllers.
 
     Args:
         numbers: gains and limits.
         drag: of the vehicle in heave, linear [N s/m] and quadratic [N s2/m2].
-        lacking: axes that the thrusters cannot push: what cannot be held is left alone.
+        lacking: axes that the thrusters cannot push: these are not controlled.
     """
 
     def __init__(self, numbers: HoldNumbers, drag: tuple[float, float], lacking: tuple[str, ...] = ()) -> None:
@@ -40,7 +40,7 @@ class Holds:
         self.let_go()
 
     def let_go(self) -> None:
-        """Hold nothing any more; what is held next is what then is."""
+        """Drop the setpoints; the next ones are the depth and heading then."""
         self.depth_m: float | None = None
         self.heading_rad: float | None = None
         self._wanted_depth_m: float | None = None
@@ -100,7 +100,7 @@ class Holds:
         return -self._depth.update(self.depth_m, depth.depth_m, dt_s, rate=rate, feed_forward=drag_n)
 
     def _moved(self, wanted_m: float, heave: float, depth_m: float, dt_s: float) -> float:
-        """Return where the stick moves a depth to that is wanted: not beyond what a vehicle on the floor can follow.
+        """Return the target depth that the stick moves a depth to: not beyond what a vehicle on the floor can follow.
 
         Else a stick that was held down there for long would have to be held up for as long.
         """
@@ -111,7 +111,7 @@ class Holds:
         return min(wanted_m, max(moved_m, depth_m - numbers.lead_m))
 
     def _rate(self, depth: DepthReading) -> float:
-        """Compute the rate once for each reading: the depth comes less often than control is asked for."""
+        """Compute the rate once for each reading: the depth has a lower rate than control."""
         seen = self._seen
         if seen is None or depth.stamp_s > seen.stamp_s:
             if seen is not None:

@@ -1,4 +1,4 @@
-"""How a dive is judged: the course of the true depth and heading, and what can be said of it."""
+"""Judge of a dive: the record of true depth and heading, and the conclusions from it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Sample(NamedTuple):
     roll_rad: float
     pitch_rad: float
     yaw_rad: float
-    thrust_n: float  # of all thrusters, whichever way they push
+    thrust_n: float  # of all thrusters, sum of absolute values
 
     @property
     def depth_m(self) -> float:
@@ -70,7 +70,7 @@ class Course(Sequence[Sample]):
 
 
 class Watched(Urov):
-    """A vehicle with somebody above who takes down its course, ten times a second, and can tell where it is: "place".
+    """A vehicle with an observer above that records its course, ten times a second, and provides its position: "place".
 
     Attributes:
         course: since the reset.
@@ -85,13 +85,13 @@ class Watched(Urov):
         self._readers["place"] = partial(position_fix_of, self)
 
     def reset(self, seed: int) -> None:
-        """Start anew, with an empty course."""
+        """Reset, with an empty course."""
         self.course = Course()
         self.touched_n = 0.0
         super().reset(seed)
 
     def step(self, dt_s: float) -> None:
-        """Move on, and take down what is due."""
+        """Advance, and record a sample when it is due."""
         super().step(dt_s)
         if self.contact_n is not None:
             self.touched_n = max(self.touched_n, math.hypot(*self.contact_n))
@@ -101,24 +101,24 @@ class Watched(Urov):
             self.course.append(Sample(self.time_s, self.position_m, *angles, thrust_n))
 
     def restore(self, snapshot: Any) -> None:
-        """Put the vehicle back; what was taken down since is taken back."""
+        """Restore the vehicle, and drop the samples recorded since."""
         super().restore(snapshot)
         self.course = Course(sample for sample in self.course if sample.time_s <= self.time_s)
 
     def during(self, from_s: float, to_s: float) -> list[Sample]:
-        """Return what was taken down between two moments."""
+        """Return the samples between two moments."""
         return [sample for sample in self.course if from_s - 1e-9 <= sample.time_s <= to_s + 1e-9]
 
 
 def judged(plant: Watched, misses: Sequence[str]) -> Verdict:
-    """Return the verdict over a dive that has come to its end: held, if nothing was missed."""
+    """Return the verdict of a finished dive: held, if nothing was missed."""
     if not misses:
         return Verdict("held", True)
     return Verdict("missed", False, "; ".join([*misses, *unready(plant)]))
 
 
 def unready(plant: Watched) -> list[str]:
-    """Return what is to be said of speed controllers that were not armed as they should be: a beginner's mistake."""
+    """Return remarks on speed controllers that were not armed as they should be: a beginner's mistake."""
     if plant.thrusters is None:
         return []
     said = []
@@ -147,7 +147,7 @@ class Step(NamedTuple):
     """How well a step of a held quantity was followed.
 
     Args:
-        settling_s: from the step until the error stayed within the band; None if it never did.
+        settling_s: from the step until the error stayed within the band; None if it did not.
         overshoot: beyond the new value, in the direction of the step; 0 if it never was; None if the dive ended before
             the step.
         steady: mean size of the error at the end; None if the dive ended before there was one.

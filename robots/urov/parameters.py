@@ -59,7 +59,7 @@ class Gains:
     """Of a PID controller; its output is a force [N] or a moment [N m].
 
     Raises:
-        ParameterError: one cannot be; the message names it.
+        ParameterError: one is out of range; the message names it.
     """
 
     kp: Annotated[float, GAIN]
@@ -73,20 +73,20 @@ class Gains:
 
 @dataclass(frozen=True)
 class HoldNumbers:
-    """How the vehicle holds what it holds.
+    """Parameters of the depth and heading holds.
 
     Args:
         depth, heading: on errors in metres and radians.
         level: of roll and pitch.
         sticks_n: what full sticks push in surge, sway and heave.
         yaw_nm: what a full stick turns with.
-        sink_mps: how fast a held depth moves, at full stick or on its way to another one.
+        sink_mps: how fast a held depth moves, at full stick or towards another one.
         brake_mps2: how it slows down before it arrives.
         lead_m: how far from where the vehicle is a stick moves it at most; more than it takes to slow down.
         turn_radps, brake_radps2: the same of a held heading.
 
     Raises:
-        ParameterError: a number cannot be; the message names it and says what is usual.
+        ParameterError: a number is out of range; the message names it and the usual range.
     """
 
     depth: Annotated[Gains, SUCH_GAINS] = Gains(kp=120.0, ki=40.0, kd=70.0, most=70.0)
@@ -109,7 +109,7 @@ class Sensors:
     """The parts, and how often each is read. No camera unless one is given: it takes longer than all others.
 
     Raises:
-        ParameterError: a part is none, or it is read at no rate; the message names it.
+        ParameterError: a part is not valid, or its rate is not; the message names it.
     """
 
     depth: Annotated[Ms5837, "Ms5837()"] = field(default_factory=Ms5837)
@@ -141,25 +141,25 @@ class Sensors:
 
 @dataclass(frozen=True)
 class UrovParameters:
-    """What a controller may know about its vehicle.
+    """Parameters of the vehicle for a controller.
 
     Args:
         vehicle: its numbers.
         script: what the pilot does, where there is no person.
-        route: where a pilot who sees goes; if there is one, he flies instead.
+        route: of a pilot who sees the vehicle; if there is one, it replaces the script.
         sensors, holds, failsafe_limits: see there.
-        failsafes: what the vehicle does by itself when something fails.
-        fix_hz: how often the vehicle is told its place, as by an acoustic positioning system; 0 is never.
+        failsafes: the vehicle's action for each failure.
+        fix_hz: rate of position fixes, as of an acoustic positioning system; 0 disables them.
         nominal_v: at which the pulse for a thrust is looked up.
         slew_nps: how fast a thrust may change.
         first: axes that are served before the others when thrusters are at their limits.
         command_hz: how often the surface sends controls.
         pwm_hz: how often pulses are written.
-        tether: what is wrong with the link through it.
+        tether: faults of the link through it.
         port: of the link, when it is a real one.
 
     Raises:
-        ParameterError: a number cannot be; the message names it and says what is usual.
+        ParameterError: a number is out of range; the message names it and the usual range.
     """
 
     vehicle: Vehicle
@@ -191,5 +191,5 @@ def vehicle(name: str = "benzon2022") -> Vehicle:
 
 
 def failsafe_lines(parameters: UrovParameters) -> list[str]:
-    """Return what the vehicle does by itself when something fails, in few lines."""
+    """Return the vehicle's actions for failures, in few lines."""
     return [f"failsafe  {line}" for line in parameters.failsafes.lines(parameters.failsafe_limits.hold_s)]

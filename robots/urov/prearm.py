@@ -1,4 +1,4 @@
-"""What keeps the vehicle from being armed before the dive, in words: so the pilot knows why not, and what to look at.
+"""Pre-arm checks: why the vehicle may not be armed before the dive, as text, so that the pilot knows what to check.
 
 Only the first arming is checked. In the water a person who arms has a reason, and failsafes do the rest.
 """
@@ -15,19 +15,19 @@ from .failsafe_monitor import FailsafeMonitor
 from .readings import Outputs, Readings
 
 CLOCK_S = 1.0  # readings that were measured so long before they came: their clock is another one
-WARM_UP_S = 2.0  # of a program that has just started what is missing may still come: arming waits so long
+WARM_UP_S = 2.0  # after the start missing readings may still arrive: arming waits for so long
 
 
 def failing_checks(
     failsafe: FailsafeMonitor, readings: Readings, ages_s: Mapping[str, float], outputs: Outputs | None
 ) -> list[str]:
-    """Return what is not as it must be, each in words; nothing if the vehicle may be armed.
+    """Return a description of each failing check; none if the vehicle may be armed.
 
     Args:
-        failsafe: knows battery, leak, disk and what else has failed.
+        failsafe: has the state of battery, leak, disk and other failures.
         readings: of the sensors.
         ages_s: of the pages of the newest ones.
-        outputs: how they are; None if nobody tells.
+        outputs: their state; None if it is not known.
     """
     failing = readings.missing(ages_s)
     if failsafe.rest_v is not None and failsafe.rest_v < failsafe.limits.low_v:
@@ -46,7 +46,7 @@ def failing_checks(
 
 
 def _late_s(newest: Mapping[str, Any], pages: Mapping[str, Page]) -> dict[str, float]:
-    """Return how long before its page each reading was measured, if it says so."""
+    """Return how long before its page each reading was measured, from its stamp."""
     return {key: pages[key].created_at_s - reading.stamp_s for key, reading in newest.items() if key in pages}
 
 
@@ -55,7 +55,7 @@ class PreArm:
 
     def __init__(self) -> None:
         self.has_armed = False
-        self._refused = ""  # why, when it was asked for; told until the pilot disarms
+        self._refused = ""  # reason of the refusal; reported until the pilot disarms
         self._start_s = math.inf
 
     def why_not(self, is_armed: bool, failing: list[str], now_s: float) -> str | None:

@@ -1,6 +1,6 @@
-"""What sensors told last: taken if it is a reading that can be, else told what is wrong with it.
+"""Newest readings of the sensors: a page is accepted if its reading is plausible, otherwise the fault is reported.
 
-A page may hold anything: a driver divides by zero, a wire spoils a byte, somebody types it at a console. What is no
+A page may hold anything: a driver divides by zero, a wire corrupts a byte, a user types it at a console. An invalid
 reading is dropped, and the one before it grows older.
 """
 
@@ -24,7 +24,7 @@ NONSENSE_S = 1.0  # after a page that held no reading, the sensor is not trusted
 SILENT_S, SILENT_PERIODS = 0.5, 3.0  # no reading for so long, and for so many of its periods: it is stale
 _ANGLE = Limit(-2.0 * math.pi, 2.0 * math.pi, "rad", "a full turn is 6.28 rad")
 
-# Far beyond what the parts can measure: what lies outside is no measurement. Of a list, each number.
+# Far beyond the parts' ranges: a value outside is not a measurement. Of a list, each number.
 CAN_BE: dict[str, tuple[type[Any], Mapping[str, Limit]]] = {
     "depth": (
         DepthReading,
@@ -65,10 +65,10 @@ def reading_of(key: str, data: Any, now_s: float) -> Any:
         now_s: by the clock that readings are stamped by.
 
     Raises:
-        CommandError: it is none, or a number in it cannot be; says which field.
+        CommandError: it is not a reading, or a number in it is out of range; the message names the field.
     """
     kind, limits = CAN_BE[key]
-    if isinstance(data, msgspec.Struct):  # whose types nobody has checked
+    if isinstance(data, msgspec.Struct):  # its types are not checked yet
         data = msgspec.structs.asdict(data)
     reading = command_of(data, kind, {name: (limit.least, limit.most) for name, limit in limits.items()})
     for name, limit in limits.items():
@@ -88,11 +88,11 @@ def reading_of(key: str, data: Any, now_s: float) -> Any:
 
 
 class Outputs(msgspec.Struct, frozen=True):
-    """How the outputs are: what `PwmLoop` tells in page `pwm_applied`, as far as the vehicle goes by it.
+    """State of the outputs: the part of `PwmLoop`'s page `pwm_applied` that the vehicle uses.
 
     Args:
         state: as of `Health`.
-        fault: what is wrong with them, in words.
+        fault: description of their fault.
         why: words of `AppliedPulses`.
     """
 
@@ -102,7 +102,7 @@ class Outputs(msgspec.Struct, frozen=True):
 
 
 def outputs_of(data: Any) -> Outputs | None:
-    """Return how the outputs are; None if the page does not say."""
+    """Return the state of the outputs; None if the page is not valid."""
     try:
         return msgspec.convert(data, learned(Outputs))
     except msgspec.ValidationError:
@@ -125,7 +125,7 @@ class Readings:
         self.pages: dict[str, Page] = {}
         self._silent_s = {key: max(SILENT_S, SILENT_PERIODS / rates_hz[key]) for key in CAN_BE}
         self._seen: dict[str, Page] = {}
-        self._wrong: dict[str, tuple[float, str]] = {}  # when a page held none, and what was wrong with it
+        self._wrong: dict[str, tuple[float, str]] = {}  # time of the last invalid page, and its fault
 
     def take(self, key: str, page: Page | None, now_s: float) -> bool:
         """Take a sensor's newest page, if it is another than before; return whether it is."""
@@ -141,12 +141,12 @@ class Readings:
         return True
 
     def nonsense(self, now_s: float) -> str:
-        """Return which sensors have lately told what is no reading, in words; empty if none has."""
+        """Return a description of the sensors with recent invalid readings; empty if there are none."""
         lately = [f"{key}: {what}" for key, (at_s, what) in self._wrong.items() if now_s - at_s <= NONSENSE_S]
         return " ".join(lately)
 
     def stale(self, ages_s: Mapping[str, float]) -> str:
-        """Return which sensors that have been read have no fresh reading, in words; empty if all have.
+        """Return the names of sensors that have been read but have no fresh reading; empty if all have.
 
         Args:
             ages_s: of the page of each newest reading.
@@ -154,7 +154,7 @@ class Readings:
         return ", ".join(key for key, age_s in ages_s.items() if age_s > self._silent_s[key])
 
     def missing(self, ages_s: Mapping[str, float]) -> list[str]:
-        """Return what keeps the vehicle from being steered at all: sensors without a fresh reading, in words."""
+        """Return descriptions of the sensors without a fresh reading, without which the vehicle cannot be steered."""
         never = [f"{key}: no reading yet" for key in ("depth", "imu") if key not in self.newest]
         old = [f"{key}: newest reading {ages_s[key]:.1f} s old" for key in ages_s if ages_s[key] > self._silent_s[key]]
         return never + old

@@ -7,8 +7,8 @@
     link monitor  altitude, power, leak
 
     controls  what the surface asks for, 20 times a second    (controls.py)
-    camera    what it sees, if it has a camera; that stays on board  (snr_sim/devices/sensors/camera.py)
-    place     where it is, if it is told (fix_hz in parameters.py): by somebody who sees it from above
+    camera    its images, if it has a camera; that stays on board  (snr_sim/devices/sensors/camera.py)
+    place     position fix from an observer above, if there is one (fix_hz in parameters.py)
     vehicle   what the vehicle is doing, and for whom          (autopilot.py, failsafe_monitor.py)
     pwm       pulses_us of each thruster
 
@@ -80,8 +80,8 @@ OPTIONS = {
 FIRMWARE = Path(__file__).parent / "firmware"
 MCU = "atmega328p"
 
-# With --io pi: what is where in the vehicle that you have built. `snr doctor` lists ports and addresses. What is not
-# here is not there: an altitude, a leak probe. "mcu" without a port is the board of the thrusters.
+# With --io pi: which device of your vehicle is at which port or address; `snr doctor` lists them. A device that is not
+# in this table is absent: an altimeter, a leak probe. "mcu" without a port is the board of the thrusters.
 PI: dict[str, str] = {
     "pwm": "mcu:/dev/ttyUSB0",
     "power": "mcu",
@@ -89,7 +89,7 @@ PI: dict[str, str] = {
     "imu": "icm20948:1:0x69",
 }
 
-SENSORS = ("depth", "altitude", "power", "leak", "imu")  # the last one sets off control, so it comes after the others
+SENSORS = ("depth", "altitude", "power", "leak", "imu")  # the last one triggers control, so it is after the others
 READINGS: dict[str, type[msgspec.Struct]] = {
     "depth": DepthReading,
     "altitude": EchoReading,
@@ -199,7 +199,7 @@ def emulated_power(rig: Rig) -> McuPower:
 
 
 def plant_on_board(rig: Rig) -> PlantOnBoard:
-    """Return the plant as it was dressed."""
+    """Return the plant with its board, as it was wrapped at the start."""
     assert isinstance(rig.plant, PlantOnBoard)
     return rig.plant
 
@@ -213,7 +213,7 @@ def dressed(rig: Rig) -> Plant:
 
 
 def replayed_sensor(rig: Rig, name: str) -> ReplayedSensor:
-    """Open a sensor that reads what it read in a recorded run."""
+    """Open a sensor that returns the readings of a recorded run."""
     assert rig.recorded is not None
     return ReplayedSensor(name, rig.recorded(name), READINGS[name], rig.now_s)
 
@@ -267,7 +267,7 @@ def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
     devices = DEVICES[rig.io]
     check_choices(rig)
     tether = surface_link(rig, "urov", "tether", parameters.port, parameters.tether)
-    # The surface does not listen, so what keeps strangers from the vehicle is not for it to have.
+    # The surface does not listen, so it does not need the settings that restrict access to the vehicle.
     below = [] if rig.role_apart == "topside" else [tether.server(TO_TOPSIDE, accept=["controls"])]
     sensors = [
         SensorLoopFactory(name, partial(devices[name], rig), parameters.sensors.rates_hz[name], name in ANSWERED)
@@ -280,7 +280,7 @@ def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
         sensors.insert(0, CameraLoopFactory("camera", open_camera, 1.0 / camera.period_s, process=False))
     if parameters.fix_hz:
         sensors.insert(0, SensorLoopFactory("place", partial(devices["place"], rig), parameters.fix_hz))
-    # Of another autopilot than ours nobody here knows what it does when something fails.
+    # The failsafe actions of another autopilot than ours are not known here.
     lines = failsafe_lines(parameters) if any(isinstance(one, AutopilotFactory) for one in controller) else []
     pwm = PwmLoopFactory("pwm", partial(devices["pwm"], rig), parameters.pwm_hz)
     return {
@@ -290,10 +290,10 @@ def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
 
 
 def _surface(rig: Rig, parameters: UrovParameters, lines: Sequence[str]) -> list[Factory]:
-    """Return who flies: with `--option pilot=hands` a person.
+    """Return the pilot's components: with `--option pilot=hands` those of a person.
 
-    Else somebody who sees, if there is a route, or somebody who does as it is written. A controller's own components
-    at the surface stand between: they make "controls" out of what the eyes, the panel and the "sticks" say.
+    Else a pilot who sees the vehicle, if there is a route, or one who follows a script. A controller's own components
+    at the surface come between: they make "controls" from the pages of the eyes, the panel and the "sticks".
     """
     crew, rate_hz = rig.crew.get("topside", ()), parameters.command_hz
     key = "sticks" if crew else "controls"

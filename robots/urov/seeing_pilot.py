@@ -1,6 +1,6 @@
-"""A pilot who sees where the vehicle is, and steers it along a route: forward and sideways, while it holds the rest.
+"""A pilot who gets the vehicle's position, and steers it along a route: forward and sideways, while it holds the rest.
 
-    page "place" --> where to next --> steering: sticks --> page "controls"
+    page "place" --> next waypoint --> steering: sticks --> page "controls"
 
 He flies as a person does: by eye, with a delay, with the sticks. Depth and heading he asks for by number.
 """
@@ -31,9 +31,9 @@ class Waypoint:
     Args:
         x_m, y_m: world frame.
         depth_m: positive down.
-        heading_rad: to point to on the way there.
+        heading_rad: on the way there.
         within_m: as close as this counts as there.
-        stay_s: how long to stay there: who comes in sideways goes on sideways.
+        stay_s: how long to stay there: a vehicle that arrives sideways keeps drifting sideways.
     """
 
     x_m: float
@@ -48,7 +48,7 @@ class SeeingPilotFactory(EndpointFactory):
     """Makes the pilot.
 
     Args:
-        route: where to go, in this order; at the last place he stays.
+        route: waypoints in order; the pilot stays at the last one.
 
     Raises:
         ParameterError: there is nowhere to go.
@@ -66,7 +66,7 @@ class SeeingPilotFactory(EndpointFactory):
 
 
 class SeeingPilot(Endpoint):
-    """Answers each look at the vehicle with controls."""
+    """Answers each position fix with controls."""
 
     factory: SeeingPilotFactory
 
@@ -80,7 +80,7 @@ class SeeingPilot(Endpoint):
         self.task_handlers = {(TaskType.process_data, "place"): self.on_place}
 
     def on_place(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Steer to the next place."""
+        """Steer to the next waypoint."""
         place = PositionFix(**self.get_data("place"))
         x, y, z = place.position_m
         goal = self.left[0]

@@ -1,6 +1,6 @@
-"""Steering by eye: sticks that bring the vehicle to a place, forward and sideways, at a speed that it can brake from.
+"""Steering by eye: sticks that bring the vehicle to a point, forward and sideways, at a speed that it can brake from.
 
-place, goal --> error in the world --> two PID controllers --> turned into the vehicle's frame --> sticks
+position, goal --> error in the world --> two PID controllers --> turned into the vehicle's frame --> sticks
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ from snr_sim.std_mods.slew import approach
 # Sticks per metre, per metre and second, and per metre a second: for a full stick of 60 N, 20 kg with water and a
 # delay of 0.3 s. Our own choice.
 KP, KI, KD, MOST = 0.35, 0.06, 0.55, 0.7
-SPEED_MPS, BRAKE_MPS2 = 0.35, 0.06  # how it comes in
+SPEED_MPS, BRAKE_MPS2 = 0.35, 0.06  # of the approach
 FEEL = 1.5  # stick per m/s that it takes to go so fast, with what KD takes away
 
 
 class Steering:
-    """Keeps where on its way the vehicle should be by now."""
+    """Controller with a reference point that moves to the goal."""
 
     def __init__(self) -> None:
         self.let_go()
 
     def let_go(self) -> None:
-        """Forget the way: the next one begins where the vehicle then is."""
+        """Reset: the next path begins at the vehicle's position then."""
         self._along = [Pid(KP, KI, KD, (-MOST, MOST), smoothing_s=0.3) for _ in range(2)]
-        self._wanted_m: tuple[float, float] | None = None  # on the way to the goal
+        self._wanted_m: tuple[float, float] | None = None  # reference point on the path to the goal
 
     def sticks(
         self, goal_m: Sequence[float], place_m: Sequence[float], yaw_rad: float, dt_s: float
@@ -44,7 +44,7 @@ class Steering:
         return cos * east + sin * north, -sin * east + cos * north
 
     def _towards(self, goal_m: Sequence[float], place_m: tuple[float, float], dt_s: float) -> list[float]:
-        """Return sticks to the east and to the north, for a way to the goal at a speed that can be kept."""
+        """Return sticks to the east and to the north, for a path to the goal at a speed that can be kept."""
         from_m = self._wanted_m or place_m
         left_m = math.dist((goal_m[0], goal_m[1]), from_m)
         share = approach(left_m, SPEED_MPS, BRAKE_MPS2, dt_s) / left_m if left_m > 0.0 else 0.0

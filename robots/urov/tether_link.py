@@ -1,4 +1,4 @@
-"""The link through the tether, and what is to be expected of it.
+"""The link through the tether, and its expected faults.
 
 The vehicle's maker sends Ethernet over one twisted pair with a pair of powerline modems (HomePlug AV). On the pair they
 reach 80 Mbit/s at best; over a tether of full length some tens are left, and a page takes some milliseconds.
@@ -10,7 +10,7 @@ from snr_sim.links.faults import Faults
 from snr_sim.prelude.errors import ParameterError
 
 SIGNAL_MPS = 2.0e8  # two thirds of the speed of light, as in any cable
-MODEM_S, MODEM_JITTER_S = 0.003, 0.002  # each way, through two modems: our estimate
+MODEM_S, MODEM_JITTER_S = 0.003, 0.002  # in each direction, through two modems: our estimate
 FULL_BPS, FULL_M = 80e6, 300.0  # at the modem; and the length at which a tenth of it is left, our estimate
 
 
@@ -24,12 +24,12 @@ def tether_faults(
 
     Args:
         length_m: of the tether.
-        loss: share of pages that never arrive.
-        cut: moments (start_s, end_s) between which nothing arrives.
-        seed: of its chance; the run's if None.
+        loss: fraction of pages that never arrive.
+        cut: intervals (start_s, end_s) in which nothing arrives.
+        seed: of its random numbers; the run's if None.
 
     Raises:
-        ParameterError: there is no such tether, or no such loss or cut.
+        ParameterError: the length, the loss or a cut is out of range.
     """
     if not 0.0 <= length_m <= FULL_M:
         raise ParameterError(f"A link through {length_m!r} m of tether.", fix=f"0 to {FULL_M:g} m.")

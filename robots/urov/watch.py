@@ -1,4 +1,4 @@
-"""Has the autopilot think also when no reading comes: so outputs hear neutral, and the surface hears why."""
+"""Watchdog: runs the autopilot also without readings, so that outputs become neutral and the surface gets a reason."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ class WatchFactory(LoopFactory):
 
 
 class Watch(Loop):
-    """Has page 'imu' answered once more, ten times a second while nothing is commanded; in a healthy run never."""
+    """Loop that repeats page 'imu' ten times a second while nothing is commanded; never in a healthy run."""
 
     first_tick_after_s = 0.5
 
     def loop(self) -> None:
-        """Look how old the newest command is."""
+        """Check the age of the newest command."""
         page = self.parent.datastore.pages.get("pwm")
         if page is None or self.get_time_s() - page.created_at_s > UNANSWERED_S + 1e-9:
             self.schedule(tasks.process_data("imu"))

@@ -1,10 +1,10 @@
-"""Q-learning of the vertical landing in seconds: a thousand landers fly at once and write into one table.
+"""Q-learning of the vertical landing in seconds: a thousand landers run in parallel and update one table.
 
-It is the update of `tabular.py`, done for all of them in a few array operations. Each lander begins somewhere on the
-way down, at any height and speed that it might have there (exploring starts), so every corner of the table is seen
-early. What is learned keeps moving to and fro: one table in three lands 80 of 100 where the next lands them all. Its
-running mean does not, and that is what is flown. Now and then the mean lands a few hundred landers without chance,
-from starts of their own; the best so far is the one that is kept.
+The update is that of `tabular.py`, computed for all landers in a few array operations. Each lander starts at a random
+height and speed of a descent (exploring starts), so the whole table is visited early. The learned table keeps
+fluctuating: one version lands 80 of 100 where the next lands all of them. Its running mean does not fluctuate, so the
+mean is used as the policy. From time to time the mean lands a few hundred landers without exploration, from their own
+starts; the best mean so far is kept.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from snr_sim.prelude.errors import ParameterError
 
 ENVIRONMENT = "snr_sim/LanderVertical-v0"
 STEP_S = 0.2
-CEILING_M, MOST_STEPS = 2000.0, 600  # a lander that climbs, or hovers for two minutes, begins anew
+CEILING_M, MOST_STEPS = 2000.0, 600  # a lander that climbs, or hovers for two minutes, restarts
 MEAN_EVERY = 10  # steps
 MEAN_SHARE = 0.1  # of all steps: how far back the running mean reaches
 EXAM, SURE = 5, 0.9995  # a table that lands 995 of 1000 lands 2 times 400 every 50th time
@@ -45,22 +45,22 @@ EXAM, SURE = 5, 0.9995  # a table that lands 995 of 1000 lands 2 times 400 every
 
 @dataclass(frozen=True)
 class BatchTraining:
-    """How the table is learned.
+    """Settings of the training.
 
     Args:
-        landers: that fly at once.
-        steps: of all of them.
-        seed: of all chance.
-        epsilon: how often an action is taken at random: at first, and at least.
-        least_step: how far a value moves at least towards what was seen; at first by all of it, and less from visit to
-            visit.
-        tried: landers that try the table without chance.
-        try_every: steps between two such trials; one more is before the first step, and one after the last.
-        enough: trials in a row in which all land, and the training ends before its time; if then of `EXAM` times as
-            many that have never flown at least the share `SURE` lands.
+        landers: number of landers that are simulated in parallel.
+        steps: total number of steps, for all landers together.
+        seed: of all random numbers.
+        epsilon: probability of a random action: at first, and the minimum.
+        least_step: minimum step size of an update. The first visit of a cell takes the whole difference; the step size
+            falls with each visit.
+        tried: number of landers in a trial, which is without exploration.
+        try_every: steps between two trials; there is also one before the first step and one after the last.
+        enough: the training ends early after this number of consecutive trials in which all landers land, provided
+            that at least the fraction `SURE` of `EXAM` times as many new landers then lands.
 
     Raises:
-        ParameterError: a number makes no sense.
+        ParameterError: a number is out of range.
     """
 
     landers: int = 1024
@@ -77,7 +77,7 @@ class BatchTraining:
 
 
 class Trial(NamedTuple):
-    """What came of trying a table: landings of all that tried, and the propellant that they burned on the way."""
+    """Result of a trial: fraction of landers that landed, and the propellant that they burned on average."""
 
     landed: float
     fuel_kg: float
@@ -103,16 +103,16 @@ def new_table(grid: Discretiser | None = None) -> QTable:
 
 
 class Course:
-    """What all landers have in common.
+    """Quantities that all landers share.
 
     Args:
-        engine: of them.
-        tank_kg: propellant that the reward's share is reckoned of.
+        engine: of each lander.
+        tank_kg: propellant that burned propellant is divided by in the reward.
         dry_kg: mass without propellant.
-        noise: standard deviation of the radar's height [m] and speed [m/s], which it tells a step late.
+        noise: standard deviation of the radar's height [m] and speed [m/s]; readings arrive one step late.
 
     Raises:
-        ParameterError: tank or mass are not more than 0.
+        ParameterError: the tank or the mass is not greater than 0.
     """
 
     def __init__(self, engine: Engine, tank_kg: float, dry_kg: float, noise: tuple[float, float]) -> None:
@@ -124,7 +124,7 @@ class Course:
         self.noise = np.array(noise)
 
     def exploring(self, count: int, rng: np.random.Generator) -> Floats:
-        """Return starts anywhere on the way down, shape (4, count), rows as in `Landers`."""
+        """Return random starts within a descent, shape (4, count), rows as in `Landers`."""
         height = 1500.0 * rng.random(count) ** 2
         speed = self.suitable(height) + rng.uniform(-25.0, 25.0, count) * np.minimum(1.0, 0.2 + height / 200.0)
         mass = rng.uniform(7000.0, 8500.0, count)
@@ -137,13 +137,13 @@ class Course:
         return np.stack([height, speed, mass, mass - self.dry_kg])
 
     def told(self, heights: Floats, speeds: Floats, rng: np.random.Generator) -> Floats:
-        """Return what the radar tells, shape (count, 2)."""
+        """Return noisy radar readings of heights and speeds, shape (count, 2)."""
         truth: Floats = np.stack([heights, speeds], axis=1)
         truth += rng.normal(size=truth.shape) * self.noise
         return truth
 
     def suitable(self, height: Floats) -> Floats:
-        """Return the speed that suits each height, as the reward reckons."""
+        """Return the suitable speed for each height, as defined by the reward."""
         return suitable_speeds_mps(height, self.engine.gravity_mps2)
 
     def rewards(self, before: Landers, after: Landers, touches: Bools, landed: Bools) -> Floats:
@@ -157,13 +157,13 @@ class Course:
 
 
 def course_of(env: LanderVertical, start: int = 0) -> Course:
-    """Return what an environment's landers have in common: their engine, their masses and their radar's noise.
+    """Return what an environment's landers share: engine, masses and radar noise.
 
-    It is read in the scenario, not in the plant of this moment, which may have flown and burned its propellant.
+    The values are read from the scenario and not from the current plant, which may have burned propellant already.
 
     Args:
         env: over the scenario.
-        start: whose tank the reward's share is reckoned of.
+        start: seed of the start whose tank scales the reward.
     """
     parameters: Any = env.run.with_seed(start).robot.parameters
     noise = parameters.radar.errors.noise
@@ -177,18 +177,18 @@ def train_vertical(
     training: BatchTraining | None = None,
     on_trial: Callable[[int, Trial], None] | None = None,
 ) -> list[Trial]:
-    """Learn a table of the vertical landing; return the trials on the way, which are its learning curve.
+    """Learn a table of the vertical landing; return the trials, which are the learning curve.
 
-    Each trial has starts of its own. Were they always the same, the table that suits just those would look best.
+    Each trial has its own starts. With the same starts every time, a table that suits only those would score best.
 
     Args:
-        table: is changed; afterwards it is the best that was tried, of several the latest.
-        course: what is flown.
-        training: how.
-        on_trial: is called with the step and what came of it.
+        table: is changed; afterwards it is the best table of all trials, the latest of several.
+        course: quantities of all landers.
+        training: settings.
+        on_trial: is called with the step and the result of the trial.
 
     Raises:
-        ParameterError: a value is about to become infinite or NaN. Then the table is as it was before that step.
+        ParameterError: a value would become infinite or NaN. Then the table is as it was before that step.
     """
     how = training or BatchTraining()
     rng = np.random.default_rng(how.seed)
@@ -224,7 +224,7 @@ def train_vertical(
         before = Landers(*landers)
         after, touches, speeds = step(before, throttles[actions], course.engine, STEP_S)
         rewards = course.rewards(before, after, touches, touches & APOLLO_GEAR.kept(speeds)[0])
-        next_cells = cells_of(course.told(before.height_m, before.velocity_mps, rng))  # the radar tells it a step late
+        next_cells = cells_of(course.told(before.height_m, before.velocity_mps, rng))  # radar readings are a step late
         targets = rewards + np.where(touches, 0.0, table.values[next_cells].max(axis=1))
         check_learned(float(targets.sum()), f"step {i + 1}")
         _learn(values, visits, cells * count + actions, targets, how.least_step)
@@ -246,7 +246,7 @@ def train_vertical(
 
 
 def try_table(table: QTable, course: Course, count: int, seed: int | Sequence[int]) -> Trial:
-    """Return what comes of landing by a table, without exploring and without learning, from drawn starts."""
+    """Return the result of landing by a table from random starts, without exploring and without learning."""
     rng = np.random.default_rng([*np.atleast_1d(seed).tolist(), 1])
     landers = course.proper(count, rng)
     greedy = np.argmax(np.where(table.visits > 0, table.values, -np.inf), axis=1)  # 0 where nothing was tried
@@ -269,7 +269,7 @@ def try_table(table: QTable, course: Course, count: int, seed: int | Sequence[in
 def _learn(
     values: Floats, visits: NDArray[np.int64], places: NDArray[np.int64], targets: Floats, least_step: float
 ) -> None:
-    """Move the values at some places towards targets; of several for one place, towards their mean."""
+    """Move the values at some indices towards targets; of several for one index, towards their mean."""
     hit, which, counts = np.unique(places, return_inverse=True, return_counts=True)
     visits[hit] += counts
     steps = np.maximum(least_step, (1.0 + visits[hit] / 30.0) ** -0.7)

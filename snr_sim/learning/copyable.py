@@ -1,8 +1,8 @@
-"""Environments that can be copied and pickled in the middle of an episode, and then go on as the original does.
+"""Environments that can be copied and pickled during an episode and then continue exactly as the original does.
 
-Neither pymunk's contacts nor a loaded scenario can be written down. But an episode follows from how the environment was
-made, how it was reset and what was done, to the last bit; so that is what a copy is made from. It takes as long as the
-episode has taken so far.
+Neither pymunk's contacts nor a loaded scenario can be serialised. But an episode is determined, bit for bit, by the
+constructor's arguments, the reset and the actions, so a copy repeats these. This takes as long as the episode has taken
+so far.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from typing import Any, NamedTuple
 
 from snr_sim.learning.gym import Env
 
-# What an environment is told from outside, beside its arguments: taken over as it is, random generators included.
+# State that is set from outside after construction: copied as it is, random generators included.
 KEPT = ("spec", "action_space", "observation_space", "_np_random", "_np_random_seed")
 
 
 class Episode(NamedTuple):
-    """What an episode follows from.
+    """What determines an episode.
 
     Args:
         chance: state of the random generator when it began.
@@ -51,11 +51,11 @@ class CopyableEnv(Env[Any, Any]):
         return made_again, (type(self), self._made_with, kept, self._episode)
 
     def _note_reset(self, options: dict[str, Any] | None) -> None:
-        """Remember how an episode begins; called when the random generator is seeded and have drawn nothing."""
+        """Store how an episode begins; called when the random generator is seeded, before the first draw."""
         self._episode = Episode(self.np_random.bit_generator.state, copy.deepcopy(options), [])
 
     def _note_action(self, action: Any) -> None:
-        """Remember what was done: something that does not change afterwards."""
+        """Store an action, as an object that does not change afterwards."""
         assert self._episode is not None
         self._episode.actions.append(action)
 
@@ -66,13 +66,13 @@ def made_again(
     kept: dict[str, Any],
     episode: Episode | None,
 ) -> CopyableEnv:
-    """Return an environment that is where another one was.
+    """Return an environment in the same state as another one.
 
     Args:
         env_type: its class.
-        made_with: the arguments it was made with.
+        made_with: its constructor's arguments.
         kept: those of its attributes that `KEPT` names.
-        episode: what it has flown; None before the first reset.
+        episode: the episode to repeat; None before the first reset.
     """
     args, kwargs = made_with
     env = env_type(*args, **kwargs)

@@ -1,7 +1,7 @@
-"""Which numbers of a plant an episode is flown with: nominal, given as factors of them, or drawn about them.
+"""Physical parameters of a plant in an episode: nominal, scaled by given factors, or drawn around the nominal values.
 
-What a robot knows of itself stays nominal (`run.robot.parameters`), so a policy that is trained here learns to live
-with a body that is not quite as its data sheet says.
+The parameters that a robot knows of itself stay nominal (`run.robot.parameters`). So a policy that is trained here
+learns to control a body that differs from its data sheet.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def factors_of(options: Mapping[str, Any], names: Sequence[str], rng: np.random.
     Args:
         options: of `reset`. {"factors": {"thrust_n": 0.95}} is that; {"dispersion": {"thrust_n": 0.05}} draws the
             factor evenly from 0.95 to 1.05.
-        names: of the numbers that the plant lets scale.
+        names: of the numbers of the plant that can be scaled.
         rng: what draws; in the order of `names`, whatever order they are given in.
 
     Raises:

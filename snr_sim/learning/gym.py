@@ -1,7 +1,7 @@
-"""The door to gymnasium: the only file that imports it, and where our environments are made known to it.
+"""Interface to gymnasium: the only module that imports it; registers the environments.
 
-gymnasium finds no plug-ins by itself. `gymnasium.make("snr_sim.learning:snr_sim/LanderPad-v0")` imports the module
-before the colon first, and so does whoever writes `import snr_sim.learning`.
+gymnasium does not discover plug-ins. `gymnasium.make("snr_sim.learning:snr_sim/LanderPad-v0")` imports the module
+before the colon first; `import snr_sim.learning` has the same effect.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
 Floats = NDArray[np.float64]
 
 VERTICAL_THROTTLES = (0.0, 0.25, 0.5, 1.0)
-VERTICAL_NAMES = ("altitude_m", "velocity_mps")  # of what is observed
+VERTICAL_NAMES = ("altitude_m", "velocity_mps")  # of the observation
 VERTICAL_ACTIONS = tuple(f"throttle {throttle:g}" for throttle in VERTICAL_THROTTLES)
 VERTICAL_LOW, VERTICAL_HIGH = (-20.0, -250.0), (5000.0, 250.0)
 # Off (which the engine does not stay for long), about hovering, the most it gives steadily.
@@ -29,15 +29,15 @@ PAD_HIGH = (500.0, 1000.0, 100.0, 100.0, math.pi, 5.0, 1.0, 1.0, 1000.0)
 
 LANDED, NOT_LANDED = 100.0, -100.0
 FUEL_WEIGHT = 50.0  # for all of the propellant
-SPEED_WEIGHT = 0.2  # for a metre per second beside the speed that suits the height
-BRAKING_G = 1.0  # deceleration that the speed for a height is reckoned with, as a share of the Moon's gravity
+SPEED_WEIGHT = 0.2  # per m/s of difference from the suitable speed for the height
+BRAKING_G = 1.0  # deceleration behind the suitable speed for a height, in units of the Moon's gravity
 TOUCHDOWN_MPS = 1.0
 
 
 class LanderEnv(ScenarioEnv):
     """What both have in common: the reward.
 
-    +100 for a landing and -100 for any other end, less 50 for all of the propellant (a share of it for a share), and
+    +100 for a landing and -100 for any other end, less 50 times the burned fraction of the propellant, and
     a shaping term that is a difference of potentials, so that it does not change which policy is best (Ng, Harada,
     Russell 1999): 0.2 for each metre per second that the module comes nearer to the speed that suits its height,
     from which it can stop braking gently.
@@ -83,7 +83,7 @@ def suitable_mps(altitude_m: float, gravity_mps2: float = MOON_GRAVITY_MPS2) -> 
 
 
 def suitable_speeds_mps(altitudes_m: Floats, gravity_mps2: float) -> Floats:
-    """Return the same for many heights at once, to the last bit; for one alone it would take seven times as long.
+    """Return the same for many heights at once, bitwise; for a single one it would take seven times as long.
 
     >>> suitable_speeds_mps(np.array([-1.0, 100.0]), 1.62).tolist() == [suitable_mps(-1.0), suitable_mps(100.0)]
     True
@@ -103,7 +103,7 @@ def vertical_potentials(altitudes_m: Floats, speeds_mps: Floats) -> Floats:
 
 
 def seen_by_radar(radar: RadarReading) -> list[float]:
-    """Return what `LanderVertical` observes of a reading, to the last bit: a policy in a node looks through the same.
+    """Return what `LanderVertical` observes of a reading, to the last bit: a policy in a node uses it, too.
 
     >>> seen_by_radar(RadarReading(altitude_m=0.1, velocity_mps=-300.0, stamp_s=0.0))
     [0.10000000149011612, -250.0]
@@ -145,13 +145,13 @@ class LanderVertical(LanderEnv):
 
 
 def seen_in_the_plane(radar: RadarReading, inertial: InertialReading) -> list[float]:
-    """Return what `LanderPad` observes of readings, to the last bit: a policy in a node looks through the same."""
+    """Return what `LanderPad` observes of readings, to the last bit: a policy in a node uses it, too."""
     left, right = inertial.contact
     seen = [
         inertial.position_m[0],
         radar.altitude_m,
         *inertial.velocity_mps,
-        wrap_rad(inertial.attitude_rad),  # it turns over; an angle that stopped at half a turn would say it hangs there
+        wrap_rad(inertial.attitude_rad),  # it turns over; a clipped angle would show it at rest there
         inertial.rate_radps,
         float(left),
         float(right),
@@ -162,7 +162,7 @@ def seen_in_the_plane(radar: RadarReading, inertial: InertialReading) -> list[fl
 
 
 def pad_command(action: int) -> EngineCommand:
-    """Return what a discrete action of `LanderPad` tells the engine.
+    """Return the engine command of a discrete action of `LanderPad`.
 
     >>> pad_command(8)
     EngineCommand(throttle=0.6, gimbal_rad=0.0, attitude=1.0)
@@ -172,7 +172,7 @@ def pad_command(action: int) -> EngineCommand:
 
 
 def cost_aside(x_m: Any, lateral_mps: Any, attitude_deg: Any) -> Any:
-    """Return what the potential of `LanderPad` is less for a place beside the pad, sideways speed and tilt.
+    """Return how much distance from the pad, sideways speed and tilt lower the potential of `LanderPad`.
 
     >>> cost_aside(np.array([-10.0]), np.array([0.0]), np.array([4.0])).tolist()
     [4.0]
@@ -195,7 +195,7 @@ class LanderPad(LanderEnv):
         8  fuel_kg        left [kg], -10 to 1000 (the gauge is noisy too)
 
     Action, Discrete(9): throttle 0, 0.25 or 0.6 (index // 3), and attitude jets -1, 0 or 1 (index % 3 - 1).
-    Continuous, Box(3): throttle 0 to 1, gimbal as a share of its largest angle -1 to 1, jets -1 to 1.
+    Continuous, Box(3): throttle 0 to 1, gimbal as a fraction of its largest angle -1 to 1, jets -1 to 1.
 
     The reward has two more potentials: for the distance to the pad and for leaning.
 

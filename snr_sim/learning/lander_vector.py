@@ -1,9 +1,9 @@
 """Many landers as one vector environment: `gymnasium.make_vec(name, num_envs)`, of `LanderVertical` and its base.
 
-Each lander does what a single environment does, given the same seed and actions: it has the same starts, is told the
-same to the last bit, and has the same rewards but for rounding. While they fly, all of them are moved in a few array
-operations (`vertical_batch.py`, `plane_flight.py`). One that meets the ground is taken over by the plant itself, so
-contact and verdict are the plant's own.
+With the same seed and actions, each lander matches a single environment: the same starts, bitwise equal observations,
+and the same rewards but for rounding. In flight all landers are advanced in a few array operations
+(`vertical_batch.py`, `plane_flight.py`). A lander that meets the ground is handed to the plant itself, so contact and
+verdict are the plant's own.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ Indices = NDArray[np.int64]
 
 
 class LanderVectorEnv(VectorEnv[Any, Any, Any]):
-    """What both vector environments do alike. A subclass says how landers begin, fly and are measured.
+    """Base of both vector environments. A subclass defines how landers start, move and are measured.
 
     Args:
         single: one of the environments: its scenario, spaces and devices are those of all.
@@ -53,7 +53,7 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
     start of a seed of the scenario, or with a list of them at one for each.
 
     Raises:
-        ParameterError: an argument makes no sense.
+        ParameterError: an argument is out of range.
     """
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012 - as gymnasium has it
@@ -102,7 +102,7 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
             options: {"start": n} or {"start": [n, ...]}.
 
         Raises:
-            ParameterError: an option is not known or makes no sense, or there are not as many as landers.
+            ParameterError: an option is unknown or not valid, or their number is not that of the landers.
         """
         count = self.num_envs
         seeds = [seed + i for i in range(count)] if isinstance(seed, int) else list(seed or [None] * count)
@@ -127,10 +127,10 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
         return self._observed(), self._infos()
 
     def step(self, actions: Any) -> tuple[NDArray[np.float32], Floats, Bools, Bools, dict[str, Any]]:
-        """Act, lets one period go by, and observes.
+        """Act, advance by one period, and observe.
 
         Raises:
-            ParameterError: there was no reset, or the actions are none.
+            ParameterError: there was no reset, or the actions are not valid.
         """
         again = self._ended
         if again is None:
@@ -170,7 +170,7 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
         return observations, rewards, terminated, truncated, infos
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Let go of the plant's devices."""
+        """Close the plant's devices."""
         self._single.close()
 
     # -- for subclasses -----------------------------------------------------------------------------------------------
@@ -193,7 +193,7 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
 
     @abstractmethod
     def _observed(self, which: Indices | None = None) -> NDArray[np.float32]:
-        """Return what some are told, or all; then all sensors measure again. Shape (number of them, ...)."""
+        """Return the observations of some or all landers, then sample all sensors again. Shape (their number, ...)."""
 
     # -- inside -------------------------------------------------------------------------------------------------------
 
@@ -259,7 +259,7 @@ class LanderVerticalVector(LanderVectorEnv):
         after, _, _ = step(Landers(*before), throttles, self._engine, self._step_s)
         self._landers = np.stack(after)
         height, velocity, gravity = before[0], before[1], self._engine.gravity_mps2
-        # One that turns round within the step may have touched on its way.
+        # One that reverses within the step may have touched in between.
         dips = (velocity < 0.0) & (after.velocity_mps > 0.0)
         dips &= height + (velocity - gravity * self._step_s) * self._step_s <= 0.0
         met = flies & ((after.height_m <= 0.0) | dips | (after.height_m > self._plant.ceiling_m))

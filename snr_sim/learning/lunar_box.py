@@ -25,7 +25,7 @@ from snr_sim.learning.lunar_box_world import (
 from snr_sim.prelude.errors import ParameterError
 
 POWERS = {0: (0.0, 0.0), 1: (0.0, -1.0), 2: (1.0, 0.0), 3: (0.0, 1.0)}  # of the main and the orientation engines
-PUSH_MOST = 1000.0  # of what sets the lander moving at the start, either way
+PUSH_MOST = 1000.0  # of the impulse at the start, in each direction
 MAIN_COST, SIDE_COST = 0.30, 0.03  # of an engine at full power for a step
 LANDED, CRASHED = 100.0, -100.0  # in place of the last step's reward
 LIMITS = np.array([2.5, 2.5, 10.0, 10.0, 2.0 * math.pi, 10.0, 1.0, 1.0], np.float32)
@@ -35,16 +35,16 @@ class LunarLanderBox(CopyableEnv):
     """LunarLander-v3's definitions under pymunk: code written for it runs when its id is changed. 50 steps a second.
 
     Observation, Box(8), float32, dimensionless:
-        0, 1  x from the pad, y over a lander that stands on it: 1 is half the width, half the height of the world
+        0, 1  x from the pad, y over a lander that rests on it: 1 is half the width, half the height of the world
         2, 3  their speeds: 1 is 7.5 times the former and 3.75 times the latter in a second
         4     angle [rad], positive when the nose goes to the left
         5     angular velocity, times 0.4 s
         6, 7  whether the left and the right leg touch the ground
-    Angle and speeds are kept within their bounds, where the original lets them go beyond.
+    Angle and speeds are clipped to their bounds; the original does not clip them.
 
     Action, Discrete(4): nothing, left orientation engine, main engine, right orientation engine. With
     `continuous=True` Box(2): the main engine's throttle (above 0: 50 to 100 %), and the orientation engines' (below
-    -0.5 left, above 0.5 right); what is beyond -1 and 1 counts as that.
+    -0.5 left, above 0.5 right); values beyond -1 and 1 are clipped.
 
     Reward: how much a potential has grown, -100 times the distance from the pad, the speed and the tilt, and 10 for
     each leg on the ground; less 0.3 for the main engine and 0.03 for an orientation engine at full power. In place of
@@ -63,7 +63,7 @@ class LunarLanderBox(CopyableEnv):
         enable_wind, wind_power, turbulence_power: as the original has them.
 
     Raises:
-        ParameterError: an argument cannot be.
+        ParameterError: an argument is out of range.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": STEPS_HZ}  # noqa: RUF012 - as gymnasium declares it
@@ -124,10 +124,10 @@ class LunarLanderBox(CopyableEnv):
         return self._seen(state), {}
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Act, let a fiftieth of a second go by, and observe.
+        """Act, advance by 0.02 s, and observe.
 
         Raises:
-            ParameterError: the episode has not begun or has ended, or it is no action.
+            ParameterError: the episode has not begun or has ended, or the action is not valid.
         """
         if self._is_over or self.world is None:
             raise ParameterError("step() outside an episode: it has not begun, or has ended.", fix="call reset().")
@@ -145,7 +145,7 @@ class LunarLanderBox(CopyableEnv):
         return self._seen(state), reward, self._is_over, False, {}
 
     def render(self) -> Any:
-        """Return the scene as it is, shape (height, width, 3), dtype uint8; needs no screen and no GPU."""
+        """Return the current scene, shape (height, width, 3), dtype uint8; needs no screen and no GPU."""
         if self.render_mode is None:
             return None
         if self.world is None:
@@ -208,7 +208,7 @@ class LunarLanderBox(CopyableEnv):
 
 
 def potential(state: tuple[float, ...]) -> float:
-    """Return how well placed a lander is: 20 where it stands on the pad, less everywhere else.
+    """Return the potential of a lander: 20 at rest on the pad, less everywhere else.
 
     >>> potential((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0)), potential((0.3, 0.4, 0.0, 0.0, -0.1, 0.0, 0.0, 0.0))
     (20.0, -60.0)
@@ -218,5 +218,5 @@ def potential(state: tuple[float, ...]) -> float:
 
 
 def gust(moment: int) -> float:
-    """Return how the wind blows at a moment, -1 to 1; it never repeats itself."""
+    """Return the wind at a moment, -1 to 1; it is not periodic."""
     return math.tanh(math.sin(0.02 * moment) + math.sin(math.pi * 0.01 * moment))

@@ -4,11 +4,11 @@ Sizes, powers and joints are those that LunarLander-v3 of gymnasium 1.4 states (
 are a unit of length); the engine is Chipmunk, not Box2D. What they do differently, and how it is met:
 
 - Box2D pulls first and moves then, Chipmunk the other way round. So everything starts with one step's pull, which is
-  taken off what is observed until something touches: in free flight both move alike.
-- A leg weighs 1.5 % of the hull that stands on it, for which Box2D's solver goes round 180 times. Here some of the
+  subtracted from observations until something touches: in free flight both move alike.
+- A leg weighs 1.5 % of the hull above it, for which Box2D's solver takes 180 iterations. Here some of the
   hull's mass is in the legs: as a whole, with legs out, the lander has the same mass, centre and moment of inertia.
 - Chipmunk moves first and has the joints share a push afterwards, so what pushes the lander pushes hull and legs.
-- Box2D's joint drives legs against a limit. Here the motor stops when they are out, or the two would never be still.
+- Box2D's joint drives legs against a limit. Here the motor stops when they are out, or the legs would never rest.
 - Box2D multiplies frictions and takes the root, Chipmunk multiplies them.
 - Box2D puts to sleep what has been still for half a second (slower than 0.01 and 2 degrees a second); here it is
   counted by hand, as Chipmunk asks for energies.
@@ -52,7 +52,7 @@ LEG_MASS, LEG_MOMENT = 0.4, 0.05  # instead of 0.071 and 0.0018; the hull has th
 MAIN_POWER, SIDE_POWER = 13.0, 0.6
 MAIN_DOWN = 4 / PIXELS
 SIDE_AWAY, SIDE_UP, SIDE_ARM = 12 / PIXELS, 14 / PIXELS, 17 / PIXELS
-SPREAD = 1 / PIXELS  # of where an engine pushes, either way
+SPREAD = 1 / PIXELS  # of the point where an engine acts, in each direction
 
 STILL_MPS, STILL_RADPS, STILL_S = 0.01, math.radians(2.0), 0.5
 GROUND, ON_HULL, ON_LEG = 0, 1, 2  # pymunk's collision types; legs are 2 and 3
@@ -62,7 +62,7 @@ NOTHING = [0, 0, 0]  # is touched by hull and legs
 
 
 class LunarBoxWorld:
-    """One world, in which episodes begin anew: the ground, the lander above its middle, nothing moving.
+    """World that is reused for all episodes: the ground, and the lander at rest above its middle.
 
     Args:
         gravity: less than 0, along y.
@@ -70,12 +70,12 @@ class LunarBoxWorld:
     Attributes:
         heights: of the ground.
         hull: the body; `position` is the origin of its corners.
-        x, y, angle_rad: where the hull is after the last step. Each is read once: a question to the engine takes as
-            long as ten lines of Python.
-        vx, vy, turn_radps: how its centre of mass moves, in flight less the pull that Chipmunk is ahead, and how it
-            turns.
+        x, y, angle_rad: pose of the hull after the last step. Each is read once: a query to pymunk takes as long as
+            ten lines of Python.
+        vx, vy, turn_radps: velocity of its centre of mass (in flight less the step of gravity that Chipmunk is ahead)
+            and its angular velocity.
         contacts: which of the legs touch the ground.
-        steps_still: for how many steps everything has been still.
+        steps_still: number of steps for which everything has been at rest.
     """
 
     def __init__(self, gravity: float) -> None:
@@ -111,10 +111,10 @@ class LunarBoxWorld:
         return push, body.mass, body.moment, x, y - CENTRE_Y, *turn, body.center_of_gravity[1]
 
     def begin(self, heights: Sequence[float]) -> None:
-        """Begin an episode, to the last bit as it would begin in a new world.
+        """Begin an episode, bitwise as it would begin in a new world.
 
-        The lander is moved to an engine of its own, which has not seen the last episode; joints are made anew, as
-        each remembers its last push. To make all of the lander anew would take a third longer.
+        The lander is moved to a fresh pymunk space, which holds nothing of the last episode. Joints are recreated, as
+        each stores its last impulse. To recreate the whole lander would take a third longer.
 
         Args:
             heights: of the ground at `CHUNKS` equal distances.
@@ -177,16 +177,16 @@ class LunarBoxWorld:
 
     @property
     def is_asleep(self) -> bool:
-        """Whether everything has been still for so long that it stands."""
+        """Whether everything has been at rest for long enough."""
         return self.steps_still >= STILL_S * STEPS_HZ
 
     def kick(self, force: Point, torque: float = 0.0, arm: float = WIND_ARM) -> None:
-        """Have a force and a torque act for one step.
+        """Apply a force and a torque for one step.
 
         Args:
             force: in the world's frame.
-            torque: beside that of the force.
-            arm: how far above the lander's centre of mass the force acts.
+            torque: in addition to that of the force.
+            arm: height above the lander's centre of mass at which the force acts.
         """
         sin, cos = math.sin(self.angle_rad), math.cos(self.angle_rad)
         side, up = cos * force[0] + sin * force[1], cos * force[1] - sin * force[0]
@@ -217,7 +217,7 @@ class LunarBoxWorld:
         self._fire(SIDE_POWER * power, along, across, away, up)
 
     def _fire(self, power: float, along: float, across: float, at_x: float, at_y: float) -> None:
-        """Have an engine blow out along and across, and so push the other way at a place; all in the hull's frame."""
+        """Apply an engine's exhaust along and across, as the opposite force at a point; all in the hull's frame."""
         side, up = across * power, along * power
         self._push(side, up, ((at_x - across) * up - (at_y - along - CENTRE_Y) * side) / MOMENT)
 
@@ -229,18 +229,18 @@ class LunarBoxWorld:
 
         Args:
             side, up: impulse at the centre of mass, in the hull's frame.
-            turn_radps: what it turns faster.
+            turn_radps: change of its angular velocity.
         """
         add_x, add_y = side / MASS, up / MASS
         for push, mass, moment, x, y, cos, sin, centre_y in self._parts:
             away_x, away_y = mass * (add_x - turn_radps * y), mass * (add_y + turn_radps * x)
             own_x, own_y = cos * away_x + sin * away_y, cos * away_y - sin * away_x
-            # An impulse beside the centre is the same one through it, and a twist: one call for both.
-            beside = moment * turn_radps / (own_x * own_x + own_y * own_y or 1.0)  # no wind is no push
+            # An off-centre impulse equals one through the centre plus an angular impulse: one call for both.
+            beside = moment * turn_radps / (own_x * own_x + own_y * own_y or 1.0)  # both are 0 without wind
             push((own_x, own_y), (beside * own_y, centre_y - beside * own_x))
 
     def step(self) -> None:
-        """Move on by a fiftieth of a second, and look where the hull is then."""
+        """Advance by 0.02 s, and read the hull's pose."""
         if self._touching == NOTHING:
             self._space.step(STEP_S)
             self._look()

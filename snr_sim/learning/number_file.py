@@ -1,8 +1,7 @@
-"""Files of what was learned: arrays of numbers and a line of JSON about them, so that nobody's code runs at reading.
+"""Files of learned values: arrays of numbers with JSON metadata, so that reading executes no code from the file.
 
-A file may be damaged or made with bad intent. So nothing in it is believed before it was looked at: what it is, how
-much it holds, and what each array says of itself, all before memory is taken for it. What comes of reading one is an
-array that its owner wanted, or the one error.
+A file may be damaged or malicious. So everything is checked before memory is allocated for it: the type of the file,
+its size, and the header of each array. Reading returns arrays as the owner requires them, or raises the one error.
 """
 
 from __future__ import annotations
@@ -28,12 +27,12 @@ from snr_sim.prelude.errors import ParameterError, RecordingError
 from snr_sim.prelude.structs import learned
 from snr_sim.recording.whole_files import write_whole
 
-MOST_BYTES = 256 * 2**20  # of a file that is read: nobody's fills the memory
-MOST_TEXT = 4 * 2**20  # bytes of what it says about its arrays
+MOST_BYTES = 256 * 2**20  # of a file that is read, so that none fills the memory
+MOST_TEXT = 4 * 2**20  # bytes of its metadata
 ABOUT = "about"
 PACKINGS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
-# What zipfile, zlib, numpy's reader of headers (which warns, too) and msgspec raise for bytes that nobody wrote so.
+# Raised by zipfile, zlib, numpy's header reader (which also warns) and msgspec for malformed bytes.
 _DAMAGED = (
     *(OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, IndexError, OverflowError, MemoryError),
     *(NotImplementedError, RuntimeError, SyntaxError, zipfile.BadZipFile, zlib.error, tokenize.TokenError),
@@ -42,7 +41,7 @@ _DAMAGED = (
 
 
 class Origin(msgspec.Struct, frozen=True):
-    """What every such file says, whatever it is of.
+    """Metadata that every such file has.
 
     Args:
         environment: what it was learned in.
@@ -56,10 +55,10 @@ AnyOwner = TypeVar("AnyOwner")
 
 
 def write_numbers(path: str | Path, about: msgspec.Struct, arrays: dict[str, NDArray[Any]]) -> None:
-    """Write arrays of numbers as npz, and a line of JSON about them.
+    """Write arrays of numbers as npz, with JSON metadata.
 
     Raises:
-        RecordingError: it cannot be written there; what stood there stands there still.
+        RecordingError: the file cannot be written; an existing file is then unchanged.
     """
     text = np.frombuffer(msgspec.json.encode(about), np.uint8)
     packed = io.BytesIO()
@@ -80,20 +79,21 @@ def read_numbers(
     maker: str,
     environment: str = "",
 ) -> tuple[AnyAbout, AnyOwner, dict[str, NDArray[Any]]]:
-    """Return what a file says about its arrays, whom it makes of that, and the arrays.
+    """Return a file's metadata, the owner made from it, and the arrays.
 
     Args:
         path: of the file.
-        kind: of what it says.
-        owner: makes of it whom the arrays are for, and tells for each the kind and shape it must have, by an array that
-            is like it. It must not take more memory than a file may hold; it may raise ParameterError.
-        what: it should be, in words, for messages.
-        maker: what has written such a file.
-        environment: what it must be for; anything if empty.
+        kind: type of the metadata.
+        owner: makes from the metadata the object that the arrays are for, and for each array an example of the
+            required dtype and shape. It must not allocate more memory than a file may hold; it may raise
+            ParameterError.
+        what: description of such a file, for messages.
+        maker: name of what writes such files, for messages.
+        environment: required environment; any if empty.
 
     Raises:
-        RecordingError: there is no such file, it is none of these (a pickle is refused, not opened), it is cut or
-            damaged, it holds too much, it is for something else, or an array is not like the one it should be.
+        RecordingError: the file is missing, of another kind (a pickle is refused, not opened), truncated or damaged,
+            too large, for something else, or an array does not match its example.
     """
     place = Path(path)
     try:
@@ -122,7 +122,7 @@ def read_numbers(
 
 
 def check_room(count: int) -> None:
-    """Look whether so many numbers are few enough, before there are any.
+    """Check that a count of numbers is within the limit, before they are allocated.
 
     Raises:
         ParameterError: they are not.
@@ -142,7 +142,7 @@ def _array(archive: zipfile.ZipFile, name: str, like: NDArray[Any] | None) -> ND
     Args:
         archive: the file.
         name: of the array.
-        like: what it must be like; None for the text, which is bytes.
+        like: example of its dtype and shape; None for the text, which is bytes.
 
     Raises:
         ValueError: it is not so; many more where the file is damaged.
@@ -171,7 +171,7 @@ def _array(archive: zipfile.ZipFile, name: str, like: NDArray[Any] | None) -> ND
 
 
 def _header(member: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Return shape, whether it is by columns, and the kind of numbers. numpy warns where it mends a header."""
+    """Return shape, whether the order is Fortran's, and the dtype. numpy warns when it repairs a header."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         version = npy.read_magic(member)

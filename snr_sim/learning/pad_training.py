@@ -55,20 +55,20 @@ STEP_S = 0.1
 TILINGS = 8
 BURN_AXES = (Axis("altitude_m", 0.0, 200.0, 30), Axis("vz_mps", -25.0, 6.0, 50))
 LEAN_AXES = (Axis("vx_mps", -12.0, 12.0, 16), Axis("attitude_rad", -0.4, 0.4, 14), Axis("rate_radps", -0.2, 0.2, 12))
-ALTITUDE, VX, VZ, ATTITUDE, RATE, LEFT, RIGHT = range(1, 8)  # places in what LanderPad observes
+ALTITUDE, VX, VZ, ATTITUDE, RATE, LEFT, RIGHT = range(1, 8)  # indices in LanderPad's observation
 ALL_OFF = PAD_THROTTLES.index(0.0) * len(PAD_TURNS) + PAD_TURNS.index(0.0)
 
 FORESIGHT_BURN, FORESIGHT_LEAN = 0.99, 0.985  # discount of a step: 10 s and 7 s
 LEAN_COST = (0.1, 0.3, 0.2)  # of a step, for each m/s, rad and rad/s
 STRAIGHT = 20.0
-MARGIN = 0.8  # of the gear's limits: what is learned keeps off them
-CEILING_M, FAST_MPS, LEANING_RAD, MOST_STEPS = 250.0, 14.0, 0.6, 400  # beyond these a lander begins anew
+MARGIN = 0.8  # of the gear's limits: the learned policy keeps this distance from them
+CEILING_M, FAST_MPS, LEANING_RAD, MOST_STEPS = 250.0, 14.0, 0.6, 400  # beyond these a lander restarts
 MEAN_EVERY = 10  # steps
 MAKER = "PadPolicy.save"
 
 
 class About(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a policy's file says beside its numbers.
+    """What a policy's file contains in addition to its numbers.
 
     Args:
         environment: what it was learned in.
@@ -102,7 +102,7 @@ class PadPolicy:
         self.made_by = ""
 
     def act(self, observation: Sequence[float]) -> int:
-        """Return the action of `LanderPad` that is worth most for what it observes. Changes nothing.
+        """Return the action of `LanderPad` with the highest value for an observation. Changes nothing.
 
         Once a foot touches, all is off: what was learned ends there, and so did the crews at the contact light.
         """
@@ -128,8 +128,7 @@ class PadPolicy:
         """Return the policy in a file.
 
         Raises:
-            RecordingError: there is no such file, it is none of these, it is cut or damaged, or it is for something
-                else.
+            RecordingError: the file is missing, of another kind, truncated or damaged, or for something else.
         """
 
         def empty(about: About) -> tuple[PadPolicy, dict[str, NDArray[Any]]]:
@@ -157,19 +156,19 @@ class PadPolicy:
 
 @dataclass(frozen=True)
 class PadTraining:
-    """How the policy is learned.
+    """Settings of the training.
 
     Args:
-        landers: that fly at once.
-        steps: of all of them.
-        seed: of all chance.
-        epsilon: how often an action is taken at random: at first, and at least.
-        least_step: how far a value moves at least towards what was seen: at first, and at last.
-        tried: landers that try the policy without chance.
-        try_every: steps between two such trials, in the second half of the training.
+        landers: number of landers that are simulated in parallel.
+        steps: total number of steps, for all landers together.
+        seed: of all random numbers.
+        epsilon: probability of a random action: at first, and the minimum.
+        least_step: step size of an update: at first, and at the end.
+        tried: number of landers in a trial, which is without exploration.
+        try_every: steps between two trials, in the second half of the training.
 
     Raises:
-        ParameterError: a number makes no sense.
+        ParameterError: a number is out of range.
     """
 
     landers: int = 1024
@@ -185,7 +184,7 @@ class PadTraining:
 
 
 class Trial(NamedTuple):
-    """What came of trying a policy in the batch: shares of all landers.
+    """Result of a trial in the batch: fractions of all landers.
 
     Args:
         slow: touched down slowly enough.
@@ -199,15 +198,15 @@ class Trial(NamedTuple):
 
 
 class Sky:
-    """Where landers fly, in a batch: the module, its starts and its sensors.
+    """Simulation of a batch of landers: the module, its starts and its sensors.
 
     Args:
         env: the environment that the policy is for.
-        seed: of all chance.
+        seed: of all random numbers.
     """
 
     def __init__(self, env: LanderPad, seed: int | Sequence[int]) -> None:
-        parameters: Any = env.run.with_seed(0).robot.parameters  # not the plant of this moment, which may have flown
+        parameters: Any = env.run.with_seed(0).robot.parameters  # not those of the current plant, which may have moved
         self.module: LunarModule = parameters.module
         self.dry_kg: float = parameters.mass_kg - parameters.fuel_kg
         radar, inertial = parameters.radar.errors.noise, parameters.inertial.errors.noise
@@ -216,7 +215,7 @@ class Sky:
         self.rng = np.random.default_rng(seed)
 
     def exploring(self, count: int) -> PlaneLanders:
-        """Return starts anywhere on the way down, most of them low, and most of them nearly straight."""
+        """Return random starts within a descent, most of them low, and most of them nearly straight."""
         draw = self.rng.uniform
         height = 180.0 * self.rng.random(count) ** 2
         near = np.minimum(1.0, 0.2 + height / 50.0)
@@ -235,7 +234,7 @@ class Sky:
         return PlaneLanders(height, vz, vx, attitude, rate, self.dry_kg + fuel, fuel, np.zeros(count))
 
     def suitable(self, height: Floats) -> Floats:
-        """Return the speed that suits each height, as the environment reckons."""
+        """Return the suitable speed for each height, as the environment defines it."""
         return suitable_speeds_mps(height, self.module.gravity_mps2)
 
     def told(self, landers: PlaneLanders) -> tuple[Floats, Floats]:
@@ -256,7 +255,7 @@ class Sky:
         return slow, lateral & attitude & rate
 
     def burn_rewards(self, before: PlaneLanders, after: PlaneLanders, down: Bools) -> Floats:
-        """Return what a step was worth to who burns."""
+        """Return the reward of a step for the policy of the throttle."""
         tank_kg = 600.0  # about what they start with
         was = -SPEED_WEIGHT * np.abs(before.vz_mps - self.suitable(before.height_m))
         then = -SPEED_WEIGHT * np.abs(after.vz_mps - self.suitable(after.height_m))
@@ -266,7 +265,7 @@ class Sky:
         return worth
 
     def lean_rewards(self, after: PlaneLanders, down: Bools) -> Floats:
-        """Return what a step was worth to who leans."""
+        """Return the reward of a step for the policy of the attitude."""
         motion = (after.vx_mps, after.attitude_rad, after.rate_radps)
         cost = sum(weight * np.abs(one) for weight, one in zip(LEAN_COST, motion, strict=True))
         ends = np.where(self.kept(after, MARGIN)[1], STRAIGHT, -STRAIGHT)
@@ -304,7 +303,7 @@ def train_pad(
         throttle, turn = _explored(burn.of(burn_tiles), epsilon, rng), _explored(lean.of(lean_tiles), epsilon, rng)
         after = step(landers, throttles[throttle], turns[turn], sky.module, STEP_S)
         down = touches(after)
-        next_burn, next_lean = _tiles(policy, sky, landers)  # the sensors tell it a step late
+        next_burn, next_lean = _tiles(policy, sky, landers)  # sensor readings are a step late
         burn_worth = np.where(down, 0.0, FORESIGHT_BURN * burn.of(next_burn).max(axis=1))
         lean_worth = np.where(down, 0.0, FORESIGHT_LEAN * lean.of(next_lean).max(axis=1))
         burn.learn(burn_tiles, throttle, sky.burn_rewards(landers, after, down) + burn_worth, least_step)
@@ -335,7 +334,7 @@ def train_pad(
 
 
 def try_pad(policy: PadPolicy, env: LanderPad, count: int, seed: int) -> Trial:
-    """Return what comes of landing by a policy in the batch, without exploring and without learning."""
+    """Return the result of landing by a policy in the batch, without exploring and without learning."""
     sky = Sky(env, [seed, 1])
     throttles, turns = np.array(PAD_THROTTLES), np.array(PAD_TURNS)
     landers = sky.proper(count)
@@ -362,7 +361,7 @@ def _tiles(policy: PadPolicy, sky: Sky, landers: PlaneLanders) -> tuple[Ints, In
 
 
 def _explored(values: Floats, epsilon: float, rng: np.random.Generator) -> Ints:
-    """Return the action that is worth most of each row, now and then another one."""
+    """Return the action of the highest value in each row, sometimes a random one."""
     actions: Ints = np.argmax(values, axis=1)
     explores = rng.random(len(actions)) < epsilon
     actions[explores] = rng.integers(0, values.shape[1], int(explores.sum()))

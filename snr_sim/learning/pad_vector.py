@@ -1,4 +1,4 @@
-"""Many of `LanderPad` as one vector environment: flown in arrays, landed by the plant."""
+"""Many of `LanderPad` as one vector environment: the flight in arrays, the landing in the plant."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ INERTIAL_FIELDS = (
 class LanderPadVector(LanderVectorEnv):
     """Many of `LanderPad` under pymunk; its arguments, and those of `LanderVectorEnv`.
 
-    A lander that touches down as its gear takes it goes on in a plant of its own until it stands or falls; of one that
-    touches down otherwise the plant's judge gives the verdict at once.
+    A lander that touches down within its gear's limits continues in its own plant until it comes to rest or tips over;
+    for any other, the plant's judge gives the verdict at once.
     """
 
     def __init__(

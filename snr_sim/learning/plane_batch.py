@@ -32,7 +32,7 @@ class PlaneLanders(NamedTuple):
         attitude_rad, rate_radps: positive counter-clockwise.
         mass_kg: all of it.
         fuel_kg: of it, what may be burned.
-        throttle: what the engine gives, on its way to what is commanded.
+        throttle: of the engine, which approaches the commanded one.
     """
 
     height_m: Floats
@@ -50,7 +50,7 @@ def step(landers: PlaneLanders, throttle: Floats, turn: Floats, module: LunarMod
 
     Args:
         landers: all in flight.
-        throttle: commanded of each, shares that the engine can run at.
+        throttle: commanded of each, fractions that the engine can run at.
         turn: of the attitude jets of each, -1 to 1.
         module: of all.
         dt_s: how long; whole parts of `PART_S`.

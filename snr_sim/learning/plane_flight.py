@@ -1,8 +1,8 @@
-"""Many landers in the plane at once, in flight, step by step as `plants/lander/lander_2d.py` flies each of them.
+"""Many landers in the plane in flight, step by step as `plants/lander/lander_2d.py` computes each of them.
 
-It is that plant's own scheme in arrays, with its steps, so a flight is the same but for rounding. What meets the ground
-is not flown here: `met` says who does, and `state_of` hands it to the plant. (`plane_batch.py`, which learning uses,
-takes steps ten times as long, and is right to some centimetres.)
+The scheme and the steps are the plant's own, in arrays, so a flight is the same but for rounding. Contact with the
+ground is not simulated here: `met` returns which landers reach it, and `state_of` hands their state to the plant.
+(`plane_batch.py`, which learning uses, takes steps ten times as long, and is accurate to some centimetres.)
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Indices = NDArray[np.int64]
 CORNERS_M = np.array([*FEET_M, *HULL_M])  # what can touch the ground
 REACH_FIELDS = int(ROOF_REACH_M / SPACING_M)
 FAST_MPS = 40.0  # sideways: beyond it the ground is looked at wherever it is
-SPARE_M = 0.1  # more than an engine that points up adds to the way down within a period
+SPARE_M = 0.1  # more than an engine that points up adds to the descent within a period
 
 
 class PlaneFlight:
@@ -40,7 +40,7 @@ class PlaneFlight:
         count: how many.
 
     Attributes:
-        x, z, attitude, vx, vz, rate: as pymunk holds them: places half a step ahead, and the next step's fall in vz.
+        x, z, attitude, vx, vz, rate: as pymunk holds them: positions half a step ahead, and the next step's fall in vz.
         mass, fuel, throttle, gimbal: at this moment.
     """
 
@@ -99,7 +99,7 @@ class PlaneFlight:
         return self._ground(self._all, self.x - 0.5 * self._step_s * self.vx)
 
     def snapshot(self) -> Floats:
-        """Return all that changes; it never changes afterwards."""
+        """Return the full state; the returned object is immutable."""
         return self._numbers.copy()
 
     @staticmethod
@@ -109,13 +109,13 @@ class PlaneFlight:
         return State(Pose(*body), mass, fuel, terrain, steps=steps, throttle=throttle, gimbal_rad=gimbal)
 
     def near(self, period_s: float) -> Indices:
-        """Return who may meet the ground within a time."""
+        """Return which landers may meet the ground within a time."""
         over_m = self.z - REACH_M - self._roofs[self._all, self._fields(self.x)]
         falls_m = np.minimum(0.0, self.vz - 10.0 * self._fall) * period_s
         return np.flatnonzero((over_m + falls_m < SPARE_M) | (np.abs(self.vx) > FAST_MPS))
 
     def lost(self) -> Bools:
-        """Return who has left the region."""
+        """Return which landers have left the region."""
         return (np.abs(self.x) > EDGE_M) | (self.z > CEILING_M)
 
     def met(self, which: Indices) -> Indices:
@@ -131,7 +131,7 @@ class PlaneFlight:
         """Let engine and jets of all push for one step of the plant; `met` and `midway` come next, and then `move`.
 
         Args:
-            throttle_goal: commanded, shares that the engine can run at; becomes 0 where the tank is dry.
+            throttle_goal: commanded, fractions that the engine can run at; becomes 0 where the tank is dry.
             gimbal_goal: commanded [rad].
             jets_nm: couple of the attitude jets.
         """
@@ -174,7 +174,7 @@ class PlaneFlight:
         self.vz -= self._fall
 
     def take(self, i: int, reading: InertialReading, mass_kg: float) -> None:
-        """Take over where the plant has flown one of them."""
+        """Copy the state of one lander back from the plant."""
         (x, z), (vx, vz) = reading.position_m, reading.velocity_mps
         body = self._held(x, z, reading.attitude_rad, vx, vz, reading.rate_radps)
         self._numbers[:, i] = (*body, mass_kg, reading.fuel_kg, 0.0, 0.0)

@@ -1,4 +1,4 @@
-"""A table of action values, and its file: numbers only, so that nobody's code runs when it is read."""
+"""Table of action values, and its file: numbers only, so that reading executes no code from the file."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ MAKER = "QTable.save"
 
 
 class About(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a table's file says beside its numbers.
+    """Metadata in a table's file, in addition to its numbers.
 
     Args:
         environment: what it was learned in, such as 'snr_sim/LanderVertical-v0'.
         names, edges: of its `Discretiser`.
-        actions: what each action means, in words.
+        actions: description of each action.
         made_by: method and numbers of the training.
         version: of this format.
     """
@@ -41,13 +41,13 @@ class QTable:
     """Values of actions in cells.
 
     Args:
-        discretiser: makes cells of observations.
-        actions: what each action means, in words.
+        discretiser: maps observations to cells.
+        actions: description of each action.
         environment: what it is for.
 
     Attributes:
-        values: shape (cells, actions), what an action is worth.
-        visits: shape (cells, actions), how often it was tried: an action that never was is not chosen for its zero.
+        values: shape (cells, actions), the value of each action.
+        visits: shape (cells, actions), how often it was tried: an untried action is not chosen for its initial zero.
     """
 
     def __init__(self, discretiser: Discretiser, actions: Sequence[str], environment: str) -> None:
@@ -61,9 +61,9 @@ class QTable:
         self.made_by = ""
 
     def best(self, cell: int) -> int:
-        """Return the action of most worth in a cell, of those that were tried; the first of several, and 0 of none.
+        """Return the tried action of the highest value in a cell; the first of several, and 0 if none was tried.
 
-        So what is chosen depends on the numbers alone, and not on chance or on an order that nobody sees.
+        So the choice depends on the numbers alone, and not on randomness or on a hidden order.
         """
         tried = self.visits[cell] > 0
         if not tried.any():
@@ -92,13 +92,13 @@ class QTable:
 
         Args:
             path: of the file.
-            environment: what it must be for; anything if empty.
-            names: of the numbers it must look at, in that order; any if empty.
-            actions: it must choose between so many; any number if empty. They may have other words for them.
+            environment: required environment; any if empty.
+            names: required names of the observed numbers, in this order; any if empty.
+            actions: required number of actions; any if empty. Their descriptions may differ.
 
         Raises:
-            RecordingError: there is no such file, it is none of these (a pickle is refused, not opened), it is cut or
-                damaged, or it is for something else.
+            RecordingError: the file is missing, of another kind (a pickle is refused, not opened), truncated or
+                damaged, or for something else.
         """
 
         def empty(about: About) -> tuple[QTable, dict[str, NDArray[Any]]]:

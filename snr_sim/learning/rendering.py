@@ -18,7 +18,7 @@ from snr_sim.view.picture_water import SURFACE, WATER, rectangle
 WIDTH_PX, HEIGHT_PX = 320, 240
 SKY: Rgb = (24, 27, 38)
 LEAST_SHOWN_M = 8.0  # of height; a body is drawn at least so large that it can be seen
-LEAST_BODY = 0.12  # share of the frame's height
+LEAST_BODY = 0.12  # fraction of the frame's height
 
 
 class Frame:
@@ -36,7 +36,7 @@ class Frame:
         # Of water, if there is any.
         self._surface_m = None if surface is None else float(points_of(surface)[:, 2].max())
         self._feet_m, self._size_m = feet_and_size(self._bodies)
-        self._strongest_n = 1e-9  # of what has pushed so far: flames are drawn beside it
+        self._strongest_n = 1e-9  # greatest thrust so far: flames are drawn relative to it
 
     def draw(self, truth: dict[str, Any]) -> NDArray[np.uint8]:
         """Return the frame of a true state, shape (240, 320, 3)."""

@@ -29,7 +29,7 @@ OPTIONS = {"start", "factors", "dispersion"}  # of `reset`
 
 
 class ScenarioEnv(CopyableEnv):
-    """What all environments over scenarios do alike. A subclass says what is observed, done and rewarded.
+    """Base of all environments over scenarios. A subclass defines observations, actions and rewards.
 
     Args:
         scenario: its name or file.
@@ -87,7 +87,7 @@ class ScenarioEnv(CopyableEnv):
                 "factors" as in `factors_of`.
 
         Raises:
-            ParameterError: an option is not known, or makes no sense.
+            ParameterError: an option is unknown or not valid.
             UnknownName: the plant does not have a number that is to be scaled.
         """
         super().reset(seed=seed)
@@ -106,10 +106,10 @@ class ScenarioEnv(CopyableEnv):
         return self._observed(), self._info()
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Act, lets one period go by, and observes.
+        """Act, advance by one period, and observe.
 
         Raises:
-            ParameterError: the episode has not begun or has ended, or it is no action.
+            ParameterError: the episode has not begun or has ended, or the action is not valid.
         """
         if self._steps < 0 or self.verdict is not None or self._is_over():
             raise ParameterError("step() outside an episode: it has not begun, or has ended.", fix="call reset().")
@@ -128,7 +128,7 @@ class ScenarioEnv(CopyableEnv):
         return observation, float(self.reward(self.verdict)), is_ended, is_over, info
 
     def render(self) -> Any:
-        """Return the scene as it is, shape (height, width, 3), dtype uint8; needs no screen and no GPU."""
+        """Return the current scene, shape (height, width, 3), dtype uint8; needs no screen and no GPU."""
         if self.render_mode is None:
             return None
         if self._steps < 0:
@@ -138,7 +138,7 @@ class ScenarioEnv(CopyableEnv):
         return self._frame.draw(self.plant.truth())
 
     def close(self) -> None:
-        """Let go of the devices."""
+        """Close the devices."""
         for device in (*self.sensors.values(), *self.actuators.values()):
             device.close()
 
@@ -152,7 +152,7 @@ class ScenarioEnv(CopyableEnv):
         raise NotImplementedError(f"{type(self).__name__} needs a method act(self, action)")
 
     def observe(self) -> list[float]:
-        """Read `self.sensors`; what is outside the bounds of the space is clipped to them."""
+        """Read `self.sensors`; values outside the bounds of the space are clipped to them."""
         raise NotImplementedError(f"{type(self).__name__} needs a method observe(self)")
 
     def reward(self, verdict: Verdict | None) -> float:
@@ -224,10 +224,10 @@ def drawn_start(rng: np.random.Generator) -> int:
 
 
 def checked_start(start: Any) -> int:
-    """Return a start that was asked for.
+    """Return the start that was requested.
 
     Raises:
-        ParameterError: it is no whole number.
+        ParameterError: it is not a whole number.
     """
     if isinstance(start, bool) or not isinstance(start, (int, np.integer)):
         raise ParameterError(f"reset() was given the start {start!r}.", fix="a whole number, as for --seed.")
@@ -235,7 +235,7 @@ def checked_start(start: Any) -> int:
 
 
 def end_info(verdict: Verdict | None, limit_s: float) -> dict[str, Any]:
-    """Return what `info` says at the end of an episode: the scenario's verdict, or that the time was over."""
+    """Return the entries of `info` at the end of an episode: the scenario's verdict, or the time limit."""
     if verdict is None:
         return {"outcome": "timeout", "success": False, "why": f"longer than {limit_s:g} s"}
     return {"outcome": verdict.outcome, "success": verdict.success, "why": verdict.why}

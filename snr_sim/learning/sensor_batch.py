@@ -1,7 +1,7 @@
-"""One simulated sensor of many landers at once: noise, steps and delay as `devices/simulated.py` makes them of each.
+"""One simulated sensor of many landers: noise, steps and delay as `devices/simulated.py` computes them for each.
 
 Each lander's noise comes from the generator that its own sensor would have, in the order in which that would draw it.
-So a lander in a batch is told what the same lander is told alone, to the last bit.
+So a lander in a batch gets bitwise the same readings as the same lander alone.
 """
 
 from __future__ import annotations
@@ -59,15 +59,15 @@ class SensorBatch:
         self._truth[:, which] = self._before[:, which] = truth
 
     def look(self, truth: Floats) -> None:
-        """Take in what all measure now, shape (fields, count); it is told a reading later."""
+        """Store what all sensors measure now, shape (fields, count); it is returned one reading later."""
         self._truth, self._before = truth, self._truth
 
     def stop(self, i: int) -> None:
-        """Have a lander be told once more what it was told last: its plant has ended before the next reading is due."""
+        """Repeat a lander's last reading once more: its plant has ended before the next reading is due."""
         self._truth[:, i] = self._before[:, i]
 
     def read(self, which: Indices | None = None) -> Floats:
-        """Return what some landers are told, or all: shape (fields, number of them). Changes only noise."""
+        """Return the readings of some landers, or of all: shape (fields, number of them). Advances only the noise."""
         everybody = which is None
         asked = self._all if which is None else which
         for i in asked[self._used[asked] == self._readings].tolist():

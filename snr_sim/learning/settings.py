@@ -1,4 +1,4 @@
-"""Numbers that a training is told: looked at before it begins, and not an hour into it."""
+"""Checks of the settings of a training, made before it begins and not an hour into it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from snr_sim.prelude.errors import ParameterError
 
 
 def check_whole(name: str, value: Any, least: int) -> None:
-    """Look whether a setting is a whole number that is large enough.
+    """Check that a setting is a whole number that is large enough.
 
     Raises:
         ParameterError: it is another kind of value, or less.
@@ -24,7 +24,7 @@ def check_whole(name: str, value: Any, least: int) -> None:
 
 
 def check_share(name: str, value: Any) -> None:
-    """Look whether a setting is a number from 0 to 1.
+    """Check that a setting is a number from 0 to 1.
 
     Raises:
         ParameterError: it is not.
@@ -35,10 +35,10 @@ def check_share(name: str, value: Any) -> None:
 
 
 def check_batch(training: Any, counts: Sequence[str]) -> None:
-    """Look whether the settings of a training in a batch make sense.
+    """Check the settings of a training in a batch.
 
     Args:
-        training: with a `seed`, and `epsilon` and `least_step`, which are shares.
+        training: with a `seed`, and `epsilon` and `least_step`, which are in 0 to 1.
         counts: names of its other numbers, whole and 1 or more.
 
     Raises:
@@ -54,7 +54,7 @@ def check_batch(training: Any, counts: Sequence[str]) -> None:
 
 
 def check_learned(surprise: float, where: str) -> None:
-    """Look whether what is about to be learned is a number.
+    """Check that new values are finite numbers.
 
     Raises:
         ParameterError: it is infinite or NaN.

@@ -6,7 +6,7 @@ All three move a value towards reward plus what is expected afterwards, and diff
     SARSA            the value of the action that is really taken next           (Rummery, Niranjan 1994)
     Expected SARSA   the mean over what might be taken, by how likely it is      (van Seijen et al. 2009)
 
-After a terminated episode nothing is expected. After a truncated one the world would have gone on: something is.
+After a terminated episode nothing is expected. After a truncated one the world would have continued: something is.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ METHODS = ("q_learning", "sarsa", "expected_sarsa")
 
 @dataclass(frozen=True)
 class Decay:
-    """A number that falls from one value to another, by a fixed share an episode, and then stays.
+    """A number that falls from one value to another, by a fixed factor per episode, and then stays.
 
     >>> epsilon = Decay(1.0, 0.1, episodes=100)
     >>> epsilon.at(0), round(epsilon.at(50), 3), epsilon.at(100), epsilon.at(1000)
@@ -55,15 +55,15 @@ class Decay:
 
 @dataclass(frozen=True)
 class Training:
-    """How a table is learned.
+    """Settings of the training of a table.
 
     Args:
         method: one of `METHODS`.
-        episodes: how many.
-        discount: what a reward is worth that comes a step later, 0 to 1.
-        step: how far a value moves towards what was seen.
-        epsilon: how often an action is taken at random.
-        seed: of all chance in the training.
+        episodes: number of them.
+        discount: factor for a reward that comes a step later, 0 to 1.
+        step: step size of an update.
+        epsilon: probability of a random action.
+        seed: of all random numbers in the training.
     """
 
     method: str = "q_learning"
@@ -109,9 +109,9 @@ class Learner:
         """Learn from one transition; return by how much it was a surprise.
 
         Args:
-            cell, action: where, and what was done.
+            cell, action: the state, and the action taken.
             reward: for it.
-            next_cell, next_action: where that led, and what will be done there: only SARSA looks at it, and for the
+            next_cell, next_action: the result, and the action to be taken there: only SARSA uses it, and for the
                 others it is None, as they decide on it when they have learned.
             is_terminated: nothing comes after; not so if the episode was only cut off.
 
@@ -133,7 +133,7 @@ class Learner:
         best = float(values[self.table.best(cell)])
         if self.training.method == "q_learning":
             return best
-        tried = self.table.visits[cell] > 0  # what was never tried is worth 0 for no reason, as in `best`
+        tried = self.table.visits[cell] > 0  # the 0 of an untried action has no meaning, as in `best`
         mean = float(values[tried].mean()) if tried.any() else 0.0
         return (1.0 - self.epsilon) * best + self.epsilon * mean
 
@@ -180,7 +180,7 @@ def train(
 
 
 def evaluate(env: Any, act: Callable[[Sequence[float]], Any], starts: Sequence[int]) -> list[dict[str, Any]]:
-    """Try a policy without learning and without chance of its own.
+    """Evaluate a policy without learning and without random actions.
 
     Args:
         env: over a scenario.

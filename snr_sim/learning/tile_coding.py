@@ -1,8 +1,8 @@
-"""Tile coding: values of actions that generalise to places nearby (Sutton and Barto, second edition, section 9.5.4).
+"""Tile coding: values of actions that generalise to nearby states (Sutton and Barto, second edition, section 9.5.4).
 
-A table knows nothing of a cell that it has not been in. Here several grids, each shifted a little against the others,
+A table has no value for a cell that was not visited. Here several grids, each shifted a little against the others,
 cover the same numbers; an observation lies in one tile of each, and what it is worth is the sum over its tiles. So what
-is learned in one place counts in part for all places that share tiles with it.
+is learned in one state counts in part for all states that share tiles with it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Axis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Args:
         name: of the number.
-        low, high: what is outside counts as the end.
+        low, high: values outside are clipped.
         intervals: how many.
         is_rooted: cut at equal steps of its square root, so finer near 0, on either side.
     """
@@ -124,7 +124,7 @@ class TiledValues:
             tiles: where, shape (n, tilings).
             actions: of which, shape (n,).
             targets: what they should have been, shape (n,).
-            least_step: share of the way that a value moves at least; at first nearly all, and less from visit to visit.
+            least_step: minimum step size of an update; at first nearly 1, and less from visit to visit.
         """
         places = tiles * self.actions + actions[:, None]
         weights, visits = self.weights.reshape(-1), self.visits.reshape(-1)

@@ -1,4 +1,4 @@
-"""The underwater vehicle's two environments: to a depth and stay there, and stay in a place while the water moves."""
+"""The underwater vehicle's two environments: go to a depth and stay there, and hold a position in a current."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from snr_sim.prelude.sums import ordered_sum
 from snr_sim.std_mods.allocation import Allocation
 from snr_sim.std_mods.thrust_curve import ThrustCurve
 
-EFFORT_WEIGHT = 0.05  # of a full push all the time, beside 1 for each metre that the vehicle is off
-SMOOTHING_S = 0.15  # of speeds that are reckoned from places, as the vehicle's own depth hold does it
+EFFORT_WEIGHT = 0.05  # for full thrust all the time, relative to 1 for each metre of position error
+SMOOTHING_S = 0.15  # of speeds that are computed from positions, as in the vehicle's own depth hold
 FLOOR_M = 6.0
 
 
@@ -40,7 +40,7 @@ class Rate:
         self._rate = 0.0
 
     def update(self, value: float, stamp_s: float) -> float:
-        """Take in a reading, unless it has been already, and return the rate [per second]."""
+        """Use a reading, unless it has been used, and return the rate [per second]."""
         if self._before is None:
             self._before = value, stamp_s
         elif stamp_s > self._before[1]:
@@ -52,17 +52,17 @@ class Rate:
 
 
 class UrovEnv(ScenarioEnv):
-    """What both have in common: the agent pushes, thrusters are allotted as on board, and the error is what it costs.
+    """Base of both environments: the agent commands a wrench, thrusts are allocated as on board, error is the cost.
 
-    An action is shares of a full stick, -1 to 1, of the axes that the environment names. They become a wrench in the
-    vehicle's frame, thrusts (`std_mods/allocation.py`), and pulses, which go through the vehicle's own outputs; so
-    thrusters have their lag and their dead band, and the battery its sag. Pulses are sent once per step: there is no
-    slew limit, and nobody levels the vehicle but its own buoyancy.
+    An action holds fractions of a full stick, -1 to 1, of the axes that the environment names. They become a wrench in
+    the vehicle's frame, thrusts (`std_mods/allocation.py`), and pulses, which pass through the vehicle's own outputs;
+    so thrusters have their lag and their dead band, and the battery its sag. Pulses are sent once per step: there is no
+    slew limit, and only the vehicle's own buoyancy levels it.
 
     The first observation is two seconds after the start of the scenario, when speed controllers are armed. There is no
     early end: an episode is truncated when the scenario gives its verdict, which `info` then holds (`outcome`,
-    `success`, `why`). The reward of a step is less than or equal to 0: the true distance from where the vehicle should
-    be [m], each metre counting 1 and beyond three no more, and 0.05 for the mean square of the action.
+    `success`, `why`). The reward of a step is less than or equal to 0: minus the true distance from the target [m],
+    each metre counting 1 and at most three, and minus 0.05 times the mean square of the action.
     """
 
     rate_hz = 10.0
@@ -116,12 +116,12 @@ class UrovEnv(ScenarioEnv):
 
 
 class UrovDepthHold(UrovEnv):
-    """Scenario urov_depth_hold: at 1 m, then to 3 m, and stay when the payload is let go. 10 steps a second; 38 s.
+    """Scenario urov_depth_hold: at 1 m, then to 3 m, and stay when the payload is released. 10 steps a second; 38 s.
 
     Observation, Box(6), float32: what the sensors read.
-        0  down_m     to the depth that is wanted, positive down [m], -6 to 6
+        0  down_m     to the target depth, positive down [m], -6 to 6
         1  depth_m    [m], -6 to 6
-        2  sink_mps   reckoned from depth, positive down [m/s], -3 to 3
+        2  sink_mps   computed from depth, positive down [m/s], -3 to 3
         3  roll_rad   [rad], -pi to pi
         4  pitch_rad  [rad], -pi to pi
         5  supply_v   of the battery [V], -20 to 20
@@ -165,17 +165,17 @@ class UrovDepthHold(UrovEnv):
 
 
 class UrovStation(UrovEnv):
-    """Scenario urov_station_keeping: stay in a place that is seen from above, also when a current begins. 10 steps a
+    """Scenario urov_station_keeping: hold a position that is seen from above, also when a current begins. 10 steps a
     second; 40 s.
 
     Observation, Box(11), float32: what the vehicle's sensors read, and where a person above sees it, 0.2 s late.
-        0  ahead_m      the place, ahead of the vehicle [m], -15 to 15
+        0  ahead_m      the target, ahead of the vehicle [m], -15 to 15
         1  left_m       and to its left [m], -15 to 15
         2  down_m       and below it [m], -6 to 6
         3  turn_rad     to the heading it had at first, positive to the left [rad], -pi to pi
-        4  ahead_mps    how fast the vehicle goes ahead, reckoned from where it is seen [m/s], -3 to 3
+        4  ahead_mps    speed ahead, computed from the seen position [m/s], -3 to 3
         5  left_mps     and to its left [m/s], -3 to 3
-        6  sink_mps     reckoned from depth, positive down [m/s], -3 to 3
+        6  sink_mps     computed from depth, positive down [m/s], -3 to 3
         7  yaw_radps    [rad/s], -10 to 10
         8  roll_rad     [rad], -pi to pi
         9  pitch_rad    [rad], -pi to pi
@@ -194,7 +194,7 @@ class UrovStation(UrovEnv):
         super().__init__("urov_station_keeping", None, render_mode, limits)
 
     def begin(self) -> None:
-        """Remember the place."""
+        """Store the target position."""
         super().begin()
         self._place = self.run.robot.parameters.route[-1]
         self._rates = Rate(), Rate()
@@ -212,7 +212,7 @@ class UrovStation(UrovEnv):
         return [ahead_m, left_m, down_m, turn_rad, *motion, imu.roll_rad, imu.pitch_rad, power.voltage_v]
 
     def error_m(self) -> float:
-        """Return the true distance from the place [m]."""
+        """Return the true distance from the target [m]."""
         plant: Any = self.plant
         x_m, y_m, z_m = (float(one) for one in plant.position_m)
         return math.dist((x_m, y_m, -z_m), (self._place.x_m, self._place.y_m, self._place.depth_m))

@@ -54,7 +54,7 @@ def step(landers: Landers, throttle: Floats, engine: Engine, dt_s: float) -> tup
         left = mass - flow * burn_s
         gained = -exhaust * np.log1p(-flow * burn_s / mass)
         rise = np.where(flow > 0.0, exhaust * burn_s - left / flow * gained, 0.0)
-    rise += gained * (dt_s - burn_s)  # what comes after a burn that the tank ended
+    rise += gained * (dt_s - burn_s)  # the rest of the step after the tank ran dry
     new_velocity = velocity - gravity * dt_s + gained
     new_height = height + (velocity - 0.5 * gravity * dt_s) * dt_s + rise
     touches = (new_height <= 0.0) & (new_velocity < 0.0)

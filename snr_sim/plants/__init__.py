@@ -1,1 +1,1 @@
-"""The physics that answers the devices. A plant keeps the promise of `prelude/plant.py` and knows nobody else."""
+"""Simulated physics behind the devices. Plants implement `Plant` of `prelude/plant.py` and know only that interface."""

@@ -25,7 +25,7 @@ def turned(attitude: Quaternion, p: float, q: float, r: float, dt_s: float) -> Q
     """Return the attitude after turning at a rate (body frame) for a step.
 
     The turn is that of Cayley's form, angle 2 atan(rate dt / 2): with it `Hydrodynamics.advance` keeps the energy of
-    weight and buoyancy to the last bit. It lags the true one by a share of (rate dt)^2 / 12.
+    weight and buoyancy to the last bit. It lags the true one by a fraction of (rate dt)^2 / 12.
     """
     w, x, y, z = attitude
     half = 0.5 * dt_s

@@ -1,9 +1,11 @@
-"""One free body in a MuJoCo world that has more mass than MuJoCo knows of: the added mass of water, or a load.
+"""One free body in a MuJoCo world with more mass than MuJoCo's model has: the added mass of water, or a payload.
 
-MuJoCo's step is split. After `look` its own mass matrix M and forces are known; `move` adds to M, has it factored
-anew, applies the force that gives the wanted acceleration, and lets MuJoCo do the rest: contacts, with the true mass.
+MuJoCo's step is split. After `look` its own mass matrix M and forces are known; `move` adds to M, factorises it
+again, applies the force that gives the requested acceleration, and leaves the rest to MuJoCo: contacts, with the true
+mass.
 
-MuJoCo's velocities of a free body are the world's for the linear part (of its origin) and the body's for the angular.
+MuJoCo's velocities of a free body are in the world frame for the linear part (of its origin) and in the body frame for
+the angular part.
 """
 
 from __future__ import annotations
@@ -23,11 +25,11 @@ FREE_JOINT = 0  # MuJoCo's mjJNT_FREE
 # Times what friction can do to the dry body is asked of a contact that slides: at 1 friction is too weak, for a turning
 # body is easier to move than its mass says; far above 4 what slides hops.
 GRIP = 4.0
-LEAST_PRESSED = 0.1  # share of its weight by which a body counts as pressed at the first touch
+LEAST_PRESSED = 0.1  # fraction of its weight by which a body counts as pressed at the first touch
 
 
 class MujocoBody:
-    """The body, found once in MuJoCo's arrays: each look-up there costs as much as a step's arithmetic.
+    """The body, found once in MuJoCo's arrays: each access there costs as much as a step's arithmetic.
 
     Args:
         world: where it is.
@@ -90,7 +92,7 @@ class MujocoBody:
         self._weight_n = float(self.rigid[0, 0]) * abs(self.gravity_mps2)
 
     def _mass_at_rest(self) -> Matrix:
-        """Return MuJoCo's mass matrix where its axes are the body's: turned by nothing."""
+        """Return MuJoCo's mass matrix where its axes are the body's: without rotation."""
         self._qpos[3:] = 1.0, 0.0, 0.0, 0.0
         self.look()
         flat = np.zeros(36)
@@ -100,7 +102,7 @@ class MujocoBody:
         return lower + lower.T - np.diag(np.diag(lower))
 
     def put(self, pose: Sequence[float], velocity: Sequence[float]) -> None:
-        """Put the body somewhere.
+        """Set the body's pose.
 
         Args:
             pose: x, y, z [m] and the quaternion w, x, y, z.
@@ -137,9 +139,9 @@ class MujocoBody:
         """End the step that `look` began.
 
         Args:
-            more: 6 x 6 mass that MuJoCo does not know of, in the body's axes.
+            more: 6 x 6 mass that MuJoCo's model does not have, in the body's axes.
             acceleration: that the body has if nothing touches, in MuJoCo's frames.
-            step_s: how far to move on; the world's own step is what contacts count with.
+            step_s: step to advance by; contacts use the world's own step.
         """
         model, data = self._model, self._data
         self._mass += mass_seen_by_mujoco(more, self._rotation.tolist())
@@ -156,7 +158,7 @@ class MujocoBody:
         model.opt.timestep = own_s
 
     def limit_grip(self, pressed_n: float) -> None:
-        """Have contacts of a body that slides ask for about as much friction as they can have, between look and move.
+        """Limit the friction that contacts of a sliding body request to about the maximum, between `look` and `move`.
 
         MuJoCo asks a contact to stop what slides within its time constant, and finds friction and pressure in one: what
         it cannot have as friction it gives as pressure. A vehicle that slid at 1 m/s was thrown up by each contact; the
@@ -186,7 +188,7 @@ class MujocoBody:
         return touch
 
     def height_over_ground_m(self, place: Sequence[float]) -> float:
-        """Return how far it is straight down from a place to anything but the body; negative if there is nothing."""
+        """Return the distance straight down from a point to anything but the body; negative if there is nothing."""
         down = np.array([0.0, 0.0, -1.0])
         return float(
             self._world.mujoco.mj_ray(
@@ -195,7 +197,7 @@ class MujocoBody:
         )
 
     def deepest(self) -> tuple[str, float]:
-        """Return in what the body is deepest, and how deep [m]; 0 if it is in nothing. To be asked after a look."""
+        """Return what the body penetrates deepest, and how deep [m]; 0 if nothing. Call it after `look`."""
         model, data = self._model, self._data
         solid, depth_m = "", 0.0
         for contact in data.contact[: data.ncon]:

@@ -1,8 +1,8 @@
-"""The door to MuJoCo: a world from a MJCF text, whose mistakes are told in words and whose NaN are errors.
+"""Interface to MuJoCo: loads a world from MJCF text, reports its mistakes as errors, and turns NaN into errors.
 
-MuJoCo alone answers a state that is no longer finite with a line in a log file and a reset to the start, as if
-nothing had happened. Here that is switched off, and `check_finite` says what it was; called before MuJoCo's own step,
-it also keeps the log file from being written.
+When a state is no longer finite, MuJoCo alone writes a line to a log file and resets to the start without an error.
+That is disabled here, and `check_finite` reports the cause; called before MuJoCo's own step, it also prevents the log
+file.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ class MujocoWorld:
 
     Args:
         mjcf: the world as MJCF text.
-        step_s: of integration; takes the place of what the text says.
+        step_s: of integration; replaces that of the text.
         bodies: names of the bodies that must be in it.
-        source: what the text is called in messages.
+        source: name of the text in messages.
 
     Attributes:
         mujoco: the package, for its functions.
         model: the MjModel.
         data: the MjData.
         engine: name and version, for `Plant.engine`.
-        own_step_s: what the text says, or MuJoCo's default.
+        own_step_s: the step of the text, or MuJoCo's default.
 
     Raises:
         MissingExtra: MuJoCo is not installed.
-        ParameterError: the text is no MJCF, or a body is missing.
+        ParameterError: the text is not MJCF, or a body is missing.
     """
 
     def __init__(self, mjcf: str, step_s: float, bodies: tuple[str, ...] = (), source: str = "the MJCF") -> None:
@@ -62,7 +62,7 @@ class MujocoWorld:
         """Return the number of a body.
 
         Raises:
-            ParameterError: there is none of this name.
+            ParameterError: the name does not exist.
         """
         names = [self.model.body(i).name for i in range(self.model.nbody)]
         if name not in names:
@@ -73,7 +73,7 @@ class MujocoWorld:
         return names.index(name)
 
     def check_finite(self) -> None:
-        """Look at positions and velocities.
+        """Check positions and velocities.
 
         Raises:
             PlantError: one is not finite; it is named by its joint.

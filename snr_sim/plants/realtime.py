@@ -1,7 +1,7 @@
-"""A plant that keeps up with a clock on the wall, for robots whose roles run as processes of their own.
+"""A plant that follows the wall clock, for robots whose roles run as processes of their own.
 
-Nothing steps it by itself: whoever reads, writes or looks brings it to now first. Loops on threads do so many times a
-second, one at a time.
+It has no stepping loop: each read or write first advances it to the present. Loops on threads make
+such calls many times a second, one at a time.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from snr_sim.prelude.plant import Plant
 
 
 class RealTimePlant:
-    """What devices and viewers want of a plant, at the pace of a clock and for several threads at once.
+    """Interface of a plant for devices and viewers, at the pace of a clock and for several threads at once.
 
     Args:
         plant: as it was reset, at time 0; from now on reached through this one only.
@@ -31,19 +31,19 @@ class RealTimePlant:
         self._lock = threading.RLock()
 
     def follow(self, clock: Clock) -> None:
-        """Go by another clock from now on: one that starts when the run does, after all has been made ready."""
+        """Use another clock from now on: one that starts when the run does, after all setup."""
         self._clock = clock
 
     @contextmanager
     def now(self) -> Iterator[Any]:
-        """Yield the plant itself as it is now, and nobody else reaches it meanwhile."""
+        """Yield the plant itself, advanced to the present; other threads wait meanwhile."""
         with self._lock:
             self._stepper.advance_to(self._clock.now_s())
             yield self._plant
 
     @property
     def time_s(self) -> float:
-        """Up to when it has come."""
+        """Simulated time that the plant has reached."""
         return self._plant.time_s
 
     def write(self, name: str, command: Any) -> None:
@@ -52,16 +52,16 @@ class RealTimePlant:
             plant.write(name, command)
 
     def read(self, name: str) -> Any:
-        """Return an output as it is now."""
+        """Return the present value of an output."""
         with self.now() as plant:
             return plant.read(name)
 
     def scene(self) -> dict[str, Any]:
-        """Return what does not move, and the shapes of what does."""
+        """Return the static geometry, and the shapes of moving parts."""
         return self._plant.scene()
 
     def truth(self) -> dict[str, Any]:
-        """Return the true state as it is now."""
+        """Return the present true state."""
         with self.now() as plant:
             truth: dict[str, Any] = plant.truth()
             return truth

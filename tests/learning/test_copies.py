@@ -1,4 +1,4 @@
-"""Copies of environments, by `copy.deepcopy` and by `pickle`: they go on as the original does."""
+"""Copies of environments, by `copy.deepcopy` and by `pickle`, continue as the original does."""
 
 import copy
 import pickle
@@ -22,7 +22,7 @@ either_way = pytest.mark.parametrize(
 
 
 def seen(env: Any, steps: int) -> list[Any]:
-    """All that an agent sees that acts at random, over the ends of episodes, too."""
+    """All observations of an agent that acts at random, across the ends of episodes, too."""
     told: list[Any] = []
     for _ in range(steps):
         observation, reward, *ended, info = env.step(env.action_space.sample())

@@ -1,4 +1,4 @@
-"""Physics that is another in every episode: drawn or given, told, and the plant's own equations with other numbers."""
+"""Physical parameters that differ by episode: drawn or given, reported, and used in the plant's own equations."""
 
 import copy
 from typing import Any

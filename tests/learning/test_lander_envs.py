@@ -33,7 +33,7 @@ def test_gymnasiums_own_checker_has_no_complaint(name: str) -> None:
 
 
 def episode(name: str, seed: int, most_steps: int = 10_000) -> list[Any]:
-    """All that an agent sees of an episode, acting at random."""
+    """All observations of an episode with random actions."""
     env = gymnasium.make(name)
     env.action_space.seed(seed)
     observation, info = env.reset(seed=seed)

@@ -1,4 +1,4 @@
-"""Landers as arrays beside the plant itself: the same commands, the same flight."""
+"""Landers as arrays compared with the plant itself: the same commands, the same flight."""
 
 import math
 from typing import Any

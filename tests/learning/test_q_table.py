@@ -1,4 +1,4 @@
-"""A table and its file: what is chosen, what comes back, and what is not let in."""
+"""A table and its file: the chosen action, saving and loading, and files that are rejected."""
 
 import io
 import json
@@ -145,7 +145,7 @@ def with_member(path: Path, name: str, data: bytes, packing: int = zipfile.ZIP_D
 @pytest.mark.parametrize(
     ("data", "packing"),
     [
-        (header("(10000000000000,)"), zipfile.ZIP_DEFLATED),  # memory that nobody has
+        (header("(10000000000000,)"), zipfile.ZIP_DEFLATED),  # more memory than any computer has
         (header("(-3, 2)"), zipfile.ZIP_DEFLATED),
         (header("(3, 2)", "|O") + pickle.dumps([1]), zipfile.ZIP_DEFLATED),
         (header("(3, 2)", "<f16") + bytes(96), zipfile.ZIP_DEFLATED),

@@ -29,7 +29,7 @@ def test_its_own_checker_finds_no_error(sb3: Any, name: str) -> None:
         warnings.simplefilter("always")
         sb3.common.env_checker.check_env(gymnasium.make(name, render_mode="rgb_array"))
     words = [str(one.message) for one in said if "snr_sim" in str(one.filename) or "env_checker" in str(one.filename)]
-    # Bounds of continuous actions are what the thing has (a throttle is 0 to 1), not -1 to 1 for each.
+    # Bounds of continuous actions are physical (a throttle is 0 to 1), not -1 to 1 for each.
     assert [text for text in words if "symmetric and normalized" not in text] == []
 
 

@@ -84,7 +84,7 @@ def test_nothing_is_expected_after_the_end(method: str) -> None:
 
 
 class Corridor(Env[Any, Any]):
-    """Five places in a row, left of the first -1, right of the last +1; 40 steps at most. Begins anywhere."""
+    """Five cells in a row, left of the first -1, right of the last +1; 40 steps at most. Starts in any cell."""
 
     observation_space = spaces.Box(0.0, 4.0, (1,))
     action_space = spaces.Discrete(2)

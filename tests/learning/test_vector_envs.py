@@ -1,4 +1,4 @@
-"""Vector environments beside as many single ones: what is told, what it is worth, how it ends; the API's contract."""
+"""Vector environments compared with as many single ones: observations, rewards, ends; the API's contract."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -28,7 +28,7 @@ def singles(name: str, count: int, mode: AutoresetMode = AutoresetMode.NEXT_STEP
 
 
 def actions_for(name: str, seen: Any, rng: np.random.Generator, space: Any) -> Any:
-    """By turns lands, does what comes, and does one thing all the time: pushes or falls, and turns over."""
+    """By turns lands, acts at random, and repeats one action: pushes or falls, and turns over."""
     if "Continuous" in name:
         return rng.uniform(space.low, space.high).astype(np.float32)
     actions = straight_down(seen) if name == VERTICAL else to_the_ground(seen)

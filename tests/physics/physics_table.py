@@ -1,4 +1,4 @@
-"""The page robots/urov/PHYSICS.md: each case in physics_cases/, its reference, what the plant makes of it, the error.
+"""The page robots/urov/PHYSICS.md: each case in physics_cases/, its reference, the plant's result, the error.
 
 python tests/physics/physics_table.py            writes the page
 python tests/physics/physics_table.py --print    shows it
@@ -35,7 +35,7 @@ def row(case: Case, ours: list[float]) -> str:
 
     Args:
         case: what it is about.
-        ours: what the plant makes of it, at each step.
+        ours: the plant's result, at each step.
     """
     errors = " | ".join(_error(case, value) for value in ours)
     allowed = f"{case.allowed:.0e}" + ("" if case.reference else f" {case.unit}")
@@ -44,7 +44,7 @@ def row(case: Case, ours: list[float]) -> str:
 
 
 def _error(case: Case, ours: float) -> str:
-    """Return an error to one digit; what matters to nobody, and may differ between computers, is 0."""
+    """Return an error to one digit; one that is negligible, and may differ between computers, is 0."""
     error = case.error(ours)
     return f"{error:+.0e}" if abs(error) >= least_shown(case) else "0"
 

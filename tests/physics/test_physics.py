@@ -1,4 +1,4 @@
-"""The vehicle beside what is known without a simulation, at 2, 5 and 10 ms: the cases in physics_cases/."""
+"""The vehicle compared with solutions without a simulation, at 2, 5 and 10 ms: the cases in physics_cases/."""
 
 import importlib
 import math

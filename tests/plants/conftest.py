@@ -16,6 +16,6 @@ def apollo() -> LunarModule:
     assert spec is not None
     assert spec.loader is not None
     parameters = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = parameters  # dataclasses look themselves up there
+    sys.modules[spec.name] = parameters  # dataclasses look up their module there
     spec.loader.exec_module(parameters)
     return parameters.APOLLO

@@ -41,7 +41,7 @@ def test_pulses_that_wander_do_not_arm_it() -> None:
 
 
 def test_a_first_pulse_that_is_not_stop_becomes_stop_and_stop_becomes_astern() -> None:
-    """As somebody reported whose first steady pulse was 1700 us: faster, the farther he went back to 1500."""
+    """As a user reported whose first steady pulse was 1700 us: faster, the farther he went back to 1500."""
     esc = Esc()
     hear(esc, 1700.0, ARMING_S)
     assert esc.has_false_stop

@@ -65,7 +65,7 @@ def test_module_at_rest_may_tilt_by_twelve_degrees() -> None:
 
 
 def test_batch_of_landings_is_judged_as_each_alone() -> None:
-    """One function for single landers and for arrays of them: also at the limits, and for what is no number."""
+    """One function for single landers and for arrays of them: also at the limits, and for NaN."""
     rng = np.random.default_rng(1)
     rows = np.array([3.05, 1.22, math.radians(6.0), math.radians(2.0), math.radians(12.0)])[:, None]
     numbers = rows * rng.uniform(-1.2, 1.2, (5, 500))

@@ -1,4 +1,4 @@
-"""One step of `Hydrodynamics` beside the same equation in matrices."""
+"""One step of `Hydrodynamics` compared with the same equation in matrices."""
 
 from pathlib import Path
 
@@ -60,7 +60,7 @@ def test_step_written_out_equals_the_step_in_matrices(rigid: np.ndarray, wet: fl
         nu, push, arm = RNG.normal(size=6), 10.0 * RNG.normal(size=6), RNG.normal(size=3)
         up = RNG.normal(size=3)
         up /= np.linalg.norm(up)
-        # From a guess of nothing, rounds go on until they settle; those of the matrices go far beyond that.
+        # From a guess of zero, rounds continue until they converge; those of the matrices do far more rounds.
         middle, change = hydro.advance(nu.tolist(), tuple(up), push.tolist(), 1.5, tuple(arm), AT_REST, dt_s)
         expected = in_matrices(hydro.mass, wet, nu, up, push, 1.5, arm, dt_s, 30)
         settled = 1e-12 if dt_s == 0.0 else 1e-3  # SETTLED is of half a step's change of velocity

@@ -26,7 +26,7 @@ def test_in_a_corner_both_are_stopped_at_once() -> None:
 def test_two_feet_of_a_body_stop_its_fall_and_its_turning() -> None:
     feet = [Touch(0.0, 1.0, x, -0.2, 0.0) for x in (-0.3, 0.3)]
     velocity, impulse = stopped((0.0, -1.0, 0.5), feet, MOBILITY, 0.0, 0.005)
-    # Turning by q moves a place at x by -q x along z: neither foot goes on downwards.
+    # Turning by q moves a point at x by -q x along z: neither foot continues downwards.
     for x in (-0.3, 0.3):
         assert velocity[1] - velocity[2] * x >= -1e-6
     assert impulse[1] > 0.0
@@ -41,7 +41,7 @@ def test_what_already_leaves_is_left_alone_and_nothing_is_ever_pulled() -> None:
 
 @pytest.mark.parametrize(("friction", "left"), [(0.0, 0.1), (0.05, 0.08), (10.0, 0.0)])
 def test_friction_holds_up_to_its_share_of_the_load(friction: float, left: float) -> None:
-    # A place without an arm, so that friction does not turn it; 4 N s of load.
+    # A contact without an arm, so that friction does not turn it; 4 N s of load.
     (vx, _, _), impulse = stopped((0.1, -0.1, 0.0), [Touch(0.0, 1.0, 0.0, 0.0, 0.0)], MOBILITY, friction, 0.005)
     assert vx == pytest.approx(left)
     assert impulse[1] == pytest.approx(4.0)

@@ -1,4 +1,4 @@
-"""Both engines fly the same module: same commands, same answer. What may differ stands at each tolerance.
+"""Both engines simulate the same module: same commands, same result. Each tolerance has its reason as a comment.
 
 In flight the two differ by rounding and by the feet, which weigh something in MuJoCo and sag under thrust: the springs
 let them by up to a millimetre, and the hull answers by a hundredth of that.
@@ -50,7 +50,7 @@ def pose(plant: Lander) -> Pose:
 
 
 def fly(plants: tuple[Lander, Lander], time_s: float, program: Program = ()) -> Pose:
-    """The largest difference between the two on the way."""
+    """The largest difference between the two during the run."""
     most = [0.0] * 6
     commands = {round(at_s / 0.005): command for at_s, command in program}
     for i in range(round(time_s / 0.005)):
@@ -223,7 +223,7 @@ def test_module_that_stands_too_far_from_upright_has_not_landed(
     assert plant.why.startswith("attitude at rest ") == (outcome == "tilted")
 
 
-# -- what is promised of either ---------------------------------------------------------------------------------------
+# -- contract of both --------------------------------------------------------------------------------------------------
 
 
 @each

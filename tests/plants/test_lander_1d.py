@@ -195,7 +195,7 @@ def test_quadratic_guidance_costs_what_the_table_says(to_go_s: int, fuel_kg: flo
         plant.step(0.01)
         if plant.outcome:
             break
-    assert 1000.0 - plant.fuel_kg == pytest.approx(fuel_kg, abs=0.07)  # the table lets go some hundredths earlier
+    assert 1000.0 - plant.fuel_kg == pytest.approx(fuel_kg, abs=0.07)  # the table shuts it off some hundredths earlier
     assert largest == pytest.approx(thrust_n, abs=1.0)
     assert abs(plant.height_m) < 0.01
     assert plant.touchdown is None or plant.touchdown["vertical_mps"] < 0.1

@@ -1,4 +1,4 @@
-"""What no lander takes: numbers that cannot be, and starts in the ground. Each is refused where it is made."""
+"""Invalid input of all landers: implausible numbers, and starts in the ground. Each is rejected where it is made."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ def test_the_dry_mass_is_the_one_that_textbooks_write() -> None:
 
 
 def test_added_mass_acts_along_the_axes_of_the_body_at_any_attitude() -> None:
-    """MuJoCo's own step answers a force as the full matrix says; off-diagonal terms come from turning it."""
+    """MuJoCo's own step responds to a force by the full matrix; off-diagonal terms come from turning it."""
     one = body(BODY.replace(INERTIAL, '<inertial pos="0 0 0" mass="13" diaginertia="0.26 0.23 0.37"/>'))
     more = np.diag([6.0, 7.0, 19.0, 0.2, 0.1, 0.2])
     turn = np.array([np.cos(0.4), 0.6 * np.sin(0.4), 0.0, 0.8 * np.sin(0.4)])

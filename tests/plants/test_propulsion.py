@@ -17,7 +17,7 @@ STOP = 1500.0
 
 
 def armed(count: int = 8, volts: float | None = None, **kwargs: float) -> Propulsion:
-    """Thrusters whose controllers have heard a second of stop, on a bench supply if a voltage is given."""
+    """Thrusters whose controllers have received a second of stop, on a bench supply if a voltage is given."""
     thrusters = Propulsion(count, None if volts is None else BenchSupply(volts), **kwargs)
     run(thrusters, [STOP] * count, 1.0)
     return thrusters
@@ -161,7 +161,7 @@ def test_a_battery_that_is_nearly_empty_is_cut_off_under_load_and_nothing_turns_
 
 
 def test_a_supply_that_breaks_down_under_thrust_stops_the_thrusters_and_makes_no_false_stop() -> None:
-    """Without a protection circuit it comes back as soon as nothing turns; the pulses ask for thrust all the while."""
+    """Without a protection circuit it recovers as soon as nothing turns; the pulses command thrust all the time."""
     thrusters = Propulsion(8, Battery(Pack(resistance_ohm=0.2, cutoff_cell_v=None), charge=0.1))
     run(thrusters, [STOP] * 8, 1.0)
     run(thrusters, [1900.0] * 8, 5.0)

@@ -1,4 +1,4 @@
-"""A plant at the pace of a clock: whoever asks, asks about now, and two never ask at once."""
+"""A plant at the pace of a clock: each call sees the present state, and two calls never overlap."""
 
 import threading
 

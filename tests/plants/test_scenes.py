@@ -1,4 +1,4 @@
-"""What the landers show: the formats that plant.py promises the viewer and the recorder."""
+"""Scenes of the landers: the formats that plant.py defines for the viewer and the recorder."""
 
 import json
 import math

@@ -308,7 +308,7 @@ def test_a_gate_lets_through_who_goes_through_its_middle_and_stops_who_does_not(
 
 
 def test_where_nothing_is_near_mujoco_need_not_look_and_no_bit_changes() -> None:
-    """The world given as MJCF, of which the plant knows no room, has MuJoCo look at every step."""
+    """In a world given as MJCF, without a known pool, MuJoCo checks for contacts at every step."""
     pool = Pool(gates=(Gate("red", (2.0, 0.3, -2.0)),))
     dive = Dive((-2.0, 0.0, -2.6), attitude_rad=(0.0, 0.2, 0.1))
     looks, without = [0, 0], [0, 0]  # all, and those of steps in which nothing touches
@@ -324,7 +324,7 @@ def test_where_nothing_is_near_mujoco_need_not_look_and_no_bit_changes() -> None
         plant._body.look = look  # type: ignore[method-assign]
     touched = 0
     for plant in plants:
-        go(plant, plant.step_s)  # with the first look of all
+        go(plant, plant.step_s)  # with the first contact check
     for step in range(2400):
         wrench = WrenchCommand([0.0, 0.0, -40.0] if step > 1000 else [10.0, 0.0, 1.0], [0.0, 0.0, 0.02])
         for i, plant in enumerate(plants):
@@ -441,7 +441,7 @@ def test_at_rest_the_imu_feels_gravity_and_the_field_of_the_earth() -> None:
     assert imu.specific_force_mps2 == pytest.approx([0.0, 0.0, 9.81], abs=1e-9)
     assert imu.field_ut == pytest.approx([0.0, 20.0, -44.0])
     north = swim(attitude_rad=(0.0, 0.0, math.radians(90.0))).read("imu")
-    assert north.field_ut == pytest.approx([20.0, 0.0, -44.0])  # looks north: the field is ahead
+    assert north.field_ut == pytest.approx([20.0, 0.0, -44.0])  # heads north: the field is ahead
     on_its_side = swim(attitude_rad=(math.radians(90.0), 0.0, 0.0)).read("imu")
     assert on_its_side.specific_force_mps2[1] == pytest.approx(9.81, rel=0.02)  # its left side is up
 
@@ -540,7 +540,7 @@ def test_a_step_that_is_taken_back_for_a_contact_is_taken_back_for_other_bodies_
 
 @pytest.mark.parametrize("after", [100, 340, 700, 1150], ids=["swimming", "landing", "on the floor", "in flight"])
 def test_a_state_put_into_another_vehicle_of_the_same_make_goes_on_to_the_bit(after: int) -> None:
-    """The thrusters kept sums of forces by the matrix they were made with, and of another made them anew."""
+    """The thrusters cached sums of forces by the matrix of their vehicle, and recomputed them for another matrix."""
     dive = Dive(
         (0.0, 0.0, -1.0),
         currents=(Current(0.0, (0.3, 0.2, 0.0)),),

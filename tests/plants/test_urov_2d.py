@@ -1,4 +1,4 @@
-"""The vehicle in the plane and the one in space answer alike, from the same numbers, by different ways.
+"""The vehicle in the plane and the one in space agree, from the same numbers, by different methods.
 
 In space Fossen's equation is solved in the body's frame, in the plane momentum is kept in the world's; both have an
 error that shrinks with the square of the step. So what the two may differ by in open water is that: 0.1 mm and
@@ -54,7 +54,7 @@ def numbers(plant: Urov) -> Numbers:
 
 
 def go(plants: Sequence[Urov], time_s: float, program: Program = ()) -> list[float]:
-    """The largest differences on the way."""
+    """The largest differences during the run."""
     most = [0.0] * 6
     step_s = plants[0].step_s
     commands = {round(at_s / step_s): WrenchCommand(force, moment) for at_s, force, moment in program}

@@ -49,7 +49,7 @@ def test_a_tilted_vehicle_reaches_deeper_than_a_level_one() -> None:
 @BOTH
 @pytest.mark.parametrize("bar_z_m", [-2.0, -2.07])
 def test_a_dive_does_not_begin_across_the_bar_of_a_gate(kind: Callable[..., Urov], bar_z_m: float) -> None:
-    """Also where the bar is in the very middle of the vehicle, where no way leads out of it."""
+    """Also where the bar is in the centre of the vehicle, where no direction leads out of it."""
     pool = Pool(gates=(Gate("red", (0.0, 0.0, bar_z_m - 0.5)),))
     with pytest.raises(ParameterError, match="cm deep in 'red"):
         begin(Dive(BELOW), pool, kind)

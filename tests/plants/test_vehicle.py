@@ -47,7 +47,7 @@ def test_ballast_gives_the_net_buoyancy_in_any_water() -> None:
 
 
 def test_trim_that_would_hide_a_wrong_mass_is_refused() -> None:
-    """The mass is what the net buoyancy makes of it, so a mass far from that would have no effect without a word."""
+    """The mass follows from the net buoyancy, so a mass far from that would be ignored silently."""
     wrong = replace(HEAVY, mass_kg=20.0)
     with pytest.raises(ParameterError, match=r"mass_kg 20; .* net_buoyancy_n 1\.5 .* 13\.4 l must weigh 13\.25 kg"):
         wrong.trimmed(1000.0, 9.81)
@@ -56,7 +56,7 @@ def test_trim_that_would_hide_a_wrong_mass_is_refused() -> None:
     with pytest.raises(ParameterError, match=r"The density of the water is 1\.0: kg/l\?"):
         HEAVY.trimmed(1.0, 9.81)
     heavy = replace(wrong, net_buoyancy_n=None).trimmed(1000.0, 9.81)
-    assert heavy.mass_kg == 20.0  # said to weigh what it weighs, it does
+    assert heavy.mass_kg == 20.0  # without a stated net buoyancy the mass is kept
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ TEXT = (VEHICLES / "benzon2022.toml").read_text(encoding="utf-8")
 
 
 def changed(tmp_path: Path, old: str, new: str) -> Path:
-    """The default set with one thing changed."""
+    """The default set with one entry changed."""
     assert old in TEXT
     path = tmp_path / "mine.toml"
     path.write_text(TEXT.replace(old, new, 1), encoding="utf-8")

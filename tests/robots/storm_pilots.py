@@ -1,7 +1,7 @@
 """Pilots of a vehicle that are killed, one after the other: `python storm_pilots.py PORT COUNT SEED`.
 
 Each is a copy of this process with a node of its own, sends numbered controls and is killed at a random moment. The
-last one is left in order. Prints a JSON object: of each name what it stored, and of the last one what became of it.
+last one ends normally. Prints a JSON object: of each name what it stored, and of the last one its result.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _COUNT = struct.Struct("q")
 
 
 def fly(name: str, port: int, stored: mmap.mmap, lives_s: float | None = None) -> dict[str, int]:
-    """Send controls that ask for nothing; return what became of them, if it lives that long."""
+    """Send controls that command nothing; return their result, if the process lives that long."""
 
     def push(loop: Loop) -> None:
         (number,) = _COUNT.unpack_from(stored)

@@ -1,4 +1,4 @@
-"""The laws of the lander's controllers, flown on plants through simulated devices, without a node."""
+"""The laws of the lander's controllers, run on plants through simulated devices, without a node."""
 
 import importlib.util
 import sys
@@ -73,7 +73,7 @@ def fly(scenario_name: str, seed: int, controller: str) -> dict[str, Any]:
 
 
 def to_rest(flown: dict[str, Any]) -> float:
-    """The propellant of a flight beside that of the best one that comes to rest at the ground."""
+    """The propellant of a flight relative to that of the best one that comes to rest at the ground."""
     return float(flown["fuel_kg"] / flown["fuel_optimum_to_rest_kg"])
 
 
@@ -105,7 +105,7 @@ def test_optimal_is_within_2_percent_of_the_optimum_to_rest_in_spite_of_noise(sc
 
 @pytest.mark.parametrize("scenario", ["lander_vertical", "lander_low_gate"])
 def test_nothing_that_lands_needs_less_than_the_optimum(scenario: str) -> None:
-    """A perfect burn, told to touch down as fast as the gear takes, needs just that; one to rest needs more."""
+    """A perfect burn with a touchdown at the gear's limit needs just that; one to rest needs more."""
     module = load(f"scenario_{scenario}", ROOT / "scenarios" / f"{scenario}.py")
     for seed in range(5):
         begin, engine = module.start(seed), module.parameters(seed).engine

@@ -1,4 +1,4 @@
-"""The lander's two trainings from a shell: what cannot come to a good end is said before it begins."""
+"""The lander's two trainings from a shell: what would fail at the end is reported before the start."""
 
 import subprocess
 import sys

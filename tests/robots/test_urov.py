@@ -1,4 +1,4 @@
-"""The underwater vehicle's software, part by part, without a node: what it hears, whose word counts, what it holds."""
+"""The underwater vehicle's software, part by part, without a node: its inputs, its control state, its holds."""
 
 import math
 from dataclasses import replace
@@ -315,7 +315,7 @@ def test_a_pilot_pushes_towards_where_he_wants_to_be_whichever_way_the_vehicle_p
 
 
 def look(goal: Waypoint, places: list[tuple[float, ...]]) -> list[dict[str, Any]]:
-    """The controls of a pilot who sees these places, ten times a second."""
+    """The controls of a pilot who gets these positions, ten times a second."""
     told: list[dict[str, Any]] = []
     left = list(places)
 
@@ -353,14 +353,14 @@ def listener(key: str, told: list[dict[str, Any]]) -> EndpointFactory:
 def dived(
     script: list[Cue], until_s: float, meddle: Any = None, charge: float = 1.0, pilot: str = "scripted", **changes: Any
 ) -> list[dict[str, Any]]:
-    """What the surface is told, ten times a second, by a vehicle that a pilot flies from 1 m of depth.
+    """Pages that the surface gets, ten times a second, from a vehicle that a pilot drives from 1 m of depth.
 
     Args:
         script: what the pilot does.
         until_s: how long.
         meddle: makes another component of the surface.
-        charge: that the battery has left all at once at DRAIN_S: one that is low before the dive cannot be armed with.
-        pilot: who flies.
+        charge: of the battery from DRAIN_S on, all at once: one that is low before the dive cannot be armed with.
+        pilot: factory of the pilot.
         changes: of the parameters.
     """
     scenario = library.load_scenario(library.find("scenarios", "urov_depth_hold"))

@@ -1,4 +1,4 @@
-"""How the vehicle takes controls that were long on their way."""
+"""The vehicle's response to controls that arrive late."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from snr_sim_robot_urov.parameters import UrovParameters, vehicle  # noqa: E402
 
 
 def told(age_s: float, **controls: Any) -> Autopilot:
-    """The vehicle's mind after ten seconds of controls that are so old when they come."""
+    """The autopilot after ten seconds of controls that are so old when they arrive."""
     number = 0
 
     def bring(loop: Any) -> None:
@@ -62,7 +62,7 @@ def test_age_counts_from_when_controls_were_made() -> None:
 
 
 def blind_from(blind_s: float, controls: Controls) -> tuple[Autopilot, list[list[float]]]:
-    """The mind of a vehicle whose depth sensor falls silent, five centimetres above what is held, and its pulses."""
+    """The autopilot of a vehicle whose depth sensor stops, five centimetres above the setpoint, and its pulses."""
     number, pulses = 0, []
 
     def bring(loop: Any) -> None:
@@ -97,7 +97,7 @@ def test_depth_that_is_no_longer_measured_is_no_longer_held_and_that_is_said_onc
     blind, pulses = blind_from(2.0, holds)
     assert blind.is_blind
     assert blind.told(4.0, ImuReading([0.0] * 3, [0.0] * 3, [0.0] * 3, 0.0, 0.0, 0.0, 4.0))["is_blind"]
-    assert pulses[-1] == [1500.0] * 8  # what it last knew does not push it on for ever
+    assert pulses[-1] == [1500.0] * 8  # the last reading does not push it on indefinitely
     (note,) = [note for note in blind.parent.notes if "no fresh reading of depth" in note]
     assert 2.4 < float(note.partition("t = ")[2].partition(" s")[0]) < 2.6
 

@@ -1,4 +1,4 @@
-"""A controller with components for the surface: where they stand, what they get, and what is said if they cannot."""
+"""A controller with components for the surface: their order, their inputs, and the errors if they cannot be made."""
 
 import json
 from pathlib import Path
@@ -14,7 +14,7 @@ from snr_sim.recording.trace import FILE_NAME
 from snr_sim.scenario.flight import fly_recorded
 from snr_sim.scenario.simulation import Request, prepare
 
-# Somebody at the surface who goes ahead a little, and stops as the buttons say.
+# A component at the surface that goes ahead a little, and stops when the buttons require it.
 SURFACE = """
 from snr_sim import Endpoint, EndpointFactory, TaskType
 
@@ -44,7 +44,7 @@ class Buttons(Endpoint):
         says |= {"surge": 0.3, "number": round(self.get_time_s() * 100), "clears_stop": panel["reset"]}
         return self.store_data_task("controls", says)
 """
-# The same for the sticks of whoever flies by script.
+# The same for the sticks of a scripted pilot.
 STICKS = SURFACE.replace('"panel"), self', '"sticks"), self').replace("def on_panel", "def on_sticks")
 
 

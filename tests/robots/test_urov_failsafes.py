@@ -56,7 +56,7 @@ CELLS = [
 
 
 class Gap:
-    """A line that loses all there is for GAP_S. Keeps the promise of BytePort."""
+    """A line that loses all data for GAP_S. Implements `BytePort`."""
 
     def __init__(self, port: EmulatedPort, now_s: Callable[[], float]) -> None:
         self.port, self.now_s, self.name = port, now_s, port.name
@@ -103,7 +103,7 @@ class TornPwm(SimPwm):
 
 
 class Meddled:
-    """A sensor of which some readings are others. Keeps the promise of Sensor."""
+    """A sensor of which some readings are replaced. Implements `Sensor`."""
 
     def __init__(self, sensor: Any, change: Callable[[Any], Any], now_s: Callable[[], float]) -> None:
         self._sensor, self._change, self._now_s = sensor, change, now_s
@@ -135,7 +135,7 @@ class Dive:
     """A dive at 2 m, the pilot going ahead, in which something fails at FROM_S.
 
     Attributes:
-        rules: whose word counted, in order, from just before.
+        rules: control states, in order, from just before.
         told: every page 'vehicle' from then on.
         samples: (time_s, rules, thrust of all thrusters [N], widths at the pins of an emulated board [us]).
     """
@@ -234,7 +234,7 @@ class Dive:
         return [rules for rules, _ in groupby(one["rules"] for one in self.told)]
 
     def check_outputs(self) -> None:
-        """Nothing pushes while nobody's word counts, and something does while somebody's does; also at the pins."""
+        """Nothing pushes in the states idle and neutral, and something does in the others; also at the pins."""
         for rules, group in groupby(self.samples, lambda one: one[1]):
             samples = list(group)
             settled = [one for one in samples if one[0] > samples[0][0] + SETTLED_S]

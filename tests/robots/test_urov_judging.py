@@ -1,4 +1,4 @@
-"""What is said of a dive that missed its criterion, beside by how much."""
+"""Remarks on a dive that missed its criterion, in addition to the amount."""
 
 import tracemalloc
 

@@ -1,4 +1,4 @@
-"""Pages that hold no reading: the vehicle goes to its failsafe and lives on, whatever stands in them."""
+"""Pages without a valid reading: the vehicle enters its failsafe and continues, whatever they contain."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ def readings(now_s: float) -> dict[str, Any]:
 
 
 class Dive:
-    """A vehicle's mind whose sensor `key` tells junk from 2 s to 3 s.
+    """An autopilot whose sensor `key` sends junk from 2 s to 3 s.
 
     Attributes:
-        rules: whose word counted, and when.
+        rules: control states, and when.
         pulses: that were commanded, and when.
     """
 
@@ -208,7 +208,7 @@ def pages(draw: Any) -> tuple[str, Any]:
 
 @given(pages())
 def test_no_junk_page_ends_the_node(page: tuple[str, Any]) -> None:
-    """The vehicle lives, each pulse is one, and after the junk the pilot is obeyed, unless the battery is low."""
+    """The vehicle continues, each pulse is one, and then the pilot is in control unless the battery is low."""
     dive = Dive(*page, until_s=4.6)
     assert all(1100.0 <= pulse <= 1900.0 for _, pulses in dive.pulses for pulse in pulses)
     assert dive.during(4.5, 4.6) == ({"surface"} if dive.autopilot.failsafe.is_wet else {"pilot"})

@@ -1,4 +1,4 @@
-"""The numbers of the underwater vehicle's software: what cannot be is told by name, where it is written."""
+"""Parameters of the underwater vehicle's software: implausible ones are reported by name, where they are written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Checks before the first arming: what is wrong is told, and nothing arms until a person arms again."""
+"""Checks before the first arming: a fault is reported, and nothing arms until a person arms again."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""A vehicle in a storm: strangers flood its port, a proxy delays and spoils, a hundred pilots are killed.
+"""A vehicle under load: clients flood its port, a proxy delays and corrupts data, a hundred pilots are killed.
 
-The vehicle's program must live, and every page must be accounted for.
+The vehicle's program must survive, and every page must be accounted for.
 """
 
 import json
@@ -36,9 +36,9 @@ FLOOD_S = 3.0
 
 
 class Proxy:
-    """Passes bytes on, in pieces and late; in some connections it changes, adds, repeats or leaves out some.
+    """Proxy that forwards bytes in pieces and late; in some connections it changes, adds, repeats or drops some.
 
-    Spoiled connections are those of `spoiled`, by the number of the connection.
+    `spoiled` counts the connections with corrupted bytes.
     """
 
     def __init__(self, port: int, seed: int) -> None:
@@ -53,7 +53,7 @@ class Proxy:
             while True:
                 near, _ = self._door.accept()
                 is_spoiled = self._chance.random() < SPOILED
-                # Behind the greeting, so that each spoils a session that is up.
+                # After the greeting, so that each corrupts an established session.
                 at = self._chance.randrange(600, 6000) if is_spoiled else None
                 chance = random.Random(self._chance.random())
                 threading.Thread(target=self._carry, args=(near, at, chance), daemon=True).start()

@@ -47,7 +47,7 @@ class SeenPwm(MirrorPwm):
 
 
 class Dive:
-    """What the vehicle heard and what pulses it made, while something was done to the pad now and then.
+    """Controls that the vehicle received and pulses that it made, while the pad was changed now and then.
 
     Args:
         steps: what to do and when, by the surface's clock.

@@ -15,7 +15,7 @@ def factories(robot: Robot) -> list[EndpointFactory]:
 
 
 class CoastFactory(EndpointFactory):
-    """Makes the pilot who sleeps."""
+    """Factory of the pilot without commands."""
 
     def get(self, parent: NodeApi) -> Endpoint:
         """Return a new one."""

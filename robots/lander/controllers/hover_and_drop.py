@@ -44,13 +44,13 @@ class HoverAndDrop(Endpoint):
         self.task_handlers = {(TaskType.process_data, "radar"): self.on_radar}
 
     def on_radar(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Pass the reading to the law, and what the law says to the engine."""
+        """Pass the reading to the law, and its command to the engine."""
         command = self.law.update(RadarReading(**self.get_data("radar")), self.get_time_s())
         return self.store_data_task("engine", {"throttle": command.throttle})
 
 
 class HoverAndDropLaw:
-    """Sinks to a height, hovers, sinks slowly, and lets go.
+    """Sinks to a height, hovers, sinks slowly, and shuts the engine off.
 
     Args:
         parameters: of the lander.
@@ -61,7 +61,7 @@ class HoverAndDropLaw:
         self.hovering_since_s: float | None = None
 
     def update(self, radar: RadarReading, now_s: float) -> EngineCommand:
-        """Return the throttle that brings the velocity to the wanted one."""
+        """Return the throttle that brings the velocity to its target."""
         here = self.reckoning.now(radar, now_s)
         if here.height_m < DROP_M:
             return EngineCommand(self.reckoning.told(0.0))
@@ -69,7 +69,7 @@ class HoverAndDropLaw:
         return EngineCommand(self.reckoning.told(self.reckoning.throttle_for(error / RESPONSE_S)))
 
     def wanted_mps(self, height_m: float, now_s: float) -> float:
-        """Return the velocity that belongs to a height: fast from afar, none while hovering, slow at the end."""
+        """Return the target velocity at a height: fast from afar, none while hovering, slow at the end."""
         if height_m > HOVER_M + 1.0 and self.hovering_since_s is None:
             return -min(FASTEST_MPS, (height_m - HOVER_M) / SINK_S)
         if self.hovering_since_s is None:

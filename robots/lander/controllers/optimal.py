@@ -1,4 +1,4 @@
-"""Falls as long as possible, then burns: the cheapest way to rest, planned on closed forms at every reading."""
+"""Falls as long as possible, then burns: the descent of least propellant, planned by closed forms at every reading."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.scenario import Robot
 from snr_sim.prelude.signals import EngineCommand, RadarReading
 
-IN_HAND = 0.96  # share of the thrust that the plan counts on: the rest answers noise and what is not in the plan
+IN_HAND = 0.96  # fraction of the thrust that the plan uses: the rest is a margin for noise and model errors
 STOP_M = -0.02  # aim just under the ground: the module touches down at half a metre a second instead of hanging over it
-EARLY = 0.7  # who needs less than this brakes too early, and may fall on for a moment
+EARLY = 0.7  # if less throttle is needed than this, braking is too early: coast for a moment
 SOFT_MPS = 0.6  # a touchdown that costs nothing: the gear takes 3.05
 
 
@@ -43,7 +43,7 @@ class Optimal(Endpoint):
         self.task_handlers = {(TaskType.process_data, "radar"): self.on_radar}
 
     def on_radar(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Pass the reading to the law, and what the law says to the engine."""
+        """Pass the reading to the law, and its command to the engine."""
         command = self.law.update(RadarReading(**self.get_data("radar")), self.get_time_s())
         return self.store_data_task("engine", {"throttle": command.throttle})
 
@@ -61,7 +61,7 @@ class OptimalLaw:
         self.is_burning = False
 
     def update(self, radar: RadarReading, now_s: float) -> EngineCommand:
-        """Return no throttle before ignition, and afterwards the one that stops in time, planned anew each time."""
+        """Return zero throttle before ignition, then the one that stops in time, planned again each time."""
         here = self.reckoning.now(radar, now_s)
         if self.is_burning:
             throttle = self.braking_throttle(here)
@@ -73,8 +73,8 @@ class OptimalLaw:
     def ignition_throttle(self, here: Motion) -> float:
         """Return 0 as long as the next reading is time enough.
 
-        If ignition is due before it, returns the share of full thrust that does in a whole period what a burn from the
-        right moment to its end would do: so there is no need to begin early.
+        If ignition is due before it, returns the fraction of full thrust that does in a whole period what a burn from
+        the right moment to its end would do: so there is no need to begin early.
         """
         thrust, exhaust, gravity = self.reckoning.engine
         engine = Engine(IN_HAND * thrust, exhaust, gravity)

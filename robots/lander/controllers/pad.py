@@ -1,6 +1,6 @@
-"""Lands on the pad: a law for down and one for across say how to accelerate, and the module tilts for it.
+"""Lands on the pad: one law for vertical and one for sideways acceleration; the module tilts accordingly.
 
-    inertial, radar --> wanted acceleration [x, z] --> tilt and throttle
+    inertial, radar --> target acceleration [x, z] --> tilt and throttle
                                     attitude, rate --> jets
 
 The engine pushes along the module only. So going sideways means tilting first, and attitude is the inner, quicker loop.
@@ -25,7 +25,7 @@ LAST_M, LAST_MPS = 2.5, 0.9
 SINK_RESPONSE_S = 0.8
 # Across: a spring and a damper to the middle of the pad, in 1/s^2 and 1/s.
 ACROSS_SPRING, ACROSS_DAMPER = 0.030, 0.33
-# Wait here until above the pad and slow enough; within them nothing is corrected that the gear would not mind.
+# Wait here until above the pad and slow enough; errors within the gear's limits are not corrected.
 GATE_M, GATE_X_M, GATE_MPS = 9.0, 8.0, 0.8
 STEEPEST = 0.3  # come in over this slope to the gate: there are hills
 TILT_HIGH_RAD, TILT_LOW_RAD = math.radians(22.0), math.radians(4.0)  # from afar, and under the gate
@@ -59,7 +59,7 @@ class Pad(Endpoint):
         self.task_handlers = {(TaskType.process_data, "inertial"): self.on_inertial}
 
     def on_inertial(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Pass both readings to the law, and what the law says to the engine."""
+        """Pass both readings to the law, and its command to the engine."""
         radar = RadarReading(**self.get_data("radar"))
         inertial = InertialReading(**self.get_data("inertial"))
         command = self.law.update(radar, inertial, self.get_time_s())
@@ -103,7 +103,7 @@ class PadLaw:
         )
 
     def wanted_sink(self, x_m: float, vx_mps: float, height_m: float) -> float:
-        """Return the vertical velocity that belongs to a height [m/s, up positive]."""
+        """Return the target vertical velocity at a height [m/s, up positive]."""
         if not self.is_through_gate and height_m < GATE_M + 1.0:
             self.is_through_gate = abs(x_m) < GATE_X_M and abs(vx_mps) < GATE_MPS
         floor = LAST_M if self.is_through_gate else GATE_M + STEEPEST * max(0.0, abs(x_m) - GATE_X_M)
@@ -114,7 +114,7 @@ class PadLaw:
         return -min(FASTEST_MPS, slow + math.sqrt(2.0 * BRAKE_MPS2 * left + 1.0) - 1.0)
 
     def wanted_tilt(self, x_m: float, vx_mps: float, height_m: float, up_mps2: float) -> float:
-        """Return the attitude that, at an upward push, gives the wanted sideways one [rad]."""
+        """Return the attitude that, at an upward push, gives the required sideways one [rad]."""
         spring = 0.0 if self.is_through_gate else ACROSS_SPRING
         across = -spring * x_m - ACROSS_DAMPER * vx_mps
         most = TILT_LOW_RAD if self.is_through_gate else TILT_HIGH_RAD

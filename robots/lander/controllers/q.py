@@ -1,6 +1,6 @@
-"""Lands as a learned policy says: `snr run lander_vertical --controller q --policy FILE`, or lander_pad.
+"""Lands by a learned policy: `snr run lander_vertical --controller q --policy FILE`, or lander_pad.
 
-The file is one that `snr_sim.learning` has saved: a table for the way straight down (robots/lander/learn.py makes one),
+The file is one that `snr_sim.learning` has saved: a table for the vertical descent (robots/lander/learn.py makes one),
 tiles for the plane (learn_pad.py). The controller chooses, and learns no more.
 """
 
@@ -45,10 +45,10 @@ def factories(robot: Robot) -> list[EndpointFactory]:
 
 
 class QLearningControllerFactory(EndpointFactory):
-    """Makes the pilot.
+    """Factory of the pilot.
 
     Args:
-        table: what it goes by.
+        table: action values that it uses.
     """
 
     def __init__(self, table: QTable) -> None:
@@ -71,17 +71,17 @@ class QLearningControllerEndpoint(Endpoint):
         self.task_handlers = {(TaskType.process_data, "radar"): self.on_radar}
 
     def on_radar(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Look the reading up."""
+        """Return the throttle of the table for the newest reading."""
         observation = seen_by_radar(RadarReading(**self.get_data("radar")))
         throttle = VERTICAL_THROTTLES[self.table.act(observation)]
         return self.store_data_task("engine", {"throttle": throttle}, process=False)
 
 
 class TilesControllerFactory(EndpointFactory):
-    """Makes the pilot in the plane.
+    """Factory of the pilot in the plane.
 
     Args:
-        policy: what it goes by.
+        policy: that it uses.
     """
 
     def __init__(self, policy: PadPolicy) -> None:
@@ -104,7 +104,7 @@ class TilesControllerEndpoint(Endpoint):
         self.task_handlers = {(TaskType.process_data, "inertial"): self.on_inertial}
 
     def on_inertial(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Look the readings up."""
+        """Return the command of the policy for the newest readings."""
         radar = self.get_data("radar")
         if radar is None:
             return None

@@ -43,7 +43,7 @@ class Quadratic(Endpoint):
         self.task_handlers = {(TaskType.process_data, "radar"): self.on_radar}
 
     def on_radar(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Pass the reading to the law, and what the law says to the engine."""
+        """Pass the reading to the law, and its command to the engine."""
         command = self.law.update(RadarReading(**self.get_data("radar")), self.get_time_s())
         return self.store_data_task("engine", {"throttle": command.throttle})
 

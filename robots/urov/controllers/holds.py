@@ -16,5 +16,5 @@ def factories(robot: Robot) -> list[AnyFactory]:
 
 
 def start_lines(robot: Robot) -> list[str]:
-    """Return the table of failsafes, for whoever starts a run."""
+    """Return the table of failsafes, for the user who starts a run."""
     return failsafe_lines(robot.parameters)

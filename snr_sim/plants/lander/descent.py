@@ -10,7 +10,7 @@ With m = m0 - mu t, mu = thrust / exhaust speed:
     h(t) = h0 + v0 t - g t^2 / 2 + c (t - (m / mu) ln(m0 / m))
 
 Source: Tsiolkovsky's equation with constant gravity, integrated once more. That falling first and then burning at
-full thrust is the cheapest way down follows from Pontryagin's principle: one switch, and never back. It holds for any
+full thrust is the cheapest descent follows from Pontryagin's principle: one switch, and never back. It holds for any
 speed at the ground; the faster a touchdown may be, the less it costs.
 """
 
@@ -27,7 +27,7 @@ MOON_GRAVITY_MPS2 = 1.62  # mean at the surface of the Moon
 
 
 class Motion(NamedTuple):
-    """Where a module is on its way down.
+    """State of a module in its descent.
 
     Args:
         height_m: over the ground.
@@ -55,7 +55,7 @@ class Engine(NamedTuple):
 
 
 class Descent(NamedTuple):
-    """The cheapest way down: fall, then burn.
+    """The cheapest descent: fall, then burn.
 
     Args:
         coast_s: how long to fall.
@@ -146,7 +146,7 @@ def stop_height(start: Motion, engine: Engine, final_mps: float = 0.0) -> float:
 
 
 def cheapest_descent(start: Motion, engine: Engine, idle_thrust_n: float = 0.0, touchdown_mps: float = 0.0) -> Descent:
-    """Return the way down that uses least propellant and is at height 0 no faster than a speed.
+    """Return the descent that uses least propellant and is at height 0 no faster than a speed.
 
     Args:
         start: as it is now.
@@ -189,7 +189,7 @@ def constant_mass_ignition_m(start: Motion, engine: Engine) -> float:
 def find_root(function: Callable[[float], float], low: float, high: float) -> float:
     """Return where a function that is positive at `low` and negative at `high` crosses 0, to the last bit.
 
-    Halving, because it cannot fail and nobody waits for it: some fifty calls.
+    Bisection, because it always converges and some fifty calls are fast enough.
     """
     while True:
         middle = 0.5 * (low + high)

@@ -1,4 +1,4 @@
-"""Landing gear: what a touchdown may look like, and how a module may stand. The judge of every lander."""
+"""Landing gear: limits of a touchdown and of the attitude at rest. The judge of every lander."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ class GearLimits:
         lateral_mps: largest lateral speed.
         attitude_rad: largest tilt at the first contact.
         rate_radps: largest rate of tilting.
-        rest_rad: largest tilt of a module that stands.
+        rest_rad: largest tilt of a module at rest.
 
     Raises:
-        ParameterError: a number cannot be.
+        ParameterError: a number is out of range.
 
     Source of the defaults: design limits of the lunar module's gear (10 ft/s; 7 ft/s with 4 ft/s; 6 deg; 2 deg/s;
-    slopes of up to 12 deg, along which it then stands), as given for NASA TN D-6850.
+    slopes of up to 12 deg, along which it then rests), as given for NASA TN D-6850.
     """
 
     vertical_mps: Annotated[float, LIMITS["gear_mps"]] = 3.05
@@ -77,8 +77,8 @@ class GearLimits:
         Args:
             vertical_mps: at the first contact, positive down.
             lateral_mps, attitude_rad, rate_radps: there, too.
-            rest_rad: tilt when the module stands.
-            share: of each limit that counts.
+            rest_rad: tilt of the module at rest.
+            share: factor of each limit.
 
         >>> GearLimits().kept(np.array([2.0, 4.0]))[0].tolist()
         [True, False]
@@ -104,7 +104,7 @@ class GearLimits:
         return "landed" if rest else "tilted"
 
     def passed(self, touchdown: Touchdown, rest_rad: float = 0.0) -> list[str]:
-        """Return which limits a landing passes, in words; none if all is well. Exactly at a limit is well.
+        """Return descriptions of the exceeded limits of a landing; a value at a limit is within it.
 
         >>> GearLimits().passed(Touchdown(vertical_mps=3.0, lateral_mps=0.61, attitude_deg=-7.5, rate_degps=0.0))
         ['vertical 3.000 m/s is over 2.59 m/s (3.05 if it did not slide)', 'attitude -7.500 deg is over 6 deg']

@@ -1,8 +1,8 @@
-"""The hull of a lander as a rigid body: moved, pushed, and told when it meets the ground. The door to pymunk.
+"""Hull of a lander as a rigid body in pymunk: impulses and contact detection. The only module that imports pymunk.
 
-The body in pymunk weighs 1 kg and has the square of the radius of gyration as its moment: kicks are changes of
-velocity, per kilogram of whatever mass is left. That is the same motion, without telling pymunk a new mass at every
-step, at 2 us each.
+The body in pymunk has a mass of 1 kg and the square of the radius of gyration as its moment of inertia, so impulses
+are changes of velocity, per kilogram of the current mass. The motion is the same, and it avoids setting a new mass in
+pymunk at every step, which takes 2 us.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Hull:
     Attributes:
         has_touched: whether the hull has met the ground. It stays so: a world that has seen a contact remembers it.
         move: moves on by a time [s]: position by velocity, then velocity by gravity.
-        push: gives a kick (x, z) [m/s] at a place [m], both in the body's frame.
+        push: applies a kick (x, z) [m/s] at a point [m], both in the body's frame.
         push_in_world: the same in the world frame.
     """
 
@@ -57,7 +57,7 @@ class Hull:
 
     def _on_contact(self, arbiter: Any, space: Any, data: Any) -> None:
         self.has_touched = True
-        arbiter.process_collision = False  # the flight is over; a bounce would only spoil the last velocity
+        arbiter.process_collision = False  # the flight is over; a bounce would change the last velocity
 
     def turn(self, rate_radps: float) -> None:
         """Add to the rate of turning."""
@@ -71,7 +71,7 @@ class Hull:
         return Pose(x, z, body.angle, vx, vz, body.angular_velocity)
 
     def put(self, pose: Pose) -> None:
-        """Put the body where `pose` says, to the bit."""
+        """Put the body at `pose`, bitwise."""
         body = self._body
         body.position = pose.x_m, pose.z_m
         body.angle = pose.attitude_rad

@@ -21,10 +21,10 @@ from snr_sim.plants.mujoco_engine import MujocoWorld
 from snr_sim.prelude.errors import ParameterError, PlantError
 from snr_sim.prelude.sums import ordered_sum
 
-FOOT_KG = 20.0  # own choice: little beside the module, enough for its motion to be followed in steps of 5 ms
+FOOT_KG = 20.0  # own choice: small relative to the module, large enough to be integrated in steps of 5 ms
 FOOT_RADIUS_M = 0.1
 GROUND_HALF_DEPTH_M = 30.0
-GROUND_DEEP_M = 20.0  # under its lowest place: nothing falls through, however fast
+GROUND_DEEP_M = 20.0  # below its lowest point: nothing falls through, however fast
 NOMINAL_KG = 7000.0  # MuJoCo computes for a module of this mass how softly to treat contacts: they give 0.1 mm
 
 # All feet together: mass, and their moments about the module's centre of mass.
@@ -50,7 +50,7 @@ class Hull3D:
 
     Attributes:
         engine: name and version of the physics.
-        place: where the centre of mass is [m], how the module is turned (quaternion w, x, y, z), then how far each
+        place: of the centre of mass [m], attitude of the module (quaternion w, x, y, z), then how far each
             foot has given way along the body's axes [m].
         motion: velocity [m/s] in the world's frame, rate [rad/s] in the body's, then that of each foot.
         axes: the matrix whose columns are the body's axes in the world's frame, row by row.
@@ -77,7 +77,7 @@ class Hull3D:
     # -- the state ----------------------------------------------------------------------------------------------------
 
     def put(self, place: tuple[float, ...], motion: tuple[float, ...]) -> None:
-        """Put the module somewhere with its legs at rest; then `weigh` and `look`."""
+        """Set the module's pose with its legs at rest; then `weigh` and `look`."""
         self._world.mujoco.mj_resetData(self._model, self._data)
         self._qpos[:7], self._qvel[:6] = place, motion
 
@@ -123,7 +123,7 @@ class Hull3D:
         """Set force [N] at the centre of mass, world frame, and torque [N m], body frame, until they are set again.
 
         Raises:
-            PlantError: one is not finite; said here, before MuJoCo writes a log file about what came of it.
+            PlantError: one is not finite; checked here, because MuJoCo would write a log file.
         """
         total = ordered_sum(force) + ordered_sum(torque)
         if total - total != 0.0:
@@ -134,11 +134,11 @@ class Hull3D:
         self._force[:] = *force, *torque
 
     def move(self) -> None:
-        """Move on by one step; then `weigh`, `look` and `push`."""
+        """Advance by one step; then `weigh`, `look` and `push`."""
         self._end_step(self._model, self._data)
 
     def stop(self) -> None:
-        """Take all motion from module and feet, and let nothing push."""
+        """Set all velocities of module and feet to 0, and clear all forces."""
         self._qvel[:] = 0.0
         self._force[:] = 0.0
         self.motion = self._qvel.tolist()
@@ -192,10 +192,10 @@ def _mjcf(module: LunarModule, terrain: Terrain) -> str:
       </body>"""
         for name, (x, y) in PADS_M.items()
     )
-    # The integrator "discrete": under Euler's and the implicit ones contacts reckon without the dampers of the legs,
-    # which in a step of 5 ms weigh three times a foot, and a module at rest rattles for ever. Flight is the same.
-    # Contacts as stiff as the step allows: it is the legs that give way. An elliptic cone, and friction computed ten
-    # times as hard as the rest, so that a module on a slope does not creep.
+    # The integrator "discrete": under Euler's and the implicit ones, contacts are computed without the dampers of the
+    # legs, which in a step of 5 ms count three times a foot's mass, and a module at rest never stops vibrating. Flight
+    # is equal. Contacts are as stiff as the step allows: the compliance is in the legs. An elliptic cone, and friction
+    # solved ten times as stiffly as the rest, so that a module on a slope does not creep.
     return f"""
 <mujoco model="lunar module">
   <option gravity="0 0 {-module.gravity_mps2:.17g}" integrator="discrete" cone="elliptic" impratio="10">

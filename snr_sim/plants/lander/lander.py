@@ -1,16 +1,16 @@
-"""A lunar module in flight, whichever engine of physics moves its body: propellant, throttle, judge and sensors.
+"""A lunar module in flight, independent of the physics engine: propellant, throttle, judge and sensors.
 
     command --> write --> burn --> force on the body    (lander_2d.py: pymunk, two legs; lander_3d.py: MuJoCo, four)
                                         |
     reading <-- read <-- pose in the x-z plane <--'
 
-What stands here is the same for both: two engines differ by how the body moves, and by nothing else.
+This module contains what both engines share: they differ only in how the body moves.
 
-How a step goes, in both: a kick (velocity += what engine, jets, legs and weight give in a step), then a way (position
+Both compute a step as a kick (velocity += what engine, jets, legs and weight give in a step), then a drift (position
 += velocity * step). This is the leapfrog scheme if the kick is that of the middle of the step: so the position that an
-engine of physics holds is half a step ahead of its velocity. `reset` puts it there, and `read` takes the half step off
+engine of physics holds is half a step ahead of its velocity. `reset` puts it there, and `read` subtracts the half step
 again. It costs nothing. A flight under constant force is exact (either engine alone ends g t dt / 2 too high or too
-low), a command acts from the moment on at which it is written, errors shrink with the step squared, and a bouncing leg
+low), a command acts from the moment at which it is written, errors shrink with the step squared, and a bouncing leg
 gains no energy.
 """
 
@@ -35,28 +35,28 @@ from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
 # tests/plants/test_lander_2d.py). Four times as long would still be stable: the stiffest motion, a foot gripping
 # sideways, has 25 steps in each radian. Shorter steps only cost time.
 STEP_S = 0.005
-SAME = 1e-5  # a throttle this near to what is commanded is there
-STILL_MPS, STILL_RADPS, SETTLE_S = 0.05, 0.01, 0.5  # slower than this for so long, on both sides' feet: it stands
-GIVES_M = 0.01  # so deep a run may begin in the ground: legs give way
+SAME = 1e-5  # a throttle this near to the command has reached it
+STILL_MPS, STILL_RADPS, SETTLE_S = 0.05, 0.01, 0.5  # slower than this for so long, on both sides' feet: at rest
+GIVES_M = 0.01  # depth in the ground at which a run may begin: legs give way
 CEILING_M = 20_000.0
 EDGE_M = HALF_WIDTH_M - ROOF_REACH_M
 
 
 class Lander(ABC):
-    """What the landers of both engines have in common. With `_advance` and the rest, it keeps the promise of Plant.
+    """Base of the landers of both engines. With `_advance` and the other hooks it implements `Plant`.
 
     Args:
         module: its numbers.
-        start_of: gives the start and the ground that belong to a seed.
+        start_of: returns the start and the ground that belong to a seed.
         step_s: of integration; see `STEP_S`.
 
     Raises:
-        ParameterError: a number cannot be, or a start is under ground.
+        ParameterError: a number is out of range, or a start is below ground.
 
     Attributes:
         touchdown: the first contact, once there was one.
-        outcome: 'landed', 'crashed', 'out_of_fuel' (crashed with a dry tank), 'tilted' (stands, and not upright enough)
-            or 'lost' (left the region), once over. From then on it stands still.
+        outcome: 'landed', 'crashed', 'out_of_fuel' (crashed with an empty tank), 'tilted' (at rest, and not upright
+            enough) or 'lost' (left the region), once over. From then on the state does not change.
     """
 
     inputs = ("engine",)
@@ -98,7 +98,7 @@ class Lander(ABC):
         """Return the start and the ground that belong to a seed.
 
         Raises:
-            ParameterError: they are none, or a part of the module is in the ground.
+            ParameterError: they are not valid, or a part of the module is in the ground.
         """
         given = self.start_of(seed)
         if not (isinstance(given, tuple) and tuple(map(type, given)) == (PlaneStart, Terrain)):
@@ -166,7 +166,7 @@ class Lander(ABC):
 
     @abstractmethod
     def _advance(self) -> None:
-        """Move on by one step."""
+        """Advance by one step."""
 
     @abstractmethod
     def _read_pose(self) -> Pose:
@@ -203,7 +203,7 @@ class Lander(ABC):
         self._jets = min(1.0, max(-1.0, jets)) * self.module.jets_nm
 
     def step(self, dt_s: float) -> None:
-        """Move on by one step."""
+        """Advance by one step."""
         if dt_s != self.step_s and not abs(dt_s - self.step_s) <= 1e-9:  # also NaN
             raise ParameterError(
                 f"This plant moves in steps of {self.step_s} s, not {dt_s} s.", fix="use plant.step_s."
@@ -240,7 +240,7 @@ class Lander(ABC):
             self.throttle = self._throttle_goal = 0.0
         self.fuel_kg -= burned
         self.mass_kg -= burned
-        # By the mean mass of the step: so any burn gives what the rocket equation says, to the step squared.
+        # By the mean mass of the step: so any burn agrees with the rocket equation, to the step squared.
         mass_kg = self.mass_kg + 0.5 * burned
         push, twist = burned * self.module.exhaust_mps / mass_kg, self._jets * self.step_s / mass_kg
         side = push * math.sin(gimbal)
@@ -259,7 +259,7 @@ class Lander(ABC):
             self._end(outcome)
 
     def _settle(self, is_still: bool) -> None:
-        """Count the time in which it stands, and end the flight when it has stood for long enough."""
+        """Count the time at rest, and end the flight when it is long enough."""
         self._still_steps = self._still_steps + 1 if is_still else 0
         if self.outcome is None and self.touchdown is not None and self._still_steps * self.step_s >= SETTLE_S:
             self._end(self.module.gear.outcome(self.touchdown, self.fuel_kg, self._tilt_rad()))
@@ -272,7 +272,7 @@ class Lander(ABC):
 
     @property
     def why(self) -> str:
-        """What ended it badly, in words; empty if nothing did."""
+        """Description of what failed; empty if nothing did."""
         if self.outcome == "lost":
             return "it left the region that is simulated"
         rest_rad = self._tilt_rad() if self.outcome == "tilted" else 0.0
@@ -284,7 +284,7 @@ class Lander(ABC):
     # -- being measured -----------------------------------------------------------------------------------------------
 
     def read(self, name: str) -> RadarReading | InertialReading:
-        """Return what a sensor without faults would say."""
+        """Return the reading of a sensor without errors."""
         x, z, attitude, vx, vz, rate = self._read_pose()
         if name == "inertial":
             return InertialReading([x, z], [vx, vz], attitude, rate, self.fuel_kg, self._contact(), self.time_s)

@@ -34,7 +34,7 @@ class VerticalStart:
         fuel_kg: of the mass, what may be burned.
 
     Raises:
-        ParameterError: a number cannot be.
+        ParameterError: a number is out of range.
     """
 
     height_m: Annotated[float, LIMITS["above_m"]]
@@ -48,7 +48,7 @@ class VerticalStart:
 
 
 class State(NamedTuple):
-    """All there is to know of the plant at one moment."""
+    """Full state of the plant at one moment."""
 
     time_s: float
     height_m: float
@@ -61,18 +61,18 @@ class State(NamedTuple):
 
 
 class Lander1D:
-    """The vertical lander. Keeps the promise of Plant.
+    """The vertical lander. Implements `Plant`.
 
     Args:
-        start_of: gives the start that belongs to a seed.
+        start_of: returns the start that belongs to a seed.
         engine: thrust, exhaust speed and gravity.
         seed: of the first run.
-        least_throttle: what the engine gives at least while there is propellant, as one that cannot be shut off.
+        least_throttle: minimum throttle while there is propellant, for an engine that cannot be shut off.
         gear: judges the touchdown.
         ceiling_m: above it the module is lost.
 
     Raises:
-        ParameterError: a number cannot be.
+        ParameterError: a number is out of range.
     """
 
     engine = "closed_form 1"
@@ -143,10 +143,10 @@ class Lander1D:
         return RadarReading(self.height_m, self.velocity_mps, self.time_s)
 
     def step(self, dt_s: float) -> None:
-        """Move on by any time, in at most two pieces: with propellant and without.
+        """Advance by any time, in at most two pieces: with propellant and without.
 
         Raises:
-            ParameterError: the time is no number, or not more than 0.
+            ParameterError: the time is not a number greater than 0.
         """
         if not 0.0 < dt_s < math.inf:  # also NaN
             raise ParameterError(f"This plant moves on, and not by {dt_s} s.", fix="give more than 0 s, and an end.")
@@ -163,7 +163,7 @@ class Lander1D:
             self._move(dt_s - burn_s, 0.0)
 
     def _move(self, time_s: float, thrust_n: float) -> None:
-        """Move on under constant thrust, or until the pads touch."""
+        """Advance under constant thrust, or until the pads touch."""
         start = Motion(self.height_m, self.velocity_mps, self.mass_kg)
         end = after(start, thrust_n, self.exhaust_mps, self.gravity_mps2, time_s)
         contact_s = self._contact_s(start, end, thrust_n, time_s)
@@ -214,7 +214,7 @@ class Lander1D:
 
     @property
     def why(self) -> str:
-        """What ended it badly, in words; empty if nothing did."""
+        """Description of what failed; empty if nothing did."""
         if self.outcome == "lost":
             return "it left the region that is simulated"
         return "; ".join(self.gear.passed(self.touchdown)) if self.touchdown is not None else ""

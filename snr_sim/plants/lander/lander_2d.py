@@ -26,7 +26,7 @@ FAR_STEPS_MAX = 20  # the ground is looked for at least this often
 
 
 class State(NamedTuple):
-    """All of the plant: what pymunk holds (places half a step ahead), and what is ours. Defaults: a start."""
+    """Full state of the plant: pymunk's (positions half a step ahead), and ours. Defaults: a start."""
 
     body: Pose
     mass_kg: float
@@ -71,7 +71,7 @@ class Lander2D(Lander):
     # -- start, and being put back ------------------------------------------------------------------------------------
 
     def reset(self, seed: int) -> None:
-        """Build the world anew and put the module at the start that belongs to this seed."""
+        """Rebuild the world and put the module at the start that belongs to this seed."""
         start, terrain = self._start(seed)
         (x, z), (vx, vz), half_s = start.position_m, start.velocity_mps, 0.5 * self.step_s
         attitude, rate = start.attitude_rad + half_s * start.rate_radps, start.rate_radps
@@ -79,7 +79,7 @@ class Lander2D(Lander):
         self.restore(State(body, start.mass_kg, start.fuel_kg, terrain))
 
     def snapshot(self) -> State:
-        """Return all of the state; it never changes afterwards."""
+        """Return the full state; the returned object is immutable."""
         return State(
             body=self._hull.pose(),
             has_hull_touched=self._hull.has_touched,
@@ -116,14 +116,14 @@ class Lander2D(Lander):
         """Let engine and jets push for one step, from the propellant there is; return how, in the module's frame."""
         side, up, twist = kick = self._burn()
         if up > 0.0:
-            # A push beside the centre of mass is the same push through it, and a twist: one call for both.
+            # An off-centre impulse equals one through the centre of mass plus an angular impulse: one call for both.
             self._push((side, up), (twist / up, 0.0))
         elif twist:
             self._hull.turn(twist / self.module.gyration_m**2)
         return kick
 
     def _meet_ground(self, kick: Kick) -> None:
-        """Let the feet push against the ground, end the flight when it is over, and say when to look again."""
+        """Apply the feet's forces, end the flight when it is over, and return when to check again."""
         x, z, attitude, vx, vz, rate = body = self._hull.pose()
         if not math.isfinite(x + z + attitude + vx + vz + rate):
             raise PlantError(
@@ -142,12 +142,12 @@ class Lander2D(Lander):
             self._judge_contact(self._midway(body, kick))
         if self.outcome is None and (self._hull.has_touched or (touching and abs(attitude) > TIPPED_RAD)):
             self._end("crashed")
-        # At the end of the step, but for the legs: near enough to tell whether it stands.
+        # At the end of the step, but for the legs: accurate enough to decide whether it is at rest.
         still = touching == 2 and abs(vx) + abs(vz) < STILL_MPS and abs(rate) < STILL_RADPS
         self._settle(still)
 
     def _midway(self, body: Pose, kick: Kick) -> Pose:
-        """Return how it moves in the middle of a step, where its place is, from the motion at the end and the kick."""
+        """Return the motion in the middle of a step, where its position is, from the motion at the end and the kick."""
         side, up, twist = kick
         cos, sin = math.cos(body.attitude_rad), math.sin(body.attitude_rad)
         kick_x, kick_z = cos * side - sin * up, sin * side + cos * up - self._fall_mps

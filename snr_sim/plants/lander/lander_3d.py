@@ -1,7 +1,7 @@
 """A lunar module in space, under MuJoCo: six directions of freedom and four sprung legs, where `lander_2d.py` has three
 and two. Inputs, outputs and judge are the same (`lander.py`), and so is the flight, to what rounding leaves.
 
-MuJoCo holds places half a step ahead of velocities; `lander.py` says why.
+MuJoCo holds positions half a step ahead of velocities; `lander.py` gives the reason.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ NOWHERE = (0.0, 0.0, 0.0)  # where a vector begins that is a direction
 
 
 class State(NamedTuple):
-    """All of the plant: what MuJoCo holds (places half a step ahead), and what is ours."""
+    """Full state of the plant: MuJoCo's (positions half a step ahead), and ours."""
 
     body: tuple[float, ...]
     attitude_rad: float
@@ -87,12 +87,12 @@ class Lander3D(Lander):
         self._pose: Pose | None = None
 
     def _build(self) -> None:
-        """Build the world anew if the ground is another."""
+        """Rebuild the world if the ground has changed."""
         if self._hull.terrain is not self.terrain:
             self._hull = Hull3D(self.module, self.terrain, self.step_s)
 
     def snapshot(self) -> State:
-        """Return all of the state; it never changes afterwards."""
+        """Return the full state; the returned object is immutable."""
         return State(body=self._hull.state(), attitude_rad=self._attitude, **self._flight_state())
 
     def restore(self, snapshot: State) -> None:

@@ -1,7 +1,7 @@
 """Two sprung, damped feet on the ground: how hard each pushes the module, and where it grips.
 
     normal force = spring * depth + damper * speed of giving way, never pulling
-    side force   = spring * way from the grip + damper * speed sideways, at most friction * normal force
+    side force   = spring * distance from the grip + damper * speed sideways, at most friction * normal force
 
 A foot that is pulled harder takes its grip along. All there is to remember is where each grips, so a contact can be
 put back to the bit, which the ones of pymunk cannot: they keep impulses that nothing can write.
@@ -20,7 +20,7 @@ from snr_sim.plants.lander.terrain import Terrain
 FEET_M = ((-0.5 * PADS_APART_M, -PADS_BELOW_M), (0.5 * PADS_APART_M, -PADS_BELOW_M))
 REACH_M = math.hypot(*FEET_M[0])  # no part of the module that can touch is farther from its centre of mass
 
-Grip: TypeAlias = tuple[float, float] | None  # the place on the ground that a foot holds on to, if it touches
+Grip: TypeAlias = tuple[float, float] | None  # the point on the ground that a foot grips, if it touches
 Kick: TypeAlias = tuple[
     float, float, float
 ]  # change of velocity: x, z [m/s]; and twist [m2/s], a moment's per kilogram
@@ -62,7 +62,7 @@ class Legs:
             body: where the module is.
             mass_kg: its mass.
             ground: under it.
-            push: called with a kick (x, z) and the place it acts at, world frame.
+            push: called with a kick (x, z) and the point it acts at, world frame.
 
         Returns:
             how many feet touch.

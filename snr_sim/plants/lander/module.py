@@ -1,4 +1,4 @@
-"""The numbers a flying lunar module is made of. Which numbers, a robot says; what they do, `lander_2d.py` says."""
+"""Parameters of a lunar module in flight. A robot gives their values; `lander_2d.py` uses them."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from snr_sim.prelude.errors import ParameterError
 
 @dataclass(frozen=True)
 class Throttle:
-    """Which shares of full thrust an engine can run at: off, a range, or full.
+    """Throttle range of an engine, as fractions of full thrust: off, a range, or full.
 
     Args:
         lowest: end of the range; below it the flame goes out.
-        highest: other end; between it and full the nozzle wears away, so the engine leaves that out.
+        highest: other end; between it and full the nozzle erodes, so the engine skips that range.
 
     Raises:
-        ParameterError: they are no such shares.
+        ParameterError: the fractions are not valid.
     """
 
     lowest: Annotated[float, LIMITS["share"]]
@@ -34,7 +34,7 @@ class Throttle:
             )
 
     def snap(self, command: float) -> float:
-        """Return the nearest share that the engine can run at.
+        """Return the nearest fraction that the engine can run at.
 
         >>> [Throttle(0.1, 0.6).snap(u) for u in (0.04, 0.06, 0.3, 0.7, 0.9)]
         [0.0, 0.1, 0.3, 0.6, 1.0]
@@ -53,10 +53,10 @@ class Leg:
     Args:
         spring_npm: force per metre of giving way, along the ground's normal; sideways the foot bends as stiffly.
         damper_nspm: force per speed, both ways.
-        friction: largest share of the normal force that the foot holds sideways before it slides.
+        friction: largest fraction of the normal force that the foot holds sideways before it slides.
 
     Raises:
-        ParameterError: a number cannot be.
+        ParameterError: a number is out of range.
     """
 
     spring_npm: Annotated[float, LIMITS["leg_npm"]]
@@ -74,7 +74,7 @@ class LunarModule:
     Args:
         thrust_n: of the main engine at full throttle.
         exhaust_mps: its effective exhaust speed.
-        throttle: shares of it that the engine can run at.
+        throttle: fractions of it that the engine can run at.
         throttle_lag_s: time constant of thrust following the command.
         gimbal_rad: how far the nozzle turns to either side.
         gimbal_rate_radps: how fast.
@@ -85,7 +85,7 @@ class LunarModule:
         gravity_mps2: pulls down.
 
     Raises:
-        ParameterError: a number cannot be.
+        ParameterError: a number is out of range.
     """
 
     thrust_n: Annotated[float, LIMITS["engine_n"]]
@@ -129,7 +129,7 @@ class PlaneStart:
         fuel_kg: of the mass, what may be burned.
 
     Raises:
-        ParameterError: a number cannot be.
+        ParameterError: a number is out of range.
     """
 
     position_m: Annotated[tuple[float, float], LIMITS["way_m"]]

@@ -1,6 +1,6 @@
-"""What the lunar module looks like: stages, legs, bell and jets as meshes, in metres from its centre of mass.
+"""Shapes of the lunar module: stages, legs, bell and jets as meshes, in metres from its centre of mass.
 
-Only the viewer sees these. Where a shape has a part in the physics too (feet, nozzle, hull), its place is a constant
+Only the viewer sees these. Where a shape has a part in the physics too (feet, nozzle, hull), its position is a constant
 here and the plants take it from here, so that the picture cannot show another module than the one that flies.
 """
 
@@ -50,7 +50,7 @@ def legged_module_shapes() -> dict[str, list[dict[str, Any]]]:
 
 
 def hull_corners() -> Ring:
-    """Return the corners of a hull with eight sides; from -y it looks as `HULL_M` says."""
+    """Return the corners of a hull with eight sides; seen from -y it has the outline `HULL_M`."""
     return [corner for x, z in HULL_M if x > 0.0 for corner in _ring(x, z, 8)]
 
 

@@ -12,19 +12,19 @@ from snr_sim.prelude.sums import ordered_sum
 SPACING_M = 5.0  # between two points of the line; a foot pad is 0.9 m across, so the ground between is plain
 HALF_WIDTH_M = 400.0
 PAD_HALF_WIDTH_M = 15.0
-ROOF_REACH_M = 10.0  # how far to either side `roof_m` looks: more than a leg's reach and the way of a tenth second
+ROOF_REACH_M = 10.0  # range of `roof_m` to either side: more than a leg's reach and the distance of a tenth second
 
 
 @dataclass(frozen=True)
 class Terrain:
-    """Heights at evenly spaced places.
+    """Heights at evenly spaced positions.
 
     Args:
         heights_m: from x = -`HALF_WIDTH_M` to +`HALF_WIDTH_M`, `SPACING_M` apart; the middle one is 0.
-        seed: of the hills that only the viewer sees.
+        seed: of the hills that only the viewer shows.
 
     Raises:
-        ParameterError: there are more or fewer heights, or one is no number.
+        ParameterError: the number of heights is wrong, or one is not a number.
     """
 
     heights_m: tuple[float, ...]
@@ -39,7 +39,7 @@ class Terrain:
             raise ParameterError(f"A terrain has the height {odd}.", fix="give finite numbers.")
 
     def ground(self, x_m: float) -> tuple[float, float]:
-        """Return height [m] and slope [m/m] at a place; beyond the ends the last piece goes on."""
+        """Return height [m] and slope [m/m] at a position; beyond the ends the last piece is extended."""
         heights = self.heights_m
         along = (x_m + HALF_WIDTH_M) / SPACING_M
         i = min(len(heights) - 2, max(0, int(along)))

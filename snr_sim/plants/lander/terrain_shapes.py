@@ -1,6 +1,6 @@
-"""What the ground looks like: the line that the physics stands on, with country to either side, for the viewer alone.
+"""Shapes of the ground: the line that the physics uses, with terrain to either side, for the viewer alone.
 
-Close to the line the country is the line itself, so that feet stand on what they touch. Farther out it goes its own
+Close to the line the terrain is the line itself, so that feet stand on what they touch. Farther out it goes its own
 way, with hills in all directions and craters, the same for the same ground.
 """
 
@@ -52,7 +52,7 @@ def terrain_shapes(terrain: Terrain) -> dict[str, Any]:
 
 
 def _country(terrain: Terrain, x: Heights, y: Heights, line: Heights) -> Heights:
-    """Return the heights of the shown ground at a grid of places, all of shape (rows, places)."""
+    """Return the heights of the shown ground at a grid of points, all of shape (rows, points)."""
     rng = rng_for(terrain.seed, "country")
     own = np.clip((np.abs(y) - OWN_FROM_M) / (OWN_TO_M - OWN_FROM_M), 0.0, 1.0)
     hills = np.zeros_like(x)

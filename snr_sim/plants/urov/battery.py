@@ -14,10 +14,11 @@ from snr_sim.plants.urov.plausible import LIMITS, check_number, check_record, is
 from snr_sim.prelude.errors import ParameterError
 
 # Open-circuit voltage of a cell over its charge: a Samsung INR21700-40T, measured at C/20 and room temperature, at the
-# ten places between which straight lines fit it best (Sunil, Pattipati and Balasingam, "Piecewise linear approximation
+# ten points between which straight lines fit it best (Sunil, Pattipati and Balasingam, "Piecewise linear approximation
 # of battery open-circuit voltage characteristics using dynamic programming", IEEE Transactions on Instrumentation and
-# Measurement, 2025, with tables in the repository soorajsunil/Piecewise-Battery-OCV). Nobody prints which cells are in
-# the vehicle's pack; these are of their kind, and full, on average and empty have the voltages that makers print.
+# Measurement, 2025, with tables in the repository soorajsunil/Piecewise-Battery-OCV). The maker does not publish which
+# cells are in the vehicle's pack; these are of their kind, and their full, average and empty voltages are the usual
+# ones.
 OPEN_CIRCUIT = (
     (0.0, 2.5), (0.0050, 2.8080), (0.0352, 3.1179), (0.0854, 3.3182), (0.1357, 3.4193),
     (0.2915, 3.5826), (0.4523, 3.6941), (0.8392, 4.0664), (0.9548, 4.1121), (1.0, 4.2),
@@ -32,7 +33,7 @@ def _line_at(charge: float) -> tuple[float, float, float]:
 
 
 def cell_v(charge: float) -> float:
-    """Return the voltage of a cell from which nothing is drawn.
+    """Return the voltage of a cell without load.
 
     >>> cell_v(1.0), round(cell_v(0.5), 2), round(cell_v(0.1), 2), cell_v(0.0)
     (4.2, 3.74, 3.35, 2.5)
@@ -46,23 +47,23 @@ def cell_v(charge: float) -> float:
 
 @dataclass(frozen=True)
 class Pack:
-    """What a battery is made of. The default is the 14.8 V, 18 Ah pack of the vehicle's maker.
+    """Parameters of a battery. The default is the 14.8 V, 18 Ah pack of the vehicle's maker.
 
     Args:
         cells: in series.
         capacity_ah: ampere hours from full to empty.
-        resistance_ohm: of cells, plugs and cables up to the speed controllers. Nobody prints it: 0.02 to 0.05 ohm is
-            usual for such packs, and the default lies between.
-        cutoff_cell_v: of each cell, under load. Below it for `cutoff_s` a protection circuit takes the pack off, and
-            off it stays until it is charged; None is a pack without such a circuit, which gives until it is empty.
-            The maker's pack has none, and its guide asks the user to stop at 3.0 V a cell, or the pack is spoilt
+        resistance_ohm: of cells, plugs and cables up to the speed controllers. The maker does not publish it: 0.02 to
+            0.05 ohm is usual for such packs, and the default lies between.
+        cutoff_cell_v: of each cell, under load. Below it for `cutoff_s` a protection circuit disconnects the pack,
+            until it is charged; None is a pack without such a circuit, which delivers until it is empty.
+            The maker's pack has none, and its guide asks the user to stop at 3.0 V a cell to prevent permanent damage
             (bluerobotics.com/learn/battery-info). That one is fitted is our choice, and so are its numbers: 2.5 V, at
-            which the cells' own makers call them empty, and a delay that a motor's start does not outlast. Thrusters
-            stand still then; that the computers would, too, is left out.
+            which the cells' own makers call them empty, and a delay longer than a motor's start. Thrusters stop then;
+            that the computers would stop, too, is not simulated.
         cutoff_s: that delay.
 
     Raises:
-        ParameterError: a number makes no sense; the message names it and says what is usual.
+        ParameterError: a number is out of range; the message names it and the usual range.
     """
 
     cells: Annotated[int, LIMITS["cells"]] = 4
@@ -79,13 +80,13 @@ _ROUNDING_S = 1e-9  # a tenth of a second is one, however many steps it is made 
 
 
 class BenchSupply:
-    """A supply that holds its voltage whatever is drawn, as one on a bench; for measuring.
+    """A supply of constant voltage at any current, like a bench supply; for measuring.
 
     Args:
-        volts: that it holds.
+        volts: its voltage.
 
     Raises:
-        ParameterError: they are no number.
+        ParameterError: it is not a number.
     """
 
     charge = 1.0
@@ -97,11 +98,11 @@ class BenchSupply:
         self.energy_j = 0.0
 
     def reset(self) -> None:
-        """Count from nothing."""
+        """Reset the counters to 0."""
         self.energy_j = 0.0
 
     def voltage_v(self, current_a: float) -> float:
-        """Return what it holds."""
+        """Return its state."""
         return self.volts
 
     def draw(self, current_a: float, voltage_v: float, dt_s: float) -> None:
@@ -109,7 +110,7 @@ class BenchSupply:
         self.energy_j += current_a * voltage_v * dt_s
 
     def snapshot(self) -> float:
-        """Return what it counted."""
+        """Return its counters."""
         return self.energy_j
 
     def restore(self, snapshot: float) -> None:
@@ -118,17 +119,17 @@ class BenchSupply:
 
 
 class Battery:
-    """A pack and how much is left in it.
+    """A pack and its remaining charge.
 
     Args:
-        pack: what it is.
-        charge: of a run's beginning, 0 empty to 1 full.
+        pack: its parameters.
+        charge: at the start of a run, 0 empty to 1 full.
 
     Raises:
-        ParameterError: the charge is none.
+        ParameterError: the charge is not valid.
 
     Attributes:
-        is_cut_off: its protection circuit has taken it off; it gives nothing more.
+        is_cut_off: its protection circuit has disconnected it; it delivers no more current.
     """
 
     def __init__(self, pack: Pack | None = None, charge: float = 1.0) -> None:
@@ -142,7 +143,7 @@ class Battery:
         self.reset()
 
     def reset(self) -> None:
-        """Charges it as it was at first."""
+        """Restore the initial charge."""
         self.charge = self._first_charge
         self.energy_j = 0.0  # given so far, at the terminals
         self.is_cut_off = self.charge <= 0.0
@@ -157,7 +158,7 @@ class Battery:
         return max(0.0, from_v + (self.charge - from_charge) * slope - current_a * resistance_ohm)
 
     def draw(self, current_a: float, voltage_v: float, dt_s: float) -> None:
-        """Take a current out of it for a time, at a voltage; of one that has been cut off, nothing."""
+        """Draw a current for a time, at a voltage; no effect once it is cut off."""
         if self.is_cut_off:
             return
         charge = self.charge - current_a * dt_s * self._share_per_as

@@ -18,14 +18,14 @@ STILL: Vector = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Load:
-    """Something small that hangs at the vehicle for a while. It has mass, so it also makes the vehicle sluggish.
+    """Small payload that is attached to the vehicle for a while. It has mass, so it also makes the vehicle sluggish.
 
     Args:
         mass_kg: of it.
         volume_m3: of the water it displaces; a kilogram of lead has 0.000088.
         place_m: body frame.
-        from_s: when it is taken up.
-        until_s: when it is let go.
+        from_s: when it is attached.
+        until_s: when it is released.
     """
 
     mass_kg: Annotated[float, LIMITS["load_kg"]]
@@ -45,7 +45,7 @@ class Load:
 
 @dataclass(frozen=True)
 class Leak:
-    """Water that comes into the hull.
+    """Water that leaks into the hull.
 
     Args:
         from_s: when it begins.
@@ -75,7 +75,7 @@ class ThrusterFault:
         at_s: when.
         thruster: its name, or its number from 0.
         fault: 'off', 'weak', 'stuck' or 'none', as in `Propulsion.fail`.
-        share: of its force that a weak one keeps.
+        share: fraction of its force that a weak one keeps.
     """
 
     at_s: Annotated[float, LIMITS["time_s"]]
@@ -92,7 +92,7 @@ class ThrusterFault:
         """Return the number of the thruster among those of a vehicle.
 
         Raises:
-            ParameterError: there is none; the message names those there are.
+            ParameterError: the name is unknown; the message lists the known ones.
         """
         if isinstance(self.thruster, str):
             found = names.index(self.thruster) if self.thruster in names else -1
@@ -142,7 +142,7 @@ class Dive:
         tether: if there is one.
 
     Raises:
-        ParameterError: a number cannot be, or currents are out of order.
+        ParameterError: a number is out of range, or currents are out of order.
     """
 
     position_m: Annotated[Vector, LIMITS["position_m"]] = (0.0, 0.0, -1.0)

@@ -101,7 +101,7 @@ class Drive:
         thrusters, motion = self._thrusters, self._motion
         if thrusters is None:
             return self.wrench
-        if now_s >= self.until_s:  # nobody has renewed them
+        if now_s >= self.until_s:  # the pulses were not renewed in time
             self.pulses, self.until_s = [STOP_US] * len(self.pulses), math.inf
         thrusters.step(motion.step_s, self.pulses)
         z = motion.place[2]

@@ -1,20 +1,20 @@
-"""An electronic speed controller: it must be shown stop before it turns a thruster, and again after silence.
+"""Electronic speed controller: it needs a stop pulse before it turns a thruster, and again after a loss of signal.
 
     new --a steady pulse for a second: that is stop--> armed --no pulse for some seconds, or no voltage--> waiting
                                                         ^                                                     |
                                                         '------------ its stop for a second ------------------'
 
 Documented (maker's forum, threads 380 and 2214, Basic ESC R3): 1500 us for about a second arms it. Without pulses it
-stops, and after "3 to 10 seconds" it must be shown 1500 us again. Somebody who sent something else at first found that
-this had become its stop, and that 1500 us made the thruster turn the other way.
+stops, and after "3 to 10 seconds" it needs 1500 us again. A user who sent another width first found that this had
+become its stop, and that 1500 us made the thruster turn the other way.
 
-What it has once taken for stop it keeps, also without voltage: BLHeli_S, the program in these controllers, holds that
-in flash memory, and after a reset or silence its arming sequence goes on only at a pulse that is stop (its published
-source). So a supply that breaks down under thrust leaves the thrusters still until they are told to stop for a second.
+It keeps its stop pulse also without voltage: BLHeli_S, the firmware of these controllers, stores it in flash memory,
+and after a reset or a loss of signal its arming sequence continues only at a stop pulse (its published source). So a
+supply that breaks down under thrust leaves the thrusters stopped until they get stop pulses for a second.
 
-Not documented, and chosen here: that silence counts after 5 s; that arming again takes as long as the first time; what
-"steady" is; that a pulse within `STEADY_US` of stop counts as stop; that below 7 V, the least that its maker names, it
-is reset at once.
+Not documented, and chosen here: that a loss of signal counts after 5 s; that arming again takes as long as the first
+time; what "steady" is; that a pulse within `STEADY_US` of stop counts as stop; that below 7 V, the lowest voltage that
+its maker specifies, it is reset at once.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ _ROUNDING_S = 1e-9  # a second is a second, however many steps it is made of
 
 
 class EscState(NamedTuple):
-    """All there is to know of a speed controller.
+    """Full state of a speed controller.
 
     Args:
         is_armed: it turns its thruster.
-        stop_us: the pulse that it takes for stop; None if it is new and was shown none.
-        first_us: while not armed, the pulse it has been hearing.
+        stop_us: its stop pulse; None if it is new and has had none.
+        first_us: while not armed, the pulse that it is receiving.
         held_s: while not armed, for how long.
-        silent_s: how long it has heard none.
+        silent_s: time since the last pulse.
     """
 
     is_armed: bool = False
@@ -48,7 +48,7 @@ class EscState(NamedTuple):
 
 
 class Esc:
-    """One speed controller, as it is when it is connected for the first time."""
+    """One speed controller, new as when it is connected for the first time."""
 
     def __init__(self) -> None:
         self.state = EscState()
@@ -95,7 +95,7 @@ class Esc:
     def _show(self, pulse_us: float, dt_s: float) -> None:
         state = self.state
         if state.stop_us is not None and abs(pulse_us - state.stop_us) > STEADY_US:
-            self.state = EscState(stop_us=state.stop_us)  # not stop: it goes on waiting
+            self.state = EscState(stop_us=state.stop_us)  # not stop: it keeps waiting
             return
         if state.first_us is None or abs(pulse_us - state.first_us) > STEADY_US:
             state = EscState(stop_us=state.stop_us, first_us=pulse_us)

@@ -23,8 +23,8 @@ class Flotation:
     Attributes:
         mass: 6 x 6, dry vehicle and loads.
         net_n: buoyancy less weight.
-        arm: buoyancy times its place less weight times its place [N m], body frame: its cross product with the upward
-            direction is the righting moment.
+        arm: buoyancy times its position less weight times its position [N m], body frame: its cross product with the
+            upward direction is the righting moment.
     """
 
     def __init__(self, vehicle: Vehicle, rigid: Matrix, density_kgm3: float, gravity_mps2: float) -> None:
@@ -34,16 +34,16 @@ class Flotation:
         self.load((), 0.0)
 
     def load(self, loads: Sequence[Load], water_l: float, water_at: Vector = (0.0, 0.0, 0.0)) -> None:
-        """Weigh all of it anew; what hangs at the vehicle counts with its own buoyancy, as if always under water.
+        """Compute weight and buoyancy again; payloads count with their own buoyancy, as if always under water.
 
         Args:
-            loads: what hangs at it.
+            loads: attached payloads.
             water_l: leaked into the hull.
             water_at: where that is, body frame.
         """
         rigid, gravity, density = self._rigid, self._gravity, self._density
         weight = gravity * float(rigid[0, 0])
-        # Mass times place stands in the mass matrix: m z at [0, 4], m x at [1, 5], m y at [2, 3].
+        # The mass matrix contains mass times position: m z at [0, 4], m x at [1, 5], m y at [2, 3].
         arm = [gravity * float(rigid[1, 5]), gravity * float(rigid[2, 3]), gravity * float(rigid[0, 4])]
         parts = [(one.mass_kg, one.mass_kg - density * one.volume_m3, one.place_m) for one in loads]
         if water_l > 0.0:
@@ -58,7 +58,7 @@ class Flotation:
         self.wet(1.0, self._centre)
 
     def wet(self, share: float, centre: Vector) -> None:
-        """Take another share of the volume to be in the water, with another middle of it."""
+        """Set the fraction of the volume that is in the water, and its centre."""
         force = share * self._buoyancy_n
         self.net_n = force - self._weight_n
         x, y, z = (force * a - b for a, b in zip(centre, self._weight_arm, strict=True))
@@ -70,7 +70,7 @@ class Flotation:
 
 
 def point_mass(mass_kg: float, place: Vector) -> Matrix:
-    """Return the 6 x 6 mass matrix of something small that is fixed to the body at a place of its frame."""
+    """Return the 6 x 6 mass matrix of a point mass that is fixed to the body at a position in its frame."""
     x, y, z = place
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return mass_kg * np.block([[np.eye(3), -cross], [cross, -product(cross, cross)]])

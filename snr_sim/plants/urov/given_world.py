@@ -1,8 +1,8 @@
-"""A world that somebody gave as MJCF for the underwater vehicle: what it may not say, because the plant says it.
+"""Checks of a user's MJCF world for the underwater vehicle: what it must not contain, because the plant computes it.
 
-The water is the plant's (`hydrodynamics.py`), and where nothing touches, the plant moves the vehicle without asking
-MuJoCo. So what would push, damp or carry the vehicle inside MuJoCo would count twice, or only while something touches.
-It is refused, with where it belongs. What a world says of its geometry, contacts, solver and other bodies counts.
+The water is the plant's (`hydrodynamics.py`), and where nothing touches, the plant moves the vehicle without MuJoCo.
+So anything that would push, damp or carry the vehicle inside MuJoCo would count twice, or only during contact. It is
+rejected, and the message says where it belongs. Geometry, contacts, solver and other bodies of the world are used.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def check_mass(vehicle: Vehicle, mass_kg: float) -> None:
 
 
 def _options(world: MujocoWorld, mjcf: str, pool: Pool, step_s: float) -> Iterator[tuple[str, str]]:
-    """Yield what the <option> element says in vain, and why."""
+    """Yield what the <option> element sets without effect, and the fix."""
     mujoco, option = world.mujoco, world.model.opt
     if option.density or option.viscosity:
         yield (
@@ -91,7 +91,7 @@ def _options(world: MujocoWorld, mjcf: str, pool: Pool, step_s: float) -> Iterat
 
 
 def _stated_steps_s(mjcf: str, own_step_s: float) -> set[float]:
-    """Return the timesteps that a text states; a compiled world does not tell a stated default from the default."""
+    """Return the timesteps that a text states; a compiled world does not show whether its default was stated."""
     try:
         options = ElementTree.fromstring(mjcf).iter("option")
         stated = {float(one.attrib["timestep"]) for one in options if "timestep" in one.attrib}

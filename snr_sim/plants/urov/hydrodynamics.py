@@ -3,7 +3,7 @@
     M nu' + C(nu) nu + D(nu) nu = push + weight and buoyancy,          M = rigid body + wet share of the added mass
 
 `nu` is the velocity relative to the water, in the body frame. That rigid body and added mass can share one M and one C
-is no simplification: in water that moves as a whole, the laws of motion are those of still water, seen from the water.
+is exact: in water that moves as a whole, the laws of motion are those of still water, seen from the water.
 So the off-diagonal terms of a current, such as M_A (w x v_r), are in here without being written down.
 
 C is not written down either. M nu is the momentum (P, L) of body and water; seen from a turning body it changes by
@@ -41,7 +41,7 @@ Product: TypeAlias = Callable[[float, float, float, float, float, float], Six]
 
 ROUNDS, MOST_ROUNDS = 2, 60
 SETTLED = 1e-5  # m/s, rad/s: a round that changes the middle's velocity by more is not the last
-CAREFUL = 0.2  # share of the way, once rounds overshoot: up to a tenfold drag, which no vehicle meets, it still settles
+CAREFUL = 0.2  # relaxation factor once rounds overshoot: converges up to a tenfold drag, which no vehicle meets
 WET_STEPS = 4096  # with 64, space and plane differed by 5e-3 m/s at the surface, however short the step
 AT_REST: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -54,8 +54,8 @@ class Hydrodynamics:
         rigid: 6 x 6 mass matrix of the dry body, about the origin of the body frame.
 
     Attributes:
-        mass: 6 x 6, with the wet share of the added mass.
-        wet: the share.
+        mass: 6 x 6, with the wet fraction of the added mass.
+        wet: that fraction.
     """
 
     def __init__(self, vehicle: Vehicle, rigid: Matrix) -> None:
@@ -66,9 +66,9 @@ class Hydrodynamics:
         self.set_mass(rigid, 1.0)
 
     def set_mass(self, rigid: Matrix, wet: float) -> None:
-        """Take another dry mass, or another share of the body to be in the water, 0 to 1.
+        """Set the dry mass, or the fraction of the body that is in the water, 0 to 1.
 
-        The share counts in steps of 1 / `WET_STEPS` here, so that the inverse of each mass is computed once.
+        The fraction counts in steps of 1 / `WET_STEPS` here, so that the inverse of each mass is computed once.
         """
         if rigid is not self._rigid:
             self._rigid, self._known = rigid, {}
@@ -97,7 +97,7 @@ class Hydrodynamics:
             up: the world's upward direction then, body frame; it turns with the body during the step.
             push: wrench of all else that acts, body frame.
             net_n: buoyancy less weight.
-            arm: buoyancy times its place less weight times its place [N m], body frame.
+            arm: buoyancy times its position less weight times its position [N m], body frame.
             guess: of the acceleration of this step.
             dt_s: length of the step; with 0, the acceleration is that of this moment.
 
@@ -147,7 +147,7 @@ class Hydrodynamics:
             gap = abs(au - b1) + abs(av - b2) + abs(aw - b3) + abs(ap - b4) + abs(aq - b5) + abs(ar - b6)
             if half * gap < SETTLED:
                 break
-            # So much drag that each round overshoots: go a part of the way.
+            # So much drag that each round overshoots: relax.
             au, av, aw, ap, aq, ar = (a + CAREFUL * (b - a) for a, b in zip(before, found, strict=True))
         else:
             raise PlantError(

@@ -1,8 +1,8 @@
-"""What contacts do to a body whose mass is another in every direction, which the contacts of pymunk cannot know.
+"""Contact impulses on a body whose mass differs by direction, which pymunk's contacts do not support.
 
-pymunk says where a body touches, which way and how deep; here are the impulses: each contact in turn asks for as much
-as stops the body there, never pulls, and holds sideways up to friction, until all are content (sequential impulses).
-All begins anew at every step, so a body at rest can be put back to the bit.
+pymunk detects contact points, normals and depths; this module computes the impulses. Each contact in turn applies the
+impulse that stops the body there, never a pulling one, with friction up to its limit, until all converge (sequential
+impulses). Every step starts from zero impulses, so a body at rest can be restored bitwise.
 
 Source: Catto, Iterative Dynamics with Temporal Coherence (2005); with a full matrix in place of one mass, and without
 the coherence.
@@ -17,17 +17,17 @@ from snr_sim.plants.urov.water_2d import Three
 from snr_sim.prelude.sums import dot_product, ordered_sum
 
 ROUNDS = 30
-DEEP_M = 0.0005  # a contact may be so deep and stay; what is deeper comes out by this share of it in a step
+DEEP_M = 0.0005  # allowed depth of a contact; the excess is reduced by this fraction in a step
 OUT_SHARE = 0.1
 OUT_MOST_MPS = 0.2
 
 
 class Touch(NamedTuple):
-    """One place where a body touches, world frame.
+    """One contact point of a body, world frame.
 
     Args:
         out_x, out_z: unit vector away from what it touches.
-        arm_x, arm_z: from the body's origin to the place [m].
+        arm_x, arm_z: from the body's origin to the point [m].
         depth_m: how deep it is in.
     """
 
@@ -41,7 +41,7 @@ class Touch(NamedTuple):
 def stopped(
     velocity: Three, touches: Sequence[Touch], mobility: Sequence[Sequence[float]], friction: float, dt_s: float
 ) -> tuple[Three, tuple[float, float]]:
-    """Return the velocity after all contacts have had their say, and the impulse of all together [N s], world frame.
+    """Return the velocity after all contacts, and their total impulse [N s], world frame.
 
     Args:
         velocity: without contacts: along x and z [m/s], rate about y [rad/s].
@@ -53,7 +53,7 @@ def stopped(
     rows = []
     for touch in touches:
         out_x, out_z, arm_x, arm_z = touch[:4]
-        # A place at `arm` moves by (q arm_z, -q arm_x) when the body turns about y.
+        # A point at `arm` moves by (q arm_z, -q arm_x) when the body turns about y.
         for x, z in ((out_x, out_z), (-out_z, out_x)):
             direction = (x, z, x * arm_z - z * arm_x)
             answer = [dot_product(row, direction) for row in mobility]

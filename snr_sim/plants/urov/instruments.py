@@ -1,4 +1,4 @@
-"""What the underwater vehicle tells: its outputs, the true state for the recorder, and its shapes for the viewer."""
+"""Outputs of the underwater vehicle: readings, the true state for the recorder, and its shapes for the viewer."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from snr_sim.prelude.water import AIR_PA
 FIELD_UT = (0.0, 20.0, -44.0)
 # What the supply's wires add for each ampere, body frame: our estimate. At 100 A it turns a compass by 6 degrees.
 FIELD_UT_PER_A = (0.02, 0.02, 0.05)
-NO_GROUND_M = 1000.0  # what the echo sounder says over a world without a floor
+NO_GROUND_M = 1000.0  # reading of the echo sounder over a world without a floor
 CURRENT_N = 40.0  # length of its arrow for each metre a second, so that it shows among the forces
 
 
@@ -33,7 +33,7 @@ class Instruments:
 
     Args:
         vehicle, pool, thrusters: what the plant is made of.
-        body: looks for the ground.
+        body: finds the ground.
         motion, water, mover: what is read.
 
     Attributes:
@@ -78,7 +78,7 @@ class Instruments:
         motion = self._motion
         x, y, z = motion.place
         ax, ay, az = motion.in_world(0.0, 0.0, -0.5 * self._vehicle.size_m[2])
-        above = max(0.0, -az)  # looks from no lower than the origin, as the bottom may give way into the floor
+        above = max(0.0, -az)  # measured from no lower than the origin, as the bottom may give way into the floor
         height = self._body.height_over_ground_m((x + ax, y + ay, z + az + above)) - above
         if height < -above:
             height = NO_GROUND_M
@@ -155,7 +155,7 @@ class Instruments:
         }
 
     def _mishaps(self) -> dict[str, float]:
-        """Return what the dive has in store for the vehicle, as far as it has come: numbers of the truth.
+        """Return the disturbances of the dive up to now: numbers of the truth.
 
         `broken_<thruster>` is 1 from its failure on.
         """

@@ -1,4 +1,4 @@
-"""Where the vehicle is and how it moves: the numbers that all its parts share, one moment at a time."""
+"""Pose and velocity of the vehicle: the state that all its parts share."""
 
 from __future__ import annotations
 

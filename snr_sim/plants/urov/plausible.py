@@ -1,10 +1,11 @@
-"""What the numbers of a small vehicle in a pool and of a lander can be: one table of limits, each with its reason.
+"""Plausible ranges of the numbers of a small vehicle in a pool and of a lander: one table, each limit with its reason.
 
-A record names its limits in its annotations, and `check_record` holds it against them. msgspec's `Meta` and `convert`
-would not do: they know no numpy numbers, and their errors tell neither the value nor what it might have meant.
+A record names its limits in its annotations, and `check_record` applies them. msgspec's `Meta` and `convert` do not
+suffice: they do not support numpy numbers, and their errors contain neither the value nor the unit that may have been
+meant.
 
-They are wide: what lies outside is not unusual but a slip, most often of the unit, and the message names the unit that
-would explain it. A limit tells a slip before a dive, where physics would tell it as a vehicle that behaves oddly.
+The ranges are wide: a value outside is not unusual but a mistake, most often of the unit, and the message names the
+unit that would explain it. A limit shows a mistake before a dive; in the physics it would show as odd motion.
 """
 
 from __future__ import annotations
@@ -29,19 +30,19 @@ LITRES = {"litres": 1e-3, "cubic centimetres": 1e-6}
 DEGREES = {"degrees": math.pi / 180.0}
 LEAD_KGM3 = 11340.0
 OUTRIGGER_M = 0.1  # how far a propeller may sit outside the frame
-IS_ABOVE = True  # the least number itself cannot be
+IS_ABOVE = True  # excludes the bound `least` itself
 
 
 @dataclass(frozen=True)
 class Limit:
-    """What a number can be.
+    """Range of a number.
 
     Args:
-        least, most: both can be, unless `is_above`, when `least` itself cannot.
+        least, most: bounds, inclusive, but for `least` if `is_above`.
         unit: of it.
-        why: nothing lies outside.
-        slips: units that somebody may have used instead, and how many of ours each is.
-        is_above: whether it must be more than `least`.
+        why: reason for the bounds.
+        slips: units that are used by mistake, and how many of ours each is.
+        is_above: whether it must be greater than `least`.
     """
 
     least: float
@@ -52,11 +53,11 @@ class Limit:
     is_above: bool = False
 
     def holds(self, value: float) -> bool:
-        """Return whether a number can be; NaN never can."""
+        """Return whether a number is within the limit; NaN is not."""
         return self.least <= value <= self.most and not (self.is_above and value == self.least)
 
     def wanted(self) -> str:
-        """Return in words what is wanted."""
+        """Return the range as text."""
         unit = f" {self.unit}" if self.unit else ""
         if math.isinf(self.least) and math.isinf(self.most):
             return f"a finite number{unit and ' of' + unit}"
@@ -167,10 +168,10 @@ def check_record(record: Any, who: str) -> None:
 
     Args:
         record: just made.
-        who: it is, for the message: "The tether's ".
+        who: its owner, for the message: "The tether's ".
 
     Raises:
-        ParameterError: a field cannot be what it is; the message names it.
+        ParameterError: a field is out of range; the message names it.
     """
     made_of: Any = type(record)
     for name, kind in _kinds(made_of).items():
@@ -224,16 +225,16 @@ def _checked(what: str, value: Any, kind: Any, *rules: Any) -> Any:
 
 
 def check_number(what: str, value: Any, limit: Limit = FINITE, axis: str = "") -> None:
-    """Check that a value is a number that can be.
+    """Check that a value is a number within a limit.
 
     Args:
-        what: it is, for the message: "The tether's length_m".
+        what: name of the value, for the message: "The tether's length_m".
         value: that was given.
         limit: for it; see `LIMITS`.
         axis: of it, if it is one of several.
 
     Raises:
-        ParameterError: it is none; the message says what was found and what is wanted.
+        ParameterError: it is not; the message contains the value and the expected range.
     """
     name = f"{what} of {axis}" if axis else what
     if not is_number(value):
@@ -248,10 +249,10 @@ def check_number(what: str, value: Any, limit: Limit = FINITE, axis: str = "") -
 
 
 def check_whole(what: str, value: Any, limit: Limit) -> None:
-    """Check that a value is a whole number that can be.
+    """Check that a value is a whole number within a limit.
 
     Raises:
-        ParameterError: it is none; the message says what was found and what is wanted.
+        ParameterError: it is not; the message contains the value and the expected range.
     """
     check_number(what, value, limit)
     if not isinstance(value, Integral):
@@ -259,10 +260,10 @@ def check_whole(what: str, value: Any, limit: Limit) -> None:
 
 
 def check_vector(what: str, value: Any, limit: Limit = FINITE, axes: Sequence[str] = ("x", "y", "z")) -> None:
-    """Check that a value is a row of numbers, one for each axis.
+    """Check that a value is a sequence of numbers, one for each axis.
 
     Raises:
-        ParameterError: it is none; the message says which of them is wrong.
+        ParameterError: it is not; the message names the axis.
     """
     if isinstance(value, str) or not hasattr(value, "__len__") or isinstance(value, Mapping):
         raise ParameterError(
@@ -277,10 +278,10 @@ def check_vector(what: str, value: Any, limit: Limit = FINITE, axes: Sequence[st
 
 
 def check_members(what: str, value: Any, kind: type) -> None:
-    """Check that a value is a tuple or list of one kind of thing.
+    """Check that a value is a tuple or list of one type.
 
     Raises:
-        ParameterError: it is none.
+        ParameterError: it is not.
     """
     name = kind.__name__
     if isinstance(value, kind):
@@ -294,7 +295,7 @@ def checked_matrix(what: str, rows: Any, axes: Sequence[str]) -> NDArray[np.floa
     """Return a symmetric matrix that has a row and a column of finite numbers for each axis.
 
     Raises:
-        ParameterError: it is none; the message says where.
+        ParameterError: it is not one; the message names the entry.
     """
     if isinstance(rows, np.ndarray):
         rows = rows.tolist()

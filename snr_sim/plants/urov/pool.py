@@ -1,7 +1,8 @@
-"""The pool a vehicle swims in: still surface at z = 0, a level floor, four walls, and gates to go through.
+"""Pool of a vehicle: still surface at z = 0, a level floor, four walls, and gates.
 
-It writes the world as MJCF, in which MuJoCo finds what touches what. `simple="false"` at the vehicle's body matters:
-without it MuJoCo keeps only the diagonal of a mass matrix that is one, and the added mass of a tilted vehicle is not.
+It writes the world as MJCF, in which MuJoCo detects contacts. `simple="false"` at the vehicle's body matters:
+without it MuJoCo keeps only the diagonal of a mass matrix that is diagonal, and with the added mass of a tilted vehicle
+it is not.
 """
 
 from __future__ import annotations
@@ -24,17 +25,17 @@ FRICTION = 0.5  # of a plastic frame on tiles: our estimate, as is that what tou
 CONTACT = 'solimp="0.1 0.95 0.003"'
 FRICTION_RATIO = 100
 BODY = "vehicle"
-PARTS = ("floor", "surface", "rim")  # names that the view has for what belongs to the pool
+PARTS = ("floor", "surface", "rim")  # names of the pool's parts in the viewer
 
 
 @dataclass(frozen=True)
 class Gate:
-    """Two posts and two bars, upright, to swim through along its heading.
+    """Gate of two posts and two bars, upright, to pass through along its heading.
 
     Args:
         name: its own.
         position_m: of its middle.
-        heading_rad: of who goes through: 0 is along x.
+        heading_rad: of a vehicle that passes through: 0 is along x.
         width_m: between the posts.
         height_m: between the bars.
     """
@@ -77,7 +78,7 @@ class Pool:
         temperature_c: of the water.
 
     Raises:
-        ParameterError: a number cannot be, a gate is outside, or two gates have one name.
+        ParameterError: a number is out of range, a gate is outside, or two gates have one name.
     """
 
     length_m: Annotated[float, LIMITS["basin_m"]] = 25.0
@@ -101,12 +102,12 @@ class Pool:
             raise ParameterError(f"Two gates have one name: {', '.join(names)}.", fix="give each its own.")
 
     def extent(self) -> str:
-        """Return where the water is, in words."""
+        """Return a description of where the water is."""
         size = f"{self.length_m:g} x {self.width_m:g} m around 0, 0 and {self.depth_m:g} m deep"
         return f"the pool is {size}; under water z is negative."
 
     def room_m(self, place: Vector) -> float:
-        """Return how far it is at least from a place in the water to floor, walls and gates."""
+        """Return the minimum distance from a point in the water to floor, walls and gates."""
         x, y, z = place
         rooms = [z + self.depth_m, 0.5 * self.length_m - abs(x), 0.5 * self.width_m - abs(y)]
         rooms += [

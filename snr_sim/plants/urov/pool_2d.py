@@ -1,8 +1,8 @@
-"""A cut through the pool along x, under pymunk: it moves the vehicle in the plane and says what it touches.
+"""A cut through the pool along x, under pymunk: it moves the vehicle in the plane and detects contacts.
 
 What stands across the cut is there as far as the cut meets it: floor, the walls to the east and west, and each gate's
-bars as two round spots. pymunk's own contacts stay unused (`impulses_2d.py` says why): the vehicle's outline is held
-against the pool by queries.
+bars as two round spots. pymunk's own contacts stay unused (`impulses_2d.py` gives the reason): the vehicle's outline is
+held against the pool by queries.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from snr_sim.plants.urov.impulses_2d import Touch
 from snr_sim.plants.urov.pool import POST_M, Gate, Pool
 from snr_sim.plants.urov.vehicle import Matrix, Vehicle
 
-THICK_M = 5.0  # of floor and walls, for what is in deep to be pushed out the right way
+THICK_M = 5.0  # of floor and walls, so that deep penetrations are pushed out in the right direction
 HIGH_M = 1000.0  # walls rise over the water without end, as MuJoCo's planes do
 
 Place2D: TypeAlias = tuple[float, float, float]  # x, z [m], and pitch [rad] or, moving, their rates
@@ -29,7 +29,7 @@ class Pool2D:
     """A vehicle in the cut at its own y.
 
     Args:
-        pool: where it swims.
+        pool: where it is.
         vehicle: its frame, mass and inertia.
 
     Attributes:
@@ -75,7 +75,7 @@ class Pool2D:
         self.place(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
     def put(self, pose: Sequence[float], velocity: Sequence[float]) -> None:
-        """Put the vehicle somewhere.
+        """Set the vehicle's pose.
 
         Args:
             pose: x, y, z [m] and the quaternion w, x, y, z, of which only pitch counts.
@@ -85,7 +85,7 @@ class Pool2D:
         self.place(y, (x, z, 2.0 * math.atan2(qy, qw)), (velocity[0], velocity[2], velocity[4]))
 
     def place(self, y_m: float, place: Place2D, motion: Place2D) -> None:
-        """Put the vehicle somewhere, to the bit."""
+        """Set the vehicle's pose, bitwise."""
         if y_m != self._y_m:
             self._space.remove(self._body)
             self._build(y_m)
@@ -131,7 +131,7 @@ class Pool2D:
         return [touch for _, touch in self._hits()]
 
     def deepest(self) -> tuple[str, float]:
-        """Return in what the vehicle is deepest, and how deep [m]; 0 if it is in nothing."""
+        """Return what the vehicle penetrates deepest, and how deep [m]; 0 if nothing."""
         solid, depth_m = "", 0.0
         for name, touch in self._hits():
             if touch.depth_m > depth_m:
@@ -144,7 +144,7 @@ class Pool2D:
         self._frame.cache_bb()
         for hit in self._space.shape_query(self._frame):
             out_x, out_z = -hit.contact_point_set.normal
-            if out_x == out_z == 0.0:  # a bar in the very middle of the frame, where pymunk sees no way out: it is up
+            if out_x == out_z == 0.0:  # a bar in the centre of the frame, where pymunk finds no direction: use up
                 yield self._solids[hit.shape], Touch(0.0, 1.0, 0.0, 0.0, 0.5 * self._height_m + POST_M)
                 continue
             for point in hit.contact_point_set.points:
@@ -154,7 +154,7 @@ class Pool2D:
                 yield self._solids[hit.shape], Touch(out_x, out_z, at_x - x, at_z - z, depth_m)
 
     def height_over_ground_m(self, place: Sequence[float]) -> float:
-        """Return how far it is straight down from a place to anything; negative if there is nothing."""
+        """Return the distance straight down from a point to anything; negative if there is nothing."""
         x, _, z = place
         low = z - 2.0 * self._pool.depth_m - 10.0
         hit = self._space.segment_query_first((x, z), (x, low), 0.0, self._pymunk.ShapeFilter())

@@ -5,7 +5,7 @@
                                                           battery <---------- current ----'
                                                           (battery.py)
 
-Where the thrusters sit and which way they push is not known here: the vehicle's matrix turns forces into a wrench.
+Position and direction of the thrusters are not needed here: the vehicle's matrix turns forces into a wrench.
 
 Between two changes of a pulse, or quarters of a volt, the table is straight lines: what a thruster gives when it has
 settled is base + volts * slope. All follow it with one lag. So each force and current, and any sum of them, is
@@ -39,17 +39,17 @@ from snr_sim.prelude.sums import dot_product, ordered_sum
 LAG_S = (9258.0 - 6136.0) / 108700.0
 ELECTRONICS_A = 1.0  # computer, camera, sensors: our own guess, about 15 W
 STEPS_PER_VOLT = 4  # the table is looked up at every quarter of a volt and every microsecond; between, all is linear
-ODD_PULSES_US = (800.0, 2200.0)  # what no servo output makes: a percentage, or seconds, that somebody took for a pulse
-_SOUND = (1.0, 1.0)  # shares of its force and of its current
+ODD_PULSES_US = (800.0, 2200.0)  # what no servo output makes: a percentage, or seconds, given as a pulse by mistake
+_SOUND = (1.0, 1.0)  # fractions of its force and of its current
 FAULTS = ("none", "off", "weak", "stuck")
-GONE = 1e-15  # a share so small that rounding hides it; smaller and smaller numbers would at last be slow
+GONE = 1e-15  # a fraction below rounding; ever smaller numbers would become denormal, which is slow
 
 
 Numbers: TypeAlias = tuple[float, ...]
 
 
 class Lines(NamedTuple):
-    """Numbers on their way, all with the same lag.
+    """Numbers that approach targets, all with the same lag.
 
     Args:
         before: what they were when the lines were laid.
@@ -68,7 +68,7 @@ class Lines(NamedTuple):
 
 
 class Mix(NamedTuple):
-    """What a matrix makes of the forces, as lines of their own.
+    """Products of a matrix and the forces, as lines of their own.
 
     Args:
         matrix: and its `rows` as lists. For so few numbers Python is quicker than numpy, whose code is cold by then.
@@ -80,7 +80,7 @@ class Mix(NamedTuple):
 
 
 class PropulsionState(NamedTuple):
-    """All there is to know of the thrusters at one moment."""
+    """Full state of the thrusters at one moment."""
 
     range_v: tuple[float, float]
     drives: Lines
@@ -107,7 +107,7 @@ class Propulsion:
         electronics_a: current that everything else draws.
 
     Raises:
-        ParameterError: a number makes no sense, such as a supply of 0 V; the message says what is usual.
+        ParameterError: a number is out of range, such as a supply of 0 V; the message gives the usual range.
 
     Attributes:
         escs: their speed controllers.
@@ -143,7 +143,7 @@ class Propulsion:
             )
 
     def reset(self) -> None:
-        """Put everything back to when the battery is connected: nothing turns, nothing is armed, nothing is broken."""
+        """Reset to the moment when the battery is connected: nothing turns, is armed or has a fault."""
         n = self.count
         self.supply.reset()
         self.escs = [Esc() for _ in range(n)]
@@ -158,7 +158,7 @@ class Propulsion:
         self._shares = [_SOUND] * n
         self._stuck = [False] * n
         self.voltage_v = self.supply.voltage_v(self.electronics_a)
-        self._lag_of = (0.0, 0.0, 0.0)  # for a step: the share of its way that the lag goes, and where its mean lies
+        self._lag_of = (0.0, 0.0, 0.0)  # for a step: the fraction that the lag covers, and where its mean lies
         self._told: list[float | None] | None = None
         self._is_settled = False
         self._shifts_us = [0.0] * n
@@ -184,7 +184,7 @@ class Propulsion:
 
     @property
     def current_a(self) -> float:
-        """All that is drawn from the supply: nothing from one that is empty or has been cut off."""
+        """Total current of the supply: 0 if it is empty or has been cut off."""
         if self.voltage_v <= 0.0:
             return 0.0
         before, base, slope = self._current_a
@@ -206,16 +206,17 @@ class Propulsion:
         return all(esc.is_armed for esc in self.escs)
 
     def fail(self, thruster: int, fault: str, share: float = 0.5) -> None:
-        """Break a thruster, or mends it.
+        """Set or clear the fault of a thruster.
 
         Args:
             thruster: its number, from 0.
-            fault: 'off' gives and draws nothing; 'weak' gives a share of its force for all of its current, as with a
-                damaged propeller; 'stuck' goes on as it was told last, whatever it is told; 'none' is mended.
+            fault: 'off' gives no force and draws no current; 'weak' gives a fraction of its force for all of its
+                current, as with a damaged propeller; 'stuck' keeps its last pulse, whatever is commanded; 'none' clears
+                the fault.
             share: of a weak one, 0 to 1.
 
         Raises:
-            ParameterError: there is no such thruster, or no such share.
+            ParameterError: there is no such thruster, or the share is out of range.
             UnknownName: there is no such fault.
         """
         if not 0 <= thruster < self.count:
@@ -234,7 +235,7 @@ class Propulsion:
         """
         mix = self._mix
         if mix is not None and mix.matrix is not matrix and np.array_equal(mix.matrix, matrix):
-            # Another vehicle's of the same make, whose state this is: multiplied anew, the last bit would be another.
+            # State of another vehicle of the same type: multiplying again would change the last bit.
             self._mix = mix = mix._replace(matrix=matrix)
         if mix is None or mix.matrix is not matrix:
             rows, n = matrix.tolist(), self.count
@@ -242,14 +243,14 @@ class Propulsion:
         return mix.lines.at(*self._mean)
 
     def step(self, dt_s: float, pulses_us: Sequence[float | None]) -> None:
-        """Move on by `dt_s`.
+        """Advance by `dt_s`.
 
         Args:
-            dt_s: how long.
+            dt_s: step [s].
             pulses_us: of each thruster; None where no pulse comes.
 
         Raises:
-            PlantError: a pulse is none, or there are more or fewer of them than thrusters.
+            PlantError: a pulse is not valid, or their number is not that of the thrusters.
         """
         volts = self.voltage_v
         if not self._is_settled or volts < LEAST_V or pulses_us != self._told:
@@ -275,7 +276,7 @@ class Propulsion:
         self.voltage_v = supply.voltage_v(current_a)
 
     def _hear(self, dt_s: float, pulses: list[float | None]) -> None:
-        """Have the speed controllers hear the pulses; skipped while they are armed and told the same as before."""
+        """Pass the pulses to the speed controllers; skipped while these are armed and the pulses have not changed."""
         if pulses != self._told:
             self._check(pulses)
             self._told = pulses
@@ -318,7 +319,7 @@ class Propulsion:
         step = min(int(volts * STEPS_PER_VOLT), int(MOST_V * STEPS_PER_VOLT) - 1)
         from_v, to_v = step / STEPS_PER_VOLT, (step + 1) / STEPS_PER_VOLT
         if to_v == MOST_V:
-            to_v = math.inf  # exactly 20 V belongs here too, and there is nothing above
+            to_v = math.inf  # exactly 20 V is in this range too, and there is none above
         rows = []
         for pulse, (gives, draws) in zip(self.acting_us, self._shares, strict=True):
             whole = int(pulse)
@@ -343,7 +344,7 @@ class Propulsion:
         """
         forces, currents, forces_per_v, currents_per_v = columns
         left, rise = self._left, self._rise
-        if self._mix is not None:  # where it is it goes on from, too
+        if self._mix is not None:  # it continues from its current value, too
             matrix, rows, lines = self._mix
             lines = Lines(lines.at(left, rise), _products(rows, forces), _products(rows, forces_per_v))
             self._mix = Mix(matrix, rows, lines)
@@ -355,7 +356,7 @@ class Propulsion:
         self._left, self._rise, self._is_stale = 1.0, 0.0, False
 
     def _forget(self) -> None:
-        """Have everything looked up and heard anew."""
+        """Invalidate all cached pulses and table values."""
         self._told = None
         self._is_settled = False
         self._is_stale = True

@@ -52,7 +52,7 @@ class SpaceMover(Mover):
         body: the vehicle in MuJoCo, whose world counts in parts of a step.
         motion: of the vehicle, which is written.
         water: what it does to the vehicle.
-        room: whose walls are known, so that MuJoCo need not look where none is near; None of a world of its own.
+        room: its walls are known, so MuJoCo need not check where none is near; None for a world of its own.
         half_m: no part of the vehicle that touches is farther from its origin.
     """
 
@@ -60,7 +60,7 @@ class SpaceMover(Mover):
         self._body, self._motion, self._water, self._room, self._half_m = body, motion, water, room, half_m
         self._parts = parts_of(motion.step_s)
         self._part_s = motion.step_s / self._parts
-        self._touches: bool | None = None  # where it is now; None: nobody has looked
+        self._touches: bool | None = None  # at the current pose; None: not yet checked
 
     def engine_state(self) -> Any:
         """Return all of MuJoCo's state, with the vehicle where it is."""
@@ -69,11 +69,11 @@ class SpaceMover(Mover):
         return self._body.snapshot()
 
     def forget(self) -> None:
-        """Look again before the next step: the vehicle was put somewhere else."""
+        """Check for contacts again before the next step: the vehicle was moved."""
         self._looked_at, self._room_m2, self._touches = self._motion.place, 0.0, None
 
     def advance(self, push: Sequence[float]) -> None:
-        """Move on by one step, in which nothing begins or breaks."""
+        """Advance by one step, in which nothing begins or breaks."""
         if self._touches is None:
             self._touches = self._look()
         if self._touches:
@@ -82,7 +82,7 @@ class SpaceMover(Mover):
             self._move_unless_it_touches(push)
 
     def _move_unless_it_touches(self, push: Sequence[float]) -> None:
-        """Move on by one free step; if something touches at its end, it is taken back, and gone in parts."""
+        """Advance by one free step; if something touches at its end, it is taken back, and gone in parts."""
         motion, water, body = self._motion, self._water, self._body
         step_s = motion.step_s
         before = motion.place, motion.attitude, motion.velocity, motion.rate, motion.rotation
@@ -105,7 +105,7 @@ class SpaceMover(Mover):
         self._move_in_parts(push)
 
     def _move_in_parts(self, push: Sequence[float]) -> None:
-        """Move on by one step in parts, after a look; what contacts push is their mean."""
+        """Advance by one step in parts, after `look`; the contact force is the mean of the parts."""
         motion, water = self._motion, self._water
         part_s, begin = self._part_s, motion.velocity
         pushes = []
@@ -125,7 +125,7 @@ class SpaceMover(Mover):
             self.contact_n = (fx, fy, fz)
 
     def _look(self) -> bool:
-        """Have MuJoCo look for what touches, and find how far the vehicle can go before it need look again."""
+        """Have MuJoCo detect contacts, and find how far the vehicle can move before the next check."""
         motion, body = self._motion, self._body
         body.put([*motion.place, *motion.attitude], [*motion.velocity, *motion.rate])
         touches = body.look()
@@ -136,7 +136,7 @@ class SpaceMover(Mover):
         return touches
 
     def _move_freely(self, nu: Six, push: Sequence[float], step_s: float) -> None:
-        """Move on by the middle of the step, where nothing touches."""
+        """Advance by the middle of the step, where nothing touches."""
         motion, water, body = self._motion, self._water, self._body
         flotation, hydro = water.flotation, water.hydro
         if water.slam is not None:
@@ -211,7 +211,7 @@ class SpaceMover(Mover):
         return fx, fy, fz
 
     def _check_finite(self, nu: Six, gained: Vector, change: Six) -> None:
-        """Raise a PlantError that says what has exploded, before MuJoCo or the next step sees it."""
+        """Raise a PlantError that names what has diverged, before MuJoCo or the next step uses it."""
         x, y, z = gained
         _, _, _, p, q, r = change
         if x * x + y * y + z * z + p * p + q * q + r * r < EXPLODED * EXPLODED:  # not so if one is NaN

@@ -1,4 +1,4 @@
-"""A body at the surface: which share of it is wet, where that share has its middle, and whether a thruster draws air.
+"""A body at the surface: its wet fraction, the centre of that, and whether a thruster draws air.
 
 The displaced volume is spread evenly over the box of the vehicle's frame, around the centre of buoyancy: 64 small
 boxes, each wet as far as it is under water. Level, that is exact; tilted, each small box counts as level. The small
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from snr_sim.plants.urov.vehicle import Vector, Vehicle
 
 Array: TypeAlias = NDArray[np.float64]
-Columns: TypeAlias = tuple[Array, Array, Array]  # x, y and z of many places
+Columns: TypeAlias = tuple[Array, Array, Array]  # x, y and z of many points
 
 CUTS = 4  # along each side of the box: its second moments are 6 % short
 PROPELLER_M = 0.0381  # radius, T200
@@ -47,7 +47,7 @@ class Surface:
         self.reach_m = max([box_m, *(math.hypot(*one.position_m) + PROPELLER_M for one in vehicle.thrusters)])
 
     def wetted(self, z_m: float, up: Vector) -> tuple[float, Vector]:
-        """Return the wet share of the displaced volume, and the middle of the wet part [m], body frame.
+        """Return the wet fraction of the displaced volume, and the centre of the wet part [m], body frame.
 
         Args:
             z_m: height of the body's origin over the surface.
@@ -67,7 +67,7 @@ class Surface:
         return total, (x / total, y / total, z / total)
 
     def drawing(self, z_m: float, up: Vector) -> Array:
-        """Return the share of each propeller's disc that is in the water, shape (n,)."""
+        """Return the fraction of each propeller's disc that is in the water, shape (n,)."""
         heights = z_m + _along(self._thrusters, up)
         return _between_0_and_1(0.5 - heights / (2.0 * PROPELLER_M))
 
@@ -78,7 +78,7 @@ def _columns(places: Array) -> Columns:
 
 
 def _along(places: Columns, vector: Vector) -> Array:
-    """Return the product of each place with a vector, such as its height along a direction."""
+    """Return the dot product of each point with a vector, such as its height along a direction."""
     (x, y, z), (a, b, c) = places, vector
     return a * x + b * y + c * z
 

@@ -4,7 +4,7 @@ The table is of six voltages. Around 1500 us nothing turns, and that dead band i
 between two voltages a pulse is compared by how far it stands from the band's edge to full thrust: then the band's edge
 lies between those of the table too, and at the table's own voltages the numbers are the table's.
 
-Measured at rest, in a tank. A thruster that moves through the water pushes less, which the table does not know.
+Measured at rest, in a tank. A thruster that moves through the water pushes less, which the table does not include.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from snr_sim.prelude.errors import ParameterError
 
-TABLE = Path(__file__).with_name("t200.csv")  # says where it is from
+TABLE = Path(__file__).with_name("t200.csv")  # states its source
 NEWTONS_PER_KGF = 9.80665
 STOP_US = 1500.0
 LEAST_US, MOST_US = 1100.0, 1900.0
@@ -63,14 +63,14 @@ class Curve(NamedTuple):
 
 @lru_cache(maxsize=128)
 def curve(voltage_v: float) -> Curve:
-    """Return what the thruster does at a voltage from `LEAST_V` to `MOST_V`, at the speed controller.
+    """Return force and current of the thruster at a voltage from `LEAST_V` to `MOST_V`, at the speed controller.
 
     >>> force_n, current_a, _ = curve(16.0).at(1900.0)
     >>> round(force_n / NEWTONS_PER_KGF, 2), current_a
     (5.25, 23.83)
 
     Raises:
-        ParameterError: the voltage is none that the thruster runs at.
+        ParameterError: the thruster does not run at this voltage.
     """
     if not LEAST_V <= voltage_v <= MOST_V:
         raise ParameterError(
@@ -111,7 +111,7 @@ def _side(
 
     Args:
         below, above: the curves.
-        share: where between them, 0 to 1.
+        share: position between them, 0 to 1.
         end_us: pulse of full thrust to that side.
         edge_of: takes the edge of that side from a dead band.
     """
@@ -132,7 +132,7 @@ def _side(
 
 
 def _shrunk(least: Curve, share: float) -> Curve:
-    """Return the curve at a share of the lowest voltage that was measured."""
+    """Return the curve at a fraction of the lowest voltage that was measured."""
     force, current, speed = share**FORCE_POWER, share**CURRENT_POWER, share**SPEED_POWER
     return Curve(
         least.pulses_us,

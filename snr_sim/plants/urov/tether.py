@@ -32,10 +32,10 @@ class Tether:
         modulus_pa: Young's modulus.
         across: drag coefficient for flow across it.
         along: drag coefficient for flow along it.
-        damping_share: damping of its stretch as a share of critical, by the vehicle's mass; our choice.
+        damping_share: damping ratio of its stretch, by the vehicle's mass; our choice.
 
     Raises:
-        ParameterError: a number that cannot be.
+        ParameterError: a number is out of range.
     """
 
     anchor_m: Annotated[Vector, LIMITS["position_m"]]

@@ -37,24 +37,24 @@ from snr_sim.plants.urov.water_forces import WaterForces, seen_from_world
 from snr_sim.prelude.angles import quaternion_of
 from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
 
-STEP_S = 0.005  # the table in robots/urov/PHYSICS.md says what 2 and 10 ms would change
+STEP_S = 0.005  # the table in robots/urov/PHYSICS.md shows what 2 and 10 ms would change
 
 
 class Urov:
-    """The underwater vehicle. Keeps the promise of Plant.
+    """The underwater vehicle. Implements `Plant`.
 
     Args:
         vehicle: its numbers; it is trimmed in the pool's water.
-        pool: where it swims.
-        start_of: gives the dive that belongs to a seed.
+        pool: where it is.
+        start_of: returns the dive that belongs to a seed.
         thrusters: turn pulses into forces; without any, the input is a wrench.
         seed: of the first run.
         step_s: of integration; see `STEP_S`.
-        mjcf: another world than the pool's, with a body 'vehicle' on a free joint, whose mass and inertia then count as
-            they are, without trim; `given_world.py` says what it must leave to the plant.
+        mjcf: another world than the pool's, with a body 'vehicle' on a free joint, whose mass and inertia are then used
+            without trim; `given_world.py` says what it must leave to the plant.
 
     Raises:
-        ParameterError: vehicle, thrusters, dive and world do not go together.
+        ParameterError: vehicle, thrusters, dive and world are not compatible.
 
     Attributes:
         vehicle: as trimmed.
@@ -113,7 +113,7 @@ class Urov:
         """Return a vehicle of which some numbers, those in `SCALABLE`, are multiplied, in the same pool.
 
         Raises:
-            ParameterError: it is in a world of its own, or a number that is scaled cannot be.
+            ParameterError: it is in a world of its own, or a scaled number is out of range.
         """
         if not self._is_in_pool:
             raise ParameterError("A vehicle in an MJCF world cannot be scaled.", fix="scale it in the file.")
@@ -204,7 +204,7 @@ class Urov:
         self._drive.write(name, command)
 
     def step(self, dt_s: float) -> None:
-        """Move on by one step."""
+        """Advance by one step."""
         step_s, motion = self.step_s, self._motion
         if dt_s != step_s and not abs(dt_s - step_s) <= 1e-9:  # also NaN
             raise ParameterError(f"This plant moves in steps of {step_s} s, not {dt_s} s.", fix="use plant.step_s.")
@@ -285,7 +285,7 @@ class Urov:
         return self._mover.contact_n
 
     def read(self, name: str) -> Any:
-        """Return what a sensor without faults would say; all of them sit at the origin but the echo sounder."""
+        """Return the reading of a sensor without errors; all of them are at the origin but the echo sounder."""
         if name not in self.outputs:
             raise UnknownName(f"This plant has no output '{name}'.", fix=nearest(name, self.outputs))
         return self._readers[name]()

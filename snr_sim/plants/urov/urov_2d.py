@@ -36,12 +36,12 @@ from snr_sim.plants.urov.water_forces import SLOWING_ROUNDS, WaterForces
 
 
 class Urov2D(Urov):
-    """The underwater vehicle in the plane. Keeps the promise of Plant.
+    """The underwater vehicle in the plane. Implements `Plant`.
 
     Args:
         vehicle: its numbers; it is trimmed in the pool's water.
-        pool: where it swims.
-        start_of: gives the dive that belongs to a seed; `in_plane` says what of it counts.
+        pool: where it is.
+        start_of: returns the dive that belongs to a seed; `in_plane` documents which parts of it are used.
         thrusters: turn pulses into forces; without any, the input is a wrench.
         seed: of the first run.
         step_s: of integration.
@@ -99,7 +99,7 @@ class PlaneMover(Mover):
             self._equation.set_mass(mass, wet)
 
     def advance(self, push: Sequence[float]) -> None:
-        """Move on by one step."""
+        """Advance by one step."""
         motion, plane, water, equation = self._motion, self._plane, self._water, self._equation
         step_s, flotation = motion.step_s, water.flotation
         (vx, _, vz), (cx, _, cz), pitch_rate = motion.velocity, motion.current, motion.rate[1]

@@ -1,7 +1,7 @@
-"""What an underwater vehicle's surroundings do to its sensors: the true values, before any sensor spoils them.
+"""Inputs of an underwater vehicle's sensors: the true values, before sensor errors.
 
-These are the plant's outputs. What a sensor makes of them is another record (`prelude/signals.py`): a depth sensor
-measures pressure and reckons depth from it, as the real part does.
+These are the plant's outputs. A sensor's reading is another record (`prelude/signals.py`): a depth sensor measures
+pressure and computes depth from it, as the real part does.
 
     output "depth"     Depth       output "power"   Power
     output "imu"       Imu         output "leak"    Leak
@@ -64,7 +64,7 @@ class Altitude(msgspec.Struct, frozen=True):
 
 
 class Pose(msgspec.Struct, frozen=True):
-    """Where the vehicle's origin is and which way it is turned: for what a camera sees.
+    """Position of the vehicle's origin and its attitude: for a camera's image.
 
     Args:
         position_m: [x, y, z], world frame.

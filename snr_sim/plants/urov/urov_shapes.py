@@ -1,4 +1,4 @@
-"""What pool and vehicle look like, for the viewer alone; places of thrusters and gates are those of the physics."""
+"""Shapes of pool and vehicle, for the viewer alone; positions of thrusters and gates are those of the physics."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def tether_shape(tether: Tether) -> dict[str, Any]:
 
 
 def _to_and_fro(half: float, other: float) -> list[tuple[float, float]]:
-    """Return the way of a pen that rules lines a tile apart, edge to edge: one line shows sooner than 40."""
+    """Return one polyline of lines a tile apart, edge to edge: one line is drawn faster than 40."""
     count = math.floor(half / TILE_M)
     way = []
     for i in range(-count, count + 1):

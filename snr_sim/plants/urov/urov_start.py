@@ -1,8 +1,8 @@
-"""Whether a plant can be made and a dive can begin: in the pool and in nothing solid, within the tether's reach, with
-thrusters that are there.
+"""Checks before a plant is made and a dive begins: the start is in the pool and in nothing solid, within the tether's
+reach, and its thrusters exist.
 
-What is wrong with the numbers themselves is told where they are made (`dive.py`, `tether.py`, `pool.py`); here they
-meet the vehicle and the pool: at the start, not when a thruster is due to fail an hour into the dive.
+The numbers themselves are checked where they are made (`dive.py`, `tether.py`, `pool.py`). Here they are checked
+against vehicle and pool: at the start, not when a thruster is due to fail an hour into the dive.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from snr_sim.prelude.angles import quaternion_of
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.sums import ordered_sum
 
-GIVES_M = 0.01  # so deep a dive may begin in the floor: contacts give way a little, and then push the vehicle out
-TAUT = 1.001  # share of its length that a tether may be stretched to at the start
+GIVES_M = 0.01  # depth in the floor at which a dive may begin: contacts are soft, and then push the vehicle out
+TAUT = 1.001  # factor of its length that a tether may be stretched to at the start
 
 
 def check_parts(vehicle: Any, pool: Any, start_of: Any, thrusters: Any, step_s: Any) -> None:
@@ -50,10 +50,10 @@ def check_parts(vehicle: Any, pool: Any, start_of: Any, thrusters: Any, step_s: 
 
 
 def check_start(dive: Any, seed: int, vehicle: Vehicle, pool: Pool, has_thrusters: bool, step_s: float) -> None:
-    """Check a dive before anything is put at its start.
+    """Check a dive before the vehicle is put at its start.
 
     Raises:
-        ParameterError: it is no dive, or does not go with vehicle and pool.
+        ParameterError: it is not a dive, or is not compatible with vehicle and pool.
     """
     if not isinstance(dive, Dive):
         raise ParameterError(f"The start of seed {seed} is {shown(dive)}.", fix="give a function that returns a Dive.")
@@ -74,7 +74,7 @@ def check_room(dive: Dive, solid: str, depth_m: float, vehicle: Vehicle, pool: P
     """Check that a vehicle at its start is in nothing solid.
 
     Args:
-        dive: says where the start is.
+        dive: contains the start.
         solid: what the vehicle is deepest in.
         depth_m: how deep.
         vehicle, pool: for the message.

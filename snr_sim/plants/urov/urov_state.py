@@ -1,4 +1,4 @@
-"""What the underwater vehicle is made of and what it remembers: what moves it, what it is told, all of its state."""
+"""Parts and state of the underwater vehicle: its models of motion, its inputs, and its full state."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Mover(ABC):
 
     @abstractmethod
     def advance(self, push: Sequence[float]) -> None:
-        """Move on by one step under a wrench."""
+        """Advance by one step under a wrench."""
 
     @abstractmethod
     def engine_state(self) -> Any:
@@ -44,7 +44,7 @@ class Mover(ABC):
 
     @abstractmethod
     def forget(self) -> None:
-        """Note that the vehicle was put somewhere else."""
+        """Invalidate what depends on the pose: the vehicle was moved."""
 
 
 class WrenchCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -74,8 +74,8 @@ class State(NamedTuple):
     acceleration: Six = AT_REST  # of the velocity through the water, body frame, without contacts
     guess: Six = AT_REST  # what it will be in the next step
     gained: Vector = (0.0, 0.0, 0.0)  # acceleration of the last step, world frame
-    wet: float = 1.0  # share of the volume in the middle of the last step
-    taken: float = 1.0  # the share whose water has been brought to the vehicle's speed
+    wet: float = 1.0  # fraction of the volume in the middle of the last step
+    taken: float = 1.0  # the fraction whose water has been brought to the vehicle's speed
     water_l: float = 0.0  # leaked and weighed
     wrench: Six = AT_REST
     pulses: tuple[float | None, ...] = ()

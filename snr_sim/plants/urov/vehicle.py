@@ -1,8 +1,7 @@
 """An underwater vehicle as numbers: mass, added mass, damping, buoyancy, and where its thrusters are.
 
-The numbers of one vehicle stand in a file (`vehicle_file.py`); what they must be like is checked here, where the
-mistake was made. Coefficients that oppose a motion or add mass are positive. All is in the body frame: x forward,
-y left, z up.
+The numbers of one vehicle are in a file (`vehicle_file.py`); they are checked here, where the mistake was made.
+Coefficients that oppose a motion or add mass are positive. All is in the body frame: x forward, y left, z up.
 
 A wrench has six numbers: force along x, y, z [N], then moment about x, y, z [N m].
 """
@@ -38,7 +37,7 @@ Matrix: TypeAlias = NDArray[np.float64]  # 6 x 6, or 6 x n
 
 @dataclass(frozen=True)
 class Thruster:
-    """Where one thruster is, and which way it pushes.
+    """Position and direction of one thruster.
 
     Args:
         name: its own.
@@ -71,7 +70,7 @@ class Vehicle:
 
     Args:
         name: of the set of numbers.
-        mass_kg: dry, as printed. With `net_buoyancy_n`, the plant's is what `trimmed` makes of it, up to a tenth off.
+        mass_kg: dry, as printed. With `net_buoyancy_n`, the plant's is the result of `trimmed`, up to a tenth off.
         inertia_kgm2: 3 x 3, about the centre of mass.
         volume_m3: of the water it displaces.
         added_mass: 6 x 6, symmetric.
@@ -85,7 +84,7 @@ class Vehicle:
         sources: where each number is from, by its name.
 
     Raises:
-        ParameterError: a number that cannot be: the message names it.
+        ParameterError: a number is out of range; the message names it.
     """
 
     name: str

@@ -1,7 +1,7 @@
 """Vehicles in files: TOML, each number with its source.
 
-Numbers stand there as papers print them, in their frame (FRD: x forward, y right, z down) or in ours (FLU); here they
-are turned into ours.
+The files contain numbers as papers print them, in their frame (FRD: x forward, y right, z down) or in ours (FLU); this
+module converts them to ours.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ _THRUSTER = ("name", "position_m", "direction")
 def read_vehicle(path: Path | str) -> Vehicle:
     """Return the vehicle of a TOML file; its name is the file's.
 
-    The file says its `frame` ("FRD" or "FLU"), the `[sources]` by short names, the numbers as
+    The file contains its `frame` ("FRD" or "FLU"), the `[sources]` by short names, the numbers as
     `mass_kg = { value = 13.5, source = "paper" }`, the `[[thruster]]` tables, and in `lacks` the axes that these
     thrusters cannot push, so that a misplaced one is not taken for a choice. Matrices may be given by their diagonal.
 
     Raises:
-        ParameterError: the file cannot be read, lacks a number or its source, or a number cannot be; the message names
-            the file, the field and what was found in it.
+        ParameterError: the file cannot be read, lacks a number or its source, or a number is out of range; the message
+            names the file, the field and what was found in it.
     """
     if not isinstance(path, str | Path):
         raise ParameterError(f"The path of the vehicle's file is {shown(path)}.", fix='Path("vehicles/mine.toml").')
@@ -49,7 +49,7 @@ def read_vehicle(path: Path | str) -> Vehicle:
     data = _tables(path)
     try:
         vehicle = _vehicle(path.stem, data)
-        # What cannot be trimmed is told where it stands, not when it is put into water.
+        # A vehicle that cannot be trimmed is reported with its file, not when it is put into water.
         vehicle.trimmed(FRESH_KGM3, GRAVITY_MPS2)
         _check_upright(vehicle)
         _check_drag(vehicle)
@@ -60,7 +60,7 @@ def read_vehicle(path: Path | str) -> Vehicle:
 
 
 def _tables(path: Path) -> dict[str, Any]:
-    """Return what stands in the file."""
+    """Return the file's content."""
     try:
         return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
     except UnicodeDecodeError as error:
@@ -77,7 +77,7 @@ def _tables(path: Path) -> dict[str, Any]:
 
 
 def _vehicle(name: str, data: dict[str, Any]) -> Vehicle:
-    """Return the vehicle that the file's tables say."""
+    """Return the vehicle of the file's tables."""
     _check_keys("the file", data, "number of a vehicle", _KNOWN)
     frame = data.get("frame")
     if not isinstance(frame, str) or frame not in FRAMES:
@@ -160,7 +160,7 @@ def _damping(name: str, value: Any, flip: Flip) -> tuple[float, ...]:
 
 
 def _matrix(name: str, value: Any, flip: Flip, axes: Sequence[str] = AXES) -> Matrix:
-    """Return a matrix that stands there in full or by its diagonal."""
+    """Return a matrix that is given in full or by its diagonal."""
     flip = flip[: len(axes)]
     if isinstance(value, list) and any(isinstance(row, list) for row in value):
         matrix = checked_matrix(name, value, axes)  # here, as the file has it, not turned to FLU
@@ -212,7 +212,7 @@ def _check_keys(where: str, table: dict[str, Any], what: str, known: Sequence[st
 
 
 def _lacks(data: dict[str, Any]) -> tuple[str, ...]:
-    """Return the axes that the file says its thrusters cannot push."""
+    """Return the axes that, by the file, its thrusters cannot push."""
     declared = data.get("lacks", [])
     if not isinstance(declared, list):
         raise ParameterError(f"lacks is {shown(declared)}, which is no list.", fix='write lacks = ["pitch"], or [].')
@@ -232,9 +232,9 @@ def _check_upright(vehicle: Vehicle) -> None:
 
 
 def _check_drag(vehicle: Vehicle) -> None:
-    """Check that water resists every motion, and more than in proportion: a file is of a vehicle that swims.
+    """Check that water resists every motion, and more than in proportion: a file describes a vehicle under water.
 
-    A `Vehicle` made in Python may do without drag, to be compared with closed forms.
+    A `Vehicle` made in Python may have no drag, to be compared with closed forms.
     """
     linear, quadratic = vehicle.linear_damping, vehicle.quadratic_damping
     without = [axis for axis, one, two in zip(AXES, linear, quadratic, strict=True) if one == two == 0.0]

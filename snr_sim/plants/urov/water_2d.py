@@ -1,17 +1,17 @@
 """Three velocities of a body in water, one step on: surge, heave and pitch, as laws of momentum in the world's frame.
 
-pymunk knows one mass for all directions; water does not. A body under water has the momentum (P, L) = M (u, w, q),
-where M is its own mass and the added one, 3 x 3 in the body's frame, so P need not point where the body moves. Seen
-from the water, which moves as a whole, the laws are
+pymunk has one mass for all directions; in water it differs by direction. A body under water has the momentum
+(P, L) = M (u, w, q), where M is its own mass and the added one, 3 x 3 in the body's frame, so P need not point where
+the body moves. Seen from the water, which moves as a whole, the laws are
 
     P' = force,   L' = moment - (v x P)          P in the world's frame, L about the body's origin
 
-The last term is the moment of Munk; nothing else of C(nu) is left to write down. It is another way to the same
-equation as `hydrodynamics.py` takes, which is why the two can be compared.
+The last term is the moment of Munk; nothing else of C(nu) is left to write down. It is another form of the
+equation of `hydrodynamics.py`, which is why the two can be compared.
 
-The step: half a way with the old velocity, momentum by what acts in the middle, half a way with the new one. Velocities
-in the middle are means of old and new, found in a few rounds. Where nothing acts, momentum is kept to what the rounds
-leave, and errors shrink with dt squared.
+The step: half a drift with the old velocity, momentum by the forces in the middle, half a drift with the new one.
+Velocities in the middle are means of old and new, found in a few rounds. Where nothing acts, momentum is kept to what
+the rounds leave, and errors shrink with dt squared.
 
 Frames: the plane is x forward (east), z up; pitch turns about y, nose down positive, as in the body frame FLU.
 
@@ -35,7 +35,7 @@ from snr_sim.prelude.errors import PlantError
 PLANE = (0, 2, 4)  # surge, heave and pitch among the six axes
 ROUNDS = 4  # with three, momentum that is left alone drifts by 3e-4 in 20 s at 10 ms, with four by 2e-7
 SETTLED = 1e-6  # m/s, rad/s: a round that changes the velocity by more is not the last
-MOST_ROUNDS, CAREFUL = 100, 0.2  # share of the way, where drag is so hard that rounds overshoot
+MOST_ROUNDS, CAREFUL = 100, 0.2  # relaxation factor, where drag is so large that rounds overshoot
 EXPLODED = 1e9  # the same, of a round that leads nowhere
 
 Three: TypeAlias = tuple[float, float, float]  # along x and z, then about y
@@ -53,7 +53,7 @@ class Water2D:
         self._quadratic = [vehicle.quadratic_damping[axis] for axis in PLANE]
 
     def set_mass(self, mass: NDArray[np.float64], wet: float) -> None:
-        """Take the mass of body and water, 6 x 6, of which the plane's share counts, and how much of it is wet."""
+        """Set the mass of body and water, 6 x 6, of which the plane's part is used, and its wet fraction."""
         self._wet = wet
         block = mass[np.ix_(PLANE, PLANE)]
         self._mass: list[list[float]] = block.tolist()
@@ -69,7 +69,7 @@ class Water2D:
             pitch: at the step's begin.
             push: along x, z and about y in the middle of the step, body frame.
             net_n: buoyancy less weight.
-            arm: x and z of buoyancy times its place less weight times its place [N m], body frame.
+            arm: x and z of buoyancy times its position less weight times its position [N m], body frame.
             dt_s: length of the step.
 
         Raises:
@@ -105,7 +105,7 @@ class Water2D:
             gap = abs(to_x) + abs(to_z) + abs(to_q)
             if not gap < EXPLODED:  # also a NaN
                 break
-            # So much drag that each round overshoots: go a part of the way.
+            # So much drag that each round overshoots: relax.
             share = 1.0 if i < ROUNDS else CAREFUL
             vx, vz, q = vx + share * to_x, vz + share * to_z, q + share * to_q
             if i >= ROUNDS - 1 and gap < SETTLED:

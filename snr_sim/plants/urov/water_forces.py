@@ -18,7 +18,7 @@ from snr_sim.plants.urov.urov_state import Body
 from snr_sim.plants.urov.vehicle import Six, Vector, Vehicle
 
 SLOWING_ROUNDS = 3  # with one, an error of first order in the step is left
-WATER_STEP_L = 0.01  # leaked water is weighed anew when it has become so much more
+WATER_STEP_L = 0.01  # the weight of leaked water is updated at each such increase
 
 
 class WaterForces:
@@ -34,8 +34,8 @@ class WaterForces:
         hydro: mass and damping of vehicle and water, for what is wet now.
         flotation: its weight and buoyancy.
         surface: its shape at the surface.
-        wet: share of the volume in the water, in the middle of the last step.
-        taken: the share whose water has been brought to the vehicle's speed.
+        wet: fraction of the volume in the water, in the middle of the last step.
+        taken: the fraction whose water has been brought to the vehicle's speed.
         slam: momentum for the water that gets wet up to the middle of this step; None if none does.
         water_l: leaked and weighed.
         tether: of this run, if there is one.
@@ -63,7 +63,7 @@ class WaterForces:
         self.tether = None if dive.tether is None else TetherPull(dive.tether, self._pool.density_kgm3, mass_kg)
 
     def take_up(self, loads: Sequence[Load]) -> None:
-        """Hang loads at the vehicle, in place of those before."""
+        """Attach loads to the vehicle, in place of those before."""
         self._loads = loads
         self._weigh()
 
@@ -73,7 +73,7 @@ class WaterForces:
         self.set_wet(self.wet)
 
     def set_wet(self, share: float) -> None:
-        """Set the mass to what it is with this share of the volume in the water."""
+        """Set the mass to what it is with this fraction of the volume in the water."""
         self.wet = share
         self.hydro.set_mass(self.flotation.mass, share)
 
@@ -88,7 +88,7 @@ class WaterForces:
             self._weigh()
 
     def around(self, push: Sequence[float], nu: Six, dt_s: float) -> Sequence[float]:
-        """Add the tether's share to a wrench, set what is wet, and the momentum that water takes which gets wet.
+        """Add the tether's force to a wrench, set what is wet, and the momentum that water takes which gets wet.
 
         Both depend on where the vehicle is, and are taken where it will be in the middle of the step.
         """

@@ -1,4 +1,4 @@
-"""Numbers of the underwater vehicle's motion that are known without a simulation: `case.py` says what a case is."""
+"""Results of the underwater vehicle's motion that are known without a simulation: `case.py` defines a case."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """A case in which the vehicle's motion is known without a simulation.
 
 Each case runs at 2, 5 and 10 ms. The reference is a closed form, a conserved quantity, the root of steady equations or
-a second opinion that shares nothing with the plant; `allowed` is how far the plant may be from it, and `why` says what
-that leaves room for.
+an independent result that shares nothing with the plant; `allowed` is how far the plant may be from it, and `why` says
+what that leaves room for.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Case:
         expected: what it should be, or a function that computes it: an integration is not run before it is needed.
         unit: of it.
         run: gives what it is, for a step.
-        allowed: largest error, a share of the reference; if that is 0, in the unit.
+        allowed: largest error, relative to the reference; if that is 0, in the unit.
         why: what `allowed` leaves room for.
     """
 

@@ -17,7 +17,7 @@ Rate: TypeAlias = Callable[[float, tuple[float, ...]], tuple[float, ...]]  # of 
 
 
 def step_response(mass: float, a: float, b: float, push: float, time_s: float) -> tuple[float, float]:
-    """Return speed and way from rest under a constant push, against drag a u + b u |u|."""
+    """Return speed and distance from rest under a constant push, against drag a u + b u |u|."""
     u1 = (math.sqrt(a * a + 4.0 * b * push) - a) / (2.0 * b)
     u2 = u1 + a / b
     k = b * (u1 + u2) / mass

@@ -49,7 +49,7 @@ def contact(name: str) -> Iterator[Case]:
         return (plant.contact_n or DEEP)[2]
 
     def bump(step_s: float) -> float:
-        """Meet a wall with the bow; return the wall's impulse as a share of the change of momentum."""
+        """Meet a wall with the bow; return the wall's impulse divided by the change of momentum."""
         plant = swim(free, step_s, BASIN, position_m=(side - 0.1, 0.0, -2.0), velocity_mps=(0.5, 0.0, 0.0))
         impulse = 0.0
         for _ in range(round(0.6 / step_s)):
@@ -107,7 +107,7 @@ def finely(name: str, meet: Callable[[Vehicle, float], Urov]) -> Vector:
 def gained_j(one: Vehicle, step_s: float) -> float:
     """Return the most energy that a vehicle without drag has more, after it has touched the floor, than before.
 
-    While it touches, energy is also in what gives way.
+    While it touches, energy is also in the contact's deformation.
     """
     how = {"attitude_rad": (0.3, 0.4, 0.2), "velocity_mps": (0.8, 0.3, -0.5), "rate_radps": (0.5, -0.5, 0.7)}
     plant = swim(one, step_s, BASIN, position_m=(-5.0, 0.0, -3.4), loads=(DROPPED,), **how)
@@ -171,7 +171,7 @@ def friction(name: str) -> Iterator[Case]:
         return (go(plant, 4.0).position_m[0] - begin) / 4.0
 
     def slowed(step_s: float) -> float:
-        """Push it along and let go; return the speed lost in 0.2 s, as a share of what it should be."""
+        """Push it along and release it; return the speed lost in 0.2 s, as a fraction of what it should be."""
         plant = go(go(grounded(one, step_s), 1.0), 2.0, along(0, PUSH_N))
         begin = plant.velocity_mps[0]
         end = go(plant, 0.2, along(0, 0.0)).velocity_mps[0]

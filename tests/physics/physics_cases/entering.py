@@ -1,6 +1,6 @@
-"""From air into water: a free fall, the surface, and what floats bobbing; beside a Runge-Kutta of its own.
+"""From air into water: a free fall, the surface, and the bobbing of what floats; compared with a Runge-Kutta solution.
 
-The second opinion is a level box whose wet share grows with its draught. Weight, buoyancy and drag are as in the book;
+The reference is a level box whose wet share grows with its draught. Weight, buoyancy and drag are as in the book;
 while it gets wetter, the water it takes along must be brought to its speed (von Karman, NACA TN 321), and while it
 gets drier, that water is left behind with its speed.
 """
@@ -44,7 +44,7 @@ def dropped(name: str, height_m: float, time_s: float) -> tuple[float, float]:
 
 
 def entries(name: str) -> Iterator[Case]:
-    """Dropped from over the water, and let go half under it."""
+    """Dropped from over the water, and released half under it."""
     case = partial(Case, "From air into water")
 
     def fall(step_s: float, height_m: float, time_s: float) -> Urov:

@@ -1,6 +1,6 @@
-"""A second opinion on the plant: Fossen's equation as it stands in the book, in matrices, by Runge and Kutta.
+"""Reference for the plant: Fossen's equation as in the book, in matrices, solved by Runge and Kutta.
 
-Nothing here is shared with the plant but the vehicle's numbers. Rigid body and added mass keep a C of their own, the
+It shares nothing with the plant but the vehicle's numbers. Rigid body and added mass keep a C of their own, the
 current enters by its derivative, and the scheme is another (fourth order). No surface, no contacts, no MuJoCo.
 
 Source: Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control (2011): C by (3.46), current

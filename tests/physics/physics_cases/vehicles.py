@@ -1,4 +1,4 @@
-"""The vehicles of the cases, the water they are in, and how they are let go.
+"""The vehicles of the cases, their water, and their initial states.
 
 The vehicles: a set as it is ('benzon2022', 'wu2018'), 'neutral' (ballasted to weigh nothing in water), 'weightless'
 (neutral, and its buoyancy where its mass is), 'undamped' (weightless without drag).
@@ -61,7 +61,7 @@ def along_axis(one: Vehicle, axis: int) -> tuple[float, float, float]:
 
 
 def swim(one: Vehicle, step_s: float, pool: Pool = SEA, **how: Any) -> Urov:
-    """Return a plant; `how` it begins is as in Dive, and deep down if nothing else is said."""
+    """Return a plant; `how` is its initial state as in Dive, by default deep under water."""
     dive = Dive(**{"position_m": DEEP, **how})
     return Urov(one, pool, lambda seed: dive, step_s=step_s)
 

@@ -1,4 +1,4 @@
-"""The vehicle's firmware on an emulated microcontroller, and somebody at the other end of its line."""
+"""The vehicle's firmware on an emulated microcontroller, and the client at the other end of its line."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -30,7 +30,7 @@ Message = TypeVar("Message")
 
 
 class Bench:
-    """A board under test. Commands are computed when they are sent, unless it is said otherwise."""
+    """A board under test. Commands are computed when they are sent, unless stated otherwise."""
 
     def __init__(self, mcu: str, **settings: int) -> None:
         self.board = Board(firmware_elf(FIRMWARE, mcu, settings), mcu)

@@ -1,4 +1,4 @@
-"""When it may be armed, what ends that, and who may speak."""
+"""Conditions of arming and disarming, and which clients may send commands."""
 
 import pytest
 

@@ -171,7 +171,7 @@ def test_h2_each_timer_of_the_mega_that_stops_is_found_by_the_watchdog(
 
 
 def assert_neutral_after(bench: Bench, kind: int) -> None:
-    """Assert that all outputs are neutral 200 ms after the firmware was told to hang, and that it tells why."""
+    """Assert that all outputs are neutral 200 ms after the firmware was made to hang, and that it reports why."""
     bench.armed()
     bench.drive(AHEAD, 150)
     order = bytes([0x7F, kind])
