@@ -30,7 +30,7 @@ class Door:
         self._wake: SimpleQueue[None] = SimpleQueue()
         self._asleep = False
         self._lookout: Lookout | None = None
-        self._opening = threading.Lock()  # to create the lookout; only links' threads take it, not `put` or `wait`
+        self._opening = threading.Lock()  # to create `_lookout`; only links' threads take it, not `put` or `wait`
         self.visits = 0  # how many times the node has called `wait`
 
     @property

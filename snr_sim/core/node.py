@@ -100,7 +100,7 @@ class Node(NodeMembers):
         self._recorder = recorder.for_node(self.name) if recorder is not None else None
         self.machine = EventMachine(lookup, self.door, latch, self._recorder)
         self.thread_id = threading.get_ident()
-        self.never_ran = False  # an error ended it at its start, so missing pages are no finding
+        self.never_ran = False  # an error ended it at its start, so do not report missing pages
         self.report = NodeReport(self, self._recorder)
         self.life = NodeLife(self, self.registry, self.report, self._recorder)
         self._core = NodeCore(self, self.life)

@@ -84,7 +84,7 @@ class SynchronousRunner:
 
 
 def _tell_notes(nodes: Sequence[Node], threads_before: Sequence[threading.Thread]) -> None:
-    """Log the nodes' notes, with the node's name if there are several, and the threads that still run."""
+    """Print the nodes' notes on stderr, with the node's name if there are several, and notes on running threads."""
     for node in nodes:
         whose = f"{node.name}: " if len(nodes) > 1 else ""
         for note in node.notes:

@@ -1,7 +1,7 @@
 """Child process: it gets its start data, begins when it is ready, is monitored, and is shut down gracefully.
 
 owner's thread            threads of the child process               the process (core/process/spawned.py)
-send, end, kill   --->    writer: "begin", "go", messages, "end"  --->   obey
+send, end, kill   --->    writer: "begin", "go", messages, "end"  --->   `obey`
 on_message, on_end  <---  listener: "ready", messages, prints     <---   the target function
 """
 
