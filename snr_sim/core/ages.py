@@ -18,7 +18,7 @@ LINK_PREFIX = "link_"
 
 
 def age_s(node: NodeApi, page: Page) -> float:
-    """Return how long ago a page was made [s]; if uncertain, the larger age.
+    """Return the age of a page [s]; if uncertain, an upper bound.
 
     On the wall clock, the age of another node's page is infinite if no link knows that node's clock. The age is at
     least the time since the page arrived, which this node's own clock measures even if the other program has ended.

@@ -23,7 +23,7 @@ class WallClock:
         self._start_s = time.monotonic() if start_s is None else start_s
 
     def now_s(self) -> float:
-        """Return seconds since the clock was made."""
+        """Return seconds since the clock was created."""
         return time.monotonic() - self._start_s
 
     def sleep_until(self, time_s: float) -> None:

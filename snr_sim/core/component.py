@@ -81,7 +81,7 @@ class NodeComponent(ComponentMembers):
         raise NotImplementedError
 
     def page(self, key: DataKey, data: Any, process: bool = True) -> Page:
-        """Return a page made by this node, now, of the data as they are now: see `Node.page`."""
+        """Return a page of this node, created now, with a copy of the data: see `Node.page`."""
         kept = data if type(data) in IMMUTABLE else data_of_page(self.parent, key, data)
         return Page(key, kept, self.parent.name, self.get_time_s(), process)
 

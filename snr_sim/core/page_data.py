@@ -1,4 +1,4 @@
-"""Data of a page: a copy of the time it was made. Parts of the program are rejected, other objects noted."""
+"""Data of a page: a copy from the time of its creation. Parts of the program are rejected, other objects noted."""
 
 from __future__ import annotations
 
