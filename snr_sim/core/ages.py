@@ -1,8 +1,8 @@
-"""How old a page is: also one that a node with another clock has made.
+"""Age of a page, also of a page from a node with another clock.
 
-On the wall clock each node counts from its own start, so `created_at_s` of a page from elsewhere says nothing here by
-itself. A link knows how far the clocks of its two ends are apart, and its state is a page like any other: recorded,
-and there again in a replay. So the answer is the same there.
+On the wall clock each node counts from its own start, so `created_at_s` of another node's page is not comparable with
+local time. A link knows the offset between the clocks of its two ends and stores it in its state page. That page is
+recorded like any other, so a replay computes the same age.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ LINK_PREFIX = "link_"
 
 
 def age_s(node: NodeApi, page: Page) -> float:
-    """Return how long ago a page was made [s], in doubt the older.
+    """Return the age of a page [s]; if uncertain, an upper bound.
 
-    Of another node's page on the wall clock that is infinite, if no link knows its maker's clock. No page is younger
-    than the time it has been here: that is known by our own clock, whatever became of the program that made it.
+    On the wall clock, the age of another node's page is infinite if no link knows that node's clock. The age is at
+    least the time since the page arrived, which this node's own clock measures even if the other program has ended.
     """
     now_s = node.get_time_s()
     if page.origin == node.name:
@@ -32,14 +32,14 @@ def age_s(node: NodeApi, page: Page) -> float:
 
 
 def clock_offset_s(node: NodeApi, far: str) -> float:
-    """Return what our links have found to be added to the far node's times to have ours; -inf if none has.
+    """Return the offset from the far node's clock to ours [s], as measured by our links; -inf if none has.
 
-    Where several nodes have that name, the least: then a page is older than it should be rather than younger.
+    If several nodes have that name, return the smallest offset: an age is then too large rather than too small.
     """
     offsets_s = [
         peer["clock_offset_s"]
         for key, page in node.datastore.pages.copy().items()
-        # What a far end has stored under such a key is no state of a link of ours.
+        # A page with such a key from a far end is not the state of a link of this node.
         if key.startswith(LINK_PREFIX) and page.origin == node.name
         for name, peer in _peers_in(page.data)
         if (name == far or str(name).startswith(f"{far}#")) and isinstance(peer, dict)
@@ -49,6 +49,6 @@ def clock_offset_s(node: NodeApi, far: str) -> float:
 
 
 def _peers_in(state: Any) -> Iterable[tuple[Any, Any]]:
-    """Return name and state of each peer in a link's page; nothing, if somebody has stored something else there."""
+    """Return name and state of each peer in a link's page; nothing if the page has another format."""
     peers = state.get("peers") if isinstance(state, dict) else None
     return peers.items() if isinstance(peers, dict) else ()

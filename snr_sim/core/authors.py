@@ -1,7 +1,7 @@
-"""Who stores the pages of a key, found in the components' code: asked only when a page turned out to be a bad one.
+"""Source lines that store the pages of a key. Used only after a page turned out to be invalid.
 
-Nothing is kept while a node runs, as every page would pay for it. So this reads code, and answers with the lines that
-could have done it: usually one.
+Recording the line of every page would cost time at each store. So this module reads the components' code afterwards
+and returns the lines that could have stored the page: usually one.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from snr_sim.prelude.page import DataKey
 
 
 class Author(NamedTuple):
-    """A line that names a key, and whose it is."""
+    """A line that names a key, and the component that it belongs to."""
 
     component: str
     function: str
@@ -29,7 +29,7 @@ class Author(NamedTuple):
 def authors_of(key: DataKey, components: Iterable[Component]) -> list[Author]:
     """Return the lines in which these components could store pages of a key, in their order; each once.
 
-    Lines that name the key and speak of storing or of pages are preferred to those that only name it.
+    Lines that name the key and mention storing or pages are preferred to lines that only name the key.
     """
     found = list(dict.fromkeys(author for component in components for author in _mentions(key, component)))
     storing = [author for author in found if "store" in author.place.source or "page(" in author.place.source]
@@ -37,9 +37,9 @@ def authors_of(key: DataKey, components: Iterable[Component]) -> list[Author]:
 
 
 def who_stored(key: DataKey, components: Iterable[Component]) -> tuple[str, str]:
-    """Return the lines that could have stored a page, to stand before an error, and in words whose they are.
+    """Return the lines that could have stored a page, as the prefix of an error, and a text that names their owners.
 
-    If no such line is found, the text is empty and the words name those that remain.
+    If no such line is found, the prefix is empty and the text names the remaining candidates.
     """
     components = list(components)
     authors = authors_of(key, components)
@@ -50,7 +50,7 @@ def who_stored(key: DataKey, components: Iterable[Component]) -> tuple[str, str]
 
 
 def place_of_attribute(component: Component, name: str) -> Place | None:
-    """Return the first line of a student's that sets an attribute of a component, or None."""
+    """Return the first line of student code that sets an attribute of a component, or None."""
     for function in _functions(component):
         for step in dis.get_instructions(function.__code__):
             line = step.positions.lineno if step.positions is not None else None
@@ -66,7 +66,7 @@ def _mentions(key: DataKey, component: Component) -> Iterator[Author]:
         names = {name for name, value in {**function.__globals__, **own}.items() if type(value) is str and value == key}
         for code in _nested(function.__code__):
             for step in dis.get_instructions(code):
-                is_text = step.opname == "LOAD_CONST" and step.argval == key  # and no variable of that name
+                is_text = step.opname == "LOAD_CONST" and step.argval == key  # excludes a variable of that name
                 is_named = is_text or (step.opname.startswith("LOAD_") and step.argval in names)
                 line = step.positions.lineno if step.positions is not None else None
                 if is_named and line is not None and type(step.argval) is str:
@@ -76,7 +76,7 @@ def _mentions(key: DataKey, component: Component) -> Iterator[Author]:
 
 
 def _functions(component: Component) -> Iterator[FunctionType]:
-    """Yield what a student wrote for a component: methods of its class, and functions it or its factory was given."""
+    """Yield a component's student code: methods of its class, and functions passed to it or its factory."""
     members = [member for kind in type(component).__mro__ for member in vars(kind).values()]
     given = [*component.task_handlers.values(), *vars(component).values()]
     made_by: Any = getattr(component, "factory", None)

@@ -1,4 +1,4 @@
-"""Who calls a loop: the virtual clock on the node's thread, or a thread of the loop's own. The loop cannot tell."""
+"""Executors of a loop (backings): the virtual clock on the node's thread, or a thread. The loop runs alike on both."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from snr_sim.core.node_life import NodeLife
 from snr_sim.prelude.errors import ClockError, ComponentFailed
 
 _UNLIMITED_RATE_IN_LOCK_STEP_HZ = 1000.0
-# In periods of its rate: how soon after its last tick a hurried one may come, and how long the next one then waits for
-# being hurried again. So a loop that is hurried in each period ticks then, and neither twice nor ever later.
+# In periods of the loop's rate: the minimum time from the last tick to one requested by `hurry`, and how long the tick
+# after that waits for the next `hurry`. A loop that gets one `hurry` per period then ticks at these calls: neither
+# twice per period, nor with a growing delay.
 _HURRIED_AFTER, _WAITS_FOR_HURRY = 0.5, 1.5
-# How long a node waits for a loop's thread at the end. Longer than any honest tick, shorter than a person's patience.
+# How long a node waits for a loop's thread at the end: longer than a correct tick, short enough for a user at Ctrl-C.
 JOIN_TIMEOUT_S = 0.5
 
 
 class ClockBacking:
-    """Has the virtual clock call the loop on the node's thread: tick k comes at exactly k / rate."""
+    """Executor that lets the virtual clock call the loop on the node's thread: tick k is at exactly k / rate."""
 
-    setup_patience_s = 0.0  # `start` has called it
+    setup_patience_s = 0.0  # `start` calls `setup` itself
 
     def __init__(self, loop: Loop, life: NodeLife) -> None:
         assert isinstance(loop.parent.clock, SimClock)
@@ -35,14 +36,14 @@ class ClockBacking:
         self._order = life.registry.order_of(loop.name)
         self._is_started = False
         self._is_halted = False
-        self._at_once = 0  # ticks in a row that were wanted at once
+        self._at_once = 0  # consecutive ticks that were requested at once
         self.is_stopped = False
         self.ticks = 0
         self.late_s = 0.0
 
     def start(self) -> None:
-        """Set the loop up and ask the clock for its first tick, now."""
-        self._is_started = True  # before setup: what fails halfway has to be halted too, as on a thread
+        """Call `setup` and schedule the first tick on the clock."""
+        self._is_started = True  # before setup: a loop whose setup fails must be halted too, as on a thread
         self._life.call_loop(self._loop, "setup")
         self._clock.call_at(self._start_s, self._tick, self._order)
 
@@ -62,7 +63,7 @@ class ClockBacking:
     def _next_s(self) -> float:
         wanted_s = self._loop.next_tick_at_s
         if wanted_s is None:
-            # A product would drift in the last digits; and equal rates must meet at equal floats.
+            # A product would drift in the last digits; ticks of loops with equal rates need equal floats.
             return self._start_s + self.ticks / self._rate_hz
         now_s = self._clock.now_s()
         if wanted_s > now_s:
@@ -74,7 +75,7 @@ class ClockBacking:
         return now_s
 
     def hurry(self) -> None:
-        """Change nothing: what was scheduled for a moment is done before the ticks of that moment anyway."""
+        """Do nothing: tasks scheduled for an instant are executed before the ticks of that instant anyway."""
 
     def stop(self) -> None:
         """Ask for no more ticks."""
@@ -96,7 +97,7 @@ def _stands_still(wanted_s: float, ticks: int) -> ClockError:
 
 
 class ThreadBacking:
-    """Calls the loop from a thread, on deadlines: work in a tick does not delay the next one."""
+    """Executor that calls the loop from a thread, on deadlines: work in a tick does not delay the next one."""
 
     setup_patience_s = 0.5
 
@@ -106,19 +107,19 @@ class ThreadBacking:
         self._clock = loop.parent.clock
         self._period_s = 1.0 / loop.max_tick_rate_hz if loop.max_tick_rate_hz else 0.0
         self._stopping = threading.Event()
-        self._waking = threading.Event()  # set to end a wait: to stop, or to hurry
+        self._waking = threading.Event()  # set to end a wait: by `stop` or `hurry`
         self._halting = threading.Lock()
         self._is_halted = False
-        self._is_refused = False  # its setup failed in a trial: somebody has been told, and the node goes on
-        self._give_up_s: float | None = None  # when somebody else asked it to stop, plus the timeout
-        # A daemon, so that a loop that hangs cannot keep the process alive.
+        self._is_refused = False  # its setup failed in a trial: reported there, and the node continues
+        self._give_up_s: float | None = None  # when another thread called `stop`, plus the timeout
+        # A daemon thread: a loop that hangs must not keep the process alive.
         self._thread = threading.Thread(target=self._run, name=loop.name, daemon=True)
         self.ticks = 0
         self.late_s = 0.0
 
     @property
     def is_stopped(self) -> bool:
-        """Whether no more ticks will come."""
+        """Whether no more ticks will follow."""
         return self._stopping.is_set() or not self._thread.is_alive()
 
     def start(self) -> None:
@@ -136,7 +137,7 @@ class ThreadBacking:
             failure = life.report.failure_of(loop, error, "loop")
             self._is_refused = loop.trial is not None and loop.trial.report(failure)
             if self._is_refused or life.takes_failure(loop, failure):
-                pass  # somebody knows, and the node goes on
+                pass  # the failure is reported, and the node continues
             elif loop.is_taken_out:
                 life.node.note(str(failure))
             else:
@@ -149,7 +150,7 @@ class ThreadBacking:
         deadline_s = clock.now_s() + loop.first_tick_after_s
         self._stopping.wait(loop.first_tick_after_s)
         while True:
-            self._waking.clear()  # before it looks at anything: what comes from now on wakes it
+            self._waking.clear()  # before the checks below: a request from now on ends the wait
             if self._stopping.is_set():
                 return
             self.ticks += 1
@@ -164,7 +165,7 @@ class ThreadBacking:
                     deadline_s = clock.now_s() + (_WAITS_FOR_HURRY - 1.0) * self._period_s
             elif self._period_s:
                 self.late_s = max(self.late_s, -spare_s)
-                missed = int(-spare_s / self._period_s)  # ticks that can no longer be on time are left out, not hurried
+                missed = int(-spare_s / self._period_s)  # skip missed ticks instead of catching up
                 deadline_s += missed * self._period_s
 
     def _halt_once(self) -> None:
@@ -183,23 +184,23 @@ class ThreadBacking:
                 node.door.fail(failure)
 
     def hurry(self) -> None:
-        """Have the next tick come now, or half a period after the last one."""
+        """Request the next tick now, or half a period after the last one."""
         self._waking.set()
 
     def stop(self) -> None:
-        """Ask for no more ticks; a loop that waits for its next one wakes."""
+        """Request no more ticks, and end the wait for the next one."""
         if self._give_up_s is None and self._thread is not threading.current_thread():
             self._give_up_s = self._clock.now_s() + JOIN_TIMEOUT_S
         self._stopping.set()
         self._waking.set()
 
     def join(self) -> None:
-        """Stop and wait for the thread; a loop that does not answer is halted from here and left behind."""
+        """Stop and wait for the thread; if it does not end in time, halt the loop from here and leave the thread."""
         self.stop()
         if self._thread.ident is None or self._give_up_s is None:
             return
-        with suppress(KeyboardInterrupt):  # whoever is impatient wants it halted now
-            # From when it was asked, not from now: so many loops that hang cost the time of one.
+        with suppress(KeyboardInterrupt):  # a second Ctrl-C: halt now
+            # Counted from `stop`, not from now: several loops that hang then cost one timeout together.
             self._thread.join(max(self._give_up_s - self._clock.now_s(), 0.0))
         if self._thread.is_alive():
             frame = sys._current_frames().get(self._thread.ident)

@@ -1,4 +1,4 @@
-"""Finds the student's line in a failure, and says it first."""
+"""Find the line of student code that caused a failure, and put it first in the message."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from typing import NamedTuple
 from snr_sim.core.hints import hint, shown
 from snr_sim.prelude.errors import DeviceError, SnrError
 
-# What to do about code that did not return although it was interrupted.
+# Fix for code that did not return although it was interrupted.
 LET_INTERRUPTS_PASS = "catch Exception, not BaseException; and put no bare except around what repeats."
 
 _KIT = Path(__file__).resolve().parents[1]
-_SHIPPED = _KIT / "shipped"  # robots and scenarios in the wheel: content, not kit
+_SHIPPED = _KIT / "shipped"  # robots and scenarios in the wheel: content, not library code
 _CONTENT = (_SHIPPED, *(_KIT.parent / kind for kind in ("robots", "scenarios", "assignments")))
 _ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
 _STDLIB = Path(os.__file__).resolve().parent
@@ -37,12 +37,12 @@ class Place(NamedTuple):
 
 
 def student_place(trace: TracebackType | None) -> Place | None:
-    """Return the innermost line that a student wrote, or None if there is none in the traceback."""
+    """Return the innermost line of student code, or None if there is none in the traceback."""
     return _innermost(traceback.extract_tb(trace))
 
 
 def _student_trace(trace: TracebackType | None) -> TracebackType | None:
-    """Return the innermost part of a traceback that is in a student's line."""
+    """Return the innermost part of a traceback that is in student code."""
     found = None
     while trace is not None:
         if is_student_file(trace.tb_frame.f_code.co_filename):
@@ -52,7 +52,7 @@ def _student_trace(trace: TracebackType | None) -> TracebackType | None:
 
 
 def place_now(frame: FrameType) -> Place | None:
-    """Return the innermost line of a student's that a thread is at, or None; `frame` is the thread's newest."""
+    """Return the innermost line of student code that a thread is at, or None; `frame` is the thread's newest."""
     return _innermost(traceback.extract_stack(frame))
 
 
@@ -66,7 +66,7 @@ def _innermost(frames: traceback.StackSummary) -> Place | None:
 
 
 def place_of(function: object) -> Place | None:
-    """Return where a function or method begins, or None if no student wrote it."""
+    """Return where a function or method begins, or None if it is not student code."""
     code = getattr(unwrap(function), "__code__", None) if callable(function) else None
     if not isinstance(code, CodeType) or not is_student_file(code.co_filename):
         return None
@@ -75,7 +75,7 @@ def place_of(function: object) -> Place | None:
 
 
 def place_of_class(kind: type[object]) -> Place | None:
-    """Return where a class begins, or None if no student wrote it."""
+    """Return where a class begins, or None if it is not student code."""
     try:
         file, (lines, number) = getfile(kind), getsourcelines(kind)
     except (OSError, TypeError):
@@ -84,7 +84,7 @@ def place_of_class(kind: type[object]) -> Place | None:
 
 
 def is_student_file(filename: str) -> bool:
-    """Return whether a file is neither the kit's, Python's, an installed package's, nor generated."""
+    """Return whether a file belongs to neither snr_sim, Python nor an installed package, and is not generated."""
     if filename.startswith("<"):
         return False
     path = Path(filename).resolve()
@@ -94,13 +94,13 @@ def is_student_file(filename: str) -> bool:
 
 
 def is_content(filename: str) -> bool:
-    """Return whether a file is of the robots, scenarios and labs that come with the kit."""
+    """Return whether a file belongs to the robots, scenarios and labs that ship with snr_sim."""
     path = Path(filename).resolve()
     return any(path.is_relative_to(folder) for folder in _CONTENT)
 
 
 def short_path(filename: str) -> str:
-    """Return the path as seen from the current folder where that is shorter."""
+    """Return the path relative to the current folder if that is shorter."""
     try:
         relative = str(Path(filename).resolve().relative_to(Path.cwd()))
     except (ValueError, OSError):
@@ -109,7 +109,7 @@ def short_path(filename: str) -> str:
 
 
 def put_place_first(error: SnrError) -> None:
-    """Begin an error of the kit, raised because of a student's line, with that line; not with a line of our robots."""
+    """Prefix an snr_sim error with the line of student code that caused it; lines of shipped robots do not count."""
     frames = [one for one in traceback.extract_tb(error.__traceback__) if not is_content(one.filename)]
     place = _innermost(traceback.StackSummary.from_list(frames))
     if place is not None and not error.message.startswith(str(place)):
@@ -117,7 +117,7 @@ def put_place_first(error: SnrError) -> None:
 
 
 def without_addresses(text: str) -> str:
-    """Return a text without where objects are in memory: that is elsewhere in each run, and run are compared.
+    """Return a text without memory addresses of objects: they differ in each run, and runs are compared.
 
     >>> without_addresses("<Mine object at 0x7f10>")
     '<Mine object>'
@@ -126,12 +126,12 @@ def without_addresses(text: str) -> str:
 
 
 def describe_error(error: BaseException, while_doing: str, otherwise: Place | None = None) -> str:
-    """Return what happened with the student's line first; a device's own trouble before the line that opened it.
+    """Return an error message, prefixed with the student's line; a device error comes before the line that opened it.
 
     Args:
-        error: what was raised.
+        error: the exception.
         while_doing: what the component was doing, in its own names.
-        otherwise: the place to show if no line of a student's raised it.
+        otherwise: the location to show if no line of student code raised it.
     """
     place = _place_of_syntax(error) or student_place(error.__traceback__) or otherwise
     if isinstance(error, SnrError):

@@ -13,31 +13,31 @@ Callback: TypeAlias = Callable[[], None]
 
 
 class WallClock:
-    """Seconds since it was made, from the monotonic clock: setting the computer's clock does not move it.
+    """Seconds since creation, from the monotonic clock: setting the computer's clock does not change it.
 
     Args:
-        start_s: `time.monotonic()` at zero, if it goes on where another process' clock began; now if not given.
+        start_s: `time.monotonic()` at zero, to share the zero of another process' clock; default: now.
     """
 
     def __init__(self, start_s: float | None = None) -> None:
         self._start_s = time.monotonic() if start_s is None else start_s
 
     def now_s(self) -> float:
-        """Return seconds since the clock was made."""
+        """Return seconds since the clock was created."""
         return time.monotonic() - self._start_s
 
     def sleep_until(self, time_s: float) -> None:
-        """Sleep until `time_s` has come."""
+        """Sleep until `time_s`."""
         delay_s = time_s - self.now_s()
         if delay_s > 0:
             time.sleep(delay_s)
 
 
 class SimClock:
-    """Virtual time: it stands still while work is done, and jumps to the next moment when something is due.
+    """Virtual time: constant while work is done, then advanced to the next instant at which something is due.
 
-    It owns all waiting of a simulated run. Whoever wants to be called says when (`call_at`); whoever has to keep up
-    with time, such as a plant, follows it (`follow`) and is brought to each new moment before anybody is called.
+    All waiting of a simulated run happens here. Callbacks are scheduled with `call_at`. A component that has to keep up
+    with time, such as a plant, registers with `follow` and is advanced to each new instant before any callback runs.
 
     >>> clock = SimClock()
     >>> clock.call_at(0.5, lambda: print("now it is", clock.now_s()))
@@ -56,15 +56,15 @@ class SimClock:
         return self._now_s
 
     def call_at(self, time_s: float, callback: Callback, order: int = 0) -> None:
-        """Have `callback` called when `time_s` comes.
+        """Schedule `callback` for `time_s`.
 
         Args:
             time_s: not before now.
             callback: takes and returns nothing.
-            order: who goes first of those due at the same moment: lower first, then who asked first.
+            order: sort key among callbacks due at the same instant: lower first, then in the order of the calls.
 
         Raises:
-            ClockError: the moment has passed.
+            ClockError: `time_s` is in the past.
         """
         if time_s < self._now_s:
             raise ClockError(
@@ -75,16 +75,16 @@ class SimClock:
         heapq.heappush(self._due, (time_s, order, self._count, callback))
 
     def follow(self, advance_to: Callable[[float], None]) -> None:
-        """Have `advance_to(time_s)` called at each new moment, before anything that is due then."""
+        """Register `advance_to(time_s)` to be called at each new instant, before the callbacks due then."""
         self._followers.append(advance_to)
 
     @property
     def next_s(self) -> float | None:
-        """The next moment at which something is due, or None."""
+        """The next instant at which something is due, or None."""
         return self._due[0][0] if self._due else None
 
     def run_next(self) -> None:
-        """Jump to the next moment and call the first thing that is due then."""
+        """Advance to the next due instant and run its first callback."""
         time_s, _, _, callback = heapq.heappop(self._due)
         if time_s > self._now_s:
             self._now_s = time_s
@@ -93,7 +93,7 @@ class SimClock:
         callback()
 
     def sleep_until(self, time_s: float) -> None:
-        """Refuse: in lock step the world waits for whoever runs, so a sleep would last for ever.
+        """Raise: in lock step time advances only between tasks, so a sleep would never end.
 
         Raises:
             ClockError: always, unless `time_s` has passed.

@@ -1,4 +1,4 @@
-"""What endpoints and loops have in common: a name in a node, its pages, its time and its chance."""
+"""Base of endpoints and loops: a name in a node, and access to its pages, time and random numbers."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _STORE_PAGE = TaskType.store_page  # looked up once: in Python 3.11 a member of 
 
 
 class ComponentFactory:
-    """Makes one component for a node. What it keeps itself survives when the component is made anew.
+    """Factory of one component of a node. The factory's own state survives a reload of the component.
 
     Args:
         reload_targets: modules whose code is read again when the component is reloaded, in this order: list helpers
-            first, then the module of the component. If there are none: the student's own files that define the
-            classes of component and factory.
+            first, then the module of the component. Default: the student's own files that define the classes of
+            component and factory.
     """
 
     def __init__(self, reload_targets: ModuleType | Sequence[ModuleType] | None = None) -> None:
@@ -54,15 +54,15 @@ class NodeComponent(ComponentMembers):
     """A part of a node.
 
     Args:
-        factory: who made it.
+        factory: its factory.
         parent: its node.
         name: unique in the node.
     """
 
-    # Whether it belongs to the robot. What a runner puts beside it does not: a replay is without it, so it is neither
-    # reloaded nor removed.
+    # Whether it belongs to the robot. A component that a runner adds does not: a replay runs without it, so it is
+    # neither reloaded nor removed.
     is_of_robot: ClassVar[bool] = True
-    # Whether a reload of all components makes it anew, too. Not a console: the answer is to come over its line.
+    # Whether a reload of all components includes it. False for a console, whose connection carries the reply.
     is_reloaded_with_all: ClassVar[bool] = True
 
     def __init__(self, factory: ComponentFactory, parent: NodeApi, name: str) -> None:
@@ -74,14 +74,14 @@ class NodeComponent(ComponentMembers):
         """End the work; the node calls it once."""
 
     def terminate(self) -> None:
-        """Close files and wires; the node calls it once, at the very end, on its own thread."""
+        """Close files and connections; the node calls it once, at the very end, on its own thread."""
 
     def schedule(self, tasks: SomeTasks) -> None:
-        """Queue tasks: those of an endpoint are its consequences, those of a loop are the node's inputs."""
+        """Queue tasks: an endpoint's are results of the task it handles, a loop's are inputs of the node."""
         raise NotImplementedError
 
     def page(self, key: DataKey, data: Any, process: bool = True) -> Page:
-        """Return a page made by this node, now, of the data as they are now: see `Node.page`."""
+        """Return a page of this node, created now, with a copy of the data: see `Node.page`."""
         kept = data if type(data) in IMMUTABLE else data_of_page(self.parent, key, data)
         return Page(key, kept, self.parent.name, self.get_time_s(), process)
 
@@ -110,11 +110,11 @@ class NodeComponent(ComponentMembers):
         return None if page is None else page.data
 
     def get_age_s(self, key: DataKey) -> float:
-        """Return how old the page of `get_page` is [s], whoever made it; infinite if that is not known."""
+        """Return the age of the page of `get_page` [s], also if another node made it; infinite if unknown."""
         return self.parent.get_age_s(key)
 
     def get_time_s(self) -> float:
-        """Return the node's time: the same all through one task."""
+        """Return the node's time [s]: constant during one task."""
         return self.parent.get_time_s()
 
     @cached_property
@@ -129,7 +129,7 @@ class NodeComponent(ComponentMembers):
 
 
 class ComponentLog(logging.LoggerAdapter[logging.Logger]):
-    """A component's logger: what it says is recorded, whether or not it is shown."""
+    """A component's logger: its messages are recorded, whether or not they are shown."""
 
     def __init__(self, logger: logging.Logger, component: NodeComponent) -> None:
         super().__init__(logger, {})
@@ -144,7 +144,7 @@ class ComponentLog(logging.LoggerAdapter[logging.Logger]):
 
 
 def _text_of(msg: object, args: tuple[object, ...]) -> str:
-    """Return a message as logging words it. A call that is wrong ends no run: logging, too, tells it and goes on."""
+    """Return a message as logging formats it. As in logging, a wrong log call is reported and does not end the run."""
     try:
         return logging.LogRecord("", logging.INFO, "", 0, msg, args, None).getMessage()
     except Exception as error:  # also of an object's own __str__

@@ -1,4 +1,4 @@
-"""The components of a node: made by their factories, checked, in an order, exchanged while it runs."""
+"""Registry of a node's components: created by factories, checked, ordered, and exchanged at run time."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from snr_sim.core.node_parts import NodeParts
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ConfigError, SnrError
 
-_STEPS = ("begin", "setup", "loop", "halt", "terminate")  # what a component's author may write, beside handlers
+_STEPS = ("begin", "setup", "loop", "halt", "terminate")  # methods that an author may write, besides handlers
 
 
 class ComponentRegistry:
     """Components of one node by name, and the order in which they handle a task.
 
     Args:
-        node: that they belong to.
+        node: their node.
 
     Attributes:
         components: by name; a new dict after each change at run time, because other threads read it.
@@ -34,20 +34,20 @@ class ComponentRegistry:
         self._last_place = 0
 
     def add_all(self, factories: Iterable[Any], is_replay: bool) -> None:
-        """Make and add a component of each factory, behind those there are; in a replay no loops.
+        """Create and append a component of each factory; in a replay leave out loops.
 
         Raises:
-            ConfigError: a factory makes no component, or two have one name.
+            ConfigError: a factory does not return a component, or two have the same name.
         """
         for self._last_place, factory in enumerate(factories, 1):
             if not (is_replay and isinstance(factory, LoopFactory)):
                 self.add(self.make(factory), self._last_place)
 
     def make(self, factory: Any) -> Endpoint | Loop:
-        """Return what a factory makes, checked; it is not yet a part of the node.
+        """Return a factory's component, checked; it is not yet added to the node.
 
         Raises:
-            ConfigError: that is no component.
+            ConfigError: the factory does not return a component.
         """
         node, name = self._node, type(factory).__name__
         if not isinstance(factory, (EndpointFactory, LoopFactory)):
@@ -101,10 +101,10 @@ class ComponentRegistry:
         return component
 
     def add(self, component: Component, place: int) -> None:
-        """Add a component that `make` has returned, at a place in the order.
+        """Add a component that `make` has returned, at index `place` in the order.
 
         Raises:
-            ConfigError: there is one of that name.
+            ConfigError: a component of that name exists.
         """
         other = self.components.get(component.name)
         if other is not None:
@@ -118,10 +118,10 @@ class ComponentRegistry:
         self._node.machine.lookup.forget()
 
     def exchange(self, old: Component | None, new: Component | None) -> None:
-        """Put a component in the place of another one of its name; None: last, or nothing."""
+        """Replace a component by one of the same name; `old` None: append, `new` None: remove."""
         lookup = self._node.machine.lookup
         if old is None and new is not None:
-            components = self.components.copy()  # which is quicker than to put 1000 into a new one
+            components = self.components.copy()  # faster than to insert 1000 items into a new dict
             components[new.name] = new
             self.components = components
             self.give_place(new.name)
@@ -134,11 +134,11 @@ class ComponentRegistry:
         lookup.forget()
 
     def order_of(self, component_name: str) -> int:
-        """Return a component's place among the node's components; one that is made anew keeps it."""
+        """Return a component's index in the order of the node's components; a reload keeps it."""
         return self._places[component_name]
 
     def give_place(self, component_name: str, place: int | None = None) -> None:
-        """Say where a component stands; behind all others, if no place is given."""
+        """Set a component's index in the order; without `place`, the last."""
         if place is None:
             place = self._last_place = self._last_place + 1
         self._places[component_name] = place

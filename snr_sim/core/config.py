@@ -1,4 +1,4 @@
-"""Config: which factories make up each role of a robot. The whole wiring of a system stands in this one place."""
+"""Config: the factories of each role of a robot. It is the complete wiring of a system."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ class Config:
     Args:
         mode: DEBUG switches the profiler on.
         factories: for each role the factories of its components, in the order they begin and handle tasks.
-        max_tasks_per_moment: how many tasks a node may execute while virtual time stands still; with more the run
-            ends and says which tasks ask for each other. On the wall clock there is no such bound.
-        stall_limit_s: how long a component may hold up a run, of wall time; then it is interrupted and the run ends. It
-            is told after two seconds in any case. Where nothing can be interrupted (in another thread than the main
-            one, on Windows), or all is swallowed, loops are halted and the process is ended.
+        max_tasks_per_moment: maximum number of tasks per node at one instant of virtual time; above it the run ends
+            with an error that names the tasks that schedule each other. On the wall clock there is no such limit.
+        stall_limit_s: wall time for which a component may block a run; then it is interrupted and the run ends. A
+            message is printed after two seconds in any case. If it cannot be interrupted (the run is not in the main
+            thread, or on Windows), or it swallows the interrupts, loops are halted and the process is ended.
 
     Raises:
-        ConfigError: there is no such mode, there is no role, a role is no list, or a bound is none.
+        ConfigError: the mode is unknown, there are no roles, a role is not a list, or a limit is not valid.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class Config:
 
     @property
     def bounds(self) -> dict[str, Any]:
-        """What bounds a run, by the names that `Config` takes: for another config of the same robot."""
+        """The limits of a run by their argument names in `Config`, for another config of the same robot."""
         return {"max_tasks_per_moment": self.max_tasks_per_moment, "stall_limit_s": self.stall_limit_s}
 
     def get(self, role: RoleName) -> list[AnyFactory]:
@@ -106,5 +106,5 @@ class Config:
         return self.factories[role]
 
     def get_profiler(self) -> Profiler | None:
-        """Return a profiler for a node, or None if the mode wants none."""
+        """Return a profiler for a node in DEBUG mode, else None."""
         return Profiler() if self.mode is Mode.DEBUG else None

@@ -1,6 +1,6 @@
-"""What the thread of a run is doing now, as another thread sees it: the student's line, the handler and the task.
+"""Current call of a run's thread, as another thread sees it: the student's line, the handler and the task.
 
-It is read from Python's own frames, so the run keeps no account of it.
+It is read from Python's own frames, so the run itself spends no time on it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from snr_sim.core.machine import EventMachine
 from snr_sim.prelude.task import Task
 
 _DEBUGGERS = ("bdb", "pdb")
-# The functions in which a task is executed; it is in their local variable `task`.
+# The functions that execute a task; it is in their local variable `task`.
 _EXECUTING = tuple(function.__code__ for function in (EventMachine.run_ready, EventMachine.execute_next))
 _is_student_file = lru_cache(maxsize=1024)(is_student_file)
 
@@ -23,11 +23,11 @@ class CurrentCall(NamedTuple):
     """What a thread is doing.
 
     Args:
-        frame: the student's innermost, or None: then the kit's own code is running.
-        function: the student's that the kit has called.
-        task: that is being executed, if it was asked for.
-        executed: how many tasks the machine has executed in this go and not counted yet, if that was asked for.
-        is_debugged: somebody is stepping through it.
+        frame: innermost frame of student code, or None while snr_sim's own code is running.
+        function: the student's function that snr_sim has called.
+        task: the task that is being executed, if requested.
+        executed: number of tasks that the machine has executed in this call and not counted yet, if requested.
+        is_debugged: whether a debugger is stepping through it.
     """
 
     frame: FrameType | None = None
@@ -52,9 +52,9 @@ def current_call(newest: FrameType | None, base: FrameType | None, with_task: bo
 
     Args:
         newest: its newest frame.
-        base: the one in which the run began; what is further out is not looked at.
-        with_task: look for task and count, too. Python 3.11 and 3.12 then keep what the machine's local variables hold
-            until it has no more to do, so this is for a run in which something seems to be wrong.
+        base: the frame in which the run began; frames outside it are ignored.
+        with_task: also find task and count. Python 3.11 and 3.12 then keep the values of the machine's local variables
+            alive until the machine is idle, so use this only if something seems to be wrong with the run.
     """
     inner: FrameType | None = None
     function, is_debugged = "", False

@@ -22,11 +22,11 @@ class Datastore:
     def __init__(self) -> None:
         self.pages: dict[DataKey, Page] = {}
         self.previous: dict[DataKey, Page] = {}
-        self.missed: dict[DataKey, None] = {}  # asked for in vain, in order; those never stored are reported at the end
+        self.missed: dict[DataKey, None] = {}  # requested too early, in order; reported if never stored
         self.stored = 0
 
     def put(self, page: Page) -> Page | None:
-        """Make `page` the newest of its key; return the one that was, if there was one.
+        """Make `page` the newest of its key; return the previous newest, if any.
 
         Raises:
             TaskError: it is not a page, or its key is not text.
@@ -54,7 +54,7 @@ class Datastore:
             key = key.removesuffix(PREVIOUS)
             page = self.previous.get(key)
             if page is None and key in self.pages:
-                return None  # there is only one of it so far, which is no mistake
+                return None  # only one page so far, which is not an error
         if page is None:
             self.missed[key] = None
         return page

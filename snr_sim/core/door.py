@@ -1,4 +1,4 @@
-"""The door: the one place where threads meet a node. Everything from outside enters here, in one order."""
+"""Inbox of a node (`Door`): a thread-safe queue that fixes the order of all input from outside."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from snr_sim.core.lookout import Call, Lookout
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.task import Task, TaskType
 
-# Even a wait without a limit looks up this often. A signal that arrives in the instant before Python falls asleep does
-# not wake it, so a wait that only the signal's handler could end would never end (seen: 2 of 300 interrupted nodes).
+# A signal that arrives just before the blocking call does not interrupt it (2 of 300 interrupted nodes hung), so every
+# wait ends after this time at the latest and the caller checks for signals.
 LOOK_UP_S = 0.2
 
 
 class Door:
-    """A queue that any thread may put into and one thread takes from; waiting at it costs nothing.
+    """Queue that any thread can put into and one thread takes from; a wait costs no CPU time.
 
-    `deque.append` and `SimpleQueue.put` are single steps that no other thread and no signal handler can cut in two.
-    So nothing enters through a lock that an interrupt could leave held, which is how a node hangs at Ctrl-C.
+    `deque.append` and `SimpleQueue.put` are atomic for threads and signal handlers. So `put` holds no lock that an
+    interrupt could leave locked, which would make a node hang at Ctrl-C.
     """
 
     def __init__(self) -> None:
@@ -30,60 +30,60 @@ class Door:
         self._wake: SimpleQueue[None] = SimpleQueue()
         self._asleep = False
         self._lookout: Lookout | None = None
-        self._opening = threading.Lock()  # of the lookout; links' threads take it, never who waits or puts
-        self.visits = 0  # how often the node has come to wait
+        self._opening = threading.Lock()  # to create `_lookout`; only links' threads take it, not `put` or `wait`
+        self.visits = 0  # how many times the node has called `wait`
 
     @property
     def is_waited_at(self) -> bool:
-        """Whether the node's thread waits here now."""
+        """Whether the node's thread is in `wait` now."""
         return self._asleep
 
     def watch(self, descriptor: int, serve: Callable[[list[Any]], None], what: Any) -> None:
-        """Have `serve` called on the node's thread when there is something to read, while it waits at the door.
+        """Call `serve` on the node's thread when a descriptor is readable, while the node waits in `wait`.
 
-        One call gets `what` of all descriptors with this `serve` that can be read: it decides whose turn it is.
-        What comes for a node that has nothing else to do costs no change of threads then. A node that has much to do
-        does not come to its door, so who watches needs another way to read in the long run.
+        One call gets the `what` of all readable descriptors with this `serve`, which decides the order.
+        An idle node then receives input without a thread switch. A busy node does not call `wait`, so the caller needs
+        another way to read as well.
         """
-        with self._opening:  # two links may come up at one moment, each on its own thread
+        with self._opening:  # two links may start at the same time, each on its own thread
             if self._lookout is None:
                 self._lookout = Lookout()
-                self._wake.put(None)  # whoever waits already waits for this
+                self._wake.put(None)  # ends a wait that has already begun on this queue
         self._lookout.watch(descriptor, serve, what)
 
     def unwatch(self, descriptor: int) -> None:
-        """End watching; from any thread."""
+        """Stop watching a descriptor; from any thread."""
         if self._lookout is not None:
             self._lookout.unwatch(descriptor)
 
     def close(self) -> None:
-        """Let go of what waiting for descriptors needs; nobody waits here any more."""
+        """Close the descriptors used for waiting; call it only after the last `wait`."""
         if self._lookout is not None:
             self._lookout.close()
 
     def put(self, task: Task, source: str) -> None:
-        """Let a task in; `source` is the name of the loop, link or person that brought it."""
+        """Add a task, and wake the node if it waits; `source` names the loop, link or client that sent it."""
         self.waiting.append((task, source))
         if self._asleep:
-            self._asleep = False  # one call is enough, however many tasks come before it is heard
+            self._asleep = False  # one wake-up is enough for all tasks put before the node takes them
             if self._lookout is None:
                 self._wake.put(None)
             else:
                 self._lookout.wake()
 
     def fail(self, failure: SnrError) -> None:
-        """Tell the node that something outside its thread has failed; the first one counts."""
+        """Report a failure outside the node's thread; the first one is kept."""
         if self.failure is None:
             self.failure = failure
-        self.put(Task(TaskType.terminate, "failure"), "failure")  # so that a busy node looks up from its queue
+        self.put(Task(TaskType.terminate, "failure"), "failure")  # so that a busy node checks its inbox
 
     def wait(self, timeout_s: float | None = None) -> None:
-        """Return when something is at the door, or after the timeout; now and then also before."""
+        """Wait until a task is in the inbox or the timeout is over; may also return earlier."""
         timeout_s = LOOK_UP_S if timeout_s is None else min(timeout_s, LOOK_UP_S)
         self.visits += 1
         lookout = self._lookout
         seen: Sequence[Call] = ()
-        self._asleep = True  # before the last look, so that what comes after the look wakes us
+        self._asleep = True  # before the last check, so that a `put` after the check wakes this thread
         try:
             if not self.waiting:
                 if lookout is None:

@@ -1,4 +1,4 @@
-"""Endpoints: components whose handlers turn tasks into tasks. Most of what a student writes is one of these."""
+"""Endpoints: components whose handlers turn tasks into tasks. Most student code is an endpoint."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from snr_sim.prelude.task import SomeTasks, TaskHandler, TaskHandlerMap, TaskId
 
 
 class EndpointFactory(ComponentFactory):
-    """Makes an endpoint for a node."""
+    """Factory of an endpoint."""
 
     def get(self, parent: NodeApi) -> Endpoint:
         """Return a new endpoint that belongs to the node `parent`."""
@@ -25,11 +25,11 @@ class Endpoint(NodeComponent):
     """A component that handles tasks, all of them on the node's one thread.
 
     Set `self.task_handlers` in `__init__`; a handler is called with (task, task_id) and returns None, a task, or a
-    list of tasks. Chance comes from `self.rng`, time from `self.get_time_s()`, and nothing else from outside: that
-    is what makes a run repeatable.
+    list of tasks. Take random numbers from `self.rng`, time from `self.get_time_s()`, and nothing else from outside:
+    that makes a run repeatable.
 
     Args:
-        factory: who made it.
+        factory: its factory.
         parent: its node.
         name: unique in the node.
     """
@@ -37,7 +37,7 @@ class Endpoint(NodeComponent):
     _of_class: ClassVar[Mapping[TaskId, TaskHandler]] = {}
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Keep a table `task_handlers` of the class, which each object starts with; functions in it are its methods."""
+        """Keep the class's table `task_handlers` as the initial table of each object; its functions become methods."""
         super().__init_subclass__(**options)
         table = cls.__dict__.get("task_handlers")
         if isinstance(table, Mapping):
@@ -55,7 +55,7 @@ class Endpoint(NodeComponent):
 
     @property
     def task_handlers(self) -> TaskHandlerMap:
-        """Which task goes to which method. May be changed while the node runs."""
+        """Handlers by task id. May be changed while the node runs."""
         return self._handlers
 
     @task_handlers.setter
@@ -74,7 +74,7 @@ class Endpoint(NodeComponent):
         self._tell_node()
 
     def _tell_node(self) -> None:
-        if self.parent.components.get(self.name) is self:  # else it is being made, and the node looks when it comes
+        if self.parent.components.get(self.name) is self:  # else the node reads them when it is added
             self.parent.handlers_changed()
 
     def begin(self) -> None:

@@ -1,4 +1,4 @@
-"""Which handlers a task goes to: the map each component keeps, and the node's cached lookup over all of them."""
+"""Handler maps of components, and the node's cached lookup of the handlers of a task."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ConfigError, TaskError, nearest
 from snr_sim.prelude.task import Task, TaskHandler, TaskId, TaskName, TaskType
 
-# One handler to call: whose it is, the function, the id it was registered for, and the names of both for the trace.
+# One handler to call: its component, the function, the id it was registered for, and the names of both for the trace.
 Entry: TypeAlias = tuple[Component, TaskHandler, TaskId, tuple[str, str]]
 
-# Functions that have passed: each is looked at once, however many components are made.
+# Functions that passed the check: each is checked once, however many components use it.
 _checked: WeakSet[FunctionType] = WeakSet()
 
 _NOT_RUN_AT_ONCE = inspect.CO_GENERATOR | inspect.CO_ASYNC_GENERATOR | inspect.CO_COROUTINE
@@ -25,7 +25,7 @@ _MUTATORS = ("__setitem__", "__delitem__", "__ior__", "clear", "pop", "popitem",
 
 
 class HandlerMap(dict[TaskId, TaskHandler]):
-    """A component's handlers; tells when they change, so that the node can cache who handles what."""
+    """Handlers of a component, with a notification on change, so that the node can cache its lookup."""
 
     def __init__(self, handlers: Mapping[TaskId, TaskHandler], on_change: Callable[[], None]) -> None:
         super().__init__(handlers)
@@ -49,29 +49,29 @@ for _name in _MUTATORS:
 
 
 class Lookup:
-    """Finds the handlers of a task in time that does not grow with the number of components.
+    """Cached lookup of a task's handlers, in time that does not grow with the number of components.
 
     Args:
         components: the node's components by name; the order is the order of their handlers.
-        profiler: times each handler, if given. It wraps them here, so that the machine need not know of it.
+        profiler: times each handler, if given. Handlers are wrapped here, so the machine does not depend on it.
     """
 
     def __init__(self, components: Mapping[str, Component], profiler: Profiler | None = None) -> None:
         self.components = components
         self._profiler = profiler
-        # What is called in a handler's place, while new code is on probation (core/reload/rollback.py).
+        # Wraps a handler while new code is on probation (core/reload/rollback.py).
         self.watched: Callable[[Component, TaskHandler], TaskHandler] | None = None
         self.cache: dict[TaskType, dict[TaskName, tuple[Entry, ...]]] = {kind: {} for kind in TaskType}
         self._seen: dict[TaskType, dict[TaskName, tuple[Entry, ...]]] = {kind: {} for kind in TaskType}
 
     def forget(self) -> None:
-        """Look again at the next task: a component came, went or changed its handlers."""
-        self.seen()  # what the cache knew of the run so far
+        """Clear the cache: a component was added, was removed or changed its handlers."""
+        self.seen()  # keeps what the cache knows of the run so far
         for by_name in self.cache.values():
             by_name.clear()
 
     def added(self, component: Component) -> None:
-        """Add the handlers of a component that has come, behind all others, to what is known."""
+        """Append the handlers of an added component to the cached entries."""
         handlers = component.task_handlers
         for task_id in handlers:
             kind, name = task_id if isinstance(task_id, tuple) else (task_id, None)
@@ -85,7 +85,7 @@ class Lookup:
                     by_name[one] += (self._entry(component, task_id),)
 
     def seen(self) -> dict[TaskType, dict[TaskName, tuple[Entry, ...]]]:
-        """Return every task id that came by in this run, with who handled it, if anybody ever did."""
+        """Return every task id of this run so far, with its handlers; an empty tuple if it was never handled."""
         for kind, by_name in self.cache.items():
             seen = self._seen[kind]
             for name, entries in by_name.items():
@@ -93,10 +93,10 @@ class Lookup:
         return self._seen
 
     def find(self, task: Task) -> tuple[Entry, ...]:
-        """Return who handles the task: per component the handler of (type, name), else of type.
+        """Return the handlers of a task: per component that of (type, name), else that of the type.
 
         Raises:
-            TaskError: its type is no TaskType, or its name no text.
+            TaskError: its type is not a TaskType, or its name is not a str.
         """
         if task.type not in self.cache:
             raise TaskError(f"A task has the type {task.type!r}.", fix=nearest(str(task.type), TaskType.__members__))
@@ -107,7 +107,7 @@ class Lookup:
         if entries is None:
             entries = tuple(self._search(task.type, task.name))
             if _is_change(task.type, task.name):
-                entries = entries[1:] + entries[:1]  # node_core last: nobody is called after it was taken out
+                entries = entries[1:] + entries[:1]  # node_core last: a removed component's handler is not called
             by_name[task.name] = entries
         return entries
 
@@ -138,7 +138,7 @@ def check_handlers(owner: str, handlers: Any) -> None:
     """Check a component's handlers where they are set, not an hour into the dive.
 
     Raises:
-        ConfigError: a key is no task id, or a handler cannot be called with (task, task_id).
+        ConfigError: a key is not a task id, or a handler cannot be called with (task, task_id).
     """
     if not isinstance(handlers, Mapping):
         raise ConfigError(
@@ -174,7 +174,7 @@ def check_id(owner: str, task_id: Any) -> None:
 
 
 def _check_handler(owner: str, task_id: TaskId, handler: Any) -> None:
-    function = getattr(handler, "__func__", None)  # of a method: bound, so what is left to give are task and id
+    function = getattr(handler, "__func__", None)  # a bound method: the arguments left are task and id
     if isinstance(function, FunctionType) and function in _checked:
         return
     shown = handler_name(handler)
@@ -187,7 +187,7 @@ def _check_handler(owner: str, task_id: TaskId, handler: Any) -> None:
     try:
         signature = inspect.signature(handler)
     except (TypeError, ValueError):
-        return  # some callables written in C do not tell
+        return  # some callables written in C have no signature
     try:
         signature.bind(None, None)
     except TypeError:
@@ -200,7 +200,7 @@ def _check_handler(owner: str, task_id: TaskId, handler: Any) -> None:
 
 
 def check_returns(what: str, function: Any) -> None:
-    """Check that calling a function runs it: a generator or a coroutine would only be made, and do nothing.
+    """Check that calling a function runs it: a generator or coroutine would only be created and never run.
 
     Raises:
         ConfigError: it has a `yield`, or is `async`.
@@ -220,12 +220,12 @@ def check_returns(what: str, function: Any) -> None:
 
 
 def handler_name(handler: Any) -> str:
-    """Return a handler's name as its author would say it."""
+    """Return a handler's name as in its author's code."""
     return getattr(handler, "__name__", None) or type(handler).__name__
 
 
 def describe(task_id: TaskId) -> str:
-    """Return a task id in words.
+    """Return a task id as text.
 
     >>> describe((TaskType.event, "start"))
     "event 'start'"

@@ -1,7 +1,7 @@
-"""What to try about an error of Python's own: the nearest name that there is, what there is instead, or the usual cure.
+"""Hints for Python's own errors: the nearest existing name, the available alternatives, or the usual fix.
 
-Python shows its own "Did you mean" only with a traceback, and not in each version for each error: here it is the same
-in all of them.
+Python shows its own "Did you mean" only with a traceback, and for different errors in each version. These hints are
+the same in all versions.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ _NONE = "a page that nobody has stored yet is None"
 
 
 def hint(error: BaseException, trace: TracebackType | None) -> str:
-    """Return one thing to try, or nothing if there is none that is better than the error's own words.
+    """Return one fix to try, or an empty text if no hint is better than the error's message.
 
     Args:
-        error: not one of the kit's.
-        trace: of the line to mend, the innermost one of a student's.
+        error: not an snr_sim error.
+        trace: traceback of the line to fix, the innermost one of student code.
     """
     if _source(trace).lstrip().startswith("raise"):
-        return ""  # whoever wrote that line has said it in words of their own
+        return ""  # that line raises the error itself, with its author's message
     words = next((words for kind, words in _WORDS.items() if isinstance(error, kind)), None)
     try:
         return words(error, trace) if words is not None else ""
-    except Exception:  # a student's own __dir__ or __eq__ may raise: the error itself is still told
+    except Exception:  # a student's own __dir__ or __eq__ may raise: report the error without a hint
         return ""
 
 
 def shown(error: BaseException) -> str:
-    """Return an error's own words, without paths of installed files.
+    """Return an error's message without paths of installed files.
 
     >>> shown(ImportError("cannot import name 'x' from 'y' (/usr/lib/y.py)"))
     "cannot import name 'x' from 'y'"
@@ -89,7 +89,7 @@ def _of_name(error: Any, trace: TracebackType | None) -> str:
 
 
 def about_name(name: str, known: Iterable[str], owner: object = None) -> str:
-    """Return what to try about a name that nothing has a value for; `owner` is the `self` of its function."""
+    """Return a fix for an undefined name; `owner` is the `self` of its function."""
     if name in _public(sys.modules.get("snr_sim")):
         return f"add at the top: from snr_sim import {name}."
     if owner is not None and name in dir(owner):
@@ -189,7 +189,7 @@ def _of_recursion(error: object, trace: object) -> str:
     return "a function calls itself without an end: return before that in some case."
 
 
-# The first kind that fits counts.
+# The first matching class is used.
 _WORDS: dict[type[BaseException], Callable[[Any, TracebackType | None], str]] = {
     SyntaxError: _of_syntax,
     ImportError: _of_import,
@@ -207,7 +207,7 @@ _WORDS: dict[type[BaseException], Callable[[Any, TracebackType | None], str]] = 
 
 
 def near(name: str, known: Iterable[str]) -> str:
-    """Return a question that offers the nearest name, or nothing: there may be too many to list."""
+    """Return a question that offers the nearest name, or an empty text; `known` may be too long to list."""
     close = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.7)
     return f"did you mean '{close[0]}'?" if close else ""
 
@@ -229,14 +229,14 @@ def _frame(trace: TracebackType | None) -> FrameType | None:
 
 
 def _source(trace: TracebackType | None) -> str:
-    """Return the part of the source that failed, as far as Python knows it."""
+    """Return the source line that failed, if Python knows it."""
     if trace is None:
         return ""
     return linecache.getline(trace.tb_frame.f_code.co_filename, trace.tb_lineno)
 
 
 def _node(trace: TracebackType | None) -> ast.expr | None:
-    """Return the expression that failed, if it stands in one line."""
+    """Return the expression that failed, if it is on one line."""
     if trace is None:
         return None
     positions = list(trace.tb_frame.f_code.co_positions())
@@ -251,7 +251,7 @@ def _node(trace: TracebackType | None) -> ast.expr | None:
 
 
 def _value(node: ast.expr, trace: TracebackType | None) -> Any:
-    """Return what a name or an attribute of one is at the line that failed, without executing anything."""
+    """Return the value of a name, or of its attribute, at the line that failed, without executing anything."""
     frame = _frame(trace)
     if frame is None:
         return _UNKNOWN

@@ -1,10 +1,10 @@
-"""Ctrl-C and SIGTERM end a run in order: a terminate task, components halted, actuators neutral, trace closed.
+"""Graceful shutdown at Ctrl-C and SIGTERM: a terminate task, components halted, actuators neutral, trace closed.
 
-A signal handler here never raises into the machine. It puts a terminate task at the door, as any other input. Only
-if a student's own code is still running a moment later (a `while True`, a `sleep(60)`), it is interrupted where it
-is. A second signal interrupts it at once. But nothing interrupts a `halt` that has only just begun, nor the kit's own
-steps at the end of a run: a person pressing Ctrl-C again and again must not keep the motors from being stopped. What
-swallows the interrupts, too, is ended with the process: see `core/last_resort.py`.
+A signal handler here never raises into the machine. It puts a terminate task in the inbox, like any other input. If
+student code is still running after `PATIENCE_S` (a `while True`, a `sleep(60)`), it is interrupted. A second signal
+interrupts it at once. A `halt` that has just begun, and snr_sim's own steps at the end of a run, are not interrupted:
+repeated Ctrl-C must not prevent the motors from being stopped. If the code swallows the interrupts too, the process
+is ended: see `core/last_resort.py`.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
 
 PATIENCE_S = 0.3
-LAST_RING = 3  # so long after the signal no component runs, yet nobody looks at the door: something else hangs
+LAST_RING = 3  # timer rings after the signal without a running component: something other than a component hangs
 
 
-_entered: list[int] = []  # the thread of each `orderly` that is entered: only the main one, one within the other
+_entered: list[int] = []  # thread of each active `orderly`: the main one only; they can be nested
 
 
 class Interrupted(KeyboardInterrupt):
-    """Raised inside what does not return although the run is to end."""
+    """Interrupt raised inside code that does not return although the run is to end."""
 
 
 @contextmanager
 def orderly(nodes: Sequence[NodeParts]) -> Iterator[list[str]]:
-    """Turn signals into terminate tasks while it is entered; yield a list that gets the signals' names.
+    """Turn signals into terminate tasks while active; yield a list that collects the signals' names.
 
-    Signals reach only the main thread of a program; elsewhere this does nothing.
+    Python runs signal handlers in the main thread only; in another thread this does nothing.
     """
     caught: list[str] = []
     rings: list[int] = []
@@ -63,7 +63,7 @@ def orderly(nodes: Sequence[NodeParts]) -> Iterator[list[str]]:
         for node in nodes:
             before, running = at_last_ring.get(node.name), node.machine.running
             at_last_ring[node.name] = running
-            # Until the end has begun, what runs now has run since the signal. At the end, each has its own time.
+            # Before the shutdown, code that runs now has run since the signal. In it, each component has its own time.
             if not node.is_over or running is before:
                 interrupt(node)
         if len(rings) == LAST_RING and not any(node.is_over for node in nodes):
@@ -95,9 +95,9 @@ def orderly(nodes: Sequence[NodeParts]) -> Iterator[list[str]]:
 
 
 def interrupt_what_runs() -> None:
-    """Interrupt what the main thread runs, and again if that does not return, as after a signal; from any thread.
+    """Interrupt the main thread's code as after a signal, and again if it does not return; from any thread.
 
-    Does nothing outside of `orderly`, and where a system has no such timer.
+    Does nothing outside of `orderly`, and on systems without interval timers.
     """
     if _entered and hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, 1e-6, PATIENCE_S)

@@ -1,6 +1,6 @@
-"""Ends the process of a run that does not end although it is to, because its code swallows every interrupt.
+"""End the process of a run that does not shut down because its code swallows every interrupt.
 
-Called from the thread of `core/wake_up.py` or of `core/watchdog.py`: the node's own thread is the one that is stuck.
+Called from the thread of `core/wake_up.py` or of `core/watchdog.py`, since the node's own thread is the stuck one.
 Loops are halted first, so that actuators are neutral.
 """
 
@@ -18,14 +18,14 @@ from snr_sim.core.blame import LET_INTERRUPTS_PASS, place_now
 from snr_sim.core.loop import Loop
 from snr_sim.core.node_parts import NodeParts
 
-# A run in which nothing has changed for so long after a signal is stuck. Longer than each component has at the end.
+# A run without any change for this time after a signal is stuck. Longer than each component's time at the end.
 STUCK_S = 2.0
 FILES_S = 10.0  # the same while no component runs: the recording may be waiting for a slow disk
 HALT_S = 1.0  # for all halts together; a loop on a thread that hangs takes 0.5 s, one in a process 0.8 s
 
 
 class LastResort:
-    """Watches a run that is to end.
+    """Monitor of a run that is to end.
 
     Args:
         nodes: of the run.
@@ -42,8 +42,8 @@ class LastResort:
         """End the process if nothing has changed for too long.
 
         Args:
-            why: the run is to end.
-            status: of the process.
+            why: why the run is to end.
+            status: exit status of the process.
         """
         running = [node.machine.running for node in self._nodes]
         state = [*map(id, running), *((node.is_over, node.machine.executed) for node in self._nodes)]
@@ -83,10 +83,10 @@ class LastResort:
 
 
 def at_once(steps: Sequence[Callable[[], object]], timeout_s: float) -> None:
-    """Take steps on threads of their own; wait no longer than the timeout for all of them together."""
+    """Run each step on its own thread; wait at most the timeout for all of them together."""
 
     def take(step: Callable[[], object]) -> None:
-        with suppress(BaseException):  # the others must still be taken, and there is no run left that could fail
+        with suppress(BaseException):  # the other steps must still run, and there is no run left that could fail
             step()
 
     threads = [threading.Thread(target=take, args=(step,), daemon=True) for step in steps]

@@ -1,4 +1,4 @@
-"""Threads that a student's code started and did not end: Python keeps the program alive until they return."""
+"""Threads that student code started and did not end: Python keeps the program alive until they return."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def notes_on_threads(before: Collection[threading.Thread] = ()) -> list[str]:
     """Return a note on each thread that keeps the program alive, with the line that it is at.
 
     Args:
-        before: threads that are not to be named: those that ran before a run.
+        before: threads to leave out: those that ran before the run.
     """
     frames, notes = sys._current_frames(), []
     for thread in threading.enumerate():

@@ -1,4 +1,4 @@
-"""Runs nodes: in lock step on the virtual clock, or one node on the wall clock."""
+"""Run nodes: in lock step on the virtual clock, or one node on the wall clock."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ def run_alone(node: NodeParts) -> None:
 
 
 class LockStep:
-    """Nodes under one virtual clock: time moves only when every node has nothing left to do at this moment.
+    """Nodes under one virtual clock: time advances only when every node is idle at the present instant.
 
     Args:
-        nodes: in the order in which they work at the same moment.
-        clock: theirs.
-        pace: virtual seconds per wall second; None is as fast as it goes.
-        until_s: the latest moment.
+        nodes: in the order in which they work at the same instant.
+        clock: their clock.
+        pace: virtual seconds per wall second; None is as fast as possible.
+        until_s: virtual time limit.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class LockStep:
         self._moments = Moments(self._nodes, clock)
 
     def run(self) -> None:
-        """Run until every node has ended, nothing is due any more, or the time limit has come.
+        """Run until every node has ended, nothing is due any more, or the time limit is reached.
 
         Raises:
             ComponentFailed: a handler or a loop raised; every node has been halted.
@@ -86,7 +86,7 @@ class LockStep:
             if next_s > self._until_s:
                 return TIME_LIMIT
             if self._pace is not None and not self._wait_for(next_s):
-                self._settle()  # somebody knocked while we waited
+                self._settle()  # input arrived during the wait
                 continue
             if next_s > moment_s:
                 moment_s = next_s
@@ -97,7 +97,7 @@ class LockStep:
             clock.run_next()
             if only is None:
                 self._settle()
-            elif only.door.waiting:  # whatever there is to do has come in through the door
+            elif only.door.waiting:  # all work of an idle node arrives in its inbox
                 alone.now_s = next_s
                 only.run_ready()
                 if alone.executed >= alone.most_executed:
@@ -105,7 +105,7 @@ class LockStep:
         return ""
 
     def _settle(self) -> None:
-        """Let every node work until none has anything left at this moment."""
+        """Run every node until all are idle at this instant."""
         busy = True
         while busy:
             busy = False
@@ -119,7 +119,7 @@ class LockStep:
             self._moments.check()
 
     def _wait_for(self, time_s: float) -> bool:
-        """Wait until the wall clock has come as far; return whether it has, or a node has work before."""
+        """Wait until the wall clock reaches this time; return False if a node gets work before."""
         assert self._pace is not None
         door = self._nodes[0].door
         while True:
@@ -132,12 +132,12 @@ class LockStep:
 
 
 def _run_watched(nodes: Sequence[NodeParts], run: Callable[[], str]) -> None:
-    """Run nodes by `run`, which returns why it ended, and end them, under the eyes of a watchdog."""
+    """Run nodes by `run`, which returns why it ended, then end them, all under a watchdog."""
     with Watchdog(nodes) as watchdog:
         try:
             reason = run()
         except BaseException as error:
-            failure = watchdog.failure or error  # what it has interrupted is no interrupt to the user
+            failure = watchdog.failure or error  # report a watchdog's interrupt as its failure, not as a user's Ctrl-C
             _end_all(nodes, failure)
             if failure is error:
                 raise

@@ -1,4 +1,4 @@
-"""Lookout: waits for descriptors and for a wake-up call at once. What a door waits with, once something is watched."""
+"""Selector-based wait (`Lookout`) for descriptors and a wake-up. An inbox uses it once a descriptor is watched."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Call: TypeAlias = tuple[Callable[[list[Any]], None], list[Any]]  # what to call,
 
 
 class Lookout:
-    """One thread waits; any may watch, unwatch and wake."""
+    """Wait for descriptors: one thread waits; any thread may watch, unwatch and wake."""
 
     def __init__(self) -> None:
         self._selector = selectors.DefaultSelector()
@@ -22,23 +22,23 @@ class Lookout:
         self._selector.register(self._far, selectors.EVENT_READ, (self._woken, None))
 
     def watch(self, descriptor: int, serve: Callable[[list[Any]], None], what: Any) -> None:
-        """Have `wait` return `serve` and `what` when the descriptor can be read."""
+        """Register a descriptor: `wait` returns `serve` and `what` when it is readable."""
         self._selector.register(descriptor, selectors.EVENT_READ, (serve, what))
 
     def unwatch(self, descriptor: int) -> None:
-        """End that; before the descriptor is closed."""
+        """Unregister a descriptor; call it before the descriptor is closed."""
         with suppress(KeyError):
             self._selector.unregister(descriptor)
 
     def wake(self) -> None:
         """End a wait; also from a signal handler."""
-        with suppress(OSError):  # full is as good as written, and closed is over
+        with suppress(OSError):  # a full buffer wakes the waiter as well; a closed one has none
             self._near.send(b"\0")
 
     def wait(self, timeout_s: float) -> Sequence[Call]:
-        """Wait for something to read, a wake-up call or the timeout; return what to call, each with all that is its."""
+        """Wait for a readable descriptor, a wake-up or the timeout; return the functions to call, with their lists."""
         events = self._selector.select(timeout_s)
-        if len(events) == 1:  # as nearly always
+        if len(events) == 1:  # the usual case
             serve, what = events[0][0].data
             return [(serve, [what])]
         calls: dict[Callable[[list[Any]], None], list[Any]] = {}
@@ -48,7 +48,7 @@ class Lookout:
         return list(calls.items())
 
     def close(self) -> None:
-        """Let go of the descriptors."""
+        """Close the descriptors."""
         self._selector.close()
         self._near.close()
         self._far.close()

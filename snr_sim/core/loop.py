@@ -1,7 +1,7 @@
-"""Loops: the components that bring the outside in. What a loop schedules is an input; everything else follows.
+"""Loops: components that are the sources of a node's inputs. Every other task is the result of an input.
 
-The author writes `setup`, `loop`, `halt` and `terminate`; who calls them is the backing's business
-(`core/backing.py`): the virtual clock in lock step; on the wall clock a thread of its own, or a process.
+The author writes `setup`, `loop`, `halt` and `terminate`; the backing (`core/backing.py`) calls them: the virtual
+clock in lock step; on the wall clock a thread of the loop's own, or a process.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ _BACKINGS = ("thread", "process")
 
 
 class Backing(Protocol):
-    """Starts, calls and ends one loop."""
+    """Interface that starts, calls and ends one loop."""
 
     ticks: int
     late_s: float  # the largest delay of a tick behind its deadline
-    # How long whoever begins the loop in a running node waits to hear of its `setup`; then it is taken to be well.
+    # How long the caller that adds the loop to a running node waits for the result of `setup`; then success is assumed.
     setup_patience_s: float
 
     @property
     def is_stopped(self) -> bool:
-        """Whether no more ticks will come."""
+        """Whether no more ticks will follow."""
         ...
 
     def start(self) -> None:
@@ -37,11 +37,11 @@ class Backing(Protocol):
         ...
 
     def hurry(self) -> None:
-        """Ask for the next call now; in lock step and in a process it comes when it is due all the same."""
+        """Request the next call now; no effect in lock step and in a process."""
         ...
 
     def stop(self) -> None:
-        """Ask for no more calls; return at once."""
+        """Request no more calls; return at once."""
         ...
 
     def join(self) -> None:
@@ -54,7 +54,7 @@ def _is_rate(value: object) -> bool:
 
 
 class LoopFactory(ComponentFactory):
-    """Makes a loop for a node."""
+    """Factory of a loop."""
 
     def get(self, parent: NodeApi) -> Loop:
         """Return a new loop that belongs to the node `parent`."""
@@ -62,27 +62,27 @@ class LoopFactory(ComponentFactory):
 
 
 class Loop(LoopMembers, NodeComponent):
-    """A component that is called again and again, at a rate.
+    """A component that is called periodically.
 
     Args:
-        factory: who made it.
+        factory: its factory.
         parent: its node.
         name: unique in the node.
         max_tick_rate_hz: how often `loop` is called; deadlines are kept, so work does not slow the rate down.
-            0 is as often as possible on a thread, and 1000 Hz in lock step, where time must move. If not given:
-            what the class says.
+            0 is as often as possible on a thread, and 1000 Hz in lock step, where time must advance. Default: the
+            class attribute.
 
     Raises:
-        ParameterError: the rate is negative or not a number, or nobody knows the backing.
+        ParameterError: the rate is negative or not a number, or the backing is unknown.
     """
 
-    # What calls the loop on the wall clock. "process" is for heavy work, such as vision: a thread would keep everything
-    # else in the node from running. In lock step the virtual clock calls all loops.
+    # What calls the loop on the wall clock. "process" is for heavy work, such as vision: in a thread it would hold the
+    # interpreter lock and block the rest of the node. In lock step the virtual clock calls all loops.
     backing: Literal["thread", "process"] = "thread"
     max_tick_rate_hz: float = 1000.0
-    first_tick_after_s: float = 0.0  # how long after `begin` the first `loop` comes; a loop may set its own
-    # When the next `loop` is to come, by the node's time, for a loop that knows better than its rate; it sets it anew
-    # in each `loop`. At once if that has passed.
+    first_tick_after_s: float = 0.0  # delay from `begin` to the first `loop`; a loop may set its own
+    # Node time of the next `loop`, for a loop that is not periodic; it sets a new value in each `loop`. A time in the
+    # past means at once.
     next_tick_at_s: float | None = None
 
     def __init__(self, factory: LoopFactory, parent: NodeApi, name: str, max_tick_rate_hz: float | None = None) -> None:
@@ -94,13 +94,13 @@ class Loop(LoopMembers, NodeComponent):
         super().__init__(factory, parent, name)
         self._check_backing()
         self.max_tick_rate_hz = rate_hz
-        self.task_handlers: TaskHandlerMap = {}  # a loop brings tasks in; handling them is an endpoint's work
+        self.task_handlers: TaskHandlerMap = {}  # a loop only sends tasks; endpoints handle them
         self._backing: Backing | None = None
-        self.trial: Trial | None = None  # who waits for its `setup` on a thread, if somebody does
-        self.is_taken_out = False  # its node goes on without it, whatever its `halt` raises
+        self.trial: Trial | None = None  # receives the result of `setup` from a thread, if a caller waits for it
+        self.is_taken_out = False  # removed: its node continues, whatever its `halt` raises
 
     def setup(self) -> None:
-        """Prepare; called once before the first `loop`, on the thread that will call it."""
+        """Prepare; called once before the first `loop`, on the same thread."""
 
     def loop(self) -> None:
         """Schedule tasks or store data; called at each tick."""
@@ -115,7 +115,7 @@ class Loop(LoopMembers, NodeComponent):
         Raises:
             ConfigError: the loop is to run in a process, and its factory cannot be sent there.
         """
-        self._check_backing()  # again: it may have been chosen after the loop was made
+        self._check_backing()  # again: it may have been set after __init__
         self.parent.start_loop(self)
 
     def _check_backing(self) -> None:
@@ -125,25 +125,25 @@ class Loop(LoopMembers, NodeComponent):
             )
 
     def begin_on(self, backing: Backing) -> None:
-        """Start ticking on a backing: in a process the process' own, anywhere else `begin` chooses."""
+        """Start ticking on a given backing: in a process that process' own; elsewhere `begin` chooses it."""
         self._backing = backing
         backing.start()
 
     def hurry(self) -> None:
-        """Have the next tick come now, on a thread, and not when it is due: there is news. For any thread.
+        """Request the next tick now instead of when it is due, because new data arrived. From any thread.
 
-        A loop ticks no more than twice as often as its rate says, however it is hurried. In lock step nothing changes.
+        Affects loops on a thread only. A loop ticks at most at twice its rate, however often this is called.
         """
         if self._backing is not None:
             self._backing.hurry()
 
     def stop(self) -> None:
-        """Ask for no more ticks: a loop that has nothing left to bring calls this itself."""
+        """Request no more ticks; a loop that has no more input calls this itself."""
         if self._backing is not None:
             self._backing.stop()
 
     def set_terminate_flag(self) -> None:
-        """Ask for no more ticks: the thesis' name for `stop`."""
+        """Request no more ticks: the thesis' name for `stop`."""
         self.stop()
 
     def join(self) -> None:
@@ -152,16 +152,16 @@ class Loop(LoopMembers, NodeComponent):
             self._backing.join()
 
     def is_terminated(self) -> bool:
-        """Return whether no more ticks will come."""
+        """Return whether no more ticks will follow."""
         return self._backing is not None and self._backing.is_stopped
 
     @property
     def caller(self) -> Backing | None:
-        """Who calls the loop, once it has begun; knows how often that was, and how late."""
+        """The loop's backing, once it has begun; counts its ticks and measures their delay."""
         return self._backing
 
     def schedule(self, tasks: SomeTasks) -> None:
-        """Let tasks into the node: these are its inputs."""
+        """Send tasks to the node as its inputs."""
         self.parent.enter(tasks, self.name)
 
     def get_time_s(self) -> float:

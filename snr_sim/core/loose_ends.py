@@ -1,4 +1,4 @@
-"""What hung loose in a run: tasks nobody handled, handlers nobody called, pages nobody stored. Never silent."""
+"""Diagnostics of a run: unhandled tasks, handlers that were never called, pages that were never stored."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ Seen = Mapping[TaskType, Mapping[TaskName, tuple[Entry, ...]]]
 def loose_ends(
     components: Mapping[str, Component], seen: Seen, datastore: Datastore, find: Find | None = None
 ) -> list[str]:
-    """Return a sentence for each, with the nearest known name.
+    """Return a sentence for each finding, with the nearest known name.
 
     Args:
-        components: of the node.
-        seen: every task id that came by, with who handled it.
-        datastore: knows which pages were asked for in vain.
-        find: returns a student's lines that name a key; those of the components' code if not given. A trace says none:
-            a graded flight, whose components are in another process, leaves the same.
+        components: the node's components.
+        seen: every task id of the run, with its handlers.
+        datastore: knows which pages were requested but missing.
+        find: returns a student's lines that name a key; default: search the components' code. For a trace it finds
+            none, so that a graded run, whose components are in another process, gives the same text.
     """
     find = find or own_authors
-    # The node's own endpoint waits for whatever may be asked of a node, and nothing of it has to come.
+    # The node's own endpoint has handlers for requests that are all optional.
     of_the_robot = {name: component for name, component in components.items() if name != CORE_NAME}
     return [
         *_unhandled(of_the_robot, seen),
@@ -83,7 +83,7 @@ def _never_called(components: Mapping[str, Component], seen: Seen, datastore: Da
 def _same_or_nearest(
     name: TaskName, kind: TaskType, seen: Seen, find: Callable[[DataKey], list[Author]], verb: str
 ) -> str:
-    """Offer the nearest name, unless that is as likely to be the misspelt one: nobody waits for it either."""
+    """Suggest the nearest name, unless that one has no handler either and may itself be the misspelt one."""
     close = difflib.get_close_matches(name, seen[kind], n=1, cutoff=0.5)
     is_ours = bool(close) and (kind is TaskType.event or any(map(_stores, find(close[0]))))
     if not (is_ours and not seen[kind][close[0]]):
@@ -96,12 +96,12 @@ def _same_or_nearest(
 def without_handlers(
     components: Mapping[str, Component], seen: Seen | None = None, is_placed: bool = True
 ) -> Iterator[str]:
-    """Yield a sentence for endpoints that do nothing at all; one that only works in `begin`, `halt` or so is well.
+    """Yield a sentence for each endpoint without any effect; one that overrides `begin`, `halt` or similar has one.
 
     Args:
-        components: of the node.
-        seen: as of `loose_ends`; before a run there is none.
-        is_placed: whether the line to mend is looked for.
+        components: the node's components.
+        seen: as for `loose_ends`; empty before a run.
+        is_placed: whether to find the line to fix.
     """
     called = {entry[0].name for by_name in (seen or {}).values() for entries in by_name.values() for entry in entries}
     for component in components.values():
@@ -124,10 +124,10 @@ def without_handlers(
 
 def _never_stored(components: Mapping[str, Component], datastore: Datastore, find: Find) -> Iterator[str]:
     for key in datastore.missed:
-        if key in datastore.pages or key == RECORDING_KEY:  # which is only there when something is wrong
+        if key in datastore.pages or key == RECORDING_KEY:  # stored only if the recording has a problem
             continue
         authors = find(str(key), components.values())
-        if not authors:  # the kit asks for it, so its name is right
+        if not authors:  # snr_sim requested it, so the name is right
             yield _misnamed(str(key), components, datastore, find)
             continue
         unreturned = next((one for one in authors if _is_dropped(one.place.source)), None)
@@ -145,7 +145,7 @@ def _never_stored(components: Mapping[str, Component], datastore: Datastore, fin
 
 
 def _misnamed(key: DataKey, components: Mapping[str, Component], datastore: Datastore, find: Find) -> str:
-    """Say that a page is missing; a stored one of nearly that name, which nobody waits for, is the misspelt one."""
+    """Return the sentence on a missing page; a stored page of a similar name without handlers is the misspelt one."""
     waited_for = {task_id[1] for task_id in _ids(components) if isinstance(task_id, tuple)}
     said = f"Page '{key}' was asked for, but nobody stored it"
     for other in difflib.get_close_matches(key, map(str, datastore.pages), n=3, cutoff=0.5):
@@ -163,12 +163,12 @@ def _stores(author: Author) -> bool:
 
 
 def _is_dropped(source: str) -> bool:
-    """Return whether a line makes a task and do nothing with it."""
+    """Return whether a line creates a task and does not use it."""
     return source.startswith(("self.store_data_task(", "tasks.", "Task("))
 
 
 def own_authors(key: DataKey, components: Iterable[Component]) -> list[Author]:
-    """Return the student's lines that name a key; those of our robots are not theirs to mend."""
+    """Return the student's lines that name a key; lines of shipped robots are left out."""
     return [one for one in authors_of(key, components) if not is_content(one.place.file)]
 
 

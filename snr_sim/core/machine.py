@@ -1,8 +1,9 @@
-"""The event machine: takes one task, runs its handlers, queues what they return. Everything else is around it.
+"""Event machine: takes one task, runs its handlers, and queues the tasks that they return.
 
-One step: what waits at the door is let in; a task is taken, oldest first, `terminate` before all others; `now_s` is
-latched; all handlers of the task run, in component order; what they returned is queued, in order. With a recorder
-every step is recorded, and tickets wait in the queue instead of tasks: a ticket knows which record brought its task.
+One step: tasks in the inbox are queued; a task is taken, oldest first, `terminate` before all others; `now_s` is
+latched; all handlers of the task run, in component order; the tasks they returned are queued, in order. With a
+recorder every step is recorded, and the queue holds tickets instead of tasks: a ticket refers to the record that
+scheduled its task.
 """
 
 from __future__ import annotations
@@ -21,15 +22,15 @@ from snr_sim.prelude.errors import ComponentFailed, TaskError
 from snr_sim.prelude.recorder import Handled, NodeRecorder, Ticket
 from snr_sim.prelude.task import SomeTasks, Task, TaskType
 
-# A run that is over finishes what is queued, and what follows from that, this many times over: the last page is
-# stored, processed, answered and the answer stored. A task that asks for itself for ever is cut off here.
+# At its end a run executes the queued tasks, and the tasks they return, this many generations deep: the last page is
+# stored and processed, and the resulting page is stored. A task that reschedules itself endlessly is cut off here.
 DRAIN_GENERATIONS = 10
-# On the wall clock it also takes no longer than this: who ends a robot with a long queue does not want to wait for it.
+# On the wall clock it also takes no longer than this: shutdown of a robot must not wait for a long queue.
 DRAIN_MAX_S = 0.3
 
 
 class HandlerFailed(Exception):
-    """Carries a failure in a handler out of the machine: who, on which task. The failure is its cause."""
+    """Failure in a handler, with the component and the task. The original exception is its cause."""
 
     def __init__(self, component: Component | None, task: Task) -> None:
         super().__init__()
@@ -41,8 +42,8 @@ class EventMachine:
     """Queue and execution of one node's tasks.
 
     Args:
-        lookup: who handles what.
-        door: where inputs wait.
+        lookup: finds the handlers of a task.
+        door: inbox of the node.
         latch: returns the time for the next task; None if `now_s` is set from outside, as in lock step.
         recorder: gets every input and every executed task, if there is one.
     """
@@ -54,30 +55,30 @@ class EventMachine:
         self.door = door
         self.now_s = 0.0
         self.executed = 0
-        self.most_executed = sys.maxsize  # `run_ready` goes no further: see core/runaway.py
-        self.longest_queue = 0  # right after inputs were let in: where it grows when they come too fast
-        self.running: Component | None = None  # whose code runs now
-        self.task: Task | None = None  # whose handlers run now
+        self.most_executed = sys.maxsize  # limit of `run_ready`: see core/runaway.py
+        self.longest_queue = 0  # right after inputs were queued: there it grows if inputs arrive too fast
+        self.running: Component | None = None  # the component whose code runs now
+        self.task: Task | None = None  # the task whose handlers run now
         self.is_ended = False
         self._latch = latch
         self._recorder = recorder
         self._scheduled: list[Task] = []  # by the running component of a recorded node, so far
-        self.queue: deque[Any] = deque()  # what waits inside, but for `terminate`: tasks, or their tickets
+        self.queue: deque[Any] = deque()  # queued tasks other than `terminate`, or their tickets
         self._urgent: deque[Any] = deque()
 
     @property
     def queued(self) -> int:
-        """How many tasks wait, at the door or inside."""
+        """Number of waiting tasks, in the inbox or queued."""
         return len(self.queue) + len(self._urgent) + len(self.door.waiting)
 
     @property
     def inside(self) -> int:
-        """How many tasks wait that have been let in."""
+        """Number of queued tasks, without those in the inbox."""
         return len(self.queue) + len(self._urgent)
 
     @property
     def next_ticket(self) -> Any:
-        """The ticket, or the task if there is no recorder, that `execute_next` will take; None if there is none."""
+        """The ticket that `execute_next` will take (the task, without a recorder); None if the queue is empty."""
         waiting = self._urgent or self.queue
         return waiting[0] if waiting else None
 
@@ -89,7 +90,7 @@ class EventMachine:
         return task
 
     def waiting_tasks(self, at_most: int) -> list[Task]:
-        """Return the oldest tasks that have been let in, also for another thread: a copy is made in one step."""
+        """Return the oldest queued tasks. Safe from another thread, since the queue is copied atomically."""
         oldest = list(islice(self.queue, at_most))
         return oldest if self._recorder is None else [ticket[0] for ticket in oldest]
 
@@ -97,13 +98,13 @@ class EventMachine:
         """Execute tasks until none is left, the machine has ended, or it has executed `most_executed` tasks.
 
         Raises:
-            HandlerFailed: a handler raised, or returned something that is not tasks.
+            HandlerFailed: a handler raised, or returned a value that is not tasks.
             ComponentFailed: a loop failed on its own thread.
         """
         if self._recorder is not None:
             self._run_recorded()
             return
-        # The loop everything stands on: local names, and no calls but the handlers'.
+        # The hot loop: local names, and no calls other than the handlers'.
         queue, urgent, waiting = self.queue, self._urgent, self.door.waiting
         take, put, cache, latch, terminate = queue.popleft, queue.append, self.lookup.cache, self._latch, _TERMINATE
         executed, most = 0, self.most_executed - self.executed
@@ -158,7 +159,7 @@ class EventMachine:
                 return
 
     def execute_next(self) -> None:
-        """Execute one task; there must be one. A recorder gets it also when a handler raises: the trace is whole.
+        """Execute one task; the queue must not be empty. It is recorded even if a handler raises.
 
         Raises:
             HandlerFailed: as above.
@@ -186,7 +187,7 @@ class EventMachine:
         except (ComponentFailed, HandlerFailed):
             raise
         except BaseException as error:
-            culprit, self.running = self.running, None  # nobody interrupts the recorder
+            culprit, self.running = self.running, None  # so that no interrupt is raised in the recorder
             self._queue_handled(ticket, handled)
             raise HandlerFailed(culprit, task) from error
         finally:
@@ -199,7 +200,7 @@ class EventMachine:
             self._queue_tickets(tickets)
 
     def drain(self) -> int:
-        """Finish what is queued when the machine has ended; return how many tasks were cut off."""
+        """Execute the queued tasks after the machine has ended; return how many were cut off."""
         self.let_in()
         give_up_s = None if self._latch is None else self._latch() + DRAIN_MAX_S
         for _ in range(DRAIN_GENERATIONS):
@@ -212,7 +213,7 @@ class EventMachine:
         return self.inside
 
     def let_in(self) -> None:
-        """Queue what waits at the door. From here on the order is fixed; that is what a replay repeats.
+        """Queue the tasks in the inbox. This fixes their order, which a replay repeats.
 
         Raises:
             ComponentFailed: a loop failed on its own thread.
@@ -227,7 +228,7 @@ class EventMachine:
             self.longest_queue = inside
 
     def begin_component(self, component: Component) -> None:
-        """Call a component's `begin`; what it schedules is queued as its own doing, not as an input."""
+        """Call a component's `begin`; tasks it schedules are queued as results, not as inputs."""
         self.running = component
         try:
             component.begin()
@@ -239,20 +240,20 @@ class EventMachine:
             self._queue_tickets(tickets)
 
     def schedule(self, tasks: Sequence[Task]) -> None:
-        """Queue what the running component schedules, before what it will return; recorded, it is part of that."""
+        """Queue tasks of the running component, before those it will return; the recorder counts them as returned."""
         if self._recorder is None:
             self._queue_all(tasks)
         else:
             self._scheduled.extend(tasks)
 
     def forget_queued(self) -> None:
-        """Drop what waits, at the door or inside: a replay does not finish what the recorded run left."""
+        """Drop all waiting tasks, queued or in the inbox: a replay does not execute what the recorded run left."""
         self.door.waiting.clear()
         self.queue.clear()
         self._urgent.clear()
 
     def admit(self, task: Task, source: str) -> None:
-        """Queue an input without a door, as a replay does."""
+        """Queue an input directly, as a replay does."""
         self._enter(task, source)
 
     def _enter(self, task: Task, source: str) -> None:
@@ -314,9 +315,9 @@ def _not_a_task(value: Any, component: Component, handler: Any, within: str) -> 
 
 
 def _not_run(value: Any, component: Component, handler: Any) -> TaskError:
-    """Of a generator function that does not look like one, such as a lambda around it; see `check_returns`."""
+    """Return the error for a disguised generator function, such as one in a lambda; see `check_returns`."""
     if isinstance(value, CoroutineType):
-        value.close()  # or Python would warn that nobody awaited it
+        value.close()  # else Python warns that it was never awaited
     kind = "a generator: it has a yield" if isinstance(value, GeneratorType) else "of an async function"
     return TaskError(
         f"'{component.name}.{handler_name(handler)}' returned what is {kind}, and not a task.",

@@ -1,7 +1,7 @@
-"""Node: one role of a robot, running. Components around an event machine, a datastore, and one door.
+"""Node: one running role of a robot. It has components, an event machine, a datastore, and one inbox (`Door`).
 
-What components use of their node is here: tasks, data, time, randomness. How components are made and ordered is in
-`component_registry.py`, how they begin and end in `node_life.py`, what is noted of a run in `node_report.py`.
+This module has what components use of their node: tasks, data, time, random numbers. `component_registry.py` creates
+and orders components, `node_life.py` begins and ends them, `node_report.py` collects the notes of a run.
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ class Node(NodeMembers):
         config: factories by role, and mode.
         clock: a `WallClock` if not given; under a `SimClock` the node runs in lock step.
         recorder: writes the trace, if given.
-        seed: of the run; all chance in the node comes from it.
-        is_replay: loops are not made; somebody else brings their tasks.
+        seed: of the run; all random numbers in the node are derived from it.
+        is_replay: loops are not created; their tasks come from the trace.
 
     Raises:
         UnknownName: the config has no such role.
-        ConfigError: a factory makes no component, two components have one name, or the file that makes the node is
-            only read again for a reload.
+        ConfigError: a factory does not return a component, two components have the same name, or the file that
+            creates the node is being read again for a reload.
     """
 
     def __init__(
@@ -88,8 +88,8 @@ class Node(NodeMembers):
         self.clock = clock or WallClock()
         self.is_in_lock_step = isinstance(self.clock, SimClock)  # then all nodes have one clock
         self.seed = seed
-        self.chance = chance_of(seed)  # what its components draw from
-        self.is_replay = is_replay  # then nothing may be done to the outside: no file written, no page sent
+        self.chance = chance_of(seed)  # seed of its components' generators
+        self.is_replay = is_replay  # then without effects outside: no files written, no pages sent
         self.door = Door()
         self.datastore = Datastore()
         self.profiler = config.get_profiler()
@@ -100,7 +100,7 @@ class Node(NodeMembers):
         self._recorder = recorder.for_node(self.name) if recorder is not None else None
         self.machine = EventMachine(lookup, self.door, latch, self._recorder)
         self.thread_id = threading.get_ident()
-        self.never_ran = False  # an error ended it at its start: what it waited for could not come
+        self.never_ran = False  # an error ended it at its start, so do not report missing pages
         self.report = NodeReport(self, self._recorder)
         self.life = NodeLife(self, self.registry, self.report, self._recorder)
         self._core = NodeCore(self, self.life)
@@ -146,7 +146,7 @@ class Node(NodeMembers):
 
     @property
     def queued_task_count(self) -> int:
-        """How many tasks wait, at the door or inside."""
+        """Number of waiting tasks, in the inbox or queued."""
         return self.machine.queued
 
     @property
@@ -165,17 +165,17 @@ class Node(NodeMembers):
         self.machine.is_ended = True
 
     def summary(self) -> dict[str, Any]:
-        """Return counts of the run, as they stand in the trace's last record."""
+        """Return the counts of the run that the trace's last record contains."""
         return {"tasks": self.machine.executed, "pages": self.datastore.stored, "notes": self.notes}
 
     # Tasks
 
     def schedule(self, tasks: SomeTasks, source: str = "outside") -> None:
-        """Queue tasks: as the running handler's doing, or as an input if none of this node's handlers runs.
+        """Queue tasks: as results of the running handler, or as inputs if none of this node's handlers runs.
 
         Args:
             tasks: a task, several, or None.
-            source: who brings them, if they are inputs.
+            source: the sender's name, if they are inputs.
         """
         running = self.machine.running
         if running is None or threading.get_ident() != self.thread_id:
@@ -188,7 +188,7 @@ class Node(NodeMembers):
             self.machine.schedule([tasks] if type(tasks) is Task else as_tasks(tasks, running, self.schedule))
 
     def enter(self, tasks: SomeTasks, source: str) -> None:
-        """Let tasks in through the door, from any thread; `source` says whose they are.
+        """Put tasks in the inbox, from any thread; `source` names the sender.
 
         Raises:
             TaskError: something is not a task.
@@ -206,15 +206,15 @@ class Node(NodeMembers):
             self.door.put(task, source)
 
     def seen_tasks(self) -> Mapping[TaskType, Mapping[TaskName, Any]]:
-        """Return by type and name all tasks that were executed, with who handled them."""
+        """Return all executed tasks by type and name, with their handlers."""
         return self.machine.lookup.seen()
 
     def handlers_changed(self) -> None:
-        """Have handlers looked up anew; components call it when theirs change."""
+        """Clear the handler cache; components call it when their handlers change."""
         self.machine.lookup.forget()
 
     def start_loop(self, loop: Loop, on_thread: bool = False) -> None:
-        """Start the ticks of a loop: by the virtual clock, on a thread, or in a process; see `NodeApi.start_loop`."""
+        """Start a loop's ticks: on the virtual clock, on a thread, or in a process; see `NodeApi.start_loop`."""
         backing: Backing
         if self.is_in_lock_step and not on_thread:
             backing = ClockBacking(loop, self.life)
@@ -229,13 +229,13 @@ class Node(NodeMembers):
     # Data
 
     def page(self, key: DataKey, data: Any, process: bool = True) -> Page:
-        """Return a page made by this node, now, of the data as they are now.
+        """Return a page of this node, created now, with a copy of the data.
 
-        Dicts, lists, arrays and dataclasses are copied, so what their owner does with them later does not change the
-        page. An object of another class is noted at the end of the run, with the line that stored it.
+        Dicts, lists, arrays and dataclasses are copied, so later changes by their owner do not change the page. An
+        object of another class is noted at the end of the run, with the line that stored it.
 
         Raises:
-            TaskError: a part of the program, such as an endpoint, stands where data belong.
+            TaskError: the data contain a part of the program, such as an endpoint.
         """
         return Page(key, data_of_page(self, key, data), self.name, self.get_time_s(), process)
 
@@ -254,15 +254,15 @@ class Node(NodeMembers):
     def get_page(self, key: DataKey) -> Page | None:
         """Return the newest page of a key, or None; `<key>_prev` is the one before.
 
-        In a handler of `process_data` it is the page that the task carries, and the one before that: each page that
-        was stored is processed, also where newer ones have come since.
+        In a handler of `process_data` it is the page that the task carries, and the one before that: each stored page
+        is processed, even if newer ones have been stored since.
         """
         newest = self.datastore.get(key)
         task = self.machine.task
         if task is None or task.type is not _PROCESS_DATA or not task.val_list:
             return newest
         page: Page = task.val_list[0]
-        if page is newest and key == task.name:  # nearly always
+        if page is newest and key == task.name:  # the usual case
             return newest
         pages = self.datastore.pages
         if type(page) is not Page or page is pages.get(page.key) or threading.get_ident() != self.thread_id:
@@ -277,22 +277,22 @@ class Node(NodeMembers):
         return None if page is None else page.data
 
     def get_age_s(self, key: DataKey) -> float:
-        """Return how old the page of `get_page` is [s], whoever made it; infinite if there is none.
+        """Return the age of the page of `get_page` [s], also if another node made it; infinite if there is none.
 
-        Of another node's page on the wall clock that is known as far as a link to that very node knows its clock:
-        see core/ages.py. Else it is infinite: a command must not count as fresh because nobody knows better.
+        On the wall clock, the age of another node's page is known only if a link to that node knows its clock: see
+        core/ages.py. Otherwise it is infinite, since a command of unknown age must not count as fresh.
         """
         page = self.get_page(key)
         return float("inf") if page is None else age_s(self, page)
 
     def came_at_s(self, key: DataKey) -> float:
-        """Return when the newest page of a key that another node has made came here; -inf if none did."""
+        """Return when the newest page of a key from another node arrived here [s]; -inf if none did."""
         return self._core.came_s.get(key, float("-inf"))
 
     def tap(self, key: DataKey, way_out: Callable[[Page], None]) -> None:
-        """Have every page of a key handed to `way_out` right after it was stored, on the node's thread.
+        """Call `way_out` with every page of a key right after it was stored, on the node's thread.
 
-        This is how links get pages out. It is no part of the machine: a replay has no taps and does not miss them.
+        Links send pages this way. Taps are not part of the machine: a replay has none and gives the same results.
         """
         self._core.taps.setdefault(key, []).append(way_out)
 
@@ -300,10 +300,10 @@ class Node(NodeMembers):
         """End what `tap` began."""
         self._core.taps[key].remove(way_out)
 
-    # Time and chance
+    # Time and random numbers
 
     def get_time_s(self) -> float:
-        """Return the time latched for the running task, or else the clock's."""
+        """Return the time latched for the running task [s]; outside of tasks, the clock's."""
         machine = self.machine
         if machine.running is not None and threading.get_ident() == self.thread_id:
             return machine.now_s
@@ -311,9 +311,9 @@ class Node(NodeMembers):
 
     @property
     def rng(self) -> np.random.Generator:
-        """The random generator of the component that runs now: so none shifts another's chance.
+        """The random generator of the running component, so that components do not affect each other's numbers.
 
-        From a thread, or outside of any component, it is the node's own.
+        On another thread, or outside of any component, it is the node's own.
         """
         running = self.machine.running
         if isinstance(running, (Endpoint, Loop)) and threading.get_ident() == self.thread_id:
@@ -346,16 +346,16 @@ class Node(NodeMembers):
         self.report.record_failure(failure)
 
     def record_interrupt(self, component_name: str, message: str) -> None:
-        """Write into the trace which handler was interrupted: a replay must not wait for it again."""
+        """Record in the trace which handler was interrupted: a replay must not run it again and hang."""
         self.report.record_interrupt(component_name, message)
 
     def said(self, component: str, level: str, text: str) -> None:
-        """Have a text recorded that a component has printed or logged; from any thread.
+        """Record a text that a component has printed or logged; from any thread.
 
         Args:
             component: its name.
             level: PRINT, INFO, WARNING, ...
-            text: with its line ends; what follows the last one waits for the rest.
+            text: with its line ends; text after the last one is kept until its line is complete.
         """
         if self._recorder is not None:
             self._recorder.said(self.get_time_s(), component, level, text)

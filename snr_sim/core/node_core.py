@@ -20,9 +20,9 @@ _PROCESS_DATA = TaskType.process_data  # looked up once: in Python 3.11 a member
 
 
 class NodeCore(Endpoint):
-    """Stores pages before anybody else sees the task, and asks for their processing after.
+    """Endpoint that stores pages before any other component handles the task, and then schedules their processing.
 
-    A page `reload`, `add_component` or `remove_component` tells what came of such a task.
+    The page `reload`, `add_component` or `remove_component` has the outcome of such a task.
     """
 
     is_of_robot = False
@@ -32,11 +32,11 @@ class NodeCore(Endpoint):
         self._node = parent
         self._put = parent.datastore.put
         # Pages whose `process_data` task waits behind others, oldest first, each with the page of its key before it.
-        # Tasks are executed in the order in which they were queued: what is more than there are has been processed.
+        # Tasks are executed in queue order, so entries in excess of the queue's length have been processed.
         self._waiting: deque[tuple[Page, Page | None]] = deque()
         self._mine = parent.name
-        self.came_s: dict[DataKey, float] = {}  # when the newest page of a key came here, of those other nodes made
-        # Ways out of the node, by key: links send these pages on. Not part of the machine, so not of a replay.
+        self.came_s: dict[DataKey, float] = {}  # arrival time of the newest page of a key from other nodes
+        # Callbacks by key: links send these pages on. Not part of the machine, so a replay has none.
         self.taps: dict[DataKey, list[Callable[[Page], None]]] = {}
         self._changes = Changes(life)
         self._probations = Probations(self._changes, self._tell_rollback)
@@ -54,7 +54,7 @@ class NodeCore(Endpoint):
         }
 
     def store(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Put the page in the datastore; if it asks for processing, that comes next."""
+        """Put the page in the datastore, and schedule its processing if it requests that."""
         values = task.val_list
         if not (values and isinstance(values, (list, tuple))):
             raise TaskError(
@@ -82,7 +82,7 @@ class NodeCore(Endpoint):
             waiting.popleft()
 
     def page_before(self, page: Page) -> Page | None:
-        """Return the page of the key that was stored before one whose `process_data` task is executed now."""
+        """Return the page of the same key stored before `page`, whose `process_data` task is being executed."""
         return next((before for one, before in self._waiting if one is page), None)
 
     def end_node(self, task: Task, task_id: TaskId) -> SomeTasks:
@@ -91,18 +91,18 @@ class NodeCore(Endpoint):
         return None
 
     def finish(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Go to the end of the queue, as often as its second value says; then end the node."""
+        """Requeue the task as often as its second value states, then end the node."""
         reason, generations = task.val_list
         if generations > 0:
             return Task(task.type, task.name, [reason, generations - 1])
         return tasks.terminate(reason)
 
     def reload(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Make the component of that name anew, or all; further names may stand in the values."""
+        """Reload the component of that name, or all; the values can contain further names."""
         return self._tell(TaskType.reload.value, self._changes.reload(task.name, task.val_list))
 
     def add_component(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Add what a factory makes."""
+        """Add a factory's component."""
         factory = task.val_list[0] if task.val_list else None
         is_started = len(task.val_list) < 2 or bool(task.val_list[1])
         return self._tell(tasks.ADD_COMPONENT_TASK_NAME, self._changes.add(factory, is_started))
@@ -113,7 +113,7 @@ class NodeCore(Endpoint):
         return self._tell(tasks.REMOVE_COMPONENT_TASK_NAME, self._changes.remove(name))
 
     def roll_back(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Roll back the reload that has made a loop which failed."""
+        """Roll back the reload that created a loop which failed."""
         match task.val_list:
             case [str(name), int(number), str(message)]:
                 return self._probations.roll_back(name, number, message)
@@ -123,7 +123,7 @@ class NodeCore(Endpoint):
         return [self._tell(TaskType.reload.value, Outcome(name, False, message))]
 
     def _tell(self, key: DataKey, outcome: Outcome) -> Task:
-        """Say what came of a change: in the log, at the end of the run if it failed, and in a page."""
+        """Report the outcome of a change in the log and in a page, and a failure also at the end of the run."""
         if outcome.ok:
             self.log.info("%s", outcome.message)
         else:

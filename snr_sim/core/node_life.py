@@ -1,4 +1,4 @@
-"""Life of a node: its components begin, its machine runs, its components are halted, whatever goes wrong."""
+"""Life cycle of a node: its components begin, its machine runs, its components are halted even after an error."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from snr_sim.prelude.errors import ComponentFailed, ConfigError, TraceError
 from snr_sim.prelude.recorder import NodeRecorder
 from snr_sim.prelude.task import SomeTasks
 
-# From this many waiting tasks on a run is told that it cannot keep up. A burst of a few hundred is nothing unusual.
+# From this many waiting tasks on an overload is reported. A burst of a few hundred tasks is normal.
 OVERLOAD_TASKS = 1000
 
 
 class NodeLife:
-    """Begins, runs and ends the components of a node.
+    """Life cycle of a node's components: begins, runs and ends them.
 
     Args:
-        node: whose.
+        node: their node.
         registry: its components.
-        report: takes notes and failures.
+        report: collects notes and failures.
         recorder: of the node, if the run is recorded.
 
     Attributes:
         is_over: whether the end of the run has begun: components are being halted, or have been.
-        is_halting: whether what components schedule comes too late.
-        takes_failure: returns whether the failure of a loop leads to something else than the end of the run.
+        is_halting: whether it is too late for components to schedule tasks.
+        takes_failure: returns whether the failure of a loop is handled without ending the run.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class NodeLife:
         """Begin a component while a task is handled; what it schedules follows from that task.
 
         Raises:
-            ComponentFailed: it raised; so did the `setup` of a loop, on a thread or in a process, if it did so soon.
+            ComponentFailed: it raised, or a loop's `setup` on a thread or in a process raised within its timeout.
         """
         running = self.node.machine.running
         self.node.machine.running = component
@@ -98,7 +98,7 @@ class NodeLife:
             self.node.machine.running = running
 
     def end_removed(self, component: Component) -> list[ComponentFailed]:
-        """Halt and terminate a component before the node ends; return what went wrong. Does nothing twice."""
+        """Halt and terminate a component before the node ends; return its failures. A second call does nothing."""
         if not self.has_begun(component):
             return []
         self._begun = [one for one in self._begun if one is not component]
@@ -111,7 +111,7 @@ class NodeLife:
         return failures
 
     def has_begun(self, component: Component) -> bool:
-        """Return whether a component has begun and have not been terminated."""
+        """Return whether a component has begun and has not been terminated."""
         return any(one is component for one in self._begun)
 
     def run_ready(self) -> None:
@@ -132,15 +132,15 @@ class NodeLife:
             raise self.report.failure_of_handling(failed, cause) from cause
 
     def end(self, reason: str | None = None, error: Exception | None = None) -> None:
-        """Finish what is queued, then halt and terminates each component, whatever any of them raises.
+        """Execute the queued tasks, then halt and terminate each component, even if some of them raise.
 
         Args:
-            reason: why, if no terminate task said so.
-            error: that ended it, if one has, here or in another node.
+            reason: why the node ends, if no terminate task gave a reason.
+            error: the error that ended it, if any, here or in another node.
 
         Raises:
-            ComponentFailed: a component could not be halted or terminated; all others have been. If several could
-                not, the others stand in the notes.
+            ComponentFailed: a component could not be halted or terminated; all others have been. Further failures
+                are in the notes.
         """
         if self.is_over:
             return
@@ -151,7 +151,7 @@ class NodeLife:
         if self.node.exit_reason is not None:
             self._drain(failures)
         self.node.exit_reason = self.node.exit_reason or reason
-        for component in self._begun:  # all loops are told first: then none waits for another's sleep
+        for component in self._begun:  # stop all loops first, so that their sleeps end in parallel
             if isinstance(component, Loop):
                 component.stop()
         self.is_halting = True
@@ -160,7 +160,7 @@ class NodeLife:
             self._call_last(component, "terminate", component.terminate, failures)
         self.node.door.close()
         failure = self.node.door.failure
-        if isinstance(failure, ComponentFailed) and failure is not error:  # of a loop's thread, perhaps in its halt
+        if isinstance(failure, ComponentFailed) and failure is not error:  # from a loop's thread, perhaps in its halt
             failures.append(failure)
         self._note_overload()
         of_the_run, told = len(self.report.notes), list[str]()
@@ -173,14 +173,14 @@ class NodeLife:
         self.report.notes.extend(failure.message for failure in failures[1:])  # the first is raised
         if self._recorder is not None:
             self._recorder.end(self.node.machine.now_s, self.node.exit_reason or "", self.node.summary())
-        # With the student's lines, which a trace has not.
+        # With the student's lines, which a trace does not contain.
         self.report.notes[of_the_run : of_the_run + len(told)] = told
         self.report.notes = self.report.finished_notes()
         if failures:
             raise failures[0]
 
     def note_too_late(self, component: Component, tasks: SomeTasks) -> None:
-        """Note what a component has scheduled while it was halted."""
+        """Note the tasks that a component has scheduled while it was halted."""
         for task in as_tasks(tasks, component, self.node.schedule):
             self.node.note(
                 f"'{component.name}' scheduled {describe(task.id())} while it was halted, and no task comes "
@@ -221,7 +221,7 @@ class NodeLife:
         try:
             function()
         except BaseException as error:  # also an interrupt: the others must still be halted
-            self.node.machine.running = None  # first of all, so that a second one does not come in between
+            self.node.machine.running = None  # first, so that a second interrupt is not raised in between
             failures.append(self.report.failure_of(component, error, step))
         finally:
             self.node.machine.running = None

@@ -1,4 +1,4 @@
-"""What the parts of a node see of it. They are made by it, so they cannot know its class."""
+"""Interface of a node for its own parts. The node imports them, so they cannot import its class."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from snr_sim.prelude.node_api import NodeApi
 
 
 class NodeParts(NodeApi, Protocol):
-    """A node, as its own parts see it, and what runs and watches nodes.
+    """Interface of a node for its own parts, and for the code that runs and monitors nodes.
 
     Attributes:
         machine: executes its tasks.
@@ -33,7 +33,7 @@ class NodeParts(NodeApi, Protocol):
 
     @property
     def door(self) -> Door:
-        """Where inputs come in."""
+        """Inbox for inputs."""
         ...
 
     @property

@@ -1,4 +1,4 @@
-"""Notes and failures of a node: how they are worded, kept for the end of the run, and written into the trace."""
+"""Notes and failures of a node: formatted, kept for the end of the run, and written to the trace."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from snr_sim.prelude.page import DataKey
 from snr_sim.prelude.recorder import NodeRecorder
 from snr_sim.prelude.task import Task
 
-INTERRUPTED = "interrupted"  # so begins the message of an error record that is none: a handler did not return
-MAX_NOTES = 100  # while it runs: nobody reads more, and what fails in ever other words must not fill the memory
+INTERRUPTED = "interrupted"  # prefix of an error record for a handler that did not return
+MAX_NOTES = 100  # a limit on memory: failures with ever-changing messages must not fill it
 
 
 class NodeReport:
-    """Takes what there is to say about a run.
+    """Collector of the notes and failures of a run.
 
     Args:
-        node: that it is about.
+        node: their node.
         recorder: of the node, if the run is recorded.
 
     Attributes:
@@ -30,31 +30,31 @@ class NodeReport:
         self.notes: list[str] = []
         self._node = node
         self._recorder = recorder
-        self._lines: dict[str, str] = {}  # of notes: the student's lines that they are about
-        self._objects: set[tuple[DataKey, type]] = set()  # that pages hold and that are no data: noted once
+        self._lines: dict[str, str] = {}  # by note: the student's lines that it is about
+        self._objects: set[tuple[DataKey, type]] = set()  # non-data objects in pages, each noted once
         self._failures: list[ComponentFailed] = []  # those that are in the trace
 
     def failure_of(self, component: Component, error: BaseException, step: str) -> ComponentFailed:
-        """Return what went wrong in `begin`, `setup`, `loop`, `halt` or `terminate`, in words."""
+        """Return an error in `begin`, `setup`, `loop`, `halt` or `terminate` as a failure with a message."""
         if isinstance(error, ComponentFailed):
             return error
         where = f"in {step}() of component '{component.name}' at t = {self._node.clock.now_s():.3f} s"
         return ComponentFailed(describe_error(error, where), self._node.name, component.name, step)
 
     def failure_of_handling(self, failed: HandlerFailed, error: BaseException) -> ComponentFailed:
-        """Return what the machine has raised, in words."""
+        """Return an error that the machine has raised as a failure with a message."""
         if failed.component is not None:
             return self.failure_in_handler(failed.component, failed.task, error)
         where = f"in node '{self._node.name}', while it looked for handlers of {self._shown(failed.task)}"
         return ComponentFailed(describe_error(error, where), self._node.name)
 
     def failure_in_handler(self, component: Component, task: Task, error: BaseException) -> ComponentFailed:
-        """Return what went wrong in a component's handler of a task, in words."""
+        """Return an error in a component's handler of a task as a failure with a message."""
         name = component.name
         entries = self._node.machine.lookup.find(task)
         called = [entry for entry in entries if entry[0] is component]
         labels = [f"{label[1]}(), " for _, _, _, label in called]
-        begins = place_of(called[0][1]) if called else None  # what it returned was wrong: then no line of its raised
+        begins = place_of(called[0][1]) if called else None  # a wrong return value: no line of the handler raised
         where = f"in {''.join(labels)}component '{name}', while it handled {self._shown(task)}"
         return ComponentFailed(describe_error(error, where, begins), self._node.name, name)
 
@@ -70,16 +70,16 @@ class NodeReport:
             self._recorder.error(self._node.machine.now_s, failure.component, failure.message)
 
     def record_interrupt(self, component_name: str, message: str) -> None:
-        """Write into the trace which handler was interrupted: a replay must not wait for it again."""
+        """Record in the trace which handler was interrupted: a replay must not run it again and hang."""
         if self._recorder is not None:
             self._recorder.error(self._node.machine.now_s, component_name, f"{INTERRUPTED}: {message}")
 
     def note(self, text: str, lines: str = "") -> None:
-        """Keep a remark for the end of the run, once: what fails again and again must not fill the memory.
+        """Keep a note for the end of the run, once: repeated failures must not fill the memory.
 
         Args:
-            text: of the remark.
-            lines: the student's lines that it is about, to stand before it when it is told; a trace has them not.
+            text: of the note.
+            lines: the student's lines that it is about, printed before it; they are not written to the trace.
         """
         remark = without_addresses(text)
         if lines:

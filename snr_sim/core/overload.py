@@ -1,4 +1,4 @@
-"""Tells of a node on the wall clock that cannot keep up, while it cannot: what waits, who brings it, who is slow."""
+"""Report of an overloaded node on the wall clock: the waiting tasks, their senders, and the slow handlers."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from snr_sim.core.node_life import OVERLOAD_TASKS
 from snr_sim.core.node_parts import NodeParts
 
 TOLD_AGAIN_S = 10.0
-SAMPLES = 40  # of who brings and who works, when it is told
+SAMPLES = 40  # of senders and of running handlers, for one report
 SAMPLE_PERIOD_S = 0.005
-COUNTED_TASKS = 10_000  # at most, of those that wait
+COUNTED_TASKS = 10_000  # at most, of the waiting tasks
 SHOWN = 3
 
 
 class Overload:
-    """Looks at one node again and again, from another thread than the node's.
+    """Overload check of one node, polled from another thread than the node's.
 
     Args:
         node: on the wall clock.
-        call: returns what the node's thread is doing; with True also how many tasks it has executed in this go.
-        pause: waits so many seconds.
+        call: returns the current call of the node's thread; with True also the number of tasks executed in it.
+        pause: waits the given seconds.
     """
 
     def __init__(self, node: NodeParts, call: Callable[[bool], CurrentCall], pause: Callable[[float], object]) -> None:
         self._node = node
         self._call = call
         self._pause = pause
-        self._before: tuple[float, int] | None = None  # when it was looked at, and how many tasks had ever come
+        self._before: tuple[float, int] | None = None  # time of the last check [s], and total number of tasks by then
         self._tell_at_s = float("-inf")
 
     def look(self, now_s: float) -> str | None:
-        """Return what is to be told, if anything is: of a queue that was long at the last look, too."""
+        """Return a report if the queue is long and was so at the last check too, else None."""
         machine = self._node.machine
         waiting = machine.queued
         if waiting < OVERLOAD_TASKS or self._node.is_over:
@@ -47,7 +47,7 @@ class Overload:
             return None
         self._tell_at_s = now_s + TOLD_AGAIN_S
         came_hz = (self._before[1] - before[1]) / max(now_s - before[0], 1e-9)
-        # First in, first out: what waits has come since the oldest did.
+        # First in, first out: all waiting tasks arrived after the oldest one.
         oldest = f", the oldest for about {waiting / came_hz:.1f} s" if came_hz > 0 else ""
         return (
             f"{waiting} tasks wait in node '{self._node.name}'{oldest}: they come faster than their handlers work, so "
@@ -79,7 +79,7 @@ class Overload:
 
 
 def _shares(counts: Counter[str]) -> str:
-    """Return the largest counts, in per cent of all.
+    """Return the largest counts, in per cent of the total.
 
     >>> _shares(Counter(camera=3, depth=1))
     'camera 75 %, depth 25 %'

@@ -1,4 +1,4 @@
-"""What a page holds: data, as they were when it was made. Parts of the program are refused, other objects noted."""
+"""Data of a page: a copy from the time of its creation. Parts of the program are rejected, other objects noted."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _FIX = "store numbers, text, lists, dicts, numpy arrays, or dataclasses of these
 
 
 def data_of_page(node: NodeApi, key: DataKey, data: Any) -> Any:
-    """Return data as a page of a node keeps them: a copy, which later changes of the original do not reach.
+    """Return a copy of data for a page of a node; later changes of the original do not affect it.
 
-    An object of another class stays what it is, and is noted once with the line that stores it.
+    An object of another class is not copied, and is noted once with the line that stores it.
 
     Raises:
-        TaskError: a part of the program, such as an endpoint, stands where data belong.
+        TaskError: the data contain a part of the program, such as an endpoint.
     """
     if type(data) in IMMUTABLE:
         return data
@@ -55,12 +55,12 @@ def _check(node: NodeApi, key: DataKey, data: Any, found: Any) -> None:
         "link nor be an input of a replay"
     )
     place = _storing_line()
-    if place is not None:  # what a part of the kit passes on was given to it by somebody who knows no page
+    if place is not None:  # no line: snr_sim stores it for a caller who does not handle pages
         node.note(f"{place}\n  {what}: {trouble}.\n  Try: {_FIX}")
 
 
 def _storing_line() -> Place | None:
-    """Return the student's line that stores a page, or None if a part of the kit does."""
+    """Return the student's line that stores a page, or None if snr_sim's own code does."""
     frame: FrameType | None = sys._getframe()
     while frame is not None and _CORE in Path(frame.f_code.co_filename).parents:
         frame = frame.f_back
@@ -68,7 +68,7 @@ def _storing_line() -> Place | None:
 
 
 def _paths_to(found: Any, value: Any, path: str) -> Iterator[str]:
-    """Yield where an object is in data, as its author would write it."""
+    """Yield the paths to an object in data, as Python expressions."""
     kind = type(value)
     if value is found:
         yield path

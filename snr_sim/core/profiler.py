@@ -1,4 +1,4 @@
-"""Profiler: how long each handler and each loop takes, over all of a run and not only its last calls."""
+"""Profiler: durations of each handler and each loop, over the whole run and not only its last calls."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ R = TypeVar("R")
 
 @dataclass
 class Timing:
-    """What the calls of one handler or loop took, in seconds of wall time."""
+    """Durations of the calls of one handler or loop, in seconds of wall time."""
 
     count: int = 0
     total_s: float = 0.0
@@ -29,7 +29,7 @@ class Timing:
 
 
 class Profiler:
-    """Collects timings by name, such as 'pad.on_inertial' or 'radar_loop.loop'.
+    """Timings by name, such as 'pad.on_inertial' or 'radar_loop.loop'.
 
     >>> profiler = Profiler()
     >>> profiler.time("add", lambda a, b: a + b, 1, 2)
@@ -45,7 +45,7 @@ class Profiler:
         self.timings: dict[str, Timing] = {}
 
     def time(self, name: str, function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
-        """Call the function, adds what it took to `name`, and return its result."""
+        """Call the function, add its duration to `name`, and return its result."""
         start_s = perf_counter()
         try:
             return function(*args, **kwargs)
@@ -53,7 +53,7 @@ class Profiler:
             self.store_task(name, perf_counter() - start_s)
 
     def timed(self, name: str, function: Callable[P, R]) -> Callable[P, R]:
-        """Return the function with every call of it added to `name`."""
+        """Return the function, wrapped so that the duration of each call is added to `name`."""
 
         @wraps(function)
         def call(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -71,8 +71,8 @@ class Profiler:
         timing.max_s = max(timing.max_s, duration_s)
 
     def rows(self) -> list[dict[str, float | str]]:
-        """Return name, count, total, mean and max [s] and share of all time measured; most expensive first."""
-        whole_s = sum(timing.total_s for timing in self.timings.values()) or 1.0  # decides no run: only printed
+        """Return name, count, total, mean and max [s] and fraction of the measured time; most expensive first."""
+        whole_s = sum(timing.total_s for timing in self.timings.values()) or 1.0  # only printed
         by_cost = sorted(self.timings.items(), key=lambda item: -item[1].total_s)
         return [
             {

@@ -1,4 +1,4 @@
-"""Bounds the work of one moment of virtual time: tasks that ask for each other for ever would stop its clock."""
+"""Limit on tasks per instant of virtual time: tasks that schedule each other endlessly would stop the clock."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from snr_sim.core.machine import EventMachine, HandlerFailed
 from snr_sim.core.node_parts import NodeParts
 from snr_sim.prelude.errors import ComponentFailed
 
-WATCHED_TASKS = 60  # executed one by one beyond the bound, to see which comes from which
+WATCHED_TASKS = 60  # executed one by one above the limit, to find which schedules which
 SHOWN_TASKS = 12
 
 
 class Step(NamedTuple):
-    """A task that was executed, and who handled it."""
+    """An executed task and its handlers."""
 
     node: str
     task: str
@@ -29,11 +29,11 @@ class Step(NamedTuple):
 
 
 class Moments:
-    """Gives the machines of a run their bound, anew at each moment.
+    """Limit on the machines of a run, reset at each instant.
 
     Args:
         nodes: of the run.
-        clock: theirs.
+        clock: their clock.
     """
 
     def __init__(self, nodes: Sequence[NodeParts], clock: SimClock) -> None:
@@ -44,15 +44,15 @@ class Moments:
         ]
 
     def begin(self) -> None:
-        """Let each node execute as many tasks as it may at one moment."""
+        """Reset each node's number of tasks for a new instant."""
         for machine, at_most in self._machines:
             machine.most_executed = machine.executed + at_most
 
     def check(self) -> None:
-        """End a run in which a node has used up its tasks and have more of them.
+        """Raise if a node has reached its limit and still has tasks.
 
         Raises:
-            ComponentFailed: it names the tasks that ask for each other.
+            ComponentFailed: a node has; the message names the tasks that schedule each other.
         """
         for machine, _ in self._machines:
             if machine.executed >= machine.most_executed and machine.queued and not machine.is_ended:
@@ -61,14 +61,14 @@ class Moments:
 
 
 def watch(nodes: Sequence[NodeParts], clock: SimClock) -> list[Step]:
-    """Execute some more tasks one by one, as lock step does; return which, with who handled them."""
+    """Execute some more tasks one by one, as lock step does; return them with their handlers."""
     steps: list[Step] = []
     moment_s = clock.now_s()
     while len(steps) < WATCHED_TASKS:
         if not any(node.machine.queued for node in nodes if not node.is_terminated):
             if clock.next_s != moment_s:
                 return steps
-            clock.run_next()  # a loop that is to tick at once, for ever
+            clock.run_next()  # a loop that always requests its next tick at once
         for node in nodes:
             machine = node.machine
             if node.is_terminated or not machine.queued:
@@ -88,7 +88,7 @@ def watch(nodes: Sequence[NodeParts], clock: SimClock) -> list[Step]:
 
 
 def cycle_of(steps: Sequence[Step]) -> list[Step]:
-    """Return the tasks that come again and again, or the last ones if no order shows.
+    """Return the tasks that repeat in a cycle, or the last ones if there is no cycle.
 
     >>> cycle_of(list("xabcabc"))
     ['a', 'b', 'c']

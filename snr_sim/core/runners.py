@@ -1,4 +1,4 @@
-"""Runners: the ways to start a config. One role here, one role by command line, a test, or all roles in lock step."""
+"""Runners, which start a config: one role here, one role by command line, a test, or all roles in lock step."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ _OPTIONS = {  # of a program with a CliRunner
 
 
 class Link(Protocol):
-    """Carries pages between nodes of one process."""
+    """Interface of a link that carries pages between nodes of one process."""
 
     def attach(self, nodes: dict[RoleName, Node], clock: SimClock) -> None:
-        """Connect to the nodes it links, before they begin."""
+        """Connect to the linked nodes, before they begin."""
         ...
 
 
 class SynchronousRunner:
-    """Runs one role until it ends.
+    """Runner of one role.
 
     Args:
-        role: which.
+        role: its name.
         config: of the robot.
         clock: the wall clock if not given.
         recorder: writes the trace, if given.
@@ -84,7 +84,7 @@ class SynchronousRunner:
 
 
 def _tell_notes(nodes: Sequence[Node], threads_before: Sequence[threading.Thread]) -> None:
-    """Say what the nodes remarked; of several, which one; and what the run has left running."""
+    """Print the nodes' notes on stderr, with the node's name if there are several, and notes on running threads."""
     for node in nodes:
         whose = f"{node.name}: " if len(nodes) > 1 else ""
         for note in node.notes:
@@ -95,7 +95,7 @@ def _tell_notes(nodes: Sequence[Node], threads_before: Sequence[threading.Thread
 
 
 class CliRunner:
-    """Runs the role that the command line names: `python robot.py ROLE`.
+    """Runner of the role that the command line names: `python robot.py ROLE`.
 
     `-d` is for DEBUG mode; with `--watch` a component whose file is saved is reloaded while the robot runs.
 
@@ -109,9 +109,9 @@ class CliRunner:
         self._argv = list(sys.argv if argv is None else argv)
 
     def run(self) -> None:
-        """Run the role until it ends. Without a known role: says which there are, exit status 2; with --help, 0.
+        """Run the role until it ends. Without a known role: print the roles, exit status 2; with --help, 0.
 
-        What goes wrong is told on stderr, exit status 1; in DEBUG mode it is raised, for its traceback.
+        Errors are printed on stderr, exit status 1; in DEBUG mode they are raised, for the traceback.
         """
         words = self._argv[1:]
         mode = Mode.DEBUG if "-d" in words else Mode.DEPLOYED
@@ -133,7 +133,7 @@ class CliRunner:
             runner = SynchronousRunner(roles[0], watched(config) if is_watched else config)
             runner.run()
         except SnrError as error:
-            if mode is Mode.DEBUG or being_read.get():  # a reload tells what went wrong in its own way
+            if mode is Mode.DEBUG or being_read.get():  # a reload reports errors itself
                 raise
             print(error, file=sys.stderr)
             raise SystemExit(1) from error
@@ -158,7 +158,7 @@ class CliRunner:
 
 
 def show_log(level: int) -> None:
-    """Show what components log, from this level up; without this Python shows warnings and errors only."""
+    """Show components' log messages from this level up; by default Python shows warnings and errors only."""
     handler = _ToStderr()
     handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
     logger = logging.getLogger("snr")
@@ -168,7 +168,7 @@ def show_log(level: int) -> None:
 
 
 class _ToStderr(logging.Handler):
-    """Writes to what standard error is when a line comes: above a progress line, if one is shown then."""
+    """Handler that writes to the `sys.stderr` of the time of the message: above a progress line, if one is shown."""
 
     def emit(self, record: logging.LogRecord) -> None:
         """Write a line."""
@@ -177,12 +177,12 @@ class _ToStderr(logging.Handler):
         except Exception:  # a log call that is wrong, or an object's own __str__
             self.handleError(record)
             return
-        with suppress(OSError, ValueError):  # nobody reads it any more
+        with suppress(OSError, ValueError):  # its reader has gone
             print(line, file=sys.stderr, flush=True)
 
 
 class TestRunner:
-    """Runs the role 'test' in virtual time, so that nothing sleeps.
+    """Runner of the role 'test' in virtual time, so that nothing sleeps.
 
     Args:
         config: has the role 'test'.
@@ -190,7 +190,7 @@ class TestRunner:
         until_s: the longest virtual time.
     """
 
-    __test__ = False  # pytest: this is no test class
+    __test__ = False  # pytest: this is not a test class
 
     def __init__(self, config: Config, *, seed: int = 0, until_s: float = 3600.0) -> None:
         self.clock = SimClock()
@@ -198,7 +198,7 @@ class TestRunner:
         self._until_s = until_s
 
     def run(self) -> None:
-        """Run until a terminate task, or until nothing is left to do.
+        """Run until a terminate task, or until nothing is due any more.
 
         Raises:
             ComponentFailed: a handler or a loop raised.
@@ -208,16 +208,16 @@ class TestRunner:
 
 
 class SimRunner:
-    """Runs several roles in one process under one virtual clock, with simulated links between them.
+    """Runner of several roles in one process under one virtual clock, with simulated links between them.
 
     Args:
         config: of the robot.
-        roles: in the order in which they work at the same moment; all of the config's if not given.
+        roles: in the order in which they work at the same instant; all of the config's if not given.
         links: carry pages between them.
         clock: a new one if not given; a plant follows it.
         recorder: writes one trace for all nodes, if given.
         seed: of the run.
-        pace: virtual seconds per wall second; None is as fast as it goes.
+        pace: virtual seconds per wall second; None is as fast as possible.
         until_s: the longest virtual time.
         tells_notes: whether the nodes' notes are printed on stderr at the end.
 
@@ -250,7 +250,7 @@ class SimRunner:
         self.signals: list[str] = []
 
     def run(self) -> None:
-        """Run until every node has ended, nothing is left to do, or the time limit has come.
+        """Run until every node has ended, nothing is due any more, or the time limit is reached.
 
         Raises:
             ComponentFailed: a handler or a loop raised; every node has been halted.

@@ -1,7 +1,7 @@
-"""What components print and log, for the recorder: `print` and `self.log` in a handler, a loop or anything they call.
+"""Records what components print and log: `print` and `self.log` in a handler, a loop or any function they call.
 
-Who prints is known by who calls: the innermost method of a component, or the machine that has called a handler which is
-no method. So nothing is kept while nobody prints, and what a thread prints is its loop's.
+The printing component is found on the call stack: the innermost method of a component, or the machine if the handler
+is not a method. So a run without prints has no cost, and a print on a thread belongs to that thread's loop.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ LEVELS = ("PRINT", "INFO", "WARNING", "ERROR", "CRITICAL")
 
 @contextmanager
 def hearing(nodes: Container[Node]) -> Iterator[None]:
-    """Have the recorders of these nodes take down what their components print meanwhile.
+    """Record what the components of these nodes print while active.
 
     Args:
         nodes: of the run.
@@ -35,20 +35,20 @@ def hearing(nodes: Container[Node]) -> Iterator[None]:
         yield
     finally:
         heard.is_over = True
-        # Runs of two threads may end in another order than one within the other: the last puts the stream back.
+        # Runs on two threads need not be nested: the last one to end restores the stream.
         while isinstance(sys.stdout, Heard) and sys.stdout.is_over:
             sys.stdout = sys.stdout.target
 
 
 class Heard(io.TextIOBase):
-    """Passes on what is written, and tells the node of the component that writes.
+    """Stream that forwards text, and records it at the node of the component that writes.
 
     Args:
-        target: the stream; None where the program was started without one.
-        nodes: those that are told.
+        target: the stream; None if the program was started without one.
+        nodes: the nodes that record.
 
     Attributes:
-        is_over: whether the run has ended. Then it only passes on.
+        is_over: whether the run has ended. Then the stream only forwards.
     """
 
     def __init__(self, target: Any, nodes: Container[Node]) -> None:
@@ -57,28 +57,28 @@ class Heard(io.TextIOBase):
         self._nodes = nodes
 
     def write(self, text: str) -> int:
-        """Pass it on."""
+        """Forward and record text; return the number of characters."""
         written = len(text) if self.target is None else int(self.target.write(text))
         if self.is_over:
             return written
         component = _speaker(sys._getframe(1))
-        # One that prints before its super().__init__() has no node yet, and its words are in no trace.
+        # A component that prints before its super().__init__() has no node yet, so its text is not recorded.
         node: Node | None = getattr(component, "parent", None)
         if component is not None and node is not None and node in self._nodes:
             node.said(component.name, "PRINT", text)
         return written
 
     def flush(self) -> None:
-        """Pass it on."""
+        """Flush the target."""
         if self.target is not None:
             self.target.flush()
 
     def close(self) -> None:
-        """Leave everything open: the stream is only lent."""
+        """Do nothing: the target belongs to the program."""
 
     @property
     def encoding(self) -> str:  # type: ignore[override]
-        """Return the stream's, which libraries ask for before they draw."""
+        """Return the target's encoding, which libraries read before they draw."""
         return getattr(self.target, "encoding", None) or "utf-8"
 
     def __getattr__(self, name: str) -> Any:  # buffer, reconfigure: what is written there is not recorded
@@ -96,7 +96,7 @@ class Heard(io.TextIOBase):
 def _speaker(frame: FrameType | None) -> NodeComponent | None:
     while frame is not None:
         owner = frame.f_locals.get("self") if "self" in frame.f_code.co_varnames else None
-        if isinstance(owner, EventMachine):  # it has called a handler that is no method
+        if isinstance(owner, EventMachine):  # it has called a handler that is not a method
             owner = owner.running
         if isinstance(owner, NodeComponent):
             return owner

@@ -9,8 +9,8 @@ import sys
 def open_closed_streams() -> None:
     """Open the null device for each of stdin, stdout and stderr that is closed. Safe to call twice.
 
-    Without this the next file that is opened, such as a trace, gets the number of stdout, and what C code prints goes
-    into it; and `sys.stdout` is None.
+    Otherwise the next file that is opened, such as a trace, gets the descriptor of stdout, so that output of C code
+    is written into it; and `sys.stdout` is None.
     """
     for descriptor in range(3):
         try:

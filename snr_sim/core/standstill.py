@@ -1,7 +1,7 @@
-"""Tells of a component that does not return: which, what it is doing, and the student's line, while it is there.
+"""Report of a component that does not return: its name, what it is doing, and the student's line.
 
-Nothing else runs meanwhile, so it is looked for from another thread (`core/watchdog.py`), which only reads. Code in C
-that keeps the interpreter's lock stops that thread, too.
+The component blocks the node's thread, so another thread (`core/watchdog.py`) detects it, and only reads. C code that
+holds the interpreter lock stops that thread too.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from snr_sim.prelude.errors import ComponentFailed
 
 TOLD_AFTER_S = 2.0
 TOLD_AGAIN_S = 10.0
-WITHOUT_LINE_S = 10.0  # told so late if no student's line is in it: a device that starts up may take seconds
-SLOW_LOOKS = 10  # so many looks in a row that find one line: the run spends its time there
+WITHOUT_LINE_S = 10.0  # without a line of student code, report later: a device may take seconds to start
+SLOW_LOOKS = 10  # consecutive checks that find the same line: the run spends its time there
 
 _FIX = (
     "a handler, and a loop's loop(), does its work once and returns. What is to happen again is a Loop's work, at its "
@@ -27,28 +27,28 @@ _FIX = (
 
 
 class Standstill:
-    """Looks at a run again and again.
+    """Standstill check of a run, polled.
 
     Args:
         nodes: of the run; one thread runs them all.
-        call: returns what that thread is doing; with True also which task it executes.
+        call: returns the current call of that thread; with True also the task that it executes.
     """
 
     def __init__(self, nodes: Sequence[NodeParts], call: Callable[[bool], CurrentCall]) -> None:
-        self.stalled_s = 0.0  # of wall time, for which nothing has changed
+        self.stalled_s = 0.0  # wall time without any change
         self._nodes = nodes
         self._call = call
         self._state: list[Any] = []
-        self._executed = -1  # by a machine that counts only at the end of its work; -1 if not looked at
+        self._executed = -1  # tasks that the machine has not counted yet; -1 if not read
         self._tell_at_s = TOLD_AFTER_S
         self._lines: deque[tuple[str, int] | None] = deque(maxlen=SLOW_LOOKS)
         self._told_lines: set[tuple[str, int]] = set()
 
     def look(self, passed_s: float) -> str | None:
-        """Return what is to be told, if anything is.
+        """Return a report if one is due, else None.
 
         Args:
-            passed_s: wall time since the last look.
+            passed_s: wall time since the last check.
         """
         state = self._progress()
         is_same = state == self._state
@@ -68,14 +68,14 @@ class Standstill:
         return f"{self._words(call)}, and nothing else runs meanwhile.\n  Try: {_FIX} Ctrl-C ends the run in order."
 
     def failure(self) -> ComponentFailed:
-        """Return the error of a run that is ended for this."""
+        """Return the error of a run that is ended for a standstill."""
         running = self.running
         what = f"{self._words(self._call(True))}: the run was ended."
         return ComponentFailed(f"{what}\n  Try: {_FIX}", self.node.name, "" if running is None else running.name)
 
     @property
     def node(self) -> NodeParts:
-        """The node that is at work, or the first."""
+        """The node that is running a component, or the first."""
         return next((node for node in self._nodes if node.machine.running is not None), self._nodes[0])
 
     @property
@@ -84,7 +84,7 @@ class Standstill:
         return self.node.machine.running
 
     def _progress(self) -> list[Any]:
-        """Return what changes while a run gets on. All of it is kept anyway."""
+        """Return counters that change while a run makes progress. All of them exist anyway."""
         first = self._nodes[0]
         return [
             first.clock.now_s() if first.is_in_lock_step else None,
@@ -102,12 +102,12 @@ class Standstill:
 
     def _who(self, call: CurrentCall) -> str:
         function = f"{call.function}() of " if call.function else ""
-        if self.running is None:  # a plant or a scenario, which follow the clock
+        if self.running is None:  # then a plant or a scenario runs, which follow the clock
             return f"{call.function}()" if call.function else "the run"
         return f"{function}component '{self.running.name}'"
 
     def _slow(self, call: CurrentCall) -> str | None:
-        """Tell once of a line in which the run is at look after look, although it gets on."""
+        """Return, once, a report on a line at which many checks find the run although it makes progress."""
         line = call.line
         if line is None or line in self._told_lines or list(self._lines) != [line] * SLOW_LOOKS:
             return None

@@ -1,7 +1,7 @@
 """Members of components and nodes by the names that the thesis gives them.
 
-The listings log with `self.warn("%s is late", name)`, so that works. A name that would be a second way of doing
-something raises an error with the one there is.
+The listings log with `self.warn("%s is late", name)`, so that works. A name that would duplicate a function raises an
+error that names the existing one.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _PROFILE = "leave it out: with Mode.DEBUG the node times each handler and loop b
 
 
 class LoggingMembers:
-    """Short ways to `log`: a message, and what its `%s` stand for."""
+    """Shortcuts for `log`: a message, and the values of its `%s`."""
 
     @property
     def log(self) -> logging.Logger | logging.LoggerAdapter[logging.Logger]:
@@ -48,7 +48,7 @@ class LoggingMembers:
 
 
 class ComponentMembers(LoggingMembers):
-    """What endpoints and loops had."""
+    """Members of endpoints and loops in the thesis."""
 
     timer: Any = Retired("self.timer", f"self.{_TIMER}")
     profiler: Any = Retired("self.profiler", "self.parent.profiler, which is None unless the mode is DEBUG.")
@@ -58,7 +58,7 @@ class ComponentMembers(LoggingMembers):
 
 
 class LoopMembers(ComponentMembers):
-    """What only loops had."""
+    """Members of loops only in the thesis."""
 
     delay_s: Any = Retired("self.delay_s", "1 / self.max_tick_rate_hz.")
     set_delay: Any = Retired(
@@ -67,7 +67,7 @@ class LoopMembers(ComponentMembers):
 
 
 class NodeMembers(LoggingMembers):
-    """What nodes had."""
+    """Members of nodes in the thesis."""
 
     timer: Any = Retired("node.timer", f"node.{_TIMER}")
     terminate: Any = Retired("node.terminate", "node.set_terminate_flag('why') ends a run; node.end() is loop()'s.")

@@ -1,9 +1,9 @@
-"""Follows a signal from a thread of its own until the run has ended: wakes the main thread, and looks for a stuck run.
+"""Watcher thread for signals: it wakes the main thread after a signal, then checks for a stuck run until the run ends.
 
-Python notes a signal, and looks at the note between two of its steps. One that comes after the last look and before
-the kernel has put the program to sleep is noted and does not end the sleep: `sleep(60)` would sleep for its whole
-minute. So a thread of its own hears of each note (`signal.set_wakeup_fd`), and sends the signal once more if nobody has
-taken it. Twice noted is still one note. From then on that thread looks at the run: see `core/last_resort.py`.
+Python runs signal handlers between bytecodes only. A signal that arrives after that check but before the sleep system
+call does not interrupt the call: `sleep(60)` would last its whole minute. So a thread reads every signal from
+`signal.set_wakeup_fd`, and sends it again if its handler has not run. Sending a pending signal twice has no further
+effect. After that the thread monitors the run: see `core/last_resort.py`.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 
-WAKE_S = 0.1  # a note is taken at once, but in a long step of a library's
-_NO_SIGNAL = b"\0"  # the end is told by it: the pipe does not close while a copy of this process has it, too
-_watched: list[int] = []  # file descriptors; the copy of a process would tell what it notes as if it were ours
+WAKE_S = 0.1  # a handler runs at once, except during a long call into C code
+_NO_SIGNAL = b"\0"  # ends the thread: closing the pipe would not, while a forked child holds it
+_watched: list[int] = []  # file descriptors; a forked child must not write its signals to ours
 
 
 @contextmanager
 def woken_by(numbers: Sequence[int], taken: Sequence[object], look: Callable[[int], None]) -> Iterator[None]:
-    """Have the main thread woken by the first of these signals, while it is entered. Only the main thread may.
+    """Wake the main thread at the first of these signals, while active. Call it from the main thread only.
 
     Args:
-        numbers: of signals, which have handlers in Python.
+        numbers: of signals that have Python handlers.
         taken: is no longer empty once a handler has run.
-        look: called with the first signal's number again and again from then on, on a thread.
+        look: called periodically with the signal's number from then on, on a thread.
     """
-    if not hasattr(signal, "pthread_kill"):  # Windows, where Ctrl-C ends a sleep by other means
+    if not hasattr(signal, "pthread_kill"):  # Windows, where Ctrl-C ends a sleep by another mechanism
         yield
         return
     heard, noted = os.pipe()

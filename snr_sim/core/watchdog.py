@@ -1,7 +1,7 @@
-"""Looks at a run twice a second from a thread of its own, so that a run that stands still or falls behind is told.
+"""Watchdog thread: checks a run twice a second and reports a standstill or an overload.
 
-It reads what the machines keep anyway: a task costs nothing more for it, and a run is the same with it. Every way to
-run nodes goes through `core/lockstep.py`, which has it.
+It only reads counters that the machines have anyway, so tasks cost no extra time and the run is unchanged. Every
+runner uses `core/lockstep.py`, which starts it.
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ from snr_sim.core.standstill import Standstill
 from snr_sim.prelude.errors import ComponentFailed, SnrError
 
 LOOK_S = 0.5
-# Of what passes between two looks no more counts: else the process was stopped, and not the run.
+# Maximum time counted between two checks: a longer gap means that the whole process was stopped, not the run.
 _MOST_COUNTED_S = 2 * LOOK_S
 
 
 class Watchdog:
-    """Watches a run as long as it is entered, by the thread that runs it.
+    """Watchdog of a run, active in a `with` block on the thread that runs it.
 
     Args:
         nodes: of the run.
         now_s: wall time.
         frames: returns the newest frame of each thread.
-        tell: takes what is to be told.
-        pause: waits so many seconds.
+        tell: receives the reports.
+        pause: waits the given seconds.
 
     Attributes:
-        failure: why the run was ended from here, if it was.
+        failure: why the watchdog ended the run, if it did.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Watchdog:
     def __enter__(self) -> Self:
         self.begin(sys._getframe(1))
         if self._nodes:
-            # Where no thread is to be had, as in a graded program, a run goes on without being watched.
+            # If threads cannot be started, as in a graded program, the run continues without a watchdog.
             with suppress(RuntimeError, SnrError):
                 self._thread.start()
         return self
@@ -75,10 +75,10 @@ class Watchdog:
         self._is_over.set()
         if self._thread.ident is not None:
             self._thread.join()
-        self._base = None  # or that frame and this object would keep each other
+        self._base = None  # breaks the reference cycle of that frame and this object
 
     def begin(self, base: FrameType | None) -> None:
-        """Take the calling thread for the one that runs the nodes; what it does is looked at down to `base`."""
+        """Register the calling thread as the one that runs the nodes; read its stack down to the frame `base`."""
         self._thread_id = threading.get_ident()
         self._base = base
         self._looked_s = self._now_s()
@@ -87,7 +87,7 @@ class Watchdog:
         self._last_resort = LastResort(self._nodes, self._thread_id)
 
     def look(self) -> None:
-        """Tell what there is to tell, and end a run that has stood still for as long as its config allows."""
+        """Report findings, and end a run that has been at a standstill for `Config.stall_limit_s`."""
         now_s = self._now_s()
         passed_s = min(now_s - self._looked_s, _MOST_COUNTED_S)
         self._looked_s = now_s

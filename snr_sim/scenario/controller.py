@@ -1,4 +1,4 @@
-"""Calls what a controller's file defines; what goes wrong in it is told with the student's line first."""
+"""Calls of the functions in a controller's file; errors in them are reported with the student's line first."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def factories_of(controller: ModuleType, robot: Robot) -> list[AnyFactory]:
     """Return what a controller's `factories(robot)` returns, checked.
 
     Raises:
-        ConfigError: it raised, or returned something else than factories.
+        ConfigError: it raised, or returned a value that is not a list of factories.
     """
     made = call_student(controller.factories, "factories(robot)", robot)
     place: object = place_of(controller.factories) or short_path(str(controller.__file__))
@@ -44,12 +44,12 @@ def factories_of(controller: ModuleType, robot: Robot) -> list[AnyFactory]:
 
 
 def _shown(value: object) -> str:
-    """Return a value as its author would say it."""
+    """Return a value as in its author's code."""
     return f"the class {value.__name__}" if isinstance(value, type) else without_addresses(repr(value))
 
 
 def call_student(function: Callable[..., Any], name: str, *args: Any) -> Any:
-    """Call a function of a student's file; a failure in it is told with the student's line first.
+    """Call a function of a student's file; an error in it is reported with the student's line first.
 
     Raises:
         ConfigError: it raised.
@@ -66,11 +66,11 @@ def call_student(function: Callable[..., Any], name: str, *args: Any) -> Any:
 
 
 def _check_arity(function: Callable[..., Any], name: str, args: Sequence[Any]) -> None:
-    """Say so, if a call failed because the function takes something else."""
+    """Raise a ConfigError if a call failed because the function has other parameters."""
     try:
         signature = inspect.signature(function)
     except (TypeError, ValueError):
-        return  # some callables written in C do not tell
+        return  # some callables written in C have no signature
     try:
         signature.bind(*args)
     except TypeError:

@@ -1,4 +1,4 @@
-"""All devices of a robot, opened as a run would open them, without the robot's program: for `snr io` and `snr doctor`.
+"""Test bench of a robot's devices, opened as in a run but without the robot's program: for `snr io` and `snr doctor`.
 
 Outputs are written neutral at every tick, and armed only to move one of their channels.
 """
@@ -28,8 +28,8 @@ from snr_sim.scenario import library
 from snr_sim.scenario.simulation import Request, Simulation, prepare
 
 TICK_S = 0.05
-FIRST_S = 2.0  # how long first readings may take
-ARMING_S = 15.0  # boards show speed controllers neutral for some seconds before they follow
+FIRST_S = 2.0  # timeout of the first readings
+ARMING_S = 15.0  # boards send neutral to speed controllers for some seconds before they follow
 
 
 @dataclass
@@ -39,9 +39,9 @@ class Opened:
     Args:
         key: of its page.
         device: None if it would not open.
-        trouble: why not, or why it went.
-        reading: the newest one of a sensor, or what outputs last answered.
-        stale: why there is none, if there is none.
+        trouble: why it would not open, or why it was lost.
+        reading: newest reading of a sensor, or last reply of outputs.
+        stale: why there is no reading, if there is none.
     """
 
     key: str
@@ -53,7 +53,7 @@ class Opened:
 
     @property
     def health(self) -> Health:
-        """How it is."""
+        """Health of the device."""
         if self.device is None:
             return Health("error", self.trouble)
         health: Health = self.device.health()
@@ -61,7 +61,7 @@ class Opened:
 
     @property
     def is_well(self) -> bool:
-        """Whether there is what one opens it for: readings, or outputs that could be armed."""
+        """Whether it works: a sensor has readings, or outputs could be armed."""
         return not self.trouble and not self.stale and self.health.state != "error"
 
     @property
@@ -71,12 +71,12 @@ class Opened:
 
 
 class Bench:
-    """The devices of one robot. Use it in a `with`: outputs are neutral and closed at its end, whatever happens.
+    """The devices of one robot. Use it in a `with`: outputs are neutral and closed at its end, also after an error.
 
     Args:
-        sensors, outputs: what opens each device, by key.
-        now_s: the time that commands are stamped by.
-        advance: brings what is simulated to now.
+        sensors, outputs: functions that open each device, by key.
+        now_s: returns the time for the stamps of commands.
+        advance: advances simulated devices to now.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class Bench:
         self.moved: tuple[Opened, int] | None = None
         self._begun_s: float | None = None
         self._asked_s = 0.0
-        self.most_us = STOP_US  # that the moved channel was seen to make
+        self.most_us = STOP_US  # largest pulse measured at the moved channel
 
     def __enter__(self) -> Bench:
         try:
@@ -102,7 +102,7 @@ class Bench:
                 for key, opener in openers.items():
                     opened.append(Opened(key))
                     _open(opened[-1], opener, is_sensor=opened is self.sensors)
-        except BaseException:  # Ctrl-C while a port answers slowly: what is open already is closed
+        except BaseException:  # Ctrl-C while a port replies slowly: close the devices that are open
             self.__exit__()
             raise
         return self
@@ -125,7 +125,7 @@ class Bench:
         self._watch()
 
     def settle(self, most_s: float = FIRST_S) -> None:
-        """Tick until every sensor has been heard, or so long, by the computer's clock."""
+        """Tick until every sensor has sent a reading, or until `most_s` of wall time."""
         until_s = time.monotonic() + most_s
         self.tick()
         while time.monotonic() < until_s and any(one.reading is None and not one.trouble for one in self.sensors):
@@ -137,10 +137,10 @@ class Bench:
         return [name for one in self.outputs for name in one.channels]
 
     def name_of(self, given: str) -> str:
-        """Return the name of the channel that is meant: its name, or its number if no other output has that, too.
+        """Return the name of a channel, given its name, or its number if that is unique among the outputs.
 
         Raises:
-            UnknownName: none is, or more than one.
+            UnknownName: no channel matches, or more than one.
         """
         meant = [f"{one.key}{given}" for one in self.outputs if f"{one.key}{given}" in one.channels]
         if len(meant) > 1:
@@ -148,7 +148,7 @@ class Bench:
         return meant[0] if meant else self.names()[channel_of(given, self.names())]
 
     def arm(self, name: str) -> None:
-        """Begin to arm the outputs that a channel belongs to; it is moved as soon as they follow.
+        """Begin to arm the outputs of a channel; it is moved as soon as they follow.
 
         Raises:
             UnknownName: there is no such channel.
@@ -186,10 +186,10 @@ class Bench:
         return pulses or still
 
     def _watch(self) -> None:
-        """Note what the moved channel does.
+        """Record the measured pulses of the moved channel.
 
         Raises:
-            DeviceError: its outputs do not follow, or let go by themselves.
+            DeviceError: its outputs do not follow, or disarm by themselves.
         """
         if self.moved is None:
             return
@@ -278,7 +278,7 @@ def _read(one: Opened) -> None:
 
 
 def fields_of(one: Opened, now_s: float) -> dict[str, Any]:
-    """Return what is known of a device, as JSON can say it."""
+    """Return the known fields of a device as JSON values."""
     health = one.health
     fields: dict[str, Any] = {"key": one.key, "state": health.state, "why": health.why, "counts": health.counts}
     if keeps(one.device, PwmOut):

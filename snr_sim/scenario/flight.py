@@ -1,6 +1,6 @@
-"""A flight: one run of a simulation, from its first moment to its verdict, recorded if a recorder is given.
+"""One run of a simulation (`Flight`), from its start to its verdict, recorded if a recorder is given.
 
-`snr run`, `snr resim`, learning and grading all fly what `simulation.prepare` has put together.
+`snr run`, `snr resim`, learning and grading all run the result of `simulation.prepare`.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from snr_sim.recording.trace import TraceWriter
 from snr_sim.scenario.controller import call_student
 from snr_sim.scenario.simulation import Simulation
 
-_TRUTH_PERIOD_S = 0.0499  # 20 Hz, less what rounding takes
+_TRUTH_PERIOD_S = 0.0499  # 20 Hz, with a margin for rounding
 
 
 @dataclass
 class Result:
-    """How a run ended, as it goes into result.json."""
+    """Result of a run, as written to result.json."""
 
     outcome: str
     success: bool
@@ -46,18 +46,18 @@ class Result:
 
 
 class Flight:
-    """One run of a simulation. Once made, there are the nodes and all around them; nothing moves yet.
+    """One run of a simulation. The constructor creates the nodes and everything around them, but starts nothing.
 
     Args:
         simulation: what runs.
         plant: from `simulation.plant()`, fresh.
         config: from `simulation.config(plant)`.
         recorder: writes the trace, if given; the caller closes it.
-        pace: virtual seconds per wall second; None is as fast as it goes.
-        on_advance: called with the virtual time at each new moment.
+        pace: virtual seconds per wall second; None is as fast as possible.
+        on_advance: called with the virtual time at each new instant.
 
     Raises:
-        ConfigError: the components cannot be made.
+        ConfigError: the components cannot be created.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class Flight:
             seed=simulation.request.seed,
             pace=pace,
             until_s=float(simulation.scenario.TIME_LIMIT_S),
-            tells_notes=False,  # the result has them
+            tells_notes=False,  # the result contains them
         )
         self._truth = TruthLog(plant, recorder) if recorder is not None else None
         self._referee = Referee(simulation.judge, plant, self.nodes, self._truth)
@@ -100,7 +100,7 @@ class Flight:
         """Run until the scenario's verdict, its time limit, an error or a signal.
 
         Args:
-            signals: names of those that came before there was a run; it ends at once.
+            signals: names of signals received before the run; then it ends at once.
         """
         error, notes = "", []
         start_s = time.perf_counter()
@@ -153,14 +153,14 @@ class Flight:
 
 
 def fly_recorded(simulation: Simulation, path: Path) -> Result:
-    """Fly a simulation from its first moment to its end, and record it.
+    """Run a simulation from its start to its end, and record it.
 
     Args:
-        simulation: what runs, on a fresh plant.
+        simulation: what runs, on a new plant.
         path: of the trace, which is written.
 
     Raises:
-        ConfigError: the components cannot be made.
+        ConfigError: the components cannot be created.
     """
     plant = simulation.plant()
     config = simulation.config(plant)
@@ -172,12 +172,12 @@ def fly_recorded(simulation: Simulation, path: Path) -> Result:
 
 
 def why_of(verdict: Verdict) -> list[str]:
-    """Return what a verdict has to say beside its one word, as notes."""
+    """Return the reason of a verdict as notes."""
     return [f"{verdict.outcome}: {verdict.why}."] if verdict.why else []
 
 
 def metrics_of(simulation: Simulation, plant: Plant) -> tuple[dict[str, Any], str]:
-    """Return the scenario's metrics, or none and what went wrong."""
+    """Return the scenario's metrics and an empty text, or no metrics and an error message."""
     try:
         metrics = call_student(simulation.judge.metrics, "metrics(plant, seed)", plant, simulation.request.seed)
     except SnrError as failure:
@@ -189,7 +189,7 @@ def metrics_of(simulation: Simulation, plant: Plant) -> tuple[dict[str, Any], st
 
 
 class Referee:
-    """Looks at the plant at each new moment; once there is a verdict, every node is told to end."""
+    """Referee that checks the plant at each new instant, and ends every node once there is a verdict."""
 
     def __init__(self, scenario: Any, plant: Plant, nodes: Sequence[Node], truth: TruthLog | None) -> None:
         self._judge = scenario.verdict
@@ -211,16 +211,16 @@ class Referee:
                     )
                 self.verdict = verdict
                 if self._truth is not None:
-                    self._truth.record(time_s)  # the state that was judged, before the nodes' last records
+                    self._truth.record(time_s)  # the evaluated state, before the nodes' last records
                 for node in self._nodes:
                     node.enter(tasks.terminate(self.verdict.outcome), "referee")
 
 
 class TruthLog:
-    """Has the plant's true state recorded, at most so often.
+    """Recorder of the plant's true state, at a limited rate.
 
-    It follows the clock and asks it for nothing: a run must be the same whether it is recorded or not, and a moment
-    more would already break a closed-form step in two.
+    It follows the clock and schedules nothing on it: a run must be the same whether it is recorded or not, and an
+    additional instant would split a closed-form step in two.
     """
 
     def __init__(self, plant: Plant, recorder: TraceWriter) -> None:
@@ -229,11 +229,11 @@ class TruthLog:
         self._due_s = 0.0
 
     def look(self, time_s: float) -> None:
-        """Record, if it is time."""
+        """Record the state if the period has passed."""
         if time_s >= self._due_s:
             self.record(time_s)
 
     def record(self, time_s: float) -> None:
-        """Record."""
+        """Record the state now."""
         self._due_s = time_s + _TRUTH_PERIOD_S
         self._recorder.truth(time_s, self._plant.truth())

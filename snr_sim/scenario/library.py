@@ -1,10 +1,10 @@
-"""Finds and loads robots, scenarios and controllers: ordinary files that the kit knows only by path.
+"""Find and load robots, scenarios and controllers: ordinary files that snr_sim loads by path.
 
-Looked for in this order, and the one taken is said: a path; `./robots/<name>` (or `./scenarios/<name>.py`) under the
-current folder; the folders in SNR_SIM_PATH; the copy that came with the kit.
+Search order, of which the match is reported: a path; `./robots/<name>` (or `./scenarios/<name>.py`) under the current
+folder; the folders in SNR_SIM_PATH; the copy that ships with snr_sim.
 
-Files are read afresh at every load and leave no bytecode behind: what runs is what stands in the file, also a
-moment after an edit.
+Files are read again at every load and no bytecode is written: the code that runs is the file's present content, even
+directly after an edit.
 """
 
 from __future__ import annotations
@@ -53,10 +53,10 @@ def find(kind: Kind, name: str) -> Found:
     """Return where the robot or scenario `name` is.
 
     Raises:
-        UnknownName: nowhere; says where it looked and what it knows.
+        UnknownName: not found; the message lists the searched folders and the known names.
     """
     files = source_files()
-    with suppress(OSError, ValueError):  # no file can have such a name
+    with suppress(OSError, ValueError):  # not a possible file name
         given = Path(name)
         if given.suffix or os.sep in name or files.is_file(given) or files.is_dir(given):
             path = given.resolve()
@@ -77,14 +77,14 @@ def find_lab(name: str) -> Found:
     """Return where a lab is, by its folder's name, by that without its number, or by a path.
 
     Raises:
-        UnknownName: nowhere.
+        UnknownName: not found.
     """
     matches = [one.name for one in known("assignments") if name and name == one.name.partition("_")[2]]
     return find("assignments", matches[0] if len(matches) == 1 else name)
 
 
 def known(kind: Kind) -> list[Found]:
-    """Return all that can be found by name; the first of two with one name counts."""
+    """Return all items that can be found by name; of two with the same name the first."""
     all_found: dict[str, Found] = {}
     for place, folder in _places(kind):
         for path in sorted(folder.iterdir()) if folder.is_dir() else []:
@@ -111,32 +111,32 @@ def _content(kind: Kind) -> Path:
 
 
 def is_of_kit(path: Path) -> bool:
-    """Return whether a file is of the kit: of its package, or of the robots, scenarios and labs that come with it."""
+    """Return whether a file belongs to snr_sim: to its package, or to the robots, scenarios and labs it ships with."""
     kinds: tuple[Kind, ...] = ("robots", "scenarios", "assignments")
     path = Path(os.path.normpath(path))  # without ".."
     return any(path.is_relative_to(folder) for folder in (_KIT, *map(_content, kinds)))
 
 
 def is_own(path: Path) -> bool:
-    """Return whether a file is of a user's own program: neither the kit's, Python's nor an installed package's."""
+    """Return whether a file is a user's own: not one of snr_sim, Python or an installed package."""
     return is_student_file(str(path)) and not is_of_kit(path.resolve())
 
 
 @contextmanager
 def keeping(run: Path, files: Iterable[Path]) -> Iterator[KeepingFiles]:
-    """Keep copies in a run folder of those of the files that are the user's own, and of what is read meanwhile."""
+    """Keep copies in a run folder of the user's own files among these, and of files read while active."""
     from snr_sim.recording.sources import KeepingFiles  # with hashlib: as for `sha256_of`
 
     kept = KeepingFiles(run, is_own)
     for path in files:
-        with suppress(OSError):  # it is gone since it was loaded
+        with suppress(OSError):  # it was deleted after it was loaded
             kept.read(path)
     with reading_from(kept):
         yield kept
 
 
 def find_in_kit(kind: Kind, name: str) -> Found | None:
-    """Return what comes with the kit under this name, or None; never anything by a path."""
+    """Return the item that ships with snr_sim under this name, or None; paths are not accepted."""
     path = _path_in(kind, _content(kind), name)
     is_name = Path(name).name == name and name != ".."
     return Found(kind, name, path, "the kit") if is_name and _is_one(kind, path) else None
@@ -158,7 +158,7 @@ def load_robot(found: Found) -> ModuleType:
     """Load a robot's folder as the package `snr_sim_robot_<name>`, so that `from .mixer import mix` works in it.
 
     Raises:
-        ConfigError: it cannot be loaded, or lacks what a robot promises (`prelude/scenario.py`).
+        ConfigError: it cannot be loaded, or does not implement the robot interface (`prelude/scenario.py`).
     """
     name = ROBOT_MODULE + found.name
     _robots.begin(name)
@@ -171,14 +171,14 @@ def load_robot(found: Found) -> ModuleType:
 
 
 def name_robot(name: str, folder: Path) -> None:
-    """Let modules in a robot's folder be imported; its robot.py is run only if somebody asks for what is in it."""
+    """Make a robot's folder importable as a package; its robot.py is executed at the first access to its content."""
     if ROBOT_MODULE + name not in sys.modules:
         _robots.begin(ROBOT_MODULE + name)
         sys.modules[ROBOT_MODULE + name] = _UnreadRobot(name, folder)
 
 
 class _UnreadRobot(ModuleType):
-    """A robot's package before its robot.py was run."""
+    """A robot's package before its robot.py was executed."""
 
     def __init__(self, name: str, folder: Path) -> None:
         super().__init__(ROBOT_MODULE + name)
@@ -195,7 +195,7 @@ def load_scenario(found: Found) -> ModuleType:
     """Load a scenario's file; its robot must have been loaded before.
 
     Raises:
-        ConfigError: it cannot be loaded, or lacks what a scenario promises (`prelude/scenario.py`).
+        ConfigError: it cannot be loaded, or does not implement the scenario interface (`prelude/scenario.py`).
     """
     scenario = _load(SCENARIO_MODULE + found.name, found.path, f"the scenario '{found.name}'")
     _need(
@@ -215,7 +215,7 @@ def load_scenario(found: Found) -> ModuleType:
 
 
 def robot_of_scenario(found: Found) -> str:
-    """Return the name after `ROBOT =` in a scenario's file, without running it: the robot is loaded first.
+    """Return the name after `ROBOT =` in a scenario's file, without executing it: the robot is loaded first.
 
     Raises:
         ConfigError: the file has no such line.
@@ -249,7 +249,7 @@ def load_controller(robot: Found, name: str) -> ModuleType:
     """Load a controller: one of the robot's own by name, or any file by path.
 
     Raises:
-        UnknownName: there is none.
+        UnknownName: there is no such controller.
         ConfigError: it cannot be loaded, or has no `factories`.
     """
     if name in controllers(robot):
@@ -272,7 +272,7 @@ def load_controller(robot: Found, name: str) -> ModuleType:
 
 
 def _no_controller(robot: Found, name: str, path: Path) -> UnknownName:
-    """Return what is wrong with a controller's name: nobody's, a folder, or a file that is not there."""
+    """Return the error for a controller's name: it is unknown, a folder, or a file that does not exist."""
     its_own = f"by name, {nearest(name, controllers(robot))}"
     if path.is_dir():
         files = sorted(file.name for file in path.glob("*.py"))
@@ -294,7 +294,7 @@ def _no_controller(robot: Found, name: str, path: Path) -> UnknownName:
 
 
 def load_program(name: str) -> ModuleType:
-    """Load a file of the student's own, without running what stands under `if __name__ == "__main__"`.
+    """Load a student's own file, without executing the part under `if __name__ == "__main__"`.
 
     Raises:
         UnknownName: there is no such file.
@@ -314,14 +314,14 @@ class InUse:
     label: str
     folder: Path
     file: Path
-    imported: Set[Path] = frozenset()  # it grows, as long as what imports it is not loaded again
+    imported: Set[Path] = frozenset()  # it grows until the module that imports it is loaded again
 
 
 def in_use(scenario: Found, robot: Found, controller: ModuleType) -> list[InUse]:
-    """Return what was loaded for a simulation, the robot and then the controller last of their names.
+    """Return the files loaded for a simulation, with the robot and the controller last loaded under these names.
 
-    What else this process has loaded before or loads afterwards, under another name or for another simulation, is
-    not in it: the same request has the same files in use in every process.
+    Files that this process has loaded before or loads later, under another name or for another simulation, are not
+    included: the same request gives the same files in every process.
     """
     file = Path(str(controller.__file__))
     beside = _neighbours.loaded if controller.__name__.startswith(_CONTROLLER_MODULE) else frozenset()
@@ -332,7 +332,7 @@ def in_use(scenario: Found, robot: Found, controller: ModuleType) -> list[InUse]
     ]
 
 
-OPTION_FILE = "option/"  # before the key of an option that names a file
+OPTION_FILE = "option/"  # prefix of the key of an option that names a file
 
 
 def files_in_use(used: Sequence[InUse]) -> dict[str, Path]:
@@ -346,7 +346,7 @@ def files_in_use(used: Sequence[InUse]) -> dict[str, Path]:
 
 def sha256_of(path: Path) -> str:
     """Return the sha256 of a file."""
-    import hashlib  # with all of OpenSSL, which a student's process need not have
+    import hashlib  # imports all of OpenSSL, which a student's process does not need
 
     return hashlib.sha256(source_files().read(path)).hexdigest()
 
@@ -357,8 +357,8 @@ def hashes_of_files(files: Sequence[tuple[str, Path]]) -> dict[str, str]:
 
 
 def package_versions() -> dict[str, str]:
-    """Return the versions of the packages that a run depends on, as far as they are installed."""
-    from importlib import metadata  # it takes as long to import as all the rest, and few need it
+    """Return the versions of the installed packages that a run depends on."""
+    from importlib import metadata  # its import takes as long as all others, and few runs need it
 
     versions = {}
     for package in _REPORTED_PACKAGES:
@@ -421,11 +421,11 @@ def _load_failure(error: BaseException, path: Path, while_doing: str) -> SnrErro
 
 
 def _not_text(path: Path) -> str:
-    """Say where a file holds bytes that no Python source can hold; empty if it holds none."""
+    """Return a message on bytes in a file that are not valid in Python source; empty if there are none."""
     raw = source_files().read(path)
     place = raw.find(b"\0")
     try:
-        importlib.util.decode_source(raw)  # minds an encoding that the file names
+        importlib.util.decode_source(raw)  # uses the encoding that the file declares
     except (UnicodeDecodeError, SyntaxError):
         try:
             raw.decode()
@@ -438,7 +438,7 @@ def _not_text(path: Path) -> str:
 
 
 class _FreshLoader(SourceFileLoader):
-    """Reads the source every time: a cached bytecode file may be older than an edit within the same second."""
+    """Loader that reads the source every time: cached bytecode may be older than an edit within the same second."""
 
     def get_data(self, path: str) -> bytes:
         """Return the source, from the disk or as it was recorded."""
@@ -450,18 +450,18 @@ class _FreshLoader(SourceFileLoader):
         return super().source_to_code(data, path, **options)
 
     def path_stats(self, path: Any) -> Any:
-        """Know of no bytecode."""
+        """Raise, so that no bytecode is used."""
         raise OSError
 
 
 class _RobotFinder:
-    """Finds the modules inside a robot's folder, which needs no `__init__.py` anywhere."""
+    """Finder of the modules in a robot's folder, which needs no `__init__.py`."""
 
     def __init__(self) -> None:
-        self.loaded: defaultdict[str, set[Path]] = defaultdict(set)  # by the robot's module, since it was loaded last
+        self.loaded: defaultdict[str, set[Path]] = defaultdict(set)  # by the robot's module, since its last load
 
     def begin(self, robot: str) -> None:
-        """Forget which files the robot of this module had: it is loaded anew."""
+        """Clear the list of a robot's files, since the robot is loaded again."""
         self.loaded[robot] = set()
         if self not in sys.meta_path:
             sys.meta_path.insert(0, self)
@@ -483,18 +483,18 @@ class _RobotFinder:
 
 
 class _NeighbourFinder:
-    """Finds what stands beside the file that was loaded last, as a script finds it; never instead of Python's own."""
+    """Finder of modules next to the last loaded file, as for a script; Python's own modules take precedence."""
 
     def __init__(self) -> None:
         self.loaded: set[Path] = set()
         self._folder: Path | None = None
 
     def look_in(self, folder: Path) -> None:
-        """Take this folder from now on, and forget what came from the one before, or stood in it before."""
+        """Search this folder from now on, and drop modules of the previous folder and old versions from this one."""
         for name, module in list(sys.modules.items()) if self.loaded else ():
             if Path(getattr(module, "__file__", None) or "") in self.loaded:
                 del sys.modules[name]
-        self.loaded = set()  # and not cleared: a simulation may still be named by what it had
+        self.loaded = set()  # not cleared in place: a simulation may still refer to the old set
         self._folder = folder
         if self not in sys.meta_path:
             sys.meta_path.insert(0, self)

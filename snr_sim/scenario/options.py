@@ -1,9 +1,9 @@
-"""What `--option KEY=VALUE` may say: robot.py and controller declare it, and a run asks before anything is written.
+"""Keys of `--option KEY=VALUE`: robot.py and controller declare them, and a run checks them before it writes anything.
 
     OPTIONS = {"port": "of the link between the roles, the same at both ends"}
 
-A misspelt key would else be a run that is not what was asked for. Robots without OPTIONS are asked nothing: there any
-key goes, as only they know what they read.
+Without the check, a misspelt key would start a run with other settings than requested. Robots without OPTIONS accept
+any key, since only they know which ones they read.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ def check_options(given: Iterable[str], robot: ModuleType, controller: ModuleTyp
     """Check that each key is one that the robot's file or the controller's has declared.
 
     Raises:
-        UnknownName: one is not; tells the nearest.
-        ConfigError: OPTIONS is not what it should be.
+        UnknownName: a key is not declared; the message suggests the nearest.
+        ConfigError: OPTIONS is not a dict of str to str.
     """
     of_robot, of_controller = _declared(robot), _declared(controller)
     if of_robot is None:
@@ -38,7 +38,7 @@ def check_options(given: Iterable[str], robot: ModuleType, controller: ModuleTyp
 
 
 def written_options(path: Path) -> dict[str, str]:
-    """Return the OPTIONS of a file, without running it; none if they are not written out."""
+    """Return the OPTIONS of a file without executing it; none if they are not literals."""
     try:
         tree = ast.parse(path.read_bytes())
     except (OSError, SyntaxError, ValueError):

@@ -40,7 +40,7 @@ def record_program(
     """Run one role until it ends, and return its run folder: `snr replay FOLDER` replays it.
 
     Args:
-        role: which.
+        role: its name.
         config: of the robot.
         program: the file that has this config under the name `config`: `__file__`.
         out: folder that run folders go into.
@@ -49,7 +49,7 @@ def record_program(
         until_s: the longest virtual time, under a `SimClock`.
 
     Raises:
-        ComponentFailed: a handler or a loop raised; it was recorded up to there.
+        ComponentFailed: a handler or a loop raised; the run is recorded up to the failure.
         TraceError: the recording cannot be written.
     """
     folder = new_run_folder(Path(out), Path(program).stem, seed)
@@ -68,7 +68,7 @@ def record_roles(
 ) -> Path:
     """Run several roles, each in a process, as `MultiProcRunner` does, and return their run folder.
 
-    It has a folder for each role, with the trace of that role: `snr replay FOLDER/ROLE` replays it.
+    The run folder has a folder for each role, with that role's trace: `snr replay FOLDER/ROLE` replays it.
 
     Args:
         config: of the robot.
@@ -79,8 +79,8 @@ def record_roles(
         ends_all: roles that end all others when they end.
 
     Raises:
-        ConfigError: something cannot be sent to a process, so none was started.
-        ComponentFailed: a role failed; all were recorded up to there.
+        ConfigError: an object cannot be sent to a process, so none was started.
+        ComponentFailed: a role failed; all roles are recorded up to the failure.
     """
     folder = new_run_folder(Path(out), Path(program).stem, seed).resolve()
     try:
@@ -103,7 +103,7 @@ def _record(
     clock: Clock | None = None,
     until_s: float | None = None,
 ) -> None:
-    """Run one role and record it; `has_node` is told of its node before it begins."""
+    """Run one role and record it; `has_node` gets its node before it begins."""
     recorder = TraceWriter(
         folder / FILE_NAME, program_header([role], config, program, clock, seed), program_opening(program)
     )
@@ -130,7 +130,7 @@ def _record(
 
 
 def _files_of(program: Path) -> list[Path]:
-    """Return a program's file, and those in its folder and beneath that this process has imported."""
+    """Return a program's file, and the files in its folder and below that this process has imported."""
     files = [file for module in list(sys.modules.values()) if (file := file_of(module)) is not None]
     beside = [file for file in files if file.is_absolute() and file.is_relative_to(program.parent)]
     return [program, *sorted(set(beside) - {program})]

@@ -1,7 +1,7 @@
-"""Which files a replay executes, and whether they are the kit's, this user's own, or of somebody else.
+"""Files that a replay executes, and their origin: snr_sim, this user, or another person.
 
-What a run was recorded with is in its folder (`recording/sources.py`) and is executed from there. A path that a trace
-names is never opened unless the user agrees: the trace may be from somebody else, who chose the path.
+The files of a recorded run are in its folder (`recording/sources.py`) and are executed from there. A path in a trace is
+not opened unless the user agrees: the trace may be from another person, who chose the path.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from snr_sim.recording.reloads import reload_sources
 from snr_sim.recording.sources import KeptFile, RecordedFiles, copy_of, read_kept_files
 from snr_sim.scenario import library
 
-# Of a run's parts, those that `--with FILE` takes the place of.
+# The parts of a run that `--with FILE` can replace.
 _REPLACED = ("controller", "program")
 _OPTION = library.OPTION_FILE.rstrip("/")
 
 
 @dataclass(frozen=True)
 class ReplayFiles:
-    """What the replay of a run executes.
+    """Files that the replay of a run executes.
 
     Args:
-        files: where its source files are read from.
-        is_recorded: whether that are the copies in the run folder, and not the files on the disk.
-        executed: the files that are not the kit's, in words.
-        unknown: those of them of which it is not known that they are this user's own.
-        changed: names in the header of own files that hold something else today.
+        files: source of its files.
+        is_recorded: whether they are the copies in the run folder, not the files on the disk.
+        executed: descriptions of the files that are not part of snr_sim.
+        unknown: those of them that are not known to be this user's own.
+        changed: names in the header of own files whose content has changed since.
         options: the run's, with copies of the files that they name.
     """
 
@@ -45,11 +45,11 @@ class ReplayFiles:
 
 
 def files_of_replay(trace: Trace, with_file: str = "") -> ReplayFiles:
-    """Return what a replay of a run executes; nothing is executed yet.
+    """Return the files that a replay of a run executes; nothing is executed yet.
 
     Args:
         trace: of the run.
-        with_file: what takes the place of its controller or program, if anything.
+        with_file: file that replaces its controller or program, if any.
 
     Raises:
         TraceError: the copies in the run folder are damaged.
@@ -80,11 +80,11 @@ def files_of_replay(trace: Trace, with_file: str = "") -> ReplayFiles:
 
 
 def files_of_resim(trace: Trace, with_file: str = "") -> list[str]:
-    """Return the files, in words, that a new simulation would execute from the disk and that may be somebody else's.
+    """Describe the files that a new simulation would execute from the disk and that may be from another person.
 
     Args:
         trace: of the run.
-        with_file: what takes the place of its controller, if anything.
+        with_file: file that replaces its controller, if any.
 
     Raises:
         TraceError: the copies in the run folder are damaged.
@@ -95,12 +95,12 @@ def files_of_resim(trace: Trace, with_file: str = "") -> list[str]:
 
 
 def shown(path: Path | str) -> str:
-    """Return a path for a terminal: without characters that would do something there."""
+    """Return a path for a terminal, without control characters."""
     return "".join(one if one.isprintable() else "?" for one in str(path))
 
 
 def _paths(kept: list[KeptFile]) -> list[str]:
-    return [shown(path) for path in dict.fromkeys(one.path for one in kept)]  # a reload may have read another text
+    return [shown(path) for path in dict.fromkeys(one.path for one in kept)]  # a reload may add a copy
 
 
 def _part(name: str) -> str:
@@ -123,7 +123,7 @@ def _matched(sources: Mapping[str, str], kept: list[KeptFile]) -> dict[str, Kept
 
 
 def _loose(trace: Trace, matched: Mapping[str, KeptFile], with_file: str) -> list[str]:
-    """Return the parts of a run, in words, that are neither the kit's nor all copied."""
+    """Describe the parts of a run that are neither part of snr_sim nor fully copied."""
     opening, robot = trace.opening, f"the robot '{trace.header.robot}'"
     parts = {_part(name) for name in trace.header.sources} - {_OPTION}
     parts |= {"scenario", "robot", "controller"} if trace.header.scenario else {"program"}
@@ -134,7 +134,7 @@ def _loose(trace: Trace, matched: Mapping[str, KeptFile], with_file: str) -> lis
 
 
 def _is_copied(trace: Trace, part: str, matched: Mapping[str, KeptFile], asked: Mapping[str, str]) -> bool:
-    """Return whether there is a copy of every file of a part, and so of the one that was asked for by its path."""
+    """Return whether there is a copy of every file of a part, also of the one that was requested by its path."""
     names = [name for name in trace.header.sources if _part(name) == part]
     paths = {str(matched[name].path) for name in names if name in matched}
     is_named = os.path.isabs(asked.get(part, ""))
@@ -153,7 +153,7 @@ def _is_of_kit(trace: Trace, part: str, asked: Mapping[str, str]) -> bool:
 
 
 def _lost_reloads(reloads: Mapping[int, Mapping[str, str]], kept: list[KeptFile]) -> list[str]:
-    """Return the files of which a reload read a text that was not kept."""
+    """Return the files of which a reload read a version that was not copied."""
     known = {one.sha256 for one in kept}
     names = {"/".join(one.path.parts[-2:]) for one in kept}
     read = {name for then in reloads.values() for name, sha256 in then.items() if sha256 not in known}
@@ -165,7 +165,7 @@ def _is_path_in_kit(text: str) -> bool:
 
 
 def _option_paths(trace: Trace, matched: Mapping[str, KeptFile] | None = None) -> list[str]:
-    """Return the files that options name, and of which there is no copy."""
+    """Return the files that options name and that have no copy."""
     names = [name for name in trace.header.sources if _part(name) == _OPTION and name not in (matched or {})]
     paths = [trace.header.options.get(name.removeprefix(library.OPTION_FILE), "") for name in names]
     return [shown(path) for path in paths if not _is_path_in_kit(path)]

@@ -1,8 +1,8 @@
-"""One role of a scenario by itself, on the wall clock: its links reach the other roles, in processes of their own.
+"""Run of one role of a scenario, on the wall clock: links connect it to the other roles in their own processes.
 
-The role that has the devices has the plant, too, which keeps up with the clock. The referee looks at it whenever a
-sensor has been read. A role without devices, or with real ones only, has no body that could be judged: it has done what
-it should if it ends without an error.
+The role that has the devices also has the plant, which follows the clock. The referee checks it each time a sensor has
+been read. A role without devices, or with real ones only, has no simulated body to evaluate: it succeeds if it ends
+without an error.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from snr_sim.recording.trace import TraceWriter
 from snr_sim.scenario.flight import Referee, Result, TruthLog, metrics_of, why_of
 from snr_sim.scenario.simulation import Simulation
 
-LOOK_PERIOD_S = 0.02  # between two looks of the referee
+LOOK_PERIOD_S = 0.02  # between two checks of the referee
 TIME_LIMIT = "time limit"
 
 
@@ -46,7 +46,7 @@ class World:
         config: its wiring.
 
     Raises:
-        ConfigError: the files of the scenario are not what they should be.
+        ConfigError: a file of the scenario is not valid.
     """
 
     def __init__(self, simulation: Simulation) -> None:
@@ -55,7 +55,7 @@ class World:
         self.clock = WallClock()
         plant = simulation.plant() if simulation.has_plant else None
         self._paced = None if plant is None else RealTimePlant(plant, self.clock)
-        reached: Any = self._paced  # of a plant, devices read and write only
+        reached: Any = self._paced  # devices only read from and write to a plant
         self.config: Config = simulation.config(reached, lambda: self.clock.now_s(), self.role)
         factories = self.config.factories
         with_devices = [
@@ -84,10 +84,10 @@ class World:
         return [f"{self.role}: {link.where()} and waits for {waits}" for link in links]
 
     def claim(self) -> None:
-        """Have the role's links listen already, so that a port that is taken is told before there is a run.
+        """Open the listening ports of the role's links, so that a port in use is reported before the run.
 
         Raises:
-            LinkError: one is.
+            LinkError: a port is in use.
         """
         for factory in self._ports:
             try:
@@ -99,12 +99,12 @@ class World:
                 raise LinkError(error.message, fix=fix) from error
 
     def release(self) -> None:
-        """Let go of the ports that no link has taken over. Safe to call twice."""
+        """Close the ports that no link has taken over. Safe to call twice."""
         for factory in self._ports:
             factory.release()
 
     def start(self) -> None:
-        """Have the plant's time begin with the clock's, now."""
+        """Start the plant's time together with the clock, now."""
         self.clock = WallClock()
         if self._paced is not None:
             self._paced.follow(self.clock)
@@ -116,15 +116,15 @@ class World:
 
 
 class RoleRun:
-    """A run of one role. Once made, there is the node and all around it; nothing moves yet.
+    """A run of one role. The constructor creates the node and everything around it, but starts nothing.
 
     Args:
         world: of the role.
-        config: the world's wiring, or that with more in it.
+        config: the world's wiring, possibly with additional components.
         recorder: writes the trace, if given; the caller closes it.
 
     Raises:
-        ConfigError: the components cannot be made.
+        ConfigError: the components cannot be created.
     """
 
     def __init__(self, world: World, config: Config, recorder: TraceWriter | None = None) -> None:
@@ -147,7 +147,7 @@ class RoleRun:
         """Run until the scenario's verdict, its time limit, an error or a signal.
 
         Args:
-            signals: names of those that came before there was a run; it ends at once.
+            signals: names of signals received before the run; then it ends at once.
         """
         error, caught = "", list(signals)
         start_s = time.perf_counter()
@@ -171,7 +171,7 @@ class RoleRun:
         return self._result(error, caught, wall_time_s)
 
     def _look(self, page: Page) -> None:
-        """Have the referee look, on the node's own thread, where the trace is written."""
+        """Call the referee on the node's own thread, where the trace is written."""
         now_s = self._world.clock.now_s()
         if self._referee is None or now_s < self._looked_s + LOOK_PERIOD_S:
             return

@@ -1,6 +1,6 @@
-"""A scenario, ready to run: robot, plant and controller put together.
+"""A scenario, ready to run: robot, plant and controller.
 
-`prepare` finds and loads everything and writes nothing: what is wrong with a request is said before there is a run.
+`prepare` finds and loads everything and writes nothing: errors in a request are reported before the run.
 `snr run`, `snr replay`, learning and grading all start here; `flight.py` runs it.
 """
 
@@ -36,7 +36,7 @@ from snr_sim.scenario.options import check_options
 
 @dataclass(frozen=True)
 class Request:
-    """What somebody asks to be run; None is the scenario's own choice."""
+    """Request for a run; None means the scenario's default."""
 
     scenario: str
     seed: int = 0
@@ -51,7 +51,7 @@ class Simulation:
     """One scenario with one controller, loaded and checked.
 
     Args:
-        request: what was asked for, with nothing left open.
+        request: the request, with all defaults filled in.
         scenario, robot, controller: the loaded files.
         used: their files, for the header.
         standard: the scenario's own controller, for the first role, if `controller` has no components for it.
@@ -71,7 +71,7 @@ class Simulation:
         self.robot_file = robot
         self._controller = controller
         self._standard = standard
-        self.notes: list[str] = []  # of putting it together, for the run's result
+        self.notes: list[str] = []  # from its construction, for the run's result
         self._used = used
         self._recorded: RecordedRun | None = None
         self._read_elsewhere: Callable[[], Mapping[str, Path]] = dict
@@ -86,7 +86,7 @@ class Simulation:
 
     @property
     def robot(self) -> Robot:
-        """What a controller may know."""
+        """Information on the robot for a controller."""
         return self._robot
 
     @property
@@ -96,7 +96,7 @@ class Simulation:
 
     @property
     def roles(self) -> list[str]:
-        """The roles that run: the one asked for, or all of the robot's."""
+        """The roles that run: the requested one, or all of the robot's."""
         return [self.request.role] if self.request.role else list(self.robot_file.ROLES)
 
     @property
@@ -111,29 +111,29 @@ class Simulation:
 
     @property
     def has_wires(self) -> bool:
-        """Whether any of the devices is real, so that the run takes as long as it says."""
+        """Whether any of the devices is real, so that the run is in real time."""
         return parse_io(self.request.io).has_wires
 
     def check_wires(self) -> None:
-        """Look whether the port that `--io` names is there, so that a wrong one is told before there is a run.
+        """Check that the port in `--io` exists, so that a wrong one is reported before the run.
 
         Raises:
-            DeviceError: it is not, or may not be opened.
+            DeviceError: it does not exist, or cannot be opened.
         """
         io = parse_io(self.request.io)
         if io.kind in ON_SERIAL_PORTS:
-            check_port(io.where.partition(",")[0])  # after it come settings
+            check_port(io.where.partition(",")[0])  # the settings follow
 
     def config(self, plant: Plant | None, clock_s: Callable[[], float] | None = None, role_apart: str = "") -> Config:
         """Return the robot's wiring.
 
         Args:
-            plant: what the simulated devices reach; None for a replay, where no device is opened.
+            plant: for the simulated devices; None for a replay, where no device is opened.
             clock_s: the clock of the run, if it is not the plant's.
-            role_apart: the role that runs by itself, its links reaching other processes.
+            role_apart: the role that runs by itself, with links to other processes.
 
         Raises:
-            ConfigError: the controller or the robot gives something else than factories.
+            ConfigError: the controller or the robot does not return factories.
         """
         controller, crew = self._factories()
         rig = replace(self.rig(plant, clock_s, role_apart), crew=crew)
@@ -156,11 +156,11 @@ class Simulation:
 
     @property
     def judge(self) -> Any:
-        """What says how a run ended: the scenario; where sensors read what was recorded, that it is over."""
+        """The source of the verdict: the scenario; if sensors read a recorded run, the end of that run."""
         return self._recorded or self.scenario
 
     def rig(self, plant: Plant | None, clock_s: Callable[[], float] | None = None, role_apart: str = "") -> Rig:
-        """Return what the robot's file needs to open its devices; arguments as for `config`."""
+        """Return the context in which the robot's file opens its devices; arguments as for `config`."""
         io = parse_io(self.request.io)
         recorded = None if self._recorded is None else self._recorded.pages
         return Rig(
@@ -168,7 +168,7 @@ class Simulation:
         )
 
     def with_seed(self, seed: int) -> Simulation:
-        """Return the same with another seed; nothing is looked for and loaded again."""
+        """Return a copy with another seed, without loading files again."""
         request = replace(self.request, seed=seed)
         return Simulation(request, self.scenario, self.robot_file, self._controller, self._used, self._standard)
 
@@ -179,13 +179,13 @@ class Simulation:
         request: Request,
         read: Callable[[], Mapping[str, Path]],
     ) -> Simulation:
-        """Return the same with a controller that is loaded elsewhere.
+        """Return a copy with a controller that was loaded elsewhere.
 
         Args:
-            controller: stands for it; has its `factories`, and its OPTIONS and ROLES if it has any.
+            controller: its proxy; has its `factories`, and its OPTIONS and ROLES if it has any.
             standard: the scenario's own controller, if this one has no components for the robot's first role.
             request: with its file, and with a seed and options of its own.
-            read: tells which files it was loaded from, for the trace's header, each by its name there.
+            read: returns the files it was loaded from, for the trace's header, by their names there.
         """
         whole = replace(self.request, seed=request.seed, controller=request.controller, options=request.options)
         other = Simulation(whole, self.scenario, self.robot_file, controller, self._used[:-1], standard)
@@ -209,10 +209,10 @@ class Simulation:
         return made
 
     def start_lines(self) -> list[str]:
-        """Return what the controller of the first role has to say before a run.
+        """Return the lines that the controller of the first role prints before a run.
 
         Raises:
-            ConfigError: its `start_lines` returned something else, or raised.
+            ConfigError: its `start_lines` did not return lines of text, or raised.
         """
         is_first = self.robot_file.ROLES[0] in controlled_roles(self._controller, self.robot_file)
         controller = self._controller if is_first else self._standard
@@ -224,10 +224,10 @@ class Simulation:
         return list(lines)
 
     def plant(self) -> Plant:
-        """Return the plant at the start that belongs to the seed; with `--io replay:RUN`, the run as it was recorded.
+        """Return the plant in the initial state for the seed; with `--io replay:RUN`, the recorded run as a plant.
 
         Raises:
-            ConfigError: the scenario or the robot gives something else than a plant.
+            ConfigError: the scenario or the robot does not return a plant.
             TraceError: the recorded run cannot be read, or is of another robot.
         """
         io = parse_io(self.request.io)
@@ -253,7 +253,7 @@ class Simulation:
         return RecordedRun(trace)
 
     def _dressed(self, plant: Plant) -> Plant:
-        """Return what is stepped in place of the plant, if this row of the robot's device table wants that."""
+        """Return the plant, or its wrapper if this row of the robot's device table has one."""
         dress = getattr(self.robot_file, "dressed", None)
         if dress is None:
             return plant
@@ -267,7 +267,7 @@ class Simulation:
         return dressed
 
     def header(self, plant: Plant | None, config: Config, clock: str = "sim") -> Header:
-        """Return the second line of this run's trace: what runs. Without a plant, as in a role that has no body."""
+        """Return the second line of this run's trace: what runs. `plant` is None for a role without a body."""
         roles = self.roles
         return Header(
             kit=__version__,
@@ -298,7 +298,7 @@ class Simulation:
         learned policy, by `option/<key>`."""
         elsewhere = dict(self._read_elsewhere())
         for key, value in self.request.options.items():
-            if os.path.isabs(value) and os.path.isfile(value):  # not a pipe, which would be waited for
+            if os.path.isabs(value) and os.path.isfile(value):  # not a pipe, whose open would block
                 elsewhere[library.OPTION_FILE + key] = Path(value)
         return {**library.files_in_use(self._used), **elsewhere}
 
@@ -308,16 +308,16 @@ class Simulation:
 
 
 def prepare(request: Request, load: Callable[[library.Found, str], ModuleType] = library.load_controller) -> Simulation:
-    """Find, loads and check everything a request names.
+    """Find, load and check everything a request names.
 
     Args:
-        request: that.
+        request: the request.
         load: loads a controller of the robot that was found.
 
     Raises:
         UnknownName: scenario, robot, controller, engine, io or an option is not known.
-        ParameterError: a setting of io makes no sense.
-        ConfigError: one of the files is not what it should be.
+        ParameterError: a setting of io is not valid.
+        ConfigError: one of the files is not valid.
     """
     _check_numpy(request)
     scenario_found = library.find("scenarios", request.scenario)
@@ -332,7 +332,7 @@ def prepare(request: Request, load: Callable[[library.Found, str], ModuleType] =
         )
     io = parse_io(request.io)
     if io.kind in BENCH:
-        from snr_sim.devices.opening import check_io  # it takes 60 ms, which no simulation need pay
+        from snr_sim.devices.opening import check_io  # its import takes 60 ms and no simulation needs it
 
         check_io(io)
     if io.kind not in robot.IO:
@@ -359,7 +359,7 @@ def prepare(request: Request, load: Callable[[library.Found, str], ModuleType] =
     has_first = robot.ROLES[0] in controlled_roles(controller, robot)
     standard = None if has_first else library.load_controller(robot_found, scenario.CONTROLLER)
     whole = Request(
-        # A file is named by its path, so that a replay from another folder finds it again.
+        # A file is stored with its path, so that a replay in another folder finds it.
         scenario=scenario_found.name if scenario_found.place != "the path given" else str(scenario_found.path),
         seed=request.seed,
         engine=engine,
@@ -381,8 +381,8 @@ def controlled_roles(controller: Any, robot: Any) -> tuple[str, ...]:
     """Return the roles that a controller has components for.
 
     Raises:
-        UnknownName: one is no role of the robot.
-        ConfigError: its ROLES is not what it should be.
+        UnknownName: one is not a role of the robot.
+        ConfigError: its ROLES is not a tuple or list of names, or is empty.
     """
     roles = getattr(controller, "ROLES", robot.ROLES[:1])
     place = short_path(str(controller.__file__))
@@ -398,10 +398,10 @@ def controlled_roles(controller: Any, robot: Any) -> tuple[str, ...]:
 
 
 def _check_numpy(request: Request) -> None:
-    """Say now if numpy is missing: no simulation goes without chance, and no vehicle shares out its thrust without it.
+    """Check that numpy is installed: random numbers of every simulation and thrust allocation of vehicles need it.
 
     Raises:
-        MissingExtra: it is.
+        MissingExtra: it is not.
     """
     try:
         rng_for(request.seed, request.scenario)
@@ -412,13 +412,13 @@ def _check_numpy(request: Request) -> None:
 
 
 def _whole(io: str) -> str:
-    """Return where devices are; a recorded run by its path, so that it is found from another folder, too."""
+    """Return the io setting; a recorded run with its path, so that it is found from another folder too."""
     kind, _, where = io.partition(":")
     return f"{kind}:{Path(where).resolve()}" if kind == "replay" else io
 
 
 def request_of(opening: Opening, header: Header, controller: str = "") -> Request:
-    """Return the request that a trace answers, with another controller if one is given."""
+    """Return the request of a recorded run, with another controller if one is given."""
     return Request(
         scenario=opening.scenario,
         seed=header.seed,

@@ -1,7 +1,7 @@
-"""Mistakes that can be seen before a run: in the source of a controller, and in its components as they were made.
+"""Static checks before a run: of the source of a controller, and of its components as created.
 
-Nothing of a student's is executed for it. What the robot has is known from its components and its simulated devices;
-what a controller asks of it stands in its source, where it is written out. A key that is computed is left alone.
+No student code is executed. The robot's pages are known from its components and its simulated devices; the keys and
+fields that a controller uses are read from literals in its source. A computed key is ignored.
 """
 
 from __future__ import annotations
@@ -40,29 +40,29 @@ _PREVIOUS = "_prev"
 
 
 class Said(NamedTuple):
-    """A key or a field that is written out, and where."""
+    """A literal key or field, and its location."""
 
     name: str
     place: Place
-    node: ast.expr | None = None  # the data that is stored; the field that is read
+    node: ast.expr | None = None  # the stored data, or the field that is read
 
 
 @dataclass
 class Source:
-    """What the files of a controller say."""
+    """Findings in the files of a controller."""
 
     waits: list[Said] = field(default_factory=list)
     gets: list[Said] = field(default_factory=list)
     stores: list[Said] = field(default_factory=list)
-    fields: list[tuple[Said, str]] = field(default_factory=list)  # of a page: which is read
+    fields: list[tuple[Said, str]] = field(default_factory=list)  # fields of pages that are read
     plain: list[str] = field(default_factory=list)  # mistakes that need no robot
     own: dict[str, list[Said]] = field(default_factory=dict)  # by class: attributes of self that are read
     set_names: set[str] = field(default_factory=set)  # attributes that are set on anything
-    is_open: bool = False  # it stores pages whose keys are not written out
+    is_open: bool = False  # it stores pages whose keys are not literals
 
 
 def notes_before(simulation: Simulation, nodes: Sequence[Node]) -> list[str]:
-    """Return what is wrong with a controller of the user's own, as far as it can be seen now, the line first.
+    """Return the errors that can be found now in a controller of the user's own, each with its line first.
 
     Raises:
         ConfigError: it is for another robot.
@@ -78,7 +78,7 @@ def notes_before(simulation: Simulation, nodes: Sequence[Node]) -> list[str]:
 
 
 def notes_on_files(files: Sequence[Path]) -> list[str]:
-    """Return what is wrong with Python files whatever robot they are for, the line first."""
+    """Return the errors in Python files that do not depend on the robot, each with its line first."""
     return list(dict.fromkeys(_read(files).plain))
 
 
@@ -87,7 +87,7 @@ def _read(files: Sequence[Path]) -> Source:
     try:
         for path in files:
             _Reader(path, source).read()
-    except (OSError, RecursionError):  # it is gone since it was loaded, or nested too deeply to be looked at
+    except (OSError, RecursionError):  # it was deleted after it was loaded, or is nested too deeply
         return Source()
     return source
 
@@ -111,7 +111,7 @@ def _texts(path: Path) -> Iterator[str]:
 
 
 class _Reader(ast.NodeVisitor):
-    """Collects what stands in one file."""
+    """Visitor that collects the findings in one file."""
 
     def __init__(self, path: Path, source: Source) -> None:
         self._path = path
@@ -119,8 +119,8 @@ class _Reader(ast.NodeVisitor):
         self._source = source
         self._handlers: set[str] = set()
         self._class = self._function = ""
-        self._pages: dict[str, str] = {}  # by the name of a variable: the key of the page it holds
-        self._names: list[Said] = []  # whose value is used
+        self._pages: dict[str, str] = {}  # by variable name: the key of the page it holds
+        self._names: list[Said] = []  # names whose value is used
 
     def read(self) -> None:
         tree = _parsed(self._path)
@@ -133,14 +133,14 @@ class _Reader(ast.NodeVisitor):
         self._check_names(tree)
 
     def _check_names(self, tree: ast.Module) -> None:
-        """Note names that nothing in the file gives a value."""
+        """Note names that the file never assigns a value."""
         bound = {"__file__", "__name__", "__doc__", *vars(builtins)}
         for node in ast.walk(tree):
             if isinstance(found := getattr(node, "name", None), str):  # of a function, a class, an exception, a type
                 bound.add(found)
             match node:
                 case ast.Name(id="globals" | "exec") | ast.alias(name="*"):
-                    return  # it may give anything a value
+                    return  # it may define any name
                 case ast.Name(id=str(name), ctx=ast.Store() | ast.Del()) | ast.arg(arg=str(name)):
                     bound.add(name)
                 case ast.MatchMapping(rest=str(name)):
@@ -164,7 +164,7 @@ class _Reader(ast.NodeVisitor):
     def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
         before = self._function, self._pages
         self._function, self._pages = node.name, {}
-        for each in ast.walk(node):  # a name that is given a page once and something else elsewhere is left alone
+        for each in ast.walk(node):  # ignore a name that holds a page once and another value elsewhere
             if isinstance(each, ast.Assign) and len(each.targets) == 1 and isinstance(each.targets[0], ast.Name):
                 name, key = each.targets[0].id, _key_of_get(each.value)
                 self._pages[name] = key if self._pages.get(name, key) == key else ""
@@ -239,7 +239,7 @@ class _Reader(ast.NodeVisitor):
 
 
 class _Robot:
-    """What a robot's components store and take, beside a controller's source."""
+    """Pages that a robot's components store and handle, for comparison with a controller's source."""
 
     def __init__(self, nodes: Sequence[Node], known: set[str], source: Source) -> None:
         components = [component for node in nodes for component in node.components.values()]
@@ -256,7 +256,7 @@ class _Robot:
             _check_robot(simulation, self._source, {one.name for one in unknown})
             yield from map(self._nobody_stores, unknown)
         yield from self._nobody_takes()
-        if simulation.request.io == "sim":  # a real device is opened by the run alone
+        if simulation.request.io == "sim":  # only the run opens real devices
             yield from self._commands()
             yield from self._fields()
 
@@ -312,15 +312,15 @@ def _page_of(loop: SensorLoop) -> Any:
 
 
 def _told(ask: Callable[[], Any]) -> Any:
-    """Return what a simulated device tells, which nobody has begun; None if it cannot."""
+    """Return a value from a simulated device that has not begun; None if it raises."""
     try:
         return ask()
-    except Exception:  # whatever is wrong with a device is told when the run opens it
+    except Exception:  # an error in a device is reported when the run opens it
         return None
 
 
 def _wrong(stored: Said, wanted: Any, limits: Mapping[str, tuple[float, float]]) -> Iterator[str]:
-    """Say what is wrong with a command, as far as its dict is written out."""
+    """Yield the errors in a command whose dict is a literal."""
     if not isinstance(stored.node, ast.Dict):
         yield (
             f"A command '{stored.name}' is {ast.unparse(stored.node)}, but must be a dict.{NEXT_LINE}"  # type: ignore[arg-type]
@@ -352,7 +352,7 @@ def _wrong(stored: Said, wanted: Any, limits: Mapping[str, tuple[float, float]])
 
 
 def _constant(node: ast.expr) -> Any:
-    """Return the value that is written out, or None if it is not."""
+    """Return the value of a literal, or None for another expression."""
     try:
         match node:
             case ast.Call(func=ast.Name(id="float"), args=[ast.Constant(value=str(text))]):
@@ -363,7 +363,7 @@ def _constant(node: ast.expr) -> Any:
 
 
 def _of_components(nodes: Sequence[Node], source: Source) -> Iterator[str]:
-    """Say what is wrong with components as they were made: no handlers, or attributes that are read and never set."""
+    """Yield the errors in components as created: no handlers, or attributes that are read and never set."""
     for node in nodes:
         yield from without_handlers({name: one for name, one in node.components.items() if isinstance(one, Endpoint)})
         for component in node.components.values():
@@ -380,7 +380,7 @@ def _of_components(nodes: Sequence[Node], source: Source) -> Iterator[str]:
 
 
 def _check_robot(simulation: Simulation, source: Source, unknown: set[str]) -> None:
-    """Raise a ConfigError if nothing that a controller waits for is there, and another robot has all of it."""
+    """Raise a ConfigError if the robot has none of the pages that a controller handles and another robot has all."""
     waits = {one.name for one in source.waits}
     if not waits or not waits <= unknown:
         return

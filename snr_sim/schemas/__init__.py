@@ -1,7 +1,7 @@
-"""JSON Schemas (draft 2020-12) of what leaves this kit as text: traces, pages, links, consoles, results, marks.
+"""JSON Schemas (draft 2020-12) of the text formats of snr_sim: traces, pages, links, consoles, results, grades.
 
-They ship beside this file, for programs in any language; docs/formats.md says what schemas cannot. The code does not
-need them: it refuses by itself what they refuse, and tests hold the two against each other.
+They ship in this folder, for programs in any language; docs/formats.md has the rules that schemas cannot express. The
+code does not use them: it does its own validation, and tests compare the two.
 """
 
 from __future__ import annotations

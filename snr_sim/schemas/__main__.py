@@ -1,4 +1,4 @@
-"""`python -m snr_sim.schemas` prints where the schemas are; with --write it makes those anew that come from code."""
+"""`python -m snr_sim.schemas` prints the schemas' folder; with --write it regenerates those that come from code."""
 
 from __future__ import annotations
 

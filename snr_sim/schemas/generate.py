@@ -1,6 +1,7 @@
-"""Makes the schemas of traces, links and consoles from the classes that read and write them.
+"""Generate the schemas of traces, links and consoles from the classes that read and write them.
 
-The others are written by hand. `python -m snr_sim.schemas --write` after such a class has changed; a test compares.
+The others are written by hand. Run `python -m snr_sim.schemas --write` after a change of such a class; a test compares
+the files.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ def write(folder: Path) -> None:
 
 def _schema_of(kinds: Any) -> dict[str, Any]:
     schema: dict[str, Any] = msgspec.json.schema(kinds)
-    schema.pop("discriminator", None)  # a word of OpenAPI's
+    schema.pop("discriminator", None)  # an OpenAPI keyword
     for definition in schema["$defs"].values():
         definition["description"] = inspect.cleandoc(definition["description"])
     return schema

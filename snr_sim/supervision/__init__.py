@@ -1,1 +1,1 @@
-"""Processes of a robot: started together, watched, ended in order."""
+"""Processes of a robot: started together, monitored, and shut down gracefully."""

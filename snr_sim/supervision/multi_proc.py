@@ -1,7 +1,7 @@
-"""Roles side by side, each in a process of its own, with one program that starts, watches and ends them all.
+"""Several roles at once, each in its own process, with one program that starts, monitors and ends them all.
 
     main thread                      a ChildProcess per role       the process (supervision/role_process.py)
-    news: signals, ends  <-------    hears messages and lines  <---    runs the node, prints, fails, ends
+    news: signals, ends  <-------    receives messages, lines  <---    runs the node, prints, fails, ends
     end("SIGTERM"), end("now"), kill  -------------------------->      a terminate task; an interrupt; nothing to say
 
 The processes are in groups of their own, so Ctrl-C at the terminal reaches only this program, once.
@@ -30,29 +30,29 @@ from snr_sim.prelude.promises import keeps
 from snr_sim.supervision.role_process import RoleRun, run_role
 
 TARGET = "snr_sim.supervision.role_process:run"
-# How long roles have to halt everything after they were asked, and after they were interrupted. One that is stuck
-# ends itself before that, and halts its loops: see `core/last_resort.py`.
+# Time for roles to halt everything: after the request, and after the interrupt. A role that is stuck ends itself before
+# that, and halts its loops: see `core/last_resort.py`.
 GRACE_S = 4.0
 SHORT_GRACE_S = 1.0
 PRINTED_NOTHING = "It had printed nothing on stderr.\n  Try: run that role alone and watch its memory."
 
-# What the main thread is told: ("signal", name), ("failed", role, message, component), ("over", role, status).
+# Events for the main thread: ("signal", name), ("failed", role, message, component), ("over", role, status).
 News: TypeAlias = tuple[Any, ...]
 
 
 class MultiProcRunner:
-    """Runs several roles at once, each in a process of its own, until all have ended.
+    """Runner of several roles at once, each in its own process, until all have ended.
 
-    What a role prints comes through line by line, with its name in front. If one fails, by an exception or because its
-    process dies, the others are ended in order, and `run` raises: so the program's exit status is 1. Ctrl-C, or
-    SIGTERM, ends all in order; a second one interrupts what still runs.
+    The output of a role is forwarded line by line, with its name in front. If a role fails, by an exception or because
+    its process dies, the others are shut down gracefully, and `run` raises: so the program's exit status is 1. Ctrl-C
+    or SIGTERM shuts all down gracefully; a second one interrupts the roles that still run.
 
     Args:
         config: of the robot. Its factories are sent to a process: see `core/process/packing.py`.
         roles: all of the config's if not given.
         seed: of the run.
         ends_all: roles that end all others when they end, such as the one with the operator's `exit`. Without it the
-            others go on, as nodes of a `SimRunner` do.
+            others continue, as nodes of a `SimRunner` do.
         run: runs one role, in its process: a function at the top level of a file.
 
     Raises:
@@ -81,7 +81,7 @@ class MultiProcRunner:
         self._news: SimpleQueue[News] = SimpleQueue()
         self._running: dict[RoleName, ChildProcess] = {}
         self._overdue: set[RoleName] = set()
-        self._failed: set[RoleName] = set()  # that have reported it themselves
+        self._failed: set[RoleName] = set()  # roles that reported their failure themselves
         self._failures: list[ComponentFailed] = []
         self._signals = 0
         self._has_run = False
@@ -90,11 +90,11 @@ class MultiProcRunner:
     def run(self) -> None:
         """Run the roles until all have ended.
 
-        Ports that they listen at are opened here and handed on, so a port 0 is known to all roles, and pipes are, too.
+        Listening ports and pipes are opened here and inherited, so all roles know the number chosen for a port 0.
 
         Raises:
-            ConfigError: something cannot be sent to a process, so none was started; or it has run before.
-            LinkError: a port is taken, so none was started.
+            ConfigError: an object cannot be sent to a process, so none was started; or it has run before.
+            LinkError: a port is in use, so none was started.
             ComponentFailed: a role failed; all others have been ended.
         """
         if self._has_run:
@@ -145,7 +145,7 @@ class MultiProcRunner:
 
     def _order(self, role: RoleName) -> dict[str, Any]:
         factories = self._config.get(role)
-        for factory in factories:  # one by one only to name the one that cannot be sent
+        for factory in factories:  # one by one, to name the one that cannot be sent
             pack(factory, type(factory).__name__, f"Role '{role}'")
         packed = pack((factories, self._run), "what it runs", f"Role '{role}'")
         config = self._config
@@ -213,13 +213,13 @@ class MultiProcRunner:
 
 @contextmanager
 def _signals_as(news: SimpleQueue[News]) -> Iterator[None]:
-    """Turn Ctrl-C and SIGTERM into news while it is entered; in another thread than the main one it does nothing."""
+    """Turn Ctrl-C and SIGTERM into events while active; outside of the main thread, do nothing."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
 
     def on_signal(number: int, frame: FrameType | None) -> None:
-        news.put(("signal", signal.Signals(number).name))  # one step, with no lock that could be left held
+        news.put(("signal", signal.Signals(number).name))  # atomic, so an interrupt cannot leave a lock held
 
     before = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
     try:

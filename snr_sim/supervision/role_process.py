@@ -1,4 +1,4 @@
-"""One role in a process of its own: what runs inside the process. Who started it is `supervision/multi_proc.py`."""
+"""One role in its own process: the code inside that process. `supervision/multi_proc.py` starts it."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from snr_sim.prelude import tasks
 from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ComponentFailed, SnrError
 
-# Runs a role (which, config of it, seed), and tells of its node before that begins.
+# Runs a role (its name, its config, seed), and calls the last argument with its node before the node begins.
 RoleRun: TypeAlias = Callable[[RoleName, Config, int, Callable[[Node], None]], None]
 
-# So long after who started this process has gone, it goes too, whatever its components do.
+# Time from the parent's end until this process exits, whether or not its components have halted.
 _ORPHAN_S = 3.0
 
 
@@ -36,7 +36,7 @@ def run(line: Connection) -> int:
     ending = Ending(messages)
     orders = (messages.receive, ending.end, ending.go, _ORPHAN_S)
     threading.Thread(target=spawned.obey, args=orders, daemon=True).start()
-    # Before and after the run, where nothing is to be halted, `end` does without signals.
+    # Before and after the run there is nothing to halt, so `end` needs no signals.
     signal.signal(signal.SIGTERM, lambda number, frame: None)
     spawned.hear_signals()
     try:
@@ -54,14 +54,14 @@ def run(line: Connection) -> int:
 
 
 def run_role(role: RoleName, config: Config, seed: int, has_node: Callable[[Node], None]) -> None:
-    """Make a role's node, and run it until it ends."""
+    """Create a role's node, and run it until it ends."""
     runner = SynchronousRunner(role, config, seed=seed)
     has_node(runner.node)
     runner.run()
 
 
 class Ending:
-    """How this process is ended from outside."""
+    """Shutdown of this process from outside."""
 
     def __init__(self, messages: MessageLine) -> None:
         self._may_go = threading.Event()
@@ -69,7 +69,7 @@ class Ending:
         self._node: Node | None = None
 
     def has(self, node: Node) -> None:
-        """Take the node, and let it begin when the runner still wants it: from then on it is ended in order."""
+        """Register the node, and wait for the runner's start message; from then on it is shut down gracefully."""
         self._node = node
         self._messages.send("ready")
         self._may_go.wait()
@@ -79,17 +79,17 @@ class Ending:
         self._may_go.set()
 
     def end(self, how: str) -> None:
-        """End the node as a signal of that name would, what does not return a moment later as `orderly` does; or now.
+        """End the node as a signal of that name would; code that does not return is interrupted as in `orderly`.
 
         Args:
-            how: the name; "now" interrupts what runs, as a second Ctrl-C does.
+            how: the signal's name; "now" interrupts the running code at once, as a second Ctrl-C does.
         """
         if how == "now":
             for number in (signal.SIGINT, signal.SIGTERM):
                 os.kill(os.getpid(), number)
             return
         if not self._may_go.is_set() or self._node is None:
-            os._exit(0)  # nothing has begun, and nothing will
+            os._exit(0)  # the node has not begun, and will not
         self._node.enter(tasks.terminate(how), "signal")
         time.sleep(PATIENCE_S)
         os.kill(os.getpid(), signal.SIGTERM)

@@ -1,1 +1,1 @@
-"""Loops in processes of their own: how they are started, what they exchange with their node."""
+"""Loops in separate processes: how they are started, and the messages between them and their node."""

@@ -1,8 +1,8 @@
-"""A process that is given its order, set going when it is ready, watched, and ended in order.
+"""Child process: it gets its start data, begins when it is ready, is monitored, and is shut down gracefully.
 
 owner's thread            threads of the child process               the process (core/process/spawned.py)
-send, end, kill   --->    writer: "begin", "go", messages, "end"  --->   obey
-on_message, on_end  <---  listener: "ready", messages, prints     <---   what runs there
+send, end, kill   --->    writer: "begin", "go", messages, "end"  --->   `obey`
+on_message, on_end  <---  listener: "ready", messages, prints     <---   the target function
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ Message: TypeAlias = tuple[Any, ...]
 
 
 class ChildProcess:
-    """A process of ours and the two threads that keep it.
+    """A child process and the two threads that exchange messages with it.
 
     Args:
         name: for messages, such as "loop 'eye'".
         target: "module:function"; see `Spawned`.
-        order: what it needs to know: plain values.
+        order: its start data: plain values.
         on_message: gets the kind and values of each message, on the listener's thread; and on the writer's thread
             "failed" with what cannot be sent.
         on_end: gets the exit status, and what `on_message` raised or None, on the listener's thread.
@@ -47,7 +47,7 @@ class ChildProcess:
         err: Callable[[str], None] | None = None,
     ) -> None:
         self.name = name
-        self.is_killed = False  # by us: late, or before there was anything to put in order
+        self.is_killed = False  # killed by this process: too late, or before it had begun
         self._on_message, self._on_end = on_message, on_end
         self._process = Spawned(target, descriptors, out, err)
         self._process.line.user = f"{name[0].upper()}{name[1:]}"
@@ -57,30 +57,30 @@ class ChildProcess:
         self._writer = threading.Thread(target=self._write, name=f"{name} writer", daemon=True)
 
     def start(self) -> None:
-        """Begin to listen; no message is lost before."""
+        """Start the threads; messages sent before are not lost."""
         self._writer.start()
         self.listener.start()
 
     def send(self, message: Message | Callable[[], Message]) -> None:
-        """Send a message, or what a function returns when it is its turn; never waits. From any thread."""
+        """Queue a message, or a function that returns it at the time of sending; never waits. From any thread."""
         self._outbox.put(message)
 
     def end(self, how: str = "") -> None:
-        """Ask it to end; one that has not begun has nothing to put in order and is killed."""
+        """Request a graceful shutdown; a process that has not begun needs none and is killed."""
         self._outbox.put(("end", how))
 
     def kill(self) -> None:
-        """End it, whatever it does."""
+        """Kill it."""
         self.is_killed = True
         self._process.kill()
 
     def exit_message(self, status: int, when: str, otherwise: str) -> str:
-        """Return how a process ended that did not report it itself.
+        """Return a message on how the process ended, for one that did not report it itself.
 
         Args:
             status: its exit status.
-            when: follows that.
-            otherwise: what to say if it had printed nothing.
+            when: text after the status.
+            otherwise: text to use if it had printed nothing.
         """
         lines = "".join(f"\n    {line}" for line in self._process.last)
         said = f"Its last lines:{lines}" if lines else otherwise

@@ -1,7 +1,7 @@
-"""A loop in a process of its own: what runs inside the process. The node's side is `core/process/process_backing.py`.
+"""A loop in a separate process: the code inside that process. The node's side is `core/process/process_backing.py`.
 
-Here is a node too: without components, with a door that leads to the real node, and a datastore that asks it. The loop
-is called by a thread as any other loop is, so it cannot tell where it is.
+The process has a proxy node: without components, with an inbox that sends to the real node, and a datastore that
+requests pages from it. A thread calls the loop like any other loop, so its code is the same in both places.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _COUNTS_EVERY_S = 0.5
 
 
 def run(line: Connection) -> None:
-    """Run one loop until the node, or the node's death, ends it."""
+    """Run one loop until the node ends it or the node's process has ended."""
     messages = MessageLine(line)
     begin = messages.receive()[1]
     messages.user = f"Loop '{begin['loop']}'"
@@ -72,14 +72,14 @@ def run(line: Connection) -> None:
 
 
 def make_loop(node: Node, begin: dict[str, Any]) -> Loop:
-    """Return the loop, made anew in this process."""
+    """Return the loop, created again in this process."""
     loop = unpack(begin["factory"]).get(node)
     assert isinstance(loop, Loop), f"{loop!r} is no loop, but was one in the node"
     return loop
 
 
 def finish(node: Node, loop: Loop, backing: ProcessThread, messages: MessageLine) -> None:
-    """End the loop as a node ends it, and say that all is over."""
+    """End the loop as a node ends it, and send "over"."""
     for step, function in (("halt", backing.join), ("terminate", loop.terminate)):
         try:
             function()
@@ -90,20 +90,20 @@ def finish(node: Node, loop: Loop, backing: ProcessThread, messages: MessageLine
 
 
 def send_counts(messages: MessageLine, node: Node, backing: ProcessThread) -> None:
-    """Tell how often the loop was called, how late, and what it took."""
+    """Send the loop's number of ticks, largest delay and timings."""
     timings = {} if node.profiler is None else {name: astuple(one) for name, one in node.profiler.timings.items()}
     messages.send("counts", backing.ticks, backing.late_s, {name: list(timing) for name, timing in timings.items()})
 
 
 class Life:
-    """When this process may go, and when it is to end."""
+    """Lifetime of this process: events for its start and its end."""
 
     def __init__(self) -> None:
         self.may_go = threading.Event()
         self.is_ending = threading.Event()
 
     def wait_until(self, event: threading.Event, now_and_then: Any = None) -> None:
-        """Wait; look up now and then, because a signal does not wake Python in the instant it falls asleep."""
+        """Wait in short steps, since a signal that arrives just before the blocking call does not end it."""
         next_s = time.monotonic()
         while not event.wait(LOOK_UP_S) and not self.is_ending.is_set():
             if now_and_then is not None and time.monotonic() >= next_s:
@@ -111,16 +111,16 @@ class Life:
                 now_and_then()
 
     def on_signal(self, number: int, frame: FrameType | None) -> None:
-        """Somebody ends all processes of this robot at once: so does this one, in order."""
-        threading.Thread(target=self.end, daemon=True).start()  # no lock is taken in a signal's handler
+        """Shut down gracefully: the signal went to all processes of this robot at once."""
+        threading.Thread(target=self.end, daemon=True).start()  # a signal handler must not take locks
 
     def end(self, why: str = "") -> None:
-        """End the loop in order."""
+        """Shut the loop down gracefully."""
         self.is_ending.set()
 
 
 class LineDoor(Door):
-    """Leads to the real node's door."""
+    """Proxy of the real node's inbox (`Door`)."""
 
     def __init__(self, messages: MessageLine) -> None:
         super().__init__()
@@ -131,27 +131,27 @@ class LineDoor(Door):
         self._messages.send("task", task.type.value, task.name, task.val_list)
 
     def fail(self, failure: SnrError) -> None:
-        """Tell the node what has failed here; the first one counts."""
+        """Send a failure in this process to the node; the first one is kept."""
         if self.failure is None:
             self.failure = failure
             self._messages.send("failed", str(failure))
 
 
 class LineTrial(Trial):
-    """Tells the node's trial of this loop; whether somebody still waits there, only the node knows."""
+    """Proxy of the node's trial of this loop; only the node knows whether a caller still waits for the result."""
 
     def __init__(self, messages: MessageLine) -> None:
         super().__init__()
         self._messages = messages
 
     def report(self, failure: ComponentFailed | None) -> bool:
-        """Tell how `setup` went, or what failed after that; return whether the node decides what comes of it."""
+        """Send the result of `setup`, or a later failure; return whether the node handles the failure."""
         self._messages.send(*(("is set up",) if failure is None else ("failed", failure.message)))
         return True
 
 
 class RemoteDatastore(Datastore):
-    """Has the pages that the loop has asked for once: from then on they come by themselves."""
+    """Proxy of the node's datastore. A page is requested once; from then on the node sends each new one."""
 
     def __init__(self, messages: MessageLine) -> None:
         super().__init__()
@@ -159,9 +159,9 @@ class RemoteDatastore(Datastore):
         self._asked: dict[DataKey, threading.Event] = {}
 
     def get(self, key: object) -> Page | None:
-        """Return the newest page of the key, or None; the first time it waits for the node's answer."""
+        """Return the newest page of the key, or None; the first call waits for the node's reply."""
         if not isinstance(key, str):
-            return None  # no page is called so
+            return None  # not a valid key
         has_come = self._asked.get(key)
         if has_come is None:
             has_come = self._asked[key] = threading.Event()
@@ -171,7 +171,7 @@ class RemoteDatastore(Datastore):
         return self.pages.get(key)
 
     def arrived(self, key: DataKey, page: Page | None) -> None:
-        """Take what the node has sent."""
+        """Store a page that the node has sent."""
         if page is not None:
             self.pages[key] = page
         self._asked[key].set()
@@ -192,12 +192,12 @@ class LoopNode(Node):
         logger.propagate = False
 
     def note(self, text: str, lines: str = "") -> None:
-        """Send a remark to the node."""
+        """Send a note to the node."""
         self._messages.send("note", lines + text)
 
 
 class LineHandler(logging.Handler):
-    """Sends what is logged to the node, which knows who wants to read it."""
+    """Log handler that sends records to the node, whose logging settings apply."""
 
     def __init__(self, messages: MessageLine) -> None:
         super().__init__()
@@ -214,7 +214,7 @@ class LineHandler(logging.Handler):
 
 
 class ProcessThread(ThreadBacking):
-    """Calls the loop from a thread, and tells the node when no more ticks will come."""
+    """Executor that calls the loop from a thread, and notifies the node when no more ticks will follow."""
 
     def __init__(self, loop: Loop, life: NodeLife, messages: MessageLine) -> None:
         super().__init__(loop, life)

@@ -1,4 +1,4 @@
-"""Messages between two processes of ours: plain values as JSON, and the bytes of large arrays right behind them."""
+"""Messages between two snr_sim processes: plain values as JSON, followed by the bytes of large arrays."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ from snr_sim.prelude.errors import ValueEncodingError
 from snr_sim.prelude.page import KINDS, Page
 from snr_sim.prelude.values import MARK, decode_value, encode_value
 
-ARRAY_BYTES = "array_bytes"  # the mark of an array whose bytes follow
-# Below, text is as quick. Above, JSON would cost 10 ms for a megabyte.
+ARRAY_BYTES = "array_bytes"  # tag of an array whose bytes follow
+# Below this size JSON is as fast. Above it, JSON would cost 10 ms per megabyte.
 BYTES_FROM = 16 * 1024
 _PLAIN_KINDS = "biufc"
-_OBJECT = b'{"$":"object"'  # in JSON text this is never part of a string, where the quotes would be escaped
+_OBJECT = b'{"$":"object"'  # never part of a JSON string, where the quotes would be escaped
 
 
 class ArrayRef(msgspec.Struct, frozen=True, tag_field=MARK, tag=ARRAY_BYTES):
-    """Takes the place of an array whose bytes follow the message."""
+    """Placeholder of an array whose bytes follow the message."""
 
     dtype: str
     shape: list[int]
 
 
 class MessageLine:
-    """One end of a connection between two processes of ours.
+    """One end of a connection between two snr_sim processes.
 
     Any thread may send; one thread receives.
 
     Args:
         connection: the end; a Unix socket.
         user: the component or role that runs in the process, such as "Loop 'vision'".
-        death: descriptor that is readable once the other process has ended, if there is one: a process that the other
-            one has forked may keep the far end open.
+        death: descriptor that is readable once the other process has ended, if there is one; needed since a child that
+            the other process has forked may keep the far end open.
     """
 
     def __init__(self, connection: Connection, user: str = "", death: int | None = None) -> None:
@@ -54,10 +54,10 @@ class MessageLine:
         return self._connection.fileno()
 
     def send(self, kind: str, *values: Any) -> bool:
-        """Send plain values; wait while the line is full. Return whether the other process was there to receive them.
+        """Send plain values; wait while the buffer is full. Return whether the other process was running to get them.
 
         Raises:
-            ValueEncodingError: one is an object of a class that the other process could not make again.
+            ValueEncodingError: a value is an object of a class that the other process could not create again.
         """
         arrays: list[Any] = []
         raw = encode_value([kind, *(_without_arrays(value, arrays) for value in values)])
@@ -96,7 +96,7 @@ class MessageLine:
         return self._connection.recv_bytes()
 
     def decode(self, raw: bytes) -> list[Any]:
-        """Return the message that `receive_bytes` gave, and take the arrays behind it from the line."""
+        """Decode a message from `receive_bytes`, and read the arrays that follow it."""
         message: list[Any] = decode_value(raw, {**KINDS, ARRAY_BYTES: self._read_array})
         return message
 
@@ -112,7 +112,7 @@ class MessageLine:
         while left:
             if self.fileno() not in dict(ends.poll()):
                 raise EOFError
-            # Straight into the array: `Connection.recv_bytes` takes 15 times as long for a megabyte.
+            # Directly into the array: `Connection.recv_bytes` takes 15 times as long for a megabyte.
             try:
                 count = os.readv(self.fileno(), [left])
             except OSError:
@@ -123,7 +123,7 @@ class MessageLine:
         return array
 
     def close(self) -> None:
-        """Close the end; a thread that sends then is told so, and writes to no other file that gets its number."""
+        """Close this end; a concurrent `send` fails, and cannot write to a new file with the same descriptor number."""
         with socket.socket(fileno=os.dup(self.fileno())) as end, suppress(OSError):
             end.shutdown(socket.SHUT_RDWR)
         with self._sending:
@@ -131,7 +131,7 @@ class MessageLine:
 
 
 def _without_arrays(value: Any, arrays: list[Any]) -> Any:
-    """Return the value with a reference in place of each large array in it, and append those in the same order."""
+    """Return the value with a reference in place of each large array, and append the arrays in the same order."""
     kind = type(value)
     if (
         kind.__module__ == "numpy"
@@ -152,5 +152,5 @@ def _without_arrays(value: Any, arrays: list[Any]) -> Any:
 
 
 def _bytes_of(array: Any) -> Any:
-    """Return an array's bytes; without a copy if they are in order in memory."""
+    """Return an array's bytes; without a copy if it is contiguous in memory."""
     return array.reshape(-1).view("u1")

@@ -1,9 +1,9 @@
-"""Factories on their way into another process: packed here, unpacked there, and reported where that cannot be.
+"""Pickling of factories for another process: packed here, unpacked there, with an error that names what cannot be sent.
 
-Only this way: a process gets objects from the process that started it, and sends back nothing but plain values. What
-the program itself defines, in a file, a notebook or at a prompt, goes as cloudpickle sends it: the code itself. The
-student's other files go as the source that was loaded, with those around them. So the process runs what its node runs,
-as exactly as `source_of` knows it. An open socket or pipe goes as its descriptor, which the process has to be given
+Objects go in one direction only: from the parent process to the child, which sends back plain values. Definitions of
+the program itself, in a file, a notebook or at a prompt, are sent as code by cloudpickle. The student's other files are
+sent as the source that was loaded, with the files around them. So the process runs the same code as its node, as
+exactly as `source_of` knows it. An open socket or pipe is sent as its descriptor, which the process has to inherit
 when it is started.
 """
 
@@ -35,12 +35,12 @@ from snr_sim.prelude.errors import ConfigError, SnrError
 
 _MAIN = "__main__"
 _PARTS_OF_STRUCT = ("__module__", "__qualname__", "__doc__", "__annotations__", "__post_init__")
-# Of the files around those that are needed: far more than a course's robots have, and sent in a few milliseconds.
+# Limit for the files around the needed ones: far more than a course's robots have, and sent in a few milliseconds.
 _NEIGHBOURS_MAX_BYTES = 4_000_000
 
 
 def pack(thing: Any, name: str, user: str) -> dict[str, Any]:
-    """Return plain values that `unpack` makes the same object of, in another process.
+    """Return plain values from which `unpack` creates the same object in another process.
 
     That process has to be started with the file descriptors in "descriptors", under the same numbers.
 
@@ -50,11 +50,11 @@ def pack(thing: Any, name: str, user: str) -> dict[str, Any]:
         user: the component or role that needs it, such as "Loop 'vision'".
 
     Raises:
-        ConfigError: it cannot be sent; names the attribute, and what to do.
+        ConfigError: it cannot be sent; the message names the attribute and a fix.
     """
     try:
         pickler = _dump(thing)
-    except SnrError as error:  # it refuses by itself
+    except SnrError as error:  # the object itself raises it
         raise ConfigError(f"{user} runs in a process of its own. {error.message}", fix=error.fix) from error
     except Exception as error:  # a student's __reduce__ may raise anything
         where, what = _culprit(thing, error)
@@ -75,7 +75,7 @@ def unpack(packed: Mapping[str, Any]) -> Any:
     """Return the object that was packed.
 
     Raises:
-        Exception: whatever the files it comes from raise when they are read here.
+        Exception: any exception of its files when they are imported here.
     """
     sys.argv[:] = packed["argv"]
     sys.meta_path.insert(0, _SentModules(packed["modules"]))
@@ -89,7 +89,7 @@ def unpack(packed: Mapping[str, Any]) -> Any:
 
 
 class _Pickler(cloudpickle.Pickler):  # type: ignore[misc] # it has no types
-    """Also records which modules, files of code and descriptors the process needs."""
+    """Pickler that also records the modules, code files and descriptors that the process needs."""
 
     def __init__(self) -> None:
         self.data = io.BytesIO()
@@ -99,7 +99,7 @@ class _Pickler(cloudpickle.Pickler):  # type: ignore[misc] # it has no types
         self.descriptors: list[int] = []
 
     def reducer_override(self, obj: Any) -> Any:
-        """Return how to make an object again, or NotImplemented for what pickle itself can do."""
+        """Return the reduced form of an object, or NotImplemented if pickle handles it itself."""
         if isinstance(obj, ModuleType):
             self.modules[obj.__name__] = None
         elif isinstance(obj, (type, FunctionType)) and isinstance(obj.__module__, str):
@@ -111,7 +111,7 @@ class _Pickler(cloudpickle.Pickler):  # type: ignore[misc] # it has no types
         elif type(obj) is socket.socket:
             self.descriptors.append(obj.fileno())
             return _inherited_socket, (obj.fileno(),)
-        elif isinstance(obj, Connection):  # pickle would send the bare number, which means another file there
+        elif isinstance(obj, Connection):  # pickle would send the bare number, which is another file there
             self.descriptors.append(obj.fileno())
             return _inherited_pipe, (obj.fileno(), obj.readable, obj.writable)
         return super().reducer_override(obj)
@@ -134,7 +134,7 @@ def _inherited_pipe(descriptor: int, is_readable: bool, is_writable: bool) -> Co
 
 
 def _reduce_struct(kind: Any) -> tuple[Any, ...]:
-    """Return how to make a msgspec Struct again; cloudpickle 3.1 makes it without its fields."""
+    """Return the reduced form of a msgspec Struct; cloudpickle 3.1 recreates it without its fields."""
     config = kind.__struct_config__
     options = {name: getattr(config, name) for name in dir(config) if name[0] != "_"}
     own = [field for field in msgspec.structs.fields(kind) if field.name in kind.__annotations__]
@@ -149,7 +149,7 @@ def _reduce_struct(kind: Any) -> tuple[Any, ...]:
         given = {key: getattr(field, key) for key in ("default", "default_factory")}
         given["name"] = field.encode_name
         namespace[field.name] = partial(msgspec.field, **{k: v for k, v in given.items() if v is not msgspec.NODEFAULT})
-    # msgspec looks names in annotations up in the class's module, which the process does not have.
+    # msgspec resolves names in annotations in the class's module, which the process does not have.
     members["__annotations__"] = kind.__annotations__ | {field.name: field.type for field in own}
     made_of = (type(kind), kind.__name__, kind.__bases__, namespace, options)
     return _struct, made_of, members, None, None, _set_members
@@ -169,8 +169,8 @@ def _set_members(kind: type, members: dict[str, Any]) -> None:
 def _sources(needed: Iterable[str]) -> dict[str, list[Any]]:
     """Return file, source and folders of submodules of each module that the process cannot read itself, by name.
 
-    These are the needed ones but for Python's and the library's, and the student's loaded modules beside and beneath
-    theirs: the needed ones may import those, and the process is not to read a file that is just being written.
+    These are the needed modules except Python's and snr_sim's, and the student's loaded modules in the same folders and
+    below: the needed ones may import those, and the process must not read a file while it is being written.
     """
     needed = [name for name in needed if name in sys.modules]
     folders = tuple({f"{folder}{os.sep}" for name in needed for folder in _folders(name)})
@@ -188,7 +188,7 @@ def _sources(needed: Iterable[str]) -> dict[str, list[Any]]:
 
 
 def _with_packages(names: Iterable[str]) -> Iterator[str]:
-    """Yield modules and the packages that they are in, but for those that every process has."""
+    """Yield modules and the packages that they are in, except those that every process has."""
     for name in names:
         parts = name.split(".")
         if parts[0] in ("snr_sim", _MAIN) or parts[0] in sys.stdlib_module_names:
@@ -213,13 +213,13 @@ def _source(name: str) -> list[Any]:
     file, folders = getattr(module, "__file__", None), getattr(module, "__path__", None)
     try:
         source = None if file is None else source_of(module)
-    except OSError:  # it is gone, and was never read by us: the process reports it
+    except OSError:  # it was deleted before this process read it: the other process reports it
         source = None
     return [file, source, None if folders is None else list(folders)]
 
 
 class _SentModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
-    """Finds each module where the other process has it from, whatever else may have its name.
+    """Finder of the sent modules, which take precedence over other modules of the same name.
 
     Args:
         modules: as `_sources` returns them.
@@ -241,7 +241,7 @@ class _SentModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         return importlib.util.spec_from_file_location(fullname, file, loader=loader, submodule_search_locations=folders)
 
     def exec_module(self, module: ModuleType) -> None:
-        """Execute a module; a message about it shows the line that was sent, not what is in the file now."""
+        """Execute a module; tracebacks show the source that was sent, not the file's present content."""
         file, source, _ = self._modules[module.__name__]
         _show(file, importlib.util.decode_source(source).splitlines(keepends=True))
         exec(compile(source, file, "exec", dont_inherit=True), module.__dict__)
@@ -252,11 +252,11 @@ def _show(file: str, lines: list[str]) -> None:
 
 
 def _culprit(thing: Any, error: Exception) -> tuple[str, str]:
-    """Return the path to the innermost part that cannot be sent, such as "'s attribute `on_tick`", and what it is."""
+    """Return the path to the innermost part that cannot be sent, such as "'s attribute `on_tick`", and its type."""
     path, seen = "", {id(thing)}
     while True:
         for step, part in _parts(thing):
-            if id(part) in seen:  # it refers to what it is part of
+            if id(part) in seen:  # a reference cycle
                 continue
             try:
                 _dump(part)

@@ -1,11 +1,11 @@
-"""A loop in a process of its own: heavy work that leaves the node's interpreter lock alone. The node's side of it.
+"""A loop in a separate process, for heavy work that must not hold the node's interpreter lock: the node's side.
 
     node's thread                 threads of the ChildProcess     the process (core/process/loop_process.py)
     begin, stop, join   ------->  writer: go, pages, end  ----->  a node without components, the loop on a thread
-    the door            <-------  listener: tasks, failures  <--  what the loop schedules
+    inbox (`Door`)      <-------  listener: tasks, failures  <--  what the loop schedules
 
-What comes back is plain values (`prelude/values.py`), never pickled objects. The pages that the loop asks for are sent
-when they change: always the newest, so a slow loop does not have old ones pile up; those it misses are counted.
+The process sends plain values (`prelude/values.py`), never pickled objects. The pages that the loop requests are sent
+when they change: always the newest, so that old ones do not queue up for a slow loop; skipped ones are counted.
 """
 
 from __future__ import annotations
@@ -33,26 +33,26 @@ from snr_sim.prelude.task import Task, TaskType
 Tap: TypeAlias = Callable[[Page], None]
 
 TARGET = "snr_sim.core.process.loop_process:run"
-# How much longer than a thread a process may take to end: it waits for its thread itself, halts it from outside if need
-# be, and has to say so. There is nothing that SIGTERM could add to that, so who is later is killed.
+# Extra time for a process to end, compared with a thread: it waits for its own thread, halts the loop from outside if
+# necessary, and reports it. SIGTERM would not do more than that, so a process that is later is killed.
 _LONGER_S = 0.3
 
 
 class ProcessBacking:
-    """Has a loop called in a process. What is left of the loop here is its name."""
+    """Executor that calls a loop in a separate process. The node's own loop object only keeps the name."""
 
-    setup_patience_s = 3.0  # a process takes a good part of a second to be there at all
+    setup_patience_s = 3.0  # a process takes most of a second to start
 
     def __init__(self, loop: Loop, life: NodeLife) -> None:
         self._loop = loop
         self._life = life
         self._node = life.node
         self._child: ChildProcess | None = None
-        self._changed: set[DataKey] = set()  # keys that are to be sent
+        self._changed: set[DataKey] = set()  # keys of pages to send
         self.skipped = 0  # pages that a newer one replaced before they were sent
-        self._is_finished = False  # it has said that all is over
-        self._is_refused = False  # it failed in a trial: somebody has been told, and the node goes on
-        self._late_failure: ComponentFailed | None = None  # since the node goes on without it: `join` tells
+        self._is_finished = False  # it has sent "over"
+        self._is_refused = False  # it failed in a trial: reported there, and the node continues
+        self._late_failure: ComponentFailed | None = None  # after its removal from the node: `join` raises it
         self._give_up_s: float | None = None
         self._taps: list[tuple[list[Tap], Tap]] = []  # ours, and the lists they are in
         self.is_stopped = False
@@ -60,10 +60,10 @@ class ProcessBacking:
         self.late_s = 0.0
 
     def start(self) -> None:
-        """Start the process; it sets the loop up when it is ready."""
+        """Start the process; it calls `setup` when it is ready."""
         loop, node = self._loop, self._node
         packed = pack(loop.factory, type(loop.factory).__name__, f"Loop '{loop.name}'")
-        # What this object has to let go of, the process' own has let go of.
+        # The loop in the process has released its resources; this object has none.
         loop.__dict__["terminate"] = _nothing
         order = {
             "factory": packed,
@@ -80,7 +80,7 @@ class ProcessBacking:
         self._child.start()
 
     def hurry(self) -> None:
-        """Change nothing: news is on its way to the process, and its tick there comes when it is due."""
+        """Do nothing: pages are sent to the process anyway, and its next tick is when it is due."""
 
     def _send_page(self, key: DataKey) -> None:
         assert self._child is not None
@@ -89,7 +89,7 @@ class ProcessBacking:
             return
 
         def newest() -> Message:
-            self._changed.discard(key)  # before the page is read: a newer one asks again
+            self._changed.discard(key)  # before the page is read: a newer one adds it again
             return "page", key, self._node.datastore.get(key)
 
         self._changed.add(key)
@@ -134,7 +134,7 @@ class ProcessBacking:
             self._node.profiler.timings.update({name: Timing(*timing) for name, timing in timings.items()})
 
     def _watch(self, key: DataKey) -> None:
-        """Send a page from now on whenever it is stored, and once at once."""
+        """Send the newest page of a key now, and from now on each time one is stored."""
 
         def tap(page: Page) -> None:
             self._send_page(key)
@@ -162,7 +162,7 @@ class ProcessBacking:
             self._node.door.fail(failure)
 
     def _tried(self, failure: ComponentFailed | None) -> bool:
-        """Tell whoever waits to hear what came of `setup`; return whether somebody did."""
+        """Report the result of `setup` to the trial; return whether a caller was waiting for it."""
         return self._loop.trial is not None and self._loop.trial.report(failure)
 
     # The end
@@ -176,16 +176,16 @@ class ProcessBacking:
                 self._child.end()
 
     def join(self) -> None:
-        """Stop, and return once the process has ended; one that does not is ended.
+        """Stop, and return once the process has ended; kill it if it does not end in time.
 
         Raises:
-            ComponentFailed: the loop was taken out of its node, and failed after that.
+            ComponentFailed: the loop was removed from its node, and failed after that.
         """
         self.stop()
         if self._child is None or self._give_up_s is None:
             return
         listener = self._child.listener
-        with suppress(KeyboardInterrupt):  # whoever is impatient wants it ended now
+        with suppress(KeyboardInterrupt):  # a second Ctrl-C: end it now
             listener.join(max(self._give_up_s - time.monotonic(), 0.0))
         if listener.is_alive():
             self._child.kill()
@@ -194,7 +194,7 @@ class ProcessBacking:
                 f"The process of loop '{self._loop.name}' did not end within {JOIN_TIMEOUT_S + _LONGER_S:.1f} s and "
                 "was killed; its halt() may not have been called."
             )
-        while self._taps:  # here and not in the listener: this is the thread that goes through the lists
+        while self._taps:  # here and not in the listener: this thread iterates over the lists
             taps, tap = self._taps.pop()
             taps.remove(tap)
         if self._late_failure is not None:
@@ -202,4 +202,4 @@ class ProcessBacking:
 
 
 def _nothing(*args: Any) -> None:
-    """Stand where there is nothing to be done."""
+    """Do nothing."""

@@ -1,10 +1,10 @@
-"""A fresh Python that runs one function of the kit: started, talked to, listened to, ended.
+"""A new Python process that runs one function of snr_sim: start, send, receive, end.
 
-Loops, roles and graders in processes stand on it, and the ports of `devices/wire/child_port.py`. It is `subprocess` and
-not `multiprocessing`, because so: what the process prints is heard from its first byte, also when it cannot even
-import; no tracker process stays beside it; and it is born with signals held back, in a group of its own, so that Ctrl-C
-at a terminal reaches only the one who ends it in order. What is said between the two are bytes on a socket pair. When
-either side dies, however it does, the other one sees the end of that line. Linux and macOS.
+Loops, roles and graders in processes use it, and the ports of `devices/wire/child_port.py`. It uses `subprocess` and
+not `multiprocessing` for three reasons: the output is captured from the first byte, even if the imports fail; there is
+no additional tracker process; and the process starts with signals blocked, in its own process group, so that Ctrl-C
+at a terminal reaches only the parent, which shuts it down gracefully. The two exchange bytes on a socket pair. If
+either side dies for any reason, the other one reads the end of that stream. Linux and macOS.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from snr_sim.core.standard_streams import open_closed_streams
 from snr_sim.prelude.errors import ConfigError
 
 LAST_LINES = 20
-_LINE_MAX_BYTES = 64 * 1024  # a longer one is passed on in pieces
-# A process that has closed its line has this long to end.
+_LINE_MAX_BYTES = 64 * 1024  # a longer line is forwarded in pieces
+# Time for a process to end after it has closed its connection.
 _END_S = 1.0
 
 _printing = threading.Lock()
 
 
 class Printed:
-    """What a process prints on one of its outputs: passed on line by line.
+    """Reader of one output of a process, which forwards it line by line.
 
     Args:
         pipe: to read from.
@@ -52,7 +52,7 @@ class Printed:
         return self._pipe
 
     def read(self) -> bool:
-        """Pass on what there is; return False at the end of the output."""
+        """Forward the available output; return False at its end."""
         data = os.read(self._pipe, _LINE_MAX_BYTES)
         *lines, self._rest = (self._rest + data).split(b"\n")
         if self._rest and (not data or len(self._rest) >= _LINE_MAX_BYTES):
@@ -64,13 +64,13 @@ class Printed:
 
 
 class Spawned:
-    """A running process of the kit's own.
+    """A running child process that executes a function of snr_sim.
 
     Args:
-        target: "module:function" of the kit; called there with the `Connection` to here.
-        fds: further file descriptors that it gets, under the same numbers.
-        out: where its lines go that it prints on stdout; to our own stdout, untouched, if not given.
-        err: where its lines on stderr go; to our own stderr if not given.
+        target: "module:function" of snr_sim; called there with the `Connection` to the parent.
+        fds: further file descriptors that it inherits, under the same numbers.
+        out: gets its lines on stdout; if not given, they go unchanged to our own stdout.
+        err: gets its lines on stderr; if not given, they go to our own stderr.
 
     Raises:
         ConfigError: processes cannot be started here.
@@ -88,7 +88,7 @@ class Spawned:
         self._process, line = start_process(
             target, fds, stdout=None if out is None else subprocess.PIPE, stderr=subprocess.PIPE
         )
-        # Elsewhere the end of the line has to do, which a grandchild that was forked may keep open.
+        # Without pidfd only the end of the connection shows it, which a forked grandchild may keep open.
         self._death = os.pidfd_open(self.pid) if hasattr(os, "pidfd_open") else None
         self.line = MessageLine(line, death=self._death)
         self._outputs = [
@@ -99,7 +99,7 @@ class Spawned:
 
     @property
     def pid(self) -> int:
-        """Its number."""
+        """Its process id."""
         return self._process.pid
 
     def _keep(self, line: str) -> None:
@@ -107,11 +107,11 @@ class Spawned:
         self._err(line)
 
     def say(self, message: bytes) -> bool:
-        """Send a message; return whether somebody was there to get it. Waits while the line is full."""
+        """Send a message; return whether the process was running to receive it. Waits while the buffer is full."""
         return self.line.send_bytes(message)
 
     def listen(self, hear: Callable[[bytes], None]) -> int:
-        """Hear the process out until it has ended; return its exit status, or a signal's number, negative.
+        """Receive messages until the process has ended; return its exit status, or minus a signal's number.
 
         Args:
             hear: gets each message, in order.
@@ -130,7 +130,7 @@ class Spawned:
                     break
                 try:
                     hear(message)
-                except EOFError:  # it ended before it had sent all of an array
+                except EOFError:  # it ended in the middle of an array
                     break
             elif self._death in ready:
                 break
@@ -142,7 +142,7 @@ class Spawned:
         except subprocess.TimeoutExpired:
             self.kill()
             status = self._process.wait()
-        # What it printed last. Not to the end of the pipe: somebody it has started may hold that open.
+        # Its last output. Do not read until the end of the pipe: a process that it has started may hold that open.
         for output in self._outputs:
             while wait([output.fileno()], 0) and output.read():
                 pass
@@ -155,7 +155,7 @@ class Spawned:
         return status
 
     def kill(self) -> None:
-        """End it at once, whatever it does."""
+        """Kill it at once."""
         with suppress(ProcessLookupError):
             self._process.kill()
 
@@ -163,7 +163,7 @@ class Spawned:
 def start_process(
     target: str, fds: Sequence[int] = (), stdout: int | None = None, stderr: int | None = None
 ) -> tuple[subprocess.Popen[bytes], Connection]:
-    """Return a fresh Python that runs one function of the library, and our end of the line to it.
+    """Return a new Python process that runs one function of snr_sim, and our end of the connection to it.
 
     Args:
         target, fds: as for `Spawned`.
@@ -179,9 +179,9 @@ def start_process(
         )
     if os.name != "posix":
         raise ConfigError("Loops and roles in processes need Linux or macOS.", fix="let them be threads here.")
-    open_closed_streams()  # else the line would get their numbers
+    open_closed_streams()  # else the connection would get their numbers
     near, far = Pipe()
-    # With signals held back: see `spawned.hear_signals`.
+    # With signals blocked: see `spawned.hear_signals`.
     before = signal.pthread_sigmask(signal.SIG_BLOCK, spawned.HELD_BACK)
     try:
         with far:
@@ -202,7 +202,7 @@ def start_process(
 
 
 def how_it_ended(status: int) -> str:
-    """Return an exit status in words.
+    """Return an exit status as text.
 
     >>> how_it_ended(3), how_it_ended(-9)
     ('ended with exit status 3', 'was ended by SIGKILL')
@@ -216,7 +216,7 @@ def how_it_ended(status: int) -> str:
 
 
 def print_line(stream: TextIO, line: str) -> None:
-    """Print a line, whole, from any thread; nothing happens if nobody reads any more."""
+    """Print a whole line, from any thread; do nothing if the stream is closed or its reader has gone."""
     # One at a time: Python's text streams have lost a line when a second thread wrote while the first one flushed.
     with _printing, suppress(ValueError, OSError):
         stream.write(line + "\n")

@@ -1,4 +1,4 @@
-"""Inside a process that `core/process/spawn.py` has started: its first steps, its orders and its end."""
+"""Code inside a process that `core/process/spawn.py` has started: its start, its messages and its end."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from typing import Any
 
 HELD_BACK = (signal.SIGINT, signal.SIGTERM)
 
-# Whether this process is reading the files of the program it was started from: they must not start it again.
+# Whether this process is importing the files of the program that started it: they must not start it again.
 is_reading_program = False
 
 
 def command(target: str, line: int) -> str:
-    """Return the Python text that a process begins with; `target` is "module:function", `line` its end of the line."""
+    """Return the Python code that a process starts with; `target` is "module:function", `line` its descriptor."""
     begin = f"import sys; sys.path[:] = {sys.path!r}; from snr_sim.core.process.spawned import main"
     return f"{begin}; main({target!r}, {line})"
 
@@ -31,8 +31,8 @@ def main(target: str, line: int) -> None:
     status = 1
     try:
         os.set_inheritable(line, False)
-        faulthandler.enable(all_threads=False)  # a crash in a library's C code then names the line that called it
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # until somebody here wants it
+        faulthandler.enable(all_threads=False)  # a crash in C code then names the line that called it
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # until a function here installs a handler
         for stream in (sys.stdout, sys.stderr):
             stream.reconfigure(line_buffering=True, errors="backslashreplace")  # type: ignore[union-attr]
         module, _, function = target.partition(":")
@@ -43,21 +43,21 @@ def main(target: str, line: int) -> None:
         traceback.print_exc()
     finally:
         for stream in (sys.stdout, sys.stderr):
-            with suppress(OSError, ValueError):  # nobody reads it any more
+            with suppress(OSError, ValueError):  # its reader has gone
                 stream.flush()
-        os._exit(status)  # not by sys.exit: a thread that hangs must not keep the process
+        os._exit(status)  # not sys.exit: a thread that hangs must not keep the process alive
 
 
 def obey(
     receive: Callable[[], list[Any]], end: Callable[[str], None], handle: Callable[..., None], orphan_s: float
 ) -> None:
-    """Handle the messages of the process that started this one; in a thread of its own, it does not return.
+    """Execute the parent's messages. Run it in a thread of its own, since it does not return.
 
     Args:
         receive: returns the next message.
-        end: ends in order, for a reason; also when the other process has gone.
+        end: shuts down gracefully, for a reason; also called when the parent has ended.
         handle: gets all other messages: kind, then values.
-        orphan_s: how long after the other process has gone this one goes, whatever it does.
+        orphan_s: time from the parent's end until this process exits in any case.
     """
     while True:
         try:
@@ -74,7 +74,7 @@ def obey(
 
 
 def go_quiet() -> None:
-    """Print to nobody from now on: with the reader gone a `print` in a student's `halt` would raise."""
+    """Discard output from now on: the reader has gone, so a `print` in a student's `halt` would raise."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for output in (1, 2):
         os.dup2(nowhere, output)
@@ -82,5 +82,5 @@ def go_quiet() -> None:
 
 
 def hear_signals() -> None:
-    """Let in the signals that were held back since before this process began."""
+    """Unblock the signals that have been blocked since before this process began."""
     signal.pthread_sigmask(signal.SIG_UNBLOCK, HELD_BACK)

@@ -1,7 +1,7 @@
-"""Components come, go and are made anew while their node runs, each between two tasks, on the node's thread.
+"""Add, remove and reload components of a running node, each between two tasks, on the node's thread.
 
-A reload reads the files of a component again and has its factory, which keeps its state, make it anew. Whatever goes
-wrong is undone: the old code goes on, and the outcome says why. The queue is not touched, so nothing queued is lost.
+A reload reads the files of a component again, and its factory, which keeps its state, creates the component again. If
+a step fails, it is undone: the old code continues, and the outcome has the reason. No queued task is lost.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ ALL = "all"
 
 @dataclass
 class Outcome:
-    """What came of a change, as it stands in the page that tells of it.
+    """Outcome of a change, as in the page that reports it.
 
     Args:
-        component: as asked for: a name, or "all".
-        ok: whether everything asked for was done.
-        message: in words; of a failure the student's line first.
-        made: names of the components that were made.
-        sources: sha256 of each file that was read anew, by its name and its folder's; also of one that is not Python.
+        component: as requested: a name, or "all".
+        ok: whether the whole request was executed.
+        message: as text; of a failure the student's line first.
+        made: names of the components that were created.
+        sources: sha256 of each file that was read again, by folder and file name; also of one that is not Python.
     """
 
     component: str
@@ -46,10 +46,10 @@ class Outcome:
 
 
 class Changes:
-    """Adds, removes and reloads the components of one node.
+    """Manager of the components of one node: adds, removes and reloads them.
 
-    In a replay the node has no loops, as the trace brings what they brought. They are made here if one of them is
-    asked for, so that the answer is the recorded one, but never begun.
+    In a replay the node has no loops, since their tasks come from the trace. If one of them is requested, it is created
+    here, so that the outcome is the recorded one, but it never begins.
 
     Args:
         life: of their node.
@@ -60,13 +60,13 @@ class Changes:
         self.node = life.node
         # Puts new code on probation: `rollback.Probations.begin`, if there are any.
         self.put_on_probation: PutOnProbation = lambda old, new, undo: None
-        self._absent: dict[str, AnyComponent] | None = None  # the loops of a replay, once somebody asked
+        self._absent: dict[str, AnyComponent] | None = None  # the loops of a replay, created at the first request
 
     def reload(self, asked: str, more: Sequence[str] = ()) -> Outcome:
-        """Make components anew from the code that stands in their files now; each file is read once.
+        """Recreate components from the present code in their files; each file is read once.
 
         Args:
-            asked: a component's name, or "all": then without consoles, which can be named.
+            asked: a component's name, or "all", which leaves out consoles; those can be named.
             more: further names.
         """
         try:
@@ -76,7 +76,7 @@ class Changes:
         return _Reload(self, asked, chosen).run()
 
     def add(self, factory: Any, is_started: bool) -> Outcome:
-        """Add what a factory makes, as the last of the components."""
+        """Add a factory's component as the last of the components."""
         node = self.node
         asked = type(factory).__name__
         try:
@@ -104,12 +104,12 @@ class Changes:
             raise
 
     def remove(self, name: str) -> Outcome:
-        """Halt a component, and take it out of the node."""
+        """Halt a component, and remove it from the node."""
         try:
             component = self.find(name)
         except SnrError as error:
             return Outcome(name, False, str(error))
-        self.exchange(component, None)  # first of all: nothing is handled by what is being halted
+        self.exchange(component, None)  # first: a component that is being halted must not handle tasks
         failures = self.life.end_removed(component)
         return Outcome(name, not failures, "\n".join([f"'{name}' was removed.", *(one.message for one in failures)]))
 
@@ -128,7 +128,7 @@ class Changes:
         """Return a component.
 
         Raises:
-            UnknownName: there is none of that name, or it is the node's own.
+            UnknownName: no component has that name, or it is the node's own.
         """
         if name == CORE_NAME:
             raise UnknownName(
@@ -150,7 +150,7 @@ class Changes:
         return [one for i, one in enumerate(found) if one not in found[:i]]
 
     def is_absent(self, component: AnyComponent) -> bool:
-        """Return whether a component is only there in name: a loop in a replay."""
+        """Return whether a component is only a placeholder: a loop in a replay."""
         return self.node.is_replay and isinstance(component, Loop)
 
     def _absent_ones(self) -> dict[str, AnyComponent]:
@@ -166,7 +166,7 @@ class Changes:
         return self._absent
 
     def exchange(self, old: AnyComponent | None, new: AnyComponent | None) -> None:
-        """Put a component in the place of another; None: last, or nothing."""
+        """Replace a component; `old` None: append, `new` None: remove."""
         one = new or old
         assert one is not None
         if not self.is_absent(one):
@@ -181,7 +181,7 @@ class Changes:
             self.life.registry.give_place(one.name)
 
     def begin(self, component: AnyComponent) -> None:
-        """Begin a component, if it is there.
+        """Begin a component, unless it is a loop in a replay.
 
         Raises:
             ComponentFailed: it raised.
@@ -190,7 +190,7 @@ class Changes:
             self.life.begin_added(component)
 
     def begin_again(self, old: AnyComponent) -> list[str]:
-        """Begin a component that is in its old place again; if it cannot, it goes, and that is returned in words."""
+        """Begin a component that was put back; if it fails, remove it and return the messages."""
         try:
             self.begin(old)
         except ComponentFailed as failure:
@@ -201,16 +201,16 @@ class Changes:
 
 
 class _Reload:
-    """One reload of some components: read, make, check, and only then exchange."""
+    """One reload of some components: read, create, check, and only then exchange."""
 
     def __init__(self, changes: Changes, asked: str, components: Sequence[AnyComponent]) -> None:
         self._changes = changes
         self._asked = asked
         self._components = components
         self._readings: dict[ModuleType, Reading | BaseException] = {}
-        self._users: dict[ModuleType, set[str]] = {}  # whose new code stands in a module, as far as all went well
+        self._users: dict[ModuleType, set[str]] = {}  # components whose new code is in a module, unless they failed
         self._before: dict[str, tuple[type[Any], dict[str, Any]]] = {}  # by component: class and state of its factory
-        self._failures: dict[str, list[str]] = {}  # by message: which components go on with their old code
+        self._failures: dict[str, list[str]] = {}  # by message: components that keep their old code
         self._sources: dict[str, str] = {}
         self._remarks: list[str] = []
         self._made: list[str] = []
@@ -236,7 +236,7 @@ class _Reload:
             show_source_in_use(module)
 
     def _try(self, component: AnyComponent, step: Callable[..., T], *args: Any) -> T | None:
-        """Do a step for a component; if that fails, it goes on with its old code, and that is told."""
+        """Run a step for a component; if it fails, keep the component's old code and note the failure."""
         try:
             return step(*args)
         except (Exception, SystemExit) as error:
@@ -273,7 +273,7 @@ class _Reload:
         return new
 
     def _read(self, module: ModuleType) -> None:
-        """Read a module anew, if that has not been done. Raises what that raised, also if it was before."""
+        """Read a module again, once per reload. Raises the error of reading it, also in later calls."""
         if module not in self._readings:
             try:
                 reading = self._readings[module] = Reading(module)
@@ -295,7 +295,7 @@ class _Reload:
         if not (changes.life.has_begun(old) or changes.is_absent(old)):
             changes.exchange(old, new)
             return
-        self._before[old.name] = self._before[old.name][0], {}  # what the old one leaves in its factory is for the next
+        self._before[old.name] = self._before[old.name][0], {}  # keep what the old one leaves in its factory
         self._remarks += [failure.message for failure in changes.life.end_removed(old)]
         state = Snapshot(old.factory, [module.__name__ for module in self._readings])
         changes.exchange(old, new)
@@ -317,7 +317,7 @@ class _Reload:
         state.restore()
 
     def _roll_back(self) -> None:
-        """Put back the code of all that was read, and what the factories held."""
+        """Restore the code of all modules that were read, and the state of the factories."""
         for reading in self._readings.values():
             if isinstance(reading, Reading):
                 reading.undo()
@@ -326,7 +326,7 @@ class _Reload:
         self._show_sources()
 
     def _keep(self, component: AnyComponent) -> None:
-        """Undo what was done for a component, but not what others of this reload need."""
+        """Undo the steps for a component, except those that others of this reload need."""
         if component.name in self._before:
             component.factory.__class__, state = self._before.pop(component.name)
             vars(component.factory).update(state)
@@ -347,7 +347,7 @@ class _Reload:
 
 
 def _newest(kind: type[Any], modules: Sequence[ModuleType]) -> type[Any]:
-    """Return the class of that name in the module that was read anew, or the class itself if its module was not.
+    """Return the class of that name in the reloaded module, or the class itself if its module was not reloaded.
 
     Raises:
         ConfigError: the new code has no such class.

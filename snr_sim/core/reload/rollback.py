@@ -1,10 +1,10 @@
-"""New code on probation: if what a reload has made fails in its first calls, the reload is rolled back.
+"""New code on probation: if a reloaded component fails in its first calls, the reload is rolled back.
 
-    a handler, called through `Probations.watched` --> raises -----------> rolled back, and the old one answers the task
+    a handler, called through `Probations.watched` --> raises -----------> rolled back, and the old one handles the task
     a loop that failed --> `Probations.has_taken` --> task roll_back, an input --> rolled back
 
-The old components begin again as they were, and their factories hold what they held at the reload. All of it happens
-on the node's thread, between two calls, and follows from tasks and their times: so a replay does the same.
+The old components begin again with their old code, and their factories have their state from before the reload. All of
+this runs on the node's thread, between two calls, and depends only on tasks and their times: so a replay does the same.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ComponentFailed
 from snr_sim.prelude.task import SomeTasks, Task, TaskHandler, TaskId
 
-# New code is on probation until so much of the node's time has passed and its component's handlers have been called so
-# often. A loop, of whose calls a replay knows nothing, is on probation for that time alone.
+# New code is on probation until this node time has passed and its component's handlers have been called this often. A
+# loop is on probation for the time only, since a replay does not know its calls.
 PROBATION_S = 3.0
 PROBATION_CALLS = 100
 
@@ -32,11 +32,11 @@ class Probation:
     """A reload whose new code may still fail.
 
     Args:
-        number: which of the node's reloads it was.
-        began_s: the node's time of it.
+        number: number of the reload in its node.
+        began_s: node time of the reload.
         old, new: the components that were exchanged, by name.
-        undo: puts the code, and what the factories hold, back.
-        calls: of the handlers of each new component, by its name.
+        undo: restores the code and the state of the factories.
+        calls: number of handler calls of each new component, by its name.
     """
 
     number: int
@@ -47,7 +47,7 @@ class Probation:
     calls: dict[str, int] = field(default_factory=dict)
 
     def is_on(self, name: str, now_s: float) -> bool:
-        """Return whether a component that it made is still on probation."""
+        """Return whether a component that it created is still on probation."""
         if name not in self.new:
             return False
         has_time = now_s - self.began_s < PROBATION_S
@@ -58,8 +58,8 @@ class Probations:
     """The reloads of one node whose new code is on probation, the newest last.
 
     Args:
-        changes: has exchanged the components, and exchanges them back.
-        tell: says what came of it: the component's name and the words; returns the tasks that tell it.
+        changes: exchanges the components.
+        tell: takes the component's name and a message on the rollback; returns the tasks that report it.
     """
 
     def __init__(self, changes: Changes, tell: Callable[[str, str], Sequence[Task]]) -> None:
@@ -70,18 +70,18 @@ class Probations:
         self._reloads = 0
 
     def begin(self, old: dict[str, AnyComponent], new: dict[str, AnyComponent], undo: Callable[[], None]) -> None:
-        """Put what a reload makes on probation; arguments as of `Probation`. The reload adds to them as it goes on."""
+        """Put a reload's components on probation; arguments as of `Probation`. The reload adds to them later."""
         self._reloads += 1
         now_s = self._node.machine.now_s
-        self._probations = [one for one in self._probations if one.new]  # not those that came to nothing
+        self._probations = [one for one in self._probations if one.new]  # without reloads that exchanged nothing
         over = [not any(one.is_on(name, now_s) for name in one.new) for one in self._probations]
         passed = max((place for place, is_over in enumerate(over, 1) if is_over), default=0)
-        del self._probations[:passed]  # nothing goes back behind code that has passed
+        del self._probations[:passed]  # a rollback stops at code that has passed
         self._probations.append(Probation(self._reloads, now_s, old, new, undo))
         self._node.machine.lookup.watched = self.watched
 
     def watched(self, component: Component, handler: TaskHandler) -> TaskHandler:
-        """Return what is called for a handler: as long as its component is on probation, failures do not pass it."""
+        """Return a wrapper of a handler that catches failures while its component is on probation."""
         probation = self._probation_of(component)
         name, node = component.name, self._node
         if probation is None or not probation.is_on(name, node.machine.now_s):
@@ -89,7 +89,7 @@ class Probations:
 
         @wraps(handler)
         def call(task: Task, task_id: TaskId) -> SomeTasks:
-            if node.components.get(name) is not component:  # another component has failed on this very task
+            if node.components.get(name) is not component:  # another component has failed on this task
                 return self._old_answer(name, task)
             probation.calls[name] = probation.calls.get(name, 0) + 1
             if not probation.is_on(name, node.machine.now_s):
@@ -105,7 +105,7 @@ class Probations:
         return call
 
     def has_taken(self, loop: Loop, failure: ComponentFailed) -> bool:
-        """Return whether the failure of a loop, on whatever thread, leads to a rollback; if so, it does."""
+        """Start a rollback if a loop failed on probation, on any thread; return whether it did."""
         probation = self._probation_of(loop)
         if probation is None or self._node.is_over or not probation.is_on(loop.name, self._node.clock.now_s()):
             return False
@@ -114,7 +114,7 @@ class Probations:
         return True
 
     def roll_back(self, name: str, number: int, message: str) -> Sequence[Task]:
-        """Roll back the reload of that number, if the loop it has made is still the one that is there."""
+        """Roll back the reload of that number, if the loop it created is still in the node."""
         probation = next((one for one in reversed(self._probations) if name in one.new), None)
         return [] if probation is None or probation.number != number else self._roll_back(probation, name, message)
 
@@ -122,7 +122,7 @@ class Probations:
         return next((one for one in self._probations if one.new.get(component.name) is component), None)
 
     def _roll_back(self, failed: Probation, name: str, message: str) -> Sequence[Task]:
-        """Go back to the newest code of a component that has passed its probation, or was there at first."""
+        """Restore the newest code of a component that has passed its probation, or else the first."""
         first = next(place for place, one in enumerate(self._probations) if name in one.new)
         undone = self._probations[first:]
         old: dict[str, AnyComponent] = {}
@@ -134,7 +134,7 @@ class Probations:
             probation.undo()
             old |= probation.old
             new = probation.new | new
-        del self._probations[first:]  # not before: until it is taken out, a loop may fail on its thread
+        del self._probations[first:]  # not before: until it is removed, a loop may fail on its thread
         there = self._changes.all()
         back = [one for one in there if new.get(one) is there[one]]  # the others have been removed since
         for one in back:
@@ -147,7 +147,7 @@ class Probations:
         return self._tell(name, "\n  ".join([what, words, *remarks, f"Try: {fix}"]))
 
     def _old_answer(self, name: str, task: Task) -> SomeTasks:
-        """Return what the component that is there again answers to a task."""
+        """Return the tasks of the restored component for a task."""
         machine = self._node.machine
         for component, handler, task_id, _ in machine.lookup.find(task):
             if component.name == name:

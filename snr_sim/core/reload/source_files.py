@@ -1,4 +1,4 @@
-"""Where the source files of a student's program are read from: the disk, or the copies in a run folder."""
+"""Source files of a student's program, read from the disk or from the copies in a run folder."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from pathlib import Path
 
 
 class SourceFiles:
-    """Files on the disk; others stand in for them while `reading_from` is entered."""
+    """Files on the disk; `reading_from` replaces them by others."""
 
     @property
     def recorded(self) -> Sequence[Path]:
-        """Paths of files that are read from somewhere else than the disk."""
+        """Paths of files that are not read from the disk."""
         return ()
 
     def is_file(self, path: Path) -> bool:
-        """Return whether there is such a file."""
+        """Return whether the file exists."""
         return path.is_file()
 
     def is_dir(self, path: Path) -> bool:
-        """Return whether there is such a folder."""
+        """Return whether the folder exists."""
         return path.is_dir()
 
     def in_folder(self, folder: Path) -> list[Path]:
-        """Return the Python files in a folder, in order; none if there is no such folder."""
+        """Return the Python files in a folder, in order; none if it does not exist."""
         return sorted(folder.glob("*.py"))
 
     def read(self, path: Path) -> bytes:
-        """Return what is in a file.
+        """Return the content of a file.
 
         Raises:
             OSError: it cannot be read.
@@ -36,29 +36,29 @@ class SourceFiles:
         return path.read_bytes()
 
     def check(self, path: Path, source: bytes) -> None:
-        """Raise a SyntaxError that shows the line of this source; Python itself takes it from the disk."""
+        """Raise a SyntaxError that shows the line of this source; Python itself would show the line on the disk."""
 
     def begin_node(self) -> None:
-        """Have files hold what the run began with, if it was recorded."""
+        """Set the files to their content at the start of the run, if it was recorded."""
 
     def begin_task(self, seq: int) -> None:
-        """Have files hold what they held at a recorded task, if they were recorded."""
+        """Set the files to their content at a recorded task, if it was recorded."""
 
     def close(self) -> None:
-        """Forget what was only needed while files were read from here."""
+        """Release resources needed only for reading files."""
 
 
-_files = SourceFiles()  # of the process, and not of the context: a student's threads import, too
+_files = SourceFiles()  # per process, not per context: a student's threads import as well
 
 
 def source_files() -> SourceFiles:
-    """Return where source files are read from now."""
+    """Return the present source of files."""
     return _files
 
 
 @contextmanager
 def reading_from(files: SourceFiles) -> Iterator[None]:
-    """Read source files from elsewhere while it is entered."""
+    """Read source files from `files` while active."""
     global _files
     before, _files = _files, files
     try:

@@ -1,4 +1,4 @@
-"""The files that a component's code stands in, and how one is read anew: compiled first, and undone if need be."""
+"""Source files of a component, and how one is reloaded: compiled first, and undone if a later step fails."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from snr_sim.core.component import ComponentFactory, NodeComponent
 from snr_sim.core.reload.source_files import source_files
 from snr_sim.prelude.errors import ConfigError
 
-# What stood in a module's file when somebody first asked, or at its last reload: a process that begins later runs the
-# code that its node runs, and not what somebody is just writing. Beside it the module's spec: `importlib.reload`, as
-# in a notebook, gives the module another one, and then its code is another, too.
+# Content of a module's file at the first request or the last reload: a process that begins later runs the code of its
+# node, and not a file that is being edited. Stored with the module's spec: `importlib.reload`, as in a notebook, gives
+# the module a new spec, and then its code is new too.
 _sources: WeakKeyDictionary[ModuleType, tuple[ModuleSpec | None, bytes]] = WeakKeyDictionary()
 
-# The file that is read anew at this moment: a robot's program must not start its node a second time from there.
+# The file that is being reloaded: the execution of a robot's program must not start its node a second time.
 being_read: ContextVar[str] = ContextVar("being_read", default="")
 
 
 def modules_of(factory: ComponentFactory, component: NodeComponent) -> list[ModuleType]:
-    """Return the modules to read anew for a component, those that others build on first.
+    """Return the modules to reload for a component, dependencies first.
 
     They are the factory's `reload_targets`; if it has none, the student's own files that define the classes of
     component and factory.
 
     Raises:
-        ConfigError: a target is no module, or a module that has no file.
+        ConfigError: a target is not a module, or is a module without a file.
     """
     if factory.reload_targets:
         for target in factory.reload_targets:
@@ -50,19 +50,19 @@ def modules_of(factory: ComponentFactory, component: NodeComponent) -> list[Modu
 
 
 def file_of(module: ModuleType) -> Path | None:
-    """Return the Python file of a module, or None if it has none; it need not be there any more."""
+    """Return the Python file of a module, or None if it has none; the file may have been deleted."""
     file = getattr(module, "__file__", None)
     return Path(file) if isinstance(file, str) and file.endswith(".py") else None
 
 
 def source_of(module: ModuleType) -> bytes:
-    """Return the source of the code that a module has; it has a file.
+    """Return the source of a module's present code; the module must have a file.
 
-    At the first call, and at the first one after Python has imported the module again, that is what stands in the file
-    now: Python does not keep what it has read. From then on it is the same text, until a reload has read another.
+    At the first call, and at the first call after Python has imported the module again, this is the file's present
+    content, since Python does not keep the source. From then on it is the same text, until a reload reads another.
 
     Raises:
-        OSError: the file is gone.
+        OSError: the file does not exist any more.
     """
     spec, source = _sources.get(module, (None, None))
     if source is None or spec is not module.__spec__:
@@ -89,13 +89,13 @@ def _check_target(factory: str, target: object) -> None:
 
 
 class Reading:
-    """A module's file, read anew. Nothing has changed until `execute`, and `undo` takes that back.
+    """A module's file, read again. The module is unchanged until `execute`, and `undo` restores it.
 
     Args:
         module: has a file.
 
     Raises:
-        ConfigError: the file is gone.
+        ConfigError: the file does not exist any more.
     """
 
     def __init__(self, module: ModuleType) -> None:
@@ -105,16 +105,16 @@ class Reading:
             source = source_files().read(path)
         except OSError as error:
             raise ConfigError(f"The file {path} cannot be read again: {error.strerror}.") from error
-        _show(path, source)  # a message about the new code shows the new line
+        _show(path, source)  # tracebacks of the new code show the new line
         self.module = module
         self._source = source
         self._source_before = _sources.get(module)
-        self.name = "/".join(path.parts[-2:])  # the same from whatever folder a replay is started
+        self.name = "/".join(path.parts[-2:])  # the same for every folder in which a replay is started
         self.sha256 = hashlib.sha256(source).hexdigest()
         self._before: dict[str, object] | None = None  # once it is executed
 
     def execute(self) -> None:
-        """Execute the new code in the module, as Python does at the first import. Raises what that raises."""
+        """Execute the new code in the module, as Python does at the first import. Raises the code's exceptions."""
         path = str(self.module.__file__)
         source_files().check(Path(path), self._source)
         tree = ast.parse(self._source, path)
@@ -133,7 +133,7 @@ class Reading:
             self._forget_what_is_gone(before)
 
     def _forget_what_is_gone(self, before: dict[str, object]) -> None:
-        """Take out functions and classes that the new code no longer defines, so that no call finds them by luck."""
+        """Delete functions and classes that the new code does not define any more, so that calls of them fail."""
         namespace = vars(self.module)
         for name, value in before.items():
             is_ours = isinstance(value, (FunctionType, type)) and value.__module__ == self.module.__name__
@@ -141,13 +141,13 @@ class Reading:
                 del namespace[name]
 
     def undo(self) -> None:
-        """Put the module back as it was. A thread may be in its code: no name is missing in between."""
+        """Restore the module. A thread may be executing its code, so each name exists at all times."""
         if self._before is None:
             return
         if self._source_before is not None:
             _sources[self.module] = self._source_before
         else:
-            _sources.pop(self.module, None)  # what was undone is not what runs
+            _sources.pop(self.module, None)  # the source that was undone is not the running one
         namespace = vars(self.module)
         for name in [name for name in namespace if name not in self._before]:
             del namespace[name]
@@ -155,24 +155,24 @@ class Reading:
 
 
 def show_source_in_use(module: ModuleType) -> None:
-    """Have messages show the lines of the code that a module has, whatever stands in its file; none, if not known."""
+    """Make tracebacks show the lines of a module's present code, not of its file; no lines if unknown."""
     _, source = _sources.get(module, (None, b""))
     _show(Path(str(module.__file__)), source)
 
 
 def _show(path: Path, source: bytes) -> None:
-    """Have messages show the lines of this source, until the file changes; none, if it is not known."""
+    """Make tracebacks show the lines of this source until the file changes; no lines if it is unknown."""
     lines: list[str] = []
-    with suppress(SyntaxError, UnicodeDecodeError):  # whoever compiles it says so
+    with suppress(SyntaxError, UnicodeDecodeError):  # reported when the source is compiled
         lines = decode_source(source).splitlines(keepends=True)
     size, time_s = len(source), None
-    with suppress(OSError):  # in a replay there need not be a file
+    with suppress(OSError):  # in a replay the file need not exist
         size, time_s = path.stat().st_size, path.stat().st_mtime
     linecache.cache[str(path)] = size, time_s, lines, str(path)
 
 
 class _NotMain(ast.NodeTransformer):
-    """Has `__name__ == "__main__"` be false: the part of a program that starts it is not executed again."""
+    """Transformer that makes `__name__ == "__main__"` false, so that a reload does not start the program again."""
 
     def visit_Compare(self, node: ast.Compare) -> ast.expr:
         match node:

@@ -1,4 +1,4 @@
-"""What an object held, to be put back when a reload is rolled back."""
+"""Snapshot of an object's state, to restore it when a reload is rolled back."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from typing import Any
 
 
 class Snapshot:
-    """An object's attributes, and what their lists, dicts, sets, arrays and objects of some modules' classes hold.
+    """Snapshot of an object's attributes, with the content of lists, dicts, sets, arrays and some modules' objects.
 
-    Containers are restored in place, so whoever shares one sees it as it was.
+    Containers are restored in place, so all references to a shared one see the old content.
 
     Args:
-        thing: whose attributes.
+        thing: the object.
         kinds: the names of these modules.
     """
 
     def __init__(self, thing: Any, kinds: Collection[str] = ()) -> None:
         self._kinds = kinds
-        self._kept: dict[int, tuple[Any, Any]] = {}  # by identity: a container and a copy of what stands in it
+        self._kept: dict[int, tuple[Any, Any]] = {}  # by id: a container and a copy of its content
         self._keep(vars(thing))
 
     def _keep(self, container: Any) -> None:
@@ -44,7 +44,7 @@ class Snapshot:
             left.extend(inside)
 
     def restore(self) -> None:
-        """Put all of it back."""
+        """Restore the attributes and their content."""
         for container, copy in self._kept.values():
             if type(container) is list or _is_array(container):
                 container[... if _is_array(container) else slice(None)] = copy

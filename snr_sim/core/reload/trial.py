@@ -1,7 +1,7 @@
-"""A trial: whoever begins a loop while the node runs wants to know whether its `setup` works, and cannot wait for ever.
+"""Trial: the result of a loop's `setup`, for a caller that adds the loop to a running node and waits with a timeout.
 
-On a thread `setup` fails after `begin` has returned. At the start of a node that ends the node. In a reload the old
-loop is to go on instead; so the reload waits for a moment.
+On a thread, `setup` fails after `begin` has returned. At the start of a node, such a failure ends the node. In a
+reload the old loop has to continue instead; so the reload waits a short time for the result.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ from snr_sim.prelude.errors import ComponentFailed
 
 
 class Trial:
-    """Tells one who waits what came of a `setup` on another thread; each side knows whether the other one is there."""
+    """Result of a `setup` on another thread, for one caller that waits; each side learns whether the other is there."""
 
     def __init__(self) -> None:
         self._verdict: SimpleQueue[ComponentFailed | None] = SimpleQueue()
-        self._token = deque([None])  # taken by whoever comes first: `pop` is one step, and no lock that is left held
+        self._token = deque([None])  # the first side takes it: `pop` is atomic, and no lock can stay held
 
     def report(self, failure: ComponentFailed | None) -> bool:
-        """Tell how it went; return whether somebody has waited for that."""
+        """Set the result; return whether a caller was waiting for it."""
         if not self._is_first():
             return False
         self._verdict.put(failure)
         return True
 
     def wait(self, patience_s: float) -> ComponentFailed | None:
-        """Return what failed, or None if nothing did until the patience is over; from then on nobody waits."""
+        """Wait for the result; return the failure, or None after success or the timeout, which ends the trial."""
         try:
             return self._verdict.get(timeout=patience_s)
         except Empty:

@@ -1,6 +1,6 @@
-"""A loop that looks at the files of the other components, and has those reloaded whose file was saved: `--watch`.
+"""File watch (`--watch`): a loop that polls the files of the other components and reloads those that were saved.
 
-What it schedules is an input like any other, so a run that was watched replays.
+The tasks it schedules are inputs like any other, so a run with a watch can be replayed.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.node_api import NodeApi
 
-# A file that was written so short a time ago may be written again without its time changing: it is read each time.
+# A file written this recently can be written again with the same modification time, so its content is read each time.
 _YOUNG_NS = 100_000_000
 
 
 class Seen(NamedTuple):
-    """A file as it was when it was last looked at: time and size, unless it was still young, and contents."""
+    """State of a file at the last check: time and size, unless it was just written, and content."""
 
     mark: tuple[int, int] | None
     sha256: str
 
 
 class WatchLoopFactory(LoopFactory):
-    """Has components reloaded when their files are saved.
+    """Factory of a loop that reloads components when their files are saved.
 
     Args:
-        rate_hz: how often the files are looked at.
+        rate_hz: how often the files are checked.
         name: of the loop.
     """
 
@@ -52,7 +52,7 @@ class WatchLoopFactory(LoopFactory):
 
 
 class WatchLoop(Loop):
-    """Looks at files; one that was only half saved is reloaded again when the rest has come."""
+    """Loop that checks files; a partly saved file is reloaded again when the rest is written."""
 
     factory: WatchLoopFactory
     is_of_robot = False
@@ -63,18 +63,18 @@ class WatchLoop(Loop):
         self._users: dict[Path, list[str]] = {}
 
     def setup(self) -> None:
-        """Take the files as they are."""
+        """Read the present state of the files."""
         self._changed()
 
     def loop(self) -> None:
-        """Have those components reloaded whose files are not what they were."""
+        """Schedule a reload of the components whose files have changed."""
         names = [name for path in self._changed() for name in self._users[path]]
         if names:
             self.schedule(tasks.reload_component(*dict.fromkeys(names)))
 
     def _changed(self) -> list[Path]:
         components = self.parent.components
-        if components is not self._looked_at:  # the node makes a new dict when a component comes or goes
+        if components is not self._looked_at:  # the node creates a new dict when components are added or removed
             self._looked_at, self._users = components, files_of(components)
         return [path for path in self._users if self._has_changed(path)]
 
@@ -85,17 +85,17 @@ class WatchLoop(Loop):
             stat = path.stat()
             mark = (stat.st_mtime_ns, stat.st_size)
             if stat.st_size == 0 or (before is not None and before.mark == mark):
-                return False  # an editor that is about to write empties a file first
+                return False  # some editors empty a file before they write it
             sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
         except OSError:
-            return False  # some editors put a new file in the old one's place
+            return False  # some editors replace the file by a new one
         is_young = time.time_ns() - stat.st_mtime_ns < _YOUNG_NS
         seen[path] = Seen(None if is_young else mark, sha256)
         return before is not None and before.sha256 != sha256
 
 
 def files_of(components: Mapping[str, Component]) -> dict[Path, list[str]]:
-    """Return the files that a reload of these components would read, with the names of those who stand in each."""
+    """Return the files that a reload of these components would read, with the names of the components in each."""
     users: dict[Path, list[str]] = {}
     for name, component in components.items():
         if not isinstance(component, NodeComponent) or not component.is_of_robot:
@@ -103,17 +103,17 @@ def files_of(components: Mapping[str, Component]) -> dict[Path, list[str]]:
         try:
             modules = modules_of(component.factory, component)
         except ConfigError:
-            continue  # its reload says so
+            continue  # its reload reports it
         for module in modules:
             path = file_of(module)
             if path is not None:
                 users.setdefault(path, []).append(name)
                 with suppress(OSError):  # it has just been moved away
-                    source_of(module)  # from now on it is known, for messages about code that goes on after a reload
+                    source_of(module)  # keeps it for tracebacks of code that still runs after a reload
     return users
 
 
 def watched(config: Config) -> Config:
-    """Return the same config with a watch in each role."""
+    """Return the same config with a watch loop in each role."""
     factories = {role: [*given, WatchLoopFactory()] for role, given in config.factories.items()}
     return Config(config.mode, factories, **config.bounds)
