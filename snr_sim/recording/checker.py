@@ -30,7 +30,7 @@ from snr_sim.recording.records import (
 )
 
 MAX_DIVERGENCES = 1000
-# A task that the recording does not have may have this many after it. One that asks for itself for ever is cut off.
+# Limit of follow-up tasks after a task that is not in the recording, since it may schedule itself without end.
 MAX_FOLLOWERS = 100
 
 _encode = msgspec.json.Encoder().encode
@@ -44,18 +44,18 @@ HANDLER = "the handler itself"  # the field of a difference: it was called then 
 
 @dataclass(frozen=True)
 class Divergence:
-    """One place where the replay did something else than the recording.
+    """One difference between the replay and the recording.
 
     Args:
         seq, t, node: of the recorded task whose handling differs.
-        task: that task, in words.
-        component, handler: whose answer differs.
+        task: that task, as text.
+        component, handler: whose result differs.
         kind: 'value', 'missing', 'extra', 'reordered' or 'raised'.
         field: path to the value, or the task that is missing or extra.
-        recorded, replayed: what stood there.
+        recorded, replayed: the two values.
         causes: from the input to the task, one line each.
-        is_command: what differs drives an actuator.
-        hint: what it looks like, if it looks like something well known.
+        is_command: whether the differing page drives an actuator.
+        hint: likely cause, if the difference matches a known pattern.
     """
 
     seq: int
@@ -133,7 +133,7 @@ class Checker:
         """Return whether a handler of this task did not return until a signal ended the run."""
         return any(message.startswith(INTERRUPTED) for message in self._failed.get(record.seq, {}).values())
 
-    # The NodeRecorder promise
+    # The NodeRecorder interface
 
     def begun(self, now_s: float, component: str, scheduled: Sequence[Task]) -> list[Ticket]:
         """Compare what a component schedules in `begin`."""
@@ -194,7 +194,7 @@ class Checker:
         """Do nothing: a replay reports failures through `raised`."""
 
     def said(self, now_s: float, component: str, level: str, text: str) -> None:
-        """Nothing to compare: what is said changes nothing."""
+        """Ignore printed and logged text: it does not affect the run."""
 
     def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
         """Nothing to compare: counts follow from the tasks."""
@@ -205,8 +205,8 @@ class Checker:
         """Compare a failure of a handler with the recorded one."""
         record = self._current
         if record is None:
-            return  # in a task that the recording does not have, which was said
-        component = failed.component.name if failed.component is not None else ""  # none: nobody could be found
+            return  # in a task that is not in the recording; that difference is already reported
+        component = failed.component.name if failed.component is not None else ""  # the failing component is unknown
         then = self._failed.get(record.seq, {}).get(component)
         if then is None or (type(error).__name__ not in then and not isinstance(error, SnrError)):
             self._diverge(
@@ -258,9 +258,9 @@ class Checker:
         record: Executed | BeginRecord | None,
         known: list[Returned] | None = None,
     ) -> tuple[list[Ticket], list[Returned]]:
-        """Pairs outputs with recorded ones and compares; returns their tickets, and them as they stand in a record.
+        """Pair outputs with recorded ones and compare them; return their tickets and their record form.
 
-        Values of outputs that are `known` already, as they stand in a record, are not compared.
+        Values of outputs that are `known`, that is, already in record form, are not compared.
         """
         returned = known or [told_of(task) for task in outputs]
         said = len(self.result.divergences)

@@ -260,7 +260,7 @@ class Batch:
     def _lines(self, records: Iterable[Executed], sources: Iterable[str | None]) -> list[str]:
         """Return for example '147  process_data  inertial       <- 146                  pad: store_page engine'."""
         lines = []
-        # The words are few and come again and again: each phrase is put together once, and so are the blanks beside it.
+        # The texts are few and repeat often, so each phrase and its padding is built once.
         known = self._phrases
         for record, source in zip(records, sources, strict=True):
             what, whence = (record.type, record.name), (source or "",)
@@ -375,7 +375,7 @@ def _by_place(rows: Sequence[Any]) -> Iterator[tuple[int, list[int] | None, Sequ
 
 
 def _mixed(path: tuple[str, ...], when: When, rows: Sequence[Any]) -> Iterator[Series]:
-    """Take the rows of each kind by themselves; text, None and whatever else is no number falls out."""
+    """Split rows by kind of value; text, None and other non-numbers are dropped."""
     plain = [_plain(row) for row in rows]
     for kinds in (_NUMBERS, {dict}, {list}):
         picked = [i for i, row in enumerate(plain) if type(row) in kinds]

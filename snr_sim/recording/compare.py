@@ -19,11 +19,11 @@ _encode = msgspec.json.Encoder().encode
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far numbers may be apart where the path matches.
+    """Allowed difference between numbers whose path matches a pattern.
 
     Args:
         pattern: of paths such as 'engine.throttle' or 'inertial.position_m[0]'; * and ? as in file names.
-        absolute, relative: a difference within either is none. Infinity lets everything pass, also other types.
+        absolute, relative: differences within either are ignored. Infinity accepts everything, also other types.
     """
 
     pattern: str
@@ -35,7 +35,7 @@ class Tolerance:
         """Return the tolerance written as PATTERN=ABSOLUTE, PATTERN=RELATIVE%, or PATTERN=ignore.
 
         Raises:
-            ParameterError: it is none of them.
+            ParameterError: the text has none of these forms.
 
         >>> Tolerance.parse("engine.*=1e-6")
         Tolerance(pattern='engine.*', absolute=1e-06, relative=0.0)
@@ -85,8 +85,8 @@ def first_difference(
     Args:
         name: of the task: the beginning of every path.
         kind: the task's type; of a page the path leads into its data: 'engine.throttle'.
-        recorded, replayed: the values as JSON, as they stand in traces.
-        tolerances: those whose pattern matches a path apply there.
+        recorded, replayed: the values as JSON, as in traces.
+        tolerances: each applies to the paths that match its pattern.
     """
     if recorded == replayed:
         return None

@@ -19,7 +19,7 @@ from snr_sim.recording.reader import Trace
 from snr_sim.recording.records import Header
 
 LATER_MAX_S, LATER_STEP_S = 1.0, 0.005  # how far and how finely one run is moved against the other
-LATER_GAIN = 0.7  # moving it must leave no more than this share of the difference, or nobody can tell
+LATER_GAIN = 0.7  # a shift must reduce the difference to this fraction, or the lag is not identifiable
 SAME = 1e-9  # differences below this share of the values are the computer's
 
 
@@ -63,7 +63,7 @@ class Compared:
 
     @property
     def share(self) -> float:
-        """The difference as a share of what the signal spans: how much it tells."""
+        """The difference as a fraction of the signal's span: a measure of its significance."""
         span = max(self.of_first.highest, self.of_second.highest) - min(self.of_first.lowest, self.of_second.lowest)
         return self.rms / span if span > 0.0 else 0.0
 
@@ -154,10 +154,10 @@ def compare_runs(
 
 
 def shift_by_commands_s(first: Trace, second: Trace) -> float:
-    """Return how much later the second run's commands first changed, as of a run that somebody began by hand.
+    """Return how much later the second run's commands first changed, for runs that were started by hand.
 
     Raises:
-        TraceError: in one of them no command ever changed.
+        TraceError: in one of the runs no command ever changes.
     """
     begun = []
     for trace in (first, second):
@@ -228,7 +228,7 @@ def _overlap(first: Signal, second: Signal) -> tuple[float, float] | None:
 
 
 def _told_of(applied: Signal, signals: Sequence[Mapping[str, Signal]]) -> tuple[Signal | None, Signal | None]:
-    """Return, of pulses that outputs tell of, the commands for them in both runs."""
+    """Return, for pulses reported by outputs, the commands for them in both runs."""
     if not applied.key.endswith(APPLIED):
         return None, None
     name = f"{applied.key.removesuffix(APPLIED)}.{applied.field}"

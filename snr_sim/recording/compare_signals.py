@@ -18,7 +18,7 @@ from snr_sim.recording.records import Record
 
 STAMP = "stamp_s"  # the field in which readings, and answers of outputs, say when what they hold was measured or made
 TRUTH = "truth"  # key of what the plant says, in simulated runs: no node can read it
-APPLIED = "_applied"  # ending of the key under which outputs tell what became of a command
+APPLIED = "_applied"  # suffix of the key under which outputs report how a command was applied
 APPLIED_WITHIN_S = 0.5
 PULSES_US, STOP_US = "pulses_us", 1500.0
 NOISE_WINDOW = 50  # third differences in each: a second of a sensor read 50 times a second
@@ -59,17 +59,17 @@ class Signal:
 
 @dataclass(frozen=True)
 class Measured:
-    """What is seen in a signal. None stands for what cannot be told from it.
+    """Statistics of a signal. A field is None where it cannot be determined.
 
     Args:
-        count: of pages.
-        rate_hz: how often they came, on average.
-        age_s, age_p95_s: of what they hold, when they were stored: the middle one, and the oldest but for a twentieth.
-        noise: standard deviation of what changes from one page to the next.
-        step: every value is a multiple of it away from every other.
-        after_s: of pulses that outputs tell of: how long before that they were commanded.
-        dead_band: of pulses: the nearest to neutral on either side [us from 1500] that were there, both without 0.
-        lowest, highest: of all channels.
+        count: number of pages.
+        rate_hz: average rate of the pages.
+        age_s, age_p95_s: age of the data when it was stored: the median and the 95th percentile.
+        noise: standard deviation of the change from one page to the next.
+        step: quantisation: all values differ by multiples of it.
+        after_s: for pulses reported by outputs: the delay between command and report.
+        dead_band: for pulses: the values closest to neutral on either side [us from 1500] that occur, excluding 0.
+        lowest, highest: over all channels.
     """
 
     count: int
@@ -141,11 +141,11 @@ def between(signal: Signal, begin_s: float, end_s: float) -> Signal:
 
 
 def measured(signal: Signal, command: Signal | None = None) -> Measured:
-    """Return what is seen in a signal that has values.
+    """Return the statistics of a signal that has values.
 
     Args:
-        signal: what is looked at.
-        command: if it is what outputs tell of their pulses: what they were told.
+        signal: the signal to measure.
+        command: if the signal holds pulses reported by outputs: the commands that they received.
     """
     times_s, values = signal.times_s, signal.values
     span_s = float(times_s[-1] - times_s[0])
@@ -165,10 +165,10 @@ def measured(signal: Signal, command: Signal | None = None) -> Measured:
 
 
 def after_s(command: Signal, applied: Signal) -> float | None:
-    """Return how long before outputs told of their pulses these had been commanded: the middle one of all.
+    """Return the median delay between the command of a pulse and the output's report of it.
 
-    A pulse that stands nowhere among the commands of the last half second counts as none: it was on its way from one
-    to another. Neutral ones are left out, as nobody can tell when they were commanded.
+    A pulse that is not among the commands of the last half second is skipped: it was in transition from one to
+    another. Neutral pulses are skipped, since the time of their command is ambiguous.
     """
     if command.values.shape[1] != applied.values.shape[1]:
         return None
@@ -223,7 +223,7 @@ def step_of(values: Floats) -> float | None:
 
 
 def _common_divisor(a: float, b: float, nothing: float) -> float:
-    """Euclid's algorithm on numbers that rounding has touched: a rest below `nothing` is none."""
+    """Return the greatest common divisor of rounded numbers (Euclid); a remainder below `nothing` counts as 0."""
     while b > nothing:
         rest = math.fmod(a, b)
         a, b = b, min(rest, b - rest)
@@ -231,12 +231,12 @@ def _common_divisor(a: float, b: float, nothing: float) -> float:
 
 
 def dead_band_of(offsets: Floats) -> tuple[float, float] | None:
-    """Return the nearest values below and above 0 that ever occur, if a gap is between them and 0.
+    """Return the values closest to 0 on either side, if there is a gap between them and 0.
 
-    A thruster does not turn until its pulse has left a band around neutral; whoever knows that steps over it.
+    A thruster does not turn while its pulse is within a band around neutral; controllers that know the band skip it.
 
     Args:
-        offsets: from neutral.
+        offsets: pulses relative to neutral.
     """
     sides = np.sort(-offsets[offsets < 0.0]), np.sort(offsets[offsets > 0.0])
     if min(map(len, sides)) < DEAD_BAND_SAMPLES:

@@ -117,7 +117,7 @@ def why(fields: dict[str, Any]) -> str:
 
 
 def as_json(fields: dict[str, Any], indent: int | None = None) -> str:
-    """Return strict JSON: a number that is none becomes null, and numpy's become plain ones."""
+    """Return strict JSON: NaN and infinities become null, numpy numbers plain ones."""
     return json.dumps(_plain(fields), indent=indent, allow_nan=False)
 
 
@@ -187,7 +187,7 @@ def _digest_in_result(trace: Trace) -> Any:
 
 
 def remarks(trace: Trace) -> list[str]:
-    """Return what whoever looks at a trace should know: that it was changed, cut, or did not end by itself."""
+    """Return remarks about a trace: that it was changed, truncated, or did not end by itself."""
     if trace.is_cut:
         return ["The trace was cut short; what follows stops at its last whole record."]
     if _is_changed(trace):

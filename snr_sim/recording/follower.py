@@ -1,4 +1,4 @@
-"""Shows a run to somebody while it is recorded, on a thread that neither disk nor robot waits for."""
+"""Passes records to a viewer during the run, on a separate thread that blocks neither the disk nor the robot."""
 
 from __future__ import annotations
 
@@ -23,22 +23,24 @@ class Follower(Protocol):
         ...
 
     def flush(self) -> None:
-        """Is told that this was all for the moment."""
+        """Show what was received so far: no further records are available at the moment."""
         ...
 
 
 class FollowerThread:
-    """Gives a follower whole records, made of the trace's lines. One that fails or hangs gets no more; that is said.
+    """Thread that passes whole records, made of the trace's lines, to a follower.
+
+    A follower that fails or hangs receives no more records, and a warning is logged.
 
     Args:
-        follower: of a run, from its first record on.
+        follower: receives the run from its first record on.
     """
 
     def __init__(self, follower: Follower) -> None:
         self._follower = follower
         self._references = References()
         self._batches: SimpleQueue[Sequence[bytes]] = SimpleQueue()
-        self._given_bytes = 0  # counted by who gives
+        self._given_bytes = 0  # written only by the caller of `give`
         self._shown_bytes = 0  # counted by the thread; what lies between them waits
         self._is_stopped = False
         self._thread = Thread(target=self._show_until_closed, name="trace-follower", daemon=True)

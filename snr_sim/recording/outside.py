@@ -81,8 +81,8 @@ class _Watch:
     def __init__(self) -> None:
         self.calls: dict[tuple[str, int], OutsideCall] = {}
         self._is_student: dict[str, bool] = {}
-        # Whoever asked for the watch: what leads only to them is not of a component. The frames themselves, as the
-        # id of one that is gone may be another's.
+        # The frames that started the watch: a call stack that leads only to them does not belong to a component. Kept
+        # as objects, because the id of a freed frame may be reused.
         self._callers: set[FrameType] = set()
         frame: FrameType | None = sys._getframe()
         while frame is not None:
@@ -95,7 +95,7 @@ class _Watch:
             try:
                 hint = _HINTS.get(called)
             except TypeError:
-                return  # cannot be hashed, so it is none of them
+                return  # unhashable, so it cannot be one of the watched functions
             if hint is not None:
                 self.report(frame, _name(called), hint)
             elif called in _STARTS_THREAD:  # Python 3.11 has no audit event for it
@@ -111,7 +111,7 @@ class _Watch:
                 self.report(frame.f_back, _RANDOM[frame.f_code], _CHANCE_HINT)
 
     def forget_callers(self) -> None:
-        """Let go of frames, which hold all their variables."""
+        """Drop the frames, which keep all their variables alive."""
         self._callers.clear()
 
     def on_audit(self, event: str, args: tuple[Any, ...]) -> None:
@@ -136,7 +136,7 @@ class _Watch:
             if self._is_student[file]:
                 shown = f"{through} ({what})" if through else what
                 call = OutsideCall(short_path(file), frame.f_lineno, shown, hint)
-                self.calls.setdefault((file, frame.f_lineno), call)  # one line may ask in several ways; the first tells
+                self.calls.setdefault((file, frame.f_lineno), call)  # the first call of a line is reported
                 return
             module = str(frame.f_globals.get("__name__", ""))
             if "importlib" in file or module.partition(".")[0] in _HARMLESS:

@@ -103,7 +103,7 @@ def read_trace(path: Path) -> Trace:
     return Trace(path, opening, header, records, digest.hexdigest(), is_cut=bool(tail) or len(written) < len(data))
 
 
-# JSON has no such byte. After a loss of power it stands where a disk had made room and then written nothing.
+# JSON text never has this byte. After a power loss a file ends with it where blocks were allocated but not written.
 _NEVER_WRITTEN = b"\0"
 _CUT_TOO_EARLY = "the run was cut before it began; run it again."
 _DAMAGED = "the file was changed or damaged after the run; use an untouched copy, or run again."

@@ -21,13 +21,13 @@ _SENSOR_LOOP = "_sensor"  # what the loop of a sensor is called after its key
 
 
 class RecordedRun:
-    """Keeps the promise of Plant as far as looking goes, and judges nothing but that the recording is over.
+    """Plant that plays back a recorded run. Implements the reading half of `Plant`; its verdict is only the end.
 
     Args:
         trace: of the run.
 
     Raises:
-        TraceError: no sensor was read in it.
+        TraceError: the trace has no sensor readings.
     """
 
     inputs: tuple[str, ...] = ()
@@ -83,7 +83,7 @@ class RecordedRun:
         self.time_s = 0.0
 
     def step(self, dt_s: float) -> None:
-        """Go on."""
+        """Advance the time of the playback."""
         self.time_s += dt_s
 
     def write(self, name: str, command: Any) -> None:

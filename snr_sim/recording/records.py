@@ -1,13 +1,13 @@
-"""The lines of `trace.jsonl`, and the records they stand for. Each is one JSON object with a `kind`.
+"""The lines of `trace.jsonl` and the records that they encode. Each is one JSON object with a `kind`.
 
-A line says nothing that an earlier one has said: an executed task is known by `cause` and `nth`, the record that
-brought it and its place among that record's tasks, and type, name and values stand there. `references.py` makes whole
-records of lines; only the reader of a trace and a live view see lines.
+A line does not repeat the content of earlier ones: an executed task is identified by `cause` and `nth`, the record that
+contains it and its index among that record's tasks, which has the type, name and values. `references.py` builds whole
+records from lines; only the reader of a trace and a live view process lines.
 
-`seq` is the order, over all nodes of the run; `t` is virtual time and never the order. `values` is the list a task
-carried, as `prelude/values.py` writes it, left encoded here because most readers want only some of it.
-docs/formats.md says the same for whoever reads traces without this kit, and the schema that ships is made from these
-classes: a field added here is a new `SCHEMA`.
+`seq` is the order over all nodes of the run; `t` is virtual time and does not define the order. `values` is the list
+that a task carries, as written by `prelude/values.py`; it is left encoded here because most readers need only part of
+it. docs/formats.md describes the same for readers of traces without snr_sim, and the shipped schema is generated from
+these classes: a field added here requires a new `SCHEMA`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Opening(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field
 
     Args:
         schema: version of this format; a reader refuses others.
-        scenario, controller: as they were asked for: a name, or the path of a file; "" is none.
+        scenario, controller: as requested: a name, or the path of a file; "" if not given.
         started: local time, ISO 8601 with the offset to UTC.
         argv: the command line.
         hash_seed: what PYTHONHASHSEED was: it decides the order of sets of texts. 'random' where it was not set.
@@ -66,8 +66,8 @@ class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=
 
     Args:
         kit, python, platform, packages: versions of what computed the run.
-        scenario, robot, controller: their names, without folder and suffix; "" is none.
-        roles, engine, io, seed, options: what was asked for.
+        scenario, robot, controller: their names, without folder and suffix; "" if not given.
+        roles, engine, io, seed, options: as requested.
         nodes: name of the node of each role, in the order they run.
         clock: 'sim' (stepped) or 'wall' (threads).
         commands: keys of pages that drive actuators, per node.
@@ -112,7 +112,7 @@ class By(msgspec.Struct, frozen=True, forbid_unknown_fields=True, array_like=Tru
 
 
 class InputRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="input"):
-    """A task that came through the door, from the loop, link or person named in `source`."""
+    """A task from outside the node: from the loop, link or person named in `source`."""
 
     seq: Seq
     t: float
@@ -124,10 +124,10 @@ class InputRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_f
 
 
 class RepeatLine(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="repeat"):
-    """An input that brings what stands in this trace already, as a link does to another node of the same run.
+    """An input that is already in this trace, such as a page that a link brings to another node of the same run.
 
     Args:
-        cause, nth: the task that it repeats, as of an executed one.
+        cause, nth: the task that it repeats, identified as an executed one.
     """
 
     seq: Seq
@@ -272,7 +272,7 @@ decode_line = msgspec.json.Decoder(Line).decode
 
 
 def encode_record(record: Opening | Header | Line | Record) -> bytes:
-    """Return the JSON of a line as it stands in the file, without the newline, or of a whole record."""
+    """Return the JSON of a line as in the file, without the newline, or of a whole record."""
     return _encode(record)
 
 

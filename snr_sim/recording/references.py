@@ -19,7 +19,7 @@ from snr_sim.recording.records import (
     TaskRecord,
 )
 
-# How many records back an input may repeat a task. So nobody who follows a run has to keep all of it.
+# How many records back an input may repeat a task. It bounds what a follower of a run has to keep in memory.
 REPEAT_WITHIN = 500
 CORE_STORES = (CORE_NAME, "store")  # component and handler that `PageLine.process` stands for
 

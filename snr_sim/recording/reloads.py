@@ -12,8 +12,8 @@ from snr_sim.prelude.values import decode_value
 from snr_sim.recording.reader import Trace
 from snr_sim.recording.records import PageRecord, Record
 
-# Which code a reload has read is told in words, and is no difference in what the handlers did. Nor are the words about
-# a failure: they name a file as seen from the folder in which the run was started, and Python's words differ.
+# The text that describes the reloaded code does not count as a difference in behaviour. Nor does the text of a failure:
+# it names a file relative to the folder in which the run was started, and Python's messages differ between versions.
 UNCOMPARED = (
     f"{TaskType.reload}.sources*=ignore",
     *(f"{key}.message=ignore" for key in (TaskType.reload, ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME)),

@@ -129,7 +129,7 @@ class _Driver:
         while (ticket := self._machine.next_ticket) is not None:
             expected = self._checker.record_of(ticket)
             if expected is not None and expected.seq > record.seq:
-                return  # the recorded task is missing here; that was said when its cause did not return it
+                return  # the recorded task is missing here; already reported when its cause did not return it
             if expected is record:
                 self._show(record.t)
                 self._before_task(record.seq)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 Points: TypeAlias = NDArray[np.float64]
 
-# A path is drawn with at most this many points. More cannot be told apart on a screen, and a run may last for days.
+# A path is drawn with at most this many points. More are not distinguishable on a screen, and a run may last for days.
 PATH_POINTS_MAX = 2_000
 BOW = 0.10  # how far a slack tether is drawn out of the straight, as a share of its span
 # A bow of unit length, along x, that goes out along z.

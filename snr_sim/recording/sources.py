@@ -1,10 +1,10 @@
 """Copies of a program's source files in its run folder, so that a replay executes what was recorded.
 
     sources/files.jsonl       a line for each file: its path, its sha256, and a mark of the user who recorded it
-    sources/<sha256>.py       what was in it; a reload that read other text adds another one
+    sources/<sha256>.py       its content; a reload that reads changed text adds another one
 
-A path is a name here and is never opened. The mark says that this user has recorded a run with that file on this
-computer: it is made with a key that nobody else has, so files of other people can be told from one's own.
+A path is only a name here and is never opened. The mark proves that this user recorded a run with that file on this
+computer: it is made with a key that no other user has, so a user's own files can be distinguished from foreign ones.
 """
 
 from __future__ import annotations
@@ -171,13 +171,13 @@ class RecordedFiles(SourceFiles):
         return sorted(one for one in self._now if one.parent == folder and one.suffix == ".py")
 
     def read(self, path: Path) -> bytes:
-        """Return what was in a file then; messages show its lines. What is not Python, as a policy, is on the disk."""
+        """Return a file's recorded content, whose lines messages show; other files than Python's are read from disk."""
         if path.suffix != ".py" or self._is_on_disk(path):
             return super().read(path)
         if path not in self._now:
             raise FileNotFoundError(2, "it was not recorded with this run", str(path))
         data = self._now[path]
-        with suppress(SyntaxError, UnicodeDecodeError):  # whoever compiles it says so
+        with suppress(SyntaxError, UnicodeDecodeError):  # the error is raised when the file is compiled
             lines = importlib.util.decode_source(data).splitlines(keepends=True)
             linecache.cache[str(path)] = (len(data), None, lines, str(path))
             self._shown.add(str(path))
@@ -211,7 +211,7 @@ class RecordedFiles(SourceFiles):
                 self._now[path] = self._data[sha256]
 
     def close(self) -> None:
-        """Have messages show what stands in the files again."""
+        """Let messages show the current content of the files again."""
         for name in self._shown:
             linecache.cache.pop(name, None)
 

@@ -1,11 +1,11 @@
-"""The trace: a run's record of truth, one JSON line per record, written as it happens.
+"""Writer of the trace: a run's complete record, one JSON line per record, written during the run.
 
-The node's thread only appends finished lines to a queue in memory; a flusher thread writes them out every 50 ms, adds
-them to the digest and syncs the file every second. So a killed process loses at most the last moments, a loss of power
-at most what came after the last sync, and no line is ever half written by us; a reader drops what was cut short.
+The node's thread only appends finished lines to a queue in memory. A flusher thread writes them every 50 ms, adds them
+to the digest and syncs the file every second. A killed process therefore loses at most the last moments, and a power
+loss at most what came after the last sync. Lines are written whole; a reader drops a truncated tail.
 
-What if the disk refuses? A run in lock step ends: it can be repeated with more room. A robot with real outputs, or on
-the wall clock, goes on without its recording (`fail_softly`), and its page `recording` says what is lost.
+If the disk fails, a run in lock step ends, since it can be repeated with more room. A robot with real outputs, or on
+the wall clock, continues without its recording (`fail_softly`), and its page `recording` reports what is lost.
 """
 
 from __future__ import annotations
@@ -56,16 +56,16 @@ _encode = msgspec.json.Encoder().encode
 
 
 class TraceWriter:
-    """Writes one run's trace. Keeps the `Recorder` promise.
+    """Writer of one run's trace. Implements `Recorder`.
 
     Args:
         path: of the file, which must not exist: a recording is never overwritten.
         header: its second line.
-        opening: its first one; if not given, it says when and by which command, but not of which files.
-        open_file: makes the file.
+        opening: its first line; by default it has the time and the command, but not the files.
+        open_file: creates the file.
 
     Raises:
-        TraceError: the file cannot be made.
+        TraceError: the file cannot be created.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class TraceWriter:
         self.seq = 0  # of the newest record
         self._lines: deque[tuple[float, bytes]] = deque()  # each with its time
         self._put_bytes = 0  # counted by the thread that puts
-        self._taken_bytes = 0  # counted by who takes; what lies between them waits
+        self._taken_bytes = 0  # counted under `_losing` by the thread that takes; the difference is queued
         self._digest = digest_of()
         self._places: dict[tuple[str, str, bytes], tuple[int, int]] | None = {} if len(header.nodes) > 1 else None
         self._follower: FollowerThread | None = None
@@ -91,7 +91,7 @@ class TraceWriter:
         self._writing = threading.Lock()
         self._closing = threading.Event()
         self._failure: OSError | None = None
-        self._survivors: Sequence[Node] = ()  # nodes that go on without a recording
+        self._survivors: Sequence[Node] = ()  # nodes that continue without a recording
         self._losing = threading.Lock()  # of what is taken and of the numbers below; never held while a disk works
         self._lost = 0  # records
         self._lost_since_s = math.inf  # time of the first of them
@@ -118,24 +118,24 @@ class TraceWriter:
         return NodeTrace(self, name)
 
     def fail_softly(self, nodes: Sequence[Node]) -> None:
-        """Have these nodes go on if the disk fails, for a robot must not end because it cannot be recorded.
+        """Let these nodes continue if the disk fails: a robot should not stop because it cannot be recorded.
 
-        From the first record that is lost they get a page `recording` every second: `since_s`, the time of that
-        record; `lost`, how many records; and the `reason`. The trace ends there, whole: later records are not written,
-        also if the disk has room again, because a trace has no gaps.
+        From the first lost record on they receive a page `recording` every second: `since_s`, the time of that
+        record; `lost`, the number of records; and the `reason`. The trace ends there with a whole line. Later records
+        are not written, even if the disk has room again, because a trace has no gaps.
         """
         self._survivors = nodes
 
     def truth(self, now_s: float, truth: dict[str, Any]) -> None:
-        """Take down the plant's true state, see `Plant.truth`."""
+        """Record the plant's true state, see `Plant.truth`."""
         self.seq += 1
         arrows = {name: _rounded(arrow) for name, arrow in truth["arrows"].items()}
         self.put(now_s, _encode(TruthRecord(self.seq, now_s, truth["poses"], arrows, truth["values"])))
 
     def place_of(self, task: Returned, seq: int, nth: int) -> tuple[int, int] | None:
-        """Return seq and place of an earlier task that carries the same page, and remember this one.
+        """Return seq and index of an earlier task that carries the same page, and remember this one.
 
-        None if there was none lately, or the run has one node: then nobody brings a page to another one.
+        None if there was none recently, or if the run has only one node: then pages never cross nodes.
         """
         if self._places is None or task.type != TaskType.store_page:
             return None
@@ -153,7 +153,7 @@ class TraceWriter:
 
     @property
     def loss(self) -> str:
-        """What a run that went on without its recording has lost, in words; empty if nothing."""
+        """What a run that continued without its recording has lost, as text; empty if nothing."""
         if not self._lost or self._failure is None:
             return ""
         return (
@@ -231,7 +231,7 @@ class TraceWriter:
             self._lost_since_s = min(self._lost_since_s, since_s)
 
     def _report(self) -> None:
-        """Tell the nodes what is lost, now and then; from any thread."""
+        """Report to the nodes what is lost, at most once a period; thread-safe."""
         failure, now_s = self._failure, time.monotonic()
         with self._losing:
             if failure is None or not self._lost or now_s < self._reported_s + REPORT_PERIOD_S:
@@ -311,9 +311,9 @@ class TraceWriter:
 
 
 def _rounded(arrow: Sequence[float]) -> list[float]:
-    """Return the numbers of an arrow as they are written: to ARROW_DIGITS, a zero with the sign it came from.
+    """Return the numbers of an arrow rounded to ARROW_DIGITS; a zero keeps the sign of the number.
 
-    Python's `round` to a digit goes by way of a text and takes three times as long.
+    Python's `round` to a digit formats a text internally and takes three times as long.
     """
     try:
         return [round(number * _PER_UNIT) / _PER_UNIT or 0.0 * number for number in arrow]

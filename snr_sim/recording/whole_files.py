@@ -11,10 +11,10 @@ _NO_LINK = getattr(os, "O_NOFOLLOW", 0)  # Windows has none, and asks who makes 
 
 
 def write_whole(path: Path, data: bytes, mode: int = 0o644) -> None:
-    """Write a file beside its place, bring it to the disk, and only then give it its name.
+    """Write a file atomically: into a temporary file in the same folder, synced, then renamed.
 
     Raises:
-        OSError: it cannot be written; what stood there stands there still.
+        OSError: it cannot be written; the previous file is unchanged.
     """
     part = path.with_name(f".{path.name}{_PART}")
     try:

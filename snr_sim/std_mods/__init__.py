@@ -5,9 +5,9 @@
 
 from typing import TYPE_CHECKING, Any
 
-if not TYPE_CHECKING:  # type checkers are told by each module itself
+if not TYPE_CHECKING:  # type checkers read the modules themselves
 
     def __getattr__(name: str) -> Any:
-        import snr_sim  # the front door, which knows where each public name is
+        import snr_sim  # its lazy table knows the module of each public name
 
         return getattr(snr_sim, name)

@@ -1,10 +1,10 @@
-"""Thrust allocation: which thruster must push how much, so that together they push the vehicle as wanted.
+"""Thrust allocation: the thrust of each thruster, so that together they produce a required wrench.
 
-    wrench (wanted) --> thrusts, all of them as small as possible --> as much of it as the thrusters can give
+    required wrench --> thrusts of minimum norm --> thrusts scaled to the thrusters' limits
 
-The first step is the pseudo-inverse of the thrusters' matrix. The second keeps the direction of what is wanted: if one
-thruster would have to give more than it can, all give less. A vehicle that cannot go as fast as it should still goes
-where it should. `first` changes that for axes that must not suffer from the others, such as heave and yaw.
+The first step is the pseudo-inverse of the thrusters' matrix. The second keeps the direction of the wrench: if one
+thruster saturates, all thrusts are scaled down. The vehicle is then slower than commanded but moves in the commanded
+direction. `first` gives priority to axes that should not suffer from the others, such as heave and yaw.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-_ROUNDING = 1e-12  # a share of a thruster below this comes of the rounded directions of the others
+_ROUNDING = 1e-12  # a thruster's effectiveness below this is a rounding error of the other directions
 
 
 class Allotment(NamedTuple):
-    """What the thrusters are to do.
+    """Result of an allocation.
 
     Args:
         thrusts_n: of each thruster, positive ahead, within its limits.
-        share: of the wanted wrench that they give, 0 to 1; with `first`, of what does not come first.
-        lacking: the axes that something was wanted of, and that no thruster can push.
+        share: fraction of the required wrench that they produce, 0 to 1; with `first`, of the axes without priority.
+        lacking: the axes with a required component that the thrusters cannot produce.
     """
 
     thrusts_n: list[float]
@@ -107,7 +107,7 @@ class Allocation:
             )
 
     def allocate(self, wrench: Sequence[float]) -> Allotment:
-        """Return thrusts that give the wanted wrench, or as much of it as they can in its direction.
+        """Return thrusts that produce the required wrench, or as much of it as possible in its direction.
 
         Args:
             wrench: six numbers, [N] and [N m], body frame.
@@ -130,7 +130,7 @@ class Allocation:
         return Allotment(thrusts, share, lacking)
 
     def wrench_of(self, thrusts_n: Sequence[float]) -> list[float]:
-        """Return the wrench that thrusts give together: what is left of what was wanted."""
+        """Return the wrench that these thrusts produce together."""
         return [dot_product(row, thrusts_n) for row in self._given]
 
     def _room(self, thrusts: list[float], more: list[float]) -> float:
@@ -145,13 +145,13 @@ class Allocation:
 
 
 def _inverse(given: list[list[float]], lacking: tuple[str, ...]) -> list[list[float]]:
-    """Return the pseudo-inverse, n x 6, of the axes that can be pushed; the others' columns are zeros.
+    """Return the pseudo-inverse, n x 6, of the actuated axes; the columns of the other axes are zeros.
 
-    Without the lacking axes the rows left are independent, so what is wanted of them is given exactly. With them, least
-    squares would give a little less surge for a little less of the pitch that comes with it.
+    Without the lacking axes the remaining rows are independent, so their requirements are met exactly. With them, least
+    squares would trade a little surge for a little less of the pitch that it causes.
 
-    Of independent rows R it is R^T (R R^T)^-1. That is reckoned in fractions and rounded once, in the end: what a
-    library of linear algebra returns differs in its last bits from one processor to another, and so would every trace.
+    For independent rows R it is R^T (R R^T)^-1. That is computed in fractions and rounded once, at the end: the result
+    of a linear algebra library differs in its last bits from one processor to another, and so would every trace.
     """
     reached = [i for i, axis in enumerate(AXES) if axis not in lacking]
     rows = [[Fraction(value) for value in given[i]] for i in reached]

@@ -64,7 +64,7 @@ class MovingAvgFilter:
     avg = mean  # the thesis' name
 
     def _mean_of(self, numbers: Sequence[float] | deque[float]) -> float:
-        # Summed anew each time, and exactly: a running sum would keep the rounding of every value it ever held.
+        # Summed exactly at each call: a running sum would accumulate the rounding errors of all past values.
         return math.fsum(numbers) / len(numbers)
 
 

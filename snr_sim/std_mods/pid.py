@@ -17,19 +17,19 @@ from snr_sim.prelude.errors import ParameterError
 
 
 class Pid:
-    """One controlled quantity.
+    """PID controller of one quantity.
 
     Args:
         kp: output per error.
         ki: output per second of error.
         kd: output per rate of the measurement.
-        limits: least and most output.
-        smoothing_s: time constant of the low-pass on a rate that is reckoned from measurements; a rate that is given
-            is taken as it is.
-        is_angle: the error is taken the shorter way round [rad].
+        limits: minimum and maximum output.
+        smoothing_s: time constant of the low-pass filter on a rate computed from measurements; a given rate is not
+            filtered.
+        is_angle: whether the error is wrapped to the shorter direction [rad].
 
     Raises:
-        ParameterError: a number is not finite, or the limits are the wrong way round.
+        ParameterError: a number is not finite, or the limits are swapped.
 
     >>> depth = Pid(kp=10.0, ki=1.0, limits=(-40.0, 40.0))
     >>> depth.update(setpoint=2.0, measurement=1.0, dt_s=0.1)
@@ -67,17 +67,17 @@ class Pid:
     def update(
         self, setpoint: float, measurement: float, dt_s: float, rate: float | None = None, feed_forward: float = 0.0
     ) -> float:
-        """Return the output for now.
+        """Return the output for this time step.
 
         Args:
-            setpoint: what is wanted.
-            measurement: what is.
-            dt_s: since the update before.
-            rate: of the measurement, if something measures it; else it is reckoned from the measurement before.
-            feed_forward: what is known to be needed anyway.
+            setpoint: target value.
+            measurement: measured value.
+            dt_s: time since the previous update.
+            rate: measured rate of the measurement; by default it is computed from the previous measurement.
+            feed_forward: output that is added to the controller's.
 
         Raises:
-            ParameterError: time does not go on, or a value is not finite.
+            ParameterError: dt_s is not positive, or a value is not finite.
         """
         if not (dt_s > 0.0 and math.isfinite(setpoint) and math.isfinite(measurement)):
             raise ParameterError(

@@ -23,7 +23,7 @@ from snr_sim.prelude.values import MARK, NO_JSON
 START = "start"
 _START_LINE = f'{{"{MARK}":"{START}"'.encode()
 _PAGE_OF_2021 = b'{"key":'
-REMARKS_MAX = 3  # of a file that is no recording at all, nobody reads the complaint about each line
+REMARKS_MAX = 3  # for a file that is not a recording at all, one remark per line would be useless
 
 
 T = TypeVar("T")
@@ -57,11 +57,11 @@ class TextReader(_Reader[str]):
     """The lines of a text file, one after the other, without their ends.
 
     Args:
-        file: which. What is no UTF-8 in it is read as U+FFFD.
-        retired: the 2021 library took a context and a name before the file. Both are refused.
+        file: path of the file. Bytes that are not valid UTF-8 are read as U+FFFD.
+        retired: the 2021 library took a context and a name before the file. Both are rejected.
 
     Raises:
-        RecordingError: it cannot be read.
+        RecordingError: the file cannot be read.
     """
 
     def __init__(self, file: str | Path, *retired: object) -> None:
@@ -86,15 +86,16 @@ class Stored(NamedTuple):
 class PageReader(_Reader[Page]):
     """The pages of a recording, or of a trace, in the order in which they were stored.
 
-    A line that is no page (one that a crash cut short, one that somebody edited) is left out, with a remark.
+    A line that is not a valid page (truncated by a crash, or edited) is skipped with a remark.
 
     Args:
-        file: which.
-        keys: of the pages wanted; all if not given.
-        node: whose pages, of a trace of several nodes, where one that crossed a link stands twice; all if not given.
+        file: path of the file.
+        keys: of the pages to read; all by default.
+        node: whose pages to read from a trace of several nodes, in which a page that crossed a link occurs twice; all
+            by default.
 
     Raises:
-        RecordingError: it cannot be read.
+        RecordingError: the file cannot be read.
     """
 
     def __init__(self, file: str | Path, keys: Sequence[DataKey] | DataKey | None = None, node: str = "") -> None:
@@ -233,10 +234,10 @@ class _TasksOfTrace:
 
 
 class _Times:
-    """When the pages of a recording were stored, from when they were made.
+    """Times at which the pages of a recording were stored, computed from when they were created.
 
-    Each node counts from its own beginning. A page that came from another node tells nothing of when it came: the
-    first one of each is taken to have come with the page before it, and the others keep their distance from it.
+    Each node counts time from its own start. A page from another node does not contain its time of arrival: the first
+    page of each node is assumed to arrive with the page before it, and later ones keep their distance from it.
     """
 
     def __init__(self) -> None:

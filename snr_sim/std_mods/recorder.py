@@ -1,12 +1,11 @@
 """Recorder: writes the pages of some keys into a text file, a page on each line, as they are stored.
 
-A small tool beside the trace, for what you want to keep, plot, or feed in again (`std_mods/replayer.py`); the trace
-of a run holds everything, and a recorder need not be there for it.
+A small tool in addition to the trace, for data that you want to keep, plot, or replay (`std_mods/replayer.py`). The
+trace of a run has everything and does not need a recorder.
 
-A recording only ever grows. A reload goes on in the same file, and so does the next start of the program, after a
-line that says so: `{"$":"start","node":"urov_node"}` stands before the pages of each run. If the last line was cut by
-a crash, the next start begins on a line of its own, and readers leave the cut one out. To begin anew, remove the file
-or name another.
+A recording is only appended to. A reload continues in the same file, and so does the next start of the program, which
+first writes a line `{"$":"start","node":"urov_node"}` before its pages. If a crash truncated the last line, the next
+start begins on a new line, and readers skip the truncated one. To start over, remove the file or use another name.
 """
 
 from __future__ import annotations
@@ -92,7 +91,7 @@ class RecorderEndpoint(Endpoint):
             self._write(msgspec.json.encode({MARK: START, "node": self.parent.name}))
 
     def record(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Write the page; one that cannot be written is named, and the others go on."""
+        """Write the page; report one that cannot be written and continue with the next."""
         page: Page = task.val_list[0]
         if self._file is not None:
             try:
@@ -132,7 +131,7 @@ class RecorderEndpoint(Endpoint):
 
     def _refuse(self, page: Page, error: SnrError) -> None:
         self._refused[page.key] += 1
-        if self._refused[page.key] == 1:  # said once for each key: it will be the same with the next page
+        if self._refused[page.key] == 1:  # logged once per key: the next page would fail in the same way
             text = f"'{self.name}' could not record page '{page.key}' at t = {self.get_time_s():.3f} s: {error}"
             self.log.error(text)
             self.parent.note(text)

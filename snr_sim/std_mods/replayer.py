@@ -1,6 +1,6 @@
-"""Replayers: loops that bring in what stands in a list, a text file, a recording or a trace.
+"""Replayers: loops that store the content of a list, a text file, a recording or a trace.
 
-A replayer that is to end the run does so once all it brought has been processed, and what followed from that.
+A replayer that should end the run does so once all its pages, and the tasks that follow from them, are processed.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ ALL_REPLAYED = "replayed"
 
 
 class ListReplayerFactory(LoopFactory):
-    """Stores values under a key, one at each tick, then stops.
+    """Factory of a loop that stores values under a key, one at each tick, then stops.
 
     Args:
         values: in order.
         key: of the pages.
-        exit_when_done: ends the node when all has been made of the last value.
+        exit_when_done: whether to end the node once the last value is fully processed.
         rate_hz: ticks per second.
 
     Raises:
-        ConfigError: the key is no text.
+        ConfigError: the key is not a string.
     """
 
     def __init__(
@@ -140,19 +140,19 @@ class TextReplayer(Loop):
 
 
 class ReplayerLoopFactory(LoopFactory):
-    """Stores the pages of a recording or a trace again, at the times at which they were stored.
+    """Factory of a loop that stores the pages of a recording or a trace again, at their original times.
 
-    They keep origin, time stamp and order. In lock step each comes at exactly its time since its run began, however
-    odd; on the wall clock as soon after it as threads allow. What a second start added to a recording comes after what
-    the first one wrote. What follows from pages (answers, commands) is made anew by the node, so bring in its inputs
-    only: the pages that came from sensors, links and people.
+    They keep origin, time stamp and order. In lock step each is stored at exactly its time since the start of its run;
+    on the wall clock as soon after it as threads allow. Pages that a second start appended to a recording follow those
+    of the first. The node computes derived pages (results, commands) again, so replay its inputs only: the pages that
+    came from sensors, links and people.
 
     Args:
         file: a recording, or the trace.jsonl of a run.
-        exit: ends the node when all has been made of the last page.
-        keys: of the pages wanted; all if not given.
-        node: whose pages, of a trace of several nodes; all if not given.
-        name: of the loop; give each replayer of a node its own.
+        exit: whether to end the node once the last page is fully processed.
+        keys: of the pages to replay; all by default.
+        node: whose pages to replay from a trace of several nodes; all by default.
+        name: of the loop; unique among the replayers of a node.
     """
 
     def __init__(

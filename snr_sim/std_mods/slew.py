@@ -40,10 +40,10 @@ class SlewLimit:
         self.values = list(self._start)
 
     def update(self, wanted: Sequence[float], dt_s: float) -> list[float]:
-        """Return the values for now, closer to those that are wanted.
+        """Return the values for this time step, moved towards the targets.
 
         Raises:
-            ParameterError: there are more or fewer of them than before, one is not finite, or time goes back.
+            ParameterError: the number of values changes, one is not finite, or dt_s is negative.
         """
         if len(wanted) != len(self.values) or not (math.isfinite(ordered_sum(wanted)) and dt_s >= 0.0):
             raise ParameterError(

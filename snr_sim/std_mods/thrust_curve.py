@@ -14,15 +14,15 @@ from snr_sim.prelude.errors import ParameterError
 
 
 class ThrustCurve:
-    """Measured pairs of pulse and force, and straight lines between them.
+    """Thrust curve: measured pairs of pulse and force with linear interpolation.
 
     Args:
-        pulses_us: rising.
-        forces_n: for each; rising too, but for zeros in the dead band, which is somewhere within.
-        stop_us: pulse for no force; in the dead band.
+        pulses_us: increasing.
+        forces_n: one for each pulse; increasing, but for zeros in the dead band, which is not at either end.
+        stop_us: pulse for zero force, within the dead band.
 
     Raises:
-        ParameterError: the pairs are no such curve.
+        ParameterError: the pairs do not form such a curve.
 
     >>> curve = ThrustCurve([1100.0, 1470.0, 1530.0, 1900.0], [-40.0, 0.0, 0.0, 50.0])
     >>> curve.pulse_us(25.0), curve.pulse_us(0.0), curve.pulse_us(-0.4), curve.pulse_us(999.0)
@@ -55,7 +55,7 @@ class ThrustCurve:
         return self._forces[0], self._forces[-1]
 
     def pulse_us(self, force_n: float) -> float:
-        """Return the pulse that gives a force; that of full thrust, if more is wanted than there is.
+        """Return the pulse that produces a force; beyond the curve, the pulse of full thrust.
 
         Raises:
             ParameterError: the force is NaN.
