@@ -1,4 +1,4 @@
-"""Arguments and options that several verbs take, and how their words are read."""
+"""Arguments and options that several verbs share, and their parsers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WithRrd = Annotated[bool, typer.Option("--rrd/--no-rrd", help="Write view.rrd at
 
 
 def finite_number(text: str) -> float | None:
-    """Return the number that a text says, or None if it is none, or not a finite one.
+    """Return the number in a text, or None if it is not a finite number.
 
     >>> finite_number("2.5"), finite_number("inf"), finite_number("soon")
     (2.5, None, None)

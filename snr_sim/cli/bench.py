@@ -1,8 +1,8 @@
-"""`snr bench`: measures how fast the kit is here, and sets it beside what it is meant to be.
+"""`snr bench`: measures the speed of snr_sim on this machine and compares it with the targets.
 
-The measuring is done by the files in `tests/bench`, each in a process of its own, so that none warms up or slows down
-the next. They print one row of JSON at a time; this puts the rows into a table. What one of them needs and is not here
-is named and skipped; one that fails is named, and the others are measured all the same.
+The files in `tests/bench` measure, each in a process of its own, so that none warms up or slows down the next. They
+print rows of JSON, which this module formats as a table. A benchmark whose dependencies are missing is reported and
+skipped; one that fails is reported, and the others run all the same.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def _folder() -> Path:
     """Return the benchmarks' folder.
 
     Raises:
-        UnknownName: this is no checkout.
+        UnknownName: this is not a checkout of the project.
     """
     from snr_sim.prelude.errors import UnknownName
 
@@ -160,7 +160,7 @@ def machine() -> dict[str, Any]:
 
 
 def _cpu_model() -> str:
-    """Return the processor's name; Linux tells it in a file, and elsewhere Python knows what there is to know."""
+    """Return the processor's name: from /proc/cpuinfo on Linux, elsewhere from Python's `platform`."""
     import platform
 
     try:
@@ -211,7 +211,7 @@ def _table(rows: list[Row]) -> Table:
 
 
 def _target(row: Row) -> str:
-    """Return a row's targets in words.
+    """Return a row's targets as text.
 
     >>> _target({"limit": 0.6, "unit": "us", "more_is_better": False, "ratio_limit": 5.0})
     '<= 0.6 us, <= 5 x'

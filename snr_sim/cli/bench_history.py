@@ -18,7 +18,7 @@ Result = dict[str, Any]
 
 
 def read_history(path: Path) -> list[Result]:
-    """Return the results in a history file, oldest first; a line that is cut or is none is left out."""
+    """Return the results in a history file, oldest first; a truncated or invalid line is skipped."""
     results = []
     for line in path.read_text(errors="replace").splitlines() if path.is_file() else []:
         try:

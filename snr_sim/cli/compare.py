@@ -60,7 +60,7 @@ def compare(
         print_remarks(trace, before=f"{trace.path.parent}: ")
     shift_s = _shift_s(shift, traces)
     comparison = compare_runs(traces[0], traces[1], node, shift_s, (begin_s, end_s))
-    shown(comparison, signal)  # a name that is not there is said before anything is written
+    shown(comparison, signal)  # raises for an unknown name before anything is written
     if png:
         _draw(comparison, traces[0], png, signal)
     if rrd:

@@ -1,4 +1,4 @@
-"""`snr doctor`: what works on this machine, what is missing, and the command that mends it."""
+"""`snr doctor`: what works on this machine, what is missing, and the command that fixes it."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ _WORDS = {"serial": "serial port", "i2c": "I2C bus", "pwm": "PWM chip"}
 
 
 def wires(machine: Machine, io: Io | None) -> Iterator[Finding]:
-    """Yield what there is. Nothing is missed that nobody asked for: a laptop needs no ports."""
+    """Yield the devices that are present. Only requested devices count as missing: a laptop needs no ports."""
     needed = NEEDS.get(io.kind, "") if io is not None else ""
     if machine.is_pi:
         yield Finding(True, machine.model)

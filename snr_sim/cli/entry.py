@@ -1,4 +1,4 @@
-"""Where the program `snr` begins: before anything slow is imported, so that a signal finds somebody to answer it."""
+"""Entry point of the program `snr`: handles signals before any slow import."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _THREADS_S = 0.5  # that threads have to end before they are named
 
 
 def main() -> None:
-    """Run the command line. A signal while it is still being imported ends it as one does later: in a word."""
+    """Run the command line. A signal during its import ends it as a later one does: with one word of output."""
     open_closed_streams()
     stopping.interrupt_at_signals()
     ending = Ending()

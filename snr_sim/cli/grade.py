@@ -167,7 +167,7 @@ def _say(words: str) -> None:
 
 @contextmanager
 def _progress(total: int) -> Iterator[Callable[[Graded, bool], None]]:
-    """Yield what is to be told of each result: a bar on a terminal, nothing in a pipe."""
+    """Yield a function that reports each result: with a progress bar on a terminal, not at all in a pipe."""
     if not sys.stderr.isatty():
         yield lambda graded, was_there: None
         return

@@ -21,7 +21,7 @@ def snr(*words: object, folder: str | Path = ".") -> int:
         text=True,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
-        env={**os.environ, "NO_COLOR": "1", "COLUMNS": "110"},  # a notebook is no terminal, but nearly as wide
+        env={**os.environ, "NO_COLOR": "1", "COLUMNS": "110"},  # a notebook is not a terminal, but nearly as wide
     )
     print(done.stdout.replace(f"{folder}/", ""), end="")
     return done.returncode

@@ -70,10 +70,10 @@ def io(
 
 
 def _confirm(name: str, io: str) -> None:
-    """Ask for what nobody types by accident.
+    """Ask for a text that a user does not type by accident.
 
     Raises:
-        ParameterError: something else was typed.
+        ParameterError: another text was typed.
     """
     from snr_sim.devices.pwm.nudge import WHOLE_S, top_us
     from snr_sim.prelude.errors import ParameterError
@@ -179,7 +179,7 @@ def _all(bench: Bench) -> list[Opened]:
 
 
 def _told(one: Opened, now_s: float) -> tuple[str, str, str, str, str]:
-    """Return state, values, age, reason and count in words."""
+    """Return state, values, age, reason and count as text."""
     from snr_sim.scenario.device_bench import fields_of
 
     fields = fields_of(one, now_s)

@@ -70,7 +70,7 @@ def _run() -> Any:
     try:
         return _command()(prog_name="snr", standalone_mode=False)
     finally:
-        sys.stdout.flush()  # here, where we can answer if nobody listens any more
+        sys.stdout.flush()  # here, where a closed pipe can still be handled
 
 
 def _answer(error: BaseException) -> None:
@@ -96,7 +96,7 @@ def _answer(error: BaseException) -> None:
 
 
 def _number_wanted(error: Any, said: str) -> str:
-    """Return what is wrong with an option that takes a number in our words; of other errors typer's own."""
+    """Return snr_sim's message for an invalid number in an option; for other errors, typer's message."""
     parameter = getattr(error, "param", None)
     wanted = next((ours for theirs, ours in _NUMBERS.items() if theirs in said), None)
     for before, word in zip(sys.argv, [*sys.argv[1:], ""], strict=True):

@@ -1,4 +1,4 @@
-"""The run that a verb looks at if none was named: the newest one in runs/, and which that is is said."""
+"""The default run of verbs that take one: the newest in runs/, whose name is printed."""
 
 from __future__ import annotations
 

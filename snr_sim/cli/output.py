@@ -23,7 +23,7 @@ def print_json(fields: dict[str, Any]) -> None:
 
 
 def print_note(text: str) -> None:
-    """Print what a user should know beside the answer."""
+    """Print a note to the user in addition to the result."""
     print(f"note: {text}", file=sys.stderr, flush=True)
 
 
@@ -80,7 +80,7 @@ class _Lent(io.TextIOBase):
         self._target.flush()
 
     def close(self) -> None:
-        """Leave everything open: the stream is only lent."""
+        """Leave the stream open: its owner closes it."""
 
     def fileno(self) -> int:
         """Return the descriptor, as some libraries ask for it."""

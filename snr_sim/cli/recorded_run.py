@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from snr_sim.scenario.role_run import RoleRun, World
     from snr_sim.scenario.simulation import Request, Simulation
 
-QUIET_STALL_LIMIT_S = 60.0  # with --json: nobody reads that it stands still
+QUIET_STALL_LIMIT_S = 60.0  # with --json, where no user reads the warning about a stalled run
 SLOW_S = 2.0  # from when on a fast run shows how far it is
 Shown = Literal["", "window", "browser"]  # where a run is shown
 
@@ -90,7 +90,7 @@ def record_run(
             else:
                 assert plant is not None  # only a role that runs by itself may be without one
                 flight = Flight(simulation, plant, config, recorder, pace, tick)
-            if world is not None or simulation.has_wires:  # what moves for real goes on without its recording
+            if world is not None or simulation.has_wires:  # a real robot continues without its recording
                 recorder.fail_softly(flight.nodes)
             # From here on a signal ends the run in order, and the files are finished, also if it comes after the run.
             signals = stack.enter_context(orderly(flight.nodes))
@@ -158,10 +158,10 @@ def _run_to_end(flight: Flight | RoleRun, signals: list[str], recorder: TraceWri
 
 
 def _stall_limit_s(asked_s: float | None, is_quiet: bool) -> float:
-    """Return how long a run may stand still [s].
+    """Return how long a run may stall [s].
 
     Raises:
-        ParameterError: that is no time.
+        ParameterError: the time is not valid.
     """
     if asked_s is None:
         return QUIET_STALL_LIMIT_S if is_quiet else math.inf
@@ -173,7 +173,7 @@ def _stall_limit_s(asked_s: float | None, is_quiet: bool) -> float:
 
 
 def _pace_with_hands(config: Config, roles: list[str], pace: float | None) -> float | None:
-    """Return the pace: if a person steers and asked for none, that of the wall clock, and that is said."""
+    """Return the pace; if a person steers and gave no pace, that of the wall clock, with a note."""
     from snr_sim.devices.pad import PadLoopFactory
 
     has_hands = any(isinstance(factory, PadLoopFactory) for role in roles for factory in config.get(role))
@@ -184,7 +184,7 @@ def _pace_with_hands(config: Config, roles: list[str], pace: float | None) -> fl
 
 
 def _keep_result(folder: Path, fields: dict[str, Any], result: Result) -> None:
-    """Write result.json; without room for it the run still counts, and that is said."""
+    """Write result.json; if the disk is full the run still counts, with a note."""
     from snr_sim.prelude.errors import TraceError
     from snr_sim.recording.folder import write_result
 

@@ -106,7 +106,7 @@ def _replay(
 
 
 def _config(trace: Trace, plan: ReplayFiles, with_file: str) -> tuple[Any, list[str]]:
-    """Return the wiring to replay with, and what is to be said about it."""
+    """Return the configuration to replay with, and notes about it."""
     from dataclasses import replace
 
     from snr_sim.scenario.library import OPTION_FILE, hashes_of_files

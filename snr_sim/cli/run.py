@@ -86,7 +86,7 @@ def run(
 
 
 def _say_whence(context: typer.Context, io: str) -> None:
-    """Say that real outputs will move, if nobody has just typed so: a variable may have been set days ago."""
+    """Warn that real outputs will move if `--io` was not typed: the variable may have been set days ago."""
     from snr_sim.prelude.io import ENVIRONMENT, parse_io
 
     source = context.get_parameter_source("io")

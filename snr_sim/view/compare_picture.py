@@ -23,10 +23,10 @@ DIFFERENCE_COLOR = 2
 
 
 def shown(comparison: Comparison, names: Sequence[str] = ()) -> list[Compared]:
-    """Return the signals to draw: those asked for, or of each page the one that tells most, commands first.
+    """Return the signals to draw: those asked for, or the most significant one of each page, commands first.
 
     Raises:
-        UnknownName: a signal that is asked for is not there.
+        UnknownName: a signal that is asked for does not exist.
     """
     by_name = {one.name: one for one in comparison.signals}
     if names:
@@ -112,7 +112,7 @@ def _plots(one: Compared) -> list[Plot]:
 
 
 def _channel(one: Compared) -> tuple[int, tuple[str, ...]]:
-    """Return which number of a list tells most, and what to call it: by its index."""
+    """Return the index of the most significant number of a list, and its label: the index."""
     if one.channel is not None:
         return 0, (str(one.channel),)
     if one.difference.shape[1] == 1:

@@ -1,14 +1,14 @@
-"""One picture that tells a whole run: the body at several moments of its way over the ground, and plots beside it.
+"""Summary picture of a run: the body at several moments of its path over the ground, with plots on the right.
 
-Bodies are seen from the south, in the x-z plane. One that only rises and falls is spread out along time; one
-under water is also seen from above.
-Everything comes from the header's scene and the true states of the trace, so any plant can have its picture taken.
+Bodies are drawn from the south, in the x-z plane. A body that only rises and falls is spread out along time; one
+under water is also drawn from above.
+All data come from the header's scene and the true states of the trace, so this works for any plant.
 
-    picture_flight.py    what is shown          picture_moments.py      what happened, in words
-    picture_layout.py    where it lies on the sheet
+    picture_flight.py    data to draw           picture_moments.py      events, as text
+    picture_layout.py    layout of the sheet
     picture_scene.py     a flight               picture_bodies.py       bodies and flames
-    picture_dive.py      a dive                 picture_water.py        what it swims in
-    picture_plots.py     the plots beside it    picture_dive_plots.py   which ones a dive has
+    picture_dive.py      a dive                 picture_water.py        the water around it
+    picture_plots.py     the plots              picture_dive_plots.py   the plots of a dive
     picture_sheet.py     the sheet: matplotlib
 """
 
@@ -56,15 +56,15 @@ def draw_run(
         header: of the trace.
         records: of the trace.
         path: of the file to write.
-        outcome: how it ended, in a word; without it, the reason that the node gave.
-        touchdown: the judged one, number by name with unit, as in result.json; only that is told in words.
-        success: whether the criterion was met; None if nobody said.
-        measured: what the scenario measured, by name with unit; told of a dive.
-        why: what the scenario had to say of it; told of a dive in the place of what it measured.
+        outcome: one word; by default, the reason that the node gave for its end.
+        touchdown: the evaluated one, number by name with unit, as in result.json; no other is described.
+        success: whether the criterion was met; None if unknown.
+        measured: what the scenario measured, by name with unit; shown for a dive.
+        why: the scenario's comment on the result; shown for a dive instead of `measured`.
 
     Raises:
         MissingExtra: matplotlib is not installed.
-        TraceError: the trace has no true states, as one from a real robot.
+        TraceError: the trace has no true states, such as one from a real robot.
     """
     batch, kept = Batch(), list(records)
     batch.extend(kept)

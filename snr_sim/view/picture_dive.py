@@ -1,6 +1,6 @@
-"""Draws the scene of a dive: from above and from the south, the one that tells more is larger.
+"""Drawing of the scene of a dive, from above and from the south; the view with more motion is larger.
 
-Numbers in circles stand where something happened; the words for them are below the scene.
+Numbers in circles mark the positions of events, which are described below the scene.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ LOAD: Rgb = (196, 150, 90)
 SURFACE_SHOWN_M = 4.0  # a way that comes as near to the surface is shown together with it
 NEAR_M = 5.0  # so near to the way, gates and the place that holds the tether are shown with it
 ENLARGED = 2.0  # at most, or it would not fit through its gates
-MAIN_SHARE = 0.62  # of the height, for the view that tells more
+MAIN_SHARE = 0.62  # of the height, for the larger view
 AIR_SHARE = 0.16  # of the height, over the surface
 BETWEEN = 24.0  # points between the two views
 ROW, COLUMNS = 14.0, 3  # of the words below
@@ -71,7 +71,7 @@ class _View:
         self.flight, self.bodies, self.statics = flight, header.scene["bodies"], header.scene["statics"]
         self.tethers: dict[str, dict[str, Any]] = header.scene.get("tethers", {})
         self.main = next(iter(flight.poses))
-        feet = flight.poses[self.main][:, :3]  # what swims stands on nothing
+        feet = flight.poses[self.main][:, :3]  # an underwater body has no legs
         seen = np.concatenate([feet, *self._near(feet)])
         if not is_above and feet[:, 2].max() > -SURFACE_SHOWN_M:
             seen = np.concatenate([seen, [[feet[0, 0], feet[0, 1], 0.0]]])

@@ -1,4 +1,4 @@
-"""The plots beside a dive: what it did and what was wanted of it, in metres, degrees and metres per second."""
+"""The plots of a dive: its motion and the setpoints, in metres, degrees and metres per second."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from snr_sim.view.picture_moments import broken
 from snr_sim.view.picture_plots import Plot
 
 WANTED = ("vehicle", "controls")  # keys of pages that say what is held; the first that does so counts
-GAP_S = 1.0  # for so long a number that is not told does not hold
+GAP_S = 1.0  # a number that was not stored for this long no longer holds
 DEPTH_M, ANGLE_DEG, SPEED_MPS, PLACE_M = 0.5, 10.0, 0.1, 0.5  # spans that noise must not fill
 
 
@@ -68,7 +68,7 @@ def _mean_push(flight: Flight, names: list[str], are_meant: bool) -> Floats:
 
 
 def _wanted(told: list[Series], name: str) -> list[tuple[str, Floats, Floats]]:
-    """Return the line of what was wanted, with a hole where nothing was."""
+    """Return the line of the setpoint, with a gap where there was none."""
     for key in WANTED:
         for series in told:
             if series.path == (key, name):

@@ -45,7 +45,7 @@ class Camera:
             self.scale = width * (1.0 - 1.15 * margin) / spread_along
         else:
             self.z_scale = self.scale = min(self.z_scale, width * (1.0 - 1.6 * margin) / spread_along)
-        room_m = 0.15 * margin * width / self.scale  # on the right, for the time beside the last body
+        room_m = 0.15 * margin * width / self.scale  # on the right, for the time next to the last body
         self.middle = float(along.min() + along.max()) / 2 + room_m
         self.low_z = float(heights.min()) - GROUND_SHARE * height / self.z_scale
 
@@ -141,10 +141,10 @@ def moments_of(way: Floats, apart: float) -> list[int]:
 
 
 class Labels:
-    """Finds a free place for each label: beside what it names, over no body and no other label.
+    """Placement of labels: each next to the object that it names, without hiding bodies or other labels.
 
     Args:
-        bodies: middles of what must not be hidden.
+        bodies: centres of the bodies.
         radius: of each of them.
         area: that labels stay within.
     """

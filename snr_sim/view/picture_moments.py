@@ -1,4 +1,4 @@
-"""What happened in a run, and when, in words: from its true numbers and from pages that say how things stand."""
+"""Events of a run with their times, as text: from its true states and from pages that report states."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from snr_sim.recording.columns import BROKEN, Batch
 from snr_sim.view.picture_flight import NEWTONS_PER_MPS, Flight
 
-STATES = ("rules",)  # a field of such a name says in a word what a robot is doing
+STATES = ("rules",)  # a field with this name is the robot's state, one word
 FLAGS = {"is_low": "battery low"}  # and one of such a name, by yes, what has come over it
 MOMENTS_MAX = 6
 SPEED_MPS = 0.02  # by which a current must change to be worth a word
@@ -34,7 +34,7 @@ def moments_of_run(flight: Flight, statics: Mapping[str, Any], batch: Batch) -> 
     gates = [shape for shape in statics.values() if is_gate(shape)]
     by_plant = [*_in_truth(flight), *_of_current(flight), *_through(gates, flight)]
     found = [*by_plant, *_of_links(batch), *_of_flags(batch), *_of_states(batch)]
-    return sorted(found, key=lambda moment: moment.time_s)[:MOMENTS_MAX]  # of what is told at once, the cause first
+    return sorted(found, key=lambda moment: moment.time_s)[:MOMENTS_MAX]  # of simultaneous ones, the cause first
 
 
 def broken(values: dict[str, float]) -> list[str]:
@@ -89,7 +89,7 @@ def _of_links(batch: Batch) -> Iterator[Moment]:
     said: set[tuple[bool, int]] = set()
     for _, series in batch.page_values():
         if series.path[0].startswith("link_") and series.path[1:] == ("up",):
-            was_lost = False  # it is no news that there is a link
+            was_lost = False  # the first connection is not an event
             for time_s, _, is_up in _steps(series.when.t_s.tolist(), series.values.tolist()):
                 was_lost = was_lost or not is_up
                 if was_lost and (bool(is_up), round(time_s)) not in said:  # both ends notice, one of them is enough

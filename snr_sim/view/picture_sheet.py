@@ -23,7 +23,7 @@ Floats: TypeAlias = NDArray[np.float64]
 Area: TypeAlias = tuple[float, float, float, float]  # left, top, right, bottom
 
 PIXELS_PER_POINT = 2  # sharp on a screen of twice the usual resolution
-COLORS_KEPT = 128  # a palette makes the file a quarter as large, and nobody sees it
+COLORS_KEPT = 128  # a palette reduces the file to a quarter without a visible difference
 SEAM = 0.35  # width of the edge of a face: without one the background shines through between two smoothed faces
 
 INK: Rgb = (240, 242, 246)
@@ -33,7 +33,7 @@ GRID: Rgb = (44, 51, 68)
 BACKGROUND: Rgb = (20, 24, 36)
 EVENT: Rgb = (255, 200, 80)
 
-# How texts and axes look. What is not named here is as matplotlib has it by default, whatever the user's own style.
+# Style of texts and axes. Everything else has matplotlib's defaults, regardless of the user's own style.
 STYLE: Any = {
     "font.family": "DejaVu Sans",  # comes with matplotlib, so a picture has the same letters everywhere
     "text.parse_math": False,  # a dollar sign in a name is a dollar sign
@@ -105,9 +105,9 @@ class Sheet:
         """Return axes without ticks.
 
         Args:
-            area: of the sheet, without what is written beside it.
+            area: on the sheet, without the labels around it.
             across, up: values at left and right edge, and at lower and upper edge.
-            rgb: colour behind it.
+            rgb: background colour.
         """
         left, top, right, bottom = area
         wide, high = self.width, self.height
@@ -140,12 +140,12 @@ class Sheet:
         """Write a line of text.
 
         Args:
-            at: where.
-            words: what.
+            at: position.
+            words: the text.
             size: of the letters.
             rgb: of the letters.
-            anchor: which point of the text stands there: 'lt' left top, 'rm' right middle, ...
-            options: more that `Figure.text` takes.
+            anchor: the point of the text at that position: 'lt' left top, 'rm' right middle, ...
+            options: further arguments of `Figure.text`.
         """
         ha, va = ALIGNED[anchor[0]], "top" if anchor[1] == "t" else "center_baseline"
         self.figure.text(*at, words, size=size, color=color(rgb), ha=ha, va=va, transform=self._points, **options)

@@ -1,4 +1,4 @@
-"""What a vehicle swims in: the water and its edges, gates and marks, the tether, and where the water goes."""
+"""Surroundings of an underwater vehicle: the water and its edges, gates and marks, the tether, and the current."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def _marks(camera: Camera, statics: Mapping[str, Any]) -> list[Part]:
 
 
 def gate_parts(camera: Camera, statics: Mapping[str, Any], is_above: bool) -> list[Part]:
-    """Return lines that stand in the water; and on a map also the level ones around it.
+    """Return the upright lines in the water; on a map also the level ones around it.
 
     From the south a level line such as the pool's edge would look like another surface.
     """

@@ -41,7 +41,7 @@ from snr_sim.view.view_writer import Divergences, Writer, title_of
 # A view is as long as its trace to half as long again, more for a short run: see `_whole_file`.
 MAX_VIEW_SHARE = 3
 MIN_VIEW_BYTES = 1_000_000
-LIVE_PATIENCE_S = 5.0  # with a live view that takes nothing; rerun's own is for ever
+LIVE_PATIENCE_S = 5.0  # for a live view that does not read; rerun itself has no timeout
 
 
 def write_view(header: Header, records: Iterable[Record], path: Path, trace_bytes: int) -> None:
@@ -121,7 +121,7 @@ def write_comparison(
 
 
 class LiveView:
-    """A view that grows while the run goes on; viewers connect to `url`, from this machine only.
+    """View of a run in progress; viewers connect to `url`, from this machine only.
 
     Args:
         header: of the run.
@@ -156,7 +156,7 @@ class LiveView:
     def close(self) -> None:
         """Send the rest and end the server; safe to call twice."""
         if self._shown >= 0:
-            with contextlib.suppress(Exception):  # what fails here has failed before, and was said
+            with contextlib.suppress(Exception):  # a failure here has occurred before and was reported
                 self.flush()
             self._shown = -1
             self._stream.disconnect()
@@ -164,10 +164,10 @@ class LiveView:
 
 @contextlib.contextmanager
 def _whole_file(path: Path, trace_bytes: int) -> Iterator[Path]:
-    """Give the name of a file that takes its place when it is whole: nobody who interrupts this leaves half a view.
+    """Yield a temporary file name that is renamed at the end, so an interruption does not leave half a view.
 
     Raises:
-        TraceError: the disk has no room for it, or it cannot be written.
+        TraceError: the disk is full, or the file cannot be written.
     """
     part = path.with_name(f"part-{path.name}")
     try:

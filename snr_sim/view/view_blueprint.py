@@ -40,8 +40,8 @@ UNITS_NOT_PLOTTED = ("s",)  # stamps: a straight line for each sensor, and nothi
 PLOTS_BESIDE_MAX = 4
 NARROW = 1.6  # the view of the whole way is so much higher than wide
 
-# Chosen to be told apart on white and on black, since the viewer follows the student's system. Beliefs are broad and
-# pale: truth is drawn on top of them as a thin line, so that noise and lag can be seen as what sticks out.
+# Distinguishable on white and on black, since the viewer follows the system's theme. Estimates are broad and pale, and
+# truth is drawn on top of them as a thin line, so that noise and lag show at its sides.
 TRUTH_COLORS = ((40, 100, 220, 255), (205, 45, 135, 255), (110, 110, 120, 255), (0, 140, 120, 255))
 BELIEF_COLORS = (
     (245, 165, 80, 255),
@@ -83,18 +83,18 @@ class Layout:
 
     Args:
         title: of the run.
-        roots: '' or, when two runs lie side by side, such as '/recorded' and '/replayed'.
+        roots: '' or, for two runs side by side, two such as '/recorded' and '/replayed'.
         bodies: entities of the first body of each run.
-        cameras: entities that go along with them.
+        cameras: entities that move with them.
         low_m, high_m: corners of the box in which bodies moved.
-        landmarks: corners of what stands in the world and has a name.
+        landmarks: corners of named objects in the world.
         body_size_m: longest edge of the largest body.
-        is_in_water: whether there is a surface of water.
+        is_in_water: whether there is a water surface.
         contents: entities of pages as text, one for each node.
-        images: entities of pictures that a camera took.
-        changed_flags: entities of what was not always yes, nor always no.
+        images: entities of camera images.
+        changed_flags: entities of flags that changed during the run.
         end_s: time of the last number.
-        has_divergences: whether it is marked where two runs differ.
+        has_divergences: whether differences between two runs are marked.
     """
 
     title: str
@@ -221,8 +221,8 @@ def blueprint(rrb: Any, layout: Layout, follow_time: bool = False) -> Any:
 
     Args:
         rrb: the module rerun.blueprint; this file does not import it.
-        layout: what there is to show.
-        follow_time: whether the view stays with the newest data, as for a run that goes on.
+        layout: content of the view.
+        follow_time: whether the view stays with the newest data, as for a run in progress.
     """
     left: list[Any] = []
     if layout.bodies:
@@ -316,7 +316,7 @@ def _logs(rrb: Any, layout: Layout) -> Any:
 
 
 def _marks(layout: Layout, lines: Sequence[Line]) -> list[str]:
-    """Mark stand at 0, so they belong where 0 is in the picture anyway: not in a plot of fuel."""
+    """Return the marks to draw in a plot. Marks are at 0, so they fit only plots that include 0: not one of fuel."""
     return ["+ /divergences/marks"] if layout.has_divergences and lines[0].unit != "kg" else []
 
 

@@ -1,7 +1,7 @@
-"""What the page of a link says, made readable: counts become rates, seconds milliseconds, each in a plot of its own.
+"""Plots of a link's page: counts are converted to rates and seconds to milliseconds, each in its own plot.
 
-A link tells how many pages it has sent since it began; beside a yes or no, such a count hides all else in a plot. The
-numbers as they were told are in the view, too.
+A link reports how many pages it has sent since its start; in one plot with a flag, such a count hides everything else.
+The original numbers are in the view, too.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ COUNTED = ("sent", "received", "dropped")
 
 
 class Report(NamedTuple):
-    """Something that a link tells.
+    """One quantity that a link reports.
 
     Args:
-        name: what.
-        plot: in which plot it belongs.
+        name: of the quantity.
+        plot: that shows it.
         series: the numbers; None if they are those of the page.
     """
 

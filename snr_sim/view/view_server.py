@@ -48,7 +48,7 @@ def open_view(path: str | Path, web: bool = False, say: Callable[[str], None] | 
     Args:
         path: of a view.rrd.
         web: whether to show it in the browser instead of in a window.
-        say: is told what to do, and at which address; without it, that is printed.
+        say: receives instructions for the user, with the address; by default they are printed.
 
     Raises:
         MissingExtra: rerun is not installed.
@@ -71,11 +71,11 @@ def open_view(path: str | Path, web: bool = False, say: Callable[[str], None] | 
 
 @contextmanager
 def live_window(url: str, say: Callable[[str], None]) -> Iterator[None]:
-    """Show a `LiveView` in rerun's own window, which stays open; at the end of the block it says if it has failed.
+    """Show a `LiveView` in rerun's own window, which stays open; report at the end of the block if it has failed.
 
     Args:
         url: of the live view.
-        say: is told so.
+        say: receives that report.
     """
     with tempfile.TemporaryFile() as words:
         process = _window(["--connect", url], words)
@@ -234,7 +234,7 @@ def _wait_until_it_answers(process: subprocess.Popen[bytes], port: int) -> None:
 
 
 def free_port() -> int:
-    """Return a port that nobody listens on."""
+    """Return a free TCP port."""
     with socket.socket() as probe:
         probe.bind((LOOPBACK, 0))
         return int(probe.getsockname()[1])

@@ -30,16 +30,16 @@ SHEET_RGBA = (90, 170, 225, 70)  # of a surface of water
 SLACK_RGB, TAUT_RGB = (236, 214, 110), (255, 70, 60)
 HARD_PULL_N = 20.0  # at which a tether has the colour of a taut one: half of what a vehicle of its size can push
 LABEL_RISE = 0.5  # from the top of a thing to where its label hangs, as a share of its longest edge
-FLOW = "current"  # the arrow of this name is no force
+FLOW = "current"  # the arrow with this name is a velocity, not a force
 
 
 class World:
-    """Sends the world of one run.
+    """Sender of the world of one run.
 
     Args:
         sender: to the stream.
         scene: of the run's header.
-        layout: is told what there is.
+        layout: receives what the world contains.
     """
 
     def __init__(self, sender: Sender, scene: dict[str, Any], layout: Layout) -> None:
@@ -184,7 +184,7 @@ class World:
             style = rr.Arrows3D.from_fields(**{"radii": rr.Radius.ui_points(3.0), "colors": THRUST_RGB, **look})
             self._sender.log(newtons, style)
         self._longest[is_flow] = max(self._longest[is_flow], float(lengths.max()))
-        pushes = lengths > 0  # a force of nothing is no arrow, not even a dot
+        pushes = lengths > 0  # a zero force is not drawn, not even as a dot
         offsets = np.concatenate(([0], np.cumsum(pushes))).astype(np.int32)
         send, column = self._sender.send, self._sender.vectors
         send(entity, when, [column("Transform3D:translation", arrows[:, :3])])

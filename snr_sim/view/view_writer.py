@@ -133,9 +133,10 @@ class Writer:
         self._send_style(line, color, width)
 
     def _is_plotted(self, parts: tuple[str, ...]) -> bool:
-        """Not what another node has told this one, nor running numbers, nor what links count: they are told otherwise.
+        """Return whether a number is plotted: not pages of other nodes, sequence numbers or counts of links.
 
-        Of two runs side by side, only what drives the actuators: all lines of both would hide where they differ.
+        Those are shown elsewhere. Of two runs side by side only actuator commands are plotted: all lines of both would
+        hide their differences.
         """
         node, _, key, *_ = parts
         if self._root and self._header.commands:
@@ -149,7 +150,7 @@ class Writer:
             self.layout.changed_flags.append(entity)
 
     def _send_reports(self, node: str, entity: str, series: Series) -> None:
-        """Send what a link tells, in plots of its own."""
+        """Send the quantities that a link reports, in separate plots."""
         for report in self._links.of(node, series):
             if report.series is not None:
                 entity = self._sender.entity(node, "links", *report.series.path)
