@@ -1,14 +1,13 @@
-"""Grading: how much of the speed of bare simulations is left by sandbox, pipe, reports and bookkeeping; and its memory.
+"""Grading: the cost of sandbox, pipe, reports and bookkeeping compared with bare simulations; and the grader's memory.
 
-Submissions are copies of a lab's reference. Bare are the same checks on the same cases in two processes that have the
-student's functions in themselves: no sandbox, no pipe, no process per case, nothing written; on a sample of at most 40
-of them, and what a submission takes is compared. The start of Python and its imports count for the grader and not for
-the bare side. Wall time on two cores is what the goal is about and wants a quiet computer. Where there are cgroups, the
-grader is frozen now and then and the next slice of the bare side measured, so that both meet a computer that is now
-faster and now slower; and CPU time is told, too, of everything that the grader starts: on a busy computer only that
-means something.
+Submissions are copies of a lab's reference. The bare side runs the same checks on the same cases in two processes that
+import the student's functions: no sandbox, no pipe, no process per case, no files. It runs a sample of at most 40
+submissions, and the time per submission is compared. The start of Python and its imports count for the grader and not
+for the bare side. The goal is about wall time on two cores, which needs an idle computer. Where there are cgroups, the
+grader is frozen at intervals while a slice of the bare side is measured, so that drifts of the computer's speed affect
+both; the CPU time of everything that the grader starts is reported, too: on a busy computer only that is meaningful.
 
-Run by `snr bench grading`, or with options: ten minutes, and how far it is goes to stderr:
+Run by `snr bench grading`, or with options: ten minutes, with progress on stderr:
 python tests/bench/run.py grading --count 200 [--lab NAME_OR_PATH --reference FOLDER]
 """
 
@@ -107,11 +106,11 @@ def copies(reference: Path, count: int, into: Path) -> list[Path]:
 
 @dataclass(frozen=True)
 class Took:
-    """What it took.
+    """Time and memory of a grading.
 
     Args:
         wall_s: on all cores.
-        cpu_s: of all processes; None where nobody counts it.
+        cpu_s: of all processes; None where it is not measured.
         early_mb, late_mb: memory of the grader with its workers.
     """
 
@@ -194,7 +193,7 @@ class Group:
         return True
 
     def thaw(self) -> None:
-        """Lets it go on."""
+        """Let it continue."""
         if self.folder is not None:
             (self.folder / "cgroup.freeze").write_text("0")
 

@@ -88,7 +88,7 @@ Pulses = list[list[tuple[float, float]]]  # of each channel: when it began [s], 
 
 
 class FarEnd:
-    """A board that says what is needed, at the cost of its words alone: it is no part of what is measured."""
+    """A board with prepared replies. It is not part of the measurement and costs only the transfer of its bytes."""
 
     def __init__(self) -> None:
         self.nth = 0
@@ -314,7 +314,7 @@ def seen_by_another(written: list[tuple[float, bytes]]) -> Pulses:
 
 
 def stood_in_line_s() -> float:
-    """Returns how long this thread was ready to run and had no core; 0 where no kernel tells."""
+    """Return how long this thread was ready to run but had no core; 0 where the kernel does not report it."""
     try:
         return int(Path("/proc/thread-self/schedstat").read_text().split()[1]) * 1e-9
     except OSError:

@@ -72,11 +72,11 @@ def vertical_tick(robot: ModuleType, law: Any, rig: Rig) -> tuple[Tick, Callable
 
 
 class Flight:
-    """One scenario with its own controller, flown with and without a node.
+    """One scenario with its own controller, run with and without a node.
 
     Args:
         scenario: its name.
-        seed: of the start and of all chance.
+        seed: of the start and of all random numbers.
         law: name of the law's class in the controller's file.
     """
 
@@ -86,7 +86,7 @@ class Flight:
         file = self.simulation.scenario
         found = library.find("robots", file.ROBOT)
         self.robot = library.load_robot(found)
-        # The scenario and its controller once more, beside the robot just loaded: one set of classes for all.
+        # The scenario and its controller again, next to the robot just loaded: all share one set of classes.
         file = library.load_scenario(library.find("scenarios", scenario))
         controller = library.load_controller(found, file.CONTROLLER)
         self.simulation = Simulation(self.simulation.request, file, self.robot, controller, [])
@@ -124,10 +124,10 @@ class Flight:
         return fly
 
     def in_node(self, folder: Path | None = None, finish: Callable[[Path], None] | None = None) -> Callable[[], Any]:
-        """Returns what flies it with a node, and then returns the plant.
+        """Return a function that runs the scenario with a node and returns the plant.
 
         Args:
-            folder: the trace goes into a new file in it; None is no trace.
+            folder: for the trace, a new file; None runs without a trace.
             finish: called with the trace's path at the end of the flight, within its time.
         """
         plant = self.simulation.plant()
@@ -175,7 +175,7 @@ def measure(is_quick: bool) -> Iterator[Row]:
 
 
 def measure_pad(folder: Path, rounds: int) -> Iterator[Row]:
-    """Yields the rows of lander_pad: CPU time per simulated second, beside the bare flight's."""
+    """Yield the rows of lander_pad: CPU time per simulated second, compared with the bare flight's."""
     flight = Flight("lander_pad", SEED, "PadLaw")
     check_same(flight, pad_tick, folder)
     sim_s = flight.bare(pad_tick)().time_s

@@ -78,7 +78,7 @@ def vector_steps_of(name: str, count: int, policy: Callable[[Any], Any] | None) 
 
 
 def vectors(is_quick: bool) -> Iterator[Row]:
-    """Measures the vector environments beside the single ones, a row at a time."""
+    """Measure the vector environments against the single ones, a row at a time."""
     for name, count, least_mps, policy, what in (
         ("LanderVertical", 700, 2.0, None, "random actions"),
         ("LanderVertical", 700, None, straight_down, "a policy that lands"),

@@ -1,7 +1,7 @@
-"""Links: how long a page takes to the node of another process and back, and how many go one way.
+"""Links: round-trip time of a page to a node in another process, and one-way throughput.
 
-Beside it, in the same run and in turns, the same bytes through bare TCP, ZeroMQ and Zenoh. Wall time, on loopback. And
-what a shared secret costs: the MAC of a page at each end, and a round trip with it beside one without.
+Compared in the same run and in turns with the same bytes through bare TCP, ZeroMQ and Zenoh. Wall time, on loopback.
+Also the cost of a shared secret: the MAC of a page at each end, and round trips with and without it.
 Run by `snr bench links`.
 """
 

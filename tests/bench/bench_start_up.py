@@ -29,9 +29,9 @@ HELP = [sys.executable, "-m", "snr_sim", "--help"]
 
 
 def wall_time_s(command: list[str], bytecode: Path) -> float:
-    """Returns what one process takes from start to end, with its bytecode kept in a folder.
+    """Return the time of one process from start to end, with its bytecode kept in a folder.
 
-    Python keeps bytecode beside the source unless the environment forbids it; an installation by pip brings it along.
+    Python stores bytecode next to the source unless the environment forbids it; an installation by pip includes it.
     """
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     environment["PYTHONPYCACHEPREFIX"] = str(bytecode)

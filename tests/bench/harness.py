@@ -1,8 +1,8 @@
 """What benchmarks share: a row of the table, and fair ways to measure on a machine whose speed drifts.
 
-A laptop's clock changes by a factor of two within minutes, so a time alone says little. Subject and baseline take turns
-within one process, A B A B, and what counts is the median of the ratios of neighbours; beside it stands the shortest
-time of each. Times are CPU time of all threads of the process, unless a row says otherwise.
+A laptop's clock changes by a factor of two within minutes, so an absolute time means little. Subject and baseline take
+turns within one process, A B A B, and the result is the median of the ratios of neighbours, printed with the shortest
+time of each. Times are CPU time of all threads of the process, unless a row states otherwise.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ LIMIT_S = 60.0  # a far end that has nothing to do for so long ends by itself
 
 
 def free_port() -> int:
-    """Returns a TCP port nobody listens on now."""
+    """Return a TCP port that is free now."""
     with socket.socket() as sock:
         sock.bind((HOST, 0))
         return int(sock.getsockname()[1])
@@ -86,7 +86,7 @@ def zenoh_round_trips_s(payload: bytes, count: int) -> list[float]:
         publisher = session.declare_publisher("ping", express=True)
         with _far_end("zenoh", port):
             give_up_s = time.monotonic() + LIMIT_S
-            while not publisher.matching_status.matching:  # it tells no other way when the far end is there
+            while not publisher.matching_status.matching:  # polled: there is no notification of a connected peer
                 assert time.monotonic() < give_up_s, "the far end has not come"
                 time.sleep(0.01)
             answer = timed(lambda: (publisher.put(payload), subscriber.recv()), count)
@@ -147,7 +147,7 @@ def _far_end(kind: str, port: int) -> FarEnd:
     return FarEnd([sys.executable, __file__, kind, str(port)])
 
 
-# What a page's bytes are sent through, beside the kit's links; those whose package is here.
+# Transports to compare with snr_sim's links; those whose package is installed.
 ROUND_TRIPS: dict[str, Callable[[bytes, int], list[float]]] = {
     name: function
     for name, package, function in (

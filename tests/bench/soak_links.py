@@ -144,7 +144,7 @@ def run(role: str, port: int, most: int) -> dict[str, Any]:
 
 
 def judge(topside: dict[str, Any], robot: dict[str, Any]) -> list[str]:
-    """Returns what is wrong, in words."""
+    """Return what is wrong, as text."""
     wrong = []
     for sender, receiver, way in ((topside, robot, "topside to robot"), (robot, topside, "robot to topside")):
         known = receiver["arrived"] + sender["lost"] + sender["dropped"]

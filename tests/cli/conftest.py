@@ -44,7 +44,7 @@ class Answer:
 
     @property
     def json(self) -> dict[str, Any]:
-        """The one object on stdout; anything beside it is an error."""
+        """The one object on stdout; any other output is an error."""
         fields = json.loads(self.out)
         assert isinstance(fields, dict)
         return fields
@@ -64,7 +64,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def snr(here: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Snr:
-    """Returns a function that calls `snr` with these words."""
+    """Return a function that calls `snr` with the given arguments."""
 
     def call(*words: object) -> Answer:
         capfd.readouterr()

@@ -23,7 +23,7 @@ from snr_sim.scenario.simulation import Request, prepare, request_of
 
 PATIENCE_S = 60.0
 
-# A dive of seconds: the pilot pushes ahead for ever, and it is over when it has pushed and then been still for a while.
+# A dive of a few seconds: the pilot always pushes ahead, and the run ends after a push and then a while without motion.
 DASH = '''
 """Ahead, until nobody is there any more."""
 

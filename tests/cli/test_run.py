@@ -416,7 +416,7 @@ def test_what_hangs_loose_is_said_at_the_end_with_the_nearest_name(snr: Snr, min
     assert "Nobody handled event 'ignite'" in notes
 
 
-# Controllers that misbehave
+# Faulty controllers
 
 MISBEHAVING = [
     "print('altitude')",

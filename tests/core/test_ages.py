@@ -1,4 +1,4 @@
-"""The age of a page by the clock of the node that has it, whoever made it; in doubt it is old."""
+"""The age of a page by the clock of the node that has it, whichever node made it; in doubt it is old."""
 
 import math
 from typing import Any

@@ -398,7 +398,7 @@ def test_the_nodes_rng_inside_a_handler_is_the_components_own() -> None:
     assert [drawn["b"][0], drawn["node"][1]] == expected
 
 
-# Loose ends
+# Diagnostics at the end of a run (`loose_ends`)
 
 
 def notes_of(*factories: Any) -> list[str]:

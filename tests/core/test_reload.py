@@ -1,4 +1,4 @@
-"""Hot reload: new code between two tasks, with the factory's state; whatever is wrong with it, the old code goes on."""
+"""Hot reload: new code between two tasks, with the factory's state; if it fails in any way, the old code continues."""
 
 import hashlib
 import importlib
@@ -49,7 +49,7 @@ PILOT = """
 
 
 class Student:
-    """Somebody who writes files in a folder that Python imports from, and saves them while the robot runs."""
+    """A student who writes files in a folder that Python imports from, and saves them while the robot runs."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder

@@ -1,4 +1,4 @@
-"""A run that stands still or falls behind is told while it does, by a thread that only reads."""
+"""A thread that only reads reports a run that stalls or falls behind, while it does."""
 
 import json
 import subprocess
@@ -35,7 +35,7 @@ class Looks:
         self.watchdog.begin(sys._getframe(1))
 
     def pass_by(self, seconds: float, at_each: Callable[[], object] = lambda: None) -> None:
-        """Lets wall time go by, and has the watchdog look as often as it does."""
+        """Advance the wall time, and let the watchdog poll at its own rate."""
         for _ in range(round(seconds / LOOK_S)):
             at_each()
             self.now_s += LOOK_S
@@ -106,7 +106,7 @@ def test_many_handlers_that_return_at_one_moment_are_no_standstill() -> None:
     node.begin()
     node.run_ready()
     assert not any("has not returned" in said for said in looks[0].told)
-    # but where the time goes is told, once
+    # but the place where the run spends its time is reported, once
     assert sum(f"{SLOW_LOOKS} times in a row: the run spends its time there" in said for said in looks[0].told) == 1
 
 

@@ -8,7 +8,7 @@ from snr_sim.prelude.life_cycle import LifeCycle, SensorLife
 
 
 class Winch(LifeCycle):
-    """Takes down its steps; those named in `fails` raise."""
+    """Records its steps; those named in `fails` raise."""
 
     title = "This winch"
 

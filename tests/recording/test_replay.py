@@ -198,7 +198,7 @@ def test_a_run_that_ended_with_tasks_queued_replays_identically(tmp_path: Path) 
     assert replayed.executed == replayed.recorded
 
 
-# Mutants: a changed robot, and what is to be said about it
+# Mutants: a changed robot, and the expected report
 
 
 class OtherConstant(Robot):
@@ -518,7 +518,7 @@ def test_differences_within_a_tolerance_are_none(recorded: Trace) -> None:
     assert replay(recorded, OtherConstant(), "smooth.depth_m=1e-3", "thrust.*=1%").is_identical
     left = replay(recorded, OtherConstant(), "smooth.depth_m=1e-3")
     assert {one.field for one in left.divergences} == {"thrust.thrust_n"}
-    assert not replay(recorded, SaysNoThrust(), "*=ignore").is_identical  # a missing page is no difference of values
+    assert not replay(recorded, SaysNoThrust(), "*=ignore").is_identical  # a missing page is not a difference of values
 
 
 def test_the_first_command_that_differs_is_known_to_the_seq(recorded: Trace) -> None:

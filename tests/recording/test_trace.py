@@ -524,7 +524,7 @@ def test_a_failure_in_one_of_several_nodes_names_that_nodes_own_task(tmp_path: P
 
 
 def threaded() -> Config:
-    """Loops on threads that get in each other's way, chance, time, and a task that goes on by itself."""
+    """Loops on threads that compete, random numbers, time, and a task that schedules itself."""
 
     def count(task: Any, task_id: Any) -> Any:
         part = made[-1]

@@ -1,4 +1,4 @@
-"""A scenario made ready and run: what is wrong with its files is said, and every run comes to a result."""
+"""Preparing and running a scenario: errors in its files are reported, and every run has a result."""
 
 import json
 import math
@@ -66,7 +66,7 @@ def test_a_scenario_of_the_students_own_runs_like_ours(scenario: Scenario) -> No
     assert by_file.metrics == ours.metrics
 
 
-# What is wrong with its files is said before anything is written
+# Errors in its files are reported before anything is written
 
 
 @pytest.mark.parametrize(

@@ -134,7 +134,7 @@ def test_a_depth_goes_down_with_the_vehicle_and_its_sign_is_in_its_name(tmp_path
         "/truth/depth_m": ([["true -depth"]], [[-1.0]]),
         "/urov/pages/sonar/depth_m": ([["sonar -depth"]], [[-2.0]]),
         "/urov/pages/sonar/distance_m": ([["sonar distance"]], [[4.5]]),
-        "/urov/pages/sonar/depth": ([["sonar depth"]], [[3.0]]),  # nobody knows whether this is one in metres
+        "/urov/pages/sonar/depth": ([["sonar depth"]], [[3.0]]),  # the unit may not be metres
     }
 
 

@@ -1,4 +1,4 @@
-"""A run in a notebook's page: what the frame shows and who serves it, and what is said where there is no viewer."""
+"""A run in a notebook's page: the content of the frame, its server, and the message where there is no viewer."""
 
 from __future__ import annotations
 
