@@ -38,7 +38,7 @@ _STORE_PAGE = TaskType.store_page  # looked up once: in Python 3.11 a member of 
 
 
 class RecordSink(Protocol):
-    """Takes the records of all nodes of a run, in one order: `TraceWriter`.
+    """Receiver of the records of all nodes of a run, in one order: `TraceWriter`.
 
     Attributes:
         seq: number of the newest record.
@@ -171,14 +171,14 @@ class NodeTrace:
 
 
 def process_of(task: Task, handled: Sequence[Handled]) -> bool | None:
-    """Return whether the node stored a page and asked for `process_data` of it, or None if it did something else."""
+    """Return whether the node stored a page and scheduled its `process_data`, or None if it did something else."""
     if not handled or handled[0][0] != CORE_STORES:
         return None
     outputs = handled[0][1]
     if not outputs:
         return False
     is_usual = len(outputs) == 1 and outputs[0].type is _PROCESS_DATA and outputs[0].name == task.name
-    # The page itself, so that its values are those of the page's task: then they need not be written once more.
+    # Compare identity: then the values are those of the page's task and are not written again.
     return True if is_usual and len(task.val_list) == 1 and outputs[0].page is task.page else None
 
 

@@ -33,14 +33,14 @@ Values: TypeAlias = Annotated[
 
 
 class Opening(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="trace"):
-    """The first line: that this is a trace, and where and when it was made. The digest begins after it.
+    """The first line: identifies a trace, and how and when it was made. The digest begins after it.
 
     Args:
         schema: version of this format; a reader refuses others.
         scenario, controller: as requested: a name, or the path of a file; "" if not given.
         started: local time, ISO 8601 with the offset to UTC.
         argv: the command line.
-        hash_seed: what PYTHONHASHSEED was: it decides the order of sets of texts. 'random' where it was not set.
+        hash_seed: value of PYTHONHASHSEED, which determines the order of sets of texts; 'random' if it was not set.
     """
 
     schema: Annotated[int, msgspec.Meta(ge=SCHEMA, le=SCHEMA)]
@@ -57,12 +57,12 @@ class Opening(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field
 
 
 def hash_seed() -> str:
-    """Return what decides the order of sets in this process: a number, or 'random'."""
+    """Return the hash seed, which determines the order of sets in this process: a number, or 'random'."""
     return os.environ.get("PYTHONHASHSEED") or "random"
 
 
 class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="header"):
-    """The second line: what ran, of what version, from which seeds and sources.
+    """The second line: what ran, with which versions, seeds and sources.
 
     Args:
         kit, python, platform, packages: versions of what computed the run.
@@ -144,7 +144,7 @@ class TaskLine(
     """A task that was executed, on the node of its cause; see `TaskRecord`.
 
     Args:
-        t: if it is another than that of the cause.
+        t: only if it differs from that of the cause.
     """
 
     seq: Seq
@@ -160,8 +160,8 @@ class PageLine(
     """A `store_page` task that was executed; see `TaskLine`.
 
     Args:
-        process: what the node itself did first, before all that is in `handled`: it stored the page and asked for
-            `process_data` (true), or only stored it (false). Null: neither, or not in this way, and `handled` is all.
+        process: what the node itself did before everything in `handled`: it stored the page and scheduled
+            `process_data` (true), or only stored it (false). Null: neither, or in another order; `handled` is complete.
     """
 
     seq: Seq
@@ -173,7 +173,7 @@ class PageLine(
 
 
 class _Executed(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What both kinds of tasks have that were executed."""
+    """Common fields of both kinds of executed tasks."""
 
     seq: Seq
     t: float
@@ -190,9 +190,9 @@ class TaskRecord(_Executed, frozen=True, forbid_unknown_fields=True, tag_field="
     """A task that was executed, and what its handlers returned.
 
     Args:
-        cause: seq of the record that brought it: an input, a task, a page, a component's `begin`.
-        nth: its place among all tasks of that record, through all its handlers; the first is 0.
-        handled: by whom, in order; a handler that raised is not among them.
+        cause: seq of the record that contains it: an input, a task, a page, a component's `begin`.
+        nth: its index among all tasks of that record, over all its handlers; the first is 0.
+        handled: one entry per handler, in order; a handler that raised is not among them.
     """
 
 
@@ -277,12 +277,12 @@ def encode_record(record: Opening | Header | Line | Record) -> bytes:
 
 
 def digest_of(data: bytes = b"") -> hashlib.blake2b:
-    """Return the digest of a trace that has taken in these bytes of it; the first line is left out."""
+    """Return the digest object of a trace, updated with these bytes; the first line is not part of it."""
     return hashlib.blake2b(data, digest_size=32)
 
 
 def name_of(asked: str) -> str:
-    """Return the name of a scenario or controller that was asked for by name or as a file.
+    """Return the name of a scenario or controller that was requested by name or as a file.
 
     >>> name_of("pad"), name_of("/home/me/my_pad.py"), name_of("")
     ('pad', 'my_pad', '')

@@ -44,12 +44,12 @@ if TYPE_CHECKING:
 FILE_NAME = "trace.jsonl"
 FLUSH_PERIOD_S = 0.05
 SYNC_PERIOD_S = 1.0
-REPORT_PERIOD_S = 1.0  # of the page that says what is lost
-# What a disk may be behind: minutes of a dive. A run in lock step then waits for it; any other gives up its recording.
+REPORT_PERIOD_S = 1.0  # of the page that reports what is lost
+# Maximum backlog: minutes of a dive. A run in lock step then waits for the disk; any other stops its recording.
 MAX_UNWRITTEN_BYTES = 64_000_000
-ARROW_DIGITS = 4  # behind the point of arrows [m, N]: they are there to be drawn, and would be half of the truth
+ARROW_DIGITS = 4  # decimals of arrows [m, N]: they are only drawn, and would fill half of a truth record
 _PER_UNIT = 10.0**ARROW_DIGITS
-CLOSE_PATIENCE_S = 5.0  # with a disk that takes nothing, when a robot ends that would not wait for it before
+CLOSE_PATIENCE_S = 5.0  # for a disk that hangs, at the end of a run that did not wait for it before
 _SOURCE = "recorder"
 
 _encode = msgspec.json.Encoder().encode
@@ -165,14 +165,14 @@ class TraceWriter:
         """Write what is left and close the file. Safe to call twice.
 
         Raises:
-            TraceError: not everything could be written, and that is not to be survived; see `fail_softly`.
+            TraceError: not everything could be written, and `fail_softly` was not called.
         """
         if self._closing.is_set():
             return
         self._closing.set()
         self._flusher.join(CLOSE_PATIENCE_S if self._survivors else None)
         if self._flusher.is_alive():
-            self._give_up()  # the disk still has the file, and may never give it back
+            self._give_up()  # a system call on the file may still block, and may never return
         else:
             self._flush()
             self._sync()
@@ -183,14 +183,14 @@ class TraceWriter:
             self._check()
 
     def follow(self, follower: Follower) -> None:
-        """Have every record given to a follower, too, on a thread of its own; before the first one."""
+        """Pass every record to a follower, too, on a separate thread; call it before the first record."""
         self._follower = FollowerThread(follower)
 
     def put(self, now_s: float, line: bytes) -> None:
         """Add a line to the trace.
 
         Raises:
-            TraceError: an earlier one could not be written, and that is not to be survived; see `fail_softly`.
+            TraceError: an earlier line could not be written, and `fail_softly` was not called.
         """
         if self._failure is not None:
             if not self._survivors:
@@ -217,7 +217,7 @@ class TraceWriter:
     # What is lost
 
     def _give_up(self) -> None:
-        """Lose what waits for a disk that takes nothing."""
+        """Drop the queued lines if the disk hangs."""
         if self._failure is None:
             self._failure = OSError(errno.ETIMEDOUT, "the disk is too slow, or does not answer")
         lines = self._take()
@@ -225,7 +225,7 @@ class TraceWriter:
             self._lose(lines[0][0], len(lines))
 
     def _lose(self, since_s: float, count: int) -> None:
-        """Count records that do not get into the file."""
+        """Count records that are not written to the file."""
         with self._losing:
             self._lost += count
             self._lost_since_s = min(self._lost_since_s, since_s)
@@ -253,7 +253,7 @@ class TraceWriter:
             self._report()
 
     def _take(self) -> list[tuple[float, bytes]]:
-        """Take what waits; from any thread."""
+        """Take the queued lines; thread-safe."""
         lines = self._lines
         with self._losing:
             taken = [lines.popleft() for _ in range(len(lines))]
@@ -279,7 +279,7 @@ class TraceWriter:
                 self._follower.give([line for _, line in ready])
 
     def _write(self, data: bytes) -> bytes:
-        """Write all of it, or cut the file back to its last whole line and remember the failure.
+        """Write the data, or truncate the file to its last whole line and store the failure.
 
         Returns what was written.
         """
@@ -290,13 +290,13 @@ class TraceWriter:
         except OSError as error:
             self._failure = error
             data = data[: data.rfind(b"\n", 0, len(data) - len(view)) + 1]
-            with suppress(OSError):  # some disks refuse even that; a reader leaves out a last line that is cut
+            with suppress(OSError):  # some disks fail here, too; a reader skips a truncated last line
                 self._file.cut(self._whole_bytes + len(data))
         self._whole_bytes += len(data)
         return data
 
     def _sync(self) -> None:
-        """Bring what was written to the disk; if that fails, all since the last time counts as lost."""
+        """Sync the file to the disk; if that fails, everything since the last sync counts as lost."""
         with self._writing:
             self._sync_due_s = time.monotonic() + SYNC_PERIOD_S
             if not self._unsynced_lines:
@@ -317,5 +317,5 @@ def _rounded(arrow: Sequence[float]) -> list[float]:
     """
     try:
         return [round(number * _PER_UNIT) / _PER_UNIT or 0.0 * number for number in arrow]
-    except (ValueError, OverflowError):  # one is not finite, or soon would not be
+    except (ValueError, OverflowError):  # a number is not finite, or overflows when scaled
         return [round(number, ARROW_DIGITS) for number in arrow]

@@ -1,6 +1,6 @@
 """Parts any robot can use: filters, timers, printers, and the links between nodes.
 
-`from snr_sim.std_mods import *`, as programs of the thesis' time have it, gives what `from snr_sim import *` gives.
+`from snr_sim.std_mods import *`, as in programs for the thesis' library, is the same as `from snr_sim import *`.
 """
 
 from typing import TYPE_CHECKING, Any

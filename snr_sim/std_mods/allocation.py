@@ -41,16 +41,16 @@ class Allotment(NamedTuple):
 
 
 class Allocation:
-    """Thrusters of one vehicle.
+    """Thrust allocation of one vehicle.
 
     Args:
         matrix: six rows (`prelude/wrench.py`), column i is the wrench of thruster i at 1 N.
-        limits_n: least (negative, astern) and most thrust of a thruster; one pair for all of them, or one for each.
-        first: axes that are served before the others get what is left.
-        off: numbers of thrusters that do not work. The others do what they can.
+        limits_n: minimum (negative, astern) and maximum thrust; one pair for all thrusters, or one for each.
+        first: axes with priority; the others get the remaining thrust.
+        off: indices of thrusters that do not work. The others compensate as far as possible.
 
     Raises:
-        ParameterError: the matrix or a limit makes no sense, or no thruster pushes anywhere.
+        ParameterError: the matrix or a limit is invalid, or all thrusters have zero effect.
         UnknownName: `first` names an axis that does not exist.
         MissingExtra: numpy is not installed.
 
@@ -91,11 +91,11 @@ class Allocation:
         self._of_wrench = [[[row[i] for i in group] for row in inverse] for group in self._groups]
 
     def require(self, *axes: str) -> None:
-        """Check that the thrusters can push along or about these axes.
+        """Check that the thrusters can produce a force along or a moment about these axes.
 
         Raises:
-            ParameterError: they cannot; the message names those that lack.
-            UnknownName: there is no such axis.
+            ParameterError: they cannot; the message names the axes that are missing.
+            UnknownName: an axis does not exist.
         """
         for axis in axes:
             _check_axis(axis)
@@ -113,7 +113,7 @@ class Allocation:
             wrench: six numbers, [N] and [N m], body frame.
 
         Raises:
-            ParameterError: it has not six finite numbers.
+            ParameterError: the wrench does not have six finite numbers.
         """
         if len(wrench) != len(AXES) or not math.isfinite(ordered_sum(wrench)):
             raise ParameterError(
@@ -134,7 +134,7 @@ class Allocation:
         return [dot_product(row, thrusts_n) for row in self._given]
 
     def _room(self, thrusts: list[float], more: list[float]) -> float:
-        """Return the greatest share, up to 1, of `more` that can be added to thrusts within all limits."""
+        """Return the largest fraction, up to 1, of `more` that can be added to thrusts within all limits."""
         share = 1.0
         for thrust, extra, (least, most) in zip(thrusts, more, self._limits, strict=True):
             if extra > 0.0 and thrust + share * extra > most:

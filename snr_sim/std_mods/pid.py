@@ -1,11 +1,11 @@
-"""A PID controller: pushes by the error, by how long it has lasted, and against how fast the measurement moves.
+"""A PID controller: proportional to the error, its integral, and the rate of the measurement.
 
     output = feed forward + kp * error + ki * integral of error - kd * rate of the measurement
 
-Two things that a formula does not tell and every robot needs:
-- The derivative is of the measurement, not of the error: a new setpoint must not kick.
-- While the output is at its limit the integral does not grow further into it (anti-windup): otherwise it would have to
-  be emptied again, and the robot would overshoot for as long.
+Two properties that the formula does not show and every robot needs:
+- The derivative is of the measurement, not of the error, so that a new setpoint does not cause a derivative kick.
+- While the output is saturated the integral does not grow further in that direction (anti-windup): otherwise the robot
+  would overshoot until it has shrunk again.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Pid:
         self.reset()
 
     def reset(self, integral: float = 0.0) -> None:
-        """Forget what was; begin with an integral, in units of the output, such as what holds against a weight."""
+        """Reset the state; set the integral, in units of the output, for example to compensate a weight."""
         self.integral = integral
         self._before: float | None = None
         self._rate = 0.0
@@ -91,7 +91,7 @@ class Pid:
         growth = self.ki * error * dt_s
         wanted = pushed + self.integral + growth
         beyond = wanted - self._limited(wanted)
-        if beyond * growth <= 0.0:  # within the limits, or on the way back to them
+        if beyond * growth <= 0.0:  # within the limits, or moving back to them
             self.integral += growth
         return self._limited(pushed + self.integral)
 

@@ -27,19 +27,19 @@ from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 from snr_sim.prelude.values import MARK
 from snr_sim.std_mods.readers import START
 
-_OBJECT = b'"$":"object"'  # how a value that cannot be brought back is marked; inside a text the quotes are escaped
+_OBJECT = b'"$":"object"'  # tag of a value that cannot be decoded; inside a text the quotes are escaped
 
 
 class RecorderEndpointFactory(EndpointFactory):
-    """Records the pages of some keys.
+    """Factory of an endpoint that records the pages of some keys.
 
     Args:
-        file: where to; made if it is not there, continued if it is.
+        file: path of the recording; created if it does not exist, else appended to.
         keys: of the pages: a list, or one key.
-        name: of the endpoint; give each recorder of a node its own.
+        name: of the endpoint; unique among the recorders of a node.
 
     Raises:
-        ConfigError: a key is not text.
+        ConfigError: a key is not a string.
     """
 
     def __init__(self, file: str | Path, keys: Sequence[DataKey] | DataKey, name: str = "recorder") -> None:
@@ -54,14 +54,14 @@ class RecorderEndpointFactory(EndpointFactory):
         return RecorderEndpoint(self, parent, self.name)
 
     def is_new(self, node: NodeApi) -> bool:
-        """Whether this node has not yet recorded here: then it is a new run, and not a reload in the same one."""
+        """Return whether this node has not recorded here yet: then it is a new run, not a reload in the same one."""
         known = self._newest is not None and self._newest() is node
         self._newest = weakref.ref(node)
         return not known
 
 
 class RecorderEndpoint(Endpoint):
-    """Writes one line for each page, at once. In a replay it writes nothing."""
+    """Writes one line for each page, unbuffered. In a replay it does not write."""
 
     factory: RecorderEndpointFactory
 
@@ -75,7 +75,7 @@ class RecorderEndpoint(Endpoint):
         """Open the file.
 
         Raises:
-            RecordingError: it cannot be written.
+            RecordingError: the file cannot be written.
         """
         if self.parent.is_replay:
             return
@@ -110,7 +110,7 @@ class RecorderEndpoint(Endpoint):
                 self.parent.note(f"'{self.name}' could not record {count} pages '{key}'.")
 
     def _write(self, line: bytes) -> None:
-        """Write a line, whole or not at all: in one go, so that two recorders of one file keep out of each other."""
+        """Write a whole line or nothing, in one system call, so that lines of two recorders do not mix."""
         assert self._file is not None
         try:
             whole = self._file.write(line + b"\n") == len(line) + 1
@@ -121,7 +121,7 @@ class RecorderEndpoint(Endpoint):
             self._stop(reason)
 
     def _stop(self, reason: str) -> None:
-        """End the recording, but not the robot."""
+        """End the recording, but not the node."""
         assert self._file is not None
         self._file.close()
         self._file = None
@@ -151,7 +151,7 @@ def _as_keys(keys: object) -> list[DataKey]:
 
 
 def _finish_cut_line(file: FileIO) -> None:
-    """Have what comes next begin on a line of its own."""
+    """End a truncated last line, so that the next write starts a new line."""
     if file.seek(0, os.SEEK_END):
         file.seek(-1, os.SEEK_END)
         if file.read(1) != b"\n":
@@ -159,17 +159,17 @@ def _finish_cut_line(file: FileIO) -> None:
 
 
 def _as_line(page: Page) -> bytes:
-    """Return the page as JSON that brings back an equal one.
+    """Return the page as JSON that decodes to an equal page.
 
     Raises:
-        ValueEncodingError: it holds something that JSON cannot carry.
+        ValueEncodingError: the page contains a value that cannot be encoded.
     """
     try:
         line = page.serialize()
     except SnrError:
         raise
-    except Exception as error:  # an object that cannot even be looked into
+    except Exception as error:  # an object that cannot even be inspected
         raise ValueEncodingError(f"Its data cannot be read: {type(error).__name__}: {error}.") from error
     if _OBJECT in line:
-        Page.deserialize(line)  # says which class it was, and what to store instead
+        Page.deserialize(line)  # raises an error that names the class and what to store instead
     return line

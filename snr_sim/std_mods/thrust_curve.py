@@ -1,7 +1,7 @@
-"""From the force that a thruster should give to the pulse that makes it give it, and back.
+"""Conversion between a thruster's force and its pulse width, in both directions.
 
-Around the middle there are pulses that turn nothing (the dead band). No force is in there, so from a small force ahead
-to a small one astern the pulse jumps from one edge of the band to the other, over the pulse that stops.
+Around neutral there are pulses that produce zero force (the dead band). The pulse therefore jumps from one edge of the
+band to the other between a small force ahead and a small one astern.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class ThrustCurve:
 
     @property
     def limits_n(self) -> tuple[float, float]:
-        """Full astern and full ahead."""
+        """Force at full astern and at full ahead [N]."""
         return self._forces[0], self._forces[-1]
 
     def pulse_us(self, force_n: float) -> float:
@@ -72,7 +72,7 @@ class ThrustCurve:
         return pulses[i - 1] + share * (pulses[i] - pulses[i - 1])
 
     def force_n(self, pulse_us: float) -> float:
-        """Return the force that a pulse gives; full thrust for one beyond the ends."""
+        """Return the force that a pulse produces; full thrust for a pulse beyond the curve."""
         pulses, forces = self._pulses, self._forces
         i = bisect_right(pulses, pulse_us)
         if i == 0 or i == len(pulses):
