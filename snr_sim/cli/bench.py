@@ -21,7 +21,7 @@ _PREFIX = "bench_"
 _REPORTED_PACKAGES = ("msgspec", "numpy", "pymunk", "rerun-sdk")
 _WIDTH_IN_A_PIPE = 150
 
-# A row as tests/bench/harness.py prints it; one with `skipped` was not measured, and says why.
+# A row as printed by tests/bench/harness.py; `skipped` is the reason why it was not measured.
 Row = dict[str, Any]
 
 
@@ -109,7 +109,7 @@ def _chosen(folder: Path, names: list[str]) -> list[Path]:
     """Return the files to run: those named, or all.
 
     Raises:
-        UnknownName: there is no benchmark of that name.
+        UnknownName: there is no benchmark with this name.
     """
     from snr_sim.prelude.errors import UnknownName, nearest
 
@@ -121,7 +121,7 @@ def _chosen(folder: Path, names: list[str]) -> list[Path]:
 
 
 def _measure(file: Path, options: list[str], errors: Console, found: list[Row]) -> int:
-    """Run one benchmark and add its rows as they come; return its exit status."""
+    """Run one benchmark and add its rows as they arrive; return its exit status."""
     import json
     import subprocess
     from contextlib import nullcontext
@@ -136,7 +136,7 @@ def _measure(file: Path, options: list[str], errors: Console, found: list[Row]) 
 
 
 def machine() -> dict[str, Any]:
-    """Return what was measured on: processor, cores, versions, and when."""
+    """Return the conditions of the measurement: processor, cores, versions, and time."""
     import importlib.metadata
     import os
     import platform
@@ -225,7 +225,7 @@ def _target(row: Row) -> str:
 
 
 def _in_a_word(is_met: bool | None) -> tuple[str, str]:
-    """Return the word, and its colour."""
+    """Return the word for a result, and its colour."""
     if is_met is None:
         return "", ""
     return ("met", "green") if is_met else ("missed", "red")

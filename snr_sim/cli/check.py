@@ -75,7 +75,7 @@ def _status(is_quiet: bool) -> Iterator[Callable[[str, str], None]]:
 
 
 def _show(lab: Lab, graded: Graded, out: Path) -> None:
-    """Show a table of the checks, what went wrong, and what to do next."""
+    """Print a table of the checks, the failures, and the next step."""
     from rich import box
     from rich.table import Table
 
@@ -102,7 +102,7 @@ def _show(lab: Lab, graded: Graded, out: Path) -> None:
 
 
 def _lines(check: CheckResult, out: Path) -> Iterator[str]:
-    """Yield what there is to say of a check that did not get all its points."""
+    """Yield the lines about a check that did not get all its points."""
     told: dict[str, list[CaseResult]] = {}  # equal failures are printed once
     for case in check.cases:
         if not case.is_passed:

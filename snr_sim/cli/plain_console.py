@@ -1,7 +1,7 @@
-"""What rich shows on a terminal, to the letter.
+"""Literal output with rich.
 
-By itself it would take the [us] and [hardware] of a text for colours, :x: for a picture, and a check whose title begins
-with [/] for a mistake in its own language, which ends the program.
+By default rich interprets [us] and [hardware] in a text as styles and :x: as an emoji, and raises an error for a title
+that begins with [/], which ends the program.
 """
 
 from __future__ import annotations

@@ -75,7 +75,7 @@ def with_devices(request: Request, io: str) -> Request:
 
     if io:
         is_whole = parse_io(request.io).kind == "pi" and parse_io(io).kind != "pi"
-        # With --io pi each role ran by itself because it had to; in simulation it needs the others.
+        # With --io pi each role had to run by itself; in simulation it needs the other roles.
         return replace(request, io=io, role=None if is_whole else request.role)
     if parse_io(request.io).has_wires:
         raise ParameterError(

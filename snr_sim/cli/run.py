@@ -1,4 +1,4 @@
-"""`snr run SCENARIO`: runs it, records it, says how it ended."""
+"""`snr run SCENARIO`: runs it, records it, and prints the outcome."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def run(
     """
     from snr_sim.scenario.simulation import Request
 
-    # A file is named by its path, so that a replay from another folder finds it again.
+    # A file is stored with its path, so that a replay from another folder finds it again.
     options = options_of([*option, f"policy={Path(policy).resolve()}"] if policy else option)
     request = Request(scenario, seed, engine or None, controller or None, role or None, io, options)
     pace = pace_of(speed)

@@ -30,7 +30,7 @@ from snr_sim.view.picture_scene import draw_scene
 from snr_sim.view.picture_sheet import INK, PALE, Rgb, Sheet, picture
 from snr_sim.view.view_blueprint import Line, name_and_unit, plots
 
-PLOTTED_UNITS = ("m", "m/s", "", "kg")  # what a newcomer understands; the view has the rest
+PLOTTED_UNITS = ("m", "m/s", "", "kg")  # understandable for beginners; the view has all units
 
 MET: Rgb = (130, 220, 150)
 NOT_MET: Rgb = (255, 120, 100)
@@ -86,7 +86,7 @@ def draw_run(
 
 
 def _plots(batch: Batch) -> list[Plot]:
-    """Return a plot for each unit that a newcomer understands, out of the true numbers."""
+    """Return a plot of the true numbers for each of `PLOTTED_UNITS`."""
     series: dict[str, Series] = {one.path[-1]: one for one in batch.truth_values() if one.values.any()}
     lines = [Line(key, *name_and_unit((key,)), is_truth=True) for key in series]
     return [
@@ -108,7 +108,7 @@ def _draw_title(sheet: Sheet, header: Header, ended: str, success: bool | None) 
 
 
 def _told_of_flight(flight: Flight, touchdown: Numbers | None) -> str:
-    """Return what is worth a line: how it touched down, and what it burned."""
+    """Return a line about the touchdown and the fuel used."""
     told = []
     first, last = flight.values[0], flight.values[-1]
     if touchdown:
@@ -121,7 +121,7 @@ def _told_of_flight(flight: Flight, touchdown: Numbers | None) -> str:
 
 
 def _told_of_dive(measured: Measured) -> str:
-    """Return what the scenario measured, as far as it has a unit and the line has room."""
+    """Return a line of the scenario's measurements that have a unit, as many as fit."""
     told = []
     for key, value in measured.items():
         name, unit = name_and_unit((key,))
