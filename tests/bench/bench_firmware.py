@@ -42,7 +42,7 @@ class Driven:
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
-    """Yields the rows of each microcontroller."""
+    """Yield the rows of each microcontroller."""
     require_tools()
     ticks = 200 if is_quick else 1000
     for mcu in PINS:

@@ -47,7 +47,7 @@ MOST = 1.1
 
 
 def measure(is_quick: bool) -> Iterator[Outcome]:
-    """Yields a row for the attack that is the worst neighbour, and one for all of them."""
+    """Yield a row for the attack that is the worst neighbour, and one for all of them."""
     if len(os.sched_getaffinity(0)) < 2:
         yield Skipped("neighbours", "each of the two programs needs a core of its own, and there is one")
         return
@@ -100,7 +100,7 @@ def measure(is_quick: bool) -> Iterator[Outcome]:
 
 
 def handed_in(folder: Path, lab: Path, program: str = "") -> Path:
-    """Returns a submission to a small lab, an honest one unless a program is given."""
+    """Return a submission to a small lab, an honest one unless a program is given."""
     folder.mkdir()
     if lab == DOUBLE:
         (folder / "double.py").write_text(program or DOUBLES)
@@ -114,7 +114,7 @@ def handed_in(folder: Path, lab: Path, program: str = "") -> Path:
 
 @contextmanager
 def graded_beside(place: Path, core: int) -> Iterator[Callable[[str], None]]:
-    """Yields what has a submission graded in another process, again and again, and returns when that has begun."""
+    """Yield what has a submission graded in another process, again and again, and return when that has begun."""
     words = [sys.executable, __file__, "--beside", str(core)]
     with tempfile.TemporaryDirectory(dir=place) as scratch:
         os.chmod(scratch, 0o755)

@@ -112,7 +112,7 @@ def _begun_node(factories: list[EndpointFactory]) -> Node:
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
-    """Yields the rows."""
+    """Yield the rows."""
     rounds = 3 if is_quick else 11
     for endpoints in (THESIS_ENDPOINTS, 1000):
         calls = endpoints * (endpoints + 1) // 2

@@ -8,7 +8,7 @@ import numpy as np
 
 
 def straight_down(seen: Any) -> Any:
-    """Returns actions of `LanderVertical`: full throttle while it falls faster than suits the height."""
+    """Return actions of `LanderVertical`: full throttle while it falls faster than suits the height."""
     return np.where(seen[:, 1] < -np.sqrt(1.0 + 3.24 * np.maximum(0.0, seen[:, 0])), 3, 0)
 
 

@@ -1,4 +1,4 @@
-"""The same bytes there and back by other means, between two processes on loopback: what links are compared with.
+"""Round trips of the same bytes over other transports, between two processes on loopback, to compare links with.
 
 Each function runs the near end and starts the far end as a process of this file.
 """
@@ -25,7 +25,7 @@ def free_port() -> int:
 
 
 def tcp_round_trips_s(payload: bytes, count: int) -> list[float]:
-    """Returns round trips through bare TCP: length, bytes, TCP_NODELAY, and nothing else."""
+    """Return round trips through bare TCP: length, bytes, TCP_NODELAY, and nothing else."""
     with socket.create_server((HOST, 0)) as server, _far_end("tcp", server.getsockname()[1]):
         server.settimeout(LIMIT_S)
         sock, _ = server.accept()
@@ -54,7 +54,7 @@ def _tcp_far_end(port: int) -> None:
 
 
 def zeromq_round_trips_s(payload: bytes, count: int) -> list[float]:
-    """Returns round trips through a pair of ZeroMQ's PAIR sockets over TCP."""
+    """Return round trips through a pair of ZeroMQ's PAIR sockets over TCP."""
     import zmq
 
     with zmq.Context() as context, context.socket(zmq.PAIR) as sock:
@@ -77,7 +77,7 @@ def _zeromq_far_end(port: int) -> None:
 
 
 def zenoh_round_trips_s(payload: bytes, count: int) -> list[float]:
-    """Returns round trips through Zenoh peers over TCP: express, read from a queue, the quicker of its ways here."""
+    """Return round trips through Zenoh peers over TCP: express, read from a queue, the quicker of its ways here."""
     import zenoh
 
     port = free_port()
@@ -116,7 +116,7 @@ def _zenoh_config(verb: str, port: int) -> object:
 
 
 def timed(round_trip: Callable[[], object], count: int) -> list[float]:
-    """Returns how long each of so many round trips took [s]."""
+    """Return how long each of so many round trips took [s]."""
     times_s = []
     for _ in range(count):
         start_s = time.perf_counter()

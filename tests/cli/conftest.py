@@ -1,4 +1,4 @@
-"""`snr` called in this process: what it prints and its exit status, and student files to hand to it."""
+"""Calls of `snr` in this process, with its output and exit status; and student files as its input."""
 
 import json
 import sys
@@ -36,7 +36,7 @@ class Mine(Endpoint):
 
 @dataclass
 class Answer:
-    """What a command gave back."""
+    """Result of a command."""
 
     status: int
     out: str
@@ -80,7 +80,7 @@ def snr(here: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixtur
 
 @pytest.fixture
 def mine(here: Path) -> Callable[..., Path]:
-    """Returns a function that writes mine.py: the controller above, with some of its text replaced."""
+    """Return a function that writes mine.py: the controller above, with some of its text replaced."""
 
     def write(*changes: tuple[str, str], text: str = CONTROLLER, name: str = "mine.py") -> Path:
         for old, new in changes:

@@ -1,4 +1,4 @@
-"""`snr io`: what it shows of a robot's devices, and that nothing moves but what was asked for and confirmed."""
+"""`snr io`: its display of a robot's devices; only the confirmed output moves."""
 
 import json
 import os

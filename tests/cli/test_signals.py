@@ -31,7 +31,7 @@ main()
 
 
 def run_limited(limit: int, *words: str) -> subprocess.CompletedProcess[str]:
-    """Runs `snr` where no file may be longer than this: what a full disk looks like from a program."""
+    """Run `snr` where no file may be longer than this: what a full disk looks like from a program."""
     code = LIMITED.format(limit=limit, words=list(words))
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
 

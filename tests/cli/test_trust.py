@@ -1,4 +1,4 @@
-"""What a replay executes: copies in the run folder, never a path that a trace names, nothing of others unasked."""
+"""Code that a replay executes: copies in the run folder, never paths from a trace, other users' only when confirmed."""
 
 from __future__ import annotations
 

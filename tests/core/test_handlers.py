@@ -1,4 +1,4 @@
-"""Handlers are looked up once, found again when they change, and checked where they are set."""
+"""Handlers are looked up once, again when they change, and checked where they are set."""
 
 from collections.abc import Callable
 from typing import Any, ClassVar
@@ -261,4 +261,4 @@ def test_a_component_that_comes_is_not_looked_for_among_all_others() -> None:
 
 
 def noop(task: Task, task_id: Any) -> None:
-    """Does nothing."""
+    """Do nothing."""

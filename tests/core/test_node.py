@@ -1,4 +1,4 @@
-"""A node's life: made, begun, run, ended; and what it says when one of its components does not play along."""
+"""A node's life cycle: creation, begin, run, end; and its messages when a component fails."""
 
 import itertools
 from collections.abc import Callable

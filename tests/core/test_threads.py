@@ -32,7 +32,7 @@ def run_s(node: Node) -> float:
 
 
 def cost_of(node: Node) -> tuple[float, float]:
-    """Returns the CPU time of the node's thread and what it took, in seconds."""
+    """Return the CPU time of the node's thread and what it took, in seconds."""
     before_s = time.thread_time()
     took_s = run_s(node)
     return time.thread_time() - before_s, took_s

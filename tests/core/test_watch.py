@@ -40,7 +40,7 @@ def file(tmp_path: Path) -> Path:
 
 
 def watch(factories: list[Any], *saves: Callable[[], object], until_s: float = 6.0) -> tuple[Node, list[Any]]:
-    """Runs a watched node in virtual time; each second something is saved. Returns also what reloads there were."""
+    """Run a watched node in virtual time; each second something is saved. Returns also what reloads there were."""
     clock = SimClock()
     node = Node("r", Config(factories={"r": [*factories, WatchLoopFactory(rate_hz=2.0)]}), clock=clock)
     for i, save in enumerate(saves, 1):

@@ -43,7 +43,7 @@ class Looks:
 
 
 def run_with(handler: Callable[[Looks], Any], *, limit_s: float = float("inf"), recorder: Any = None) -> Looks:
-    """Runs one task whose handler is given the watchdog of its own run."""
+    """Run one task whose handler is given the watchdog of its own run."""
     looks: list[Looks] = []
 
     def on_go(task: Task, task_id: Any) -> Any:
@@ -174,7 +174,7 @@ class Steps:
 
 
 def overloaded(at_look: Callable[[Looks, Node, int], object], looks_s: float) -> list[str]:
-    """Runs a node whose one slow handler is looked at; before each look `at_look` is called with its number."""
+    """Run a node whose one slow handler is looked at; before each look `at_look` is called with its number."""
     looks: list[Looks] = []
     numbers = iter(range(1000))
 

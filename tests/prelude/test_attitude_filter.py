@@ -22,7 +22,7 @@ def felt(attitude: Quaternion) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 
 def flown(truth: Callable[[float], Quaternion], rate: tuple[float, ...], seconds: float) -> tuple[float, ...]:
-    """Runs a filter at 100 Hz; returns how far roll, pitch and yaw are off [deg] in the end."""
+    """Run a filter at 100 Hz; return how far roll, pitch and yaw are off [deg] in the end."""
     one = MahonyFilter()
     attitude = (1.0, 0.0, 0.0, 0.0)
     for i in range(round(seconds * 100)):

@@ -1,4 +1,4 @@
-"""What two runs differ by, held against what was put in: a latency, a noise, a step and a dead band that are known."""
+"""Differences of two runs, compared with the known latency, noise, step and dead band of their signals."""
 
 from __future__ import annotations
 

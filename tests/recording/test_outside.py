@@ -1,4 +1,4 @@
-"""What asks the outside is named with the student's line, and what repeats is left alone."""
+"""Outside calls are reported with the student's line; repeatable calls are not reported."""
 
 import gc
 import sys

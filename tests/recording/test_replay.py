@@ -1,4 +1,4 @@
-"""Replay: the same code does the same, and every change of it is found where it first shows."""
+"""Replay: the same code gives the same results, and every change is found at its first effect."""
 
 import math
 from collections.abc import Callable
@@ -82,7 +82,7 @@ class Robot:
 
 
 class NoThruster:
-    """Takes no commands: these tests never look at what it does."""
+    """Ignores commands: these tests do not check its motion."""
 
     def neutral(self) -> None: ...
     def close(self) -> None: ...
@@ -111,7 +111,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Trace:
 
 
 def seq_of(trace: Trace, name: str, nth: int = AT) -> int:
-    """Returns the seq of the nth processing of a page."""
+    """Return the seq of the nth processing of a page."""
     found = [one for one in trace.records if isinstance(one, TaskRecord) and one.name == name]
     return found[nth].seq
 

@@ -1,4 +1,4 @@
-"""The trace on disk: whole lines or none, nothing lost but the last moments, and a clear word about what is damaged."""
+"""The trace on disk: only whole lines, at most the last moments lost, and a clear error about damage."""
 
 import json
 import math

@@ -23,7 +23,7 @@ Scenario = Callable[..., Path]
 
 @pytest.fixture
 def scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Scenario:
-    """Returns a function that writes scenarios/own.py: lander_vertical, with some of its text replaced."""
+    """Return a function that writes scenarios/own.py: lander_vertical, with some of its text replaced."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("SNR_SIM_PATH", raising=False)
 

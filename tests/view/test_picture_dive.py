@@ -83,7 +83,7 @@ def drawn(tmp_path: Path, records: list[Record], ran: Header | None = None) -> A
 
 
 def count(image: Any, rgb: tuple[int, int, int], box: tuple[int, int, int, int] | None = None) -> int:
-    """Returns how many pixels have about this colour; a picture has a palette of 128."""
+    """Return how many pixels have about this colour; a picture has a palette of 128."""
     part = image.crop(box) if box else image
     colors = part.getcolors(1 << 24)
     return sum(n for n, found in colors if max(abs(a - b) for a, b in zip(found, rgb, strict=True)) < 24)

@@ -62,7 +62,7 @@ def page(seq: int, key: str, data: Any, node: str = "urov", origin: str = "urov"
 
 
 def rows(tmp_path: Path, records: list[Record]) -> dict[str, dict[str, list[Any]]]:
-    """Returns the values of each component of each entity, in the order in which they were sent."""
+    """Return the values of each component of each entity, in the order in which they were sent."""
     write_view(header(), records, tmp_path / "view.rrd", 1000)
     found: dict[str, dict[str, list[Any]]] = {}
     for chunk in RrdReader(str(tmp_path / "view.rrd")).stream():

@@ -26,7 +26,7 @@ def rrd(tmp_path: Path) -> Path:
 
 
 def page_of(frame: RunFrame) -> str:
-    """Returns the address that the frame loads, without what it asks the page to show."""
+    """Return the address that the frame loads, without what it asks the page to show."""
     html = frame._repr_html_()
     assert html is not None
     (address,) = re.findall(r'<iframe src="([^"?]+)\?', html)
