@@ -1,4 +1,4 @@
-"""Code that swallows every interrupt keeps neither the process alive nor a motor turning."""
+"""Code that swallows every interrupt cannot keep the process alive or a motor running."""
 
 import json
 import os

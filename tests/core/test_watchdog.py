@@ -26,7 +26,7 @@ GO = (TaskType.event, "go")
 
 
 class Looks:
-    """A watchdog without a thread: it looks when a test says so, and its clock is the test's."""
+    """A watchdog without a thread: the test triggers its checks and sets its clock."""
 
     def __init__(self, node: Node) -> None:
         self.told: list[str] = []

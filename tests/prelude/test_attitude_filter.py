@@ -1,4 +1,4 @@
-"""The attitude against closed forms: at rest, turning, with a bias, and beside iron."""
+"""The attitude against closed forms: at rest, turning, with a bias, and near iron."""
 
 import math
 from collections.abc import Callable

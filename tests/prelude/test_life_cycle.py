@@ -1,4 +1,4 @@
-"""The life of a device: which step leads where, what is refused, and that ending never raises."""
+"""The life cycle of a device: its transitions, rejected steps, and an end that never raises."""
 
 import pytest
 

@@ -151,7 +151,7 @@ def test_what_is_not_known_is_refused_by_prepare(wrong: dict[str, str]) -> None:
         prepare(Request(**{"scenario": "lander_vertical", **wrong}))
 
 
-# What goes wrong in flight comes to a result, and a trace that is whole
+# A failure during the run still gives a result and a complete trace
 
 
 @pytest.mark.parametrize(
@@ -221,7 +221,7 @@ def test_the_engine_is_off_after_a_run_that_failed(scenario: Scenario, tmp_path:
     assert low_kg <= fuel_kg
 
 
-# A run is the same however it is looked at
+# Observers do not change a run
 
 
 @pytest.mark.parametrize("name", ["lander_vertical", "lander_pad"])

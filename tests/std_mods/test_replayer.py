@@ -1,4 +1,4 @@
-"""Replayers bring everything once, in order and on time, and all of it is handled before they end the run."""
+"""Replayers store every item once, in order and on time, and all are handled before they end the run."""
 
 import tempfile
 import time

@@ -1,4 +1,4 @@
-"""The view of a run, read back from its file: rows, order, exact numbers, and what odd traces do to it."""
+"""The view of a run, read back from its file: rows, order, exact numbers, and unusual traces."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The view of a dive: its tether, what is broken, what its camera saw, how its link is, and what things are called."""
+"""The view of a dive: tether, broken thrusters, camera images, link state, and labels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pages as text in the view: what is in them, when and by whom they were stored, and what it costs at most."""
+"""Pages as text in the view: their content, time and source, and the maximum cost."""
 
 from __future__ import annotations
 
