@@ -1,1 +1,1 @@
-"""The command line: one file per verb. Each imports what it needs when it is called, so that `snr --help` is quick."""
+"""The command line: one file per verb. Each imports its dependencies when it is called, so `snr --help` is fast."""

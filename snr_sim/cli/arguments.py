@@ -1,4 +1,4 @@
-"""Arguments and options that several verbs take, and how their words are read."""
+"""Arguments and options that several verbs share, and their parsers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WithRrd = Annotated[bool, typer.Option("--rrd/--no-rrd", help="Write view.rrd at
 
 
 def finite_number(text: str) -> float | None:
-    """Return the number that a text says, or None if it is none, or not a finite one.
+    """Return the number in a text, or None if it is not a finite number.
 
     >>> finite_number("2.5"), finite_number("inf"), finite_number("soon")
     (2.5, None, None)
@@ -30,10 +30,10 @@ def finite_number(text: str) -> float | None:
 
 
 def pace_of(speed: str) -> float | None:
-    """Return virtual seconds per wall second, or None for as fast as it goes.
+    """Return virtual seconds per wall second, or None for as fast as possible.
 
     Raises:
-        ParameterError: it is neither a word nor a number above 0.
+        ParameterError: the text is neither a known word nor a positive number.
 
     >>> pace_of("real"), pace_of("4"), pace_of("fast")
     (1.0, 4.0, None)
@@ -49,10 +49,10 @@ def pace_of(speed: str) -> float | None:
 
 
 def options_of(pairs: list[str]) -> dict[str, str]:
-    """Return what `--option KEY=VALUE`, given any number of times, says.
+    """Return the options given as any number of `--option KEY=VALUE`.
 
     Raises:
-        ParameterError: one is not of that form, or a key was given twice.
+        ParameterError: one does not have this form, or a key occurs twice.
     """
     from snr_sim.prelude.errors import ParameterError
 

@@ -1,8 +1,8 @@
-"""`snr bench`: measures how fast the kit is here, and sets it beside what it is meant to be.
+"""`snr bench`: measures the speed of snr_sim on this machine and compares it with the targets.
 
-The measuring is done by the files in `tests/bench`, each in a process of its own, so that none warms up or slows down
-the next. They print one row of JSON at a time; this puts the rows into a table. What one of them needs and is not here
-is named and skipped; one that fails is named, and the others are measured all the same.
+The files in `tests/bench` measure, each in a process of its own, so that none warms up or slows down the next. They
+print rows of JSON, which this module formats as a table. A benchmark whose dependencies are missing is reported and
+skipped; one that fails is reported, and the others run all the same.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _PREFIX = "bench_"
 _REPORTED_PACKAGES = ("msgspec", "numpy", "pymunk", "rerun-sdk")
 _WIDTH_IN_A_PIPE = 150
 
-# A row as tests/bench/harness.py prints it; one with `skipped` was not measured, and says why.
+# A row as printed by tests/bench/harness.py; `skipped` is the reason why it was not measured.
 Row = dict[str, Any]
 
 
@@ -91,7 +91,7 @@ def _folder() -> Path:
     """Return the benchmarks' folder.
 
     Raises:
-        UnknownName: this is no checkout.
+        UnknownName: this is not a checkout of the project.
     """
     from snr_sim.prelude.errors import UnknownName
 
@@ -109,7 +109,7 @@ def _chosen(folder: Path, names: list[str]) -> list[Path]:
     """Return the files to run: those named, or all.
 
     Raises:
-        UnknownName: there is no benchmark of that name.
+        UnknownName: there is no benchmark with this name.
     """
     from snr_sim.prelude.errors import UnknownName, nearest
 
@@ -121,7 +121,7 @@ def _chosen(folder: Path, names: list[str]) -> list[Path]:
 
 
 def _measure(file: Path, options: list[str], errors: Console, found: list[Row]) -> int:
-    """Run one benchmark and add its rows as they come; return its exit status."""
+    """Run one benchmark and add its rows as they arrive; return its exit status."""
     import json
     import subprocess
     from contextlib import nullcontext
@@ -136,7 +136,7 @@ def _measure(file: Path, options: list[str], errors: Console, found: list[Row]) 
 
 
 def machine() -> dict[str, Any]:
-    """Return what was measured on: processor, cores, versions, and when."""
+    """Return the conditions of the measurement: processor, cores, versions, and time."""
     import importlib.metadata
     import os
     import platform
@@ -160,7 +160,7 @@ def machine() -> dict[str, Any]:
 
 
 def _cpu_model() -> str:
-    """Return the processor's name; Linux tells it in a file, and elsewhere Python knows what there is to know."""
+    """Return the processor's name: from /proc/cpuinfo on Linux, elsewhere from Python's `platform`."""
     import platform
 
     try:
@@ -211,7 +211,7 @@ def _table(rows: list[Row]) -> Table:
 
 
 def _target(row: Row) -> str:
-    """Return a row's targets in words.
+    """Return a row's targets as text.
 
     >>> _target({"limit": 0.6, "unit": "us", "more_is_better": False, "ratio_limit": 5.0})
     '<= 0.6 us, <= 5 x'
@@ -225,7 +225,7 @@ def _target(row: Row) -> str:
 
 
 def _in_a_word(is_met: bool | None) -> tuple[str, str]:
-    """Return the word, and its colour."""
+    """Return the word for a result, and its colour."""
     if is_met is None:
         return "", ""
     return ("met", "green") if is_met else ("missed", "red")

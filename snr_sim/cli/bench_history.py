@@ -1,6 +1,6 @@
-"""Earlier results of `snr bench`, one JSON object a line, and what has become slower since.
+"""Earlier results of `snr bench`, one JSON object per line, and the rows that have become slower.
 
-Times of different days say little, as a computer's speed drifts by half. So what is compared are ratios: of the subject
+Times of different days are not comparable, since a computer's speed drifts by half. Compared are ratios: of the subject
 to a bare version that was measured in turns with it.
 """
 
@@ -18,7 +18,7 @@ Result = dict[str, Any]
 
 
 def read_history(path: Path) -> list[Result]:
-    """Return the results in a history file, oldest first; a line that is cut or is none is left out."""
+    """Return the results in a history file, oldest first; a truncated or invalid line is skipped."""
     results = []
     for line in path.read_text(errors="replace").splitlines() if path.is_file() else []:
         try:
@@ -31,10 +31,10 @@ def read_history(path: Path) -> list[Result]:
 
 
 def append_result(path: Path, result: Result) -> None:
-    """Add a result to a history file, which is made if it is not there.
+    """Append a result to a history file, which is created if it does not exist.
 
     Raises:
-        ParameterError: it cannot be written.
+        ParameterError: the file cannot be written.
     """
     from snr_sim.prelude.errors import ParameterError
 
@@ -49,10 +49,10 @@ def append_result(path: Path, result: Result) -> None:
 
 
 def slower_rows(history: list[Result], result: Result) -> list[dict[str, Any]]:
-    """Return the rows of a result whose ratio is more than 10 % above the median of the last results like it.
+    """Return the rows of a result whose ratio is more than 10 % above the median of the last comparable results.
 
     Args:
-        history: earlier results, oldest first. Like this one are those of the same processor, Python and options.
+        history: earlier results, oldest first. Those with the same processor, Python and options are comparable.
         result: the newest.
 
     Returns:

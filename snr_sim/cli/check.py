@@ -1,4 +1,4 @@
-"""`snr check LAB [FOLDER]`: tries the visible part of a lab on what stands in a folder, and says what to do next."""
+"""`snr check LAB [FOLDER]`: runs the visible part of a lab on a folder and prints the next step."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def check(
 
 @contextmanager
 def _status(is_quiet: bool) -> Iterator[Callable[[str, str], None]]:
-    """Yield what is told of each case: on a terminal it is shown."""
+    """Yield a function that shows the status of each case on a terminal."""
     if is_quiet or not sys.stderr.isatty():
         yield lambda check, case: None
         return
@@ -75,7 +75,7 @@ def _status(is_quiet: bool) -> Iterator[Callable[[str, str], None]]:
 
 
 def _show(lab: Lab, graded: Graded, out: Path) -> None:
-    """Show a table of the checks, what went wrong, and what to do next."""
+    """Print a table of the checks, the failures, and the next step."""
     from rich import box
     from rich.table import Table
 
@@ -102,8 +102,8 @@ def _show(lab: Lab, graded: Graded, out: Path) -> None:
 
 
 def _lines(check: CheckResult, out: Path) -> Iterator[str]:
-    """Yield what there is to say of a check that did not get all its points."""
-    told: dict[str, list[CaseResult]] = {}  # what went wrong in the same way is told once
+    """Yield the lines about a check that did not get all its points."""
+    told: dict[str, list[CaseResult]] = {}  # equal failures are printed once
     for case in check.cases:
         if not case.is_passed:
             told.setdefault("".join(f"    {line}\n" for line in _of_case(case)), []).append(case)

@@ -1,4 +1,4 @@
-"""`snr compare RUN RUN`: what differs between two runs of one robot, as between simulation and the real one."""
+"""`snr compare RUN RUN`: differences of two runs of one robot, for example in simulation and on hardware."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def compare(
         print_remarks(trace, before=f"{trace.path.parent}: ")
     shift_s = _shift_s(shift, traces)
     comparison = compare_runs(traces[0], traces[1], node, shift_s, (begin_s, end_s))
-    shown(comparison, signal)  # a name that is not there is said before anything is written
+    shown(comparison, signal)  # raises for an unknown name before anything is written
     if png:
         _draw(comparison, traces[0], png, signal)
     if rrd:
@@ -97,7 +97,7 @@ def _draw(comparison: Comparison, trace: Trace, png: str, names: list[str]) -> N
 
 
 def _write_rrd(traces: list[Trace], rrd: str, shift_s: float) -> None:
-    """Write both runs, the second one moved in time, under /first and /second."""
+    """Write both runs, the second one shifted in time, under /first and /second."""
     from msgspec.structs import replace
 
     from snr_sim.view.view import write_comparison
@@ -110,7 +110,7 @@ def _write_rrd(traces: list[Trace], rrd: str, shift_s: float) -> None:
 
 
 def _fields(comparison: Comparison) -> dict[str, Any]:
-    """Return a comparison as JSON can say it; the values themselves are in the traces."""
+    """Return the JSON fields of a comparison; the values themselves are in the traces."""
     command = comparison.commands_differ
     return {
         "labels": list(comparison.labels),
@@ -139,7 +139,7 @@ def _signal_fields(one: Compared) -> dict[str, Any]:
 
 
 def _print(comparison: Comparison) -> None:
-    """Print a table: of each page and number what is seen in either run, with one value where they agree."""
+    """Print a table with the statistics of each signal in both runs, with one value where they agree."""
     from rich.table import Table
 
     from snr_sim.cli.plain_console import plain_console

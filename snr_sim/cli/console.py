@@ -1,4 +1,4 @@
-"""`snr console HOST:PORT`: commands for a node that runs."""
+"""`snr console HOST:PORT`: commands for a running node."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def _print(answer: Answer) -> None:
 
 
 def _pass_over(answer: Answer) -> None:
-    """Print a page that a script watches and does not wait for."""
+    """Ignore a watched page: the output of a script has only the replies to its commands."""
 
 
 def _carried_out(client: ConsoleClient, lines: Iterable[str], is_json: bool) -> list[Answer]:
@@ -86,7 +86,7 @@ def _address(text: str) -> tuple[str, int]:
 
 
 def _token(path: Path | None) -> bytes | None:
-    """Return the token, from where other users of this machine do not see it: not from the command line."""
+    """Return the token from a source that other users of this machine cannot read: not the command line."""
     import os
 
     from snr_sim.links.security import secret_from_env, secret_from_file

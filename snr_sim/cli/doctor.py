@@ -1,4 +1,4 @@
-"""`snr doctor`: what works on this machine, what is missing, and the command that mends it."""
+"""`snr doctor`: what works on this machine, what is missing, and the command that fixes it."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def _look(io: Io | None) -> Iterator[Finding]:
 
 
 def drives_only(is_pi: bool, version: Callable[[str], str]) -> bool:
-    """Return whether a computer is there for hardware alone: a Raspberry Pi, or one that was given no physics.
+    """Return whether a computer only drives hardware: a Raspberry Pi, or one without the physics packages.
 
     Args:
         is_pi: whether it is a Raspberry Pi.
@@ -93,17 +93,17 @@ def drives_only(is_pi: bool, version: Callable[[str], str]) -> bool:
     def is_there(name: str) -> bool:
         try:
             return bool(version(name))
-        except ModuleNotFoundError:  # PackageNotFoundError is one
+        except ModuleNotFoundError:  # its subclass PackageNotFoundError
             return False
 
     return is_pi or (all(map(is_there, _EXTRAS["hardware"])) and not any(map(is_there, _EXTRAS["sim"])))
 
 
 def packages(is_for_wires: bool, version: Callable[[str], str]) -> Iterator[Finding]:
-    """Yield the packages of each extra. What drives hardware needs those for wires, all others those to simulate.
+    """Yield the packages of each extra. Computers for hardware need those for wires, all others those for simulation.
 
     Args:
-        is_for_wires: whether this computer is there for hardware alone.
+        is_for_wires: whether this computer only drives hardware.
         version: returns a package's, or raises PackageNotFoundError.
     """
     for extra, names in _EXTRAS.items():
@@ -120,7 +120,7 @@ def packages(is_for_wires: bool, version: Callable[[str], str]) -> Iterator[Find
 
 
 def landing(is_for_wires: bool) -> Finding:
-    """Return whether a module lands; a computer that drives hardware may be without the physics."""
+    """Return whether a test run of a lander works; a computer for hardware does not need the physics packages."""
     from snr_sim.prelude.errors import MissingExtra, SnrError
     from snr_sim.scenario.flight import Flight
     from snr_sim.scenario.simulation import Request, prepare

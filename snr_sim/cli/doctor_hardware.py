@@ -1,4 +1,4 @@
-"""What `snr doctor` says of wires: what there is, what this user may not use, and with --io who answers there."""
+"""Hardware checks of `snr doctor`: devices, missing permissions, and with --io which device answers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _WORDS = {"serial": "serial port", "i2c": "I2C bus", "pwm": "PWM chip"}
 
 
 def wires(machine: Machine, io: Io | None) -> Iterator[Finding]:
-    """Yield what there is. Nothing is missed that nobody asked for: a laptop needs no ports."""
+    """Yield the devices that are present. Only requested devices count as missing: a laptop needs no ports."""
     needed = NEEDS.get(io.kind, "") if io is not None else ""
     if machine.is_pi:
         yield Finding(True, machine.model)
@@ -32,13 +32,13 @@ def wires(machine: Machine, io: Io | None) -> Iterator[Finding]:
         yield Finding(not (wire.fix and is_meant), _told(wire), wire.fix)
     if needed and io is not None and not any(wire.kind == needed and _is_meant(wire, io) for wire in found):
         if needed == "serial" and (machine.root / io.where.partition(",")[0].lstrip("/")).exists():
-            return  # a link, or a port of an emulator: no list has it
+            return  # a link, or a port of an emulator, which is not in any list
         which = f" {io.where.partition(':')[0]}" if io.where else " of a Raspberry Pi's header"
         yield Finding(False, f"there is no {_WORDS[needed]}{which}", machine.missing(needed))
 
 
 def _is_meant(wire: Wire, io: Io) -> bool:
-    place = io.where.partition(",")[0]  # after it come settings
+    place = io.where.partition(",")[0]  # settings follow the comma
     if wire.kind == "serial":
         return wire.name == place or wire.about.endswith(place)
     if wire.kind == "i2c":
@@ -52,10 +52,10 @@ def _told(wire: Wire) -> str:
 
 
 def answers(io: Io, open_port: Callable[[], BytePort] | None = None) -> Iterator[Finding]:
-    """Ask who is at a port, or open the devices as `snr io` does, and yield how they are.
+    """Identify the device at a port, or open the devices as `snr io` does, and yield their states.
 
     Args:
-        io: what was asked for.
+        io: as requested.
         open_port: of a microcontroller.
     """
     try:
@@ -145,6 +145,6 @@ def _of_bench(bench: Bench) -> Iterator[Finding]:
 
 
 def _trouble(key: str, why: str) -> Finding:
-    """Return what is wrong, with the error's own advice where it stands."""
+    """Return a finding about an error, with the fix from its message."""
     what, _, fix = why.partition("\n  Try: ")
     return Finding(False, f"'{key}': {what}", fix or "snr io shows it while you look at the wires.")

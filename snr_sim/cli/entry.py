@@ -1,4 +1,4 @@
-"""Where the program `snr` begins: before anything slow is imported, so that a signal finds somebody to answer it."""
+"""Entry point of the program `snr`: handles signals before any slow import."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from contextlib import suppress
 from snr_sim.cli import stopping
 from snr_sim.core.standard_streams import open_closed_streams
 
-_THREADS_S = 0.5  # that threads have to end before they are named
+_THREADS_S = 0.5  # time for threads to end before they are reported
 
 
 def main() -> None:
-    """Run the command line. A signal while it is still being imported ends it as one does later: in a word."""
+    """Run the command line. A signal during its import ends it as a later one does: with one word of output."""
     open_closed_streams()
     stopping.interrupt_at_signals()
     ending = Ending()
@@ -38,19 +38,19 @@ def main() -> None:
 
 
 class Ending:
-    """Ends the process at once when all exit functions have been called.
+    """Immediate end of the process after all exit functions.
 
-    Python would take modules and objects apart first: 0.1 to 0.3 s for a run that ends in 0.004 s, and three times
-    that with no core free.
+    Python would destroy modules and objects first: 0.1 to 0.3 s for a run that ends in 0.004 s, and three times that
+    on a busy computer.
     """
 
     def __init__(self) -> None:
         self.status = 1  # of an exception, which Python prints
 
     def leave(self) -> None:
-        """Write what is left in the standard streams, and end the process."""
+        """Flush the standard streams and end the process."""
         for stream in (sys.stdout, sys.stderr):
-            with suppress(OSError, ValueError):  # its reader has gone, or a student's code has closed it
+            with suppress(OSError, ValueError):  # the reader has closed the pipe, or a student's code the stream
                 stream.flush()
         os._exit(self.status)
 

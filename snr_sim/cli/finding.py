@@ -1,4 +1,4 @@
-"""What `snr doctor` finds: one line each."""
+"""Findings of `snr doctor`, one line each."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Finding(NamedTuple):
-    """One thing looked at: whether it is well, what was found, and what to do if not, or if one wants more."""
+    """Result of one check: whether it passed, what was found, and the fix or an optional improvement."""
 
     is_well: bool
     what: str
@@ -14,7 +14,7 @@ class Finding(NamedTuple):
 
     @property
     def tag(self) -> str:
-        """How the line begins: MISS only if something that is needed is not there."""
+        """Start of the line: MISS only if a required item is missing."""
         if not self.is_well:
             return "MISS"
         return "note" if self.fix else "ok"

@@ -1,4 +1,4 @@
-"""`snr grade LAB SUBMISSION...`: an instructor's class, graded; the results are in a folder."""
+"""`snr grade LAB SUBMISSION...`: grades the submissions of a class into a folder of results."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def grade(
     if out is None:
         raise SnrError("Where should the results go?", fix=f"snr grade {lab} ... --out results")
     for one in submission:
-        if out.resolve().is_relative_to(one.resolve()):  # the secret would lie there, for the student to find
+        if out.resolve().is_relative_to(one.resolve()):  # the secret would be in a folder that the student can read
             raise SnrError(
                 f"--out {out} is in the submission {one}.", fix="name a folder elsewhere, or leave that out."
             )
@@ -109,7 +109,7 @@ def _grade_class(
     from snr_sim.grading.grade import sandboxed
 
     if cluster is None:
-        sandboxed(isolation)  # refuses before anything is written
+        sandboxed(isolation)  # raises before anything is written
     name_submissions(given, wanted_files=lab.files)
     assert lab.folder is not None
     folder = ClassFolder(out, is_resumed)
@@ -167,7 +167,7 @@ def _say(words: str) -> None:
 
 @contextmanager
 def _progress(total: int) -> Iterator[Callable[[Graded, bool], None]]:
-    """Yield what is to be told of each result: a bar on a terminal, nothing in a pipe."""
+    """Yield a function that reports each result: with a progress bar on a terminal, not at all in a pipe."""
     if not sys.stderr.isatty():
         yield lambda graded, was_there: None
         return

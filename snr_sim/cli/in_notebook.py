@@ -1,4 +1,4 @@
-"""Commands of the kit in a notebook: `snr("run", "lander_vertical")` does what `snr run lander_vertical` does."""
+"""The command line in a notebook: `snr("run", "lander_vertical")` does the same as `snr run lander_vertical`."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from pathlib import Path
 
 
 def snr(*words: object, folder: str | Path = ".") -> int:
-    """Run a command as in a terminal, prints what it says, and return its exit status.
+    """Run a command as in a terminal, print its output, and return its exit status.
 
     Args:
-        words: of the command, without `snr` in front.
-        folder: where it runs; paths in it are printed as seen from there.
+        words: of the command, without the leading `snr`.
+        folder: its current folder; printed paths are relative to it.
     """
     done = subprocess.run(
         [sys.executable, "-m", "snr_sim", *map(str, words)],
@@ -21,7 +21,7 @@ def snr(*words: object, folder: str | Path = ".") -> int:
         text=True,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
-        env={**os.environ, "NO_COLOR": "1", "COLUMNS": "110"},  # a notebook is no terminal, but nearly as wide
+        env={**os.environ, "NO_COLOR": "1", "COLUMNS": "110"},  # a notebook is not a terminal, but nearly as wide
     )
     print(done.stdout.replace(f"{folder}/", ""), end="")
     return done.returncode

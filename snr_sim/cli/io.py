@@ -42,7 +42,7 @@ def io(
 
     Exit status: 0 all devices answer, 1 one does not, 2 the request was wrong.
     """
-    # Also if it was begun where Ctrl-C is ignored, as by a script in the background: what moves a thruster must stop.
+    # Also if the parent ignores Ctrl-C, such as a script in the background: a program that moves a thruster must stop.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     from snr_sim.devices.terminal_keys import TerminalKeys
     from snr_sim.prelude.errors import ParameterError
@@ -70,10 +70,10 @@ def io(
 
 
 def _confirm(name: str, io: str) -> None:
-    """Ask for what nobody types by accident.
+    """Ask for a text that a user does not type by accident.
 
     Raises:
-        ParameterError: something else was typed.
+        ParameterError: another text was typed.
     """
     from snr_sim.devices.pwm.nudge import WHOLE_S, top_us
     from snr_sim.prelude.errors import ParameterError
@@ -95,7 +95,7 @@ def _print_once(bench: Bench, io: str, scenario: str, as_json: bool) -> None:
         from snr_sim.cli.plain_console import plain_console
 
         console = plain_console(width_in_a_pipe=120)
-        shown(bench)  # the first time takes a while, to import: readings are looked at after it
+        shown(bench)  # the first call imports for a while, so it runs before the readings are checked
         bench.tick()
         console.print(shown(bench))
         return
@@ -111,7 +111,7 @@ def _print_once(bench: Bench, io: str, scenario: str, as_json: bool) -> None:
 
 
 def _watch(bench: Bench, keys: TerminalKeys, move: str, seconds: float) -> None:
-    """Show everything until Ctrl-C, or until what is to be moved was moved."""
+    """Show everything until Ctrl-C, or until the move is done."""
     from contextlib import ExitStack
 
     from snr_sim.scenario.device_bench import TICK_S
@@ -139,7 +139,7 @@ def _watch(bench: Bench, keys: TerminalKeys, move: str, seconds: float) -> None:
 
 
 def _shower(stack: Any) -> Any:
-    """Return what shows a bench: a table that changes in place on a terminal, lines in a pipe."""
+    """Return the display of a bench: a table that is updated in place on a terminal, lines in a pipe."""
     if not sys.stdout.isatty():
         return lambda bench: print("\n".join(lines(bench)), flush=True)
     from rich.live import Live
@@ -179,7 +179,7 @@ def _all(bench: Bench) -> list[Opened]:
 
 
 def _told(one: Opened, now_s: float) -> tuple[str, str, str, str, str]:
-    """Return state, values, age, reason and count in words."""
+    """Return state, values, age, reason and count as text."""
     from snr_sim.scenario.device_bench import fields_of
 
     fields = fields_of(one, now_s)
@@ -188,7 +188,7 @@ def _told(one: Opened, now_s: float) -> tuple[str, str, str, str, str]:
     if "pulses_us" in fields:
         pulses = fields["pulses_us"] or []
         values = " ".join(f"{name}:{pulse:g}" for name, pulse in zip(one.channels, pulses, strict=False))
-        reasons = [] if one.trouble or fields["state"] == "error" else fields["reasons"]  # the error says more
+        reasons = [] if one.trouble or fields["state"] == "error" else fields["reasons"]  # the error is more specific
         return fields["state"], values, "", "; ".join(filter(None, [fields["why"], ", ".join(reasons)])), counts
     reading = fields.get("reading")
     values = (

@@ -1,4 +1,4 @@
-"""`snr list`: what there is to run."""
+"""`snr list`: robots, scenarios and assignments that can be run."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def _about(found: Found) -> str:
 
 
 def _engines(scenario: Found) -> list[str]:
-    """Return the engines that a scenario's file names, the default first; none if it says so in another way."""
+    """Return the engines that a scenario's file lists, the default first; empty if it defines them otherwise."""
     source = _parsed(scenario)
     for node in source.body if source is not None else ():
         match node:

@@ -1,4 +1,4 @@
-"""`snr`: the way in from a terminal."""
+"""`snr`: the command of the terminal."""
 
 from __future__ import annotations
 
@@ -40,19 +40,19 @@ def _options(
 
 @cache
 def _command() -> Callable[..., Any]:
-    """Return the command; a verb is read when it is used."""
+    """Return the command; a verb's module is imported when it is used."""
     return typer.main.get_command(app)
 
 
-# typer before 0.28 has another word for an integer.
+# typer before 0.28 uses another word for an integer.
 _NUMBERS = {"valid int": "a whole number", "valid number": "a number", "valid float": "a number"}
-_TYPER_STOPPED = 130  # what typer returns when it has caught a KeyboardInterrupt before us
+_TYPER_STOPPED = 130  # typer's status when it catches a KeyboardInterrupt itself
 
 
 def main() -> None:
-    """Run the command line; an error of ours is a sentence, not a traceback.
+    """Run the command line; print an `SnrError` as a sentence, not a traceback.
 
-    Signals interrupt it, if `entry.py` has said so: then every verb puts in order what it has begun.
+    Signals interrupt it, if `entry.py` has set that up: then every verb cleans up.
     """
     try:
         status = _run()
@@ -70,13 +70,13 @@ def _run() -> Any:
     try:
         return _command()(prog_name="snr", standalone_mode=False)
     finally:
-        sys.stdout.flush()  # here, where we can answer if nobody listens any more
+        sys.stdout.flush()  # here, where a closed pipe can still be handled
 
 
 def _answer(error: BaseException) -> None:
-    """End the program with what there is to say of an error; return if it is nothing that a user could understand."""
+    """End the program with the message of an error; return if it is an internal error."""
     if isinstance(error, SystemExit):
-        if isinstance(error.__context__, BrokenPipeError):  # typer has seen it first
+        if isinstance(error.__context__, BrokenPipeError):  # typer has caught it first
             _nobody_listens()
         return
     if isinstance(error, BrokenPipeError):  # `snr trace RUN | head`
@@ -85,18 +85,18 @@ def _answer(error: BaseException) -> None:
         if error.filename is None:
             fail(f"The answer could not be written: {error.strerror}. A run that was made is in its folder.", 1)
         return
-    from snr_sim.prelude.errors import SnrError  # after the fact: `snr --help` does not need it
+    from snr_sim.prelude.errors import SnrError  # imported late: `snr --help` does not need it
 
     if isinstance(error, SnrError):
         fail(str(error))
-    if hasattr(error, "format_message"):  # typer's words about the command line have it
+    if hasattr(error, "format_message"):  # typer's errors about the command line have it
         said = _number_wanted(error, error.format_message())
         has_fix = said.startswith("Usage:") or "Try:" in said
         fail(said if has_fix else f"{said}\n  Try: snr {_verb()}--help says what there is.")
 
 
 def _number_wanted(error: Any, said: str) -> str:
-    """Return what is wrong with an option that takes a number in our words; of other errors typer's own."""
+    """Return snr_sim's message for an invalid number in an option; for other errors, typer's message."""
     parameter = getattr(error, "param", None)
     wanted = next((ours for theirs, ours in _NUMBERS.items() if theirs in said), None)
     for before, word in zip(sys.argv, [*sys.argv[1:], ""], strict=True):
@@ -116,7 +116,7 @@ def _nobody_listens() -> NoReturn:
 
 
 def fail(message: str, status: int = 2) -> NoReturn:
-    """Say what was wrong with the request and end with an exit status; with --json also as JSON."""
+    """Print what is wrong with the request, with --json also as JSON, and end with an exit status."""
     import json
 
     print(message, file=sys.stderr)

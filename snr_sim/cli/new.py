@@ -1,6 +1,6 @@
-"""`snr new`: a copy to begin with: of a robot, a scenario, or the files a lab begins with.
+"""`snr new`: copies a robot, a scenario, or the starter files of a lab.
 
-A student's robot or scenario is found and treated exactly like ours.
+A student's robot or scenario is found and treated exactly like one of snr_sim.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def new(
 
 
 def _begin_lab(name: str, folder: str) -> None:
-    """Copy the files that a lab begins with, and its page, into a new folder."""
+    """Copy a lab's starter files and its page into a new folder."""
     from snr_sim.prelude.errors import ParameterError, UnknownName
     from snr_sim.scenario.library import find_lab
 
@@ -94,7 +94,7 @@ def _begin_lab(name: str, folder: str) -> None:
 
 
 def _rename(path: Path, old: str, robot: str) -> None:
-    """Let a copied file import the modules of this robot and name it, instead of the one it was copied from."""
+    """Replace the original robot's name in a copied file, in module names and `ROBOT`, by the new one."""
     text = path.read_text()
     renamed = text.replace(f"snr_sim_robot_{old}", f"snr_sim_robot_{robot}")
     renamed = re.sub(rf'^ROBOT = "{old}"$', f'ROBOT = "{robot}"', renamed, flags=re.MULTILINE)

@@ -1,4 +1,4 @@
-"""The run that a verb looks at if none was named: the newest one in runs/, and which that is is said."""
+"""The default run of verbs that take one: the newest in runs/, whose name is printed."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ if TYPE_CHECKING:
 
 
 def run_or_newest(run: Path | None) -> Path:
-    """Return the run, or the newest one here if there is none.
+    """Return the run, or the newest one in runs/ if none is given.
 
     Raises:
-        TraceError: none was named, and none is here.
+        TraceError: no run is given, and runs/ has none.
     """
     return run if run is not None else _newest_but([])
 
 
 def trace_of(run: Path | None) -> Trace:
-    """Return the trace of a run, or of the newest one here if there is none.
+    """Return the trace of a run, or of the newest one in runs/ if none is given.
 
     Raises:
-        TraceError: there is none, or it cannot be read.
+        TraceError: there is no run, or its trace cannot be read.
     """
     from snr_sim.recording.folder import trace_path
     from snr_sim.recording.reader import read_trace
@@ -32,10 +32,10 @@ def trace_of(run: Path | None) -> Trace:
 
 
 def two_runs(first: Path | None, second: Path | None) -> tuple[Path, Path]:
-    """Return two runs; the newest ones here take the place of those that were not named, the older one first.
+    """Return two runs; those not given are the newest ones in runs/, the older one first.
 
     Raises:
-        TraceError: there are not so many here.
+        TraceError: there are not enough runs.
     """
     if first is not None:
         return first, second if second is not None else _newest_but([first])

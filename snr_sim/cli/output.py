@@ -1,4 +1,4 @@
-"""How a command prints: its answer on stdout, with nothing between it, and notes on stderr."""
+"""Output of commands: only the result on stdout, and notes on stderr."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from snr_sim.recording.reader import Trace
 
-_STDOUT, _STDERR = 1, 2  # what libraries written in C, and other programs, print to
+_STDOUT, _STDERR = 1, 2  # the descriptors that C libraries and child processes print to
 
 
 def print_json(fields: dict[str, Any]) -> None:
-    """Print the one object of --json."""
+    """Print the single object of --json."""
     from snr_sim.recording.folder import as_json
 
     print(as_json(fields))
 
 
 def print_note(text: str) -> None:
-    """Print what a user should know beside the answer."""
+    """Print a note to the user in addition to the result."""
     print(f"note: {text}", file=sys.stderr, flush=True)
 
 
 def print_remarks(trace: Trace, before: str = "") -> None:
-    """Print what is to be known of a trace: that it was changed, or cut."""
+    """Print remarks about a trace: that it was changed or truncated."""
     from snr_sim.recording.folder import remarks
 
     for remark in remarks(trace):
@@ -37,10 +37,10 @@ def print_remarks(trace: Trace, before: str = "") -> None:
 
 @contextmanager
 def guarded(is_json: bool) -> Iterator[None]:
-    """Give code of the student's a stdout of its own while it is entered.
+    """Redirect stdout for a student's code within the block.
 
-    With --json it leads to stderr, so that stdout holds our one object and nothing else, also if a library written
-    in C prints. Without, it leads to where ours leads, and closing it costs us nothing.
+    With --json it is redirected to stderr, so that stdout has the single object only, even if a C library prints.
+    Without --json it has the same target as before, and the student's code can close it without an effect.
     """
     before = sys.stdout
     before.flush()
@@ -48,7 +48,7 @@ def guarded(is_json: bool) -> Iterator[None]:
     kept = _duplicate(_STDOUT)
     try:
         if is_json:
-            with suppress(OSError):  # there is none, or no stderr
+            with suppress(OSError):  # stdout or stderr does not exist
                 os.dup2(_STDERR, _STDOUT)
         sys.stdout = _Lent(target)
         yield
@@ -66,7 +66,7 @@ def _duplicate(descriptor: int) -> int | None:
 
 
 class _Lent(io.TextIOBase):
-    """Passes on what is written, and does not mind being closed."""
+    """Stream that passes on what is written and ignores `close`."""
 
     def __init__(self, target: Any) -> None:
         self._target = target
@@ -80,7 +80,7 @@ class _Lent(io.TextIOBase):
         self._target.flush()
 
     def close(self) -> None:
-        """Leave everything open: the stream is only lent."""
+        """Leave the stream open: its owner closes it."""
 
     def fileno(self) -> int:
         """Return the descriptor, as some libraries ask for it."""

@@ -1,7 +1,7 @@
-"""What rich shows on a terminal, to the letter.
+"""Literal output with rich.
 
-By itself it would take the [us] and [hardware] of a text for colours, :x: for a picture, and a check whose title begins
-with [/] for a mistake in its own language, which ends the program.
+By default rich interprets [us] and [hardware] in a text as styles and :x: as an emoji, and raises an error for a title
+that begins with [/], which ends the program.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 
 
 def plain_console(stderr: bool = False, width_in_a_pipe: int | None = None) -> Console:
-    """Return a console that shows texts as they are.
+    """Return a console that prints texts without interpreting markup.
 
     Args:
-        stderr: whether it writes there, and not to stdout.
-        width_in_a_pipe: of a line, where no terminal tells; 80 if not given.
+        stderr: whether it writes to stderr instead of stdout.
+        width_in_a_pipe: of a line when the output is not a terminal; 80 by default.
     """
     from rich.console import Console
 
@@ -29,7 +29,7 @@ def plain_console(stderr: bool = False, width_in_a_pipe: int | None = None) -> C
 
 
 def as_it_is(words: str) -> Text:
-    """Return what says these words where rich would read a text its own way, as in `Console.status`."""
+    """Return an object that prints this text literally where rich would interpret markup, as in `Console.status`."""
     from rich.text import Text
 
     return Text(words)

@@ -1,4 +1,4 @@
-"""A progress line for runs that take time: on a terminal only, and on stderr."""
+"""Progress line for long runs: on a terminal only, and on stderr."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ _PERIOD_S = 0.1
 
 @contextmanager
 def progress(name: str, after_s: float) -> Iterator[Callable[[float], None] | None]:
-    """Yield what is to be called with the virtual time at each new moment, or None if nothing is shown.
+    """Yield a function to call with the virtual time at each step, or None if there is no progress line.
 
     Args:
-        name: of what runs.
-        after_s: by the wall clock, when it is first shown: a short run says nothing.
+        name: of the run.
+        after_s: wall time before it is first shown, so that short runs do not show it.
     """
     if not sys.stderr.isatty():
         yield None

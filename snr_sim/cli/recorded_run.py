@@ -1,4 +1,4 @@
-"""A scenario run and recorded into a folder of its own: for `snr run` and `snr resim`."""
+"""Running a scenario and recording it into a new run folder: for `snr run` and `snr resim`."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from snr_sim.scenario.role_run import RoleRun, World
     from snr_sim.scenario.simulation import Request, Simulation
 
-QUIET_STALL_LIMIT_S = 60.0  # with --json: nobody reads that it stands still
-SLOW_S = 2.0  # from when on a fast run shows how far it is
+QUIET_STALL_LIMIT_S = 60.0  # with --json, where no user reads the warning about a stalled run
+SLOW_S = 2.0  # wall time after which a fast run shows its progress
 Shown = Literal["", "window", "browser"]  # where a run is shown
 
 
@@ -39,7 +39,7 @@ def record_run(
     console_port: int | None = None,
     stall_limit_s: float | None = None,
 ) -> tuple[dict[str, Any], int]:
-    """Run a request into a new run folder; return what result.json holds, and the exit status.
+    """Run a request into a new run folder; return the content of result.json and the exit status.
 
     Args:
         stall_limit_s: ends a run that stands still for so long; if None, one that is quiet, as a program waits for it.
@@ -67,7 +67,7 @@ def record_run(
         if is_watched:
             show_log(logging.INFO)
             config = watched(config)
-        if world is not None:  # under one clock the roles' links meet in memory, and need no port
+        if world is not None:  # under one clock the roles' links use memory instead of ports
             stack.callback(world.release)
             world.claim()
         if console_port is not None:
@@ -75,7 +75,7 @@ def record_run(
             stack.callback(console.release)
             console.claim()
             config.get(simulation.roles[0]).append(console)
-        with ExitStack() as undo:  # of a request that was wrong, and has begun nothing, nothing is left
+        with ExitStack() as undo:  # an invalid request should not leave files behind
             folder = new_run_folder(out, simulation.scenario_name, request.seed)
             undo.callback(discard, folder)
             recorder = TraceWriter(folder / FILE_NAME, header, simulation.opening())
@@ -90,9 +90,9 @@ def record_run(
             else:
                 assert plant is not None  # only a role that runs by itself may be without one
                 flight = Flight(simulation, plant, config, recorder, pace, tick)
-            if world is not None or simulation.has_wires:  # what moves for real goes on without its recording
+            if world is not None or simulation.has_wires:  # a real robot continues without its recording
                 recorder.fail_softly(flight.nodes)
-            # From here on a signal ends the run in order, and the files are finished, also if it comes after the run.
+            # From here on a signal ends the run in order and the files are completed, even if it arrives after the run.
             signals = stack.enter_context(orderly(flight.nodes))
             foreseen = notes_before(simulation, flight.nodes) if isinstance(flight, Flight) else []
             undo.pop_all()
@@ -118,10 +118,10 @@ def record_run(
 def _prepared(
     request: Request, pace: float | None
 ) -> tuple[Simulation, World | None, Plant | None, Config, float | None]:
-    """Return what is to run, the world of a role that runs by itself, plant, wiring and pace.
+    """Return the simulation, the world of a role that runs by itself, plant, configuration and pace.
 
     Raises:
-        SnrError: the request is wrong.
+        SnrError: the request is invalid.
     """
     from snr_sim.prelude.errors import ParameterError
     from snr_sim.scenario.role_run import World
@@ -158,10 +158,10 @@ def _run_to_end(flight: Flight | RoleRun, signals: list[str], recorder: TraceWri
 
 
 def _stall_limit_s(asked_s: float | None, is_quiet: bool) -> float:
-    """Return how long a run may stand still [s].
+    """Return how long a run may stall [s].
 
     Raises:
-        ParameterError: that is no time.
+        ParameterError: the time is not valid.
     """
     if asked_s is None:
         return QUIET_STALL_LIMIT_S if is_quiet else math.inf
@@ -173,7 +173,7 @@ def _stall_limit_s(asked_s: float | None, is_quiet: bool) -> float:
 
 
 def _pace_with_hands(config: Config, roles: list[str], pace: float | None) -> float | None:
-    """Return the pace: if a person steers and asked for none, that of the wall clock, and that is said."""
+    """Return the pace; if a person steers and gave no pace, that of the wall clock, with a note."""
     from snr_sim.devices.pad import PadLoopFactory
 
     has_hands = any(isinstance(factory, PadLoopFactory) for role in roles for factory in config.get(role))
@@ -184,7 +184,7 @@ def _pace_with_hands(config: Config, roles: list[str], pace: float | None) -> fl
 
 
 def _keep_result(folder: Path, fields: dict[str, Any], result: Result) -> None:
-    """Write result.json; without room for it the run still counts, and that is said."""
+    """Write result.json; if the disk is full the run still counts, with a note."""
     from snr_sim.prelude.errors import TraceError
     from snr_sim.recording.folder import write_result
 
@@ -213,7 +213,7 @@ def _close(recorder: TraceWriter) -> str:
 
 
 def result_fields(request: Request, result: Result, digest: str, folder: Path) -> dict[str, Any]:
-    """Return what result.json and --json hold."""
+    """Return the fields of result.json and --json."""
     fields: dict[str, Any] = {
         "scenario": request.scenario,
         "seed": request.seed,
@@ -238,7 +238,7 @@ def result_fields(request: Request, result: Result, digest: str, folder: Path) -
 
 
 def _write_view(folder: Path, result: Result) -> None:
-    """Write view.rrd from the trace; without the viewer's package, or with a full disk, the run still counts."""
+    """Write view.rrd from the trace; if the viewer's package is missing or the disk is full, the run still counts."""
     if result.signal:
         result.notes.append("No view.rrd was written, as the run was to end at once; snr view makes it.")
         return
@@ -258,7 +258,7 @@ def _write_view(folder: Path, result: Result) -> None:
 
 @contextmanager
 def _live_view(header: Header, recorder: TraceWriter, shown: Shown) -> Iterator[None]:
-    """Show the run as it goes, in a window that stays when it is over, or in the browser."""
+    """Show the run while it is recorded, in a window that stays open afterwards, or in the browser."""
     from snr_sim.view.view import LiveView
     from snr_sim.view.view_server import live_window, serve_web
 
@@ -287,7 +287,7 @@ def _say(fields: dict[str, Any], result: Result, is_quiet: bool, told: list[str]
         f"{fields['scenario']}, seed {fields['seed']}, controller {Path(str(fields['controller'])).name}: "
         f"{fields['outcome']} after {result.sim_time_s:.1f} s ({speed:.0f} x real time)"
     )
-    is_measured = not (result.error and result.sim_time_s == 0.0)  # else nothing was: it had not begun
+    is_measured = not (result.error and result.sim_time_s == 0.0)  # else the run did not begin
     for name, value in result.metrics.items() if is_measured else ():
         print(f"  {name:<16} {_in_words(value)}")
     print(f"run folder: {fields['run_dir']}")

@@ -1,4 +1,4 @@
-"""`snr replay RUN`: runs the handlers again on the recorded inputs and says whether they did the same."""
+"""`snr replay RUN`: runs the handlers again on the recorded inputs and reports whether the results are the same."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def replay(
     ask(trace.path.parent, plan.unknown, trust)
     if plan.executed and not as_json:
         print(f"executes{', as recorded' if plan.is_recorded else ''}: {', '.join(plan.executed)}", file=sys.stderr)
-    with guarded(is_json=True):  # what handlers print is not our answer
+    with guarded(is_json=True):  # keeps output of handlers out of the result
         replays, calls, notes = _replay(trace, plan, with_file, tolerances, check)
     if with_file:
         notes.extend(_write_comparison(trace, replays, folder))
@@ -106,7 +106,7 @@ def _replay(
 
 
 def _config(trace: Trace, plan: ReplayFiles, with_file: str) -> tuple[Any, list[str]]:
-    """Return the wiring to replay with, and what is to be said about it."""
+    """Return the configuration to replay with, and notes about it."""
     from dataclasses import replace
 
     from snr_sim.scenario.library import OPTION_FILE, hashes_of_files
@@ -141,7 +141,7 @@ def _changed(then: dict[str, str], now: dict[str, str]) -> list[str]:
 
 
 def environment_note(trace: Trace) -> list[str]:
-    """Return a note on what this run was recorded with and is not repeated with, or nothing."""
+    """Return a note on the differences between the recorded and the current environment, or an empty list."""
     from snr_sim import __version__
     from snr_sim.recording.environment import environment_changes
     from snr_sim.scenario.library import package_versions
@@ -216,7 +216,7 @@ def _say(
 
 
 def _hash_seeds(trace: Trace) -> str:
-    """Say under which order of sets the run was made and replayed."""
+    """Return a text about the hash seeds of the run and the replay, which determine the order of sets."""
     from snr_sim.recording.records import hash_seed
 
     then, now = trace.opening.hash_seed, hash_seed()
@@ -224,7 +224,7 @@ def _hash_seeds(trace: Trace) -> str:
 
 
 def _writable(one: Divergence) -> Divergence:
-    """Return a divergence whose values JSON can show: null would not tell NaN from infinity."""
+    """Return a divergence with JSON-compatible values: null would not distinguish NaN from infinity."""
     from dataclasses import replace
 
     shown = [

@@ -1,4 +1,4 @@
-"""`snr resim RUN`: the closed loop again: same scenario, same seed, the plant run anew."""
+"""`snr resim RUN`: simulates the closed loop again, with the same scenario and seed and a new plant."""
 
 from __future__ import annotations
 
@@ -65,17 +65,17 @@ def resim(
 
 
 def with_devices(request: Request, io: str) -> Request:
-    """Return a recorded request with the devices that were asked for, or those it had, if none of them is real.
+    """Return a recorded request with the devices asked for, or with its own devices if none of them is real.
 
     Raises:
-        ParameterError: nobody has asked for any, and it had real ones: they would move by themselves.
+        ParameterError: the user gave no devices and the run had real ones, which would move unexpectedly.
     """
     from snr_sim.prelude.errors import ParameterError
     from snr_sim.prelude.io import parse_io
 
     if io:
         is_whole = parse_io(request.io).kind == "pi" and parse_io(io).kind != "pi"
-        # With --io pi each role ran by itself because it had to; in simulation it needs the others.
+        # With --io pi each role had to run by itself; in simulation it needs the other roles.
         return replace(request, io=io, role=None if is_whole else request.role)
     if parse_io(request.io).has_wires:
         raise ParameterError(

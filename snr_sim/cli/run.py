@@ -1,4 +1,4 @@
-"""`snr run SCENARIO`: runs it, records it, says how it ended."""
+"""`snr run SCENARIO`: runs it, records it, and prints the outcome."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def run(
     """
     from snr_sim.scenario.simulation import Request
 
-    # A file is named by its path, so that a replay from another folder finds it again.
+    # A file is stored with its path, so that a replay from another folder finds it again.
     options = options_of([*option, f"policy={Path(policy).resolve()}"] if policy else option)
     request = Request(scenario, seed, engine or None, controller or None, role or None, io, options)
     pace = pace_of(speed)
@@ -86,7 +86,7 @@ def run(
 
 
 def _say_whence(context: typer.Context, io: str) -> None:
-    """Say that real outputs will move, if nobody has just typed so: a variable may have been set days ago."""
+    """Warn that real outputs will move if `--io` was not typed: the variable may have been set days ago."""
     from snr_sim.prelude.io import ENVIRONMENT, parse_io
 
     source = context.get_parameter_source("io")

@@ -1,4 +1,4 @@
-"""How Ctrl-C and SIGTERM end `snr` outside of a run, where they interrupt it. Within a run: `core/interrupts.py`."""
+"""Ctrl-C and SIGTERM outside of a run, where they interrupt `snr`. Within a run see `core/interrupts.py`."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import sys
 from types import FrameType
 
 STUCK_S = 2.0  # as in a run: see core/last_resort.py, which is slow to import
-stopped_by: list[int] = []  # numbers of the signals that came
+stopped_by: list[int] = []  # numbers of the received signals
 
 
 def interrupt_at_signals() -> None:
-    """Have SIGTERM, and Ctrl-C unless it is ignored, raise KeyboardInterrupt with the signal's number.
+    """Let SIGTERM, and Ctrl-C unless it is ignored, raise KeyboardInterrupt with the signal's number.
 
-    A student's file that is read, or a handler that is replayed, may swallow that. If the program is still in it two
-    seconds later, the process is ended.
+    A student's file that is imported, or a handler that is replayed, may swallow the exception. If the program is
+    still in it two seconds later, the process is ended.
     """
     signal.signal(signal.SIGTERM, _interrupt)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
@@ -23,14 +23,14 @@ def interrupt_at_signals() -> None:
 
 
 def status() -> int:
-    """Return the exit status of a program that a signal has interrupted, and watch it no longer."""
+    """Return the exit status of a program that a signal has interrupted, and stop watching it."""
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, 0)
     return 128 + (stopped_by[0] if stopped_by else signal.SIGINT)
 
 
 def end_by_default() -> None:
-    """Have signals end the process at once from now on: what is left are threads and exit functions of a student's."""
+    """Let signals end the process at once from now on: only a student's threads and exit functions remain."""
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) is _interrupt:
             signal.signal(number, signal.SIG_DFL)
@@ -48,7 +48,7 @@ def _end_if_stuck(number: int, frame: FrameType | None) -> None:
     from snr_sim.core.blame import LET_INTERRUPTS_PASS, place_now
 
     place = None if frame is None else place_now(frame)
-    if place is None:  # it is the kit that still works, or asks
+    if place is None:  # snr_sim itself is still working, or waits for an answer
         return
     name = signal.Signals(stopped_by[0]).name
     print(f"{place}\n  {name}: this did not return, although it was interrupted.", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""`snr trace RUN`: prints records, one a line, for people or, with --json, as they stand in the file."""
+"""`snr trace RUN`: prints records, one per line, formatted as text or, with --json, as in the file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Asks before a command executes files that may be somebody else's."""
+"""Confirmation before a command executes files that may come from another user."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ def ask(run: object, unknown: Sequence[str], is_trusted: bool) -> None:
     """Ask whether files may be executed; return if so, or if there are none.
 
     Args:
-        run: what they belong to.
-        unknown: the files, in words.
-        is_trusted: whether the user has agreed already.
+        run: the run that they belong to.
+        unknown: the files, as text.
+        is_trusted: whether the user has already agreed.
 
     Raises:
-        ParameterError: the user does not agree, or there is no terminal to ask at.
+        ParameterError: the user does not agree, or there is no terminal to ask on.
     """
     from snr_sim.prelude.errors import ParameterError
 

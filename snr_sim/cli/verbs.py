@@ -1,4 +1,4 @@
-"""The verbs of `snr`: a line and an example of each. A verb's module is imported when the verb is used."""
+"""The verbs of `snr`, each with a line of help and examples. A verb's module is imported when the verb is used."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class Verb:
     """A command in the module of its name.
 
     Args:
-        about: its line in `snr --help`, which its own help begins with.
+        about: its line in `snr --help`, which is also the first line of its own help.
         examples: below its help.
-        module: its module and function, if another word than the verb.
+        module: name of its module and function, if it differs from the verb.
         takes_dashes: whether words that look like options may be arguments, as in `store x -1`.
     """
 
@@ -62,7 +62,7 @@ VERBS = {
 
 
 class VerbGroup(TyperGroup):
-    """The command `snr`, which reads the signature of a verb when it is used: that of all would take 40 ms."""
+    """The command `snr`. It reads a verb's signature when the verb is used: reading all of them takes 40 ms."""
 
     def __init__(self, **options: Any) -> None:
         options["commands"] = {}
@@ -70,13 +70,13 @@ class VerbGroup(TyperGroup):
         self.commands = _Commands()
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write the list of verbs, for which none is imported."""
+        """Write the list of verbs without importing them."""
         with formatter.section("Commands"):
             formatter.write_dl([(name, verb.about) for name, verb in VERBS.items()])
 
 
 class _Commands(MutableMapping[str, Any]):
-    """The verbs' commands by name, each made when it is first asked for."""
+    """The verbs' commands by name, each created at its first use."""
 
     def __init__(self) -> None:
         self._made: dict[str, Any] = {}
@@ -100,11 +100,11 @@ class _Commands(MutableMapping[str, Any]):
 
 
 def command_of(name: str, verb: Verb) -> Any:
-    """Return the command of a verb, whose module is imported for it.
+    """Import a verb's module and return its command.
 
     Args:
         name: of the verb.
-        verb: what there is to know about it.
+        verb: its description.
     """
     word = verb.module or name
     function = getattr(importlib.import_module(f"snr_sim.cli.{word}"), word)

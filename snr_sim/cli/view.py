@@ -30,7 +30,7 @@ def view(
     from snr_sim.view.view_server import check_display, open_view
 
     if not web and run.exists():
-        # Before the view is made, which takes longer than a short run.
+        # Before the view is written, which takes longer than a short run.
         check_display("snr view", f"snr view {run} --web")
     open_view(view_of(run), web)
 

@@ -1,1 +1,1 @@
-"""Keeps what happened: the trace is the record of truth; replay runs it again; the view shows it."""
+"""Recording of runs: the trace is the complete record, replay executes it again, and the view displays it."""

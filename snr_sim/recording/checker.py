@@ -1,4 +1,4 @@
-"""The checker of a replay: hands out the tickets of the recorded tasks, and compares what handlers return with them."""
+"""Checker of a replay: returns the tickets of the recorded tasks and compares what handlers return with them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from snr_sim.recording.records import (
 )
 
 MAX_DIVERGENCES = 1000
-# A task that the recording does not have may have this many after it. One that asks for itself for ever is cut off.
+# Limit of follow-up tasks after a task that is not in the recording, since it may schedule itself without end.
 MAX_FOLLOWERS = 100
 
 _encode = msgspec.json.Encoder().encode
@@ -39,23 +39,23 @@ ORDER_HINT = (
     "The same values in another order: the order of a set of texts differs from process to process; "
     "sort it, for name in sorted(names), or keep a list or a dict."
 )
-HANDLER = "the handler itself"  # the field of a difference: it was called then and is not now, or the other way round
+HANDLER = "the handler itself"  # the field of a difference: called only in the recording, or only in the replay
 
 
 @dataclass(frozen=True)
 class Divergence:
-    """One place where the replay did something else than the recording.
+    """One difference between the replay and the recording.
 
     Args:
         seq, t, node: of the recorded task whose handling differs.
-        task: that task, in words.
-        component, handler: whose answer differs.
+        task: that task, as text.
+        component, handler: whose result differs.
         kind: 'value', 'missing', 'extra', 'reordered' or 'raised'.
         field: path to the value, or the task that is missing or extra.
-        recorded, replayed: what stood there.
+        recorded, replayed: the two values.
         causes: from the input to the task, one line each.
-        is_command: what differs drives an actuator.
-        hint: what it looks like, if it looks like something well known.
+        is_command: whether the differing page drives an actuator.
+        hint: likely cause, if the difference matches a known pattern.
     """
 
     seq: int
@@ -75,7 +75,7 @@ class Divergence:
 
 @dataclass
 class NodeReplay:
-    """What came out of replaying one node."""
+    """Result of replaying one node."""
 
     node: str
     executed: int = 0
@@ -85,17 +85,17 @@ class NodeReplay:
 
     @property
     def is_identical(self) -> bool:
-        """Whether everything was as recorded."""
+        """Whether the replay equals the recording."""
         return not self.divergences
 
     @property
     def first_command(self) -> Divergence | None:
-        """The first difference that would have moved an actuator: after it, the recorded sensors answer other code."""
+        """The first difference that drives an actuator: the recorded readings after it belong to other commands."""
         return next((divergence for divergence in self.divergences if divergence.is_command), None)
 
 
 class Checker:
-    """Takes the recorder's place: hands out tickets of the recorded tasks, and compares."""
+    """Stand-in for the recorder: returns tickets of the recorded tasks, and compares."""
 
     def __init__(self, node: str, records: Sequence[Record], commands: Sequence[str], tolerances: Sequence[Tolerance]):
         self.result = NodeReplay(node, recorded=sum(isinstance(record, (TaskRecord, PageRecord)) for record in records))
@@ -122,18 +122,18 @@ class Checker:
         return self
 
     def record_of(self, ticket: Ticket) -> Executed | None:
-        """Return the recorded task that a replayed one answers to, or None if the recording has none."""
+        """Return the recorded task that corresponds to a replayed one, or None if there is none."""
         return self._by_cause.get((ticket[1], ticket[2]))
 
     def was_left_queued(self, ticket: Ticket) -> bool:
-        """Return whether the recording has this task as asked for, but ended before it was executed."""
+        """Return whether the recording has this task as scheduled, but ended before it was executed."""
         return ticket[1] > 0 and self.record_of(ticket) is None
 
     def was_interrupted(self, record: Executed) -> bool:
         """Return whether a handler of this task did not return until a signal ended the run."""
         return any(message.startswith(INTERRUPTED) for message in self._failed.get(record.seq, {}).values())
 
-    # The NodeRecorder promise
+    # The NodeRecorder interface
 
     def begun(self, now_s: float, component: str, scheduled: Sequence[Task]) -> list[Ticket]:
         """Compare what a component schedules in `begin`."""
@@ -148,12 +148,12 @@ class Checker:
         return tickets
 
     def all_begun(self) -> None:
-        """Compare with the components that scheduled something in `begin` then, and nothing now."""
+        """Report the components that scheduled tasks in `begin` in the recording, but not in the replay."""
         for record in self._begins.values():
             self._compare_order(record, (record.by, "begin"), record.returned, [])
 
     def input(self, now_s: float, source: str, task: Task) -> Ticket:
-        """Hand out the ticket of the recorded input."""
+        """Return the ticket of the recorded input."""
         record = self.entering
         assert record is not None
         self.result.records.append(record)
@@ -194,10 +194,10 @@ class Checker:
         """Do nothing: a replay reports failures through `raised`."""
 
     def said(self, now_s: float, component: str, level: str, text: str) -> None:
-        """Nothing to compare: what is said changes nothing."""
+        """Ignore printed and logged text: it does not affect the run."""
 
     def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
-        """Nothing to compare: counts follow from the tasks."""
+        """Compare nothing: the counts follow from the tasks."""
 
     # Failures, and handlers that are gone
 
@@ -205,8 +205,8 @@ class Checker:
         """Compare a failure of a handler with the recorded one."""
         record = self._current
         if record is None:
-            return  # in a task that the recording does not have, which was said
-        component = failed.component.name if failed.component is not None else ""  # none: nobody could be found
+            return  # in a task that is not in the recording; that difference is already reported
+        component = failed.component.name if failed.component is not None else ""  # the failing component is unknown
         then = self._failed.get(record.seq, {}).get(component)
         if then is None or (type(error).__name__ not in then and not isinstance(error, SnrError)):
             self._diverge(
@@ -215,7 +215,7 @@ class Checker:
             )  # fmt: skip
 
     def returned(self) -> None:
-        """Compare with the handlers that were called for this task then, and are not now."""
+        """Report the handlers that were called for this task in the recording, but not in the replay."""
         for one in self._gone:
             assert self._current is not None
             if one.returned:
@@ -233,7 +233,7 @@ class Checker:
             self._diverge(record, label, "raised", "exception", "no exception", _first_lines(failure.message))
 
     def _newly_called(self, record: Executed, label: tuple[str, str], outputs: Sequence[Task]) -> None:
-        """Compare a handler that the recording has no return of: it is new, or it raised then."""
+        """Report a handler without recorded result: it is new, or it raised in the recording."""
         failure = self._failed.get(record.seq, {}).get(label[0])
         if failure is not None:
             self._diverge(record, label, "raised", "exception", _first_lines(failure), "no exception")
@@ -258,9 +258,9 @@ class Checker:
         record: Executed | BeginRecord | None,
         known: list[Returned] | None = None,
     ) -> tuple[list[Ticket], list[Returned]]:
-        """Pairs outputs with recorded ones and compares; returns their tickets, and them as they stand in a record.
+        """Pair outputs with recorded ones and compare them; return their tickets and their record form.
 
-        Values of outputs that are `known` already, as they stand in a record, are not compared.
+        Values of outputs that are `known`, that is, already in record form, are not compared.
         """
         returned = known or [told_of(task) for task in outputs]
         said = len(self.result.divergences)
@@ -346,7 +346,7 @@ class Checker:
         )  # fmt: skip
 
     def _causes(self, record: Record) -> Iterator[str]:
-        """Yield the way from the input to a record."""
+        """Yield the chain of causes from the input to a record, one line each."""
         chain: list[Record] = [record]
         while isinstance(chain[-1], (TaskRecord, PageRecord)) and chain[-1].cause in self._by_seq:
             chain.append(self._by_seq[chain[-1].cause])
@@ -369,7 +369,7 @@ def _id(returned: Returned) -> tuple[str, str]:
 
 
 def _paired(recorded: Sequence[Returned], returned: Sequence[Returned]) -> list[int | None]:
-    """Return for each returned task the place of the recorded one it answers to: the same id, the same time round."""
+    """Return for each returned task the index of the recorded one with the same id and the same occurrence."""
     places: dict[tuple[str, str], list[int]] = {}
     for place, one in enumerate(recorded):
         places.setdefault(_id(one), []).append(place)
@@ -377,7 +377,7 @@ def _paired(recorded: Sequence[Returned], returned: Sequence[Returned]) -> list[
 
 
 def _offsets(record: Executed | None) -> dict[str, int]:
-    """Return at which place among all tasks of a record each component's tasks begin."""
+    """Return the index among all tasks of a record at which each component's tasks begin."""
     offsets: dict[str, int] = {}
     place = 0
     for one in record.handled if record is not None else []:
@@ -387,5 +387,5 @@ def _offsets(record: Executed | None) -> dict[str, int]:
 
 
 def _first_lines(message: str) -> str:
-    """Return the line and the exception of a failure, without when it was."""
+    """Return the line and the exception of a failure, without its time."""
     return " | ".join(line.strip() for line in message.splitlines()[:2] if line.strip())

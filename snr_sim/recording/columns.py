@@ -1,7 +1,7 @@
-"""Records of a run, turned from rows into columns: what the viewer and the picture draw.
+"""Records of a run, converted from rows to columns, which the viewer and the picture draw.
 
-A trace is a list of records; a plot wants one array per number. Turning 20 000 rows into columns costs little if it is
-done a column at a time, and a lot if it is done a row at a time, so nothing here looks at one number alone.
+A trace is a list of records; a plot needs one array per number. Converting 20 000 rows is fast if it is done a column
+at a time and slow a row at a time, so no code here processes single numbers.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from snr_sim.recording.records import (
 Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
 
-# A longer list in a page is a picture or a scan, not a handful of numbers: as lines in a plot it would explain nothing.
+# A longer list in a page is an image or a scan: as lines in a plot it would not be readable.
 LIST_PLOTTED_MAX = 32
 # An input is executed soon after it came in; of one that waited for longer than so many others, only the seq is known.
 INPUTS_REMEMBERED = 10_000
@@ -58,7 +58,7 @@ class _PlainPage(msgspec.Struct, gc=False):
 
 
 class _Origin(msgspec.Struct, gc=False):
-    """The part of a page that says which node made it."""
+    """The part of a page that names the node that created it."""
 
     origin: str = ""
 
@@ -69,7 +69,7 @@ _decode_pages = msgspec.json.Decoder(list[tuple[_PlainPage]]).decode
 
 @dataclass(frozen=True)
 class When:
-    """Where rows stand: `seq` is their order, `t_s` virtual time."""
+    """Order and time of rows: `seq` is their order, `t_s` virtual time."""
 
     seq: Ints
     t_s: Floats
@@ -82,7 +82,7 @@ class When:
 
     @staticmethod
     def of(records: Sequence[Record]) -> When:
-        """Return where records stand."""
+        """Return order and time of records."""
         return When(np.array([record.seq for record in records], np.int64), np.array([record.t for record in records]))
 
 
@@ -98,7 +98,7 @@ class Series:
 
 @dataclass(frozen=True)
 class LogRows:
-    """Lines of text with their level: INFO came from outside, DEBUG is a consequence, ERROR went wrong."""
+    """Lines of text with their level: INFO for inputs, DEBUG for tasks that follow from them, ERROR for failures."""
 
     when: When
     texts: list[str]
@@ -106,7 +106,7 @@ class LogRows:
 
 
 class Batch:
-    """Some records of a run, in the order they were made, sorted by what shows them.
+    """Some records of a run in their order, sorted by the kind of their display.
 
     Example:
         >>> batch = Batch()
@@ -122,7 +122,7 @@ class Batch:
         self.clear()
 
     def extend(self, records: Iterable[Record]) -> None:
-        """Take records. One loop without a call in it: at this place a call would cost as much as all the rest."""
+        """Add records. One loop without a call in it: here a call would cost as much as all the rest."""
         pages, executed = self._pages, self._executed
         for record in records:
             kind = type(record)
@@ -144,7 +144,7 @@ class Batch:
                 self._events.setdefault(record.node, []).append(record)
 
     def clear(self) -> None:
-        """Forget the records, but not which inputs are still to be executed."""
+        """Drop the records, but keep the inputs that are not executed yet."""
         self.truths: list[TruthRecord] = []
         self._pages: dict[tuple[str, str], list[PageRecord]] = {}
         self._executed: dict[str, list[Executed]] = {}
@@ -165,7 +165,7 @@ class Batch:
                 yield body, when if picked is None else when[picked], flat.reshape(-1, 7)
 
     def arrows(self) -> Iterator[tuple[str, When, Floats]]:
-        """Return each arrow: name, when, array of shape (n, 6). Where a truth does not name it, it has no length."""
+        """Return each arrow: name, when, array of shape (n, 6). Its length is 0 where a true state does not have it."""
         when, rows = When.of(self.truths), [truth.arrows for truth in self.truths]
         self._arrow_names |= dict.fromkeys(chain.from_iterable(rows))
         for name in self._arrow_names if rows else ():
@@ -174,7 +174,7 @@ class Batch:
                 continue
             arrows = flat.reshape(-1, 6)
             pushes: NDArray[np.bool_] = np.any(arrows[:, 3:] != 0.0, axis=1)
-            # Only where it is seen, and where it has just gone: a jet that fires now and then costs next to nothing.
+            # Only where it is visible or has just vanished: a jet that fires rarely needs almost no data.
             told = pushes | np.concatenate((np.array([True]), pushes[:-1]))
             yield name, when[told], arrows[told]
 
@@ -186,7 +186,7 @@ class Batch:
         return by_node
 
     def stored_by(self, page: PageRecord) -> str:
-        """Return who stored a page, for example 'autopilot.steer in process_data depth', or what it came from."""
+        """Return what stored a page, for example 'autopilot.steer in process_data depth', or its source."""
         if source := self._sources.get(page.cause):
             return source
         made = _record_at(page.cause, self._executed[page.node])
@@ -209,7 +209,7 @@ class Batch:
                 yield node, series
 
     def images(self) -> Iterator[tuple[str, tuple[str, ...], When, list[NDArray[np.uint8]]]]:
-        """Return what cameras saw: node, path of the field, when, and pictures of shape (height, width, 3)."""
+        """Return camera images: node, path of the field, when, and images of shape (height, width, 3)."""
         for (node, key), records in self._pages.items():
             if _IMAGE_MARK not in bytes(records[0].values):
                 continue
@@ -222,7 +222,7 @@ class Batch:
                     yield node, (key, field), when, [image for _, image in seen]
 
     def page_words(self, fields: Sequence[str]) -> Iterator[tuple[str, list[float], list[str]]]:
-        """Return the texts that pages carried in some fields, where they were made: field, times [s], texts."""
+        """Return the texts in some fields of pages at the node that created them: field, times [s], texts."""
         for (node, key), records in self._pages.items():
             if self.is_copy(node, key):
                 continue
@@ -237,7 +237,7 @@ class Batch:
                     yield field, [time_s for time_s, _ in told], [text for _, text in told]
 
     def is_copy(self, node: str, key: str) -> bool:
-        """Whether the first page of a key at a node was made by another node: a link brought it."""
+        """Return whether another node created the first page of a key at a node: it came over a link."""
         try:
             ((page,),) = _decode_origins(b"[" + bytes(self._pages[node, key][0].values) + b"]")
         except NO_JSON:
@@ -252,7 +252,7 @@ class Batch:
             yield node, LogRows(When.of(records), self._lines(records, sources), levels)
 
     def events(self) -> Iterator[tuple[str, LogRows]]:
-        """Return for each node how it began and ended, and what went wrong."""
+        """Return for each node its start, its end, and its failures."""
         for node, records in self._events.items():
             texts, levels = zip(*map(_event, records), strict=True)
             yield node, LogRows(When.of(records), list(texts), list(levels))
@@ -260,7 +260,7 @@ class Batch:
     def _lines(self, records: Iterable[Executed], sources: Iterable[str | None]) -> list[str]:
         """Return for example '147  process_data  inertial       <- 146                  pad: store_page engine'."""
         lines = []
-        # The words are few and come again and again: each phrase is put together once, and so are the blanks beside it.
+        # The texts are few and repeat often, so each phrase and its padding is built once.
         known = self._phrases
         for record, source in zip(records, sources, strict=True):
             what, whence = (record.type, record.name), (source or "",)
@@ -279,7 +279,7 @@ class Batch:
 
 
 def _record_at(seq: int, records: Sequence[Any]) -> Any:
-    """Return the record of this place in the order; None if it is not among them."""
+    """Return the record with this seq; None if it is not among the records."""
     at = bisect_left(records, seq, key=attrgetter("seq"))
     return records[at] if at < len(records) and records[at].seq == seq else None
 
@@ -304,7 +304,7 @@ def _event(record: BeginRecord | EndRecord | ErrorRecord | SaidRecord) -> tuple[
 
 
 def page_data(raws: Sequence[msgspec.Raw]) -> list[Any]:
-    """Return the `data` of each page; None where it cannot be brought back.
+    """Return the `data` of each page; None where it cannot be decoded.
 
     Args:
         raws: the values of `store_page` tasks, [page] as JSON.
@@ -315,7 +315,7 @@ def page_data(raws: Sequence[msgspec.Raw]) -> list[Any]:
         try:
             return [page.data for (page,) in _decode_pages(joined)]
         except NO_JSON:
-            pass  # a trace that was edited: one by one, so that the other pages are still shown
+            pass  # an edited trace: decode the pages one by one, so that the valid ones are still shown
     return [_one_page_data(bytes(raw)) for raw in raws]
 
 
@@ -329,7 +329,7 @@ def _one_page_data(raw: bytes) -> Any:
 
 
 def _columns(path: tuple[str, ...], when: When, rows: Sequence[Any]) -> Iterator[Series]:
-    """Return the numbers inside `rows`, however they are nested, as one series per place where a number was found."""
+    """Return the numbers in `rows` at any nesting depth, as one series per path."""
     kinds = set(map(type, rows))
     if not kinds:
         return
@@ -346,13 +346,13 @@ def _columns(path: tuple[str, ...], when: When, rows: Sequence[Any]) -> Iterator
 
 
 def _by_name(rows: Sequence[Any]) -> Iterator[tuple[Any, list[int] | None, Sequence[Any]]]:
-    """Return for each key of rows of dicts: the rows that have it (None: all), and what they have there."""
+    """Return for each key of rows of dicts: the rows that have it (None: all), and their values."""
     names = list(rows[0]) if rows else []
     if len(names) > 1 and sum(map(len, rows)) == len(rows) * len(names):
         try:
             columns = list(zip(*map(itemgetter(*names), rows), strict=True))
         except KeyError:
-            pass  # as many keys, but others
+            pass  # the same number of keys, but other ones
         else:
             yield from ((name, None, column) for name, column in zip(names, columns, strict=True))
             return
@@ -362,7 +362,7 @@ def _by_name(rows: Sequence[Any]) -> Iterator[tuple[Any, list[int] | None, Seque
 
 
 def _by_place(rows: Sequence[Any]) -> Iterator[tuple[int, list[int] | None, Sequence[Any]]]:
-    """Return for each index of rows of lists: the rows that are so long (None: all), and what they have there."""
+    """Return for each index of rows of lists: the rows that have it (None: all), and their values."""
     lengths = set(map(len, rows))
     if max(lengths) > LIST_PLOTTED_MAX:
         return
@@ -375,7 +375,7 @@ def _by_place(rows: Sequence[Any]) -> Iterator[tuple[int, list[int] | None, Sequ
 
 
 def _mixed(path: tuple[str, ...], when: When, rows: Sequence[Any]) -> Iterator[Series]:
-    """Take the rows of each kind by themselves; text, None and whatever else is no number falls out."""
+    """Split rows by kind of value; text, None and other non-numbers are dropped."""
     plain = [_plain(row) for row in rows]
     for kinds in (_NUMBERS, {dict}, {list}):
         picked = [i for i, row in enumerate(plain) if type(row) in kinds]
@@ -384,7 +384,7 @@ def _mixed(path: tuple[str, ...], when: When, rows: Sequence[Any]) -> Iterator[S
 
 
 def _plain(value: Any) -> Any:
-    """Return arrays and tuples as lists; other values as they are."""
+    """Return arrays and tuples as lists; other values unchanged."""
     if isinstance(value, (np.ndarray, np.generic)):
         return value.tolist() if value.size <= LIST_PLOTTED_MAX else None
     return list(value) if isinstance(value, tuple) else value
@@ -405,5 +405,5 @@ def _float(value: Any) -> float:
 
 
 def _names(rows: Iterable[dict[Any, Any]]) -> list[Any]:
-    """Return the keys that occur, in the order in which they first did."""
+    """Return the keys that occur, in the order of their first occurrence."""
     return list(dict.fromkeys(chain.from_iterable(rows)))

@@ -1,4 +1,4 @@
-"""Compares recorded with replayed values: exactly, unless a tolerance or an exception is asked for by name."""
+"""Comparison of recorded with replayed values: exact, unless a tolerance names the path."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _encode = msgspec.json.Encoder().encode
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far numbers may be apart where the path matches.
+    """Allowed difference between numbers whose path matches a pattern.
 
     Args:
         pattern: of paths such as 'engine.throttle' or 'inertial.position_m[0]'; * and ? as in file names.
-        absolute, relative: a difference within either is none. Infinity lets everything pass, also other types.
+        absolute, relative: differences within either are ignored. Infinity accepts everything, also other types.
     """
 
     pattern: str
@@ -35,7 +35,7 @@ class Tolerance:
         """Return the tolerance written as PATTERN=ABSOLUTE, PATTERN=RELATIVE%, or PATTERN=ignore.
 
         Raises:
-            ParameterError: it is none of them.
+            ParameterError: the text has none of these forms.
 
         >>> Tolerance.parse("engine.*=1e-6")
         Tolerance(pattern='engine.*', absolute=1e-06, relative=0.0)
@@ -65,7 +65,7 @@ def _bound(text: str) -> float:
 
 @dataclass(frozen=True)
 class Difference:
-    """Where two values part."""
+    """A path at which two values differ."""
 
     field: str
     recorded: Any
@@ -85,8 +85,8 @@ def first_difference(
     Args:
         name: of the task: the beginning of every path.
         kind: the task's type; of a page the path leads into its data: 'engine.throttle'.
-        recorded, replayed: the values as JSON, as they stand in traces.
-        tolerances: those whose pattern matches a path apply there.
+        recorded, replayed: the values as JSON, as in traces.
+        tolerances: each applies to the paths that match its pattern.
     """
     if recorded == replayed:
         return None
@@ -97,7 +97,7 @@ def first_difference(
 
 
 def only_reordered(recorded: Sequence[bytes], replayed: Sequence[bytes]) -> bool:
-    """Return whether values hold the same as others, but for the order of what is in lists, or of the values."""
+    """Return whether two lists of values differ only in the order of the values, or of the items of lists in them."""
     if list(recorded) == list(replayed):
         return False
     then, now = (repr(_unordered([_decode(raw) for raw in raws])) for raws in (recorded, replayed))
@@ -151,7 +151,7 @@ def _differences(path: str, recorded: Any, replayed: Any) -> Iterator[Difference
 
 
 def _mark(value: Any) -> Any:
-    """Return of what kind a value is that JSON alone does not tell: a tuple, an array of floats, a class."""
+    """Return the type of a value that JSON alone does not express: a tuple, an array of floats, a class."""
     if not (isinstance(value, dict) and MARK in value):
         return None
     mark = value[MARK]
@@ -161,12 +161,12 @@ def _mark(value: Any) -> Any:
 
 
 def _class(name: Any) -> Any:
-    """Return a class' name without the module of a program, which is called otherwise in a replay."""
+    """Return a class name without the module of a program, whose name differs in a replay."""
     return _PROGRAM.sub("", name) if isinstance(name, str) else name
 
 
 def _without_mark(value: Any) -> Any:
-    """Return what a marked value holds, as plain JSON would say it."""
+    """Return the content of a tagged value as plain JSON."""
     if not (isinstance(value, dict) and MARK in value):
         return value
     if value[MARK] in ("float", "array", "int", "bytes"):
@@ -178,7 +178,7 @@ def _without_mark(value: Any) -> Any:
 
 
 def _shown(value: Any) -> Any:
-    """Return a value as the student would write it, where that is possible."""
+    """Return a value in Python syntax, where possible."""
     try:
         return decode_value(_encode(value))
     except ValueEncodingError:
@@ -186,7 +186,7 @@ def _shown(value: Any) -> Any:
 
 
 def _passes(tolerance: Tolerance, difference: Difference) -> bool:
-    # A path has [0] in it; for fnmatch that is a set of letters, so its bracket is made a letter itself.
+    # A path contains [0], which fnmatch reads as a character set, so the bracket is escaped.
     if not fnmatchcase(difference.field, tolerance.pattern.replace("[", "[[]")):
         return False
     if tolerance.absolute == float("inf"):

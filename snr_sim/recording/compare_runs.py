@@ -1,7 +1,7 @@
-"""Two runs of one robot side by side: what of each number differs, by how much, and since when.
+"""Comparison of two runs of one robot: which signals differ, by how much, and from what time on.
 
-Meant for the same node in simulation, on an emulated board and on the real one: how much later, noisier and coarser is
-it there? Each run's own numbers come from `compare_signals.py`.
+Meant for the same node in simulation, on an emulated board and on the real one: how much later, noisier and coarser
+are its signals there? The statistics of each run come from `compare_signals.py`.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from snr_sim.recording.compare_signals import APPLIED, TRUTH, Measured, Signal, 
 from snr_sim.recording.reader import Trace
 from snr_sim.recording.records import Header
 
-LATER_MAX_S, LATER_STEP_S = 1.0, 0.005  # how far and how finely one run is moved against the other
-LATER_GAIN = 0.7  # moving it must leave no more than this share of the difference, or nobody can tell
-SAME = 1e-9  # differences below this share of the values are the computer's
+LATER_MAX_S, LATER_STEP_S = 1.0, 0.005  # maximum and resolution of the time shift of one run against the other
+LATER_GAIN = 0.7  # a shift must reduce the difference to this fraction, or the lag is not identifiable
+SAME = 1e-9  # relative differences below this are rounding errors
 
 
 @dataclass(frozen=True)
@@ -28,17 +28,17 @@ class Compared:
     """One signal in two runs.
 
     Args:
-        first, second: the signal in each, the second moved in time as was asked for.
-        of_first, of_second: what is seen in each.
+        first, second: the signal in each, the second shifted in time as requested.
+        of_first, of_second: statistics of each.
         times_s: shape (n,), of the common time.
-        difference: shape (n, channels): second less first, interpolated to the first one's times.
+        difference: shape (n, channels): second minus first, interpolated to the first one's times.
         rms: root mean square of the difference, over the channels.
-        largest: of the difference, with its sign.
-        largest_at_s, largest_channel: where.
+        largest: the difference of largest magnitude, with its sign.
+        largest_at_s, largest_channel: time and channel of that difference.
         first_differs_s: when any channel first differs; None if never.
-        later_s: how much later the second moves, as far as moving it explains the difference; None if it does not.
+        later_s: delay of the second signal, if a shift explains the difference; else None.
         is_command: whether it is in a page that drives outputs.
-        channel: which of a list this is alone; None for all of them.
+        channel: index in a list if this is only one channel of it; None for all channels.
     """
 
     first: Signal
@@ -63,7 +63,7 @@ class Compared:
 
     @property
     def share(self) -> float:
-        """The difference as a share of what the signal spans: how much it tells."""
+        """The difference as a fraction of the signal's span: a measure of its significance."""
         span = max(self.of_first.highest, self.of_second.highest) - min(self.of_first.lowest, self.of_second.lowest)
         return self.rms / span if span > 0.0 else 0.0
 
@@ -73,10 +73,10 @@ class Comparison:
     """Two runs.
 
     Args:
-        labels: what to call them: by what they differ in.
+        labels: names of the runs, from what differs between them.
         node: whose pages were compared.
-        signals: that both have, in the order of the first run.
-        only_first, only_second: names of signals that one of them alone has.
+        signals: that both runs have, in the order of the first run.
+        only_first, only_second: names of signals that only one run has.
         is_identical: whether the two traces are the same, byte for byte.
     """
 
@@ -105,14 +105,14 @@ def compare_runs(
 
     Args:
         first, second: their traces.
-        node: whose pages: a role, or its name with _node. If not given, of the first one that both have and that
-            drives something.
-        shift_s: the second run is taken to have begun so much later.
-        within_s: only what was stored between these times, by the first run's clock.
+        node: whose pages: a role, or its name with _node; by default the first node of both runs that drives
+            actuators.
+        shift_s: assumed delay of the second run's start.
+        within_s: compare only pages stored between these times of the first run's clock.
 
     Raises:
-        TraceError: they are of different robots, or have nothing in common.
-        UnknownName: they have no such node.
+        TraceError: the runs are of different robots, or have nothing in common.
+        UnknownName: a run does not have this node.
     """
     if first.header.robot != second.header.robot:
         raise TraceError(
@@ -154,10 +154,10 @@ def compare_runs(
 
 
 def shift_by_commands_s(first: Trace, second: Trace) -> float:
-    """Return how much later the second run's commands first changed, as of a run that somebody began by hand.
+    """Return how much later the second run's commands first changed, for runs that were started by hand.
 
     Raises:
-        TraceError: in one of them no command ever changed.
+        TraceError: in one of the runs no command ever changes.
     """
     begun = []
     for trace in (first, second):
@@ -178,7 +178,7 @@ def shift_by_commands_s(first: Trace, second: Trace) -> float:
 
 
 def labels_of(first: Header, second: Header) -> tuple[str, str]:
-    """Return what to call two runs: by the first thing in which they differ."""
+    """Return names for two runs: the first property in which they differ."""
     for wanted in ("io", "engine", "controller", "seed", "scenario", "clock"):
         one, other = str(getattr(first, wanted)), str(getattr(second, wanted))
         if one != other:
@@ -216,7 +216,7 @@ def _moved(signal: Signal, by_s: float) -> Signal:
 
 
 def _overlap(first: Signal, second: Signal) -> tuple[float, float] | None:
-    """Return the common time; None if there is none, or if there are not as many channels."""
+    """Return the common time span; None if there is none, or if the numbers of channels differ."""
     if not (len(first.times_s) and len(second.times_s)) or first.values.shape[1] != second.values.shape[1]:
         return None
     begin_s, end_s = (
@@ -228,7 +228,7 @@ def _overlap(first: Signal, second: Signal) -> tuple[float, float] | None:
 
 
 def _told_of(applied: Signal, signals: Sequence[Mapping[str, Signal]]) -> tuple[Signal | None, Signal | None]:
-    """Return, of pulses that outputs tell of, the commands for them in both runs."""
+    """Return, for pulses reported by outputs, the commands for them in both runs."""
     if not applied.key.endswith(APPLIED):
         return None, None
     name = f"{applied.key.removesuffix(APPLIED)}.{applied.field}"
@@ -271,12 +271,12 @@ def _compared(
 
 
 def _at(signal: Signal, times_s: Floats) -> Floats:
-    """Return the values of all channels at other times, between two pages on a straight line."""
+    """Return the values of all channels at other times, linearly interpolated."""
     return np.stack([np.interp(times_s, signal.times_s, column) for column in signal.values.T], axis=1)
 
 
 def channel_of(one: Compared, channel: int) -> Compared:
-    """Return one number of a list by itself."""
+    """Return the comparison of a single channel."""
     only = slice(channel, channel + 1)
     first, second = (replace(signal, values=signal.values[:, only]) for signal in (one.first, one.second))
     alone = _compared(first, second, one.is_command, (None, None))
@@ -284,7 +284,7 @@ def channel_of(one: Compared, channel: int) -> Compared:
 
 
 def _turned(field: str, difference: Floats) -> Floats:
-    """Return differences of angles the short way round."""
+    """Return differences of angles wrapped to the shorter direction; other fields unchanged."""
     if not field.endswith("_rad"):
         return difference
     turned: Floats = difference - 2.0 * math.pi * np.round(difference / (2.0 * math.pi))
@@ -294,14 +294,14 @@ def _turned(field: str, difference: Floats) -> Floats:
 def later_s(first: Signal, second: Signal, channel: int = 0) -> float | None:
     """Return how much later a signal moves in the second run than in the first.
 
-    The one is moved against the other until they differ least.
+    One signal is shifted against the other until their difference is minimal.
 
     Args:
         first, second: the signal in both runs.
         channel: of it.
 
     Returns:
-        seconds, negative if it is earlier; None if moving it explains less than a third of what they differ by.
+        seconds, negative if it is earlier; None if the shift explains less than a third of the difference.
     """
     begin_s = max(first.times_s[0], second.times_s[0]) + LATER_MAX_S
     end_s = min(first.times_s[-1], second.times_s[-1]) - LATER_MAX_S

@@ -1,7 +1,7 @@
-"""What one run says about each of its numbers: how often it came, how old, how noisy, in which steps.
+"""Statistics of each signal of one run: rate, age, noise, quantisation.
 
-A signal is one field of a page over a run; the numbers of a list are its channels. `compare_runs.py` holds the
-signals of two runs against each other. What is measured here needs no truth: it is there for a real robot as well.
+A signal is one field of a page over a run; the numbers of a list are its channels. `compare_runs.py` compares the
+signals of two runs. These statistics need no true state, so they work for a real robot as well.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ import numpy as np
 from snr_sim.recording.columns import Batch, Floats, Series
 from snr_sim.recording.records import Record
 
-STAMP = "stamp_s"  # the field in which readings, and answers of outputs, say when what they hold was measured or made
-TRUTH = "truth"  # key of what the plant says, in simulated runs: no node can read it
-APPLIED = "_applied"  # ending of the key under which outputs tell what became of a command
+STAMP = "stamp_s"  # the field of readings and output reports with the time of measurement or output
+TRUTH = "truth"  # key of the plant's true state in simulated runs: no node can read it
+APPLIED = "_applied"  # suffix of the key under which outputs report how a command was applied
 APPLIED_WITHIN_S = 0.5
 PULSES_US, STOP_US = "pulses_us", 1500.0
 NOISE_WINDOW = 50  # third differences in each: a second of a sensor read 50 times a second
 STEPS_MAX = 1e5  # a span of more steps than this counts as continuous
 DEAD_BAND_SAMPLES = 20
-# Neighbouring third differences of white noise go together (by -0.75, 0.3, -0.05), so that 2.31 of them count as one;
-# the middle one of powers with so many degrees of freedom is below their mean (Wilson and Hilferty 1931).
+# Neighbouring third differences of white noise are correlated (-0.75, 0.3, -0.05), so that 2.31 of them count as one;
+# the median of powers with so many degrees of freedom is below their mean (Wilson and Hilferty 1931).
 _TOGETHER = 1.0 + 2.0 * (0.75**2 + 0.3**2 + 0.05**2)
 SAME_TIME_S = 1e-6
-_THIRD = math.sqrt(1.0 + 9.0 + 9.0 + 1.0)  # a third difference of white noise is so many times as large
+_THIRD = math.sqrt(1.0 + 9.0 + 9.0 + 1.0)  # gain of a third difference for white noise
 
 
 @dataclass(frozen=True)
@@ -38,10 +38,10 @@ class Signal:
     Args:
         node: whose page.
         key: of the page.
-        field: of its data; a dot stands between a field and one inside it. Empty if the page is a number.
+        field: of its data, with dots between nested fields. Empty if the page is a number.
         times_s: shape (n,), when each page was stored.
         values: shape (n, channels).
-        ages_s: shape (n,), how old what the page holds was then; None if it has no stamp.
+        ages_s: shape (n,), age of the data at that time; None if the page has no stamp.
     """
 
     node: str
@@ -59,17 +59,17 @@ class Signal:
 
 @dataclass(frozen=True)
 class Measured:
-    """What is seen in a signal. None stands for what cannot be told from it.
+    """Statistics of a signal. A field is None where it cannot be determined.
 
     Args:
-        count: of pages.
-        rate_hz: how often they came, on average.
-        age_s, age_p95_s: of what they hold, when they were stored: the middle one, and the oldest but for a twentieth.
-        noise: standard deviation of what changes from one page to the next.
-        step: every value is a multiple of it away from every other.
-        after_s: of pulses that outputs tell of: how long before that they were commanded.
-        dead_band: of pulses: the nearest to neutral on either side [us from 1500] that were there, both without 0.
-        lowest, highest: of all channels.
+        count: number of pages.
+        rate_hz: average rate of the pages.
+        age_s, age_p95_s: age of the data when it was stored: the median and the 95th percentile.
+        noise: standard deviation of the change from one page to the next.
+        step: quantisation: all values differ by multiples of it.
+        after_s: for pulses reported by outputs: the delay between command and report.
+        dead_band: for pulses: the values closest to neutral on either side [us from 1500] that occur, excluding 0.
+        lowest, highest: over all channels.
     """
 
     count: int
@@ -87,7 +87,7 @@ class Measured:
 def signals_of(records: Iterable[Record], node: str) -> dict[str, Signal]:
     """Return the signals of a node's pages by name, in the order in which they were first seen.
 
-    After them come those of the plant, if there is one: its true numbers, and the size of each force that it shows.
+    The signals of the plant follow, if there is one: its true numbers, and the magnitude of each force that it shows.
     """
     batch = Batch()
     batch.extend(records)
@@ -116,7 +116,7 @@ def _true(batch: Batch) -> Iterator[Signal]:
 
 
 def _signal(node: str, key: str, field: str, channels: list[Series]) -> Signal:
-    """Put the channels of a list side by side, where all of them are there and finite."""
+    """Return the channels of a list as one signal, at the times at which all of them exist and are finite."""
     common = channels[0].when.seq
     for series in channels[1:]:
         common = np.intersect1d(common, series.when.seq, assume_unique=True)
@@ -134,18 +134,18 @@ def _aged(signal: Signal, stamp: Series | None) -> Signal:
 
 
 def between(signal: Signal, begin_s: float, end_s: float) -> Signal:
-    """Return the part of a signal within a time."""
+    """Return the part of a signal between two times."""
     inside = (signal.times_s >= begin_s) & (signal.times_s <= end_s)
     ages_s = None if signal.ages_s is None else signal.ages_s[inside]
     return replace(signal, times_s=signal.times_s[inside], values=signal.values[inside], ages_s=ages_s)
 
 
 def measured(signal: Signal, command: Signal | None = None) -> Measured:
-    """Return what is seen in a signal that has values.
+    """Return the statistics of a signal that has values.
 
     Args:
-        signal: what is looked at.
-        command: if it is what outputs tell of their pulses: what they were told.
+        signal: the signal to measure.
+        command: if the signal holds pulses reported by outputs: the commands that they received.
     """
     times_s, values = signal.times_s, signal.values
     span_s = float(times_s[-1] - times_s[0])
@@ -165,10 +165,10 @@ def measured(signal: Signal, command: Signal | None = None) -> Measured:
 
 
 def after_s(command: Signal, applied: Signal) -> float | None:
-    """Return how long before outputs told of their pulses these had been commanded: the middle one of all.
+    """Return the median delay between the command of a pulse and the output's report of it.
 
-    A pulse that stands nowhere among the commands of the last half second counts as none: it was on its way from one
-    to another. Neutral ones are left out, as nobody can tell when they were commanded.
+    A pulse that is not among the commands of the last half second is skipped: it was in transition from one to
+    another. Neutral pulses are skipped, since the time of their command is ambiguous.
     """
     if command.values.shape[1] != applied.values.shape[1]:
         return None
@@ -185,8 +185,8 @@ def after_s(command: Signal, applied: Signal) -> float | None:
 def noise_of(values: Floats) -> float | None:
     """Return the standard deviation of white noise on signals that are otherwise smooth.
 
-    Third differences leave nothing of a smooth motion, and of noise 4.5 times as much. They are looked at in windows
-    of which the middle one counts, so that a jolt now and then is not taken for noise.
+    Third differences remove a smooth motion and amplify noise by 4.5. The median over windows is used, so that
+    occasional jolts do not count as noise.
 
     Args:
         values: shape (n, channels).
@@ -223,7 +223,7 @@ def step_of(values: Floats) -> float | None:
 
 
 def _common_divisor(a: float, b: float, nothing: float) -> float:
-    """Euclid's algorithm on numbers that rounding has touched: a rest below `nothing` is none."""
+    """Return the greatest common divisor of rounded numbers (Euclid); a remainder below `nothing` counts as 0."""
     while b > nothing:
         rest = math.fmod(a, b)
         a, b = b, min(rest, b - rest)
@@ -231,18 +231,18 @@ def _common_divisor(a: float, b: float, nothing: float) -> float:
 
 
 def dead_band_of(offsets: Floats) -> tuple[float, float] | None:
-    """Return the nearest values below and above 0 that ever occur, if a gap is between them and 0.
+    """Return the values closest to 0 on either side, if there is a gap between them and 0.
 
-    A thruster does not turn until its pulse has left a band around neutral; whoever knows that steps over it.
+    A thruster does not turn while its pulse is within a band around neutral; controllers that know the band skip it.
 
     Args:
-        offsets: from neutral.
+        offsets: pulses relative to neutral.
     """
     sides = np.sort(-offsets[offsets < 0.0]), np.sort(offsets[offsets > 0.0])
     if min(map(len, sides)) < DEAD_BAND_SAMPLES:
         return None
     below, above = (float(side[0]) for side in sides)
-    # Values beyond a gap lie much closer to each other than the first of them to 0.
+    # Behind a gap, values are much closer to each other than the first of them is to 0.
     if any(side[0] < 3.0 * (side[DEAD_BAND_SAMPLES - 1] - side[0]) / DEAD_BAND_SAMPLES for side in sides):
         return None
     return -below, above

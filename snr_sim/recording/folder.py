@@ -1,4 +1,4 @@
-"""Run folders: one per run, never two runs in one, and how a replay finds what it needs in it."""
+"""Run folders: one folder per run, and access to the files in it for replays."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ OF_ANY_RUN = (  # what every result.json has, or may have
 
 
 def new_run_folder(out: Path, scenario: str, seed: int) -> Path:
-    """Make `<out>/<scenario>-<seed>-<stamp>` and return it.
+    """Create `<out>/<scenario>-<seed>-<stamp>` and return it.
 
     Raises:
-        TraceError: it cannot be made, or the disk has less room than `MIN_FREE_BYTES`.
+        TraceError: the folder cannot be created, or the disk has less space than `MIN_FREE_BYTES`.
     """
     stamp = time.strftime("%Y%m%d-%H%M%S")
     for attempt in range(1000):
@@ -54,7 +54,7 @@ def new_run_folder(out: Path, scenario: str, seed: int) -> Path:
 
 def _check_room(folder: Path) -> None:
     room = shutil.disk_usage(folder)
-    if room.total and room.free < MIN_FREE_BYTES:  # some network disks tell neither
+    if room.total and room.free < MIN_FREE_BYTES:  # some network disks report neither
         discard(folder)
         free_mb, wanted_mb = room.free / 1e6, MIN_FREE_BYTES / 1e6
         raise TraceError(
@@ -64,7 +64,7 @@ def _check_room(folder: Path) -> None:
 
 
 def discard(folder: Path) -> None:
-    """Take away the folder of a run that never began."""
+    """Remove the folder of a run that never began."""
     (folder / FILE_NAME).unlink(missing_ok=True)
     shutil.rmtree(folder / SOURCES, ignore_errors=True)
     for empty in (folder, folder.parent):
@@ -73,10 +73,10 @@ def discard(folder: Path) -> None:
 
 
 def write_result(folder: Path, fields: dict[str, Any]) -> None:
-    """Write result.json; it is whole or absent.
+    """Write result.json atomically.
 
     Raises:
-        TraceError: it cannot be written, as on a full disk.
+        TraceError: it cannot be written, for example on a full disk.
     """
     try:
         write_whole(folder / RESULT_NAME, (as_json(fields, indent=2) + "\n").encode())
@@ -88,7 +88,7 @@ def write_result(folder: Path, fields: dict[str, Any]) -> None:
 
 
 def read_result(folder: Path) -> dict[str, Any]:
-    """Return what result.json holds, or nothing if there is none that is whole."""
+    """Return the content of result.json, or an empty dict if there is no valid one."""
     try:
         fields = json.loads((folder / RESULT_NAME).read_bytes())
     except (OSError, ValueError):
@@ -97,7 +97,7 @@ def read_result(folder: Path) -> dict[str, Any]:
 
 
 def measured(fields: dict[str, Any]) -> dict[str, float | str]:
-    """Return the numbers and words that the scenario itself found, out of what result.json holds.
+    """Return the scenario's own numbers and texts from the content of result.json.
 
     >>> measured({"seed": 3, "outcome": "held", "settling_s": 5.5, "fault": "off", "sim_time_s": 40.0})
     {'settling_s': 5.5, 'fault': 'off'}
@@ -107,7 +107,7 @@ def measured(fields: dict[str, Any]) -> dict[str, float | str]:
 
 
 def why(fields: dict[str, Any]) -> str:
-    """Return what the scenario had to say of its outcome, out of what result.json holds; empty if nothing.
+    """Return the scenario's comment on its outcome from the content of result.json; empty if there is none.
 
     >>> why({"outcome": "missed", "notes": ["Something else.", "missed: ended 1 m off."]})
     'ended 1 m off.'
@@ -117,12 +117,12 @@ def why(fields: dict[str, Any]) -> str:
 
 
 def as_json(fields: dict[str, Any], indent: int | None = None) -> str:
-    """Return strict JSON: a number that is none becomes null, and numpy's become plain ones."""
+    """Return strict JSON: NaN and infinities become null, numpy numbers plain ones."""
     return json.dumps(_plain(fields), indent=indent, allow_nan=False)
 
 
 def _plain(value: Any) -> Any:
-    if hasattr(value, "tolist"):  # an array or a number of numpy's
+    if hasattr(value, "tolist"):  # a numpy array or number
         value = value.tolist()
     if isinstance(value, dict):
         return {str(key): _plain(item) for key, item in value.items()}
@@ -137,7 +137,7 @@ def trace_path(run: Path) -> Path:
     """Return the trace of a run, given its folder or the trace itself.
 
     Raises:
-        TraceError: there is none; names the runs nearby.
+        TraceError: there is none; the message lists runs nearby.
     """
     path = run / FILE_NAME if run.is_dir() else run
     if path.is_file():
@@ -165,10 +165,10 @@ def records_digest(path: Path) -> str:
 
 
 def check_unchanged(trace: Trace) -> None:
-    """Check that a trace is the one that was written, as far as its folder can tell.
+    """Check a trace against the digest in its folder's result.json, if there is one.
 
     Raises:
-        TraceError: it was changed or cut after its result.json was written.
+        TraceError: it was changed or truncated after its result.json was written.
     """
     if _is_changed(trace):
         raise TraceError(
@@ -187,7 +187,7 @@ def _digest_in_result(trace: Trace) -> Any:
 
 
 def remarks(trace: Trace) -> list[str]:
-    """Return what whoever looks at a trace should know: that it was changed, cut, or did not end by itself."""
+    """Return remarks about a trace: that it was changed, truncated, or did not end by itself."""
     if trace.is_cut:
         return ["The trace was cut short; what follows stops at its last whole record."]
     if _is_changed(trace):

@@ -1,4 +1,4 @@
-"""Shows a run to somebody while it is recorded, on a thread that neither disk nor robot waits for."""
+"""Passes records to a viewer during the run, on a separate thread that blocks neither the disk nor the robot."""
 
 from __future__ import annotations
 
@@ -11,41 +11,43 @@ from typing import Protocol
 from snr_sim.recording.records import Record, decode_line
 from snr_sim.recording.references import References
 
-MAX_UNSHOWN_BYTES = 64_000_000  # what a follower may be behind: minutes of a dive
-CLOSE_PATIENCE_S = 5.0  # with one that takes nothing, when the run ends
+MAX_UNSHOWN_BYTES = 64_000_000  # maximum backlog of a follower: minutes of a dive
+CLOSE_PATIENCE_S = 5.0  # for a follower that hangs, when the run ends
 
 
 class Follower(Protocol):
-    """Is shown a run while it is recorded, as a live view is; on one thread of its own."""
+    """Receiver of a run's records during the run, such as a live view; called on one thread of its own."""
 
     def add(self, record: Record) -> None:
-        """Take a record."""
+        """Add a record."""
         ...
 
     def flush(self) -> None:
-        """Is told that this was all for the moment."""
+        """Show what was received so far: no further records are available at the moment."""
         ...
 
 
 class FollowerThread:
-    """Gives a follower whole records, made of the trace's lines. One that fails or hangs gets no more; that is said.
+    """Thread that passes whole records, made of the trace's lines, to a follower.
+
+    A follower that fails or hangs receives no more records, and a warning is logged.
 
     Args:
-        follower: of a run, from its first record on.
+        follower: receives the run from its first record on.
     """
 
     def __init__(self, follower: Follower) -> None:
         self._follower = follower
         self._references = References()
         self._batches: SimpleQueue[Sequence[bytes]] = SimpleQueue()
-        self._given_bytes = 0  # counted by who gives
-        self._shown_bytes = 0  # counted by the thread; what lies between them waits
+        self._given_bytes = 0  # written only by the caller of `give`
+        self._shown_bytes = 0  # written only by the thread; the difference is queued
         self._is_stopped = False
         self._thread = Thread(target=self._show_until_closed, name="trace-follower", daemon=True)
         self._thread.start()
 
     def give(self, lines: Sequence[bytes]) -> None:
-        """Add lines of the trace to what is to be shown; return at once."""
+        """Queue lines of the trace for the follower; return at once."""
         if self._is_stopped or not lines:
             return
         self._given_bytes += sum(map(len, lines))
@@ -55,7 +57,7 @@ class FollowerThread:
         self._batches.put(lines)
 
     def close(self) -> None:
-        """Wait for a while until all is shown, and end the thread; safe to call twice."""
+        """Wait up to CLOSE_PATIENCE_S until all is shown, and end the thread; safe to call twice."""
         self._batches.put(())  # the end
         self._thread.join(CLOSE_PATIENCE_S)
         if self._thread.is_alive():
@@ -68,7 +70,7 @@ class FollowerThread:
                     self._follower.add(self._references.whole(decode_line(line)))
                 self._follower.flush()
                 self._shown_bytes += sum(map(len, lines))
-        except Exception as error:  # a view that fails must not cost the recording
+        except Exception as error:  # a failing view should not stop the recording
             self._stop(str(error))
 
     def _stop(self, reason: str) -> None:

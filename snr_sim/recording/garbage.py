@@ -1,4 +1,4 @@
-"""A garbage collector that stands still while a run is read or drawn."""
+"""Pause of the garbage collector while a run is read or drawn."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from collections.abc import Iterator
 
 @contextlib.contextmanager
 def no_garbage_collection() -> Iterator[None]:
-    """Switch the search for reference cycles off meanwhile: for code that makes many objects and no cycle of them.
+    """Disable the search for reference cycles in the block, for code that creates many objects without cycles.
 
-    To look through all records of a run, again and again while they become more, took as long as to read them.
+    Scanning all records of a run repeatedly while their number grows took as long as reading them.
     """
     was_enabled = gc.isenabled()
     gc.disable()

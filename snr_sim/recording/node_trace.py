@@ -38,7 +38,7 @@ _STORE_PAGE = TaskType.store_page  # looked up once: in Python 3.11 a member of 
 
 
 class RecordSink(Protocol):
-    """Takes the records of all nodes of a run, in one order: `TraceWriter`.
+    """Receiver of the records of all nodes of a run, in one order: `TraceWriter`.
 
     Attributes:
         seq: number of the newest record.
@@ -56,7 +56,7 @@ class RecordSink(Protocol):
 
 
 class NodeTrace:
-    """Writes one node's records. Keeps the `NodeRecorder` promise."""
+    """Writer of one node's records. Implements `NodeRecorder`."""
 
     def __init__(self, writer: RecordSink, node: str) -> None:
         self._writer = writer
@@ -67,7 +67,7 @@ class NodeTrace:
         self._said_lines = 0
 
     def begun(self, now_s: float, component: str, scheduled: Sequence[Task]) -> list[Ticket]:
-        """Take down what a component scheduled in `begin`."""
+        """Record what a component scheduled in `begin`."""
         seq = self._next_seq()
         tickets: list[Ticket] = []
         returned = self._returned(scheduled, seq, now_s, tickets)
@@ -76,7 +76,7 @@ class NodeTrace:
         return tickets
 
     def input(self, now_s: float, source: str, task: Task) -> Ticket:
-        """Take down a task that entered through the door."""
+        """Record a task that arrived in the inbox (`Door`)."""
         if self._said:
             self._write_said(now_s)
         seq = self._next_seq()
@@ -91,7 +91,7 @@ class NodeTrace:
         return (task, seq, 0, now_s)
 
     def task(self, now_s: float, ticket: Ticket, handled: Sequence[Handled]) -> list[Ticket]:
-        """Take down an executed task; return a ticket for each task its handlers returned, in order."""
+        """Record an executed task; return a ticket for each task its handlers returned, in order."""
         writer = self._writer
         self._newest = writer.seq = seq = writer.seq + 1
         task, cause, nth, cause_s = ticket
@@ -114,15 +114,15 @@ class NodeTrace:
         return tickets
 
     def said(self, now_s: float, component: str, level: str, text: str) -> None:
-        """Keep what a component prints or logs until its task is taken down; from any thread.
+        """Buffer what a component prints or logs until its task is recorded; thread-safe.
 
-        What is said before the node's first record, as when components are made, is in no trace.
+        Output before the node's first record, such as while components are created, is not recorded.
         """
         if self._newest and self._said_lines <= MAX_SAID_LINES and len(self._said) < 4 * MAX_SAID_LINES:
             self._said.append((now_s, component, level, text[:MAX_SAID_AT_ONCE]))
 
     def _write_said(self, now_s: float, is_end: bool = False) -> None:
-        """Take down what was said, line by line."""
+        """Record the buffered output, line by line."""
         while self._said:
             said_s, component, level, text = self._said.popleft()
             *lines, rest = (self._begun_lines.pop((component, level), "") + text).split("\n")
@@ -146,12 +146,12 @@ class NodeTrace:
         self._writer.put(now_s, _encode(record))
 
     def error(self, now_s: float, component: str, message: str) -> None:
-        """Take down what went wrong in a component, just now."""
+        """Record a failure in a component, at this moment."""
         cause = self._newest
         self._writer.put(now_s, _encode(ErrorRecord(self._next_seq(), now_s, self._node, cause, component, message)))
 
     def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
-        """Take down that the node has ended, and why."""
+        """Record that the node has ended, and why."""
         self._write_said(now_s, is_end=True)
         self._writer.put(now_s, _encode(EndRecord(self._next_seq(), now_s, self._node, reason, summary)))
 
@@ -160,7 +160,7 @@ class NodeTrace:
         return self._newest
 
     def _returned(self, tasks: Sequence[Task], seq: int, now_s: float, tickets: list[Ticket]) -> list[Returned]:
-        """Return tasks as they stand in a record, and add a ticket for each."""
+        """Return tasks in their record form, and add a ticket for each."""
         returned = []
         for task in tasks:
             told = told_of(task)
@@ -171,19 +171,19 @@ class NodeTrace:
 
 
 def process_of(task: Task, handled: Sequence[Handled]) -> bool | None:
-    """Return whether the node stored a page and asked for `process_data` of it, or None if it did something else."""
+    """Return whether the node stored a page and scheduled its `process_data`, or None if it did something else."""
     if not handled or handled[0][0] != CORE_STORES:
         return None
     outputs = handled[0][1]
     if not outputs:
         return False
     is_usual = len(outputs) == 1 and outputs[0].type is _PROCESS_DATA and outputs[0].name == task.name
-    # The page itself, so that its values are those of the page's task: then they need not be written once more.
+    # Compare identity: then the values are those of the page's task and are not written again.
     return True if is_usual and len(task.val_list) == 1 and outputs[0].page is task.page else None
 
 
 def told_of(task: Task) -> Returned:
-    """Return a task as it stands in a record."""
+    """Return the record form of a task."""
     return Returned(*_id_in_words(task), Raw(_encode_values(task)))
 
 
@@ -196,13 +196,13 @@ def _encode_values(task: Task) -> bytes:
         if len(values) == 1 and type(values[0]) is Page:
             return b"[" + values[0].serialize() + b"]"
         return encode_value(list(values))
-    except Exception as error:  # it contains itself, or cannot be looked into; a run goes on, recorded or not
+    except Exception as error:  # it contains itself, or cannot be inspected; the run continues all the same
         reason = error.message if isinstance(error, SnrError) else f"{type(error).__name__}: {error}"
         return encode_value([{MARK: "object", "type": "not recorded", "fields": {"because": reason}}])
 
 
 def _id_in_words(task: Task) -> tuple[str, str]:
-    """Return a task's type and name; as text also where they are none, which the node is about to complain about."""
+    """Return a task's type and name as text, also if they are invalid; the node reports that error later."""
     kind: Any = task.type
     name: Any = task.name
     if isinstance(kind, str) and isinstance(name, str):

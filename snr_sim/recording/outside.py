@@ -1,8 +1,8 @@
-"""Names what a handler may not do and stay repeatable: ask the clock, chance, a file or the network by itself.
+"""Detection of calls that make a handler non-deterministic: to the clock, random numbers, files or the network.
 
-While a replay is checked, every call into C is looked at (`sys.setprofile`), and so is every file, thread, process
-and socket that is opened (an audit hook). What a student's line set off is reported with that line. Python code in
-between, such as `uuid.uuid4`, is seen through.
+While a replay is checked, a profiler inspects every call into C (`sys.setprofile`), and an audit hook every file,
+thread, process and socket that is opened. A call is reported with the student's line that caused it, also through
+Python code in between, such as `uuid.uuid4`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _HINTS = {
     **dict.fromkeys(_CHANCE, _CHANCE_HINT),
 }
 _STARTS_THREAD = tuple(filter(None, (getattr(_thread, f"start_{kind}_thread", None) for kind in ("new", "joinable"))))
-# The functions of the module `random` share one generator; some keep a number back, and ask for none every other time.
+# The functions of the module `random` share one generator; some cache a number and draw only every other time.
 _RANDOM = {
     function.__code__: f"random.{name}()"
     for name, function in vars(random.Random).items()
@@ -55,16 +55,16 @@ _EVENTS = {
     "os.system": ("starting a process", "do it in a Loop, which brings the answer in as an input"),
     "socket.connect": ("opening a connection", "do it in a Loop, which brings the answer in as an input"),
 }
-# What these ask changes no answer of a handler: a log line's time, a traceback's source line.
+# Calls from these modules do not affect a handler's result: a log line's time, a traceback's source line.
 _HARMLESS = ("logging", "traceback", "linecache", "warnings", "tokenize")
-# Files may be read while a robot is put together; a handler (or `begin`) finds other things in them each time.
+# Files may be read while a robot is assembled; in a handler or `begin` their content may differ each time.
 _HANDLING = (EventMachine.execute_next.__code__, EventMachine.begin_component.__code__)
 _READ_HINT = "read it in the factory or in a Loop, so that it does not change between runs"
 
 
 @dataclass(frozen=True)
 class OutsideCall:
-    """A student's line that asks the outside."""
+    """A student's line that makes an outside call."""
 
     file: str
     line: int
@@ -81,8 +81,8 @@ class _Watch:
     def __init__(self) -> None:
         self.calls: dict[tuple[str, int], OutsideCall] = {}
         self._is_student: dict[str, bool] = {}
-        # Whoever asked for the watch: what leads only to them is not of a component. The frames themselves, as the
-        # id of one that is gone may be another's.
+        # The frames that started the watch: a call stack that leads only to them does not belong to a component. Kept
+        # as objects, because the id of a freed frame may be reused.
         self._callers: set[FrameType] = set()
         frame: FrameType | None = sys._getframe()
         while frame is not None:
@@ -90,12 +90,12 @@ class _Watch:
             frame = frame.f_back
 
     def on_profile(self, frame: FrameType, event: str, called: Any) -> None:
-        """Look at a call into C."""
+        """Check a call into C."""
         if event == "c_call":
             try:
                 hint = _HINTS.get(called)
             except TypeError:
-                return  # cannot be hashed, so it is none of them
+                return  # unhashable, so it cannot be one of the watched functions
             if hint is not None:
                 self.report(frame, _name(called), hint)
             elif called in _STARTS_THREAD:  # Python 3.11 has no audit event for it
@@ -111,11 +111,11 @@ class _Watch:
                 self.report(frame.f_back, _RANDOM[frame.f_code], _CHANCE_HINT)
 
     def forget_callers(self) -> None:
-        """Let go of frames, which hold all their variables."""
+        """Drop the frames, which keep all their variables alive."""
         self._callers.clear()
 
     def on_audit(self, event: str, args: tuple[Any, ...]) -> None:
-        """Look at what Python's audit hooks tell."""
+        """Check an event of Python's audit hooks."""
         if event == "open":
             path, mode, flags = args
             is_reading = "r" in mode or "+" in mode if mode else not (flags or 0) & (os.O_WRONLY | os.O_RDWR)
@@ -125,22 +125,22 @@ class _Watch:
             self.report(sys._getframe(2), *_EVENTS[event])
 
     def report(self, frame: FrameType | None, what: str, hint: str) -> None:
-        """Keep the call, if a student's line set it off."""
+        """Store the call if a student's line caused it."""
         through = ""
         while frame is not None and frame not in self._callers:
             if any(frame.f_code is getattr(callback, "__code__", None) for callback in gc.callbacks):
-                return  # the garbage collector comes by at any line; some tools time it
+                return  # the garbage collector runs at any line; some tools time it
             file = frame.f_code.co_filename
             if file not in self._is_student:
                 self._is_student[file] = is_student_file(file)
             if self._is_student[file]:
                 shown = f"{through} ({what})" if through else what
                 call = OutsideCall(short_path(file), frame.f_lineno, shown, hint)
-                self.calls.setdefault((file, frame.f_lineno), call)  # one line may ask in several ways; the first tells
+                self.calls.setdefault((file, frame.f_lineno), call)  # the first call of a line is reported
                 return
             module = str(frame.f_globals.get("__name__", ""))
             if "importlib" in file or module.partition(".")[0] in _HARMLESS:
-                return  # an import reads files and asks for chance, but always the same
+                return  # an import reads files and random numbers, but with the same result each time
             through = f"{module}.{frame.f_code.co_qualname.removesuffix('.__init__')}()"
             frame = frame.f_back
 
@@ -174,10 +174,10 @@ def _name(called: Any) -> str:
 
 @contextmanager
 def watching() -> Iterator[dict[tuple[str, int], OutsideCall]]:
-    """Watch this thread while it is entered; yield what has been found so far."""
+    """Watch this thread within the block; yield the calls found so far."""
     global _current, _is_hooked
     if not _is_hooked:
-        sys.addaudithook(_hook)  # for good: Python has no way to take one off, so `_current` switches it
+        sys.addaudithook(_hook)  # permanent: Python cannot remove a hook, so `_current` switches it
         _is_hooked = True
     watch = _Watch()
     before = sys.getprofile()
@@ -195,7 +195,7 @@ def watching() -> Iterator[dict[tuple[str, int], OutsideCall]]:
 
 
 def _wrap_numpy(watch: _Watch) -> dict[str, Any]:
-    """Put a look-out before numpy's global generator, whose functions the profiler does not see."""
+    """Wrap the functions of numpy's global generator, which the profiler does not see."""
     try:
         import numpy  # before the student's file does, which is read only after this
     except ImportError:

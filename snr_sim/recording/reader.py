@@ -1,4 +1,4 @@
-"""Reads a trace back, and says what is wrong with one that cannot be used."""
+"""Reader of traces, with an error that explains why a trace cannot be used."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Trace:
         header: its second line.
         records: all others, in order.
         digest: as the writer computed it.
-        is_cut: the file ends in a line that was cut short, or in what a loss of power left; that was left out.
+        is_cut: whether the file has a truncated tail, from a crash or a power loss, which was skipped.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ def read_trace(path: Path) -> Trace:
     """Read a trace, up to its last whole record.
 
     Raises:
-        TraceError: there is none, it is of another version, or it is damaged before its last line.
+        TraceError: the file does not exist, has another version, or is damaged before its last line.
     """
     try:
         data = path.read_bytes()
@@ -103,7 +103,7 @@ def read_trace(path: Path) -> Trace:
     return Trace(path, opening, header, records, digest.hexdigest(), is_cut=bool(tail) or len(written) < len(data))
 
 
-# JSON has no such byte. After a loss of power it stands where a disk had made room and then written nothing.
+# JSON text never has this byte. After a power loss a file ends with it where blocks were allocated but not written.
 _NEVER_WRITTEN = b"\0"
 _CUT_TOO_EARLY = "the run was cut before it began; run it again."
 _DAMAGED = "the file was changed or damaged after the run; use an untouched copy, or run again."
@@ -156,7 +156,7 @@ def _check_values(path: Path, records: Sequence[Record]) -> None:
 
 
 def _values_in(record: Record) -> Iterator[msgspec.Raw]:
-    """Yield the values of every task that a record brings."""
+    """Yield the values of every task that a record contains."""
     if isinstance(record, InputRecord):
         yield record.values
     elif isinstance(record, (TaskRecord, PageRecord)):

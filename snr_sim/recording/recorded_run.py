@@ -1,7 +1,7 @@
-"""A recorded run as a world to be in again: its sensors' pages, and its true state to be looked at. Nothing moves it.
+"""A recorded run as a plant: it plays back the sensors' pages and the true state, and ignores commands.
 
-`--io replay:RUN` uses it: the program of today reads what was read then, and what it commands goes nowhere. That is not
-`snr replay`, which executes the tasks of then and compares.
+`--io replay:RUN` uses it: the current program reads the recorded readings, and its commands have no effect. This is
+different from `snr replay`, which executes the recorded tasks and compares.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from snr_sim.recording.reader import Trace
 from snr_sim.recording.records import InputRecord, TruthRecord
 
 _ROUNDING_S = 1e-6
-_SENSOR_LOOP = "_sensor"  # what the loop of a sensor is called after its key
+_SENSOR_LOOP = "_sensor"  # suffix of a sensor loop's name, after the key
 
 
 class RecordedRun:
-    """Keeps the promise of Plant as far as looking goes, and judges nothing but that the recording is over.
+    """Plant that plays back a recorded run. Implements the reading half of `Plant`; its verdict is only the end.
 
     Args:
         trace: of the run.
 
     Raises:
-        TraceError: no sensor was read in it.
+        TraceError: the trace has no sensor readings.
     """
 
     inputs: tuple[str, ...] = ()
@@ -56,7 +56,7 @@ class RecordedRun:
         """Return the pages that a sensor stored, in order.
 
         Raises:
-            TraceError: it stored none, or they cannot be brought back.
+            TraceError: it stored none, or they cannot be decoded.
         """
         records = [record for record in self._inputs if record.name == key]
         if not records:
@@ -75,7 +75,7 @@ class RecordedRun:
         return Verdict("replayed", True) if self.time_s >= self.end_s - _ROUNDING_S else None
 
     def metrics(self, plant: object, seed: int) -> dict[str, Any]:
-        """Return none: what is commanded moves nothing that could be measured."""
+        """Return no metrics: commands have no effect that could be measured."""
         return {}
 
     def reset(self, seed: int) -> None:
@@ -83,11 +83,11 @@ class RecordedRun:
         self.time_s = 0.0
 
     def step(self, dt_s: float) -> None:
-        """Go on."""
+        """Advance the time of the playback."""
         self.time_s += dt_s
 
     def write(self, name: str, command: Any) -> None:
-        """Refuse: nothing here can be moved.
+        """Raise: a recorded run has no actuators.
 
         Raises:
             PlantError: always.
@@ -95,7 +95,7 @@ class RecordedRun:
         raise PlantError(f"'{name}' was written to a recorded run, which nothing moves.", fix="use --io sim.")
 
     def read(self, name: str) -> Any:
-        """Refuse: what sensors read is in their pages.
+        """Raise: sensor readings are available as pages only.
 
         Raises:
             UnknownName: always.
@@ -103,19 +103,19 @@ class RecordedRun:
         raise UnknownName(f"A recorded run has no output '{name}'.", fix="rig.recorded(key) has a sensor's pages.")
 
     def snapshot(self) -> Any:
-        """Return how far it has come."""
+        """Return the current playback time."""
         return self.time_s
 
     def restore(self, snapshot: Any) -> None:
-        """Go back, or on."""
+        """Set the playback time."""
         self.time_s = snapshot
 
     def scene(self) -> dict[str, Any]:
-        """Return what was there."""
+        """Return the recorded scene."""
         return self.trace.header.scene or {"statics": {}, "bodies": {}}
 
     def truth(self) -> dict[str, Any]:
-        """Return the true state that was recorded last by now; nothing, if there was no plant."""
+        """Return the newest true state up to now; an empty dict if the run had no plant."""
         place = bisect.bisect_right(self._truth_times_s, self.time_s + _ROUNDING_S) - 1
         if place < 0:
             return {"poses": {}, "arrows": {}, "values": {}}

@@ -1,13 +1,13 @@
-"""The lines of `trace.jsonl`, and the records they stand for. Each is one JSON object with a `kind`.
+"""The lines of `trace.jsonl` and the records that they encode. Each is one JSON object with a `kind`.
 
-A line says nothing that an earlier one has said: an executed task is known by `cause` and `nth`, the record that
-brought it and its place among that record's tasks, and type, name and values stand there. `references.py` makes whole
-records of lines; only the reader of a trace and a live view see lines.
+A line does not repeat the content of earlier ones: an executed task is identified by `cause` and `nth`, the record that
+contains it and its index among that record's tasks, which has the type, name and values. `references.py` builds whole
+records from lines; only the reader of a trace and a live view process lines.
 
-`seq` is the order, over all nodes of the run; `t` is virtual time and never the order. `values` is the list a task
-carried, as `prelude/values.py` writes it, left encoded here because most readers want only some of it.
-docs/formats.md says the same for whoever reads traces without this kit, and the schema that ships is made from these
-classes: a field added here is a new `SCHEMA`.
+`seq` is the order over all nodes of the run; `t` is virtual time and does not define the order. `values` is the list
+that a task carries, as written by `prelude/values.py`; it is left encoded here because most readers need only part of
+it. docs/formats.md describes the same for readers of traces without snr_sim, and the shipped schema is generated from
+these classes: a field added here requires a new `SCHEMA`.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ Values: TypeAlias = Annotated[
 
 
 class Opening(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="trace"):
-    """The first line: that this is a trace, and where and when it was made. The digest begins after it.
+    """The first line: identifies a trace, and how and when it was made. The digest begins after it.
 
     Args:
         schema: version of this format; a reader refuses others.
-        scenario, controller: as they were asked for: a name, or the path of a file; "" is none.
+        scenario, controller: as requested: a name, or the path of a file; "" if not given.
         started: local time, ISO 8601 with the offset to UTC.
         argv: the command line.
-        hash_seed: what PYTHONHASHSEED was: it decides the order of sets of texts. 'random' where it was not set.
+        hash_seed: value of PYTHONHASHSEED, which determines the order of sets of texts; 'random' if it was not set.
     """
 
     schema: Annotated[int, msgspec.Meta(ge=SCHEMA, le=SCHEMA)]
@@ -57,17 +57,17 @@ class Opening(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field
 
 
 def hash_seed() -> str:
-    """Return what decides the order of sets in this process: a number, or 'random'."""
+    """Return the hash seed, which determines the order of sets in this process: a number, or 'random'."""
     return os.environ.get("PYTHONHASHSEED") or "random"
 
 
 class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="header"):
-    """The second line: what ran, of what version, from which seeds and sources.
+    """The second line: what ran, with which versions, seeds and sources.
 
     Args:
         kit, python, platform, packages: versions of what computed the run.
-        scenario, robot, controller: their names, without folder and suffix; "" is none.
-        roles, engine, io, seed, options: what was asked for.
+        scenario, robot, controller: their names, without folder and suffix; "" if not given.
+        roles, engine, io, seed, options: as requested.
         nodes: name of the node of each role, in the order they run.
         clock: 'sim' (stepped) or 'wall' (threads).
         commands: keys of pages that drive actuators, per node.
@@ -112,7 +112,7 @@ class By(msgspec.Struct, frozen=True, forbid_unknown_fields=True, array_like=Tru
 
 
 class InputRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="input"):
-    """A task that came through the door, from the loop, link or person named in `source`."""
+    """A task from outside the node: from the loop, link or person named in `source`."""
 
     seq: Seq
     t: float
@@ -124,10 +124,10 @@ class InputRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_f
 
 
 class RepeatLine(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="repeat"):
-    """An input that brings what stands in this trace already, as a link does to another node of the same run.
+    """An input that is already in this trace, such as a page that a link brings to another node of the same run.
 
     Args:
-        cause, nth: the task that it repeats, as of an executed one.
+        cause, nth: the task that it repeats, identified as an executed one.
     """
 
     seq: Seq
@@ -144,7 +144,7 @@ class TaskLine(
     """A task that was executed, on the node of its cause; see `TaskRecord`.
 
     Args:
-        t: if it is another than that of the cause.
+        t: only if it differs from that of the cause.
     """
 
     seq: Seq
@@ -160,8 +160,8 @@ class PageLine(
     """A `store_page` task that was executed; see `TaskLine`.
 
     Args:
-        process: what the node itself did first, before all that is in `handled`: it stored the page and asked for
-            `process_data` (true), or only stored it (false). Null: neither, or not in this way, and `handled` is all.
+        process: what the node itself did before everything in `handled`: it stored the page and scheduled
+            `process_data` (true), or only stored it (false). Null: neither, or in another order; `handled` is complete.
     """
 
     seq: Seq
@@ -173,7 +173,7 @@ class PageLine(
 
 
 class _Executed(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What both kinds of tasks have that were executed."""
+    """Common fields of both kinds of executed tasks."""
 
     seq: Seq
     t: float
@@ -190,9 +190,9 @@ class TaskRecord(_Executed, frozen=True, forbid_unknown_fields=True, tag_field="
     """A task that was executed, and what its handlers returned.
 
     Args:
-        cause: seq of the record that brought it: an input, a task, a page, a component's `begin`.
-        nth: its place among all tasks of that record, through all its handlers; the first is 0.
-        handled: by whom, in order; a handler that raised is not among them.
+        cause: seq of the record that contains it: an input, a task, a page, a component's `begin`.
+        nth: its index among all tasks of that record, over all its handlers; the first is 0.
+        handled: one entry per handler, in order; a handler that raised is not among them.
     """
 
 
@@ -272,17 +272,17 @@ decode_line = msgspec.json.Decoder(Line).decode
 
 
 def encode_record(record: Opening | Header | Line | Record) -> bytes:
-    """Return the JSON of a line as it stands in the file, without the newline, or of a whole record."""
+    """Return the JSON of a line as in the file, without the newline, or of a whole record."""
     return _encode(record)
 
 
 def digest_of(data: bytes = b"") -> hashlib.blake2b:
-    """Return the digest of a trace that has taken in these bytes of it; the first line is left out."""
+    """Return the digest object of a trace, updated with these bytes; the first line is not part of it."""
     return hashlib.blake2b(data, digest_size=32)
 
 
 def name_of(asked: str) -> str:
-    """Return the name of a scenario or controller that was asked for by name or as a file.
+    """Return the name of a scenario or controller that was requested by name or as a file.
 
     >>> name_of("pad"), name_of("/home/me/my_pad.py"), name_of("")
     ('pad', 'my_pad', '')

@@ -1,4 +1,4 @@
-"""Makes whole records of the lines of a trace: a line refers to earlier ones instead of repeating them."""
+"""Conversion of trace lines to whole records: a line refers to earlier ones instead of repeating them."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from snr_sim.recording.records import (
     TaskRecord,
 )
 
-# How many records back an input may repeat a task. So nobody who follows a run has to keep all of it.
+# How many records back an input may repeat a task. It bounds what a follower of a run has to keep in memory.
 REPEAT_WITHIN = 500
 CORE_STORES = (CORE_NAME, "store")  # component and handler that `PageLine.process` stands for
 
 
 class References:
-    """Takes the lines of a trace in order and keeps what later ones may refer to."""
+    """State of reading a trace in order: what later lines may refer to."""
 
     def __init__(self) -> None:
         # By cause and nth: node and time of the cause, and the task.
-        self._waiting: dict[tuple[int, int], tuple[str, float, Returned]] = {}  # brought, and not executed yet
+        self._waiting: dict[tuple[int, int], tuple[str, float, Returned]] = {}  # not executed yet
         self._recent: dict[tuple[int, int], Returned] = {}
 
     def whole(self, line: Line) -> Record:
-        """Return the record that a line stands for.
+        """Return the record that a line encodes.
 
         Raises:
-            LookupError: it refers to a task that no earlier line brought, or that was executed already.
+            LookupError: it refers to a task that no earlier line contains, or that was already executed.
         """
         if isinstance(line, (TaskLine, PageLine)):
             return self._executed(line)

@@ -1,4 +1,4 @@
-"""Reloads of a run, which went from one code to another: what each read, and what a replay of today's code lacks."""
+"""Reloads of code during a run: the sources that each read, and how a replay of the current code differs."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from snr_sim.prelude.values import decode_value
 from snr_sim.recording.reader import Trace
 from snr_sim.recording.records import PageRecord, Record
 
-# Which code a reload has read is told in words, and is no difference in what the handlers did. Nor are the words about
-# a failure: they name a file as seen from the folder in which the run was started, and Python's words differ.
+# The text that describes the reloaded code does not count as a difference in behaviour. Nor does the text of a failure:
+# it names a file relative to the folder in which the run was started, and Python's messages differ between versions.
 UNCOMPARED = (
     f"{TaskType.reload}.sources*=ignore",
     *(f"{key}.message=ignore" for key in (TaskType.reload, ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME)),
@@ -27,11 +27,11 @@ def reload_sources(trace: Trace) -> dict[int, dict[str, str]]:
 
 
 def reloads_in_words(trace: Trace, replayed: Sequence[Record]) -> list[str]:
-    """Return a sentence for each reload that read other code than the run began with, as far as is known.
+    """Return a sentence for each reload known to have read other code than that at the start of the run.
 
     Args:
         trace: of the run.
-        replayed: records of its replay, with the seqs of those they answer to.
+        replayed: records of its replay, with the seqs of the corresponding recorded ones.
     """
     at_first = {PurePosixPath(label).name: sha256 for label, sha256 in trace.header.sources.items()}
     now = {record.seq: _sources(record) for record in replayed if _is_reload(record)}

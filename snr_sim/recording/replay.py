@@ -1,9 +1,9 @@
 """Replay: the same handlers on the inputs of a recorded run, compared task by task.
 
-The node of a replay has no loops. The trace brings what they brought, in the same order and at the same moments, and
-a checker takes the recorder's place: it gives each replayed task the ticket of the recorded one it answers to, and
-compares what the handlers return. A task is known by its cause and its place among its cause's tasks, so after a
-difference the rest is still compared with what it belongs to.
+The node of a replay has no loops. The trace provides their inputs in the same order and at the same times, and a
+checker replaces the recorder: it gives each replayed task the ticket of the corresponding recorded one, and compares
+what the handlers return. A task is identified by its cause and its index among its cause's tasks, so after a
+difference the remaining tasks are still compared with their counterparts.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from snr_sim.recording.reloads import UNCOMPARED
 
 
 class ReplayClock(SimClock):
-    """Shows the recorded time."""
+    """Clock that shows the recorded time."""
 
     def show(self, time_s: float) -> None:
         """Set the time."""
@@ -56,12 +56,12 @@ def replay_node(
         trace: of the run.
         role: of the node.
         config: with the same endpoints, or changed ones; its loops are left out.
-        tolerances: differences to let pass.
+        tolerances: differences to accept.
         before_task: called with the seq of each recorded task before it is executed again.
 
     Raises:
-        TraceError: an input of the trace cannot be brought back.
-        ConfigError: the config has no such role.
+        TraceError: an input of the trace cannot be decoded.
+        ConfigError: the config does not have this role.
     """
     name = f"{role}_node"
     records = [record for record in trace.records if getattr(record, "node", None) == name]
@@ -77,7 +77,7 @@ def replay_node(
 
 
 class _Driver:
-    """Brings the inputs and has the tasks executed, in the recorded order."""
+    """Driver of a replay: adds the inputs and executes the tasks in the recorded order."""
 
     def __init__(self, node: Node, clock: ReplayClock, checker: Checker, before_task: Callable[[int], None]) -> None:
         self._node = node
@@ -98,7 +98,7 @@ class _Driver:
         before: Record | None = None
         for record in records:
             if isinstance(record, InputRecord):
-                # In lock step an input comes when nothing is left to do, or together with another one.
+                # In lock step an input arrives when the queue is empty, or together with another input.
                 if self._node.is_in_lock_step and not isinstance(before, InputRecord):
                     self._finish(record.seq)
                 self._show(record.t)
@@ -106,7 +106,7 @@ class _Driver:
                 self._machine.admit(_input_task(record), record.source)
             elif isinstance(record, (TaskRecord, PageRecord)):
                 if self._checker.was_interrupted(record):
-                    break  # it did not return then, and would keep us waiting now
+                    break  # it did not return in the recording, and would block the replay
                 self._execute(record)
             before = record
         else:
@@ -125,11 +125,11 @@ class _Driver:
         self._machine.now_s = time_s
 
     def _execute(self, record: Executed) -> None:
-        """Execute the task of this record, and before it what the recording does not have."""
+        """Execute the task of this record, after tasks queued before it that are not in the recording."""
         while (ticket := self._machine.next_ticket) is not None:
             expected = self._checker.record_of(ticket)
             if expected is not None and expected.seq > record.seq:
-                return  # the recorded task is missing here; that was said when its cause did not return it
+                return  # the recorded task is missing here; already reported when its cause did not return it
             if expected is record:
                 self._show(record.t)
                 self._before_task(record.seq)
@@ -138,7 +138,7 @@ class _Driver:
                 return
 
     def _finish(self, seq: float) -> None:
-        """Execute what the recording has before this seq, and what it does not have at all."""
+        """Execute the tasks recorded before this seq, and those that are not in the recording."""
         while (ticket := self._machine.next_ticket) is not None:
             expected = self._checker.record_of(ticket)
             if self._checker.was_left_queued(ticket) or (expected is not None and expected.seq > seq):

@@ -1,6 +1,6 @@
-"""What a run looks like in space: the shapes of the scene, how big things are, and the path that a body took.
+"""Geometry of a run: the shapes of the scene, their sizes, and the paths of bodies.
 
-Nothing here draws. The viewer and the picture ask it for numbers, so that both show the same scene.
+This module does not draw. The viewer and the picture both use its numbers, so that they show the same scene.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 
 Points: TypeAlias = NDArray[np.float64]
 
-# A path is drawn with at most this many points. More cannot be told apart on a screen, and a run may last for days.
+# A path is drawn with at most this many points. More are not distinguishable on a screen, and a run may last for days.
 PATH_POINTS_MAX = 2_000
-BOW = 0.10  # how far a slack tether is drawn out of the straight, as a share of its span
+BOW = 0.10  # sag of a slack tether in drawings, as a fraction of its span
 # A bow of unit length, along x, that goes out along z.
 TETHER_LINE: Points = np.array([[i / 16.0, 0.0, 4.0 * (i / 16.0) * (1.0 - i / 16.0)] for i in range(17)])
 
 
 class Path:
-    """The way of one body, thinned out as it grows, so that a long run needs no more memory than a short one.
+    """Path of one body, decimated as it grows, so that a long run needs no more memory than a short one.
 
     >>> path = Path(points_max=4)
     >>> path.extend(np.arange(30.0).reshape(10, 3))
@@ -37,7 +37,7 @@ class Path:
         self._last: Points = np.empty((0, 3))
 
     def extend(self, positions: Points) -> None:
-        """Take further positions [m], shape (n, 3)."""
+        """Add positions [m], shape (n, 3)."""
         first = -self._seen % self._stride
         self._kept.append(positions[first :: self._stride])
         self._seen += len(positions)
@@ -54,7 +54,7 @@ class Path:
 
 
 def points_of(shape: dict[str, Any]) -> Points:
-    """Return points [m] between which the whole shape lies, shape (n, 3), in the shape's own frame."""
+    """Return points [m] that bound the whole shape, shape (n, 3), in the shape's own frame."""
     kind = shape.get("kind")
     if kind == "box":
         half, center = np.array(shape["half_size_m"], float), np.array(shape["center_m"], float)
@@ -94,27 +94,27 @@ def turned(pose: Any, points: Any) -> Points:
 
 
 def tether_spans(tether: Mapping[str, Any], poses: Any) -> Points:
-    """Return the way [m] from where a tether is held to where it ends at its body, for one pose or for many."""
+    """Return the vector [m] from a tether's anchor to its end at the body, for one pose or for many."""
     spans: Points = turned(poses, tether["place_m"]) - np.asarray(tether["anchor_m"], float)
     return spans
 
 
 def is_slack(tether: Mapping[str, Any], poses: Any) -> Any:
-    """Whether a tether is longer than the way that it spans, for one pose or for many."""
+    """Return whether a tether is longer than its span, for one pose or for many."""
     return np.linalg.norm(tether_spans(tether, poses), axis=-1) < tether["length_m"]
 
 
 def tether_frames(tether: Mapping[str, Any], poses: Points) -> Points:
-    """Return what stretches `TETHER_LINE` to a tether: straight if it is taut, with a bow if it is slack.
+    """Return the matrices that map `TETHER_LINE` to a tether: straight if it is taut, with a sag if it is slack.
 
-    The bow says no more than that: the plant's tether is straight.
+    The sag only indicates slack: the plant's tether is straight.
 
     Args:
         tether: as a scene describes it.
         poses: of its body, shape (n, 7).
 
     Returns:
-        shape (n, 3, 3): a matrix each.
+        shape (n, 3, 3): one matrix per pose.
     """
     spans = tether_spans(tether, poses)
     lengths = np.linalg.norm(spans, axis=1, keepdims=True)
@@ -127,7 +127,7 @@ def tether_frames(tether: Mapping[str, Any], poses: Points) -> Points:
 
 
 def meshes_with_normals(meshes: Sequence[dict[str, Any]]) -> tuple[Points, Points]:
-    """Return three vertices of its own for each triangle, and their normals: edges then look like edges.
+    """Return three separate vertices per triangle with normals, so that edges are drawn sharp.
 
     Args:
         meshes: shapes of kind "mesh".

@@ -1,10 +1,10 @@
 """Copies of a program's source files in its run folder, so that a replay executes what was recorded.
 
     sources/files.jsonl       a line for each file: its path, its sha256, and a mark of the user who recorded it
-    sources/<sha256>.py       what was in it; a reload that read other text adds another one
+    sources/<sha256>.py       its content; a reload that reads changed text adds another one
 
-A path is a name here and is never opened. The mark says that this user has recorded a run with that file on this
-computer: it is made with a key that nobody else has, so files of other people can be told from one's own.
+A path is only a name here and is never opened. The mark proves that this user recorded a run with that file on this
+computer: it is made with a key that no other user has, so a user's own files can be distinguished from foreign ones.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _MAX_TABLE_BYTES = MAX_FILES * (MAX_PATH_CHARS + 400)
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 _SUFFIX = re.compile(r"(\.[A-Za-z0-9]{1,8})?")
 _KEY_BYTES = 32
-# Windows opens no folder, so there names are looked up as paths.
+# Windows cannot open a folder, so there names are resolved as paths.
 _HAS_FOLDERS = os.open in os.supports_dir_fd
 
 
@@ -73,9 +73,9 @@ class KeptFile:
 
 
 class KeepingFiles(SourceFiles):
-    """Files on the disk, of which a copy goes into the run folder when they are read.
+    """Files on the disk that are copied into the run folder when they are read.
 
-    What cannot be kept ends no run: a replay then asks for the file, or for `--with`.
+    A failed copy does not end the run: a replay then requires the file, or `--with`.
 
     Args:
         run: the run folder.
@@ -83,7 +83,7 @@ class KeepingFiles(SourceFiles):
     """
 
     def __init__(self, run: Path, is_kept: Callable[[Path], bool]) -> None:
-        self.left_out: list[str] = []  # why files were not kept
+        self.left_out: list[str] = []  # reasons why files were not copied
         self._folder = run / FOLDER
         self._is_kept = is_kept
         self._key = _own_key()
@@ -92,7 +92,7 @@ class KeepingFiles(SourceFiles):
         self._lock = threading.Lock()  # threads import, too
 
     def read(self, path: Path) -> bytes:
-        """Return what is in a file; keep a copy of one of the user's own."""
+        """Return the content of a file; keep a copy if it belongs to the user's program."""
         data = super().read(path)
         if self._is_kept(path):
             self.keep(path, data)
@@ -124,13 +124,13 @@ class KeepingFiles(SourceFiles):
 
 
 class RecordedFiles(SourceFiles):
-    """What a run was recorded with, instead of the disk.
+    """Files as recorded with a run, instead of those on the disk.
 
     Args:
-        kept: the copies; of several of one path the first is what the run began with.
+        kept: the copies; the first one of a path is the version at the start of the run.
         reloads: by the seq of the task that reloaded: sha256 of each file that was read, by its name and its folder's.
-        is_of_kit: whether a file is the kit's; these are read from the disk.
-        folders: so is what is in these and was not recorded: a user has just named them.
+        is_of_kit: whether a file belongs to snr_sim; these are read from the disk.
+        folders: files in these that were not recorded are read from the disk, too: the user has just named them.
     """
 
     def __init__(
@@ -157,11 +157,11 @@ class RecordedFiles(SourceFiles):
         return tuple(self._at_first)
 
     def is_file(self, path: Path) -> bool:
-        """Return whether it was recorded."""
+        """Return whether the file was recorded."""
         return super().is_file(path) if self._is_on_disk(path) else path in self._now
 
     def is_dir(self, path: Path) -> bool:
-        """Return whether files in it, or beneath, were recorded."""
+        """Return whether files in the folder or its subfolders were recorded."""
         return super().is_dir(path) if self._is_on_disk(path) else any(path in one.parents for one in self._now)
 
     def in_folder(self, folder: Path) -> list[Path]:
@@ -171,20 +171,20 @@ class RecordedFiles(SourceFiles):
         return sorted(one for one in self._now if one.parent == folder and one.suffix == ".py")
 
     def read(self, path: Path) -> bytes:
-        """Return what was in a file then; messages show its lines. What is not Python, as a policy, is on the disk."""
+        """Return a file's recorded content, whose lines messages show; other files than Python's are read from disk."""
         if path.suffix != ".py" or self._is_on_disk(path):
             return super().read(path)
         if path not in self._now:
             raise FileNotFoundError(2, "it was not recorded with this run", str(path))
         data = self._now[path]
-        with suppress(SyntaxError, UnicodeDecodeError):  # whoever compiles it says so
+        with suppress(SyntaxError, UnicodeDecodeError):  # the error is raised when the file is compiled
             lines = importlib.util.decode_source(data).splitlines(keepends=True)
             linecache.cache[str(path)] = (len(data), None, lines, str(path))
             self._shown.add(str(path))
         return data
 
     def check(self, path: Path, source: bytes) -> None:
-        """Raise a SyntaxError that shows the line as it was recorded, and open no file for it."""
+        """Raise a SyntaxError that shows the recorded line, without opening a file."""
         if self._is_on_disk(path):
             return
         try:
@@ -199,11 +199,11 @@ class RecordedFiles(SourceFiles):
         return is_named or self._is_of_kit(path)
 
     def begin_node(self) -> None:
-        """Go back to what the run began with."""
+        """Go back to the files at the start of the run."""
         self._now = dict(self._at_first)
 
     def begin_task(self, seq: int) -> None:
-        """Have files hold what a reload, if this task was one, read then."""
+        """Switch to the files that this task read in the recording, if it was a reload."""
         read_then = self._reloads.get(seq, {})
         for path in self._now:
             sha256 = read_then.get("/".join(path.parts[-2:]))
@@ -211,7 +211,7 @@ class RecordedFiles(SourceFiles):
                 self._now[path] = self._data[sha256]
 
     def close(self) -> None:
-        """Have messages show what stands in the files again."""
+        """Let messages show the current content of the files again."""
         for name in self._shown:
             linecache.cache.pop(name, None)
 
@@ -220,7 +220,7 @@ def read_kept_files(run: Path) -> list[KeptFile]:
     """Return the copies in a run folder, checked, in the order of its table; none if it has no table.
 
     Raises:
-        TraceError: a copy is not what the table says, is a link or too large, or the table is damaged.
+        TraceError: a copy does not match the table, is a link or too large, or the table is damaged.
     """
     if not _HAS_FOLDERS:
         return _read_table(run, None) if (run / FOLDER).is_dir() else []
@@ -253,7 +253,7 @@ def _read_table(run: Path, folder: int | None) -> list[KeptFile]:
             line = _decode_line(text)
         except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
             if number == len(lines) and not text.endswith(b"}"):
-                break  # cut with the run
+                break  # truncated when the run was killed
             raise _unusable(run, f"line {number} of {TABLE} is damaged ({error})") from error
         if not (_is_plain_path(line.path) and _SHA256.fullmatch(line.sha256)):
             raise _unusable(run, f"line {number} of {TABLE} does not name a file: {line.path[:100]!r}")
@@ -269,7 +269,7 @@ def _read_table(run: Path, folder: int | None) -> list[KeptFile]:
 
 
 def _read(run: Path, folder: int | None, name: str, most: int) -> bytes:
-    """Return what is in a file of the folder, which must be a plain file of no more than `most` bytes."""
+    """Return the content of a file in the folder, which must be a regular file of at most `most` bytes."""
     try:
         if folder is None:
             descriptor = os.open(run / FOLDER / name, os.O_RDONLY)
@@ -287,7 +287,7 @@ def _read(run: Path, folder: int | None, name: str, most: int) -> bytes:
 
 
 def _is_plain_path(text: str) -> bool:
-    """Return whether a text is an absolute path without "..", of characters that can be shown."""
+    """Return whether a text is an absolute path without "..", of printable characters."""
     is_whole = os.path.isabs(text) and os.path.normpath(text) == text
     return is_whole and len(text) <= MAX_PATH_CHARS and text.isprintable()
 
@@ -304,7 +304,7 @@ def _unusable(run: Path, what: str) -> TraceError:
 
 
 def _own_key() -> bytes:
-    """Return the key of this user, made when it is first needed; empty where none can be kept."""
+    """Return the key of this user, created at first use; empty where it cannot be stored."""
     path = user_folder() / "key"
     with suppress(OSError):
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -314,7 +314,7 @@ def _own_key() -> bytes:
             with open(descriptor, "wb") as file:
                 file.write(secrets.token_bytes(_KEY_BYTES))
             with suppress(FileExistsError):
-                os.link(part, path)  # whole or not at all, and never in the place of another program's
+                os.link(part, path)  # atomic, and never replaces the key of another process
             part.unlink()
         key = path.read_bytes()
         return key if len(key) == _KEY_BYTES else b""

@@ -1,11 +1,11 @@
-"""The trace: a run's record of truth, one JSON line per record, written as it happens.
+"""Writer of the trace: a run's complete record, one JSON line per record, written during the run.
 
-The node's thread only appends finished lines to a queue in memory; a flusher thread writes them out every 50 ms, adds
-them to the digest and syncs the file every second. So a killed process loses at most the last moments, a loss of power
-at most what came after the last sync, and no line is ever half written by us; a reader drops what was cut short.
+The node's thread only appends finished lines to a queue in memory. A flusher thread writes them every 50 ms, adds them
+to the digest and syncs the file every second. A killed process therefore loses at most the last moments, and a power
+loss at most what came after the last sync. Lines are written whole; a reader drops a truncated tail.
 
-What if the disk refuses? A run in lock step ends: it can be repeated with more room. A robot with real outputs, or on
-the wall clock, goes on without its recording (`fail_softly`), and its page `recording` says what is lost.
+If the disk fails, a run in lock step ends, since it can be repeated with more room. A robot with real outputs, or on
+the wall clock, continues without its recording (`fail_softly`), and its page `recording` reports what is lost.
 """
 
 from __future__ import annotations
@@ -44,28 +44,28 @@ if TYPE_CHECKING:
 FILE_NAME = "trace.jsonl"
 FLUSH_PERIOD_S = 0.05
 SYNC_PERIOD_S = 1.0
-REPORT_PERIOD_S = 1.0  # of the page that says what is lost
-# What a disk may be behind: minutes of a dive. A run in lock step then waits for it; any other gives up its recording.
+REPORT_PERIOD_S = 1.0  # of the page that reports what is lost
+# Maximum backlog: minutes of a dive. A run in lock step then waits for the disk; any other stops its recording.
 MAX_UNWRITTEN_BYTES = 64_000_000
-ARROW_DIGITS = 4  # behind the point of arrows [m, N]: they are there to be drawn, and would be half of the truth
+ARROW_DIGITS = 4  # decimals of arrows [m, N]: they are only drawn, and would fill half of a truth record
 _PER_UNIT = 10.0**ARROW_DIGITS
-CLOSE_PATIENCE_S = 5.0  # with a disk that takes nothing, when a robot ends that would not wait for it before
+CLOSE_PATIENCE_S = 5.0  # for a disk that hangs, at the end of a run that did not wait for it before
 _SOURCE = "recorder"
 
 _encode = msgspec.json.Encoder().encode
 
 
 class TraceWriter:
-    """Writes one run's trace. Keeps the `Recorder` promise.
+    """Writer of one run's trace. Implements `Recorder`.
 
     Args:
         path: of the file, which must not exist: a recording is never overwritten.
         header: its second line.
-        opening: its first one; if not given, it says when and by which command, but not of which files.
-        open_file: makes the file.
+        opening: its first line; by default it has the time and the command, but not the files.
+        open_file: creates the file.
 
     Raises:
-        TraceError: the file cannot be made.
+        TraceError: the file cannot be created.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class TraceWriter:
         self.seq = 0  # of the newest record
         self._lines: deque[tuple[float, bytes]] = deque()  # each with its time
         self._put_bytes = 0  # counted by the thread that puts
-        self._taken_bytes = 0  # counted by who takes; what lies between them waits
+        self._taken_bytes = 0  # counted under `_losing` by the thread that takes; the difference is queued
         self._digest = digest_of()
         self._places: dict[tuple[str, str, bytes], tuple[int, int]] | None = {} if len(header.nodes) > 1 else None
         self._follower: FollowerThread | None = None
@@ -91,7 +91,7 @@ class TraceWriter:
         self._writing = threading.Lock()
         self._closing = threading.Event()
         self._failure: OSError | None = None
-        self._survivors: Sequence[Node] = ()  # nodes that go on without a recording
+        self._survivors: Sequence[Node] = ()  # nodes that continue without a recording
         self._losing = threading.Lock()  # of what is taken and of the numbers below; never held while a disk works
         self._lost = 0  # records
         self._lost_since_s = math.inf  # time of the first of them
@@ -118,24 +118,24 @@ class TraceWriter:
         return NodeTrace(self, name)
 
     def fail_softly(self, nodes: Sequence[Node]) -> None:
-        """Have these nodes go on if the disk fails, for a robot must not end because it cannot be recorded.
+        """Let these nodes continue if the disk fails: a robot should not stop because it cannot be recorded.
 
-        From the first record that is lost they get a page `recording` every second: `since_s`, the time of that
-        record; `lost`, how many records; and the `reason`. The trace ends there, whole: later records are not written,
-        also if the disk has room again, because a trace has no gaps.
+        From the first lost record on they receive a page `recording` every second: `since_s`, the time of that
+        record; `lost`, the number of records; and the `reason`. The trace ends there with a whole line. Later records
+        are not written, even if the disk has room again, because a trace has no gaps.
         """
         self._survivors = nodes
 
     def truth(self, now_s: float, truth: dict[str, Any]) -> None:
-        """Take down the plant's true state, see `Plant.truth`."""
+        """Record the plant's true state, see `Plant.truth`."""
         self.seq += 1
         arrows = {name: _rounded(arrow) for name, arrow in truth["arrows"].items()}
         self.put(now_s, _encode(TruthRecord(self.seq, now_s, truth["poses"], arrows, truth["values"])))
 
     def place_of(self, task: Returned, seq: int, nth: int) -> tuple[int, int] | None:
-        """Return seq and place of an earlier task that carries the same page, and remember this one.
+        """Return seq and index of an earlier task that carries the same page, and remember this one.
 
-        None if there was none lately, or the run has one node: then nobody brings a page to another one.
+        None if there was none recently, or if the run has only one node: then pages never cross nodes.
         """
         if self._places is None or task.type != TaskType.store_page:
             return None
@@ -153,7 +153,7 @@ class TraceWriter:
 
     @property
     def loss(self) -> str:
-        """What a run that went on without its recording has lost, in words; empty if nothing."""
+        """What a run that continued without its recording has lost, as text; empty if nothing."""
         if not self._lost or self._failure is None:
             return ""
         return (
@@ -165,14 +165,14 @@ class TraceWriter:
         """Write what is left and close the file. Safe to call twice.
 
         Raises:
-            TraceError: not everything could be written, and that is not to be survived; see `fail_softly`.
+            TraceError: not everything could be written, and `fail_softly` was not called.
         """
         if self._closing.is_set():
             return
         self._closing.set()
         self._flusher.join(CLOSE_PATIENCE_S if self._survivors else None)
         if self._flusher.is_alive():
-            self._give_up()  # the disk still has the file, and may never give it back
+            self._give_up()  # a system call on the file may still block, and may never return
         else:
             self._flush()
             self._sync()
@@ -183,14 +183,14 @@ class TraceWriter:
             self._check()
 
     def follow(self, follower: Follower) -> None:
-        """Have every record given to a follower, too, on a thread of its own; before the first one."""
+        """Pass every record to a follower, too, on a separate thread; call it before the first record."""
         self._follower = FollowerThread(follower)
 
     def put(self, now_s: float, line: bytes) -> None:
         """Add a line to the trace.
 
         Raises:
-            TraceError: an earlier one could not be written, and that is not to be survived; see `fail_softly`.
+            TraceError: an earlier line could not be written, and `fail_softly` was not called.
         """
         if self._failure is not None:
             if not self._survivors:
@@ -217,7 +217,7 @@ class TraceWriter:
     # What is lost
 
     def _give_up(self) -> None:
-        """Lose what waits for a disk that takes nothing."""
+        """Drop the queued lines if the disk hangs."""
         if self._failure is None:
             self._failure = OSError(errno.ETIMEDOUT, "the disk is too slow, or does not answer")
         lines = self._take()
@@ -225,13 +225,13 @@ class TraceWriter:
             self._lose(lines[0][0], len(lines))
 
     def _lose(self, since_s: float, count: int) -> None:
-        """Count records that do not get into the file."""
+        """Count records that are not written to the file."""
         with self._losing:
             self._lost += count
             self._lost_since_s = min(self._lost_since_s, since_s)
 
     def _report(self) -> None:
-        """Tell the nodes what is lost, now and then; from any thread."""
+        """Report to the nodes what is lost, at most once a period; thread-safe."""
         failure, now_s = self._failure, time.monotonic()
         with self._losing:
             if failure is None or not self._lost or now_s < self._reported_s + REPORT_PERIOD_S:
@@ -253,7 +253,7 @@ class TraceWriter:
             self._report()
 
     def _take(self) -> list[tuple[float, bytes]]:
-        """Take what waits; from any thread."""
+        """Take the queued lines; thread-safe."""
         lines = self._lines
         with self._losing:
             taken = [lines.popleft() for _ in range(len(lines))]
@@ -279,7 +279,7 @@ class TraceWriter:
                 self._follower.give([line for _, line in ready])
 
     def _write(self, data: bytes) -> bytes:
-        """Write all of it, or cut the file back to its last whole line and remember the failure.
+        """Write the data, or truncate the file to its last whole line and store the failure.
 
         Returns what was written.
         """
@@ -290,13 +290,13 @@ class TraceWriter:
         except OSError as error:
             self._failure = error
             data = data[: data.rfind(b"\n", 0, len(data) - len(view)) + 1]
-            with suppress(OSError):  # some disks refuse even that; a reader leaves out a last line that is cut
+            with suppress(OSError):  # some disks fail here, too; a reader skips a truncated last line
                 self._file.cut(self._whole_bytes + len(data))
         self._whole_bytes += len(data)
         return data
 
     def _sync(self) -> None:
-        """Bring what was written to the disk; if that fails, all since the last time counts as lost."""
+        """Sync the file to the disk; if that fails, everything since the last sync counts as lost."""
         with self._writing:
             self._sync_due_s = time.monotonic() + SYNC_PERIOD_S
             if not self._unsynced_lines:
@@ -311,11 +311,11 @@ class TraceWriter:
 
 
 def _rounded(arrow: Sequence[float]) -> list[float]:
-    """Return the numbers of an arrow as they are written: to ARROW_DIGITS, a zero with the sign it came from.
+    """Return the numbers of an arrow rounded to ARROW_DIGITS; a zero keeps the sign of the number.
 
-    Python's `round` to a digit goes by way of a text and takes three times as long.
+    Python's `round` to a digit formats a text internally and takes three times as long.
     """
     try:
         return [round(number * _PER_UNIT) / _PER_UNIT or 0.0 * number for number in arrow]
-    except (ValueError, OverflowError):  # one is not finite, or soon would not be
+    except (ValueError, OverflowError):  # a number is not finite, or overflows when scaled
         return [round(number, ARROW_DIGITS) for number in arrow]

@@ -1,4 +1,4 @@
-"""The file of a trace: what the trace asks of a disk. A disk may refuse any of it, or take its time."""
+"""File of a trace: all disk operations of a trace. Each may fail or block."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.ENOSYS)  # pipes, and some ne
 
 
 class TraceFile:
-    """A file that is only appended to.
+    """Append-only file.
 
     Args:
         path: of the file, which must not exist.
@@ -28,15 +28,15 @@ class TraceFile:
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | _AS_IT_IS, 0o644)
 
     def write(self, data: memoryview) -> int:
-        """Append as much as the disk takes at once; return how many bytes."""
+        """Append as many bytes as one system call writes; return how many."""
         return os.write(self._descriptor, data)
 
     def cut(self, length_bytes: int) -> None:
-        """Cut the file to this length."""
+        """Truncate the file to this length."""
         os.ftruncate(self._descriptor, length_bytes)
 
     def sync(self) -> None:
-        """Return when everything that was written is on the disk and survives a loss of power."""
+        """Block until everything that was written is on the disk and survives a power loss."""
         try:
             os.fsync(self._descriptor)
         except OSError as error:

@@ -1,4 +1,4 @@
-"""Files that are whole or absent, also when the power goes while they are written."""
+"""Atomic file writes: a file is complete or absent, even after a power loss during the write."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from contextlib import suppress
 from pathlib import Path
 
 _PART = ".part"
-_NO_LINK = getattr(os, "O_NOFOLLOW", 0)  # Windows has none, and asks who makes a link for a right
+_NO_LINK = getattr(os, "O_NOFOLLOW", 0)  # not on Windows, where creating a link needs a privilege
 
 
 def write_whole(path: Path, data: bytes, mode: int = 0o644) -> None:
-    """Write a file beside its place, bring it to the disk, and only then give it its name.
+    """Write a file atomically: into a temporary file in the same folder, synced, then renamed.
 
     Raises:
-        OSError: it cannot be written; what stood there stands there still.
+        OSError: it cannot be written; the previous file is unchanged.
     """
     part = path.with_name(f".{path.name}{_PART}")
     try:
@@ -32,8 +32,8 @@ def write_whole(path: Path, data: bytes, mode: int = 0o644) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Bring the names in a folder to the disk, where the system can."""
-    with suppress(OSError):  # Windows opens no folder
+    """Sync a folder's entries to the disk, where the system supports it."""
+    with suppress(OSError):  # Windows cannot open a folder
         descriptor = os.open(folder, os.O_RDONLY | getattr(os, "O_DIRECTORY", 0))
         try:
             os.fsync(descriptor)

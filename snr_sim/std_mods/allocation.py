@@ -1,10 +1,10 @@
-"""Thrust allocation: which thruster must push how much, so that together they push the vehicle as wanted.
+"""Thrust allocation: the thrust of each thruster, so that together they produce a required wrench.
 
-    wrench (wanted) --> thrusts, all of them as small as possible --> as much of it as the thrusters can give
+    required wrench --> thrusts of minimum norm --> thrusts scaled to the thrusters' limits
 
-The first step is the pseudo-inverse of the thrusters' matrix. The second keeps the direction of what is wanted: if one
-thruster would have to give more than it can, all give less. A vehicle that cannot go as fast as it should still goes
-where it should. `first` changes that for axes that must not suffer from the others, such as heave and yaw.
+The first step is the pseudo-inverse of the thrusters' matrix. The second keeps the direction of the wrench: if one
+thruster saturates, all thrusts are scaled down. The vehicle is then slower than commanded but moves in the commanded
+direction. `first` gives priority to axes that should not suffer from the others, such as heave and yaw.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-_ROUNDING = 1e-12  # a share of a thruster below this comes of the rounded directions of the others
+_ROUNDING = 1e-12  # a thruster's effectiveness below this is a rounding error of the other directions
 
 
 class Allotment(NamedTuple):
-    """What the thrusters are to do.
+    """Result of an allocation.
 
     Args:
         thrusts_n: of each thruster, positive ahead, within its limits.
-        share: of the wanted wrench that they give, 0 to 1; with `first`, of what does not come first.
-        lacking: the axes that something was wanted of, and that no thruster can push.
+        share: fraction of the required wrench that they produce, 0 to 1; with `first`, of the axes without priority.
+        lacking: the axes with a required component that the thrusters cannot produce.
     """
 
     thrusts_n: list[float]
@@ -41,16 +41,16 @@ class Allotment(NamedTuple):
 
 
 class Allocation:
-    """Thrusters of one vehicle.
+    """Thrust allocation of one vehicle.
 
     Args:
         matrix: six rows (`prelude/wrench.py`), column i is the wrench of thruster i at 1 N.
-        limits_n: least (negative, astern) and most thrust of a thruster; one pair for all of them, or one for each.
-        first: axes that are served before the others get what is left.
-        off: numbers of thrusters that do not work. The others do what they can.
+        limits_n: minimum (negative, astern) and maximum thrust; one pair for all thrusters, or one for each.
+        first: axes with priority; the others get the remaining thrust.
+        off: indices of thrusters that do not work. The others compensate as far as possible.
 
     Raises:
-        ParameterError: the matrix or a limit makes no sense, or no thruster pushes anywhere.
+        ParameterError: the matrix or a limit is invalid, or all thrusters have zero effect.
         UnknownName: `first` names an axis that does not exist.
         MissingExtra: numpy is not installed.
 
@@ -91,11 +91,11 @@ class Allocation:
         self._of_wrench = [[[row[i] for i in group] for row in inverse] for group in self._groups]
 
     def require(self, *axes: str) -> None:
-        """Check that the thrusters can push along or about these axes.
+        """Check that the thrusters can produce a force along or a moment about these axes.
 
         Raises:
-            ParameterError: they cannot; the message names those that lack.
-            UnknownName: there is no such axis.
+            ParameterError: they cannot; the message names the axes that are missing.
+            UnknownName: an axis does not exist.
         """
         for axis in axes:
             _check_axis(axis)
@@ -107,13 +107,13 @@ class Allocation:
             )
 
     def allocate(self, wrench: Sequence[float]) -> Allotment:
-        """Return thrusts that give the wanted wrench, or as much of it as they can in its direction.
+        """Return thrusts that produce the required wrench, or as much of it as possible in its direction.
 
         Args:
             wrench: six numbers, [N] and [N m], body frame.
 
         Raises:
-            ParameterError: it has not six finite numbers.
+            ParameterError: the wrench does not have six finite numbers.
         """
         if len(wrench) != len(AXES) or not math.isfinite(ordered_sum(wrench)):
             raise ParameterError(
@@ -130,11 +130,11 @@ class Allocation:
         return Allotment(thrusts, share, lacking)
 
     def wrench_of(self, thrusts_n: Sequence[float]) -> list[float]:
-        """Return the wrench that thrusts give together: what is left of what was wanted."""
+        """Return the wrench that these thrusts produce together."""
         return [dot_product(row, thrusts_n) for row in self._given]
 
     def _room(self, thrusts: list[float], more: list[float]) -> float:
-        """Return the greatest share, up to 1, of `more` that can be added to thrusts within all limits."""
+        """Return the largest fraction, up to 1, of `more` that can be added to thrusts within all limits."""
         share = 1.0
         for thrust, extra, (least, most) in zip(thrusts, more, self._limits, strict=True):
             if extra > 0.0 and thrust + share * extra > most:
@@ -145,13 +145,13 @@ class Allocation:
 
 
 def _inverse(given: list[list[float]], lacking: tuple[str, ...]) -> list[list[float]]:
-    """Return the pseudo-inverse, n x 6, of the axes that can be pushed; the others' columns are zeros.
+    """Return the pseudo-inverse, n x 6, of the actuated axes; the columns of the other axes are zeros.
 
-    Without the lacking axes the rows left are independent, so what is wanted of them is given exactly. With them, least
-    squares would give a little less surge for a little less of the pitch that comes with it.
+    Without the lacking axes the remaining rows are independent, so their requirements are met exactly. With them, least
+    squares would trade a little surge for a little less of the pitch that it causes.
 
-    Of independent rows R it is R^T (R R^T)^-1. That is reckoned in fractions and rounded once, in the end: what a
-    library of linear algebra returns differs in its last bits from one processor to another, and so would every trace.
+    For independent rows R it is R^T (R R^T)^-1. That is computed in fractions and rounded once, at the end: the result
+    of a linear algebra library differs in its last bits from one processor to another, and so would every trace.
     """
     reached = [i for i, axis in enumerate(AXES) if axis not in lacking]
     rows = [[Fraction(value) for value in given[i]] for i in reached]

@@ -1,9 +1,9 @@
-"""A complementary filter: a gyroscope for the quick, something slower and steadier for the long run.
+"""A complementary filter: combines a gyroscope's rate with a drift-free but noisy measurement.
 
-A gyroscope's rate, summed up, is smooth and quick, and drifts away. Gravity or a magnetic field say where down and
-north are, without drift, but shaken by every acceleration and disturbance. The filter follows the sum of rates, and
-lets itself be pulled to the steady measurement with a time constant: what is faster than it comes from the gyroscope,
-what is slower from the other. The same for a whole attitude is `MahonyFilter` (prelude/attitude_filter.py).
+A gyroscope's rate, integrated, is smooth and fast, but drifts. Gravity or a magnetic field give the directions of down
+and north without drift, but disturbed by every acceleration and magnetic disturbance. The filter integrates the rate
+and corrects towards the drift-free measurement with a time constant: faster changes come from the gyroscope, slower
+ones from the other sensor. The same for a whole attitude is `MahonyFilter` (prelude/attitude_filter.py).
 """
 
 from __future__ import annotations
@@ -15,14 +15,15 @@ from snr_sim.prelude.errors import ParameterError
 
 
 class ComplementaryFilter:
-    """One quantity of which both the rate and, slowly or noisily, the value are measured.
+    """Complementary filter of one quantity, whose rate and, slowly or noisily, value are measured.
 
     Args:
-        time_constant_s: of the pull to the measured value. A bias b of the rate leaves an error of b times this.
-        is_angle: values are angles [rad], and the pull goes the shorter way round.
+        time_constant_s: of the correction towards the measured value. A bias b of the rate leaves an error of b times
+            this.
+        is_angle: whether values are angles [rad], corrected in the shorter direction.
 
     Raises:
-        ParameterError: the time constant is not above 0.
+        ParameterError: the time constant is not positive.
 
     >>> heading = ComplementaryFilter(time_constant_s=2.0)
     >>> heading.update(rate=0.0, measured=1.0, dt_s=0.1)  # the first value is taken as it is
@@ -41,19 +42,19 @@ class ComplementaryFilter:
         self.estimate: float | None = None
 
     def reset(self) -> None:
-        """Forget; the next measured value is taken as it is."""
+        """Reset the filter; the next measured value becomes the estimate."""
         self.estimate = None
 
     def update(self, rate: float, measured: float, dt_s: float) -> float:
-        """Return the estimate for now.
+        """Return the estimate for this time step.
 
         Args:
-            rate: of the quantity, since the update before.
-            measured: the quantity, as the slow or noisy sensor has it now.
-            dt_s: since the update before.
+            rate: of the quantity, since the previous update.
+            measured: current value from the slow or noisy sensor.
+            dt_s: time since the previous update.
 
         Raises:
-            ParameterError: a value is not finite, or time goes back.
+            ParameterError: a value is not finite, or dt_s is negative.
         """
         if not (dt_s >= 0.0 and math.isfinite(rate) and math.isfinite(measured)):
             raise ParameterError(
@@ -67,7 +68,7 @@ class ComplementaryFilter:
         away = measured - moved
         if self.is_angle:
             away = wrap_rad(away)
-        # The share that a first-order lag covers in this time, exactly: no step is too long for it.
+        # The exact step response of a first-order lag, so it is stable for any step length.
         moved -= away * math.expm1(-dt_s / self.time_constant_s)
         self.estimate = wrap_rad(moved) if self.is_angle else moved
         return self.estimate

@@ -1,4 +1,4 @@
-"""Moving average: each value becomes the mean of itself and the ones just before it."""
+"""Moving average: the mean of the newest value and the ones just before it."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ Sample: TypeAlias = float | Sequence[float] | Mapping[str, float]
 
 
 class MovingAvgFilter:
-    """Mean of the last values; of fewer, as long as fewer have come.
+    """Mean of the last values; of all values until the window is full.
 
     Args:
-        window: how many values, or a deque with that `maxlen`, which may hold the first ones.
+        window: number of values, or a deque with that `maxlen`, which may contain initial values.
 
     >>> smooth = MovingAvgFilter(2)
     >>> [smooth.update(x) for x in (1.0, 2.0, 4.0)]
@@ -37,10 +37,10 @@ class MovingAvgFilter:
         self._values = values
 
     def update(self, value: Sample) -> Any:
-        """Take a value and return the mean, in the shape of the value.
+        """Add a value and return the mean, in the shape of the value.
 
         Raises:
-            ParameterError: it is not made of numbers, or of another shape than those before.
+            ParameterError: the value does not consist of numbers, or its shape differs from those before.
         """
         shape = _shape(value)
         if self._values and _shape(self._values[-1]) != shape:
@@ -51,7 +51,7 @@ class MovingAvgFilter:
         return self.mean()
 
     def mean(self) -> Any:
-        """Return the mean of what is in the window, or None if nothing is."""
+        """Return the mean of the values in the window, or None if it is empty."""
         if not self._values:
             return None
         newest = self._values[-1]
@@ -64,7 +64,7 @@ class MovingAvgFilter:
     avg = mean  # the thesis' name
 
     def _mean_of(self, numbers: Sequence[float] | deque[float]) -> float:
-        # Summed anew each time, and exactly: a running sum would keep the rounding of every value it ever held.
+        # Summed exactly at each call: a running sum would accumulate the rounding errors of all past values.
         return math.fsum(numbers) / len(numbers)
 
 
@@ -75,7 +75,7 @@ def _checked_length(length: int) -> int:
 
 
 def _shape(value: Any) -> tuple[str, object]:
-    """Return what has to agree within a window: the length of a list, the keys of a dict, nothing for a number."""
+    """Return what must be equal within a window: the length of a list, the keys of a dict; nothing for a number."""
     parts: list[Any] = [value]
     shape: tuple[str, object] = ("number", None)
     if isinstance(value, Mapping):
@@ -92,13 +92,13 @@ def _shape(value: Any) -> tuple[str, object]:
 
 
 class MovingAvgFilterFactory(EndpointFactory):
-    """Smooths the pages of one key into those of another.
+    """Factory of an endpoint that averages the pages of one key and stores the means under another.
 
     Args:
         input_key: of the pages to smooth.
-        output_key: of the smooth ones.
-        filter_length: over how many pages.
-        endpoint_name: of the endpoint; give each filter of a node its own.
+        output_key: of the smoothed pages.
+        filter_length: number of pages in the window.
+        endpoint_name: of the endpoint; unique among the filters of a node.
     """
 
     def __init__(
@@ -124,7 +124,7 @@ class MovingAvgFilterFactory(EndpointFactory):
 
 
 class MovingAvgEndpoint(Endpoint):
-    """Answers each page of the input key with one of the output key."""
+    """Stores one page of the output key for each page of the input key."""
 
     factory: MovingAvgFilterFactory
 

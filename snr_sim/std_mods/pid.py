@@ -1,11 +1,11 @@
-"""A PID controller: pushes by the error, by how long it has lasted, and against how fast the measurement moves.
+"""A PID controller: proportional to the error, its integral, and the rate of the measurement.
 
     output = feed forward + kp * error + ki * integral of error - kd * rate of the measurement
 
-Two things that a formula does not tell and every robot needs:
-- The derivative is of the measurement, not of the error: a new setpoint must not kick.
-- While the output is at its limit the integral does not grow further into it (anti-windup): otherwise it would have to
-  be emptied again, and the robot would overshoot for as long.
+Two properties that the formula does not show and every robot needs:
+- The derivative is of the measurement, not of the error, so that a new setpoint does not cause a derivative kick.
+- While the output is saturated the integral does not grow further in that direction (anti-windup): otherwise the robot
+  would overshoot until it has shrunk again.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from snr_sim.prelude.errors import ParameterError
 
 
 class Pid:
-    """One controlled quantity.
+    """PID controller of one quantity.
 
     Args:
         kp: output per error.
         ki: output per second of error.
         kd: output per rate of the measurement.
-        limits: least and most output.
-        smoothing_s: time constant of the low-pass on a rate that is reckoned from measurements; a rate that is given
-            is taken as it is.
-        is_angle: the error is taken the shorter way round [rad].
+        limits: minimum and maximum output.
+        smoothing_s: time constant of the low-pass filter on a rate computed from measurements; a given rate is not
+            filtered.
+        is_angle: whether the error is wrapped to the shorter direction [rad].
 
     Raises:
-        ParameterError: a number is not finite, or the limits are the wrong way round.
+        ParameterError: a number is not finite, or the limits are swapped.
 
     >>> depth = Pid(kp=10.0, ki=1.0, limits=(-40.0, 40.0))
     >>> depth.update(setpoint=2.0, measurement=1.0, dt_s=0.1)
@@ -59,7 +59,7 @@ class Pid:
         self.reset()
 
     def reset(self, integral: float = 0.0) -> None:
-        """Forget what was; begin with an integral, in units of the output, such as what holds against a weight."""
+        """Reset the state; set the integral, in units of the output, for example to compensate a weight."""
         self.integral = integral
         self._before: float | None = None
         self._rate = 0.0
@@ -67,17 +67,17 @@ class Pid:
     def update(
         self, setpoint: float, measurement: float, dt_s: float, rate: float | None = None, feed_forward: float = 0.0
     ) -> float:
-        """Return the output for now.
+        """Return the output for this time step.
 
         Args:
-            setpoint: what is wanted.
-            measurement: what is.
-            dt_s: since the update before.
-            rate: of the measurement, if something measures it; else it is reckoned from the measurement before.
-            feed_forward: what is known to be needed anyway.
+            setpoint: target value.
+            measurement: measured value.
+            dt_s: time since the previous update.
+            rate: measured rate of the measurement; by default it is computed from the previous measurement.
+            feed_forward: output that is added to the controller's.
 
         Raises:
-            ParameterError: time does not go on, or a value is not finite.
+            ParameterError: dt_s is not positive, or a value is not finite.
         """
         if not (dt_s > 0.0 and math.isfinite(setpoint) and math.isfinite(measurement)):
             raise ParameterError(
@@ -91,7 +91,7 @@ class Pid:
         growth = self.ki * error * dt_s
         wanted = pushed + self.integral + growth
         beyond = wanted - self._limited(wanted)
-        if beyond * growth <= 0.0:  # within the limits, or on the way back to them
+        if beyond * growth <= 0.0:  # within the limits, or moving back to them
             self.integral += growth
         return self._limited(pushed + self.integral)
 

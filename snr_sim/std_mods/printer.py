@@ -1,4 +1,4 @@
-"""Printer: shows tasks as they come by."""
+"""Printer: prints tasks as they are handled."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 
 
 class PrinterEndpointFactory(EndpointFactory):
-    """Prints a line for each task of some ids.
+    """Factory of an endpoint that prints a line for each task with one of some ids.
 
     Args:
-        task_ids: which: `[(TaskType.process_data, "depth"), TaskType.event]`.
-        stream: where to; standard output, as it is when the line is printed, if not given.
+        task_ids: ids of the tasks: `[(TaskType.process_data, "depth"), TaskType.event]`.
+        stream: to print to; by default the value of sys.stdout at the time of printing.
         name: of the endpoint.
     """
 
@@ -33,7 +33,7 @@ class PrinterEndpointFactory(EndpointFactory):
 
 
 class PrinterEndpoint(Endpoint):
-    """Prints node, time, task, and what the task is about."""
+    """Prints node, time, task, and the task's data."""
 
     factory: PrinterEndpointFactory
 
@@ -48,7 +48,7 @@ class PrinterEndpoint(Endpoint):
         return None
 
     def _about(self, task: Task) -> str:
-        """Return the data, for tasks about a page; else the values the task carries."""
+        """Return the page's data for tasks about a page; else the values that the task carries."""
         if task.type is TaskType.process_data:
             return repr(self.get_data(task.name))
         values = [value.data if isinstance(value, Page) else value for value in task.val_list]

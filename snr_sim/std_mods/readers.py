@@ -1,8 +1,8 @@
-"""Readers: the lines of a text file, and the pages of a recording or of a trace. They own a file and no node.
+"""Readers of the lines of a text file, and of the pages of a recording or a trace. They work without a node.
 
-A recording is what `std_mods/recorder.py` writes: a page on each line, and before the pages of each run a line
-`{"$":"start","node":"urov_node"}`. A trace is the `trace.jsonl` of any recorded run. A recording of the 2021 library
-is read, too: its pages are plain JSON objects, in which NaN may stand.
+A recording is written by `std_mods/recorder.py`: a page on each line, and before the pages of each run a line
+`{"$":"start","node":"urov_node"}`. A trace is the `trace.jsonl` of any recorded run. Recordings of the 2021 library
+are supported, too: their pages are plain JSON objects, which may contain NaN.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ from snr_sim.prelude.values import MARK, NO_JSON
 START = "start"
 _START_LINE = f'{{"{MARK}":"{START}"'.encode()
 _PAGE_OF_2021 = b'{"key":'
-REMARKS_MAX = 3  # of a file that is no recording at all, nobody reads the complaint about each line
+REMARKS_MAX = 3  # for a file that is not a recording at all, one remark per line would be useless
 
 
 T = TypeVar("T")
 
 
 class _Reader(Generic[T]):
-    """A file that is open until all of it has been read, or until the end of a `with`."""
+    """A file that is closed when all of it has been read, or at the end of a `with`."""
 
     def __init__(self, file: str | Path) -> None:
         self._file = _opened(file)
 
     def read(self) -> T | None:
-        """Return what comes next, or None at the end of the file."""
+        """Return the next item, or None at the end of the file."""
         raise NotImplementedError
 
     def close(self) -> None:
-        """Close the file, which happens by itself at its end. Safe to call twice."""
+        """Close the file, which also happens at its end. Safe to call twice."""
         self._file.close()
 
     def __iter__(self) -> Iterator[T]:
@@ -54,14 +54,14 @@ class _Reader(Generic[T]):
 
 
 class TextReader(_Reader[str]):
-    """The lines of a text file, one after the other, without their ends.
+    """Reader of the lines of a text file, without line ends.
 
     Args:
-        file: which. What is no UTF-8 in it is read as U+FFFD.
-        retired: the 2021 library took a context and a name before the file. Both are refused.
+        file: path of the file. Bytes that are not valid UTF-8 are read as U+FFFD.
+        retired: the 2021 library took a context and a name before the file. Both are rejected.
 
     Raises:
-        RecordingError: it cannot be read.
+        RecordingError: the file cannot be read.
     """
 
     def __init__(self, file: str | Path, *retired: object) -> None:
@@ -77,24 +77,25 @@ class TextReader(_Reader[str]):
 
 
 class Stored(NamedTuple):
-    """A page, and when it was stored, on the clock of the node that stored it [s]."""
+    """A page with the time at which it was stored, on the clock of the node that stored it [s]."""
 
     time_s: float
     page: Page
 
 
 class PageReader(_Reader[Page]):
-    """The pages of a recording, or of a trace, in the order in which they were stored.
+    """Reader of the pages of a recording or a trace, in the order in which they were stored.
 
-    A line that is no page (one that a crash cut short, one that somebody edited) is left out, with a remark.
+    A line that is not a valid page (truncated by a crash, or edited) is skipped with a remark.
 
     Args:
-        file: which.
-        keys: of the pages wanted; all if not given.
-        node: whose pages, of a trace of several nodes, where one that crossed a link stands twice; all if not given.
+        file: path of the file.
+        keys: of the pages to read; all by default.
+        node: whose pages to read from a trace of several nodes, in which a page that crossed a link occurs twice; all
+            by default.
 
     Raises:
-        RecordingError: it cannot be read.
+        RecordingError: the file cannot be read.
     """
 
     def __init__(self, file: str | Path, keys: Sequence[DataKey] | DataKey | None = None, node: str = "") -> None:
@@ -110,7 +111,7 @@ class PageReader(_Reader[Page]):
 
     @property
     def remarks(self) -> list[str]:
-        """What was left out so far, and why."""
+        """Reasons for the lines skipped so far."""
         more = self._left_out - len(self._remarks)
         return [*self._remarks, *([f"... and {more} more lines of {self.path}."] if more else [])]
 
@@ -120,9 +121,9 @@ class PageReader(_Reader[Page]):
         return None if stored is None else stored.page
 
     def read_stored(self) -> Stored | None:
-        """Return the next page and when it was stored, or None after the last one.
+        """Return the next page with the time at which it was stored, or None after the last one.
 
-        The time never goes back: what a second start added to the file comes after what the first one wrote.
+        The time never decreases: pages of a second start follow those of the first.
         """
         for line in () if self._file.closed else self._file:
             self._number += 1
@@ -168,7 +169,7 @@ class _Start(msgspec.Struct):
 
 
 class _TaskRecord(msgspec.Struct):
-    """What a reader of pages needs of the records of a trace that bring or execute tasks; see docs/formats.md."""
+    """Fields that a reader of pages needs of trace records that contain or execute tasks; see docs/formats.md."""
 
     kind: str
     seq: int
@@ -190,7 +191,7 @@ _decode_task_record = msgspec.json.Decoder(_TaskRecord).decode
 
 
 class _Task(NamedTuple):
-    """A task in a trace: of which node, when, and what it carries."""
+    """A task in a trace: its node, time and values."""
 
     node: str
     time_s: float
@@ -198,17 +199,17 @@ class _Task(NamedTuple):
 
 
 class _TasksOfTrace:
-    """The tasks of a trace by the record that brought them, and their place there: others refer to them."""
+    """The tasks of a trace by the record that contains them and their index there, for later references."""
 
     def __init__(self) -> None:
         self._waiting: dict[tuple[int, int], _Task] = {}
         self._executed: dict[tuple[int, int], _Task] = {}
 
     def take(self, record: _TaskRecord) -> _Task:
-        """Return the task that a record executes or let in, and keep those that it brings.
+        """Return the task that a record executes or adds from outside, and keep those that it returns.
 
         Raises:
-            ValueEncodingError: it refers to a task that is not there.
+            ValueEncodingError: the record refers to a task that does not exist.
         """
         task = _Task(record.node, record.t or 0.0, record.values)
         if record.cause:
@@ -233,10 +234,10 @@ class _TasksOfTrace:
 
 
 class _Times:
-    """When the pages of a recording were stored, from when they were made.
+    """Times at which the pages of a recording were stored, computed from when they were created.
 
-    Each node counts from its own beginning. A page that came from another node tells nothing of when it came: the
-    first one of each is taken to have come with the page before it, and the others keep their distance from it.
+    Each node counts time from its own start. A page from another node does not contain its time of arrival: the first
+    page of each node is assumed to arrive with the page before it, and later ones keep their distance from it.
     """
 
     def __init__(self) -> None:
@@ -246,11 +247,11 @@ class _Times:
         self._begins_s: dict[str, float] = {}  # of other nodes
 
     def start(self, node: str) -> None:
-        """Begin where the run before it ended."""
+        """Start a run at the end of the previous one."""
         self._start_s, self._node, self._begins_s = self._now_s, node, {}
 
     def of(self, page: Page) -> float:
-        """Return when it was stored; never before the page before it."""
+        """Return when a page was stored; never before the previous page."""
         if not math.isfinite(page.created_at_s):
             return self._now_s
         begins_s = self._start_s
@@ -261,7 +262,7 @@ class _Times:
 
 
 class _OldPage(msgspec.Struct, forbid_unknown_fields=True):
-    """A page as the 2021 library wrote it."""
+    """A page in the format of the 2021 library."""
 
     key: str
     data: Any
@@ -272,7 +273,7 @@ class _OldPage(msgspec.Struct, forbid_unknown_fields=True):
 
 def _page_of_2021(line: bytes) -> Page:
     try:
-        old = msgspec.convert(json.loads(line), learned(_OldPage))  # Python's own reader takes NaN and Infinity
+        old = msgspec.convert(json.loads(line), learned(_OldPage))  # Python's json accepts NaN and Infinity
     except (ValueError, msgspec.ValidationError) as error:
         raise ValueEncodingError(f"This is not a page of the 2021 library ({error}): {line[:80]!r}") from error
     return Page(old.key, old.data, old.origin, old.created_at_s, old.process)

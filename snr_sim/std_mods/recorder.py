@@ -1,12 +1,11 @@
 """Recorder: writes the pages of some keys into a text file, a page on each line, as they are stored.
 
-A small tool beside the trace, for what you want to keep, plot, or feed in again (`std_mods/replayer.py`); the trace
-of a run holds everything, and a recorder need not be there for it.
+A small tool in addition to the trace, for data that you want to keep, plot, or replay (`std_mods/replayer.py`). The
+trace of a run has everything and does not need a recorder.
 
-A recording only ever grows. A reload goes on in the same file, and so does the next start of the program, after a
-line that says so: `{"$":"start","node":"urov_node"}` stands before the pages of each run. If the last line was cut by
-a crash, the next start begins on a line of its own, and readers leave the cut one out. To begin anew, remove the file
-or name another.
+A recording is only appended to. A reload continues in the same file, and so does the next start of the program, which
+first writes a line `{"$":"start","node":"urov_node"}` before its pages. If a crash truncated the last line, the next
+start begins on a new line, and readers skip the truncated one. To start over, remove the file or use another name.
 """
 
 from __future__ import annotations
@@ -28,19 +27,19 @@ from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 from snr_sim.prelude.values import MARK
 from snr_sim.std_mods.readers import START
 
-_OBJECT = b'"$":"object"'  # how a value that cannot be brought back is marked; inside a text the quotes are escaped
+_OBJECT = b'"$":"object"'  # tag of a value that cannot be decoded; inside a text the quotes are escaped
 
 
 class RecorderEndpointFactory(EndpointFactory):
-    """Records the pages of some keys.
+    """Factory of an endpoint that records the pages of some keys.
 
     Args:
-        file: where to; made if it is not there, continued if it is.
+        file: path of the recording; created if it does not exist, else appended to.
         keys: of the pages: a list, or one key.
-        name: of the endpoint; give each recorder of a node its own.
+        name: of the endpoint; unique among the recorders of a node.
 
     Raises:
-        ConfigError: a key is not text.
+        ConfigError: a key is not a string.
     """
 
     def __init__(self, file: str | Path, keys: Sequence[DataKey] | DataKey, name: str = "recorder") -> None:
@@ -55,14 +54,14 @@ class RecorderEndpointFactory(EndpointFactory):
         return RecorderEndpoint(self, parent, self.name)
 
     def is_new(self, node: NodeApi) -> bool:
-        """Whether this node has not yet recorded here: then it is a new run, and not a reload in the same one."""
+        """Return whether this node has not recorded here yet: then it is a new run, not a reload in the same one."""
         known = self._newest is not None and self._newest() is node
         self._newest = weakref.ref(node)
         return not known
 
 
 class RecorderEndpoint(Endpoint):
-    """Writes one line for each page, at once. In a replay it writes nothing."""
+    """Writes one line for each page, unbuffered. In a replay it does not write."""
 
     factory: RecorderEndpointFactory
 
@@ -76,7 +75,7 @@ class RecorderEndpoint(Endpoint):
         """Open the file.
 
         Raises:
-            RecordingError: it cannot be written.
+            RecordingError: the file cannot be written.
         """
         if self.parent.is_replay:
             return
@@ -92,7 +91,7 @@ class RecorderEndpoint(Endpoint):
             self._write(msgspec.json.encode({MARK: START, "node": self.parent.name}))
 
     def record(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Write the page; one that cannot be written is named, and the others go on."""
+        """Write the page; report one that cannot be written and continue with the next."""
         page: Page = task.val_list[0]
         if self._file is not None:
             try:
@@ -111,7 +110,7 @@ class RecorderEndpoint(Endpoint):
                 self.parent.note(f"'{self.name}' could not record {count} pages '{key}'.")
 
     def _write(self, line: bytes) -> None:
-        """Write a line, whole or not at all: in one go, so that two recorders of one file keep out of each other."""
+        """Write a whole line or nothing, in one system call, so that lines of two recorders do not mix."""
         assert self._file is not None
         try:
             whole = self._file.write(line + b"\n") == len(line) + 1
@@ -122,7 +121,7 @@ class RecorderEndpoint(Endpoint):
             self._stop(reason)
 
     def _stop(self, reason: str) -> None:
-        """End the recording, but not the robot."""
+        """End the recording, but not the node."""
         assert self._file is not None
         self._file.close()
         self._file = None
@@ -132,7 +131,7 @@ class RecorderEndpoint(Endpoint):
 
     def _refuse(self, page: Page, error: SnrError) -> None:
         self._refused[page.key] += 1
-        if self._refused[page.key] == 1:  # said once for each key: it will be the same with the next page
+        if self._refused[page.key] == 1:  # logged once per key: the next page would fail in the same way
             text = f"'{self.name}' could not record page '{page.key}' at t = {self.get_time_s():.3f} s: {error}"
             self.log.error(text)
             self.parent.note(text)
@@ -152,7 +151,7 @@ def _as_keys(keys: object) -> list[DataKey]:
 
 
 def _finish_cut_line(file: FileIO) -> None:
-    """Have what comes next begin on a line of its own."""
+    """End a truncated last line, so that the next write starts a new line."""
     if file.seek(0, os.SEEK_END):
         file.seek(-1, os.SEEK_END)
         if file.read(1) != b"\n":
@@ -160,17 +159,17 @@ def _finish_cut_line(file: FileIO) -> None:
 
 
 def _as_line(page: Page) -> bytes:
-    """Return the page as JSON that brings back an equal one.
+    """Return the page as JSON that decodes to an equal page.
 
     Raises:
-        ValueEncodingError: it holds something that JSON cannot carry.
+        ValueEncodingError: the page contains a value that cannot be encoded.
     """
     try:
         line = page.serialize()
     except SnrError:
         raise
-    except Exception as error:  # an object that cannot even be looked into
+    except Exception as error:  # an object that cannot even be inspected
         raise ValueEncodingError(f"Its data cannot be read: {type(error).__name__}: {error}.") from error
     if _OBJECT in line:
-        Page.deserialize(line)  # says which class it was, and what to store instead
+        Page.deserialize(line)  # raises an error that names the class and what to store instead
     return line

@@ -1,6 +1,6 @@
-"""Replayers: loops that bring in what stands in a list, a text file, a recording or a trace.
+"""Replayers: loops that store the content of a list, a text file, a recording or a trace.
 
-A replayer that is to end the run does so once all it brought has been processed, and what followed from that.
+A replayer that should end the run does so once all its pages, and the tasks that follow from them, are processed.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ ALL_REPLAYED = "replayed"
 
 
 class ListReplayerFactory(LoopFactory):
-    """Stores values under a key, one at each tick, then stops.
+    """Factory of a loop that stores values under a key, one at each tick, then stops.
 
     Args:
         values: in order.
         key: of the pages.
-        exit_when_done: ends the node when all has been made of the last value.
+        exit_when_done: whether to end the node once the last value is fully processed.
         rate_hz: ticks per second.
 
     Raises:
-        ConfigError: the key is no text.
+        ConfigError: the key is not a string.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class ListReplayerFactory(LoopFactory):
 
 
 class ListReplayer(Loop):
-    """Brings the factory's values."""
+    """Stores the factory's values."""
 
     factory: ListReplayerFactory
 
@@ -72,15 +72,15 @@ class ListReplayer(Loop):
 
 
 class TextReplayerFactory(LoopFactory):
-    """Stores the lines of a text file under a key, one at each tick, then stops.
+    """Factory of a loop that stores the lines of a text file under a key, one at each tick, then stops.
 
     Args:
-        file: which.
-        key: of the pages; each holds one line.
-        exit: ends the node when all has been made of the last line.
+        file: path of the file.
+        key: of the pages; each has one line.
+        exit: whether to end the node once the last line is fully processed.
         rate_hz: ticks per second.
-        wait_for: a key: the next line is held back until a new page of this key has been stored, so that a slow
-            answer is not overrun.
+        wait_for: a key: the next line is delayed until a new page with this key is stored, so that slow results
+            keep up.
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class TextReplayerFactory(LoopFactory):
 
 
 class TextReplayer(Loop):
-    """Brings the lines of the factory's file."""
+    """Stores the lines of the factory's file."""
 
     factory: TextReplayerFactory
 
@@ -112,10 +112,10 @@ class TextReplayer(Loop):
         """Open the file."""
         self._reader = TextReader(self.factory.file)
         self._is_waiting = False
-        self._answer: Page | None = None  # the newest when the last line was brought
+        self._answer: Page | None = None  # the newest one when the last line was stored
 
     def loop(self) -> None:
-        """Store the next line, if the last one has been answered."""
+        """Store the next line, if the result of the last one has arrived."""
         wait_for = self.factory.wait_for
         if self._is_waiting and wait_for is not None and self.get_page(wait_for) is self._answer:
             return
@@ -140,19 +140,19 @@ class TextReplayer(Loop):
 
 
 class ReplayerLoopFactory(LoopFactory):
-    """Stores the pages of a recording or a trace again, at the times at which they were stored.
+    """Factory of a loop that stores the pages of a recording or a trace again, at their original times.
 
-    They keep origin, time stamp and order. In lock step each comes at exactly its time since its run began, however
-    odd; on the wall clock as soon after it as threads allow. What a second start added to a recording comes after what
-    the first one wrote. What follows from pages (answers, commands) is made anew by the node, so bring in its inputs
-    only: the pages that came from sensors, links and people.
+    They keep origin, time stamp and order. In lock step each is stored at exactly its time since the start of its run;
+    on the wall clock as soon after it as threads allow. Pages that a second start appended to a recording follow those
+    of the first. The node computes derived pages (results, commands) again, so replay its inputs only: the pages that
+    came from sensors, links and people.
 
     Args:
         file: a recording, or the trace.jsonl of a run.
-        exit: ends the node when all has been made of the last page.
-        keys: of the pages wanted; all if not given.
-        node: whose pages, of a trace of several nodes; all if not given.
-        name: of the loop; give each replayer of a node its own.
+        exit: whether to end the node once the last page is fully processed.
+        keys: of the pages to replay; all by default.
+        node: whose pages to replay from a trace of several nodes; all by default.
+        name: of the loop; unique among the replayers of a node.
     """
 
     def __init__(
@@ -176,12 +176,12 @@ class ReplayerLoopFactory(LoopFactory):
 
 
 class ReplayerLoop(Loop):
-    """Brings the pages of the factory's file, each when its time has come."""
+    """Stores the pages of the factory's file, each at its time."""
 
     factory: ReplayerLoopFactory
 
     def setup(self) -> None:
-        """Open the file and look at its first page."""
+        """Open the file and read its first page."""
         factory = self.factory
         self._reader = PageReader(factory.file, factory.keys, factory.node)
         self._start_s = self.get_time_s()
@@ -190,7 +190,7 @@ class ReplayerLoop(Loop):
             self.parent.note(f"'{self.name}' found none of the pages it is to bring in {factory.file}.")
 
     def loop(self) -> None:
-        """Store the pages whose time has come, and ask to be called when the next one's has."""
+        """Store the pages that are due, and set the next tick to the time of the next page."""
         now_s = self.get_time_s()
         while self._next is not None and self._start_s + self._next.time_s <= now_s:
             self.schedule(Task.store_page(self._next.page))
@@ -203,7 +203,7 @@ class ReplayerLoop(Loop):
         self.stop()
 
     def terminate(self) -> None:
-        """Say what was left out and close the file."""
+        """Print what was skipped and close the file."""
         if "_reader" in self.__dict__:
             for remark in self._reader.remarks:
                 self.parent.note(remark)

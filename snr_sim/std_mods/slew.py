@@ -1,7 +1,7 @@
-"""Limits on how fast something changes: several values that go together, or a setpoint on its way to another one.
+"""Slew rate limits: for several values that belong together, and for a setpoint that moves to a target.
 
-Values that go together all take the same share of their way, the one that the slowest can keep up with. So on the way
-they still mean the same thing, only less of it: thrusts that turn a vehicle do not push it aside for a moment.
+Values that belong together all make the same fraction of their change, limited by the largest change. Their ratios
+therefore stay valid during the change: thrusts that turn a vehicle do not push it sideways for a moment.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from snr_sim.prelude.sums import ordered_sum
 
 
 class SlewLimit:
-    """Limits how fast a list of values changes.
+    """Slew rate limiter of a list of values.
 
     Args:
-        most_per_s: change of any of them, per second.
-        start: what they are at first.
+        most_per_s: maximum change of any value per second.
+        start: initial values.
 
     Raises:
-        ParameterError: the limit is not above 0.
+        ParameterError: the limit is not positive.
 
     >>> slew = SlewLimit(most_per_s=10.0, start=[0.0, 0.0])
     >>> slew.update([4.0, -2.0], dt_s=0.1)
@@ -36,14 +36,14 @@ class SlewLimit:
         self.reset()
 
     def reset(self) -> None:
-        """Go back to the start at once."""
+        """Set the values to the start, without a limit."""
         self.values = list(self._start)
 
     def update(self, wanted: Sequence[float], dt_s: float) -> list[float]:
-        """Return the values for now, closer to those that are wanted.
+        """Return the values for this time step, moved towards the targets.
 
         Raises:
-            ParameterError: there are more or fewer of them than before, one is not finite, or time goes back.
+            ParameterError: the number of values changes, one is not finite, or dt_s is negative.
         """
         if len(wanted) != len(self.values) or not (math.isfinite(ordered_sum(wanted)) and dt_s >= 0.0):
             raise ParameterError(
@@ -59,15 +59,15 @@ class SlewLimit:
 
 
 def approach(left: float, speed: float, brake: float, dt_s: float) -> float:
-    """Return how far a setpoint moves in a time: no faster than a robot can follow, and slower before it arrives.
+    """Return how far a setpoint moves in a time step, at limited speed and with a deceleration before its target.
 
-    A setpoint that jumps fills the integral of its controller, and the robot overshoots; one that moves does not.
+    A setpoint that jumps winds up the integral of its controller, and the robot overshoots; one that moves does not.
 
     Args:
-        left: the way that is left, with its sign.
-        speed: at most.
-        brake: how fast it slows down, in speed per second.
-        dt_s: how long.
+        left: remaining distance, with its sign.
+        speed: maximum speed.
+        brake: deceleration, in speed per second.
+        dt_s: time step.
 
     >>> approach(5.0, speed=0.5, brake=0.1, dt_s=0.1), approach(-0.05, speed=0.5, brake=0.1, dt_s=0.1)
     (0.05, -0.010000000000000002)

@@ -1,4 +1,4 @@
-"""Stopwatch: takes the time of each task of some ids."""
+"""Stopwatch: stores the time of each task with one of some ids."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from snr_sim.prelude.task import SomeTasks, Task, TaskId
 
 
 class StopwatchEndpointFactory(EndpointFactory):
-    """Appends the node's time [s] at each matching task to a list.
+    """Factory of an endpoint that appends the node's time [s] at each matching task to a list.
 
     Args:
-        times: the list; yours, so that it is there after the run.
-        ids: which tasks.
+        times: the list, owned by the caller, so that it is available after the run.
+        ids: of the tasks.
         name: of the endpoint.
     """
 
@@ -30,7 +30,7 @@ class StopwatchEndpointFactory(EndpointFactory):
 
 
 class StopwatchEndpoint(Endpoint):
-    """Writes down when tasks come."""
+    """Stores the times of tasks."""
 
     factory: StopwatchEndpointFactory
 

@@ -1,7 +1,7 @@
-"""From the force that a thruster should give to the pulse that makes it give it, and back.
+"""Conversion between a thruster's force and its pulse width, in both directions.
 
-Around the middle there are pulses that turn nothing (the dead band). No force is in there, so from a small force ahead
-to a small one astern the pulse jumps from one edge of the band to the other, over the pulse that stops.
+Around neutral there are pulses that produce zero force (the dead band). The pulse therefore jumps from one edge of the
+band to the other between a small force ahead and a small one astern.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from snr_sim.prelude.errors import ParameterError
 
 
 class ThrustCurve:
-    """Measured pairs of pulse and force, and straight lines between them.
+    """Thrust curve: measured pairs of pulse and force with linear interpolation.
 
     Args:
-        pulses_us: rising.
-        forces_n: for each; rising too, but for zeros in the dead band, which is somewhere within.
-        stop_us: pulse for no force; in the dead band.
+        pulses_us: increasing.
+        forces_n: one for each pulse; increasing, but for zeros in the dead band, which is not at either end.
+        stop_us: pulse for zero force, within the dead band.
 
     Raises:
-        ParameterError: the pairs are no such curve.
+        ParameterError: the pairs do not form such a curve.
 
     >>> curve = ThrustCurve([1100.0, 1470.0, 1530.0, 1900.0], [-40.0, 0.0, 0.0, 50.0])
     >>> curve.pulse_us(25.0), curve.pulse_us(0.0), curve.pulse_us(-0.4), curve.pulse_us(999.0)
@@ -51,11 +51,11 @@ class ThrustCurve:
 
     @property
     def limits_n(self) -> tuple[float, float]:
-        """Full astern and full ahead."""
+        """Force at full astern and at full ahead [N]."""
         return self._forces[0], self._forces[-1]
 
     def pulse_us(self, force_n: float) -> float:
-        """Return the pulse that gives a force; that of full thrust, if more is wanted than there is.
+        """Return the pulse that produces a force; beyond the curve, the pulse of full thrust.
 
         Raises:
             ParameterError: the force is NaN.
@@ -72,7 +72,7 @@ class ThrustCurve:
         return pulses[i - 1] + share * (pulses[i] - pulses[i - 1])
 
     def force_n(self, pulse_us: float) -> float:
-        """Return the force that a pulse gives; full thrust for one beyond the ends."""
+        """Return the force that a pulse produces; full thrust for a pulse beyond the curve."""
         pulses, forces = self._pulses, self._forces
         i = bisect_right(pulses, pulse_us)
         if i == 0 or i == len(pulses):

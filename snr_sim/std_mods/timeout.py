@@ -14,13 +14,13 @@ TIMEOUT = "timeout"
 
 
 class TimeoutLoopFactory(LoopFactory):
-    """Schedules a task `seconds` and `ms` after the node has begun: to the digit in virtual time.
+    """Factory of a loop that schedules a task `seconds` plus `ms` after the node begins; exact in virtual time.
 
     Args:
         seconds: to wait.
-        ms: milliseconds to wait, on top.
-        task: what to schedule; ends the node if not given.
-        name: of the loop; give each timeout of a node its own.
+        ms: milliseconds to wait in addition.
+        task: to schedule; by default a task that ends the node.
+        name: of the loop; unique among the timeouts of a node.
 
     Raises:
         ParameterError: the time is negative or not a number.
@@ -42,7 +42,7 @@ class TimeoutLoopFactory(LoopFactory):
 
 
 class TimeoutLoop(Loop):
-    """A loop whose first tick comes late and is its last."""
+    """Loop with a single, delayed tick."""
 
     factory: TimeoutLoopFactory
 
@@ -51,6 +51,6 @@ class TimeoutLoop(Loop):
         self.first_tick_after_s = factory.delay_s
 
     def loop(self) -> None:
-        """Schedule the tasks: the time has come."""
+        """Schedule the tasks: the time has passed."""
         self.schedule(self.factory.task)
         self.stop()

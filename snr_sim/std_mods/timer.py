@@ -1,4 +1,4 @@
-"""Timer: how long ago it was made. For programs around nodes; inside a node `self.get_time_s()` is what repeats."""
+"""Timer: seconds since its creation. For programs around nodes; in a node `self.get_time_s()` is repeatable."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from snr_sim.prelude.clock import Clock
 
 
 class Timer:
-    """Counts seconds from when it was made, and is not moved by setting the computer's clock.
+    """Counter of seconds since its creation; setting the computer's clock does not affect it.
 
     Args:
-        clock: whose seconds; a wall clock if not given.
+        clock: source of the time; a wall clock by default.
 
     >>> timer = Timer()
     >>> 0.0 <= timer.current_s() < 60.0
@@ -22,5 +22,5 @@ class Timer:
         self._start_s = self._clock.now_s()
 
     def current_s(self) -> float:
-        """Return seconds since it was made."""
+        """Return seconds since the creation of the timer."""
         return self._clock.now_s() - self._start_s

@@ -1,4 +1,4 @@
-"""One picture of two runs: both curves of a signal over one time, and below it what they differ by."""
+"""Picture of two runs: both curves of a signal over a common time axis, with their difference below."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ DIFFERENCE_COLOR = 2
 
 
 def shown(comparison: Comparison, names: Sequence[str] = ()) -> list[Compared]:
-    """Return the signals to draw: those asked for, or of each page the one that tells most, commands first.
+    """Return the signals to draw: those asked for, or the most significant one of each page, commands first.
 
     Raises:
-        UnknownName: a signal that is asked for is not there.
+        UnknownName: a signal that is asked for does not exist.
     """
     by_name = {one.name: one for one in comparison.signals}
     if names:
@@ -41,7 +41,7 @@ def shown(comparison: Comparison, names: Sequence[str] = ()) -> list[Compared]:
 
 
 def _asked(name: str, by_name: Mapping[str, Compared]) -> Compared:
-    """Return the signal of a name; with an index in brackets, that channel of it alone."""
+    """Return the signal with a name; with an index in brackets, only that channel of it."""
     whole, _, index = name.removesuffix("]").partition("[")
     one = by_name.get(whole)
     if one is None:
@@ -58,14 +58,14 @@ def draw_comparison(comparison: Comparison, header: Header, path: str | Path, na
     """Draw two runs as a PNG of 1800 x 1120 pixels.
 
     Args:
-        comparison: what to draw.
+        comparison: of the two runs.
         header: of the first run.
         path: of the file to write.
-        names: signals to draw, four at most look well; if none, those that tell most.
+        names: signals to draw, up to four are readable; by default the most significant ones.
 
     Raises:
         MissingExtra: matplotlib is not installed.
-        UnknownName: a signal that is asked for is not there.
+        UnknownName: a signal that is asked for does not exist.
     """
     chosen = shown(comparison, names)
     columns = [chosen] if len(chosen) < 2 else [chosen[0::2], chosen[1::2]]
@@ -112,7 +112,7 @@ def _plots(one: Compared) -> list[Plot]:
 
 
 def _channel(one: Compared) -> tuple[int, tuple[str, ...]]:
-    """Return which number of a list tells most, and what to call it: by its index."""
+    """Return the index of the most significant number of a list, and its label: the index."""
     if one.channel is not None:
         return 0, (str(one.channel),)
     if one.difference.shape[1] == 1:

@@ -1,14 +1,14 @@
-"""One picture that tells a whole run: the body at several moments of its way over the ground, and plots beside it.
+"""Summary picture of a run: the body at several moments of its path over the ground, with plots on the right.
 
-Bodies are seen from the south, in the x-z plane. One that only rises and falls is spread out along time; one
-under water is also seen from above.
-Everything comes from the header's scene and the true states of the trace, so any plant can have its picture taken.
+Bodies are drawn from the south, in the x-z plane. A body that only rises and falls is spread out along time; one
+under water is also drawn from above.
+All data come from the header's scene and the true states of the trace, so this works for any plant.
 
-    picture_flight.py    what is shown          picture_moments.py      what happened, in words
-    picture_layout.py    where it lies on the sheet
+    picture_flight.py    data to draw           picture_moments.py      events, as text
+    picture_layout.py    layout of the sheet
     picture_scene.py     a flight               picture_bodies.py       bodies and flames
-    picture_dive.py      a dive                 picture_water.py        what it swims in
-    picture_plots.py     the plots beside it    picture_dive_plots.py   which ones a dive has
+    picture_dive.py      a dive                 picture_water.py        the water around it
+    picture_plots.py     the plots              picture_dive_plots.py   the plots of a dive
     picture_sheet.py     the sheet: matplotlib
 """
 
@@ -30,7 +30,7 @@ from snr_sim.view.picture_scene import draw_scene
 from snr_sim.view.picture_sheet import INK, PALE, Rgb, Sheet, picture
 from snr_sim.view.view_blueprint import Line, name_and_unit, plots
 
-PLOTTED_UNITS = ("m", "m/s", "", "kg")  # what a newcomer understands; the view has the rest
+PLOTTED_UNITS = ("m", "m/s", "", "kg")  # understandable for beginners; the view has all units
 
 MET: Rgb = (130, 220, 150)
 NOT_MET: Rgb = (255, 120, 100)
@@ -56,15 +56,15 @@ def draw_run(
         header: of the trace.
         records: of the trace.
         path: of the file to write.
-        outcome: how it ended, in a word; without it, the reason that the node gave.
-        touchdown: the judged one, number by name with unit, as in result.json; only that is told in words.
-        success: whether the criterion was met; None if nobody said.
-        measured: what the scenario measured, by name with unit; told of a dive.
-        why: what the scenario had to say of it; told of a dive in the place of what it measured.
+        outcome: one word; by default, the reason that the node gave for its end.
+        touchdown: the evaluated one, number by name with unit, as in result.json; no other is described.
+        success: whether the criterion was met; None if unknown.
+        measured: what the scenario measured, by name with unit; shown for a dive.
+        why: the scenario's comment on the result; shown for a dive instead of `measured`.
 
     Raises:
         MissingExtra: matplotlib is not installed.
-        TraceError: the trace has no true states, as one from a real robot.
+        TraceError: the trace has no true states, such as one from a real robot.
     """
     batch, kept = Batch(), list(records)
     batch.extend(kept)
@@ -86,7 +86,7 @@ def draw_run(
 
 
 def _plots(batch: Batch) -> list[Plot]:
-    """Return a plot for each unit that a newcomer understands, out of the true numbers."""
+    """Return a plot of the true numbers for each of `PLOTTED_UNITS`."""
     series: dict[str, Series] = {one.path[-1]: one for one in batch.truth_values() if one.values.any()}
     lines = [Line(key, *name_and_unit((key,)), is_truth=True) for key in series]
     return [
@@ -108,7 +108,7 @@ def _draw_title(sheet: Sheet, header: Header, ended: str, success: bool | None) 
 
 
 def _told_of_flight(flight: Flight, touchdown: Numbers | None) -> str:
-    """Return what is worth a line: how it touched down, and what it burned."""
+    """Return a line about the touchdown and the fuel used."""
     told = []
     first, last = flight.values[0], flight.values[-1]
     if touchdown:
@@ -121,7 +121,7 @@ def _told_of_flight(flight: Flight, touchdown: Numbers | None) -> str:
 
 
 def _told_of_dive(measured: Measured) -> str:
-    """Return what the scenario measured, as far as it has a unit and the line has room."""
+    """Return a line of the scenario's measurements that have a unit, as many as fit."""
     told = []
     for key, value in measured.items():
         name, unit = name_and_unit((key,))

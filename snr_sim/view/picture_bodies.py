@@ -1,4 +1,4 @@
-"""Bodies as parts of a picture: their faces in the light, and what pushes them as a flame or a jet."""
+"""Bodies as parts of a picture: their shaded faces, and thrust as a flame or a jet."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from snr_sim.view.picture_sheet import Part, Rgb, mixed
 
 FLAME: tuple[Rgb, Rgb] = ((255, 120, 30), (255, 225, 130))
 JET: tuple[Rgb, Rgb] = ((120, 205, 240), (235, 250, 255))  # of a propeller: water, not fire
-NO_PUSH = ("current", "tether")  # arrows that are no thrust
+NO_PUSH = ("current", "tether")  # arrows that do not show thrust
 LIGHT = np.array([-0.45, -0.65, 0.62])  # towards the light: from the left, from the front and from above
 # Corners of each side, numbered by their coordinates as binary digits x, y, z.
 BOX_SIDES = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
 
 
 def body_parts(place: Place, shapes: Sequence[tuple[dict[str, Any], Any]]) -> list[Part]:
-    """Return the faces of shapes with their poses that look to the south, the farthest first."""
+    """Return the south-facing faces of shapes with their poses, the farthest first."""
     parts: list[tuple[float, Part]] = []
     for shape, pose in shapes:
         rgb = rgb_of(shape)
@@ -46,7 +46,7 @@ def _faces(shape: dict[str, Any]) -> Floats:
 
 
 def strongest_of(arrows: Sequence[Mapping[str, Sequence[float]]]) -> float:
-    """Return the longest push [N] of all moments, as seen; 1 if nothing pushes."""
+    """Return the longest drawn thrust [N] of all moments; 1 if there is none."""
     pushes = [np.hypot(arrow[3], arrow[5]) for one in arrows for name, arrow in one.items() if name not in NO_PUSH]
     return float(max(pushes, default=0.0)) or 1.0
 
@@ -54,7 +54,7 @@ def strongest_of(arrows: Sequence[Mapping[str, Sequence[float]]]) -> float:
 def flame_parts(
     place: Place, arrows: Mapping[str, Sequence[float]], points_per_newton: float, colors: tuple[Rgb, Rgb]
 ) -> list[Part]:
-    """Return each force of a moment as what makes it: a flame the other way, out of the point where it acts.
+    """Return each force of a moment as a flame in the opposite direction, starting at the point where it acts.
 
     Returns:
         two triangles for each; the middle corner is the tip.

@@ -1,6 +1,6 @@
-"""Draws the scene of a dive: from above and from the south, the one that tells more is larger.
+"""Drawing of the scene of a dive, from above and from the south; the view with more motion is larger.
 
-Numbers in circles stand where something happened; the words for them are below the scene.
+Numbers in circles mark the positions of events, which are described below the scene.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from snr_sim.view.picture_water import AIR, DECK, current_parts, gate_parts, tet
 
 BROKEN: Rgb = (255, 60, 60)
 LOAD: Rgb = (196, 150, 90)
-SURFACE_SHOWN_M = 4.0  # a way that comes as near to the surface is shown together with it
-NEAR_M = 5.0  # so near to the way, gates and the place that holds the tether are shown with it
-ENLARGED = 2.0  # at most, or it would not fit through its gates
-MAIN_SHARE = 0.62  # of the height, for the view that tells more
+SURFACE_SHOWN_M = 4.0  # the surface is shown if the path comes this near to it
+NEAR_M = 5.0  # gates and the tether's anchor are shown if they are this near to the path
+ENLARGED = 2.0  # maximum; a larger body would not fit through its gates
+MAIN_SHARE = 0.62  # of the height, for the larger view
 AIR_SHARE = 0.16  # of the height, over the surface
 BETWEEN = 24.0  # points between the two views
-ROW, COLUMNS = 14.0, 3  # of the words below
+ROW, COLUMNS = 14.0, 3  # of the texts below
 
 
 def draw_dive(sheet: Sheet, header: Header, flight: Flight, moments: Sequence[Moment]) -> None:
-    """Draw both views, or of what stays in its plane the one from the south, and the words for what happened."""
+    """Draw both views, or only the one from the south for planar motion, and the descriptions of events."""
     left, top, right, bottom = SCENE
     bottom -= ROW * math.ceil(len(moments) / COLUMNS)
     poses = next(iter(flight.poses.values()))
@@ -60,7 +60,7 @@ class _View:
         sheet: to draw on.
         area: of the sheet.
         header: of the run.
-        flight: the way.
+        flight: of the run.
         is_above: whether this is the map.
     """
 
@@ -71,7 +71,7 @@ class _View:
         self.flight, self.bodies, self.statics = flight, header.scene["bodies"], header.scene["statics"]
         self.tethers: dict[str, dict[str, Any]] = header.scene.get("tethers", {})
         self.main = next(iter(flight.poses))
-        feet = flight.poses[self.main][:, :3]  # what swims stands on nothing
+        feet = flight.poses[self.main][:, :3]  # an underwater body has no legs
         seen = np.concatenate([feet, *self._near(feet)])
         if not is_above and feet[:, 2].max() > -SURFACE_SHOWN_M:
             seen = np.concatenate([seen, [[feet[0, 0], feet[0, 1], 0.0]]])
@@ -80,19 +80,19 @@ class _View:
         if is_above:
             self.camera.center(seen[:, 2])
         else:
-            low_z, high_z = self.camera.z_range()  # what room there is, is for the water
+            low_z, high_z = self.camera.z_range()  # all free space is for the water
             self.camera.low_z -= max(0.0, high_z - max(AIR_SHARE * (high_z - low_z), seen[:, 2].max() + size_m))
         self.stage = Stage(self.camera, feet[:, 0], feet, size_m, ENLARGED)
 
     def _near(self, way: Floats) -> list[Floats]:
-        """Return the corners of gates, and the places that hold tethers, that are near enough to be shown."""
+        """Return the corners of gates and the anchors of tethers that are near enough to be shown."""
         low, high = way.min(axis=0), way.max(axis=0)
         held = [np.array([tether["anchor_m"]]) for tether in self.tethers.values()]
         near = [one for one in held if np.all(one > low - NEAR_M) and np.all(one < high + NEAR_M)]
         return near + [points_of(shape) for shape in self.statics.values() if is_gate(shape)]
 
     def draw(self, moments: Sequence[Moment], is_main: bool) -> None:
-        """Draw all of it, from what lies behind to what must be read."""
+        """Draw everything, from the background to the texts."""
         camera, stage, flight = self.camera, self.stage, self.flight
         strobes = list(zip(stage.moments, stage.places, strict=True))
         parts = water_parts(camera, self.statics, self.is_above)
@@ -125,7 +125,7 @@ class _View:
             self.sheet.text((right - 8, top + 6), words, 9.0, PALE, "rt")
 
     def _tether_parts(self, i: int, place: Place) -> list[Part]:
-        """Return the tethers at a moment, faint but for the last."""
+        """Return the tethers at a moment, faint except at the last."""
         share, parts = 1.0 if i == self.stage.moments[-1] else 0.25, []
         for name, tether in self.tethers.items():
             pose = self.flight.poses[tether["body"]][i]
@@ -136,7 +136,7 @@ class _View:
         return math.hypot(*self.flight.arrows[i].get(tether, [0.0] * 6)[3:])
 
     def _load_parts(self, i: int, place: Place) -> list[Part]:
-        """Return what hangs at the vehicle, as a box under it; on a map it is hidden."""
+        """Return the vehicle's load as a box under it; on a map it is hidden."""
         if self.is_above or not self.flight.values[i].get("load_kg"):
             return []
         size, at = self.stage.size, place.feet_on_sheet
@@ -144,21 +144,21 @@ class _View:
         return [Part(at + size * np.array([(0.0, 0.0), (0.0, 0.26)]), LOAD, 1.2), Part(at + size * box, LOAD)]
 
     def _broken_parts(self, i: int, place: Place) -> list[Part]:
-        """Return crosses over what is broken."""
+        """Return crosses over broken thrusters."""
         arrows, r = self.flight.arrows[i], max(4.0, 0.10 * self.stage.size)
         places = [place.at(np.array(arrows[name][:3])) for name in broken(self.flight.values[i]) if name in arrows]
         strokes = r * np.array([[(-1, -1), (1, 1)], [(-1, 1), (1, -1)]])
         return [Part(at + stroke, BROKEN, 2.4) for at in places for stroke in strokes]
 
     def _write_labels(self, tethers: list[Part] | None, jets: list[Part], gates: list[Part]) -> None:
-        """Write when it was where and, in the larger view, what the tethers and gates are, as far as there is room."""
+        """Write the times at the bodies and, in the larger view, the names of tethers and gates, where they fit."""
         stage, (left, top, right, bottom) = self.stage, self.area
         labels = Labels(stage.way[stage.moments], 0.42 * stage.size, (left, top + 18, right, bottom))
         for part in jets:
             labels.keep_free(part.points, 3.0)
         for part in gates:
             labels.keep_free(spread(part.points), 2.0)
-        if not self.is_above:  # a line through words makes both hard to see
+        if not self.is_above:  # a line through a text makes both hard to see
             level = self.camera.at(0.0, 0.0)[1]
             labels.keep_free(spread(np.array([(left, level), (right, level)])), 2.0)
         r = 0.55 * stage.size
@@ -188,7 +188,7 @@ class _View:
             labels.write(self.sheet, words, 9.0, rgb, [*beside, (x, y + 12.0, 0.5), (x, y - 12.0, 0.5)])
 
     def _write_moments(self, moments: Sequence[Moment]) -> None:
-        """Write the numbers of what happened where it did, beside each other if it was at one place."""
+        """Write the numbers of events at their positions, in a row if several share one position."""
         numbers = Labels([], 0.0, self.area)
         for number, moment in enumerate(moments, 1):
             x, y = self.stage.way[int(np.searchsorted(self.flight.times_s[:-1], moment.time_s))]

@@ -1,4 +1,4 @@
-"""The plots beside a dive: what it did and what was wanted of it, in metres, degrees and metres per second."""
+"""The plots of a dive: its motion and the setpoints, in metres, degrees and metres per second."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from snr_sim.view.picture_flight import Flight
 from snr_sim.view.picture_moments import broken
 from snr_sim.view.picture_plots import Plot
 
-WANTED = ("vehicle", "controls")  # keys of pages that say what is held; the first that does so counts
-GAP_S = 1.0  # for so long a number that is not told does not hold
-DEPTH_M, ANGLE_DEG, SPEED_MPS, PLACE_M = 0.5, 10.0, 0.1, 0.5  # spans that noise must not fill
+WANTED = ("vehicle", "controls")  # keys of pages with setpoints; the first one that exists is used
+GAP_S = 1.0  # a number that was not stored for this long no longer holds
+DEPTH_M, ANGLE_DEG, SPEED_MPS, PLACE_M = 0.5, 10.0, 0.1, 0.5  # minimum spans, so that noise does not fill a plot
 
 
 def dive_plots(flight: Flight, batch: Batch, is_planar: bool = False) -> list[Plot]:
-    """Return depth, heading, speeds, and what else the dive is about; of one in its plane, pitch and no heading."""
+    """Return plots of depth, heading, speeds and a special quantity; for planar motion, pitch instead of heading."""
     values, times_s = flight.values, flight.times_s
     truth = {name: np.array([one.get(name, np.nan) for one in values], float) for name in values[0]}
     main = next(iter(flight.poses.values()))
@@ -46,7 +46,7 @@ def _pitch(truth: dict[str, Floats], times_s: Floats) -> Plot:
 
 
 def _special(flight: Flight, truth: dict[str, Floats], gone: Floats) -> Plot:
-    """Return what only this dive is about; if there is nothing, how far it went."""
+    """Return the plot of the quantity that is special in this dive; by default, of the distance travelled."""
     times_s = flight.times_s
     if "water_l" in truth:
         return Plot("[l]", [("water in the hull", times_s, truth["water_l"])], PLACE_M)
@@ -59,7 +59,7 @@ def _special(flight: Flight, truth: dict[str, Floats], gone: Floats) -> Plot:
 
 
 def _mean_push(flight: Flight, names: list[str], are_meant: bool) -> Floats:
-    """Return the mean size [N] of the pushes that have these names, or of all that have not."""
+    """Return the mean magnitude [N] of the thrusts with these names, or of all the others."""
     means = []
     for arrows in flight.arrows:
         chosen = [name for name in arrows if name not in NO_PUSH and (name in names) == are_meant]
@@ -68,7 +68,7 @@ def _mean_push(flight: Flight, names: list[str], are_meant: bool) -> Floats:
 
 
 def _wanted(told: list[Series], name: str) -> list[tuple[str, Floats, Floats]]:
-    """Return the line of what was wanted, with a hole where nothing was."""
+    """Return the line of the setpoint, with a gap where there was none."""
     for key in WANTED:
         for series in told:
             if series.path == (key, name):
@@ -79,7 +79,7 @@ def _wanted(told: list[Series], name: str) -> list[tuple[str, Floats, Floats]]:
 
 
 def _beside(angles: Floats, others: Floats) -> Floats:
-    """Return angles [rad] with as many whole turns as bring them beside others."""
+    """Return angles [rad] shifted by whole turns to be as near as possible to others."""
     turns = np.round((others - angles) / (2.0 * np.pi))
     beside: Floats = angles + 2.0 * np.pi * turns
     return beside

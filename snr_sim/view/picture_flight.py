@@ -1,4 +1,4 @@
-"""What a picture shows: the way of the bodies, when they touched down, and from where it is best seen."""
+"""Data of a picture: the paths of the bodies, their touchdown, and the best direction of view."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from snr_sim.prelude.errors import TraceError
 from snr_sim.recording.columns import Batch, Floats
 from snr_sim.recording.records import Header, TruthRecord
 
-NEWTONS_PER_MPS = 40.0  # the arrow "current" of a plant is so long for 1 m/s
+NEWTONS_PER_MPS = 40.0  # length of a plant's arrow "current" for 1 m/s
 TURN_RAD, FLAT, FLAT_M = math.radians(45.0), 4.0, 0.05  # see `wants_map`
 
 
 @dataclass(frozen=True)
 class Flight:
-    """The way of the bodies.
+    """Paths of the bodies.
 
     Args:
         times_s: shape (n,).
@@ -37,17 +37,17 @@ class Flight:
 
 
 def is_in_water(header: Header) -> bool:
-    """Whether the scene has a line named 'surface': that of still water at z = 0."""
+    """Return whether the scene has a line named 'surface', for still water at z = 0."""
     return "surface" in header.scene.get("statics", {})
 
 
 def is_planar(header: Header) -> bool:
-    """Whether the plant moves in the x-z plane alone: then there is nothing to see from above, and no heading."""
+    """Return whether the plant moves only in the x-z plane: then a view from above and a heading are useless."""
     return bool(header.scene.get("is_planar"))
 
 
 def wants_map(poses: Floats) -> bool:
-    """Whether a way goes much farther to the sides than up and down, or turns and goes farther to the north than so."""
+    """Return whether a path is much wider than high, or turns and extends farther to the north than in height."""
     spread_x, spread_y, spread_z = np.ptp(poses[:, :3], axis=0)
     if max(spread_x, spread_y) > FLAT * max(spread_z, FLAT_M):
         return True
@@ -57,7 +57,7 @@ def wants_map(poses: Floats) -> bool:
 
 
 def from_above(header: Header, flight: Flight) -> tuple[Header, Flight]:
-    """Return the world laid on its back: north is up, up is towards the viewer, and meshes are left out."""
+    """Return the world rotated for a map: north is up, up is towards the viewer, and meshes are left out."""
 
     def laid(points: Any) -> Floats:
         return np.asarray(points, float).reshape(-1, 3)[:, [0, 2, 1]] * (1.0, -1.0, 1.0)
@@ -85,7 +85,7 @@ def from_above(header: Header, flight: Flight) -> tuple[Header, Flight]:
 
 
 def flight_of(header: Header, batch: Batch) -> Flight:
-    """Return the way of the bodies that all true states have.
+    """Return the paths of the bodies that are in all true states.
 
     Raises:
         TraceError: there is no such body.
@@ -109,7 +109,7 @@ def flight_of(header: Header, batch: Batch) -> Flight:
 
 
 def _touchdown_s(batch: Batch) -> float | None:
-    """Return when a page said 'contact', or, without such a page, when the altitude was first zero."""
+    """Return the time of the first page with 'contact', or, without such a page, of the first zero altitude."""
     for _, series in batch.page_values():
         if "contact" in series.path and series.values.any():
             return float(series.when.t_s[np.argmax(series.values > 0)])

@@ -1,4 +1,4 @@
-"""Where things come to lie on a picture's sheet: metres to points, which moments are drawn, and where labels fit."""
+"""Layout of a picture's sheet: conversion of metres to points, choice of moments, and placement of labels."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ SCENE: Area = (46.0, 62.0, 596.0, 474.0)
 PLOTS: Area = (640.0, 62.0, 884.0, 474.0)
 PATH: Rgb = (110, 190, 250)
 STROBES_MAX = 9
-BODY_SHARE = 0.14  # of the scene's height: a body is drawn so large, or it would be a dot on its way
+BODY_SHARE = 0.14  # size of a body as a fraction of the scene's height, since at scale it would be a dot
 UNIT_ROOM = 24.0  # to the right of the last number of an axis, for its unit
-GROUND_SHARE = 0.12  # so much of the scene lies below the lowest point of the way
+GROUND_SHARE = 0.12  # fraction of the scene below the lowest point of the path
 
 
 class Camera:
-    """Metres to points. `along` is x in metres, or time in seconds when the body only rises and falls.
+    """Conversion of metres to points. `along` is x in metres, or time in seconds if the body only rises and falls.
 
     Args:
-        along, heights: what must be seen.
+        along, heights: ranges that must be visible.
         body_m: size of the body.
         is_time: whether `along` is time.
         area: of the sheet.
@@ -45,38 +45,38 @@ class Camera:
             self.scale = width * (1.0 - 1.15 * margin) / spread_along
         else:
             self.z_scale = self.scale = min(self.z_scale, width * (1.0 - 1.6 * margin) / spread_along)
-        room_m = 0.15 * margin * width / self.scale  # on the right, for the time beside the last body
+        room_m = 0.15 * margin * width / self.scale  # on the right, for the time next to the last body
         self.middle = float(along.min() + along.max()) / 2 + room_m
         self.low_z = float(heights.min()) - GROUND_SHARE * height / self.z_scale
 
     def center(self, heights: Floats) -> None:
-        """Put the middle of some heights into the middle of the area."""
+        """Centre the middle of some heights in the area."""
         half = 0.5 * (self.area[3] - self.area[1]) / self.z_scale
         self.low_z = float(heights.min() + heights.max()) / 2 - half
 
     def at(self, along: ArrayLike, z: ArrayLike) -> Floats:
-        """Return where places are on the sheet, shape (..., 2)."""
+        """Return positions on the sheet, shape (..., 2)."""
         left, _, right, bottom = self.area
         x = (left + right) / 2 + (np.asarray(along) - self.middle) * self.scale
         return np.stack(np.broadcast_arrays(x, bottom - (np.asarray(z) - self.low_z) * self.z_scale), axis=-1)
 
     def along_range(self) -> tuple[float, float]:
-        """Return what the left and the right edge show."""
+        """Return the values at the left and the right edge."""
         half = (self.area[2] - self.area[0]) / 2 / self.scale
         return self.middle - half, self.middle + half
 
     def columns(self) -> Floats:
-        """Return what is shown at each half point from left to right, and a little to both sides."""
+        """Return the value at each half point from left to right, and slightly beyond both edges."""
         low, high = self.along_range()
         beyond = 2.0 / self.scale
         return np.linspace(low - beyond, high + beyond, 5 + 2 * round(self.area[2] - self.area[0]))
 
     def z_range(self) -> tuple[float, float]:
-        """Return the heights [m] that the lower and the upper edge show."""
+        """Return the heights [m] at the lower and the upper edge."""
         return self.low_z, self.low_z + (self.area[3] - self.area[1]) / self.z_scale
 
     def draw(self, sheet: Sheet, parts: Sequence[Part], background: Rgb) -> None:
-        """Draw parts as far as they lie in the area, and what its edges measure."""
+        """Draw parts, clipped to the area, and the scales at its edges."""
         left, top, right, bottom = self.area
         axes = sheet.axes(self.area, self.along_range(), self.z_range(), background)
         sheet.paint(parts, axes)
@@ -88,33 +88,33 @@ class Camera:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a body is drawn: its feet are at a point of the sheet, and it may be larger than life."""
+    """Position of a drawn body: its feet are at a point of the sheet, and it may be enlarged."""
 
     feet_on_sheet: Floats
     feet_m: Floats
     scale: float
 
     def at(self, points: Floats) -> Floats:
-        """Return where points [m] of the body, world frame, are on the sheet: shape (..., 3) to (..., 2)."""
+        """Return the sheet positions of the body's points [m], world frame: shape (..., 3) to (..., 2)."""
         from_feet = points - self.feet_m
         return self.feet_on_sheet + self.scale * np.stack([from_feet[..., 0], -from_feet[..., 2]], axis=-1)
 
 
 class Stage:
-    """A body's way on the sheet, and the moments at which it is drawn.
+    """A body's path on the sheet, and the moments at which it is drawn.
 
     Args:
-        camera: metres to points.
-        along, feet: of each time: where it is along the way, and where its feet are, world frame.
+        camera: converts metres to points.
+        along, feet: for each time: its position along the path, and that of its feet, world frame.
         size_m: of the body.
-        enlarged_most: how much larger than life it may be drawn.
+        enlarged_most: maximum enlargement of the body.
 
     Attributes:
-        way: on the sheet, shape (n, 2).
-        enlarged: how much larger than life the body is drawn.
+        way: path on the sheet, shape (n, 2).
+        enlarged: enlargement of the body.
         size: of the body on the sheet.
         moments: indices of the times at which it is drawn.
-        places: where, at each of them.
+        places: its position at each of them.
     """
 
     def __init__(self, camera: Camera, along: Floats, feet: Floats, size_m: float, enlarged_most: float) -> None:
@@ -127,13 +127,13 @@ class Stage:
 
 
 def feet_and_size(bodies: dict[str, list[dict[str, Any]]]) -> tuple[float, float]:
-    """Return the lowest point [m] of all bodies in their frame, and their height or width, whichever is more."""
+    """Return the lowest point [m] of all bodies in their frame, and the larger of their height and width."""
     points = np.concatenate([points_of(shape) for shapes in bodies.values() for shape in shapes])
     return float(points[:, 2].min()), float(max(np.ptp(points[:, 0]), np.ptp(points[:, 2])))
 
 
 def moments_of(way: Floats, apart: float) -> list[int]:
-    """Return indices of moments, first and last among them, evenly along the way and at least `apart` points."""
+    """Return indices of moments, including first and last, evenly along the path and at least `apart` points apart."""
     steps = np.hypot(*np.diff(way, axis=0).T)
     gone = np.concatenate(([0.0], np.cumsum(steps)))
     count = int(min(STROBES_MAX, max(2, gone[-1] // apart + 1)))
@@ -141,10 +141,10 @@ def moments_of(way: Floats, apart: float) -> list[int]:
 
 
 class Labels:
-    """Finds a free place for each label: beside what it names, over no body and no other label.
+    """Placement of labels: each next to the object that it names, without hiding bodies or other labels.
 
     Args:
-        bodies: middles of what must not be hidden.
+        bodies: centres of the bodies.
         radius: of each of them.
         area: that labels stay within.
     """
@@ -155,12 +155,12 @@ class Labels:
         self.keep_free(bodies, radius)
 
     def keep_free(self, points: ArrayLike, radius: float) -> None:
-        """Take more that must not be hidden."""
+        """Add points that labels must not hide."""
         places = np.asarray(points, float).reshape(-1, 2).tolist()
         self._taken += [(x - radius, y - radius, x + radius, y + radius) for x, y in places]
 
     def place(self, candidates: Sequence[Point], width: float, height: float) -> Point | None:
-        """Return the first candidate, the left middle of a label, that is free; None if none is."""
+        """Return the first free candidate, the left middle of a label; None if there is none."""
         left, top, right, bottom = self._area
         for x, y in candidates:
             box = (x, y - 0.5 * height, x + width, y + 0.5 * height)
@@ -173,14 +173,14 @@ class Labels:
     def write(
         self, sheet: Sheet, words: str, size: float, rgb: Rgb, candidates: Sequence[tuple[float, float, float]]
     ) -> None:
-        """Write a label at the first candidate that is free, if one is.
+        """Write a label at the first free candidate, if there is one.
 
         Args:
             sheet: to write on.
             words: of the label.
             size: of the letters.
             rgb: of the letters.
-            candidates: x, y, and which part of the width lies to the left of x: 0 nothing, 1 all of it.
+            candidates: x, y, and the fraction of the width to the left of x, 0 to 1.
         """
         width = sheet.text_width(words, size)
         place = self.place([(x - part * width, y) for x, y, part in candidates], width, 11.0)
@@ -189,7 +189,7 @@ class Labels:
 
 
 def spread(points: Floats) -> Floats:
-    """Return points along a line, near enough to each other that no label fits in between."""
+    """Return points along a line, so close together that no label fits in between."""
     return np.concatenate([np.linspace(a, b, 2 + int(np.hypot(*(b - a)) / 6.0)) for a, b in pairwise(points)])
 
 

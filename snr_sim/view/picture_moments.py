@@ -1,4 +1,4 @@
-"""What happened in a run, and when, in words: from its true numbers and from pages that say how things stand."""
+"""Events of a run with their times, as text: from its true states and from pages that report states."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ import numpy as np
 from snr_sim.recording.columns import BROKEN, Batch
 from snr_sim.view.picture_flight import NEWTONS_PER_MPS, Flight
 
-STATES = ("rules",)  # a field of such a name says in a word what a robot is doing
-FLAGS = {"is_low": "battery low"}  # and one of such a name, by yes, what has come over it
+STATES = ("rules",)  # a field with this name is the robot's state, one word
+FLAGS = {"is_low": "battery low"}  # flags, and the event that each reports
 MOMENTS_MAX = 6
-SPEED_MPS = 0.02  # by which a current must change to be worth a word
+SPEED_MPS = 0.02  # minimum change of a current that is reported
 
 
 class Moment(NamedTuple):
-    """Something happened.
+    """An event.
 
     Args:
-        time_s: when.
-        words: what.
+        time_s: of the event.
+        words: its description.
     """
 
     time_s: float
@@ -30,25 +30,25 @@ class Moment(NamedTuple):
 
 
 def moments_of_run(flight: Flight, statics: Mapping[str, Any], batch: Batch) -> list[Moment]:
-    """Return what happened, in order; the first few, if it was a lot."""
+    """Return the events in order of time, at most `MOMENTS_MAX`."""
     gates = [shape for shape in statics.values() if is_gate(shape)]
     by_plant = [*_in_truth(flight), *_of_current(flight), *_through(gates, flight)]
     found = [*by_plant, *_of_links(batch), *_of_flags(batch), *_of_states(batch)]
-    return sorted(found, key=lambda moment: moment.time_s)[:MOMENTS_MAX]  # of what is told at once, the cause first
+    return sorted(found, key=lambda moment: moment.time_s)[:MOMENTS_MAX]  # of simultaneous ones, the cause first
 
 
 def broken(values: dict[str, float]) -> list[str]:
-    """Return the names of what is broken, by the true numbers of a moment."""
+    """Return the names of broken parts, from the true numbers of a moment."""
     return [name.removeprefix(BROKEN) for name, value in values.items() if name.startswith(BROKEN) and value]
 
 
 def is_gate(shape: Mapping[str, Any]) -> bool:
-    """Whether a shape of the scene is a gate: four corners, and labelled as one."""
+    """Return whether a shape of the scene is a gate: it has four corners and is labelled as a gate."""
     return "gate" in shape.get("label", "") and len(shape.get("points_m", ())) >= 4
 
 
 def _through(gates: Sequence[Mapping[str, Any]], flight: Flight) -> Iterator[Moment]:
-    """Find when the first body went through a gate, from either side."""
+    """Yield the moments at which the first body passes a gate, from either side."""
     way = next(iter(flight.poses.values()))[:, :3]
     for gate in gates:
         a, b, c = (np.array(corner) for corner in gate["points_m"][:3])
@@ -89,10 +89,10 @@ def _of_links(batch: Batch) -> Iterator[Moment]:
     said: set[tuple[bool, int]] = set()
     for _, series in batch.page_values():
         if series.path[0].startswith("link_") and series.path[1:] == ("up",):
-            was_lost = False  # it is no news that there is a link
+            was_lost = False  # the first connection is not an event
             for time_s, _, is_up in _steps(series.when.t_s.tolist(), series.values.tolist()):
                 was_lost = was_lost or not is_up
-                if was_lost and (bool(is_up), round(time_s)) not in said:  # both ends notice, one of them is enough
+                if was_lost and (bool(is_up), round(time_s)) not in said:  # both ends report it; one report is enough
                     said.add((bool(is_up), round(time_s)))
                     yield Moment(time_s, "link is back" if is_up else "link is lost")
 
@@ -113,7 +113,7 @@ def _of_flags(batch: Batch) -> Iterator[Moment]:
 
 
 def _steps(times_s: Sequence[float], values: Sequence[Any]) -> Iterator[tuple[float, Any, Any]]:
-    """Return when a value changed, and from what to what."""
+    """Yield the time of each change of a value, with the old and the new value."""
     for i in range(1, len(values)):
         if values[i] != values[i - 1]:
             yield times_s[i], values[i - 1], values[i]

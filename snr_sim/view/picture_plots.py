@@ -23,10 +23,10 @@ class Plot(NamedTuple):
     Args:
         unit: of the values, as text.
         lines: name, times [s] and values of each.
-        least: how much the scale spans at the least, so that noise does not fill it.
-        is_down: whether more is lower, as with depth.
-        share: how high it is beside others.
-        first_color: of COLORS, for its first line.
+        least: minimum span of the scale, so that noise does not fill it.
+        is_down: whether larger values are lower, as for depth.
+        share: relative height of the plot.
+        first_color: index in COLORS for its first line.
     """
 
     unit: str
@@ -45,14 +45,14 @@ def draw_plots(
     are_numbered: bool = False,
     begin_s: float = 0.0,
 ) -> None:
-    """Draw plots below each other over the same time.
+    """Draw plots below each other over a common time axis.
 
     Args:
         sheet: to draw on.
         area: of the sheet.
         plots: from top to bottom.
         events_s: moments to mark.
-        are_numbered: whether they have numbers, from 1.
+        are_numbered: whether the marks have numbers, from 1.
         begin_s: time at the left edge.
     """
     if not plots:
@@ -88,7 +88,7 @@ def draw_plots(
 
 
 def draw_number(sheet: Sheet, at: Point, number: int) -> None:
-    """Draw a number in a circle: the mark of a moment."""
+    """Draw a number in a circle, the mark of a moment."""
     disc = {"boxstyle": "circle,pad=0.16", "facecolor": color(EVENT), "edgecolor": "none"}
     sheet.text(at, str(number), 8.0, BACKGROUND, "mm", bbox=disc)
 
@@ -105,7 +105,7 @@ def _draw_names(sheet: Sheet, plot: Plot, x: float, y: float) -> None:
 
 
 def span(plot: Plot) -> tuple[float, float]:
-    """Return the lowest and the highest value of a plot's scale; zero is one of them if it is near."""
+    """Return minimum and maximum of a plot's scale; one of them is zero if zero is near."""
     finite = np.concatenate([values[np.isfinite(values)] for _, _, values in plot.lines] or [np.zeros(1)])
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
     low, high = min(low, 0.0) if low < 0.35 * high else low, max(high, 0.0) if high < 0 else high

@@ -1,4 +1,4 @@
-"""Draws the scene of a flight: the bodies at several moments of their way over the ground, in the right order."""
+"""Drawing of the scene of a flight: the bodies at several moments of their path over the ground, in depth order."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Cut: TypeAlias = tuple[Rgb, Floats]  # colour, and segments of shape (n, 2, 2): 
 
 
 def draw_scene(sheet: Sheet, header: Header, flight: Flight) -> None:
-    """Draw all of the scene."""
+    """Draw the whole scene."""
     main = next(iter(flight.poses))
     bodies = header.scene["bodies"]
     feet_m, size_m = feet_and_size(bodies)
@@ -38,7 +38,7 @@ def draw_scene(sheet: Sheet, header: Header, flight: Flight) -> None:
     for i, place in strobes:
         parts += flame_parts(place, flight.arrows[i], points_per_newton, FLAME)
     cuts = ground_cuts(header.scene.get("statics", {}))
-    if is_time:  # only the place at which it comes down
+    if is_time:  # only the ground at the landing position
         cuts = [(rgb, _level(cut)) for rgb, cut in cuts]
     parts += ground_parts(cuts, camera.at, camera.columns(), camera.area[3], SKY)  # over flames, under feet
     for i, place in strobes:
@@ -54,14 +54,14 @@ def draw_scene(sheet: Sheet, header: Header, flight: Flight) -> None:
 
 
 def ground_cuts(statics: dict[str, Any]) -> list[Cut]:
-    """Return where the plane of motion cuts each static mesh, widest first: that is the ground."""
+    """Return the sections of the static meshes with the plane of motion, the widest first: that is the ground."""
     meshes = [shape for shape in statics.values() if shape.get("kind") == "mesh"]
     cuts = [(rgb_of(shape), cut_by_plane(shape)) for shape in meshes]
     return sorted((cut for cut in cuts if len(cut[1])), key=lambda cut: -float(np.ptp(cut[1][..., 0])))
 
 
 def cut_by_plane(shape: dict[str, Any]) -> Floats:
-    """Return the segments in which triangles meet the plane y = 0, shape (n, 2, 2): west and east end, x and z."""
+    """Return the segments in which triangles cut the plane y = 0, shape (n, 2, 2): west and east end, x and z."""
     corners = points_of(shape)[np.array(shape["triangles"], int).reshape(-1, 3)]
     others = np.roll(corners, -1, axis=1)
     crossed = (corners[..., 1] < 0) != (others[..., 1] < 0)  # two edges of a triangle, or none
@@ -71,7 +71,7 @@ def cut_by_plane(shape: dict[str, Any]) -> Floats:
 
 
 def heights(cut: Floats, x: Floats) -> Floats:
-    """Return how high segments of shape (n, 2, 2) reach at each x, of the same shape; NaN where there are none.
+    """Return the maximum height of segments, shape (n, 2, 2), at each x, in the shape of x; NaN where there are none.
 
     >>> heights(np.array([[[0.0, 0.0], [4.0, 2.0]], [[4.0, 2.0], [9.0, 2.0]]]), np.array([-1.0, 2.0, 5.0]))
     array([nan,  1.,  2.])
@@ -85,12 +85,12 @@ def heights(cut: Floats, x: Floats) -> Floats:
 def ground_parts(
     cuts: Sequence[Cut], at: Callable[[Floats, Floats], Floats], x: Floats, bottom: float, sky: Rgb, width: float = 1.6
 ) -> list[Part]:
-    """Return the ground, filled down to the bottom, and lines where other meshes are cut.
+    """Return the ground, filled down to the bottom, and lines for the sections of other meshes.
 
     Args:
-        cuts: of the ground, which continues to both sides of what was recorded of it, and of others.
-        at: where places x and z [m] are on the sheet.
-        x: where to look for the ground [m], from the left to the right edge.
+        cuts: sections of the ground, which is extended beyond its recorded part on both sides, and of other meshes.
+        at: converts x and z [m] to positions on the sheet.
+        x: positions at which to evaluate the ground [m], from the left to the right edge.
         bottom: of the sheet.
         sky: its colour shines through the ground.
         width: of the ground's line; others are drawn twice as wide.
@@ -109,6 +109,6 @@ def ground_parts(
 
 
 def _level(cut: Floats) -> Floats:
-    """Return a level line as high as a cut is at x = 0; NaN if it does not reach there."""
+    """Return a level line at the height of a section at x = 0; NaN if it does not extend to there."""
     z = heights(cut, np.zeros(1))[0]
     return np.array([[[-FAR_M, z], [FAR_M, z]]])

@@ -22,8 +22,8 @@ Point: TypeAlias = tuple[float, float]
 Floats: TypeAlias = NDArray[np.float64]
 Area: TypeAlias = tuple[float, float, float, float]  # left, top, right, bottom
 
-PIXELS_PER_POINT = 2  # sharp on a screen of twice the usual resolution
-COLORS_KEPT = 128  # a palette makes the file a quarter as large, and nobody sees it
+PIXELS_PER_POINT = 2  # for screens with twice the usual resolution
+COLORS_KEPT = 128  # a palette reduces the file to a quarter without a visible difference
 SEAM = 0.35  # width of the edge of a face: without one the background shines through between two smoothed faces
 
 INK: Rgb = (240, 242, 246)
@@ -33,9 +33,9 @@ GRID: Rgb = (44, 51, 68)
 BACKGROUND: Rgb = (20, 24, 36)
 EVENT: Rgb = (255, 200, 80)
 
-# How texts and axes look. What is not named here is as matplotlib has it by default, whatever the user's own style.
+# Style of texts and axes. Everything else has matplotlib's defaults, regardless of the user's own style.
 STYLE: Any = {
-    "font.family": "DejaVu Sans",  # comes with matplotlib, so a picture has the same letters everywhere
+    "font.family": "DejaVu Sans",  # included in matplotlib, so the font is the same everywhere
     "text.parse_math": False,  # a dollar sign in a name is a dollar sign
     "axes.spines.left": False,
     "axes.spines.right": False,
@@ -61,7 +61,7 @@ class Part(NamedTuple):
 
 
 class Sheet:
-    """A sheet of paper.
+    """A sheet to draw on.
 
     Args:
         width, height: in points.
@@ -84,7 +84,7 @@ class Sheet:
         self._points = Affine2D().scale(PIXELS_PER_POINT, -PIXELS_PER_POINT).translate(0, PIXELS_PER_POINT * height)
 
     def paint(self, parts: Sequence[Part], axes: Axes | None = None) -> None:
-        """Draw parts, the first at the bottom, as far as they lie within axes."""
+        """Draw parts, the first at the bottom, clipped to the axes."""
         from matplotlib.collections import PolyCollection
 
         outlines = [np.concatenate([points, points[:1]]) if not width else points for points, _, width in parts]
@@ -105,9 +105,9 @@ class Sheet:
         """Return axes without ticks.
 
         Args:
-            area: of the sheet, without what is written beside it.
+            area: on the sheet, without the labels around it.
             across, up: values at left and right edge, and at lower and upper edge.
-            rgb: colour behind it.
+            rgb: background colour.
         """
         left, top, right, bottom = area
         wide, high = self.width, self.height
@@ -121,9 +121,9 @@ class Sheet:
         """Write about `count` round numbers along an axis.
 
         Args:
-            axis: of what `axes` returned.
+            axis: of the axes that `axes` returned.
             count: of numbers.
-            room_low, room_high: how near to its ends, as values of the axis, no number is.
+            room_low, room_high: margins at its ends without numbers, in values of the axis.
             mark: colour of a short line at each number.
         """
         from matplotlib.ticker import MaxNLocator
@@ -140,12 +140,12 @@ class Sheet:
         """Write a line of text.
 
         Args:
-            at: where.
-            words: what.
+            at: position.
+            words: the text.
             size: of the letters.
             rgb: of the letters.
-            anchor: which point of the text stands there: 'lt' left top, 'rm' right middle, ...
-            options: more that `Figure.text` takes.
+            anchor: the point of the text at that position: 'lt' left top, 'rm' right middle, ...
+            options: further arguments of `Figure.text`.
         """
         ha, va = ALIGNED[anchor[0]], "top" if anchor[1] == "t" else "center_baseline"
         self.figure.text(*at, words, size=size, color=color(rgb), ha=ha, va=va, transform=self._points, **options)
@@ -159,7 +159,7 @@ class Sheet:
         return float(width) / PIXELS_PER_POINT
 
     def cut(self, words: str, size: float, width: float) -> str:
-        """Return as much of a text as fits into a width, with dots where the rest is missing."""
+        """Return a text truncated to a width, with dots at the end if it is truncated."""
         shown = words
         while shown and self.text_width(shown, size) > width:
             words = words[:-1]
@@ -174,14 +174,14 @@ class Sheet:
 
     def save(self, path: str | Path) -> None:
         """Write the sheet as PNG."""
-        from PIL import Image  # matplotlib needs it, so it is there
+        from PIL import Image  # a dependency of matplotlib, so it is installed
 
         Image.fromarray(self.pixels()).quantize(COLORS_KEPT, dither=Image.Dither.NONE).save(path, "PNG", optimize=True)
 
 
 @contextmanager
 def picture(path: str | Path, width: int, height: int, background: Rgb = BACKGROUND) -> Iterator[Sheet]:
-    """Give a sheet that is written as PNG in the end; a user's own style of matplotlib does not change it.
+    """Yield a sheet that is written as PNG at the end; the user's own matplotlib style does not affect it.
 
     Raises:
         MissingExtra: matplotlib is not installed.
@@ -190,7 +190,7 @@ def picture(path: str | Path, width: int, height: int, background: Rgb = BACKGRO
     from matplotlib import rc_context, rcdefaults
 
     with rc_context(), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing")  # a box is shown, as for any letter a font has not
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # a box is drawn for characters missing in the font
         rcdefaults()
         with rc_context(STYLE):
             yield sheet
@@ -198,7 +198,7 @@ def picture(path: str | Path, width: int, height: int, background: Rgb = BACKGRO
 
 
 def color(rgb: Rgb) -> tuple[float, float, float]:
-    """Return a colour as matplotlib wants it.
+    """Return a colour in matplotlib's format, each component 0 to 1.
 
     >>> color((255, 0, 51))
     (1.0, 0.0, 0.2)

@@ -1,4 +1,4 @@
-"""What a vehicle swims in: the water and its edges, gates and marks, the tether, and where the water goes."""
+"""Surroundings of an underwater vehicle: the water and its edges, gates and marks, the tether, and the current."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from snr_sim.view.picture_sheet import Part, Rgb, Sheet, mixed
 
 WATER: Rgb = (12, 52, 84)
 AIR: Rgb = (9, 12, 24)
-DECK: Rgb = (50, 54, 62)  # what a pool is built of
+DECK: Rgb = (50, 54, 62)  # colour of a pool's deck
 SURFACE: Rgb = (120, 200, 232)
 CURRENT: Rgb = (150, 235, 190)
-CURRENT_POINTS = 140.0  # for each m/s, and never more than what fits into a corner
+CURRENT_POINTS = 140.0  # per m/s, limited to what fits into a corner
 CURRENT_POINTS_MOST = 50.0
 THIN_M = 0.01  # lines thinner than this are marks on the floor
 SLACK: Rgb = (236, 214, 110)
 TAUT: Rgb = (255, 70, 60)
-HARD_PULL_N = 20.0  # at which a tether has the colour of a taut one: half of what a vehicle of this size can push
+HARD_PULL_N = 20.0  # at which a tether has the colour of a taut one: half the thrust of a vehicle of this size
 
 
 def water_parts(camera: Camera, statics: Mapping[str, Any], is_above: bool) -> list[Part]:
-    """Return the water, on a map as far as the pool goes, from the south up to its surface; around it is deck."""
+    """Return the water, on a map within the pool, from the south up to its surface; around it is the deck."""
     edge = points_of(statics["surface"])
     (x0, y0), (x1, y1) = camera.at(edge[:, 0].min(), edge[:, 2].max()), camera.at(edge[:, 0].max(), edge[:, 2].min())
     _, top, _, bottom = camera.area
@@ -47,7 +47,7 @@ def rectangle(left: float, top: float, right: float, bottom: float) -> Floats:
 
 
 def _marks(camera: Camera, statics: Mapping[str, Any]) -> list[Part]:
-    """Return the lines on the floor, faintly."""
+    """Return the lines on the floor, in a faint colour."""
     return [
         Part(camera.at(*points_of(shape)[:, [0, 2]].T), mixed(WATER, rgb_of(shape), 0.25), 0.8)
         for shape in statics.values()
@@ -56,7 +56,7 @@ def _marks(camera: Camera, statics: Mapping[str, Any]) -> list[Part]:
 
 
 def gate_parts(camera: Camera, statics: Mapping[str, Any], is_above: bool) -> list[Part]:
-    """Return lines that stand in the water; and on a map also the level ones around it.
+    """Return the upright lines in the water; on a map also the level ones around it.
 
     From the south a level line such as the pool's edge would look like another surface.
     """
@@ -71,15 +71,15 @@ def gate_parts(camera: Camera, statics: Mapping[str, Any], is_above: bool) -> li
 def tether_part(
     camera: Camera, place: Place, tether: Mapping[str, Any], pose: Any, pull_n: float, share: float
 ) -> Part:
-    """Return a tether from where it is held to its body: straight if taut, with a bow if slack.
+    """Return a tether from its anchor to its body: straight if taut, with a sag if slack.
 
     Args:
         camera: of the scene.
         place: of the body.
         tether: as the scene describes it.
         pose: of the body.
-        pull_n: what it pulls at the body; the harder, the redder.
-        share: how much of it is seen: 1 all, 0 nothing.
+        pull_n: its force on the body, shown as its redness.
+        share: opacity, 0 to 1.
     """
     start = camera.at(tether["anchor_m"][0], tether["anchor_m"][2])
     dx, dy = way = place.at(turned(pose, tether["place_m"])) - start
@@ -91,7 +91,7 @@ def tether_part(
 
 
 def current_parts(sheet: Sheet, camera: Camera, arrow: Sequence[float] | None) -> list[Part]:
-    """Return an arrow in a corner of the scene along which the water goes, and write how fast."""
+    """Return an arrow in a corner of the scene in the direction of the current, and write its speed."""
     _, _, right, bottom = camera.area
     flow = np.array([arrow[3], -arrow[5]]) / NEWTONS_PER_MPS if arrow is not None else np.zeros(2)
     speed = math.hypot(*flow)

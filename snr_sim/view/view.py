@@ -1,23 +1,23 @@
-"""The rerun view of a run: the body in its scene, thrust as arrows, plots of truth and belief, tasks as a log.
+"""The rerun view of a run: the body in its scene, thrust as arrows, plots of true and estimated values, a task log.
 
-A view is made from the records of a trace and can be made again from them, so it is never the only copy of anything.
-Angles are in degrees in it, and a depth is negative, named `-depth`, so that it goes down where the vehicle does.
-Everything lies on two timelines: `seq`, the order in which things happened, and `sim_time`.
+A view is derived from the records of a trace and can be derived again, so it is never the only copy of any data.
+Angles are in degrees in it, and a depth is negative, named `-depth`, so that its line goes down with the vehicle.
+All data are on two timelines: `seq`, the order of the records, and `sim_time`.
 
-    /world/<name>                          what does not move
+    /world/<name>                          static objects
     /world/<body>                          shapes of a body; its pose (rerun keeps poses in float32)
-    /world/follower                        goes along with the first body: the eye of the close-up
+    /world/follower                        follows the first body: target of the close-up camera
     /world/arrows/<name>/newtons           forces [N], scaled so that the longest is as long as the body
-    /world/arrows/current/newtons          where the water goes, scaled for itself
-    /world/<tether>                        with a bow if it is slack; the harder it pulls, the redder it is
-    /world/broken/<arrow>                  where something broken should push
-    /truth/<value>, /truth/poses/<body>    what was really so, in float64
-    /<node>/pages/<key>/<field>            what the node believed; what its camera saw
-    /<node>/contents                       all its pages as text, once a second: fields, units, when and by whom stored
-    /<node>/links/<key>/<field>            pages a second and round trip [ms], out of the page of a link
-    /<node>/tasks, /<node>/events          what it did, one line per executed task; begin, errors and end
+    /world/arrows/current/newtons          velocity of the water, with a scale of its own
+    /world/<tether>                        with a sag if it is slack; redder for a larger force
+    /world/broken/<arrow>                  position of a broken thruster's force
+    /truth/<value>, /truth/poses/<body>    true states of the plant, in float64
+    /<node>/pages/<key>/<field>            values in the node's pages; camera images
+    /<node>/contents                       all its pages as text, once a second: fields, units, time and source
+    /<node>/links/<key>/<field>            pages per second and round trip [ms], from the page of a link
+    /<node>/tasks, /<node>/events          task log, one line per executed task; begin, errors and end
 
-This is the one file that imports rerun. rerun changes with most releases, so what it needs is asked for here only.
+This is the only file that imports rerun, because rerun's interface changes with most releases.
 """
 
 from __future__ import annotations
@@ -41,17 +41,17 @@ from snr_sim.view.view_writer import Divergences, Writer, title_of
 # A view is as long as its trace to half as long again, more for a short run: see `_whole_file`.
 MAX_VIEW_SHARE = 3
 MIN_VIEW_BYTES = 1_000_000
-LIVE_PATIENCE_S = 5.0  # with a live view that takes nothing; rerun's own is for ever
+LIVE_PATIENCE_S = 5.0  # for a live view that does not read; rerun itself has no timeout
 
 
 def write_view(header: Header, records: Iterable[Record], path: Path, trace_bytes: int) -> None:
-    """Write the view of one run, with a layout that opens tidy.
+    """Write the view of one run, with its layout.
 
     Args:
         header: of the run.
         records: of the run.
         path: of the file to write.
-        trace_bytes: length of the trace that the records are from; the disk must have room for its view.
+        trace_bytes: length of the trace of these records; the disk must have space for its view.
 
     Raises:
         MissingExtra: rerun is not installed.
@@ -64,13 +64,13 @@ def write_view(header: Header, records: Iterable[Record], path: Path, trace_byte
 
 
 def view_of(run: Path) -> Path:
-    """Return the .rrd that shows a run; it is derived from the trace if it is not there, or the trace has grown since.
+    """Return the .rrd of a run; it is derived from the trace if it does not exist or the trace has grown since.
 
     Args:
         run: a run folder, its trace, or an .rrd file.
 
     Raises:
-        MissingExtra: it is to be derived, and rerun is not installed.
+        MissingExtra: it has to be derived and rerun is not installed.
         TraceError: there is no such run, or the file cannot be written.
     """
     if run.suffix == ".rrd" and run.is_file():
@@ -93,17 +93,17 @@ def write_comparison(
     roots: tuple[str, str] = ("recorded", "replayed"),
     other_header: Header | None = None,
 ) -> None:
-    """Write two runs on one timeline, each under a root of its own, with their differences marked.
+    """Write two runs on one timeline, each under its own root, with their differences marked.
 
     Args:
         recorded_header: header of the recorded run.
-        recorded_records: records of the run as it was.
+        recorded_records: records of the original run.
         replayed_records: records of the run with other code.
         divergences: seq, time [s] and a sentence for each difference.
         path: of the file to write.
-        trace_bytes: length of both traces together; the disk must have room for the view.
-        roots: what each run lies under.
-        other_header: of the replayed run, if its nodes and its scene are not the same.
+        trace_bytes: total length of both traces; the disk must have space for the view.
+        roots: path prefix of each run.
+        other_header: of the replayed run, if its nodes and its scene differ.
 
     Raises:
         MissingExtra: rerun is not installed.
@@ -121,7 +121,7 @@ def write_comparison(
 
 
 class LiveView:
-    """A view that grows while the run goes on; viewers connect to `url`, from this machine only.
+    """View of a run in progress; viewers connect to `url`, from this machine only.
 
     Args:
         header: of the run.
@@ -140,15 +140,15 @@ class LiveView:
         self._shown = 0
 
     def add(self, record: Record) -> None:
-        """Take a record; nothing is sent before `flush`."""
+        """Add a record; it is sent by `flush`."""
         self._writer.batch.extend((record,))
 
     def flush(self) -> None:
-        """Send what has been added. Ten times a second is plenty; raise if nothing takes it in time."""
+        """Send the added records; raise if the server does not accept them in time. Ten calls a second are enough."""
         self._writer.flush()
         layout = self._writer.layout
         shown = len(layout.lines) + len(layout.logs) + len(layout.contents)
-        if shown != self._shown:  # something that the layout does not know yet
+        if shown != self._shown:  # something that is not in the layout yet
             self._shown = shown
             self._stream.send_blueprint(self._writer.blueprint(follow_time=True))
         self._stream.flush(timeout_sec=LIVE_PATIENCE_S)
@@ -156,7 +156,7 @@ class LiveView:
     def close(self) -> None:
         """Send the rest and end the server; safe to call twice."""
         if self._shown >= 0:
-            with contextlib.suppress(Exception):  # what fails here has failed before, and was said
+            with contextlib.suppress(Exception):  # a failure here has occurred before and was reported
                 self.flush()
             self._shown = -1
             self._stream.disconnect()
@@ -164,10 +164,10 @@ class LiveView:
 
 @contextlib.contextmanager
 def _whole_file(path: Path, trace_bytes: int) -> Iterator[Path]:
-    """Give the name of a file that takes its place when it is whole: nobody who interrupts this leaves half a view.
+    """Yield a temporary file name that is renamed at the end, so an interruption does not leave half a view.
 
     Raises:
-        TraceError: the disk has no room for it, or it cannot be written.
+        TraceError: the disk is full, or the file cannot be written.
     """
     part = path.with_name(f"part-{path.name}")
     try:
@@ -179,7 +179,7 @@ def _whole_file(path: Path, trace_bytes: int) -> Iterator[Path]:
             f"The view {path} cannot be written: {error.strerror}.", fix="make room on the disk, or use another folder."
         ) from error
     finally:
-        with contextlib.suppress(OSError):  # it may be the folder that cannot be used
+        with contextlib.suppress(OSError):  # the folder itself may be unusable
             part.unlink()
 
 
@@ -187,7 +187,7 @@ def _claim_room(path: Path, size_bytes: int) -> None:
     """Make sure that a file of this size can be written: rerun (0.41) never returns from a disk that is full.
 
     Raises:
-        OSError: it cannot.
+        OSError: there is not enough space.
     """
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
     try:
@@ -211,7 +211,7 @@ def _stream(kind: str, title: str) -> Iterator[tuple[Any, Any]]:
 
 
 def _rerun() -> Any:
-    """Return the module, imported when it is first needed: it takes a third of a second and 89 MB."""
+    """Return the module rerun, imported at first use: it takes a third of a second and 89 MB."""
     try:
         return importlib.import_module("rerun")
     except ImportError as error:

@@ -1,4 +1,4 @@
-"""How the viewer opens: which number goes into which plot, what it is called there, and where the cameras stand."""
+"""Layout of the viewer: the plot and label of each number, and the positions of the cameras."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from math import degrees
 from typing import Any
 
-# Endings of names, as STYLE asks for them, and how the unit is written under a plot.
+# Unit suffixes of names, and the unit as written under a plot.
 UNITS = {
     "m": "m",
     "mps": "m/s",
@@ -31,17 +31,17 @@ UNITS = {
     "deg": "°",
     "degps": "°/s",
 }
-# Where a student looks first; other units follow in the order in which they appear.
+# The most important units for students; others follow in the order in which they appear.
 UNITS_FIRST = ("m", "m/s", "", "kg", "l", "°", "°/s", "rad", "rad/s")
-FLAGS = "yes (1) or no (0)"  # the plot of all that is one of them
+FLAGS = "yes (1) or no (0)"  # title of the plot of all flags
 FAILURES = "broken (1) or not (0)"
-SAME = {"yaw": "heading"}  # words for one thing
-UNITS_NOT_PLOTTED = ("s",)  # stamps: a straight line for each sensor, and nothing to learn from it
+SAME = {"yaw": "heading"}  # synonyms
+UNITS_NOT_PLOTTED = ("s",)  # stamps: a straight line for each sensor, without information
 PLOTS_BESIDE_MAX = 4
-NARROW = 1.6  # the view of the whole way is so much higher than wide
+NARROW = 1.6  # ratio of height to width of the view of the whole path
 
-# Chosen to be told apart on white and on black, since the viewer follows the student's system. Beliefs are broad and
-# pale: truth is drawn on top of them as a thin line, so that noise and lag can be seen as what sticks out.
+# Distinguishable on white and on black, since the viewer follows the system's theme. Estimates are broad and pale, and
+# truth is drawn on top of them as a thin line, so that noise and lag show at its sides.
 TRUTH_COLORS = ((40, 100, 220, 255), (205, 45, 135, 255), (110, 110, 120, 255), (0, 140, 120, 255))
 BELIEF_COLORS = (
     (245, 165, 80, 255),
@@ -51,8 +51,8 @@ BELIEF_COLORS = (
     (185, 150, 230, 255),
 )
 TRUTH_WIDTH, BELIEF_WIDTH = 1.5, 3.5
-GOLDEN_SHARE = 0.618034  # of a turn of hues from one further line to the next: none comes near one before
-IN_DEGREES = {"rad": "°", "rad/s": "°/s"}  # what people read instead
+GOLDEN_SHARE = 0.618034  # step of the hue between further lines, in turns: no two hues get close
+IN_DEGREES = {"rad": "°", "rad/s": "°/s"}  # as shown to users
 DEPTH = "depth"
 
 
@@ -61,12 +61,12 @@ class Line:
     """One line in one plot.
 
     Args:
-        entity: path of the entity that holds its values.
-        name: what the legend says.
-        unit: its unit as text; empty if it has none.
-        is_truth: whether the plant says so; otherwise it is what a node believed.
-        plot: title of the plot it belongs in; empty if unit and name say that.
-        is_step: whether it keeps each value until the next; otherwise it goes straight there.
+        entity: path of the entity with its values.
+        name: in the legend.
+        unit: as text; empty if it has none.
+        is_truth: whether it is a true state of the plant; otherwise it is a value in a node's page.
+        plot: title of its plot; empty if it follows from unit and name.
+        is_step: whether it holds each value until the next; otherwise it is interpolated linearly.
     """
 
     entity: str
@@ -83,18 +83,18 @@ class Layout:
 
     Args:
         title: of the run.
-        roots: '' or, when two runs lie side by side, such as '/recorded' and '/replayed'.
+        roots: '' or, for two runs side by side, two such as '/recorded' and '/replayed'.
         bodies: entities of the first body of each run.
-        cameras: entities that go along with them.
+        cameras: entities that move with them.
         low_m, high_m: corners of the box in which bodies moved.
-        landmarks: corners of what stands in the world and has a name.
+        landmarks: corners of named objects in the world.
         body_size_m: longest edge of the largest body.
-        is_in_water: whether there is a surface of water.
+        is_in_water: whether there is a water surface.
         contents: entities of pages as text, one for each node.
-        images: entities of pictures that a camera took.
-        changed_flags: entities of what was not always yes, nor always no.
+        images: entities of camera images.
+        changed_flags: entities of flags that changed during the run.
         end_s: time of the last number.
-        has_divergences: whether it is marked where two runs differ.
+        has_divergences: whether differences between two runs are marked.
     """
 
     title: str
@@ -116,7 +116,7 @@ class Layout:
 
 
 def name_and_unit(path: Sequence[str]) -> tuple[str, str]:
-    """Return how a number is called and its unit.
+    """Return the name and the unit of a number.
 
     >>> name_and_unit(("inertial", "velocity_mps", "0"))
     ('inertial velocity 0', 'm/s')
@@ -133,9 +133,9 @@ def name_and_unit(path: Sequence[str]) -> tuple[str, str]:
 
 
 def shown_as(name: str, unit: str) -> tuple[str, str, float]:
-    """Return how a number is called in the viewer, its unit there, and by what it is multiplied.
+    """Return a number's name in the viewer, its unit there, and its scale factor.
 
-    Angles are in degrees. A depth is negative, because an axis of rerun (0.41) only grows upwards.
+    Angles are in degrees. A depth is negative, because rerun (0.41) cannot invert an axis.
 
     >>> shown_as("imu yaw rate", "rad/s")[:2], shown_as("true depth", "m")
     (('imu yaw rate', '°/s'), ('true -depth', 'm', -1.0))
@@ -149,7 +149,7 @@ def shown_as(name: str, unit: str) -> tuple[str, str, float]:
 
 
 def color_and_width(line: Line, before: Sequence[Line]) -> tuple[tuple[int, int, int, int], float]:
-    """Return how a line is drawn: truth thin and on top, beliefs broad, no two of one plot in one colour."""
+    """Return colour and width of a line: truth thin and on top, estimates broad, with a colour unique in its plot."""
     colors = TRUTH_COLORS if line.is_truth else BELIEF_COLORS
     here = line.unit, line.is_truth, line.plot
     place = sum((other.unit, other.is_truth, other.plot) == here for other in before)
@@ -158,16 +158,16 @@ def color_and_width(line: Line, before: Sequence[Line]) -> tuple[tuple[int, int,
 
 
 def _further_color(place: int, is_truth: bool) -> tuple[int, int, int, int]:
-    """Return a colour for a line beyond those that were chosen one by one."""
+    """Return a computed colour for a line beyond the predefined ones."""
     share = 0.75 if is_truth else 0.45
     red, green, blue = hsv_to_rgb((0.05 + place * GOLDEN_SHARE) % 1.0, share, 0.7 if is_truth else 0.85)
     return round(255 * red), round(255 * green), round(255 * blue), 255
 
 
 def plots(lines: Sequence[Line], changed_flags: Sequence[str] = ()) -> dict[str, list[Line]]:
-    """Return lines by plot, titled by what it shows and the unit; where a student looks first comes first.
+    """Return lines by plot, with quantity and unit as titles; the most important plots for students come first.
 
-    Numbers of one unit share a plot, but for a true number that has beliefs of its name: it shares one with them alone.
+    Numbers of one unit share a plot, except for a true number with estimates of the same name, which have their own.
     """
     by_unit: dict[str, list[Line]] = {unit: [] for unit in UNITS_FIRST}
     named: dict[str, list[Line]] = {}
@@ -190,7 +190,7 @@ def plots(lines: Sequence[Line], changed_flags: Sequence[str] = ()) -> dict[str,
 
 
 def _by_word(lines: Sequence[Line]) -> list[list[Line]]:
-    """Return lines of one unit by plot: each true one with the beliefs whose name ends alike, then the rest."""
+    """Return lines of one unit by plot: each true one with the estimates whose names end alike, then the rest."""
     left, groups = list(lines), []
     for true in [line for line in lines if line.is_truth]:
         alike = [line for line in left if not line.is_truth and _word(line) == _word(true)]
@@ -221,8 +221,8 @@ def blueprint(rrb: Any, layout: Layout, follow_time: bool = False) -> Any:
 
     Args:
         rrb: the module rerun.blueprint; this file does not import it.
-        layout: what there is to show.
-        follow_time: whether the view stays with the newest data, as for a run that goes on.
+        layout: content of the view.
+        follow_time: whether the view stays with the newest data, as for a run in progress.
     """
     left: list[Any] = []
     if layout.bodies:
@@ -245,7 +245,7 @@ def blueprint(rrb: Any, layout: Layout, follow_time: bool = False) -> Any:
 
 
 def _follow(rrb: Any, layout: Layout) -> Any:
-    """Return a camera that goes along with the first body."""
+    """Return a camera that follows the first body."""
     reach = 2.4 * layout.body_size_m
     return rrb.Spatial3DView(
         name="close-up: the camera follows",
@@ -263,19 +263,19 @@ def _follow(rrb: Any, layout: Layout) -> Any:
 
 
 def _no_images(layout: Layout) -> list[str]:
-    """Return what no view in space shows: what a camera saw has no place in it, and the view complains."""
+    """Return exclusions of camera images from spatial views, which show a warning for them."""
     return [f"- {image}" for image in layout.images]
 
 
 def _overview(rrb: Any, layout: Layout, follow_time: bool) -> Any:
-    """Return the whole way at once with the landmarks on it, seen from the south: x to the right, z up."""
+    """Return a view of the whole path with its landmarks from the south: x to the right, z up."""
     low, high = layout.low_m, layout.high_m
-    if follow_time:  # where it goes is not known yet: the world's origin is where things are on the ground
+    if follow_time:  # the path is not known yet, so look at the world's origin, where ground objects are
         low, high = [min(0.0, a) for a in low], [max(0.0, b) for b in high]
     low = [min(one) for one in zip(low, *layout.landmarks, strict=True)]
     high = [max(one) for one in zip(high, *layout.landmarks, strict=True)]
     center = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
-    up = 0.5 if layout.is_in_water else 0.15  # into a pool one looks from above
+    up = 0.5 if layout.is_in_water else 0.15  # look into a pool from above
     wide, *others = (b - a for a, b in zip(low, high, strict=True))
     reach = 1.25 * max(NARROW * wide, *others, 3 * layout.body_size_m)
     return rrb.Spatial3DView(
@@ -316,13 +316,14 @@ def _logs(rrb: Any, layout: Layout) -> Any:
 
 
 def _marks(layout: Layout, lines: Sequence[Line]) -> list[str]:
-    """Mark stand at 0, so they belong where 0 is in the picture anyway: not in a plot of fuel."""
+    """Return the marks to draw in a plot. Marks are at 0, so they fit only plots that include 0: not one of fuel."""
     return ["+ /divergences/marks"] if layout.has_divergences and lines[0].unit != "kg" else []
 
 
 def _time_axis(rrb: Any, layout: Layout) -> Any:
-    """Link the plots of one run. Those of two show all of it: linked ones open on half a minute around the cursor,
-    and where two runs differ would be out of sight.
+    """Return linked time axes for one run, and independent ones that show the whole time for two runs.
+
+    Linked axes open with half a minute around the cursor, and differences of two runs may be outside of it.
     """
     if len(layout.roots) == 1:
         return rrb.TimeAxis(link="linkToGlobal")

@@ -1,4 +1,4 @@
-"""The file of a view. It begins with the layout, so the view stands tidy while a viewer still reads the rest."""
+"""File of a view. It begins with the layout, so that a viewer applies it while still reading the rest."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from snr_sim.prelude.errors import TraceError
 from snr_sim.recording.records import Record
 from snr_sim.view.view_writer import Writer
 
-# Records that are turned into columns together: enough to be quick, few enough that a run of days fits into memory.
+# Records that are converted to columns together: enough for speed, and few enough to process a run of days in memory.
 BATCH_RECORDS = 100_000
 
 
 class ViewFile:
-    """Takes runs, and puts the layout before them.
+    """Writer of runs with the layout at the beginning of the file.
 
-    A viewer shows a grid of its own making until it comes to a layout, and a viewer in a browser may read a long run
-    for minutes. But what there is to lay out is known only when the run has been looked through. So rerun keeps what
-    it is sent (a stream that goes nowhere yet does) until a batch is full or the run is over. A longer run begins with
-    the layout of its first batch, and ends with that of all of it.
+    A viewer shows a default grid until it reads a layout, and a viewer in a browser may read a long run for minutes.
+    But the layout is known only when the run has been processed. Therefore the stream has no sink at first, so that
+    rerun buffers the data until a batch is full or the run is over. A longer run begins with the layout of its first
+    batch, and ends with that of the whole run.
 
     Args:
         stream: a recording stream that has no sink yet.
@@ -34,7 +34,7 @@ class ViewFile:
         self._begun = False
 
     def send(self, writer: Writer, records: Iterable[Record]) -> None:
-        """Send all of a run, some records at a time."""
+        """Send a whole run in batches of records."""
         remaining = iter(records)
         while some := list(islice(remaining, BATCH_RECORDS)):
             if self._records and self._records + len(some) > BATCH_RECORDS:
@@ -44,7 +44,7 @@ class ViewFile:
             writer.flush()
 
     def end(self, writer: Writer) -> None:
-        """See to it that the file has the layout of all that was sent.
+        """Write the layout of everything that was sent to the file.
 
         Raises:
             TraceError: the file cannot be written.

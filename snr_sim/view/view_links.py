@@ -1,7 +1,7 @@
-"""What the page of a link says, made readable: counts become rates, seconds milliseconds, each in a plot of its own.
+"""Plots of a link's page: counts are converted to rates and seconds to milliseconds, each in its own plot.
 
-A link tells how many pages it has sent since it began; beside a yes or no, such a count hides all else in a plot. The
-numbers as they were told are in the view, too.
+A link reports how many pages it has sent since its start; in one plot with a flag, such a count hides everything else.
+The original numbers are in the view, too.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ import numpy as np
 
 from snr_sim.recording.columns import Series
 
-LINK_PAGE = "link_"  # what the keys of such pages begin with
+LINK_PAGE = "link_"  # prefix of the keys of such pages
 COUNTED = ("sent", "received", "dropped")
 
 
 class Report(NamedTuple):
-    """Something that a link tells.
+    """One quantity that a link reports.
 
     Args:
-        name: what.
-        plot: in which plot it belongs.
+        name: of the quantity.
+        plot: that shows it.
         series: the numbers; None if they are those of the page.
     """
 
@@ -32,13 +32,13 @@ class Report(NamedTuple):
 
 
 class LinkReports:
-    """Makes reports of pages that come some at a time, and remembers the last of each count."""
+    """Converter of pages, in batches, to reports; it keeps the last value of each count."""
 
     def __init__(self) -> None:
         self._last: dict[tuple[str, ...], tuple[float, float]] = {}
 
     def of(self, node: str, series: Series) -> Iterator[Report]:
-        """Return what one number of a link's page has to say."""
+        """Yield the reports of one number in a link's page."""
         link, field = series.path[0].replace("_", " "), series.path[-1]
         if len(series.path) != 2:
             return  # of one peer of many
@@ -51,7 +51,7 @@ class LinkReports:
             yield Report(field, f"{link}: pages a second", self._rate(node, series))
 
     def _rate(self, node: str, series: Series) -> Series:
-        """Return how much a count grew each second since the page before."""
+        """Return the growth of a count per second since the previous page."""
         times_s, counts = series.when.t_s, series.values
         time_s, count = self._last.get((node, *series.path), (times_s[0], counts[0]))
         self._last[node, *series.path] = float(times_s[-1]), float(counts[-1])
@@ -62,5 +62,5 @@ class LinkReports:
 
 
 def is_of_link(path: tuple[str, ...]) -> bool:
-    """Whether a number of this path is on the page of a link."""
+    """Return whether a number with this path is in the page of a link."""
     return path[0].startswith(LINK_PAGE)

@@ -1,8 +1,8 @@
 """A run in a notebook's page, in the rerun viewer: `show_run(RUN)` as the last line of a cell.
 
-The page gets a frame, and in the frame is what `snr view --web` serves (`view_server.py`): from this computer only,
-and the browser itself refuses every other address. The run is kept in memory, so the notebook may tidy up its files.
-rerun's own widget for notebooks is not used: it would be 65 MB more, and by itself asks rerun's site for the viewer.
+The page gets a frame with the content that `snr view --web` serves (`view_server.py`): from this computer only, and
+the browser itself blocks every other address. The run is kept in memory, so the notebook may delete its files.
+rerun's own notebook widget is not used: it adds 65 MB, and loads the viewer from rerun's site by default.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from snr_sim.view.view_server import serve_web, viewer_command
 
 
 class RunFrame:
-    """What a notebook shows when it is the value of a cell's last line: a frame, or one line of text.
+    """Output of a notebook cell whose last line has this value: a frame, or one line of text.
 
     Args:
         url: of the viewer's page; empty if there is no viewer.
-        words: the line of text; under the frame, if there is one.
+        words: the line of text, below the frame if there is one.
         height_px: of the frame; it is as wide as the notebook.
     """
 
@@ -44,11 +44,11 @@ class RunFrame:
 
 
 def show_run(run: str | Path, height_px: int = 520) -> RunFrame:
-    """Show a run in the notebook; without a viewer, one line says how to get one.
+    """Show a run in the notebook; without a viewer, show one line with the command that installs it.
 
     Args:
-        run: a run folder, or an .rrd file: one of two runs side by side is what `snr replay --with` writes.
-        height_px: how high the frame is.
+        run: a run folder, or an .rrd file, such as that of two runs from `snr replay --with`.
+        height_px: height of the frame.
 
     Raises:
         TraceError: there is no such run.
@@ -58,7 +58,7 @@ def show_run(run: str | Path, height_px: int = 520) -> RunFrame:
         content = view_of(Path(run)).read_bytes()
     except MissingExtra as error:
         return RunFrame("", f"Here the rerun viewer would show this run. {error.message} {error.fix}", height_px)
-    # It is served until the kernel ends: a frame may be loaded again, also after its cell has been run once more.
+    # Served until the kernel ends: the browser may load a frame again, even after its cell has been run again.
     served = ExitStack()
     atexit.register(served.close)
     url = served.enter_context(serve_web(content, keeps_viewer=False))

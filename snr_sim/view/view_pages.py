@@ -1,6 +1,6 @@
 """The pages of a node as text: what is in each, when it was stored, and by which component and task.
 
-Texts are large and slow to make beside numbers, so there is one of all the node's pages a second, not one of each page.
+Texts are larger and slower to create than numbers, so there is one text of all the node's pages per second.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from snr_sim.view.view_blueprint import name_and_unit
 CONTENTS_PERIOD_S = 1.0
 MAX_FIELDS_SHOWN = 40  # of a page
 MAX_VALUE_CHARS = 200
-MAX_LEVELS = 4  # of what is inside of what
+MAX_LEVELS = 4  # of nested values
 MAX_CONTENTS_CHARS = 20_000
 
 
 class PageContents:
-    """Makes texts of pages that come some at a time, and remembers the newest text of each page."""
+    """Converter of pages, in batches, to texts; it keeps the newest text of each page."""
 
     def __init__(self) -> None:
         self._texts: dict[str, dict[str, str]] = {}
 
     def of(self, batch: Batch) -> Iterator[tuple[str, When, list[str]]]:
-        """Return for each node all its pages as text, as they were at the last page of every `CONTENTS_PERIOD_S`."""
+        """Yield for each node all its pages as text, at the last page of every `CONTENTS_PERIOD_S`."""
         for node, pages in batch.pages().items():
             seqs = {key: np.array([record.seq for record in records]) for key, records in pages.items()}
             when = _last_of_periods(When.of([record for records in pages.values() for record in records]))
@@ -44,14 +44,14 @@ class PageContents:
 
 
 def _last_of_periods(when: When) -> When:
-    """Return the last row of each period; what is at 0 s is one by itself, so that the first text is there at once."""
+    """Return the last row of each period; 0 s is a period of its own, so that the first text appears at once."""
     rows = when[np.argsort(when.seq)]
     periods = np.ceil(rows.t_s / CONTENTS_PERIOD_S)
     return rows[np.append(periods[1:] != periods[:-1], True)]
 
 
 def _texts(batch: Batch, records: list[PageRecord], places: Ints) -> dict[int, str]:
-    """Return the texts of the records at some places."""
+    """Return the texts of the records at some indices."""
     wanted = [int(place) for place in np.unique(places) if place >= 0]
     some = [records[place] for place in wanted]
     data = page_data([record.values for record in some])
@@ -85,7 +85,7 @@ def _unit(name: str) -> str:
 
 
 def _shown(value: Any, level: int = 0) -> str:
-    """Return a value as text of one line: numbers to six digits, of what is long or deep only how much it is."""
+    """Return a value as one line of text: numbers with six digits, long or deep values only as their size."""
     if type(value) is float:
         return f"{value:.6g}"
     if isinstance(value, np.ndarray):

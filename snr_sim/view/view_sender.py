@@ -1,6 +1,6 @@
-"""A rerun stream, spoken to in whole columns: the one place that knows how an arrow array becomes a component.
+"""Columnar access to a rerun stream: the only module that converts arrow arrays to rerun components.
 
-Nothing goes in a row at a time: through rerun's own classes, one page costs as much as five hundred rows of a column.
+Data are never sent row by row: through rerun's own classes, one page costs as much as five hundred rows of a column.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from snr_sim.recording.columns import When
 
 
 def packed(colors: Any) -> Any:
-    """Return colours as rerun keeps them, one number each; given as others, it takes longer to find out what they are.
+    """Return colours in rerun's format, one number each; rerun's own conversion of other formats is slower.
 
     Args:
         colors: red, green, blue and perhaps opacity of each, shape (n, 3) or (n, 4).
@@ -25,7 +25,7 @@ def packed(colors: Any) -> Any:
 
 
 class _Column:
-    """A column for rerun, made of an arrow array that is already right."""
+    """A column for rerun, from an arrow array that already has the right type."""
 
     def __init__(self, descriptor: Any, array: Any) -> None:
         self._descriptor, self._array = descriptor, array
@@ -38,7 +38,7 @@ class _Column:
 
 
 class _Index:
-    """A timeline's column; one is shared by all numbers of a page."""
+    """A timeline's column, shared by all numbers of a page."""
 
     def __init__(self, name: str, array: Any) -> None:
         self._name, self._array = name, array
@@ -51,12 +51,12 @@ class _Index:
 
 
 class Sender:
-    """Sends columns and static things to the entities of one run.
+    """Sender of columns and static data to the entities of one run.
 
     Args:
         rr: the module rerun, which only `view.py` imports.
         stream: a recording stream of it.
-        root: what the run's entities begin with.
+        root: prefix of the run's entities.
     """
 
     def __init__(self, rr: Any, stream: Any, root: tuple[str, ...]) -> None:
@@ -86,7 +86,7 @@ class Sender:
         return str(self.rr.new_entity_path([*self.root, *parts]))
 
     def log(self, entity: str, *things: Any) -> None:
-        """Send what does not change."""
+        """Send static data."""
         self._stream.log(entity, *things, static=True)
 
     def send(self, entity: str, when: When, columns: Iterable[Any]) -> None:
@@ -94,7 +94,7 @@ class Sender:
         self._stream.send_columns(entity, self._index(when), columns)
 
     def column(self, component: str, flat: Any, offsets: Any = None) -> Any:
-        """Return a column, one element per row unless `offsets` say otherwise."""
+        """Return a column, one element per row unless `offsets` are given."""
         if offsets is None:
             offsets = np.arange(len(flat) + 1, dtype=np.int32)
         return _Column(self._descriptors[component], self.arrow.ListArray.from_arrays(offsets, flat))
@@ -109,7 +109,7 @@ class Sender:
         return self.column(component, self.arrow.array(words, self.arrow.string()))
 
     def vectors(self, component: str, values: Any, offsets: Any = None) -> Any:
-        """Return a column of float32 vectors, shape (n, k); one per row unless `offsets` say otherwise."""
+        """Return a column of float32 vectors, shape (n, k); one per row unless `offsets` are given."""
         flat = self.arrow.array(np.ascontiguousarray(values, np.float32).ravel())
         vectors = self.arrow.FixedSizeListArray.from_arrays(flat, type=self._vector_types[component])
         return self.column(component, vectors, offsets)

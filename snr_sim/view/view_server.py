@@ -1,8 +1,8 @@
-"""Opens a view: in rerun's own window, or in the browser by a page that only this machine can reach.
+"""Opens a view: in rerun's own window, or in the browser with a page that only this machine can reach.
 
-rerun's command-line program does the showing. It is started with 127.0.0.1 as the address to listen on, because its
-default is every network of the computer, and with usage statistics off. The page in the browser would by itself ask
-for a font and send statistics; so it is handed on with a content security policy, by which the browser itself refuses
+rerun's command-line program displays the view. It is started with 127.0.0.1 as the address to listen on, because its
+default is every network interface, and with usage statistics off. By default the page in the browser would request a
+font and send statistics; therefore it is served with a content security policy, with which the browser itself blocks
 every address but this machine's.
 """
 
@@ -48,7 +48,7 @@ def open_view(path: str | Path, web: bool = False, say: Callable[[str], None] | 
     Args:
         path: of a view.rrd.
         web: whether to show it in the browser instead of in a window.
-        say: is told what to do, and at which address; without it, that is printed.
+        say: receives instructions for the user, with the address; by default they are printed.
 
     Raises:
         MissingExtra: rerun is not installed.
@@ -71,11 +71,11 @@ def open_view(path: str | Path, web: bool = False, say: Callable[[str], None] | 
 
 @contextmanager
 def live_window(url: str, say: Callable[[str], None]) -> Iterator[None]:
-    """Show a `LiveView` in rerun's own window, which stays open; at the end of the block it says if it has failed.
+    """Show a `LiveView` in rerun's own window, which stays open; report at the end of the block if it has failed.
 
     Args:
         url: of the live view.
-        say: is told so.
+        say: receives that report.
     """
     with tempfile.TemporaryFile() as words:
         process = _window(["--connect", url], words)
@@ -86,14 +86,14 @@ def live_window(url: str, say: Callable[[str], None]) -> Iterator[None]:
 
 
 def check_display(asked: str, instead: str) -> None:
-    """Refuse a window where there is no screen to open it on.
+    """Check that there is a display to open a window on.
 
     Args:
-        asked: what opens the window.
+        asked: the command or option that opens the window.
         instead: the command that shows the same in a browser.
 
     Raises:
-        TraceError: there is none.
+        TraceError: there is no display.
     """
     if sys.platform == "linux" and not any(os.environ.get(name) for name in _DISPLAYS):
         raise TraceError(
@@ -109,12 +109,12 @@ def _window(what: list[str], words: IO[bytes]) -> subprocess.Popen[bytes]:
 
 @contextmanager
 def serve_web(source: str | Path | bytes, keeps_viewer: bool = True) -> Iterator[str]:
-    """Serve the viewer's page while the block runs; give its address.
+    """Serve the viewer's page while the block runs; yield its address.
 
     Args:
         source: path or content of a view.rrd, or the url of a `LiveView`.
-        keeps_viewer: whether rerun's server of the page runs all the while. Otherwise it runs while a part of the page
-            is asked for, which takes a moment longer, and leaves nothing behind when this process is killed.
+        keeps_viewer: whether rerun's server of the page runs during the whole block. Otherwise it runs only during
+            requests, which is slightly slower, but does not leave a process behind when this one is killed.
     """
     with _web_viewer() if keeps_viewer else nullcontext(0) as viewer_port:
         handler = type("Handler", (_PageHandler,), {"viewer_port": viewer_port, "source": source})
@@ -133,7 +133,7 @@ def serve_web(source: str | Path | bytes, keeps_viewer: bool = True) -> Iterator
 
 
 class _PageHandler(BaseHTTPRequestHandler):
-    """Serves the view, and hands on the rest of the page from rerun's own server, with the policy in front."""
+    """Handler that serves the view, and forwards the rest of the page from rerun's own server with the policy."""
 
     viewer_port = 0
     source: str | Path | bytes = b""
@@ -186,14 +186,14 @@ class _PageHandler(BaseHTTPRequestHandler):
             viewer.close()
 
     def log_message(self, format: str, *args: object) -> None:
-        """Say nothing: each of the page's requests would be a line in the student's terminal."""
+        """Log nothing: each of the page's requests would print a line in the student's terminal."""
 
 
 @contextmanager
 def _web_viewer() -> Iterator[int]:
-    """Run rerun's server of the viewer's page, and give its port.
+    """Run rerun's server of the viewer's page, and yield its port.
 
-    Without a file, because with one it keeps a core busy for as long as it runs (0.41).
+    It is started without a file, because with one it keeps a core busy while it runs (0.41).
     """
     port = free_port()
     command = [
@@ -234,7 +234,7 @@ def _wait_until_it_answers(process: subprocess.Popen[bytes], port: int) -> None:
 
 
 def free_port() -> int:
-    """Return a port that nobody listens on."""
+    """Return a free TCP port."""
     with socket.socket() as probe:
         probe.bind((LOOPBACK, 0))
         return int(probe.getsockname()[1])
@@ -243,7 +243,7 @@ def free_port() -> int:
 def viewer_command() -> list[str]:
     """Return the command of the viewer.
 
-    The program itself where it can be found: `python -m rerun_cli` only starts it, and when ended leaves it running.
+    It is the program itself if it is found: `python -m rerun_cli` only starts it, and leaves it running when ended.
 
     Raises:
         MissingExtra: rerun is not installed.
@@ -258,8 +258,8 @@ def viewer_command() -> list[str]:
 def viewer_environment() -> dict[str, str]:
     """Return the environment in which rerun neither sends statistics nor writes an identity for them (0.41).
 
-    Its log has errors only. It treats a machine that says CI as one that must not be counted. `rerun analytics
-    disable` would do it too, but for everything that the student does with rerun, and that is not ours to decide.
+    Its log has errors only. With the variable CI, rerun disables its statistics. `rerun analytics disable` would do
+    that, too, but for all of the student's use of rerun, which is the student's decision.
     """
     kept = {name: value for name, value in os.environ.items() if name != "FORCE_RERUN_ANALYTICS"}
     return {"RUST_LOG": "error", **kept, "CI": "1"}
@@ -276,7 +276,7 @@ def _wait_for(process: subprocess.Popen[bytes], words: IO[bytes]) -> None:
 
 
 def _failure(status: int, words: IO[bytes], instead: str) -> TraceError:
-    """Return that a viewer has failed, with the last line that it printed."""
+    """Return the error of a failed viewer, with the last line that it printed."""
     words.seek(0)
     lines = _COLOURS.sub("", words.read().decode(errors="replace")).split("\n")
     last = next((line.strip() for line in reversed(lines) if line.strip()), "nothing")

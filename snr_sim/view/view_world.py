@@ -1,4 +1,4 @@
-"""Puts a run's world into the viewer: what stands still, bodies, what pushes them, tethers, and the way they took."""
+"""The world of a run in the viewer: static objects, bodies, forces, tethers, and paths."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ from snr_sim.recording.scene import (
 from snr_sim.view.view_blueprint import Layout
 from snr_sim.view.view_sender import Sender, packed
 
-FOLLOWER = "follower"  # what the close-up's eye goes along with; not the robot's own camera
+FOLLOWER = "follower"  # entity that the close-up camera follows; not the robot's own camera
 THRUST_RGB = (255, 140, 30)
 FLOW_RGB = (110, 225, 150)
 PATH_RGB = (120, 200, 255)
 SHEET_RGBA = (90, 170, 225, 70)  # of a surface of water
 SLACK_RGB, TAUT_RGB = (236, 214, 110), (255, 70, 60)
-HARD_PULL_N = 20.0  # at which a tether has the colour of a taut one: half of what a vehicle of its size can push
-LABEL_RISE = 0.5  # from the top of a thing to where its label hangs, as a share of its longest edge
-FLOW = "current"  # the arrow of this name is no force
+HARD_PULL_N = 20.0  # at which a tether has the colour of a taut one: half the thrust of a vehicle of its size
+LABEL_RISE = 0.5  # height of a label above an object, as a fraction of the object's longest edge
+FLOW = "current"  # the arrow with this name is a velocity, not a force
 
 
 class World:
-    """Sends the world of one run.
+    """Sender of the world of one run.
 
     Args:
         sender: to the stream.
         scene: of the run's header.
-        layout: is told what there is.
+        layout: receives what the world contains.
     """
 
     def __init__(self, sender: Sender, scene: dict[str, Any], layout: Layout) -> None:
@@ -53,7 +53,7 @@ class World:
         self._send_scene(scene.get("statics", {}), scene.get("bodies", {}))
 
     def send(self, batch: Batch) -> None:
-        """Send how things moved."""
+        """Send the motion of everything in a batch."""
         arrows = {name: (when, values) for name, when, values in batch.arrows()}
         for body, when, poses in batch.poses():
             self._send_poses(body, when, poses)
@@ -79,7 +79,7 @@ class World:
         self._layout.is_in_water = "surface" in statics
 
     def _send_label(self, name: str, shape: dict[str, Any]) -> None:
-        """Write what a thing is called above it; the surface of water becomes a sheet, and its name is at a corner."""
+        """Send an object's label above it; the water surface is drawn as a sheet with its label at a corner."""
         rr, points, is_surface = self._sender.rr, points_of(shape), name == "surface"
         if is_surface:
             at = points[np.lexsort(points.T)[-1]]
@@ -99,9 +99,9 @@ class World:
             self._layout.landmarks.extend(points.tolist())
 
     def _send_shapes(self, entity: str, shapes: Sequence[dict[str, Any]]) -> None:
-        """Send shapes that move together, those of one kind together: each thing sent costs a quarter millisecond.
+        """Send shapes that move together, grouped by kind: each call costs a quarter of a millisecond.
 
-        A kind of a later version is left out, for the rest is still worth seeing.
+        A kind of a later version is skipped; the rest is still useful.
         """
         rr = self._sender.rr
         kinds = {kind: [shape for shape in shapes if shape.get("kind") == kind] for kind in ("box", "polyline", "mesh")}
@@ -135,14 +135,14 @@ class World:
         self._sender.send(entity, when, [there, vectors("Transform3D:quaternion", poses[:, 3:])])
         self._sender.send(self._sender.entity("truth", "poses", body), when, [self._sender.numbers(poses.ravel(), 7)])
         if body == self._main_body:
-            # Moves, but does not turn: seen from here the body stays in the middle and the ground stays level.
+            # Moves without rotating: in this view the body stays in the middle and the ground stays level.
             self._sender.send(self._sender.entity("world", FOLLOWER), when, [there])
             self._path.extend(positions)
             self._layout.low_m = np.minimum(self._layout.low_m, positions.min(axis=0)).tolist()
             self._layout.high_m = np.maximum(self._layout.high_m, positions.max(axis=0)).tolist()
 
     def _see_body(self, body: str, entity: str, positions: Any) -> None:
-        """Let the camera follow the first body; the others, such as legs, go along with it."""
+        """Let the camera follow the first body; the others, such as legs, move with it."""
         if self._main_body:
             return
         self._main_body = body
@@ -157,7 +157,7 @@ class World:
     def _send_tether(
         self, name: str, tether: dict[str, Any], when: When, poses: Points, pull: tuple[When, Points] | None
     ) -> None:
-        """Send one line for good, and for each moment how it is stretched; the harder it pulls, the redder it is."""
+        """Send a static line, and for each moment its transform and its colour, redder for a larger force."""
         rr, entity = self._sender.rr, self._sender.entity("world", name)
         if ("tether", name) not in self._known:
             self._known.add(("tether", name))
@@ -173,7 +173,7 @@ class World:
         self._sender.send(entity, when, rr.LineStrips3D.columns(colors=packed(rgb)))
 
     def _send_arrows(self, name: str, when: When, arrows: Any) -> None:
-        """Send a force, or where the water goes, as an arrow whose tip is where it acts."""
+        """Send a force, or the current, as an arrow whose tip is at the point where it acts."""
         is_flow = name == FLOW
         entity, rr = self._sender.entity("world", "arrows", name), self._sender.rr
         newtons, vectors = f"{entity}/newtons", arrows[:, 3:]
@@ -184,16 +184,16 @@ class World:
             style = rr.Arrows3D.from_fields(**{"radii": rr.Radius.ui_points(3.0), "colors": THRUST_RGB, **look})
             self._sender.log(newtons, style)
         self._longest[is_flow] = max(self._longest[is_flow], float(lengths.max()))
-        pushes = lengths > 0  # a force of nothing is no arrow, not even a dot
+        pushes = lengths > 0  # a zero force is not drawn, not even as a dot
         offsets = np.concatenate(([0], np.cumsum(pushes))).astype(np.int32)
         send, column = self._sender.send, self._sender.vectors
         send(entity, when, [column("Transform3D:translation", arrows[:, :3])])
-        # It pushes: its tip, not its tail, is where the force acts. Drawn up from the nozzle, the hull would hide it.
+        # The tip, not the tail, is where the force acts. Drawn upwards from the nozzle, the hull would hide it.
         tips = column("Arrows3D:vectors", vectors[pushes], offsets)
         send(newtons, when, [tips, column("Arrows3D:origins", -vectors[pushes], offsets)])
 
     def _send_broken(self, truths: Sequence[TruthRecord]) -> None:
-        """Mark what is broken, where it pushes or should."""
+        """Mark broken thrusters at the points where their forces act."""
         for name in truths[-1].values if truths else ():
             thruster = name.removeprefix(BROKEN)
             if thruster == name or thruster not in truths[-1].arrows:
@@ -210,7 +210,7 @@ class World:
             self._sender.send(entity, When.of(truths), [self._sender.vectors("Points3D:positions", spots, offsets)])
 
     def _scale_arrows(self) -> None:
-        """Newtons to metres: a static scale, so that the file keeps newtons and a live run can find its own scale."""
+        """Send the scale from newtons to metres: static, so the data stay in newtons and a live run can adapt it."""
         names = [name for kind, name in self._known if kind == "arrows"]
         scaled_for = (self._longest[False], self._longest[True], len(names))
         if not names or self._scaled_for == scaled_for:
@@ -222,7 +222,7 @@ class World:
             self._sender.log(entity, self._sender.rr.Transform3D(scale=scale))
 
     def _send_path(self) -> None:
-        """Send the whole way again when it has grown, static: it is seen at any time."""
+        """Send the whole path again when it has grown; it is static, so it is visible at any time."""
         if self._main_body:
             line = self._sender.rr.LineStrips3D(
                 [self._path.points()], radii=self._sender.rr.Radius.ui_points(1.0), colors=PATH_RGB

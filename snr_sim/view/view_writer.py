@@ -1,4 +1,4 @@
-"""Puts a run into a rerun stream: which entity each number goes to, and what it looks like there. See `view.py`."""
+"""Writer of a run to a rerun stream: the entity of each number, and its style. See `view.py`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from snr_sim.view.view_pages import PageContents
 from snr_sim.view.view_sender import Sender
 from snr_sim.view.view_world import World
 
-NOT_PLOTTED = ("number",)  # running numbers of what is sent: straight lines, and nothing to learn from them
+NOT_PLOTTED = ("number",)  # sequence numbers: straight lines without information
 DIVERGENCES_MARKED_MAX = 1_000
 DIVERGENCE_RGB = (255, 60, 60)
 
@@ -32,19 +32,19 @@ Divergences: TypeAlias = Sequence[tuple[int, float, str]]
 
 
 def title_of(header: Header) -> str:
-    """Return what a run is called."""
+    """Return the title of a run."""
     return f"{header.scenario}, seed {header.seed}, {header.controller}"
 
 
 class Writer:
-    """Sends one run into a stream.
+    """Writer of one run to a stream.
 
     Args:
         rr: the module rerun, which only `view.py` imports.
         stream: a recording stream of it.
         header: of the run.
-        root: what its entities begin with, when there are two runs in the stream.
-        layout: shared by the runs in the stream; without it, the run has one of its own.
+        root: prefix of its entities, if there are two runs in the stream.
+        layout: shared by the runs in the stream; by default a new one.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class Writer:
         self.batch = Batch()
         self.layout = layout or Layout(title_of(header))
         self._known: set[tuple[str, ...]] = set()
-        self._factors: dict[tuple[str, ...], float] = {}  # of those known, what is shown in other numbers
+        self._factors: dict[tuple[str, ...], float] = {}  # scale factors of numbers that are shown in another unit
         self._flags: dict[str, float] = {}
         self._links = LinkReports()
         self._contents = PageContents()
@@ -80,7 +80,7 @@ class Writer:
         batch.clear()
 
     def blueprint(self, follow_time: bool = False) -> Any:
-        """Return how the view opens, given what has been sent so far."""
+        """Return the layout of the view for the data sent so far."""
         return blueprint(self._sender.rr.blueprint, self.layout, follow_time)
 
     def send_divergences(self, divergences: Divergences) -> None:
@@ -133,9 +133,10 @@ class Writer:
         self._send_style(line, color, width)
 
     def _is_plotted(self, parts: tuple[str, ...]) -> bool:
-        """Not what another node has told this one, nor running numbers, nor what links count: they are told otherwise.
+        """Return whether a number is plotted: not pages of other nodes, sequence numbers or counts of links.
 
-        Of two runs side by side, only what drives the actuators: all lines of both would hide where they differ.
+        Those are shown elsewhere. Of two runs side by side only actuator commands are plotted: all lines of both would
+        hide their differences.
         """
         node, _, key, *_ = parts
         if self._root and self._header.commands:
@@ -143,13 +144,13 @@ class Writer:
         return not (parts[-1] in NOT_PLOTTED or is_of_link(parts[2:]) or self.batch.is_copy(node, key))
 
     def _see_flag(self, entity: str, series: Series) -> None:
-        """Keep a yes or no that changes: then it is worth a line."""
+        """Note a flag that changes: then it is plotted."""
         first = self._flags.setdefault(entity, float(series.values[0]))
         if entity not in self.layout.changed_flags and bool((series.values != first).any()):
             self.layout.changed_flags.append(entity)
 
     def _send_reports(self, node: str, entity: str, series: Series) -> None:
-        """Send what a link tells, in plots of its own."""
+        """Send the quantities that a link reports, in separate plots."""
         for report in self._links.of(node, series):
             if report.series is not None:
                 entity = self._sender.entity(node, "links", *report.series.path)
@@ -163,13 +164,13 @@ class Writer:
                 self._send_style(line, color, width)
 
     def _send_style(self, line: Line, rgba: tuple[int, int, int, int], width: float) -> None:
-        """Send how a line looks."""
+        """Send the style of a line."""
         mode = "StepAfter" if line.is_step else None
         style = self._sender.rr.SeriesLines(names=line.name, colors=rgba, widths=width, interpolation_mode=mode)
         self._sender.log(line.entity, style)
 
     def _send_images(self, parts: tuple[str, ...], when: When, images: Sequence[Any]) -> None:
-        """Send what a camera saw."""
+        """Send camera images."""
         rr, entity = self._sender.rr, self._sender.entity(*parts)
         formats = [
             rr.components.ImageFormat(

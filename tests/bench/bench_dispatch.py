@@ -1,4 +1,4 @@
-"""Dispatch: what the event machine adds to a handler that returns the next task.
+"""Dispatch: cost of the event machine for a handler that returns the next task.
 
 Run by `snr bench dispatch`.
 """
@@ -38,7 +38,7 @@ class TickerEndpoint(Endpoint):
 
 
 class Idler(Endpoint):
-    """Has a handler for something that never comes."""
+    """Has a handler for an event that never occurs."""
 
     def __init__(self, factory: EndpointFactory, parent: Node, name: str) -> None:
         super().__init__(factory, parent, name)
@@ -71,7 +71,7 @@ class Make(EndpointFactory):
 
 
 def bare_loop(count: int) -> Trial:
-    """The least that dispatch can be: a queue, a dict, a call that returns a new task."""
+    """Return the minimum dispatch: a queue, a dict, a call that returns a new task."""
 
     def prepare() -> Callable[[], Any]:
         handlers = {TICK: Ticker(count).tick}
@@ -102,7 +102,7 @@ def node_loop(count: int, clock: Callable[[], Clock], idlers: int = 0) -> Trial:
 
 
 def ready_node(factories: list[EndpointFactory], clock: Clock) -> Callable[[], Any]:
-    """Returns what runs a node that has begun and has one tick waiting."""
+    """Return what runs a node that has begun and has one tick waiting."""
     node = Node("bench", Config(Mode.TEST, {"bench": factories}), clock=clock)
     node.begin()
     node.enter(Task(*TICK), "bench")
@@ -121,7 +121,7 @@ def many_listeners(count: int, listeners: int) -> Trial:
 
 
 def bare_listeners(count: int, listeners: int) -> Trial:
-    """Calls as many handlers from a list."""
+    """Call as many handlers from a list."""
 
     def prepare() -> Callable[[], Any]:
         owner = object.__new__(Listener)
@@ -139,7 +139,7 @@ def bare_listeners(count: int, listeners: int) -> Trial:
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
-    """Yields the rows."""
+    """Yield the rows."""
     count, rounds = (20_000, 3) if is_quick else (100_000, 15)
     found = compare(bare_loop(count), node_loop(count, SimClock), node_loop(count, WallClock), rounds=rounds)
     bare_us, *nodes_us = (1e6 * one_s / count for one_s in found.shortest_s)

@@ -42,7 +42,7 @@ class Driven:
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
-    """Yields the rows of each microcontroller."""
+    """Yield the rows of each microcontroller."""
     require_tools()
     ticks = 200 if is_quick else 1000
     for mcu in PINS:
@@ -51,7 +51,7 @@ def measure(is_quick: bool) -> Iterator[Row]:
 
 
 def exactness(mcu: str, ticks: int) -> Row:
-    """The worst width of any pulse while commands and telemetry go on."""
+    """Return the worst error of any pulse width while commands and telemetry continue."""
     wanted_us = [1500.0, 1100.0, 1900.0, 1234.0, 1501.0, 1500.5, 1700.0, 1299.5]
     driven = Driven(mcu)
     for _ in range(30):

@@ -1,14 +1,13 @@
-"""Grading: how much of the speed of bare simulations is left by sandbox, pipe, reports and bookkeeping; and its memory.
+"""Grading: the cost of sandbox, pipe, reports and bookkeeping compared with bare simulations; and the grader's memory.
 
-Submissions are copies of a lab's reference. Bare are the same checks on the same cases in two processes that have the
-student's functions in themselves: no sandbox, no pipe, no process per case, nothing written; on a sample of at most 40
-of them, and what a submission takes is compared. The start of Python and its imports count for the grader and not for
-the bare side. Wall time on two cores is what the goal is about and wants a quiet computer. Where there are cgroups, the
-grader is frozen now and then and the next slice of the bare side measured, so that both meet a computer that is now
-faster and now slower; and CPU time is told, too, of everything that the grader starts: on a busy computer only that
-means something.
+Submissions are copies of a lab's reference. The bare side runs the same checks on the same cases in two processes that
+import the student's functions: no sandbox, no pipe, no process per case, no files. It runs a sample of at most 40
+submissions, and the time per submission is compared. The start of Python and its imports count for the grader and not
+for the bare side. The goal is about wall time on two cores, which needs an idle computer. Where there are cgroups, the
+grader is frozen at intervals while a slice of the bare side is measured, so that drifts of the computer's speed affect
+both; the CPU time of everything that the grader starts is reported, too: on a busy computer only that is meaningful.
 
-Run by `snr bench grading`, or with options: ten minutes, and how far it is goes to stderr:
+Run by `snr bench grading`, or with options: ten minutes, with progress on stderr:
 python tests/bench/run.py grading --count 200 [--lab NAME_OR_PATH --reference FOLDER]
 """
 
@@ -39,7 +38,7 @@ from snr_sim.scenario import library
 PROJECT = Path(__file__).resolve().parents[2]
 LAB, REFERENCE = "lunar_lander_q", PROJECT / "tests" / "assignments" / "lunar_lander_q" / "reference"
 JOBS, COUNT, QUICK_COUNT = 2, 40, 4
-SAMPLE, SLICES = 40, 5  # submissions of the bare side, and in how many parts they are measured
+SAMPLE, SLICES = 40, 5  # submissions of the bare side, and the number of parts in which they are measured
 TELL_EVERY_S, LOOK_S = 15.0, 0.2
 SECRET = b"of the benchmark, which everybody may know"
 WANTED_SHARE = 0.9
@@ -47,13 +46,13 @@ MOST_GROWTH = 1.1
 
 
 class BareHost:
-    """What `Student.host` returns, without anything between."""
+    """Replacement for `Student.host` that calls directly."""
 
     def __init__(self, made: Any) -> None:
         self._made = made
 
     def ask(self, method: str, *args: Any, returns: Any = Any, **_: Any) -> Any:
-        """Calls a method; a dict becomes the class that the lab asked for."""
+        """Call a method; a dict becomes the class that the lab asked for."""
         value = getattr(self._made, method)(*args)
         return msgspec.convert(value, returns) if isinstance(value, dict) and returns is not Any else value
 
@@ -68,17 +67,17 @@ class Bare(Student):
         return module
 
     def call(self, file: str, function: str, *args: Any, **_: Any) -> Any:
-        """Calls it."""
+        """Call it."""
         return getattr(self._module(file), function)(*args)
 
     def host(self, file: str, host: str, *args: Any, **_: Any) -> Any:
-        """Makes it."""
+        """Make it."""
         place, _, name = host.partition(":")
         return BareHost(getattr(__import__(place, fromlist=[name]), name)(self._module(file), *args))
 
 
 def grade_bare(lab: str, folders: list[str]) -> None:
-    """Grades submissions one after the other in this process; prints when it began and ended [s], and its CPU time [s].
+    """Grade submissions one after the other in this process; print when it began and ended [s], and its CPU time [s].
 
     One is graded before, to have everything imported.
     """
@@ -94,7 +93,7 @@ def grade_bare(lab: str, folders: list[str]) -> None:
 
 
 def copies(reference: Path, count: int, into: Path) -> list[Path]:
-    """Returns so many submissions, no two of which are the same to the byte."""
+    """Return so many submissions, no two of which are the same to the byte."""
     made = []
     for i in range(count):
         folder = into / f"student_{i:03}"
@@ -107,11 +106,11 @@ def copies(reference: Path, count: int, into: Path) -> list[Path]:
 
 @dataclass(frozen=True)
 class Took:
-    """What it took.
+    """Time and memory of a grading.
 
     Args:
         wall_s: on all cores.
-        cpu_s: of all processes; None where nobody counts it.
+        cpu_s: of all processes; None where it is not measured.
         early_mb, late_mb: memory of the grader with its workers.
     """
 
@@ -122,7 +121,7 @@ class Took:
 
 
 def bare(lab: str, given: list[Path]) -> Took:
-    """Returns what the bare simulations take on all cores."""
+    """Return what the bare simulations take on all cores."""
     tell(f"bare: {len(given)} submissions")
     command = [sys.executable, str(Path(__file__)), "--bare", lab]
     parts = [given[i::JOBS] for i in range(JOBS) if given[i::JOBS]]
@@ -133,7 +132,7 @@ def bare(lab: str, given: list[Path]) -> Took:
 
 
 def graded(lab: str, given: list[Path], place: Path, slices: list[list[Path]]) -> tuple[Took, list[Took]]:
-    """Returns what `snr grade` takes, and what the bare side takes on each slice, measured in between if it can be."""
+    """Return what `snr grade` takes, and what the bare side takes on each slice, measured in between if it can be."""
     tell(f"graded: {len(given)} submissions")
     (place / "secret").write_bytes(SECRET)
     words = ["grade", lab, *map(str, given), "--out", str(place / "out"), "--secret", str(place / "secret")]
@@ -167,7 +166,7 @@ def graded(lab: str, given: list[Path], place: Path, slices: list[list[Path]]) -
 
 
 class Group:
-    """A control group, in which the kernel counts the CPU time of all that is started in it, sandboxes included.
+    """A control group, in which the kernel counts the CPU time of all its processes, including sandboxes.
 
     Args:
         folder: of it; None where there is none to be had.
@@ -179,13 +178,13 @@ class Group:
         self.enter = ["sh", "-c", join, str(folder)] if folder is not None else []  # before a command
 
     def cpu_s(self) -> float | None:
-        """Returns the CPU time so far [s]."""
+        """Return the CPU time so far [s]."""
         if self.folder is None:
             return None
         return int(self._told("cpu.stat")["usage_usec"]) / 1e6
 
     def freeze(self) -> bool:
-        """Stops all that is in it; returns whether that can be done."""
+        """Stop all that is in it; return whether that can be done."""
         if self.folder is None or not (self.folder / "cgroup.freeze").exists():
             return False
         (self.folder / "cgroup.freeze").write_text("1")
@@ -194,7 +193,7 @@ class Group:
         return True
 
     def thaw(self) -> None:
-        """Lets it go on."""
+        """Let it continue."""
         if self.folder is not None:
             (self.folder / "cgroup.freeze").write_text("0")
 
@@ -205,28 +204,28 @@ class Group:
 
 @contextmanager
 def counted() -> Iterator[Group]:
-    """Yields a new group."""
+    """Yield a new group."""
     mounts = [line.split() for line in Path("/proc/self/mounts").read_text().splitlines()]
     folder = next((Path(one[1]) / f"snr_bench_{os.getpid()}" for one in mounts if one[2] == "cgroup2"), None)
     try:
         if folder is not None:
             folder.mkdir()
     except OSError:
-        folder = None  # it is not ours to make
+        folder = None  # no permission to create it
     yield Group(folder)
     give_up_s = time.monotonic() + 10.0
     while folder is not None and folder.is_dir() and time.monotonic() < give_up_s:
-        with suppress(OSError):  # not before the last of its processes is buried
+        with suppress(OSError):  # fails until its last process has been reaped
             folder.rmdir()
 
 
 def tell(words: str) -> None:
-    """Says on stderr how far it is."""
+    """Print the progress on stderr."""
     print(words, file=sys.stderr, flush=True)
 
 
 def memory_mb(pid: int) -> float:
-    """Returns what a process and its workers have in memory, without the students' processes below them [MB]."""
+    """Return what a process and its workers have in memory, without the students' processes below them [MB]."""
     pages = 0
     for one in [pid, *children(pid)]:
         try:
@@ -237,7 +236,7 @@ def memory_mb(pid: int) -> float:
 
 
 def children(pid: int) -> list[int]:
-    """Returns the processes that a process has started."""
+    """Return the processes that a process has started."""
     found = []
     for file in Path(f"/proc/{pid}/task").glob("*/children"):
         found += [int(one) for one in file.read_text().split()]
@@ -245,12 +244,12 @@ def children(pid: int) -> list[int]:
 
 
 def option(name: str, otherwise: str) -> str:
-    """Returns what follows an option on the command line."""
+    """Return what follows an option on the command line."""
     return sys.argv[sys.argv.index(name) + 1] if name in sys.argv else otherwise
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
-    """Yields the rows."""
+    """Yield the rows."""
     lab = option("--lab", LAB)
     count = int(option("--count", str(QUICK_COUNT if is_quick else COUNT)))
     with tempfile.TemporaryDirectory() as name:

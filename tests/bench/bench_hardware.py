@@ -1,4 +1,4 @@
-"""Outputs behind a microcontroller: what a tick costs, how fast the emulated board goes, how soon a pin follows.
+"""Outputs behind a microcontroller: cost of a tick, speed of the emulated board, latency of a pin.
 
 Run by `snr bench hardware`.
 """
@@ -52,18 +52,18 @@ MOST_TICK_US = 150.0
 LEAST_SPEED = 20.0
 MOST_LATENCY_MS = 12.0
 LATENCY_HZ = 100.0
-# Commands go up by 1 us each, and after so many all the way back. Those around that are not counted: the first are
-# slewed, and the last may be overtaken by a smaller one before their pulse is due, so that they are never shown.
+# Commands rise by 1 us each, and after this many jump back. Those around the jump are not counted: the first are
+# slewed, and the last may be replaced by a smaller one before their pulse is due, so that they are never output.
 LOWEST_US, WIDTHS, SETTLED = 1550.0, 300, 12
-START_S = 3.0  # before the first bytes come: long enough to be armed by the first that ask for it
-SHOWN_S = 0.1  # within which a command is shown, or it never was: the next row is not taken for it
+START_S = 3.0  # delay of the first bytes: long enough to be armed by the first command
+SHOWN_S = 0.1  # timeout of a command at the pin, so that the next row is not matched with it
 IDENT = Ident(
     0, 1, 1, (1, 0), 8, 1100.0, 1500.0, 1900.0, 25.0, 500, 8000, 200, 1500, 400, 50, "atmega328p", "snr_sim esc"
 )
 
 
 def measure(is_quick: bool) -> Iterator[Outcome]:
-    """Yields the rows of the table."""
+    """Yield the rows of the table."""
     ticks, seconds = (500, 3.0) if is_quick else (5000, 30.0)
     yield tick_row("a tick of eight channels, port of a test", ticks, MemoryPort())
     yield from what_can_run("a tick of eight channels, serial port (pty)", lambda: pty_rows(ticks))
@@ -72,29 +72,29 @@ def measure(is_quick: bool) -> Iterator[Outcome]:
 
 
 def pty_rows(ticks: int) -> Iterator[Row]:
-    """Yields what a tick costs on a port of the system's."""
+    """Yield what a tick costs on a port of the system's."""
     with tempfile.TemporaryDirectory() as folder:
         yield tick_row("a tick of eight channels, serial port (pty)", ticks, PtyPort(Path(folder) / "port"))
 
 
 def board_rows(lock_step_s: float, line_s: float) -> Iterator[Row]:
-    """Yields how fast the emulated board goes."""
+    """Yield how fast the emulated board goes."""
     for mcu in PINS:
         yield lock_step_row(mcu, lock_step_s)
     yield line_row(line_s)
 
 
-Pulses = list[list[tuple[float, float]]]  # of each channel: when it began [s], and its width [us], if that changed
+Pulses = list[list[tuple[float, float]]]  # of each channel: start [s] and width [us] of pulses whose width changed
 
 
 class FarEnd:
-    """A board that says what is needed, at the cost of its words alone: it is no part of what is measured."""
+    """A board with prepared replies. It is not part of the measurement and costs only the transfer of its bytes."""
 
     def __init__(self) -> None:
         self.nth = 0
 
     def answers(self) -> bytes:
-        """Returns an answer to whatever may have been asked, and telemetry."""
+        """Return an answer to whatever may have been asked, and telemetry."""
         words: list[FromMcu] = [
             Ident(*(getattr(IDENT, field) for field in IDENT.__struct_fields__)),
             Answer(0, 1, TYPE_OF[Arm], Result.DONE),
@@ -103,7 +103,7 @@ class FarEnd:
         return b"".join(map(encode, words))
 
     def telemetry(self) -> Telemetry:
-        """Returns the next one, of a board that is armed and stands still."""
+        """Return the next one, of a board that is armed and stands still."""
         self.nth += 1
         known = State.ARMED, Fault(0), ResetCause.EXTERNAL
         return Telemetry(self.nth % 256, 1, self.nth, self.nth * 20, *known, 0, 0, 1345, 330, (1600.5,) * CHANNELS)
@@ -119,31 +119,31 @@ class MemoryPort(FarEnd):
         self.come = b""
 
     def feed(self, data: bytes) -> None:
-        """Has bytes come."""
+        """Add received bytes."""
         self.come += data
 
     def open(self) -> BytePort:
-        """Returns itself."""
+        """Return itself."""
         return self
 
     def write(self, data: bytes) -> None:
-        """Takes bytes."""
+        """Take bytes."""
 
     def read(self) -> bytes:
-        """Returns what has come."""
+        """Return what has come."""
         come, self.come = self.come, b""
         return come
 
     def wait(self, seconds: float) -> bool:
-        """Does not."""
+        """Do not wait."""
         return True
 
     def close(self) -> None:
-        """Has nothing to close."""
+        """Do nothing: there is no port to close."""
 
 
 class PtyPort(FarEnd):
-    """A port of the system's, whose other end reads what comes."""
+    """A port of the operating system, whose other end reads the sent bytes."""
 
     def __init__(self, link: Path) -> None:
         super().__init__()
@@ -154,31 +154,31 @@ class PtyPort(FarEnd):
         self._link = link
 
     def feed(self, data: bytes) -> None:
-        """Has bytes come, and takes those that were sent."""
+        """Add received bytes, and take those that were sent."""
         with suppress(BlockingIOError):
             os.read(self._far, 4096)
         os.write(self._far, data)
 
     def open(self) -> BytePort:
-        """Opens it."""
+        """Open it."""
         return AnsweringPort(self, str(self._link))
 
 
 class AnsweringPort(SerialPort):
-    """A serial port whose other end answers when it is waited for."""
+    """A serial port whose other end answers during a wait."""
 
     def __init__(self, end: PtyPort, path: str) -> None:
         super().__init__(path, BAUD)
         self._end = end
 
     def wait(self, seconds: float) -> bool:
-        """Has the other end answer."""
+        """Let the other end answer."""
         self._end.feed(self._end.answers())
         return super().wait(seconds)
 
 
 def tick_row(name: str, ticks: int, port: MemoryPort | PtyPort) -> Row:
-    """Measures write_us: it reads telemetry, and sends a command."""
+    """Measure write_us: read telemetry and send a command."""
     now_s = 0.0
     port.feed(port.answers())
     out = McuPwm(McuBoard(port.open, lambda: now_s, session=1), lambda: now_s, CHANNELS)
@@ -208,19 +208,19 @@ class Battery:
     time_s = 0.0
 
     def step(self, dt_s: float) -> None:
-        """Lets time pass."""
+        """Let time pass."""
         self.time_s += dt_s
 
     def read(self, name: str) -> PowerReading:
-        """Returns what the battery gives."""
+        """Return what the battery gives."""
         return PowerReading(14.8, 12.0, self.time_s)
 
     def write(self, name: str, command: object) -> None:
-        """Takes pulses."""
+        """Take pulses."""
 
 
 def lock_step_row(mcu: str, seconds: float) -> Row:
-    """Measures board, serial line and outputs in lock step at 50 Hz, without the vehicle's physics."""
+    """Measure board, serial line and outputs in lock step at 50 Hz, without the vehicle's physics."""
     elf = firmware_elf(FIRMWARE, mcu)
     battery = Battery()
     plant = PlantOnBoard(battery, lambda: Board(elf, mcu), CHANNELS, power="power")  # type: ignore[arg-type]
@@ -246,10 +246,10 @@ def lock_step_row(mcu: str, seconds: float) -> Row:
 
 
 def latency_rows(seconds: float) -> Iterator[Outcome]:
-    """Measures from the moment a loop on a thread computed a command to the first pulse at each pin that shows it.
+    """Measure from the moment a loop on a thread computed a command to the first pulse at each pin that shows it.
 
-    In wall time; and as if the emulated board had never been kept waiting for a processor, as no real one is: what was
-    written is brought to another board at the very moments at which it was written.
+    In wall time; and without the emulated board's waits for a processor, which a real board does not have: another
+    board receives the same bytes at exactly the times at which they were written.
     """
     with tempfile.TemporaryDirectory() as folder:
         link, log = Path(folder) / "esc", Path(folder) / "log"
@@ -274,7 +274,7 @@ def latency_rows(seconds: float) -> Iterator[Outcome]:
 
 
 def latency_row(name: str, sent: list[tuple[float, float]], seen: Pulses, how: str) -> Outcome:
-    """Returns the row of what was sent and seen."""
+    """Return the row of what was sent and seen."""
     latencies_ms = sorted(latencies(sent, seen))
     counted = CHANNELS * sum(is_counted(width) for _, width in sent)
     if not latencies_ms:
@@ -286,20 +286,20 @@ def latency_row(name: str, sent: list[tuple[float, float]], seen: Pulses, how: s
 
 
 class TimedPort(SerialPort):
-    """A serial port that notes what was written when."""
+    """A serial port that records the written bytes and their times."""
 
     def __init__(self, path: str, written: list[tuple[float, bytes]]) -> None:
         super().__init__(path, BAUD)
         self._written = written
 
     def write(self, data: bytes) -> None:
-        """Sends bytes."""
+        """Send bytes."""
         super().write(data)
         self._written.append((time.monotonic(), data))
 
 
 def seen_by_another(written: list[tuple[float, bytes]]) -> Pulses:
-    """Returns what pins show that get the same bytes, each at the time when it was written."""
+    """Return what pins show that get the same bytes, each at the time when it was written."""
     board = Board(firmware_elf(FIRMWARE, "atmega328p"))
     pulses: Pulses = [[] for _ in range(CHANNELS)]
     start_s = written[0][0] - START_S
@@ -314,7 +314,7 @@ def seen_by_another(written: list[tuple[float, bytes]]) -> Pulses:
 
 
 def stood_in_line_s() -> float:
-    """Returns how long this thread was ready to run and had no core; 0 where no kernel tells."""
+    """Return how long this thread was ready to run but had no core; 0 where the kernel does not report it."""
     try:
         return int(Path("/proc/thread-self/schedstat").read_text().split()[1]) * 1e-9
     except OSError:
@@ -322,7 +322,7 @@ def stood_in_line_s() -> float:
 
 
 def drive(open_port: Callable[[], BytePort], seconds: float) -> tuple[list[tuple[float, float]], list[float]]:
-    """Has a loop on a thread command another width in each tick.
+    """Let a loop on a thread command another width in each tick.
 
     Returns:
         When [s, monotonic] and which; and how long each took to be written [ms], of which it had a core.
@@ -352,7 +352,7 @@ def drive(open_port: Callable[[], BytePort], seconds: float) -> tuple[list[tuple
 
 
 def line_row(seconds: float) -> Row:
-    """Measures the same by the board's time alone: what line and firmware take, without the computer's share."""
+    """Measure the same by the board's time alone: what line and firmware take, without the computer's share."""
     board = Board(firmware_elf(FIRMWARE, "atmega328p"))
 
     def now_s() -> float:
@@ -365,7 +365,7 @@ def line_row(seconds: float) -> Row:
     seen: Pulses = [[] for _ in range(CHANNELS)]
     end_s = now_s() + seconds + 2.5
     while now_s() < end_s:
-        board.run_us(1e6 / LATENCY_HZ + 130.0)  # so that all phases of the pulses come
+        board.run_us(1e6 / LATENCY_HZ + 130.0)  # so that all phases of the pulses occur
         for pulse in board.pulses():
             seen[pulse.channel].append((pulse.rise_us * 1e-6, pulse.width_us))
         width = 1500.0
@@ -379,7 +379,7 @@ def line_row(seconds: float) -> Row:
 
 
 def seen_in(log: str) -> Pulses:
-    """Returns the pulses in the log of a board, by the computer's clock."""
+    """Return the pulses in the log of a board, by the computer's clock."""
     start_s = 0.0
     pulses: Pulses = [[] for _ in range(CHANNELS)]
     for line in log.splitlines():
@@ -393,12 +393,12 @@ def seen_in(log: str) -> Pulses:
 
 
 def is_counted(width_us: float) -> bool:
-    """Returns whether a command is one that must be shown before another takes its place."""
+    """Return whether a command is one that must be shown before another takes its place."""
     return LOWEST_US + SETTLED <= width_us <= LOWEST_US + WIDTHS - SETTLED
 
 
 def latencies(sent: list[tuple[float, float]], pulses: Pulses) -> Iterator[float]:
-    """Yields how long each command took to the first pulse that shows it [ms], at each pin."""
+    """Yield how long each command took to the first pulse that shows it [ms], at each pin."""
     for channel in pulses:
         place = 0
         for sent_s, width in sent:

@@ -24,7 +24,7 @@ QUICK = ("moving_average", "lunar_lander_q")
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
-    """Yields a row per lab."""
+    """Yield a row per lab."""
     for lab in known("assignments"):
         name = lab.name
         short = name.partition("_")[2]
@@ -43,6 +43,6 @@ def measure(is_quick: bool) -> Iterator[Row]:
 
 
 def of_children_s() -> float:
-    """Returns the CPU time of all processes that were waited for [s]."""
+    """Return the CPU time of all processes that were waited for [s]."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime

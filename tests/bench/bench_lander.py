@@ -1,7 +1,7 @@
-"""Lander: what node, trace and view add to a plant and a control law that are called directly.
+"""Lander: cost of node, trace and view compared with direct calls of plant and control law.
 
-Baseline and subject fly the same flight: same plant, same simulated devices with the same seeds, same law at the same
-moments. That the plant ends in the same state, to the last bit, is checked before anything is measured.
+Baseline and subject run the same flight: same plant, same simulated devices with the same seeds, same law at the same
+times. Before the measurement the final states of the plant are compared, to the last bit.
 
 Run by `snr bench lander`.
 """
@@ -33,7 +33,7 @@ Tick = Callable[[float], None]
 
 
 def opened(robot: ModuleType, rig: Rig, *names: str) -> list[Any]:
-    """Returns devices of the robot as its loops open them; the last one is the engine, at neutral."""
+    """Return devices of the robot as its loops open them; the last one is the engine, at neutral."""
     *sensors, engine = (robot.DEVICES["sim"][name](rig) for name in names)
     devices = [started(device, name) for device, name in zip([*sensors, engine.open_device()], names, strict=True)]
     devices[-1].neutral()
@@ -41,7 +41,7 @@ def opened(robot: ModuleType, rig: Rig, *names: str) -> list[Any]:
 
 
 def pad_tick(robot: ModuleType, law: Any, rig: Rig) -> tuple[Tick, Callable[[], None]]:
-    """Returns one tick of lander_pad through the same devices, and what ends the flight."""
+    """Return one tick of lander_pad through the same devices, and a function that ends the flight."""
     radar, inertial, engine = opened(robot, rig, "radar", "inertial", "engine")
 
     def tick(time_s: float) -> None:
@@ -52,7 +52,7 @@ def pad_tick(robot: ModuleType, law: Any, rig: Rig) -> tuple[Tick, Callable[[], 
 
 
 def pad_tick_without_devices(robot: ModuleType, law: Any, rig: Rig) -> tuple[Tick, Callable[[], None]]:
-    """Returns one tick of lander_pad on true values: another flight, a little shorter of work."""
+    """Return one tick of lander_pad on true values: another flight, a little shorter of work."""
     plant: Any = rig.plant
 
     def tick(time_s: float) -> None:
@@ -62,7 +62,7 @@ def pad_tick_without_devices(robot: ModuleType, law: Any, rig: Rig) -> tuple[Tic
 
 
 def vertical_tick(robot: ModuleType, law: Any, rig: Rig) -> tuple[Tick, Callable[[], None]]:
-    """Returns one tick of lander_vertical through the same devices, and what ends the flight."""
+    """Return one tick of lander_vertical through the same devices, and a function that ends the flight."""
     radar, engine = opened(robot, rig, "radar", "engine")
 
     def tick(time_s: float) -> None:
@@ -72,11 +72,11 @@ def vertical_tick(robot: ModuleType, law: Any, rig: Rig) -> tuple[Tick, Callable
 
 
 class Flight:
-    """One scenario with its own controller, flown with and without a node.
+    """One scenario with its own controller, run with and without a node.
 
     Args:
         scenario: its name.
-        seed: of the start and of all chance.
+        seed: of the start and of all random numbers.
         law: name of the law's class in the controller's file.
     """
 
@@ -86,7 +86,7 @@ class Flight:
         file = self.simulation.scenario
         found = library.find("robots", file.ROBOT)
         self.robot = library.load_robot(found)
-        # The scenario and its controller once more, beside the robot just loaded: one set of classes for all.
+        # The scenario and its controller again, next to the robot just loaded: all share one set of classes.
         file = library.load_scenario(library.find("scenarios", scenario))
         controller = library.load_controller(found, file.CONTROLLER)
         self.simulation = Simulation(self.simulation.request, file, self.robot, controller, [])
@@ -94,13 +94,13 @@ class Flight:
         self.parameters = file.parameters(seed)
 
     def rig(self, plant: Plant) -> Rig:
-        """Returns what the robot's table of devices needs to open one on this plant."""
+        """Return what the robot's table of devices needs to open one on this plant."""
         name = self.simulation.scenario_name
         robot = Robot(self.simulation.scenario.ROBOT, "lander", name, "", self.parameters, {})
         return Rig(robot, "sim", self.seed, plant)
 
     def bare(self, tick_of: Callable[..., tuple[Tick, Callable[[], None]]]) -> Callable[[], Any]:
-        """Returns what flies it without a node, and then returns the plant."""
+        """Return a function that runs the scenario without a node and returns the plant."""
         plant: Any = self.simulation.plant()
         tick, end = tick_of(self.robot, self.law(self.parameters), self.rig(plant))
         rate_hz, step_s = self.parameters.engine_hz, plant.step_s
@@ -124,10 +124,10 @@ class Flight:
         return fly
 
     def in_node(self, folder: Path | None = None, finish: Callable[[Path], None] | None = None) -> Callable[[], Any]:
-        """Returns what flies it with a node, and then returns the plant.
+        """Return a function that runs the scenario with a node and returns the plant.
 
         Args:
-            folder: the trace goes into a new file in it; None is no trace.
+            folder: for the trace, a new file; None runs without a trace.
             finish: called with the trace's path at the end of the flight, within its time.
         """
         plant = self.simulation.plant()
@@ -150,13 +150,13 @@ class Flight:
 
 
 def check_same(flight: Flight, tick_of: Callable[..., Any], folder: Path) -> None:
-    """Stops the benchmark if bare flight, node and recorded node do not end in the same state, bit by bit."""
+    """Stop the benchmark if bare flight, node and recorded node do not end in the same state, bit by bit."""
     ends = [fly().snapshot() for fly in (flight.bare(tick_of), flight.in_node(), flight.in_node(folder))]
     assert ends[0] == ends[1] == ends[2], f"the flights differ: {ends}"
 
 
 def write_view_of(path: Path) -> None:
-    """Writes view.rrd as `snr view` does."""
+    """Write view.rrd as `snr view` does."""
     from snr_sim.view.view import write_view
 
     trace = read_trace(path)
@@ -166,7 +166,7 @@ def write_view_of(path: Path) -> None:
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
-    """Yields the rows."""
+    """Yield the rows."""
     rounds = 3 if is_quick else 15
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -175,7 +175,7 @@ def measure(is_quick: bool) -> Iterator[Row]:
 
 
 def measure_pad(folder: Path, rounds: int) -> Iterator[Row]:
-    """Yields the rows of lander_pad: CPU time per simulated second, beside the bare flight's."""
+    """Yield the rows of lander_pad: CPU time per simulated second, compared with the bare flight's."""
     flight = Flight("lander_pad", SEED, "PadLaw")
     check_same(flight, pad_tick, folder)
     sim_s = flight.bare(pad_tick)().time_s
@@ -220,7 +220,7 @@ def measure_pad(folder: Path, rounds: int) -> Iterator[Row]:
 
 
 def measure_vertical(folder: Path, rounds: int) -> Iterator[Row]:
-    """Yields the rows of lander_vertical: simulated time per CPU time."""
+    """Yield the rows of lander_vertical: simulated time per CPU time."""
     flight = Flight("lander_vertical", PACE_SEED, "OptimalLaw")
     check_same(flight, vertical_tick, folder)
     sim_s = flight.bare(vertical_tick)().time_s

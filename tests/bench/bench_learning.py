@@ -1,4 +1,4 @@
-"""Learning: the compatible environment beside Box2D's, steps of the scenarios' environments, and a training.
+"""Learning: the compatible environment against Box2D's, steps of the scenarios' environments, and a training.
 
 Run by `snr bench learning`.
 Box2D comes with the extra `bench`.
@@ -32,7 +32,7 @@ LANDERS = 1024  # of a vector environment
 
 
 def steps_of(name: str, count: int, **kwargs: Any) -> Callable[[], Callable[[], None]]:
-    """Returns a trial: so many steps with actions drawn beforehand, resets between episodes included."""
+    """Return a trial: so many steps with actions drawn beforehand, resets between episodes included."""
     env: Any = gymnasium.make(name, **kwargs).unwrapped
     env.action_space.seed(1)
     actions = [env.action_space.sample() for _ in range(count)]
@@ -54,7 +54,7 @@ def steps_of(name: str, count: int, **kwargs: Any) -> Callable[[], Callable[[], 
 
 
 def vector_steps_of(name: str, count: int, policy: Callable[[Any], Any] | None) -> tuple[Callable[[], Any], int]:
-    """Returns a trial of a vector environment, and how many steps of one lander it makes: all that fly, autoresets too.
+    """Return a trial of a vector environment, and how many steps of one lander it makes: all that fly, autoresets too.
 
     Args:
         name: of the environment.
@@ -78,7 +78,7 @@ def vector_steps_of(name: str, count: int, policy: Callable[[Any], Any] | None) 
 
 
 def vectors(is_quick: bool) -> Iterator[Row]:
-    """Measures the vector environments beside the single ones, a row at a time."""
+    """Measure the vector environments against the single ones, a row at a time."""
     for name, count, least_mps, policy, what in (
         ("LanderVertical", 700, 2.0, None, "random actions"),
         ("LanderVertical", 700, None, straight_down, "a policy that lands"),
@@ -104,7 +104,7 @@ def vectors(is_quick: bool) -> Iterator[Row]:
 
 
 def tenth_of_a_second(landers: int) -> tuple[Trial, Trial, Trial]:
-    """Returns three trials: so many landers moved on by a step of `LanderPad`.
+    """Return three trials: so many landers moved on by a step of `LanderPad`.
 
     One by one in the plant under MuJoCo, by MuJoCo's batch rollout, and as the trainer moves them.
     """
@@ -142,13 +142,13 @@ def tenth_of_a_second(landers: int) -> tuple[Trial, Trial, Trial]:
 
 
 def landings(name: str, landed: int, least: int) -> Row:
-    """Returns the row that says how many unseen starts land after a training."""
+    """Return the row that says how many unseen starts land after a training."""
     unit = f"of {len(UNSEEN)}"
     return Row(f"{name}: unseen starts that land", landed, unit, limit=float(least), more_is_better=True)
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
-    """Measures, a row at a time."""
+    """Measure, a row at a time."""
     count, rounds = (1000, 3) if is_quick else (5000, 9)
     for continuous in (False, True):
         name = f"LunarLanderBox, {'continuous' if continuous else 'discrete'}: step"

@@ -1,7 +1,7 @@
-"""Links: how long a page takes to the node of another process and back, and how many go one way.
+"""Links: round-trip time of a page to a node in another process, and one-way throughput.
 
-Beside it, in the same run and in turns, the same bytes through bare TCP, ZeroMQ and Zenoh. Wall time, on loopback. And
-what a shared secret costs: the MAC of a page at each end, and a round trip with it beside one without.
+Compared in the same run and in turns with the same bytes through bare TCP, ZeroMQ and Zenoh. Wall time, on loopback.
+Also the cost of a shared secret: the MAC of a page at each end, and round trips with and without it.
 Run by `snr bench links`.
 """
 
@@ -167,12 +167,12 @@ class CounterFactory(EndpointFactory):
 
 
 def run(*factories: EndpointFactory | LoopFactory) -> None:
-    """Runs a node of these until it ends."""
+    """Run a node of these until it ends."""
     Node("near", Config(Mode.TEST, {"near": list(factories)})).loop()
 
 
 def link_round_trips_s(count: int, has_secret: bool = False) -> list[float]:
-    """Returns round trips from page to page [s]: stored here, handled there, stored there, handled here."""
+    """Return round trips from page to page [s]: stored here, handled there, stored there, handled here."""
     port, pinger = peers.free_port(), PingerFactory(count)
     with far_end("echo", port, int(has_secret)):
         run(pair(port, has_secret).server("ping"), pinger)
@@ -180,12 +180,12 @@ def link_round_trips_s(count: int, has_secret: bool = False) -> list[float]:
 
 
 def pair(port: int, has_secret: bool) -> SocketsPair:
-    """Returns both ends of the link of the round trips."""
+    """Return both ends of the link of the round trips."""
     return SocketsPair((peers.HOST, port), name="bench", secret=SECRET if has_secret else None)
 
 
 def sockets_flood(count: int) -> CounterFactory:
-    """Returns what arrives of so many pages through TCP."""
+    """Return what arrives of so many pages through TCP."""
     port, counter = peers.free_port(), CounterFactory()
     with far_end("flood", port, count):
         run(SocketsPair((peers.HOST, port), name="bench").server(), counter)
@@ -193,7 +193,7 @@ def sockets_flood(count: int) -> CounterFactory:
 
 
 def pipe_flood(count: int) -> CounterFactory:
-    """Returns what arrives of so many pages through a pipe."""
+    """Return what arrives of so many pages through a pipe."""
     near, far = Pipe()
     counter = CounterFactory()
     with far_end("pipe_flood", far.fileno(), count, descriptors=[far.fileno()]):
@@ -203,7 +203,7 @@ def pipe_flood(count: int) -> CounterFactory:
 
 
 def far_end(kind: str, *numbers: int, descriptors: Sequence[int] = ()) -> peers.FarEnd:
-    """Runs a far end in a process of its own meanwhile."""
+    """Run a far end in a process of its own meanwhile."""
     return peers.FarEnd([sys.executable, __file__, "--far", kind, *map(str, numbers)], descriptors)
 
 
@@ -224,13 +224,13 @@ def be_far_end(kind: str, *numbers: int) -> None:
 
 
 def percentiles_us(times_s: Sequence[float]) -> tuple[float, float]:
-    """Returns the 50th and the 99th percentile [us]."""
+    """Return the 50th and the 99th percentile [us]."""
     parts = quantiles(times_s[WARM_UP:], n=100)
     return 1e6 * parts[49], 1e6 * parts[98]
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
-    """Yields the rows."""
+    """Yield the rows."""
     yield from measure_round_trips(rounds=1 if is_quick else 5, count=1_000 if is_quick else 4_000)
     yield from measure_macs(rounds=3 if is_quick else 15, count=1_000 if is_quick else 4_000)
     count = 20_000 if is_quick else 1_000_000
@@ -245,7 +245,7 @@ def measure(is_quick: bool) -> Iterator[Row]:
 
 
 def measure_round_trips(rounds: int, count: int) -> Iterator[Row]:
-    """Yields the round trips; all means take turns, and of the rounds the median counts."""
+    """Yield the round trips; all means take turns, and of the rounds the median counts."""
     payload = PAGE.serialize()
     found: dict[str, list[tuple[float, float]]] = {}
     for _ in range(rounds):
@@ -271,7 +271,7 @@ def measure_round_trips(rounds: int, count: int) -> Iterator[Row]:
 
 
 def measure_macs(rounds: int, count: int) -> Iterator[Row]:
-    """Yields what a secret costs. The least of the rounds counts: other programs only ever add to it."""
+    """Yield what a secret costs. The least of the rounds counts: other programs only ever add to it."""
     frame = encode_frame(PAGE.serialize())
     sealing, opening = FrameMac(bytes(32)), FrameMac(bytes(32))
     shortest_s = [float("inf")] * 2

@@ -1,4 +1,4 @@
-"""Loops: what waiting costs, and how well threads keep their rates. The one file that takes real time.
+"""Loops: CPU cost of waiting, and the accuracy of rates on threads. The only benchmark in real time.
 
 Run by `snr bench loops`.
 """
@@ -42,7 +42,7 @@ class StamperFactory(LoopFactory):
 
 
 def run_for(factories: Sequence[LoopFactory], wall_s: float) -> float:
-    """Runs a node on the wall clock for a while; returns the CPU time the process took meanwhile [s]."""
+    """Run a node on the wall clock for a while; return the CPU time the process took meanwhile [s]."""
     node = Node("bench", Config(Mode.TEST, {"bench": list(factories)}))
     thread = threading.Thread(target=node.loop)
     thread.start()
@@ -56,7 +56,7 @@ def run_for(factories: Sequence[LoopFactory], wall_s: float) -> float:
 
 
 def bare_stamps(rate_hz: float, wall_s: float) -> list[float]:
-    """Notes the time on deadlines that `time.sleep` keeps, without a node: what this machine can do now."""
+    """Note the time on deadlines that `time.sleep` keeps, without a node: what this machine can do now."""
     stamps = [time.perf_counter()]
     start_s = stamps[0]
     while stamps[-1] - start_s < wall_s:
@@ -66,24 +66,24 @@ def bare_stamps(rate_hz: float, wall_s: float) -> list[float]:
 
 
 def rate_error_percent(stamps_s: Sequence[float], rate_hz: float) -> float:
-    """Returns how far the mean rate is from the wanted one."""
+    """Return the deviation of the mean rate from the requested one."""
     mean_hz = (len(stamps_s) - 1) / (stamps_s[-1] - stamps_s[0])
     return abs(mean_hz / rate_hz - 1.0) * 100.0
 
 
 def jitter_ms(stamps_s: Sequence[float], rate_hz: float) -> float:
-    """Returns the 99th percentile of how far a period is from the wanted one."""
+    """Return the 99th percentile of the deviation of a period from the requested one."""
     errors = [abs(b - a - 1.0 / rate_hz) for a, b in pairwise(stamps_s)]
     return 1e3 * quantiles(errors, n=100)[-1]
 
 
 def alone(measured: Callable[[Sequence[float], float], float], rate_hz: float, wall_s: float) -> float:
-    """Returns what a bare sleeping loop reaches at the rate."""
+    """Return what a bare sleeping loop reaches at the rate."""
     return measured(bare_stamps(rate_hz, wall_s), rate_hz)
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
-    """Yields the rows."""
+    """Yield the rows."""
     wall_s = 1.0 if is_quick else 10.0
     share = 100.0 * run_for([], wall_s) / wall_s
     yield Row("idle node", share, "% CPU", limit=1.0, note="an empty node that waits at its door")

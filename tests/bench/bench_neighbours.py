@@ -1,14 +1,14 @@
-"""Neighbours: whether a program that attacks makes the grading of another one slower, which goes on beside it.
+"""Neighbours: whether an attacking program slows down the grading of another submission at the same time.
 
-Here an honest controller's flights are graded, one after the other. Beside it, in another process on another core, as
-`snr grade` has its workers, each program of tests/grading/attacks is graded, and in short turns with it an honest
-program of the same lab. What counts is the wall time of a flight's grading beside the attack, in that beside the honest
-one just before or after; and of all such pairs of turns the median, for a computer's speed swings by a fifth within
-minutes. An attack that seems to be a bad neighbour gets more turns, and all of its pairs count. With the wall open that
-`takes_another_core` runs into, a flight takes twice as long. It wants a computer of at least two cores that does
-nothing else.
+An honest controller's flights are graded, one after the other. Concurrently, in another process on another core, as
+the workers of `snr grade` run, each program of tests/grading/attacks is graded, in short turns with an honest program
+of the same lab. The result is the ratio of the wall times of a flight's grading: during the attack, to that during the
+honest program just before or after. The median of all such pairs of turns counts, since a computer's speed varies by a
+fifth within minutes. An attack with a high ratio gets more turns, and all of its pairs count. Without the limit that
+stops `takes_another_core`, a flight takes twice as long. The computer needs at least two cores and must be otherwise
+idle.
 
-Run by `snr bench neighbours`. The whole measure takes a quarter of an hour; how far it is goes to stderr.
+Run by `snr bench neighbours`. The whole measurement takes a quarter of an hour; progress goes to stderr.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ MOST = 1.1
 
 
 def measure(is_quick: bool) -> Iterator[Outcome]:
-    """Yields a row for the attack that is the worst neighbour, and one for all of them."""
+    """Yield a row for the attack that is the worst neighbour, and one for all of them."""
     if len(os.sched_getaffinity(0)) < 2:
         yield Skipped("neighbours", "each of the two programs needs a core of its own, and there is one")
         return
@@ -100,7 +100,7 @@ def measure(is_quick: bool) -> Iterator[Outcome]:
 
 
 def handed_in(folder: Path, lab: Path, program: str = "") -> Path:
-    """Returns a submission to a small lab, an honest one unless a program is given."""
+    """Return a submission to a small lab, an honest one unless a program is given."""
     folder.mkdir()
     if lab == DOUBLE:
         (folder / "double.py").write_text(program or DOUBLES)
@@ -114,7 +114,7 @@ def handed_in(folder: Path, lab: Path, program: str = "") -> Path:
 
 @contextmanager
 def graded_beside(place: Path, core: int) -> Iterator[Callable[[str], None]]:
-    """Yields what has a submission graded in another process, again and again, and returns when that has begun."""
+    """Yield what has a submission graded in another process, again and again, and return when that has begun."""
     words = [sys.executable, __file__, "--beside", str(core)]
     with tempfile.TemporaryDirectory(dir=place) as scratch:
         os.chmod(scratch, 0o755)
@@ -137,7 +137,7 @@ def graded_beside(place: Path, core: int) -> Iterator[Callable[[str], None]]:
 
 
 def grade_what_is_asked(core: int) -> None:
-    """Grades the submission that was asked for last, again and again, until nobody is there any more."""
+    """Grade the submission that was requested last, again and again, until the parent process is gone."""
     os.sched_setaffinity(0, {core})
     asked: list[str] = []
     is_asked = threading.Event()

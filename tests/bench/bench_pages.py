@@ -98,7 +98,7 @@ def bare_rounds(count: int) -> Trial:
 
 
 def store_task(count: int) -> Task:
-    """Returns the task that stores the count."""
+    """Return the task that stores the count."""
     return Task(TaskType.store_page, "count", [Page("count", count, "bench_node", 0.0)])
 
 
@@ -125,7 +125,7 @@ def bare_json(count: int) -> Trial:
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
-    """Yields the rows."""
+    """Yield the rows."""
     count, rounds = (10_000, 3) if is_quick else (50_000, 15)
     found = compare(bare_rounds(count), node_rounds(count), rounds=rounds)
     yield Row(

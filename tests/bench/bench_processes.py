@@ -1,4 +1,4 @@
-"""Loops in processes: how much more two cores get done, and what it costs to start, to talk and to end.
+"""Loops in processes: speed-up on two cores, and the cost of start, communication and end.
 
 Run by `snr bench processes`.
 """
@@ -71,7 +71,7 @@ class CameraFactory(LoopFactory):
 
 
 class Run:
-    """A node that runs while it is entered; every loop of it has ticked when it is."""
+    """Run a node during the block; all its loops have ticked before the block begins."""
 
     def __init__(self, factories: Sequence[LoopFactory], first_keys: Sequence[str]) -> None:
         self.node = Node("bench", Config(Mode.TEST, {"bench": list(factories)}))
@@ -91,21 +91,21 @@ class Run:
         self._thread.join()
 
     def pages_per_s(self, wall_s: float) -> float:
-        """Returns how many pages the loops store."""
+        """Return how many pages the loops store."""
         before, start_s = self.node.datastore.stored, time.perf_counter()
         time.sleep(wall_s)
         return (self.node.datastore.stored - before) / (time.perf_counter() - start_s)
 
 
 def work_done(backing: BackingName, wall_s: float, count: int = 2) -> float:
-    """Returns how many ticks per second of pure work the loops do together."""
+    """Return how many ticks per second of pure work the loops do together."""
     factories = [WorkerFactory(i, backing, 0.0) for i in range(count)]
     with Run(factories, [factory.name for factory in factories]) as run:
         return run.pages_per_s(wall_s)
 
 
 def end_s(count: int, backing: BackingName) -> float:
-    """Returns how long a node takes to end with so many loops at 10 Hz."""
+    """Return how long a node takes to end with so many loops at 10 Hz."""
     factories = [WorkerFactory(i, backing, 10.0) for i in range(count)]
     with Run(factories, [factory.name for factory in factories]):
         start_s = time.perf_counter()
@@ -113,7 +113,7 @@ def end_s(count: int, backing: BackingName) -> float:
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
-    """Yields the rows."""
+    """Yield the rows."""
     wall_s, rounds = (0.5, 2) if is_quick else (3.0, 5)
     threads, processes = [], []
     for _ in range(rounds):

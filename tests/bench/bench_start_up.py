@@ -1,4 +1,4 @@
-"""Start-up: how long until the kit is there, and how large what a Raspberry Pi gets is.
+"""Start-up: import time of snr_sim, and the size of an installation on a Raspberry Pi.
 
 Wall time of whole processes, bare Python in between. With --install, the base install goes into a fresh environment,
 which takes a minute and needs the package index.
@@ -29,9 +29,9 @@ HELP = [sys.executable, "-m", "snr_sim", "--help"]
 
 
 def wall_time_s(command: list[str], bytecode: Path) -> float:
-    """Returns what one process takes from start to end, with its bytecode kept in a folder.
+    """Return the time of one process from start to end, with its bytecode kept in a folder.
 
-    Python keeps bytecode beside the source unless the environment forbids it; an installation by pip brings it along.
+    Python stores bytecode next to the source unless the environment forbids it; an installation by pip includes it.
     """
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     environment["PYTHONPYCACHEPREFIX"] = str(bytecode)
@@ -41,7 +41,7 @@ def wall_time_s(command: list[str], bytecode: Path) -> float:
 
 
 def base_install_mb() -> float:
-    """Returns the size of all packages of a base install, without bytecode [10^6 bytes]."""
+    """Return the size of all packages of a base install, without bytecode [10^6 bytes]."""
     with tempfile.TemporaryDirectory() as name:
         subprocess.run([sys.executable, "-m", "venv", name], check=True)
         pip = [str(Path(name) / "bin" / "python"), "-m", "pip", "install", "--quiet", "--no-compile", str(PROJECT)]
@@ -50,7 +50,7 @@ def base_install_mb() -> float:
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
-    """Yields the rows."""
+    """Yield the rows."""
     rounds = 3 if is_quick else 15
     commands = (NOTHING, IMPORT, HELP)
     with tempfile.TemporaryDirectory() as name:

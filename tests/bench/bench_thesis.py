@@ -1,8 +1,8 @@
 """The thesis' own benchmark: how many handlers are called while a node grows by one endpoint after the other.
 
 Listing 5.2 prints 547 endpoints and 149 878 handler calls in 2 s on a Raspberry Pi 4. That is 547 x 548 / 2:
-each round calls every endpoint once, and then adds one. So it asks two things at once, which stand in rows of their own
-as well: what a call costs among many, and what it costs to add a component to many.
+each round calls every endpoint once, and then adds one. It therefore measures two costs at once, which have separate
+rows as well: the cost of a call among many components, and the cost of adding a component to many.
 Run by `snr bench thesis`.
 """
 
@@ -112,7 +112,7 @@ def _begun_node(factories: list[EndpointFactory]) -> Node:
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
-    """Yields the rows."""
+    """Yield the rows."""
     rounds = 3 if is_quick else 11
     for endpoints in (THESIS_ENDPOINTS, 1000):
         calls = endpoints * (endpoints + 1) // 2

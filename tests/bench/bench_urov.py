@@ -1,4 +1,4 @@
-"""UROV: what the water costs beside MuJoCo's own step of the same world; and a minute of a dive, with both nodes.
+"""UROV: cost of hydrodynamics compared with MuJoCo's own step of the same world; and a minute of a dive, both nodes.
 
 Run by `snr bench urov`.
 """
@@ -36,7 +36,7 @@ MINUTE_LIMIT_S = 2.0
 
 
 def bare() -> Callable[[], Any]:
-    """Returns what steps the same world in MuJoCo alone: the body floats, and nothing is done to it."""
+    """Return what steps the same world in MuJoCo alone: the body floats, and nothing is done to it."""
     world = MujocoWorld(POOL.mjcf(VEHICLE), STEP_S, (BODY,))
     world.model.opt.gravity[:] = 0.0
     world.data.qpos[2] = -30.0
@@ -50,7 +50,7 @@ def bare() -> Callable[[], Any]:
 
 
 def with_wrench(dive: Dive, up_n: float = -1.4) -> Callable[[], Any]:
-    """Returns what steps the vehicle under a constant wrench."""
+    """Return what steps the vehicle under a constant wrench."""
     plant = Urov(VEHICLE, POOL, lambda seed: dive)
     plant.write("wrench", WrenchCommand([3.0, 1.0, up_n], [0.02, 0.01, 0.1]))
 
@@ -62,7 +62,7 @@ def with_wrench(dive: Dive, up_n: float = -1.4) -> Callable[[], Any]:
 
 
 def with_thrusters(dive: Dive, reads: tuple[str, ...] = ()) -> Callable[[], Any]:
-    """Returns what steps the vehicle under pulses that change at 50 Hz, and reads sensors at 100 Hz."""
+    """Return what steps the vehicle under pulses that change at 50 Hz, and read sensors at 100 Hz."""
     plant = Urov(VEHICLE, POOL, lambda seed: dive, Propulsion(8))
     plant.write("pwm", PwmCommand())
     for _ in range(round(2.0 / STEP_S)):  # the speed controllers arm
@@ -92,7 +92,7 @@ def with_thrusters(dive: Dive, reads: tuple[str, ...] = ()) -> Callable[[], Any]
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
-    """Yields the rows: CPU time of one step, beside MuJoCo's own."""
+    """Yield the rows: CPU time of one step, compared with MuJoCo's own."""
     rounds = 3 if is_quick else 15
     dive = Dive((0.0, 0.0, -30.0))
     busy = Dive((0.0, 0.0, -30.0), currents=(Current(0.0, (0.1, 0.05, 0.0)),), tether=Tether((0.0, 0.0, 0.0)))
@@ -120,7 +120,7 @@ def measure(is_quick: bool) -> Iterator[Row]:
 
 
 def dives(rounds: int) -> Iterator[Row]:
-    """Yields what a minute of a dive takes: both nodes, link, sensors, holds and plant in lock step, and the trace."""
+    """Yield the time of a minute of a dive: both nodes, link, sensors, holds and plant in lock step, and the trace."""
     simulation = prepare(Request(DIVE, SEED))
     folder = Path(tempfile.mkdtemp())
 

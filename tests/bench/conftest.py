@@ -1,3 +1,3 @@
-"""Benchmarks are no tests: `snr bench` runs them, pytest leaves them alone."""
+"""Excludes the benchmarks from pytest: `snr bench` runs them."""
 
 collect_ignore_glob = ["*.py"]

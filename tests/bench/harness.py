@@ -1,8 +1,8 @@
-"""What benchmarks share: a row of the table, and fair ways to measure on a machine whose speed drifts.
+"""Common parts of benchmarks: a row of the table, and fair measurements on a machine whose speed drifts.
 
-A laptop's clock changes by a factor of two within minutes, so a time alone says little. Subject and baseline take turns
-within one process, A B A B, and what counts is the median of the ratios of neighbours; beside it stands the shortest
-time of each. Times are CPU time of all threads of the process, unless a row says otherwise.
+A laptop's clock changes by a factor of two within minutes, so an absolute time means little. Subject and baseline take
+turns within one process, A B A B, and the result is the median of the ratios of neighbours, printed with the shortest
+time of each. Times are CPU time of all threads of the process, unless a row states otherwise.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from snr_sim.grading.sandbox.sandbox import IsolationMissing
 from snr_sim.prelude.errors import MissingExtra
 
 _OURS = ("snr_sim", "harness", "peers")
-# Makes something ready, untimed, and returns what is timed: each turn starts from the same state.
+# Prepares a trial, untimed, and returns the function to time: each turn starts from the same state.
 Trial: TypeAlias = Callable[[], Callable[[], Any]]
 
 
@@ -32,15 +32,15 @@ class Row:
 
     Args:
         name: what was measured.
-        value: how much of it.
+        value: the measured value.
         unit: of value, limit and baseline.
         limit: the target for the value; None if only the ratio has one.
-        more_is_better: the limit is a least, not a most.
-        baseline: what the bare version took in the same run.
-        compared_to: what the bare version is.
+        more_is_better: whether the limit is a minimum instead of a maximum.
+        baseline: value of the bare version in the same run.
+        compared_to: description of the bare version.
         ratio: median of value over baseline.
-        ratio_limit: the target for the ratio, always a most.
-        note: what else a reader must know.
+        ratio_limit: the target for the ratio, always a maximum.
+        note: further information for readers.
     """
 
     name: str
@@ -67,7 +67,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What turns of several trials took.
+    """Times of the turns of several trials.
 
     Args:
         shortest_s: per trial.
@@ -79,7 +79,7 @@ class Comparison:
 
 
 def cpu_time_of(trial: Trial) -> float:
-    """Returns the CPU time of one turn [s], after the garbage of what came before is gone."""
+    """Return the CPU time of one turn [s], after the garbage of what came before is gone."""
     run = trial()
     gc.collect()
     start_s = time.process_time()
@@ -88,10 +88,10 @@ def cpu_time_of(trial: Trial) -> float:
 
 
 def compare(baseline: Trial, *subjects: Trial, rounds: int) -> Comparison:
-    """Has baseline and subjects take turns; the first round warms everything up and does not count.
+    """Run baseline and subjects in turns; the first round is a warm-up and does not count.
 
-    A subject's time is divided by the mean of the baseline's turns before and after it, so that a machine that gets
-    steadily slower is not mistaken for a slow subject.
+    A subject's time is divided by the mean of the baseline's turns before and after it, so that a machine that becomes
+    steadily slower does not make the subject look slow.
     """
     trials = (baseline, *subjects)
     for trial in trials:
@@ -111,7 +111,7 @@ class Skipped:
 
     Args:
         name: of the part.
-        skipped: why.
+        skipped: the reason.
     """
 
     name: str
@@ -125,7 +125,7 @@ _MISSING = (MissingExtra, ToolsMissing, IsolationMissing, ModuleNotFoundError)
 
 
 def what_can_run(name: str, measure: Callable[[], Iterable[Outcome]]) -> Iterator[Outcome]:
-    """Yields what a part of a benchmark measures; where a package or a tool is missing, that it was skipped."""
+    """Yield what a part of a benchmark measures; where a package or a tool is missing, that it was skipped."""
     try:
         yield from measure()
     except _MISSING as missing:
@@ -135,7 +135,7 @@ def what_can_run(name: str, measure: Callable[[], Iterable[Outcome]]) -> Iterato
 
 
 def main() -> None:
-    """Runs the benchmark that the first word names, printing each result as one line of JSON as soon as it is known."""
+    """Run the benchmark that the first word names, printing each result as one line of JSON as soon as it is known."""
     name, is_quick = sys.argv[1], "--quick" in sys.argv
 
     def measure() -> Iterator[Outcome]:

@@ -8,12 +8,12 @@ import numpy as np
 
 
 def straight_down(seen: Any) -> Any:
-    """Returns actions of `LanderVertical`: full throttle while it falls faster than suits the height."""
+    """Return actions of `LanderVertical`: full throttle while it falls faster than suits the height."""
     return np.where(seen[:, 1] < -np.sqrt(1.0 + 3.24 * np.maximum(0.0, seen[:, 0])), 3, 0)
 
 
 def to_the_ground(seen: Any) -> Any:
-    """Returns actions of `LanderPad`: nearly all land, beside the pad, too; once one touches, all is off."""
+    """Return actions of `LanderPad`: nearly all land, some off the pad; after a touchdown the engine is off."""
     x, height, vx, vz, tilt, rate, left, right, _ = seen.T
     goal_mps = -np.sqrt(1.0 + np.maximum(0.0, height - 2.0))
     goal_mps = np.where(height < 30.0, np.maximum(goal_mps, -0.5 - 0.1 * height), goal_mps)

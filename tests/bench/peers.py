@@ -1,4 +1,4 @@
-"""The same bytes there and back by other means, between two processes on loopback: what links are compared with.
+"""Round trips of the same bytes over other transports, between two processes on loopback, to compare links with.
 
 Each function runs the near end and starts the far end as a process of this file.
 """
@@ -18,14 +18,14 @@ LIMIT_S = 60.0  # a far end that has nothing to do for so long ends by itself
 
 
 def free_port() -> int:
-    """Returns a TCP port nobody listens on now."""
+    """Return a TCP port that is free now."""
     with socket.socket() as sock:
         sock.bind((HOST, 0))
         return int(sock.getsockname()[1])
 
 
 def tcp_round_trips_s(payload: bytes, count: int) -> list[float]:
-    """Returns round trips through bare TCP: length, bytes, TCP_NODELAY, and nothing else."""
+    """Return round trips through bare TCP: length, bytes, TCP_NODELAY, and nothing else."""
     with socket.create_server((HOST, 0)) as server, _far_end("tcp", server.getsockname()[1]):
         server.settimeout(LIMIT_S)
         sock, _ = server.accept()
@@ -54,7 +54,7 @@ def _tcp_far_end(port: int) -> None:
 
 
 def zeromq_round_trips_s(payload: bytes, count: int) -> list[float]:
-    """Returns round trips through a pair of ZeroMQ's PAIR sockets over TCP."""
+    """Return round trips through a pair of ZeroMQ's PAIR sockets over TCP."""
     import zmq
 
     with zmq.Context() as context, context.socket(zmq.PAIR) as sock:
@@ -77,7 +77,7 @@ def _zeromq_far_end(port: int) -> None:
 
 
 def zenoh_round_trips_s(payload: bytes, count: int) -> list[float]:
-    """Returns round trips through Zenoh peers over TCP: express, read from a queue, the quicker of its ways here."""
+    """Return round trips through Zenoh peers over TCP: express, read from a queue, the quicker of its ways here."""
     import zenoh
 
     port = free_port()
@@ -86,7 +86,7 @@ def zenoh_round_trips_s(payload: bytes, count: int) -> list[float]:
         publisher = session.declare_publisher("ping", express=True)
         with _far_end("zenoh", port):
             give_up_s = time.monotonic() + LIMIT_S
-            while not publisher.matching_status.matching:  # it tells no other way when the far end is there
+            while not publisher.matching_status.matching:  # polled: there is no notification of a connected peer
                 assert time.monotonic() < give_up_s, "the far end has not come"
                 time.sleep(0.01)
             answer = timed(lambda: (publisher.put(payload), subscriber.recv()), count)
@@ -116,7 +116,7 @@ def _zenoh_config(verb: str, port: int) -> object:
 
 
 def timed(round_trip: Callable[[], object], count: int) -> list[float]:
-    """Returns how long each of so many round trips took [s]."""
+    """Return how long each of so many round trips took [s]."""
     times_s = []
     for _ in range(count):
         start_s = time.perf_counter()
@@ -147,7 +147,7 @@ def _far_end(kind: str, port: int) -> FarEnd:
     return FarEnd([sys.executable, __file__, kind, str(port)])
 
 
-# What a page's bytes are sent through, beside the kit's links; those whose package is here.
+# Transports to compare with snr_sim's links; those whose package is installed.
 ROUND_TRIPS: dict[str, Callable[[bytes, int], list[float]]] = {
     name: function
     for name, package, function in (

@@ -1,7 +1,7 @@
-"""A soak: two nodes of two processes send each other pages over a bad link, for as long as one likes.
+"""Soak test: two nodes in two processes send each other pages over a bad link, for a given time.
 
-Neither memory nor descriptors nor threads may grow, and every page must be accounted for: it arrived, or a fault is
-known to have lost it, or the queue to have dropped it. Run: python tests/bench/soak_links.py [--minutes 30]
+Memory, descriptors and threads must not grow, and every page must be accounted for: it arrived, or was lost by a
+simulated fault, or was dropped by the queue. Run: python tests/bench/soak_links.py [--minutes 30]
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ from snr_sim import (
 from snr_sim.links.faults import Faults
 
 RATE_HZ = 500.0
-REST_S = 10.0  # the end has come when nothing has arrived for so long
+REST_S = 10.0  # the test ends when no page has arrived for this long
 LOOK_EVERY_S = 0.5
 USE_EVERY_S = 10.0
-WARM_UP_USES = 12  # two minutes, in which caches fill; what a shorter run holds is not judged
+WARM_UP_USES = 12  # two minutes, in which caches fill; shorter runs are not evaluated
 LINK = "link_soak"
 CUT_EVERY_S = 20.0
 CUT_S = 1.0  # shorter than the time after which the other end counts as gone: the connection stays, counts are exact
@@ -71,7 +71,7 @@ class SourceFactory(LoopFactory):
 
 
 class Sink(Endpoint):
-    """Notes what arrives, in as many bytes as there are pages: the notes must not look like a leak."""
+    """Records arrivals in one byte per page, preallocated, so that the records do not look like a leak."""
 
     factory: SinkFactory
 
@@ -97,7 +97,7 @@ class SinkFactory(EndpointFactory):
 
 
 def use_of_this_process() -> dict[str, int]:
-    """Returns what the process holds: memory [KiB], descriptors, threads."""
+    """Return what the process holds: memory [KiB], descriptors, threads."""
     status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines() if ":" in line)
     return {
         "memory_kib": int(status["VmRSS"].split()[0]),
@@ -107,7 +107,7 @@ def use_of_this_process() -> dict[str, int]:
 
 
 def run(role: str, port: int, most: int) -> dict[str, Any]:
-    """Runs one of the nodes; returns its counts, and what it held every ten seconds while it stored pages."""
+    """Run one of the nodes; return its counts, and what it held every ten seconds while it stored pages."""
     other = "robot" if role == "topside" else "topside"
     cuts = [CUT_EVERY_S * i for i in range(1, int(most / RATE_HZ / CUT_EVERY_S) + 1)]
     faults = replace(FAULTS, cut=tuple((cut_s, cut_s + CUT_S) for cut_s in cuts))
@@ -144,7 +144,7 @@ def run(role: str, port: int, most: int) -> dict[str, Any]:
 
 
 def judge(topside: dict[str, Any], robot: dict[str, Any]) -> list[str]:
-    """Returns what is wrong, in words."""
+    """Return what is wrong, as text."""
     wrong = []
     for sender, receiver, way in ((topside, robot, "topside to robot"), (robot, topside, "robot to topside")):
         known = receiver["arrived"] + sender["lost"] + sender["dropped"]
@@ -164,12 +164,12 @@ def judge(topside: dict[str, Any], robot: dict[str, Any]) -> list[str]:
 
 
 def option(name: str, otherwise: str = "") -> str:
-    """Returns the word after an option of the command line."""
+    """Return the word after an option of the command line."""
     return sys.argv[sys.argv.index(name) + 1] if name in sys.argv else otherwise
 
 
 def main() -> None:
-    """Starts both, and says what was found; exit status 1 if something is wrong."""
+    """Start both and print the findings; the exit status is 1 if something is wrong."""
     if "--role" in sys.argv:
         print(json.dumps(run(option("--role"), int(option("--port")), int(option("--pages")))))
         return

@@ -1,7 +1,7 @@
-"""Runs `snr` without what only POSIX has, as a process of its own: modules, functions and constants that Windows lacks.
+"""Runs `snr` in a separate process without the modules, functions and constants that Windows does not have.
 
-Python's own modules are imported first and keep what they have found, so this shows what the kit itself asks for.
-What it cannot show: how paths, files that are open, and consoles behave on Windows.
+Python's own modules are imported first and keep their references, so this tests the use by snr_sim itself.
+It cannot test how paths, open files and consoles behave on Windows.
 """
 
 import multiprocessing.connection
@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 MODULES = ("fcntl", "grp", "nis", "posix", "pty", "pwd", "readline", "resource", "spwd", "syslog", "termios", "tty")
-# What their documentation calls "Availability: Unix", of what the kit may ask for.
+# Functions with "Availability: Unix" in their documentation that snr_sim may use.
 OF_OS = """
     O_CLOEXEC O_DIRECTORY O_NOCTTY O_NOFOLLOW O_NONBLOCK O_SYNC chown fchdir fchmod fchown fork forkpty
     get_blocking set_blocking getegid geteuid getgid getgroups getpgid getpgrp getpriority getresuid getsid getuid
@@ -42,7 +42,7 @@ BLOCKED = (
 
 
 def block() -> None:
-    """Take away what Windows has not, here and in each Python that is started from here."""
+    """Remove what Windows does not have, here and in each Python process that is started from here."""
     unix, pair = socket.AF_UNIX, socket.socketpair
     kept = (multiprocessing.connection, selectors, shutil, tempfile, threading)  # imported while all is there
     assert kept

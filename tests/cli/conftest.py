@@ -1,4 +1,4 @@
-"""`snr` called in this process: what it prints and its exit status, and student files to hand to it."""
+"""Calls of `snr` in this process, with its output and exit status; and student files as its input."""
 
 import json
 import sys
@@ -36,7 +36,7 @@ class Mine(Endpoint):
 
 @dataclass
 class Answer:
-    """What a command gave back."""
+    """Result of a command."""
 
     status: int
     out: str
@@ -44,7 +44,7 @@ class Answer:
 
     @property
     def json(self) -> dict[str, Any]:
-        """The one object on stdout; anything beside it is an error."""
+        """The one object on stdout; any other output is an error."""
         fields = json.loads(self.out)
         assert isinstance(fields, dict)
         return fields
@@ -64,7 +64,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def snr(here: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Snr:
-    """Returns a function that calls `snr` with these words."""
+    """Return a function that calls `snr` with the given arguments."""
 
     def call(*words: object) -> Answer:
         capfd.readouterr()
@@ -80,7 +80,7 @@ def snr(here: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixtur
 
 @pytest.fixture
 def mine(here: Path) -> Callable[..., Path]:
-    """Returns a function that writes mine.py: the controller above, with some of its text replaced."""
+    """Return a function that writes mine.py: the controller above, with some of its text replaced."""
 
     def write(*changes: tuple[str, str], text: str = CONTROLLER, name: str = "mine.py") -> Path:
         for old, new in changes:

@@ -16,7 +16,7 @@ AT_ONCE = 4
 
 
 def held_up(pid: int) -> float:
-    """Returns how long a process has stood in line for a core so far [s]; 0 where Linux does not tell."""
+    """Return how long a process has waited for a core so far [s]; 0 where Linux does not report it."""
     try:
         return int(Path(f"/proc/{pid}/schedstat").read_text().split()[1]) * 1e-9
     except (OSError, IndexError):

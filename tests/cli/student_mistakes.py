@@ -1,8 +1,8 @@
 # ruff: noqa: E501 (a table: a line a mistake)
 """The table of students' mistakes: each is a small change of the README's controller, or a command line.
 
-Of each must be said, a point each: the student's own line; the class, handler, page or argument; what was expected;
-what was found; what to do. A sixth point is for at most six lines. `test_student_mistakes.py` scores them.
+Each message must state, for one point each: the student's own line; the class, handler, page or argument; what was
+expected; what was found; the fix. A sixth point is for at most six lines. `test_student_mistakes.py` scores them.
 """
 
 import re
@@ -24,17 +24,17 @@ HANDLERS = '{(TaskType.process_data, "radar"): self.on_radar}'
 
 @dataclass(frozen=True)
 class Mistake:
-    """One mistake, and what must be said of it.
+    """One mistake, and what its message must state.
 
     Args:
-        number: of the list in which it was first tried.
-        what: was done.
-        said: patterns of line, name, what was expected, what was found, what to do; "" is said by nobody.
-        files: changes by file; gentle.py is the README's, others are empty before.
+        number: in the list in which it was first tried.
+        what: the student did.
+        said: patterns of line, name, what was expected, what was found, the fix; "" if there is none.
+        files: changes by file; gentle.py is the README's, others are initially empty.
         words: of the command line.
-        then: of a second one; {run} is the run folder.
-        is_before: whether it is told before there is a run.
-        elsewhere: the test that tries it, as it needs a process, a port or a disk of its own.
+        then: words of a second command line; {run} is the run folder.
+        is_before: whether it is reported before there is a run.
+        elsewhere: the test that covers it, if it needs its own process, port or disk.
     """
 
     number: int
@@ -65,7 +65,7 @@ def holds(text: str) -> Change:
 
 
 def in_flight(old: str, new: str) -> dict[str, Change]:
-    """Return changes by which the controller saves another version of itself when it has flown for 20 s."""
+    """Return changes by which the controller saves another version of itself 20 s into the run."""
     edit = f"""        path = __import__("pathlib").Path(__file__)
         if self.get_time_s() > 20.0 and "saved" not in vars(self.factory):
             self.factory.saved = True

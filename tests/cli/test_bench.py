@@ -1,4 +1,4 @@
-"""`snr bench`: it runs and says what it found; how fast, no test can say."""
+"""`snr bench`: it runs and prints its results; the speed itself is not tested."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`snr check` and `snr new lab`: what a student is told of a lab, and what to do next."""
+"""`snr check` and `snr new lab`: what they print about a lab, and the next step."""
 
 from pathlib import Path
 from typing import Any

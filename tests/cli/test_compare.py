@@ -1,4 +1,4 @@
-"""`snr compare`: two real runs side by side, and what is said of runs that cannot be compared."""
+"""`snr compare`: two real runs side by side, and the messages for runs that cannot be compared."""
 
 import json
 from collections.abc import Callable

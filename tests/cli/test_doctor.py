@@ -1,4 +1,4 @@
-"""`snr doctor` and wires: nothing is missed that nobody needs, and who is at a port is asked and told."""
+"""`snr doctor` and wires: only required devices count as missing, and the device at a port is identified."""
 
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError

@@ -1,4 +1,4 @@
-"""`snr io`: what it shows of a robot's devices, and that nothing moves but what was asked for and confirmed."""
+"""`snr io`: its display of a robot's devices; only the confirmed output moves."""
 
 import json
 import os
@@ -55,7 +55,7 @@ class Outputs(PwmBackend):
 
 
 class Depth(LifeCycle):
-    """A depth sensor that is told what to say."""
+    """A depth sensor with configurable readings."""
 
     says: Any = Stale("/dev/i2c-1: nothing has come yet")
 
@@ -332,7 +332,7 @@ class Terminal:
             self.hear(0.02)
 
     def hear(self, seconds: float) -> bool:
-        """Takes what is printed; returns whether there was any. Nobody may wait for us to read."""
+        """Read what is printed, so that the program never blocks on a full pipe; return whether there was any."""
         try:
             if select.select([self.master], [], [], seconds)[0]:
                 self.said += (heard := os.read(self.master, 65536).decode(errors="replace"))

@@ -1,4 +1,4 @@
-"""Answers into a pipe that nobody reads to the end."""
+"""Output into a pipe that is closed before it is read to the end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What rich shows on a terminal is what was said, to the letter, whatever a name or a hint looks like."""
+"""Rich prints texts literally on a terminal, even if a name or a hint looks like markup."""
 
 import os
 import pty

@@ -23,7 +23,7 @@ from snr_sim.scenario.simulation import Request, prepare, request_of
 
 PATIENCE_S = 60.0
 
-# A dive of seconds: the pilot pushes ahead for ever, and it is over when it has pushed and then been still for a while.
+# A dive of a few seconds: the pilot always pushes ahead, and the run ends after a push and then a while without motion.
 DASH = '''
 """Ahead, until nobody is there any more."""
 
@@ -71,7 +71,7 @@ Start = Callable[..., subprocess.Popen[str]]
 
 @pytest.fixture
 def start(here: Path) -> Iterator[Start]:
-    """Starts a role; whatever still runs at the end is killed."""
+    """Start a role; whatever still runs at the end is killed."""
     (here / "dash.py").write_text(DASH)
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
@@ -94,7 +94,7 @@ def start(here: Path) -> Iterator[Start]:
 
 
 def wait_for_page(folder: Path, key: str, says: str, process: subprocess.Popen[str]) -> None:
-    """Waits until the newest page of a key that a role has recorded holds a text."""
+    """Wait until the newest page of a key that a role has recorded holds a text."""
     end_s = time.monotonic() + PATIENCE_S
     read, rest, newest = 0, "", ""
     while time.monotonic() < end_s:

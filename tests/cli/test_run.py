@@ -1,4 +1,4 @@
-"""`snr run`: what it says and leaves behind, for good requests and for every kind of bad one."""
+"""`snr run`: its output and files, for valid requests and for every kind of invalid one."""
 
 import json
 import os
@@ -307,7 +307,7 @@ def test_beside_a_controller_file_that_is_not_there_the_nearest_is_offered(snr: 
     assert "Try: a file in it: --controller mine.py. Or by name, " in snr(*RUN, "--controller", ".").err
 
 
-# Controllers that go wrong while they fly: the run is whole up to there
+# Controllers that fail during the run: the recording is complete up to the failure
 
 LATE = "if now_s >= 30.0: "
 FAILING = [
@@ -416,7 +416,7 @@ def test_what_hangs_loose_is_said_at_the_end_with_the_nearest_name(snr: Snr, min
     assert "Nobody handled event 'ignite'" in notes
 
 
-# Controllers that misbehave
+# Faulty controllers
 
 MISBEHAVING = [
     "print('altitude')",

@@ -31,7 +31,7 @@ main()
 
 
 def run_limited(limit: int, *words: str) -> subprocess.CompletedProcess[str]:
-    """Runs `snr` where no file may be longer than this: what a full disk looks like from a program."""
+    """Run `snr` where no file may be longer than this: what a full disk looks like from a program."""
     code = LIMITED.format(limit=limit, words=list(words))
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
 
@@ -64,7 +64,7 @@ def test_a_run_ends_in_order_at_a_signal_at_any_moment(here: Path, mine: Mine) -
         assert (fields["outcome"], fields["signal"]) == ("interrupted", report["signal"])
         assert_whole(folders[0], fields)
     took_s = sorted(report["took_s"] for report in reports)
-    assert took_s[len(took_s) // 2] < 1.0  # without what a busy computer made it stand in line for a core
+    assert took_s[len(took_s) // 2] < 1.0  # without the time that it waited for a core on a busy computer
     assert took_s[-1] < 3.0  # it would sleep for 30
 
 
@@ -117,7 +117,7 @@ class Signalled(NamedTuple):
 
 @pytest.fixture(scope="module")
 def signalled(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Signalled]:
-    """Return a function that tells how the run ended that got its signal in a phase; one process goes through all."""
+    """Return a function that returns how a run ended after a signal in a phase; one process runs all phases."""
     place = tmp_path_factory.mktemp("signalled")
     jobs = [[*case, "run", "lander_vertical"] for case in EARLY]
     jobs += [[*case, "run", "lander_vertical", "--json"] for case in FIRST_TICK]

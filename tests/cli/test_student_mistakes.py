@@ -1,4 +1,4 @@
-"""What is said of students' mistakes, in points: `student_mistakes.py` is the table."""
+"""Score of the messages about students' mistakes, in points: `student_mistakes.py` is the table."""
 
 import re
 import sys
@@ -29,7 +29,7 @@ def _show_where_a_run_begins(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def said_of(mistake: Mistake, snr: Snr, here: Path) -> str:
-    """Make a mistake as a student would, and return what is said of it."""
+    """Make a mistake as a student would, and return the messages."""
     (here / "gentle.py").write_text(GENTLE)
     for name, change in mistake.files.items():
         path = here / name

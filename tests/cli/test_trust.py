@@ -1,4 +1,4 @@
-"""What a replay executes: copies in the run folder, never a path that a trace names, nothing of others unasked."""
+"""Code that a replay executes: copies in the run folder, never paths from a trace, other users' only when confirmed."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def here(here: Path, one_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def run(snr: Snr, here: Path, one_folder: Path, mine: Mine) -> Path:
-    """A run of mine.py, which imports a neighbour at once and another one in a handler; flown once, then copied."""
+    """A run of mine.py, which imports one module at the top and another in a handler; run once, then copied."""
     (here / "gains.py").write_text("THROTTLE = 0.2\n")
     (here / "late.py").write_text("OFFSET = 0.0\n")
     path = mine(
@@ -81,7 +81,7 @@ def write_table(run: Path, lines: list[dict[str, str]]) -> None:
 
 
 def add_file(run: Path, path: str, text: str) -> None:
-    """Have the run folder hold a further file, as somebody might who made it by hand."""
+    """Add a further file to the run folder, as in a folder that was made by hand."""
     import hashlib
 
     sha256 = hashlib.sha256(text.encode()).hexdigest()

@@ -32,7 +32,7 @@ VERBS = tuple(verbs.VERBS)
 
 @pytest.fixture(scope="session")
 def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder in which the run of `flown` is kept, so that it is flown once."""
+    """A folder that caches the run of `flown`, so that it is simulated once."""
     return tmp_path_factory.mktemp("kept")
 
 

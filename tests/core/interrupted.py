@@ -1,4 +1,4 @@
-"""Forks children that run a node each, interrupts every one at a random moment, and prints how they took it.
+"""Forks children that run a node each, interrupts each at a random moment, and prints how they ended.
 
 A program of its own, so that the children are forked from a process that has no threads and nothing of pytest in it:
 `python interrupted.py COUNT SEED`. Prints one JSON object: for each child its kind, signal, what it wrote, the time
@@ -34,7 +34,7 @@ def spin(*args: Any) -> None:
 
 
 def stubborn(*args: Any) -> None:
-    """As a student writes it who wants to be on the safe side."""
+    """A handler of a student who catches every exception."""
     while True:
         with suppress(Exception):
             time.sleep(0.005)
@@ -69,7 +69,7 @@ KINDS: dict[str, list[Any]] = {
 
 
 def run_child(kind: str, out: int) -> None:
-    """Runs a node; writes h and t when its first component is halted and terminated, e when all is over."""
+    """Run a node; write h and t when its first component is halted and terminated, e when all is over."""
     motor = PartFactory(
         name="motor",
         begin=lambda part: os.write(out, b"b"),
@@ -111,7 +111,7 @@ class Child:
             self.due_s.append(self.due_s[0] + again_s)
 
     def look(self) -> bool:
-        """Sends what is due, reads what there is; returns whether the child has ended."""
+        """Send due signals and read available output; return whether the child has ended."""
         now_s = time.monotonic()
         if select.select([self.read_from], [], [], 0)[0]:
             self.wrote += os.read(self.read_from, 100)

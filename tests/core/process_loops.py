@@ -1,4 +1,4 @@
-"""Loops for tests of processes: a process finds code by its name, so it stands in a file of its own."""
+"""Loops for tests of processes, in a module of their own: a child process imports their code by name."""
 
 import os
 import signal
@@ -34,7 +34,7 @@ class StepsFactory(LoopFactory):
 
 
 class GatedFactory(StepsFactory):
-    """Its process comes to its beginning only when somebody opens the other end of a pipe."""
+    """Its process reaches `begin` only when the test opens the other end of a pipe."""
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)

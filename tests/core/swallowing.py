@@ -52,7 +52,7 @@ def swallow(depth: int = 3) -> None:
 
 
 def wait_in_c() -> None:
-    """Waits in C without the interpreter's lock, for a lock that it has itself: no signal ends that."""
+    """Wait in C without the interpreter's lock, for a lock that it has itself: no signal ends that."""
     lock = ctypes.create_string_buffer(64)
     libc = ctypes.CDLL(None)
     libc.pthread_mutex_lock(lock)
@@ -103,7 +103,7 @@ def run_child(kind: str, folder: Path) -> None:
 
 
 def main(place: Path) -> None:
-    """Runs all kinds at once: they wait."""
+    """Run all kinds at once: they wait."""
     begun_s, pids = time.monotonic(), {}
     for kind in KINDS:
         (place / kind).mkdir()

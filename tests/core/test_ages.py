@@ -1,4 +1,4 @@
-"""The age of a page by the clock of the node that has it, whoever made it; in doubt it is old."""
+"""The age of a page by the clock of the node that has it, whichever node made it; in doubt it is old."""
 
 import math
 from typing import Any
@@ -10,7 +10,7 @@ from snr_sim.testing.parts import PartFactory
 
 
 class SetClock:
-    """A wall clock that shows what a test wants."""
+    """A wall clock that a test sets."""
 
     def __init__(self, time_s: float) -> None:
         self.time_s = time_s
@@ -66,7 +66,7 @@ def test_on_the_wall_clock_a_far_nodes_time_is_read_by_what_its_link_knows_of_it
         [],
         [link_page()],
         [link_page(clock_offset_s=None)],
-        [link_page("topside_node", clock_offset_s=-92.0)],  # the far end's own word is not believed
+        [link_page("topside_node", clock_offset_s=-92.0)],  # the far end's own offset is not trusted
         [Page("link_tether", {"peers": {"other_node": {"clock_offset_s": -92.0}}}, "rov_node", 7.0)],
         [Page("link_tether", {"peers": {}}, "rov_node", 7.0), Page("link_x", "of the student's", "rov_node", 7.0)],
         *([Page("link_tether", nonsense, "rov_node", 7.0)] for nonsense in NONSENSE),
@@ -97,7 +97,7 @@ def test_of_two_nodes_with_one_name_a_page_is_older_than_it_should_be_rather_tha
 
 @pytest.mark.parametrize("clock", [SetClock(0.0), SimClock()])
 def test_no_page_is_younger_than_the_time_it_has_been_here(clock: Any) -> None:
-    """Its maker's program has been started again, so its clock shows less: the page seems to be from the future."""
+    """The program of its origin was restarted, so that clock shows less: the page seems to be from the future."""
     node = Node("rov", Config(factories={"rov": [PartFactory()]}), clock=clock)
     node.begin()
     node.store_page(COMMAND)

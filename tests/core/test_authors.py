@@ -1,4 +1,4 @@
-"""Whose line could have stored a page: found by the key, however the code names it."""
+"""Lines that could have stored a page: found by the key, however the code names it."""
 
 from functools import partial
 from typing import Any

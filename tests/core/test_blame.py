@@ -1,4 +1,4 @@
-"""Whose line it was: the student's, not the kit's and not Python's."""
+"""The reported line is the student's, not one of snr_sim or Python."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A config is checked when it is made."""
+"""A config is checked when it is created."""
 
 from typing import Any
 

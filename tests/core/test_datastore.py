@@ -29,7 +29,7 @@ def test_the_newest_page_and_the_one_before_are_kept() -> None:
 def test_there_is_no_page_before_the_first() -> None:
     store = store_of(1)
     assert store.get("x_prev") is None
-    assert store.missed == {}  # to ask for it is no mistake
+    assert store.missed == {}  # a request for it is not an error
 
 
 def test_a_page_that_is_really_called_prev_wins() -> None:

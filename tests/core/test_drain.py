@@ -1,4 +1,4 @@
-"""What a node that ends still finishes, and where it stops."""
+"""Tasks that an ending node still executes, and its limit."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Counter(Endpoint):
 
 
 class TickingClock:
-    """A wall clock on which each look takes a tenth of a second."""
+    """A wall clock that advances by a tenth of a second at each reading."""
 
     def __init__(self) -> None:
         self._ticks = count()

@@ -1,4 +1,4 @@
-"""Handlers are looked up once, found again when they change, and checked where they are set."""
+"""Handlers are looked up once, again when they change, and checked where they are set."""
 
 from collections.abc import Callable
 from typing import Any, ClassVar
@@ -74,16 +74,16 @@ def test_a_component_that_changes_its_handlers_while_running_is_seen(change: str
     else:
         assert called == ["old", "old"]
         assert node.exit_reason == ("end" if change in REMOVES else "new")
-    assert not [note for note in node.notes if "nobody sent" in note]  # what came before the change is not forgotten
+    assert not [note for note in node.notes if "nobody sent" in note]  # tasks from before the change still count
 
 
 class OfTheClass(Endpoint):
-    """Its handlers stand in the class, as a table: they are methods there, and each object has its own map."""
+    """Its handlers are a table in the class: they are methods there, and each object has its own map."""
 
     def on_x(self, task: Task, task_id: Any) -> SomeTasks:
         self.count += 1
         if self.count == 1:
-            return [Task(*Y), Task(*X)]  # nobody handles y yet, and that is remembered
+            return [Task(*Y), Task(*X)]  # y has no handler yet, and the lookup caches that
         self.task_handlers[Y] = new
         return Task(*Y)
 
@@ -261,4 +261,4 @@ def test_a_component_that_comes_is_not_looked_for_among_all_others() -> None:
 
 
 def noop(task: Task, task_id: Any) -> None:
-    """Does nothing."""
+    """Do nothing."""

@@ -45,7 +45,7 @@ def test_weakness_1_nodes_interrupted_at_random_moments_all_halt_in_order_and_so
 def test_a_signal_that_comes_just_before_a_handler_falls_asleep_ends_the_run_all_the_same(
     number: int, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """Python has noted it and the sleep goes on: as in `interrupt_main`, which notes a signal and wakes nobody."""
+    """Python has set its flag but the sleep continues: as with `interrupt_main`, which does not wake a thread."""
 
     def sleeps(task: Any, task_id: Any) -> None:
         threading.Timer(0.05, _thread.interrupt_main, [number]).start()

@@ -1,4 +1,4 @@
-"""Code that swallows every interrupt keeps neither the process alive nor a motor turning."""
+"""Code that swallows every interrupt cannot keep the process alive or a motor running."""
 
 import json
 import os
@@ -65,7 +65,7 @@ class Look(LastResort):
 
 @pytest.fixture
 def looks(monkeypatch: pytest.MonkeyPatch) -> Callable[[Node, Callable[[float], None]], float | None]:
-    """Return a function that looks at a node for 30 s after a signal, and tells when the process was ended."""
+    """Return a function that polls a node for 30 s after a signal, and returns when the process was ended."""
 
     def look(node: Node, at: Callable[[float], None]) -> float | None:
         watch = Look([node], 0)

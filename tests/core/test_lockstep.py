@@ -1,4 +1,4 @@
-"""Virtual time: deadlines to the bit, an order for what is due at one moment, and an end when nothing is left."""
+"""Virtual time: exact deadlines, a defined order of simultaneous tasks, and an end when no task is left."""
 
 import time
 from fractions import Fraction

@@ -1,4 +1,4 @@
-"""A loop's rate and backing may stand in its class, and are checked when it is made."""
+"""A loop's rate and backing may be class attributes, and are checked when the loop is created."""
 
 from __future__ import annotations
 

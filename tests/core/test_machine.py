@@ -1,4 +1,4 @@
-"""The order of things: which task comes next, who handles it, and what happens to what is left at the end."""
+"""Order of execution: which task is next, which components handle it, and what happens to queued tasks at the end."""
 
 import gc
 import threading

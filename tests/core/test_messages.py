@@ -1,4 +1,4 @@
-"""Messages between two processes: large arrays whole and in order, and an end that is seen wherever it comes."""
+"""Messages between two processes: large arrays arrive whole and in order, and an end is detected at any point."""
 
 import os
 import threading

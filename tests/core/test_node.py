@@ -1,4 +1,4 @@
-"""A node's life: made, begun, run, ended; and what it says when one of its components does not play along."""
+"""A node's life cycle: creation, begin, run, end; and its messages when a component fails."""
 
 import itertools
 from collections.abc import Callable
@@ -398,7 +398,7 @@ def test_the_nodes_rng_inside_a_handler_is_the_components_own() -> None:
     assert [drawn["b"][0], drawn["node"][1]] == expected
 
 
-# Loose ends
+# Diagnostics at the end of a run (`loose_ends`)
 
 
 def notes_of(*factories: Any) -> list[str]:

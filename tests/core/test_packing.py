@@ -1,4 +1,4 @@
-"""Factories on their way to another process: also those loaded by path, and what is said of those that cannot go."""
+"""Pickling of factories for another process: also of those loaded by path, and errors for unpicklable ones."""
 
 import importlib
 import linecache

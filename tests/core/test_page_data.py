@@ -1,4 +1,4 @@
-"""What a page holds: data, as they were when it was made; and what is said of anything else."""
+"""Content of a page: data, copied when the page is created; and the errors for anything else."""
 
 from collections import OrderedDict, defaultdict
 from dataclasses import dataclass, field

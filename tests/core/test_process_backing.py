@@ -266,7 +266,7 @@ def test_what_cannot_be_sent_to_a_process_is_named_when_the_node_begins() -> Non
 @pytest.mark.slow
 def test_a_node_that_ends_while_its_process_still_starts_does_not_wait_for_it(tmp_path: Path) -> None:
     told, gate = tmp_path / "told", tmp_path / "gate"
-    os.mkfifo(gate)  # nobody ever opens it to write: the process starts for ever
+    os.mkfifo(gate)  # never opened for writing, so the process never finishes starting
     quitter = PartFactory(begin=lambda part: part.schedule(tasks.terminate("at once")))
     node = node_of(loops.GatedFactory(loops.write_halt, str(told), str(gate), setup=loops.write_halt), quitter)
     node.loop()

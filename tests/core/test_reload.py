@@ -1,4 +1,4 @@
-"""Hot reload: new code between two tasks, with the factory's state; whatever is wrong with it, the old code goes on."""
+"""Hot reload: new code between two tasks, with the factory's state; if it fails in any way, the old code continues."""
 
 import hashlib
 import importlib
@@ -49,7 +49,7 @@ PILOT = """
 
 
 class Student:
-    """Somebody who writes files in a folder that Python imports from, and saves them while the robot runs."""
+    """A student who writes files in a folder that Python imports from, and saves them while the robot runs."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -80,7 +80,7 @@ def student(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Student
 def run(
     factories: list[Any], steps: list[Callable[[], Any]], period_s: float = 1.0, until_s: float | None = None
 ) -> tuple[Node, list[Any]]:
-    """Runs a node in virtual time; a step a second does something outside and returns what it brings in."""
+    """Run a node in virtual time; a step a second does something outside and return what it brings in."""
     clock = SimClock()
     node = Node("r", Config(factories={"r": factories}), clock=clock)
     seen: list[Any] = []
@@ -296,7 +296,7 @@ def test_a_loop_whose_new_setup_fails_goes_on_with_the_old_one(student: Student)
 
 
 def run_on_the_wall_clock(factory: Any, *steps: Callable[[], Any]) -> Node:
-    """Runs a node with one loop; each page `thrust` has the next step done, and the last one ends it."""
+    """Run a node with one loop; each page `thrust` has the next step done, and the last one ends it."""
     left = list(steps)
 
     def on_page(task: Task, task_id: Any) -> Any:

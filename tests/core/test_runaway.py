@@ -1,4 +1,4 @@
-"""Tasks that ask for each other for ever at one moment end the run with a message that names them."""
+"""Tasks that schedule each other endlessly at one time end the run with a message that names them."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""The ways to start a config, and what they say when it cannot be started."""
+"""The runners of a config, and their errors when it cannot be started."""
 
 import sys
 from typing import Any

@@ -21,7 +21,7 @@ def node_of(*factories: Any) -> Node:
 
 
 def reloaded(node: Node, name: str) -> dict[str, Any]:
-    """Reloads a component of a node in virtual time; returns the page that tells of it."""
+    """Reload a component of a node in virtual time; return the page that reports it."""
     node.enter([tasks.reload_component(name), tasks.finish("done")], "test")
     node.loop()
     return dict(node.get_data("reload"))

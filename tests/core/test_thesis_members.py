@@ -1,4 +1,4 @@
-"""What components and nodes answer to of the thesis' names: what works, what says what to write, what it costs."""
+"""The thesis' names on components and nodes: which work, which raise with the new name, and their cost."""
 
 import logging
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Loops on threads of their own: rates, shutdown, failures, and the one door through which they meet the node."""
+"""Loops on threads of their own: rates, shutdown, failures, and the inbox (`Door`) that connects them to the node."""
 
 import re
 import threading
@@ -32,7 +32,7 @@ def run_s(node: Node) -> float:
 
 
 def cost_of(node: Node) -> tuple[float, float]:
-    """Returns the CPU time of the node's thread and what it took, in seconds."""
+    """Return the CPU time of the node's thread and what it took, in seconds."""
     before_s = time.thread_time()
     took_s = run_s(node)
     return time.thread_time() - before_s, took_s
@@ -85,7 +85,7 @@ def test_a_node_that_sleeps_is_woken_as_soon_as_a_bare_thread() -> None:
     assert median(of_node) < 3.0 * median(of_peer) + 0.003  # and an end takes something
 
 
-# Rates. On a clock that moves only when somebody works or waits, the deadlines are seen as they are.
+# Rates. On a clock that advances only during work or waits, the deadlines are exact.
 
 LATE_S = 0.0001  # how long after its time a thread that waits is woken
 
@@ -128,7 +128,7 @@ class Wakes(Waits):
 def ticks_of(
     rate_hz: float, works_s: Sequence[float], hurried_at_s: Sequence[float] = ()
 ) -> tuple[list[float], ThreadBacking]:
-    """When a loop on a thread ticks that works so long in each tick and is hurried then, and what has called it."""
+    """Return the tick times of a threaded loop with this work per tick and these `hurry` times, and its caller."""
     ticks: list[float] = []
     clock = WorkClock()
 
@@ -194,7 +194,7 @@ def test_a_real_thread_that_waits_for_long_is_woken_by_a_hurry_and_its_end() -> 
     node.schedule(tasks.terminate("enough"))
     running.join(60.0)
     assert not running.is_alive()
-    assert loop.caller.ticks >= 2  # one more if it was hurried again before anybody could see it
+    assert loop.caller.ticks >= 2  # one more after a second `hurry` that came before this check
 
 
 @pytest.mark.wall_clock
@@ -288,7 +288,7 @@ def test_a_loop_that_fails_on_its_thread_ends_the_node_with_its_error(step: str)
     assert "component 'culprit'" in str(caught.value)
     assert 'raise ValueError("the wire is loose")' in str(caught.value).split("\n")[0]
     assert log == ["halt", "end"]
-    assert not [note for note in node.notes if "the wire is loose" in note]  # it is told once
+    assert not [note for note in node.notes if "the wire is loose" in note]  # reported only once
 
 
 @pytest.mark.slow

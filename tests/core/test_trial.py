@@ -1,4 +1,4 @@
-"""A trial of a setup on another thread: nobody waits for ever, and no failure is lost between the two sides."""
+"""Result of a setup on another thread (`Trial`): no thread waits indefinitely, and no failure is lost in between."""
 
 import threading
 

@@ -40,7 +40,7 @@ def file(tmp_path: Path) -> Path:
 
 
 def watch(factories: list[Any], *saves: Callable[[], object], until_s: float = 6.0) -> tuple[Node, list[Any]]:
-    """Runs a watched node in virtual time; each second something is saved. Returns also what reloads there were."""
+    """Run a watched node in virtual time; each second something is saved. Returns also what reloads there were."""
     clock = SimClock()
     node = Node("r", Config(factories={"r": [*factories, WatchLoopFactory(rate_hz=2.0)]}), clock=clock)
     for i, save in enumerate(saves, 1):
@@ -102,7 +102,7 @@ def test_the_file_of_an_added_component_is_watched_too(file: Path) -> None:
 
 def test_the_watch_is_no_part_of_the_robot_and_goes_on_through_reload_all(file: Path) -> None:
     def once(loop: Any) -> None:
-        if "is_done" not in vars(loop.factory):  # it is made anew itself
+        if "is_done" not in vars(loop.factory):  # the loop itself is recreated
             loop.factory.is_done = True
             loop.schedule(tasks.reload_component("all"))
 

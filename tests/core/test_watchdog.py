@@ -1,4 +1,4 @@
-"""A run that stands still or falls behind is told while it does, by a thread that only reads."""
+"""A thread that only reads reports a run that stalls or falls behind, while it does."""
 
 import json
 import subprocess
@@ -26,7 +26,7 @@ GO = (TaskType.event, "go")
 
 
 class Looks:
-    """A watchdog without a thread: it looks when a test says so, and its clock is the test's."""
+    """A watchdog without a thread: the test triggers its checks and sets its clock."""
 
     def __init__(self, node: Node) -> None:
         self.told: list[str] = []
@@ -35,7 +35,7 @@ class Looks:
         self.watchdog.begin(sys._getframe(1))
 
     def pass_by(self, seconds: float, at_each: Callable[[], object] = lambda: None) -> None:
-        """Lets wall time go by, and has the watchdog look as often as it does."""
+        """Advance the wall time, and let the watchdog poll at its own rate."""
         for _ in range(round(seconds / LOOK_S)):
             at_each()
             self.now_s += LOOK_S
@@ -43,7 +43,7 @@ class Looks:
 
 
 def run_with(handler: Callable[[Looks], Any], *, limit_s: float = float("inf"), recorder: Any = None) -> Looks:
-    """Runs one task whose handler is given the watchdog of its own run."""
+    """Run one task whose handler is given the watchdog of its own run."""
     looks: list[Looks] = []
 
     def on_go(task: Task, task_id: Any) -> Any:
@@ -106,7 +106,7 @@ def test_many_handlers_that_return_at_one_moment_are_no_standstill() -> None:
     node.begin()
     node.run_ready()
     assert not any("has not returned" in said for said in looks[0].told)
-    # but where the time goes is told, once
+    # but the place where the run spends its time is reported, once
     assert sum(f"{SLOW_LOOKS} times in a row: the run spends its time there" in said for said in looks[0].told) == 1
 
 
@@ -174,7 +174,7 @@ class Steps:
 
 
 def overloaded(at_look: Callable[[Looks, Node, int], object], looks_s: float) -> list[str]:
-    """Runs a node whose one slow handler is looked at; before each look `at_look` is called with its number."""
+    """Run a node whose one slow handler is looked at; before each look `at_look` is called with its number."""
     looks: list[Looks] = []
     numbers = iter(range(1000))
 

@@ -1,4 +1,4 @@
-"""The attitude against closed forms: at rest, turning, with a bias, and beside iron."""
+"""The attitude against closed forms: at rest, turning, with a bias, and near iron."""
 
 import math
 from collections.abc import Callable
@@ -22,7 +22,7 @@ def felt(attitude: Quaternion) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 
 def flown(truth: Callable[[float], Quaternion], rate: tuple[float, ...], seconds: float) -> tuple[float, ...]:
-    """Runs a filter at 100 Hz; returns how far roll, pitch and yaw are off [deg] in the end."""
+    """Run a filter at 100 Hz; return how far roll, pitch and yaw are off [deg] in the end."""
     one = MahonyFilter()
     attitude = (1.0, 0.0, 0.0, 0.0)
     for i in range(round(seconds * 100)):

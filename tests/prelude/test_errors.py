@@ -1,4 +1,4 @@
-"""Errors say what happened, and what to try."""
+"""Errors state what happened, and a fix."""
 
 import ast
 from pathlib import Path

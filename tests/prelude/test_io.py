@@ -1,4 +1,4 @@
-"""The one string that says where devices are."""
+"""The string that gives the location of devices."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The life of a device: which step leads where, what is refused, and that ending never raises."""
+"""The life cycle of a device: its transitions, rejected steps, and an end that never raises."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from snr_sim.prelude.life_cycle import LifeCycle, SensorLife
 
 
 class Winch(LifeCycle):
-    """Takes down its steps; those named in `fails` raise."""
+    """Records its steps; those named in `fails` raise."""
 
     title = "This winch"
 

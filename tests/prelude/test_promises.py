@@ -1,4 +1,4 @@
-"""Whether an object keeps a promise does not depend on the Python."""
+"""Whether an object implements a protocol does not depend on the Python version."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Chance comes from seed and name, and from nothing else."""
+"""Random numbers depend only on the seed and the name."""
 
 import subprocess
 import sys

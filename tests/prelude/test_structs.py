@@ -76,7 +76,7 @@ def test_a_type_that_cannot_be_made_of_data_is_said_at_once() -> None:
 
 
 def test_every_type_is_learned_at_import_or_by_learned() -> None:
-    """In a function no decoder is made, and nothing is decoded or converted as a type that nobody has learned."""
+    """Functions do not create decoders, and they decode or convert only types that were passed to `learned`."""
     content = [KIT.parent / folder for folder in ("robots", "scenarios", "assignments")]
     files = [path for folder in (KIT, *content) for path in folder.rglob("*.py") if path.name != "structs.py"]
     texts = {path: path.read_text(encoding="utf-8") for path in files}

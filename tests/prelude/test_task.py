@@ -1,4 +1,4 @@
-"""Tasks and pages: what they are equal to, and that they come back from JSON as they were."""
+"""Tasks and pages: equality, and the round trip through JSON."""
 
 from typing import Any
 

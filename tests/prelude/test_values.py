@@ -1,4 +1,4 @@
-"""Values go to JSON and come back as they were: to the bit, whatever they are made of."""
+"""Values of all types survive the round trip through JSON, to the bit."""
 
 import dataclasses
 import json
@@ -231,7 +231,7 @@ kinds = ["float", "int", "bytes", "tuple", "set", "frozenset", "dict", "array", 
 
 
 def marked(inner: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
-    """Objects with a mark that are right, or nearly."""
+    """Objects with a tag that are valid, or nearly."""
     dtype, shape = texts, st.one_of(st.lists(st.integers(-1, 3), max_size=2), inner)
     page = {"key": texts, "data": inner, "origin": texts, "created_at_s": leaves}
     return st.one_of(

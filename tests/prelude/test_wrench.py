@@ -20,7 +20,7 @@ def test_an_axis_that_nothing_pushes_is_named(missing: int) -> None:
 
 
 def test_of_two_axes_that_hang_together_the_one_that_is_reached_least_lacks() -> None:
-    """Thrusters 7 cm under the centre pitch the vehicle when they push it ahead; it is pitch that nobody commands."""
+    """Thrusters 7 cm under the centre pitch the vehicle when they push it ahead; pitch is the axis to leave out."""
     matrix = np.eye(6)
     matrix[4] = -0.07 * matrix[0]
     assert lacking_axes(matrix) == ("pitch",)

@@ -1,4 +1,4 @@
-"""What two runs differ by, held against what was put in: a latency, a noise, a step and a dead band that are known."""
+"""Differences of two runs, compared with the known latency, noise, step and dead band of their signals."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ def test_a_run_that_somebody_began_later_is_moved_to_where_its_commands_begin() 
 
 
 def outputs(late_s: float, step_us: float, shown_hz: float) -> Trace:
-    """Chattering pulses, and what outputs tell of them: late and in steps."""
+    """Chattering pulses, and the outputs' reports of them: late and in steps."""
     rng = RNG(2)
     asked = 1500.0 + 30.0 * rng.choice([-1.0, 1.0], (1000, 4)) + rng.normal(0.0, 3.0, (1000, 4))
     asked[:100] = 1500.0

@@ -1,4 +1,4 @@
-"""Full, broken, slow, without power: what a disk does to a recording. The trace is whole, and a robot goes on."""
+"""Recording on a disk that is full, broken, slow or loses power: the trace stays valid, and a robot continues."""
 
 import errno
 import os
@@ -264,7 +264,7 @@ def test_in_lock_step_a_full_disk_ends_the_run(tmp_path: Path) -> None:
 
 
 class Viewer:
-    """A follower that hangs from some record on, until it is let go."""
+    """A follower that hangs from some record on, until it is released."""
 
     def __init__(self, hangs_from: int) -> None:
         self.hangs_from = hangs_from

@@ -1,4 +1,4 @@
-"""What asks the outside is named with the student's line, and what repeats is left alone."""
+"""Outside calls are reported with the student's line; repeatable calls are not reported."""
 
 import gc
 import sys
@@ -140,7 +140,7 @@ def test_a_handler_that_asks_the_outside_is_named_with_file_and_line(tmp_path: P
     number = ROBOT.format(line=line, at_load="").splitlines().index(f"        {line}  # the line") + 1
     assert [(Path(one.file).name, one.line) for one in calls] == [("asker.py", number)]
     assert what in calls[0].what
-    assert "__" not in calls[0].what  # in the words of whoever wrote the line
+    assert "__" not in calls[0].what  # as written in the source line
     assert "does not repeat; " in str(calls[0])
 
 

@@ -1,4 +1,4 @@
-"""A recorded run as a world to be in again: the sensors of today's program read what was read then."""
+"""A recorded run as a plant: the sensors of the current program return the recorded readings."""
 
 from pathlib import Path
 from typing import Any

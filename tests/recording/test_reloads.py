@@ -94,7 +94,7 @@ if __name__ == "__main__":
 
 
 def record(folder: Path, *words: str) -> Trace:
-    """Runs the program as a script, as a student does."""
+    """Run the program as a script, as a student does."""
     (folder / "robot.py").write_text(PROGRAM)
     done = subprocess.run(
         [sys.executable, "robot.py", *words], cwd=folder, capture_output=True, text=True, timeout=60, check=True

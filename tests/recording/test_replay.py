@@ -1,4 +1,4 @@
-"""Replay: the same code does the same, and every change of it is found where it first shows."""
+"""Replay: the same code gives the same results, and every change is found at its first effect."""
 
 import math
 from collections.abc import Callable
@@ -82,7 +82,7 @@ class Robot:
 
 
 class NoThruster:
-    """Takes no commands: these tests never look at what it does."""
+    """Ignores commands: these tests do not check its motion."""
 
     def neutral(self) -> None: ...
     def close(self) -> None: ...
@@ -111,7 +111,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Trace:
 
 
 def seq_of(trace: Trace, name: str, nth: int = AT) -> int:
-    """Returns the seq of the nth processing of a page."""
+    """Return the seq of the nth processing of a page."""
     found = [one for one in trace.records if isinstance(one, TaskRecord) and one.name == name]
     return found[nth].seq
 
@@ -198,7 +198,7 @@ def test_a_run_that_ended_with_tasks_queued_replays_identically(tmp_path: Path) 
     assert replayed.executed == replayed.recorded
 
 
-# Mutants: a changed robot, and what is to be said about it
+# Mutants: a changed robot, and the expected report
 
 
 class OtherConstant(Robot):
@@ -518,7 +518,7 @@ def test_differences_within_a_tolerance_are_none(recorded: Trace) -> None:
     assert replay(recorded, OtherConstant(), "smooth.depth_m=1e-3", "thrust.*=1%").is_identical
     left = replay(recorded, OtherConstant(), "smooth.depth_m=1e-3")
     assert {one.field for one in left.divergences} == {"thrust.thrust_n"}
-    assert not replay(recorded, SaysNoThrust(), "*=ignore").is_identical  # a missing page is no difference of values
+    assert not replay(recorded, SaysNoThrust(), "*=ignore").is_identical  # a missing page is not a difference of values
 
 
 def test_the_first_command_that_differs_is_known_to_the_seq(recorded: Trace) -> None:

@@ -1,4 +1,4 @@
-"""What components print and log stands in the trace, in order, bounded, and changes nothing of a replay."""
+"""Output that components print and log is in the trace, in order and bounded, and does not affect a replay."""
 
 import logging
 import sys
@@ -80,7 +80,7 @@ def test_print_still_reaches_the_terminal_and_of_others_nothing_is_recorded(
 
     records = recorded(tmp_path, saying(words))
     assert capsys.readouterr().out == "hello\n"
-    assert said(records) == [("part", "PRINT", "hello")]  # also by a handler that is no method
+    assert said(records) == [("part", "PRINT", "hello")]  # also by a handler that is a plain function
 
 
 def test_a_print_of_a_method_is_the_components_and_of_a_second_run_the_same(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The trace on disk: whole lines or none, nothing lost but the last moments, and a clear word about what is damaged."""
+"""The trace on disk: only whole lines, at most the last moments lost, and a clear error about damage."""
 
 import json
 import math
@@ -524,7 +524,7 @@ def test_a_failure_in_one_of_several_nodes_names_that_nodes_own_task(tmp_path: P
 
 
 def threaded() -> Config:
-    """Loops on threads that get in each other's way, chance, time, and a task that goes on by itself."""
+    """Loops on threads that compete, random numbers, time, and a task that schedules itself."""
 
     def count(task: Any, task_id: Any) -> Any:
         part = made[-1]

@@ -1,4 +1,4 @@
-"""Robots, scenarios and controllers are found in order, and a student's files are treated exactly like ours."""
+"""Robots, scenarios and controllers are found in order, and a student's files are treated like those of snr_sim."""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""Which `--option` keys are taken, and what is said of the others."""
+"""Which `--option` keys are accepted, and the errors for the others."""
 
 from pathlib import Path
 from types import ModuleType

@@ -1,4 +1,4 @@
-"""A scenario made ready and run: what is wrong with its files is said, and every run comes to a result."""
+"""Preparing and running a scenario: errors in its files are reported, and every run has a result."""
 
 import json
 import math
@@ -23,7 +23,7 @@ Scenario = Callable[..., Path]
 
 @pytest.fixture
 def scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Scenario:
-    """Returns a function that writes scenarios/own.py: lander_vertical, with some of its text replaced."""
+    """Return a function that writes scenarios/own.py: lander_vertical, with some of its text replaced."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("SNR_SIM_PATH", raising=False)
 
@@ -66,7 +66,7 @@ def test_a_scenario_of_the_students_own_runs_like_ours(scenario: Scenario) -> No
     assert by_file.metrics == ours.metrics
 
 
-# What is wrong with its files is said before anything is written
+# Errors in its files are reported before anything is written
 
 
 @pytest.mark.parametrize(
@@ -151,7 +151,7 @@ def test_what_is_not_known_is_refused_by_prepare(wrong: dict[str, str]) -> None:
         prepare(Request(**{"scenario": "lander_vertical", **wrong}))
 
 
-# What goes wrong in flight comes to a result, and a trace that is whole
+# A failure during the run still gives a result and a complete trace
 
 
 @pytest.mark.parametrize(
@@ -221,7 +221,7 @@ def test_the_engine_is_off_after_a_run_that_failed(scenario: Scenario, tmp_path:
     assert low_kg <= fuel_kg
 
 
-# A run is the same however it is looked at
+# Observers do not change a run
 
 
 @pytest.mark.parametrize("name", ["lander_vertical", "lander_pad"])

@@ -1,5 +1,5 @@
 # ruff: noqa: E501 (a table of changes)
-"""What is seen of a controller before it runs: nothing that is right, and nothing that may be right."""
+"""Checks of a controller's source before it runs: no reports about code that is or may be correct."""
 
 import shutil
 from pathlib import Path

@@ -180,7 +180,7 @@ print(hashlib.sha256(repr(thrusts).encode()).hexdigest())
 
 @pytest.mark.slow
 def test_thrusts_are_the_same_to_the_last_bit_whichever_way_numpys_library_takes() -> None:
-    """OpenBLAS, which numpy brings, takes other ways for other processors; it can be told which it has."""
+    """OpenBLAS, which numpy includes, uses other kernels on other processors; a variable selects them."""
     digests = set()
     for kind in ("Nehalem", "Prescott", ""):
         environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_CORETYPE"}

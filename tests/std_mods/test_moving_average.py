@@ -1,4 +1,4 @@
-"""The mean of the last values, whatever shape they have."""
+"""The mean of the last values, for all supported shapes."""
 
 from collections import deque
 from typing import Any

@@ -1,4 +1,4 @@
-"""One line for each task: when, what, and what it is about."""
+"""One line for each task: time, id, and data."""
 
 import io
 

@@ -1,4 +1,4 @@
-"""Readers give what is whole in a file, in order, and say what they left out."""
+"""Readers return the valid items of a file in order, and report what they skipped."""
 
 import math
 import tempfile
@@ -62,7 +62,7 @@ def test_the_context_and_the_name_that_2021_wanted_are_refused(kind: Any) -> Non
         kind(object(), "reader", "moves.txt")
 
 
-# As the recorder of the 2021 library writes: by json.dumps of a page's fields, NaN and all.
+# In the format of the 2021 library's recorder: json.dumps of a page's fields, including NaN.
 OF_2021 = (
     b'{"key": "raw", "data": [1, 2.5, "\\u00e9"], "origin": "test_node", "created_at_s": 0.25, "process": true}',
     b'{"key": "depth", "data": NaN, "origin": "test_node", "created_at_s": 0.5, "process": false}',

@@ -1,4 +1,4 @@
-"""A recording holds each page whole, only ever grows, and never ends the robot it records."""
+"""A recording has each page whole, is only appended to, and its failures never end the robot."""
 
 import errno
 import json
@@ -98,11 +98,11 @@ def test_arrays_survive_with_their_type(tmp_path: Path) -> None:
 
 
 class Opaque:
-    """A thing JSON knows nothing of."""
+    """An object that JSON cannot encode."""
 
 
 class Hostile:
-    """A thing that does not want to be looked at."""
+    """An object that raises when it is inspected."""
 
     def __getattribute__(self, name: str) -> Any:
         raise RuntimeError("hands off")
@@ -127,7 +127,7 @@ def test_a_recording_that_cannot_be_made_says_so_before_the_robot_moves(tmp_path
 
 
 class SmallDisk(FileIO):
-    """A file on a disk with little room: it takes what fits."""
+    """A file on a nearly full disk: it writes what fits."""
 
     room_bytes = 150
 

@@ -1,4 +1,4 @@
-"""Replayers bring everything once, in order and on time, and all of it is handled before they end the run."""
+"""Replayers store every item once, in order and on time, and all are handled before they end the run."""
 
 import tempfile
 import time
@@ -84,7 +84,7 @@ def test_a_generator_is_read_once_and_one_factory_can_serve_two_nodes() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("clock", [SimClock, WallClock])
 def test_whoever_ends_the_run_waits_for_a_slow_handler(clock: type) -> None:
-    """Ten handlers of 0.05 s take longer than a node that is told to terminate gives what is queued."""
+    """Ten handlers of 0.05 s take longer than the time limit that a terminating node has for queued tasks."""
     done: list[Any] = []
 
     def slow(task: Task, task_id: Any) -> None:
@@ -156,7 +156,7 @@ def test_a_replay_of_what_was_recorded_is_what_was_recorded(tmp_path: Path) -> N
 
 
 def test_the_sensor_pages_of_a_trace_drive_another_controller(fly: Callable[..., Trace]) -> None:
-    """The radar of a run that was flown, into a node that only looks."""
+    """The radar of a recorded run is the input of a node that only reads."""
     trace = fly("lander_low_gate")
     _, came = replayed([ReplayerLoopFactory(trace.path, exit=True, keys=["radar"])], SimClock())
     stored = [record for record in trace.records if isinstance(record, PageRecord) and record.name == "radar"]

@@ -1,4 +1,4 @@
-"""The picture of a run: that it is drawn, small, the same each time, and says what happened. Looks are for eyes."""
+"""The picture of a run: it is drawn, small, deterministic, and describes the events. Its design is not tested."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def header(**changes: Any) -> Header:
 
 
 def descent(sideways_mps: float) -> list[Record]:
-    """Twenty seconds from 100 m down to a ground on which the feet, 3 m below the middle, come to stand."""
+    """Twenty seconds of descent from 100 m to a ground on which the feet, 3 m below the centre, touch down."""
     records: list[Record] = []
     for k in range(81):
         t = 0.25 * k

@@ -1,4 +1,4 @@
-"""The picture of a dive: what must be in it, where, and in which colour. Whether it is beautiful is for eyes."""
+"""The picture of a dive: its required content, with positions and colours. Its design is not tested."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def header(*gates: dict[str, Any], **scene: Any) -> Header:
 
 
 def dive(to_m: list[float], turns_rad: float = 0.0, pull_n: float = 1.0, **values: list[float]) -> list[Record]:
-    """A dive in a straight line from 1 m below the surface, in a current, that ends turned about its upright axis."""
+    """A straight dive from 1 m below the surface, in a current, with a yaw rotation at the end."""
     records: list[Record] = []
     for i in range(21):
         place = [i / 20.0 * end for end in to_m]
@@ -83,7 +83,7 @@ def drawn(tmp_path: Path, records: list[Record], ran: Header | None = None) -> A
 
 
 def count(image: Any, rgb: tuple[int, int, int], box: tuple[int, int, int, int] | None = None) -> int:
-    """Returns how many pixels have about this colour; a picture has a palette of 128."""
+    """Return how many pixels have about this colour; a picture has a palette of 128."""
     part = image.crop(box) if box else image
     colors = part.getcolors(1 << 24)
     return sum(n for n, found in colors if max(abs(a - b) for a, b in zip(found, rgb, strict=True)) < 24)
@@ -129,7 +129,7 @@ def test_from_the_south_there_is_one_surface_and_water_only_below_it(tmp_path: P
     image = drawn(tmp_path, dive([0.5, 0.0, -2.0]))
     top = int(2 * (picture_layout.SCENE[1] + 0.4 * (picture_layout.SCENE[3] - picture_layout.SCENE[1])))
     south = (100, top, 1184, 900)
-    assert count(image, RIM_RGB, south) == 0  # the pool's edge, seen from its side, would look like another one
+    assert count(image, RIM_RGB, south) == 0  # the pool's edge, drawn from the side, would look like another surface
     column = [image.getpixel((104, y)) for y in range(top + 20, 900)]
     blue = [abs(pixel[2] - picture_water.WATER[2]) < 12 and pixel[2] > 60 for pixel in column]
     assert not blue[0]

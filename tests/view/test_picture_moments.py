@@ -1,4 +1,4 @@
-"""What happened in a run, in words."""
+"""Events of a run, as text."""
 
 from __future__ import annotations
 

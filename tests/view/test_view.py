@@ -1,4 +1,4 @@
-"""The view of a run, read back from its file: rows, order, exact numbers, and what odd traces do to it."""
+"""The view of a run, read back from its file: rows, order, exact numbers, and unusual traces."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ Rows = dict[str, list[tuple[int, int, list[Any]]]]
 
 
 def read_rows(path: Path, component: str) -> Rows:
-    """Returns for each entity its rows of one component: seq, sim_time [ns], values."""
+    """Return for each entity its rows of one component: seq, sim_time [ns], values."""
     import pyarrow as pa
 
     rows: Rows = {}
@@ -221,7 +221,7 @@ def test_a_layout_is_stored_in_the_file(tmp_path: Path) -> None:
 
 
 def beginnings(path: Path) -> tuple[list[int], list[int]]:
-    """Returns where the layouts in a file begin, and where its run does."""
+    """Return where the layouts in a file begin, and where its run does."""
     reader, content = RrdReader(str(path)), path.read_bytes()
     layouts, runs = reader.blueprints(), reader.recordings()
     first = [[content.index(one.recording_id.encode()) for one in some] for some in (layouts, runs)]
@@ -431,13 +431,13 @@ def test_two_runs_that_agree_have_no_marks(tmp_path: Path) -> None:
 
 
 def children_of(pid: int) -> list[int]:
-    """Returns the processes that a process has started, and those that they have."""
+    """Return the processes that a process has started, and those that they have."""
     own = [int(child) for tasks in Path(f"/proc/{pid}/task").glob("*/children") for child in tasks.read_text().split()]
     return own + [grandchild for child in own for grandchild in children_of(child)]
 
 
 def listening_addresses(pid: int) -> set[str]:
-    """Returns the addresses, as the kernel writes them, on which a process and its children listen."""
+    """Return the addresses, as the kernel writes them, on which a process and its children listen."""
     sockets = set()
     for one in [pid, *children_of(pid)]:
         for link in Path(f"/proc/{one}/fd").iterdir():

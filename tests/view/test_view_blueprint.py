@@ -1,4 +1,4 @@
-"""Which number goes into which plot, and in which order."""
+"""Assignment of numbers to plots, and their order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The view of a dive: its tether, what is broken, what its camera saw, how its link is, and what things are called."""
+"""The view of a dive: tether, broken thrusters, camera images, link state, and labels."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def page(seq: int, key: str, data: Any, node: str = "urov", origin: str = "urov"
 
 
 def rows(tmp_path: Path, records: list[Record]) -> dict[str, dict[str, list[Any]]]:
-    """Returns the values of each component of each entity, in the order in which they were sent."""
+    """Return the values of each component of each entity, in the order in which they were sent."""
     write_view(header(), records, tmp_path / "view.rrd", 1000)
     found: dict[str, dict[str, list[Any]]] = {}
     for chunk in RrdReader(str(tmp_path / "view.rrd")).stream():
@@ -134,7 +134,7 @@ def test_a_depth_goes_down_with_the_vehicle_and_its_sign_is_in_its_name(tmp_path
         "/truth/depth_m": ([["true -depth"]], [[-1.0]]),
         "/urov/pages/sonar/depth_m": ([["sonar -depth"]], [[-2.0]]),
         "/urov/pages/sonar/distance_m": ([["sonar distance"]], [[4.5]]),
-        "/urov/pages/sonar/depth": ([["sonar depth"]], [[3.0]]),  # nobody knows whether this is one in metres
+        "/urov/pages/sonar/depth": ([["sonar depth"]], [[3.0]]),  # the unit may not be metres
     }
 
 

@@ -1,4 +1,4 @@
-"""What the page of a link says, made readable."""
+"""Plots of a link's page."""
 
 from __future__ import annotations
 

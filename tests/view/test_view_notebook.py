@@ -1,4 +1,4 @@
-"""A run in a notebook's page: what the frame shows and who serves it, and what is said where there is no viewer."""
+"""A run in a notebook's page: the content of the frame, its server, and the message where there is no viewer."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def rrd(tmp_path: Path) -> Path:
 
 
 def page_of(frame: RunFrame) -> str:
-    """Returns the address that the frame loads, without what it asks the page to show."""
+    """Return the address that the frame loads, without what it asks the page to show."""
     html = frame._repr_html_()
     assert html is not None
     (address,) = re.findall(r'<iframe src="([^"?]+)\?', html)

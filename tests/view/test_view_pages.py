@@ -1,4 +1,4 @@
-"""Pages as text in the view: what is in them, when and by whom they were stored, and what it costs at most."""
+"""Pages as text in the view: their content, time and source, and the maximum cost."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def page(seq: int, t: float, key: str, data: Any, cause: int = 1, nth: int = 0) 
 
 
 def contents(records: list[Record], made: PageContents | None = None) -> list[tuple[int, str]]:
-    """Returns seq and text of each row."""
+    """Return seq and text of each row."""
     batch = Batch()
     batch.extend(records)
     ((node, when, texts),) = (made or PageContents()).of(batch)
