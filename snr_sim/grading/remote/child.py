@@ -1,7 +1,7 @@
-"""What runs in a student's process: it reads the student's files, calls what it is asked to, and says what came.
+"""Main loop of a student's process: reads the student's files, makes the requested calls and sends their results.
 
-It holds no hidden case, no seed and no secret, and its word is taken for nothing but the student's answers.
-What the student prints goes elsewhere than what it answers.
+It holds no hidden case, no seed and no secret. The grader trusts nothing from it but the student's answers.
+The student's output is a stream separate from the answers.
 """
 
 from __future__ import annotations
@@ -119,13 +119,13 @@ def main(
     user: int | None,
     walls: tuple[int, list[str], str, str] | None = None,
 ) -> None:
-    """Answer until nobody asks any more. Does not return.
+    """Answer requests until the grader closes the line. Does not return.
 
     Args:
         line: the file descriptor of the conversation, or `PIPES`.
         limits: seconds of CPU time, bytes of memory, bytes of a file, open files.
-        is_alone: whether nobody else runs as its user, so that it may start nothing.
-        user: whom to become, if the process is root's and in a sandbox.
+        is_alone: whether no other process runs as its user, so that it may start none.
+        user: user id to change to, if the process is root's and in a sandbox.
         walls: of a process that confines itself: see `confine`.
     """
     asks, answers = _line_of_pipes() if line == protocol.PIPES else _line_of_socket(line)

@@ -1,4 +1,4 @@
-"""Values of the student's as they cross to the grader: numbers, texts, lists and dicts, and nothing else."""
+"""Values that a student's process may send to the grader: numbers, texts, lists and dicts, and nothing else."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _SHOWN = 200  # characters of a value that cannot cross
 
 
 class NoValue(Exception):
-    """What came back is no value that can cross."""
+    """A result of a type that cannot be sent to the grader."""
 
 
 def encode_plain(value: Any, what: str, function: object) -> bytes:
@@ -42,7 +42,7 @@ def plain(value: Any) -> Any:
     """Return a value as numbers, texts, lists and dicts; numpy's become Python's.
 
     Raises:
-        NoValue: something in it is none of these.
+        NoValue: it contains something else.
     """
     kind = type(value)
     if value is None or kind in (bool, int, float, str):

@@ -1,6 +1,6 @@
-"""How a student's process heeds its CPU time: it is interrupted where it is, so that the line can be named.
+"""CPU time limit inside a student's process: interrupts the program where it is, so that the report names the line.
 
-A program that ignores this is ended all the same: by the kernel's limit (`child_limits.py`), or by `patience.py`.
+A program that ignores the interrupt is ended by the kernel's limit (`child_limits.py`) or by `patience.py`.
 """
 
 from __future__ import annotations
@@ -57,12 +57,12 @@ class _Timer:
             threading.Event().wait(_LOOK_S)  # `time.sleep` returns at once here
             if time.process_time() > cls.up_s:
                 cls.up_s += _GRACE_S
-                if signal.getsignal(*_TIME_UP) is signal.SIG_DFL:  # it was interrupted, and goes on
+                if signal.getsignal(*_TIME_UP) is signal.SIG_DFL:  # it was interrupted before, and still runs
                     os._exit(TIME_UP_STATUS)
                 _thread.interrupt_main(*_TIME_UP)
 
 
 def _time_is_up(number: int, frame: FrameType | None) -> None:
-    """Raise it where the program is; if that goes on all the same, the next signal ends the process."""
+    """Raise in the running program; if that does not stop it, the next signal ends the process."""
     signal.signal(number, signal.SIG_DFL)
     raise TookTooLong("this takes too long: its CPU time is used up")

@@ -1,4 +1,4 @@
-"""What there is to say of a student's process that has ended, or says what went wrong in it."""
+"""Errors for a student's process that has ended, or that reports a failure of the student's program."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def ended_badly(status: int | None) -> Misbehaved:
 
 
 def misbehaved(said: Said) -> Misbehaved:
-    """Return what the child says of the student's program as an exception; its words are the program's."""
+    """Return a failure that the child reports as an exception; the text is the student's program's."""
     text = f"{said.text}\n  Try: {said.fix}" if said.fix else said.text
     if said.is_value:
         return Misbehaved(text, "Return numbers, texts, lists, or dicts of these.")

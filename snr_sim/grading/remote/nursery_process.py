@@ -1,11 +1,11 @@
-"""What runs in a sandbox that has several cases of one submission: for each case it makes a copy of itself.
+"""Fork server's process in a sandbox for several cases of one submission: it forks a copy of itself per case.
 
 It has imported what a student's process needs, and reads nothing of the student's; each copy begins where `child.py`
-begins. So a case costs a copy, and not a start of Python with all its imports.
+begins. So a case costs a fork, and not a start of Python with all its imports.
 
-A copy is the first process of a namespace of its own: it dies alone, it has the same number in every case, and
-what it may leave in shared memory dies with it. It could leave something in the sandbox's scratch: then that sandbox is
-used up, and the next case gets a fresh one.
+A copy is the first process of a PID namespace of its own: it ends alone, has the same number in every case, and
+whatever it leaves in shared memory is removed with it. It could leave files in the sandbox's scratch folder: then
+that sandbox is used up, and the next case gets a fresh one.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ _NEW_IPC, _NEW_PID = 0x08000000, 0x20000000
 
 
 def main(line: int, limits: tuple[int, int, int, int], is_alone: bool, user: int | None) -> None:
-    """Make a copy whenever it is asked to, one at a time, until nobody asks any more. Does not return.
+    """Fork a copy for each request, one at a time, until the grader closes the line. Does not return.
 
     Args:
-        line: the file descriptor on which the grader asks.
-        limits, is_alone, user: of each copy, as `child.main` takes them.
+        line: the file descriptor of the requests.
+        limits, is_alone, user: of each copy, as for `child.main`.
     """
     asked = socket.socket(fileno=line)
     at_first, copied = _scratch(), 0
@@ -89,7 +89,7 @@ def _enter_namespaces() -> None:
 
 
 def _scratch() -> tuple[list[str], tuple[int, ...]]:
-    """Return what tells whether anybody has written there, or only looked."""
+    """Return the state of the scratch folder, which differs if a process has written there, but not if it only read."""
     names = os.listdir(SCRATCH)  # first: to look changes the time of the last look, once
     seen = os.stat(SCRATCH)
     return names, (seen.st_mode, seen.st_nlink, seen.st_atime_ns, seen.st_mtime_ns, seen.st_ctime_ns)

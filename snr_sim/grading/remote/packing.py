@@ -1,4 +1,4 @@
-"""Packs what a student's `factories` gets, for the student's process to unpack: the grader's word, not a stranger's."""
+"""Pickled arguments of a student's `factories`. The grader writes them, so the student's process may unpickle them."""
 
 from __future__ import annotations
 

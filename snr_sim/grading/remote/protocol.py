@@ -1,11 +1,11 @@
-"""What the grader and the student's process say to each other: one line of JSON each way, the grader asks first.
+"""Messages between grader and student's process: one line of JSON each way; the grader sends the first.
 
     --> {"n": 7, "cpu_s": 10.0, "verb": {"do": "call", "file": "mixer.py", "function": "mix", "args": [0.5]}}
     <-- {"n": 7, "value": [1500, 1550]}      or      {"n": 7, "error": {"step": "call", "text": "mixer.py, line 3: "}}
 
-What comes back is a stranger's: a line has a longest length, nothing in it is nested deeply, and of JSON nothing can
-come but numbers, texts, lists, dicts, true, false and nothing. So no object of the student's class, whatever it
-says that it equals, ever stands in the grader.
+What the student's process sends is untrusted: a line has a maximum length and a maximum depth of nesting, and JSON can
+carry only numbers, texts, lists, dicts, true, false and null. So no object of a class of the student's, whose
+comparisons could lie, reaches the grader.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from snr_sim.prelude.values import NO_JSON, decode_value
 MAX_ANSWER_BYTES = 1 << 20
 MAX_DEPTH = 32
 PIPES = -1  # in place of a descriptor: the process is asked on its stdin and answers on its stdout
-TIME_UP_STATUS = 152  # exit status of a process whose CPU time is up, as a shell tells SIGXCPU
+TIME_UP_STATUS = 152  # exit status of a process whose CPU time is used up, as a shell reports SIGXCPU
 SUBMISSION = "."  # the name of the submission's folder; those of robots have theirs
 # Type of the task, its name (None: every one), and the handler's name.
 HandlerRow: TypeAlias = tuple[str, str | None, str]
@@ -148,15 +148,15 @@ class Ask(msgspec.Struct, frozen=True):
 
 
 class Said(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A failure of the student's program, in the words of its own process.
+    """A failure of the student's program, as reported by its own process.
 
     Args:
-        step: what was tried: "load", "call", "handle", ...
+        step: the step that failed: "load", "call", "handle", ...
         text: with the student's line first.
         fix: what to try.
-        component: whose it was.
-        is_value: what came back is no value that can cross, rather than that something was raised.
-        is_refused: what the program has or gives is not what the kit takes, and `text` says so.
+        component: name of the component that failed.
+        is_value: a result cannot be sent to the grader, as opposed to an exception.
+        is_refused: the program has or returns something that snr_sim does not accept, described in `text`.
     """
 
     step: str
@@ -208,7 +208,7 @@ class Made(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Told(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """What is told after every step: what entered through the door, new handlers, notes, pages asked for in vain.
+    """Effects of a step: tasks from the inbox, new handlers, notes, keys of pages requested but never stored.
 
     Args:
         said: what components have printed and logged: component, level, text.
@@ -289,7 +289,7 @@ def plain_value(raw: msgspec.Raw) -> Any:
 
 
 def check_depth(data: bytes) -> None:
-    """Check that JSON is not nested too deeply for whoever walks through it later.
+    """Check that JSON is not nested too deeply for a recursive reader.
 
     Raises:
         ProtocolError: it is.
