@@ -1,4 +1,4 @@
-"""The folder of a class: what was asked, what is done so far, and nothing that is half done.
+"""The folder of a class: the job, the submissions completed so far, and nothing half done.
 
     class.json                 the lab, its digest, kit, secret's digest; the submissions and their names
     secret                     from which hidden cases are drawn, if none was given (mode 0600)
@@ -6,8 +6,8 @@
     students/<name>/           its reports, and the recorded runs of visible cases
     class.csv ...              made at the end
 
-A submission's reports come first and its record last, so whoever is interrupted anywhere finds a submission done or
-not begun. One process at a time works in the folder, which a lock says that dies with it.
+A submission's reports are written first and its record last, so after an interruption at any point a submission is
+either done or not begun. One process at a time works in the folder; a lock that ends with the process ensures it.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class ClassFolder:
         self.path = path
         self._manifest: _Manifest | None = None
         try:
-            path.mkdir(mode=0o700, parents=True, exist_ok=True)  # hidden cases stand in its tables
+            path.mkdir(mode=0o700, parents=True, exist_ok=True)  # its tables contain hidden cases
             if any(path.iterdir()) and not (path / "class.json").is_file() and not _only_ours(path):
                 raise SnrError(f"{path} holds something else than results.", fix="name a new folder with --out.")
             if (path / "class.json").exists() and not is_resumed:
@@ -119,7 +119,7 @@ class ClassFolder:
                 part.unlink(missing_ok=True)
 
     def _make_place(self) -> Path:
-        """Return a private place for submissions: nobody can list it, but a sandbox of another user can enter."""
+        """Return a private folder for submissions: no other user can list it, but a sandbox's user can enter it."""
         place = Path(tempfile.mkdtemp(prefix=_PLACE))
         try:
             place.chmod(stat.S_IRWXU | stat.S_IXGRP | stat.S_IXOTH)
@@ -185,7 +185,7 @@ class ClassFolder:
             (self.path / name).unlink(missing_ok=True)
         every = {one.id: (one.id, str(one.given)) for one in [*self.known, *submissions]}
         self._manifest = _Manifest(terms, list(every.values()))
-        # Before the folders: by it whoever is killed here finds the folder to be a class's.
+        # Before the folders: it identifies the folder as a class's if the process is killed here.
         write_whole(self.path / "class.json", msgspec.json.format(msgspec.json.encode(self._manifest), indent=1))
         for folder in ("results", "students", ".staged"):
             (self.path / folder).mkdir(exist_ok=True)
@@ -232,8 +232,8 @@ class ClassFolder:
 
 def _remove_wholly(place: Path) -> None:
     """Remove a folder, and what a program that is dying puts there meanwhile."""
-    # The kernel kills a student's process with the worker that started it, but the grader cannot wait for what is not
-    # its child. Such a process may finish one system call, and a folder with a new file in it is not removed.
+    # The kernel kills a student's process with the worker that started it, but the grader cannot wait for a process
+    # that is not its child. Such a process may finish one system call, and a folder with a new file is not removed.
     give_up_s = time.monotonic() + _REMOVE_TIMEOUT_S
     remove(place)
     while place.exists() and time.monotonic() < give_up_s:

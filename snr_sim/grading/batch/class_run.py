@@ -1,9 +1,9 @@
-"""A class is graded: submissions are taken in, handed to workers, and kept one by one as they come back.
+"""Grading of a class: submissions are imported, given to workers, and their results stored one by one.
 
     take in -> workers (processes here, or a cluster) -> reports -> results/<name>.json
 
-Only this process writes results, and only its main thread. Whatever happens to one submission, or to the worker that
-has it, is a result of that submission, and the others continue.
+Only this process writes results, and only its main thread. Whatever happens to one submission, or to its worker,
+is a result of that submission, and the others continue.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class ClassRun:
         """Grade all submissions.
 
         Args:
-            workers: grade them; whoever calls closes them.
+            workers: grade them; the caller closes them.
             interruptible: is entered while this only waits, and may raise there: `StopSignals.interruptible`.
 
         Raises:
@@ -127,7 +127,7 @@ class ClassRun:
 
     def keep(self, graded: Graded, taken: TakenIn) -> None:
         """Keep the result of a submission, with its reports."""
-        named = with_runs_named(graded, lambda run: f"{RUNS}/{run}")  # as they stand in the student's folder
+        named = with_runs_named(graded, lambda run: f"{RUNS}/{run}")  # paths relative to the student's folder
         self._keep(msgspec.structs.replace(named, notes=taken.notes), taken.digest)
         remove(taken.folder)
 

@@ -1,7 +1,7 @@
-"""Grades on a dask cluster: the one file that imports dask.distributed.
+"""Workers on a dask cluster: the only module that imports dask.distributed.
 
 A submission travels with the lab and the secret as bytes, so workers need no common disk, only this version of snr_sim
-and the sandbox. Dask gives what a dead worker had to another one. Only a few submissions are on their way at a time,
+and the sandbox. Dask gives the jobs of a dead worker to another one. Only a few submissions are in transit at a time,
 so the scheduler's memory does not grow with the class.
 """
 
@@ -99,7 +99,7 @@ def connected(address: str) -> Iterator[ClusterWorkers]:
 
     Raises:
         MissingExtra: dask.distributed is not installed.
-        SnrError: nobody answers there.
+        SnrError: no scheduler answers at this address.
     """
     try:
         distributed = importlib.import_module("distributed")

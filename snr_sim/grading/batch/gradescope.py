@@ -5,10 +5,10 @@
     DIR/kit/            snr_sim as it is here, with its robots and scenarios, and the lab
     DIR/requirements.txt, secret, settings.json
 
-Zip what is in DIR and hand it to Gradescope. There the zip is unpacked to /autograder/source, a submission stands in
-/autograder/submission, and the answer is read from /autograder/results/results.json. Its containers are ordinary ones,
-where even root may make no namespaces: there students' programs are confined (`confinement.py`), and `extra_data` of
-the results says so.
+Zip the content of DIR and upload it to Gradescope. There the zip is unpacked to /autograder/source, a submission is in
+/autograder/submission, and the results are read from /autograder/results/results.json. Its containers are ordinary
+ones, where even root may make no namespaces: there students' programs are confined (`confinement.py`), and
+`extra_data` of the results reports it.
 
 Source: "Autograder Specifications", gradescope-autograders.readthedocs.io.
 """

@@ -1,9 +1,9 @@
-"""What a student handed in: looked through, and copied to a private, read-only place.
+"""Import of a submission: its files are checked, and copied to a private, read-only folder.
 
     folder or .zip -> plain files with plain names, bounded in count and size -> `into` (read-only), and notes
 
-Nothing that points elsewhere is followed: symbolic links and devices are left out and told, an archive with absolute
-names or `..` is refused whole. What is wrong is said in the student's words, for it goes into the student's report.
+Links are not followed: symbolic links and devices are left out and noted; an archive with absolute names or `..` is
+refused as a whole. Messages address the student, since they go into the student's report.
 """
 
 from __future__ import annotations
@@ -155,7 +155,7 @@ def _files_under(folder: int, inside: str, notes: list[str]) -> Iterator[Member]
 
 @contextmanager
 def _noting(what: str, notes: list[str]) -> Iterator[None]:
-    """Note what cannot be opened, and go on without it."""
+    """Note a file or folder that cannot be opened, and continue without it."""
     try:
         yield
     except OSError as error:
@@ -170,7 +170,7 @@ def _copy(members: Iterator[Member], into: int, notes: list[str]) -> int:
         seen += 1
         if seen > 2 * MAX_FILES or count >= MAX_FILES:
             raise Refused(_TOO_MANY, fix=_ONLY_WHAT_IS_ASKED)
-        why = why_left_out(parts) if parts or source is not None else ""  # the folder itself, "./", is no member
+        why = why_left_out(parts) if parts or source is not None else ""  # the folder itself, "./", is not a member
         if why:
             notes.append(f"'{shown('/'.join(parts))}' was left out: {why}.")
         if why or source is None:  # a folder is made when a file in it comes

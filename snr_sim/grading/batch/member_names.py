@@ -1,7 +1,7 @@
-"""Names of the files in a submission: the only place that turns one into a path.
+"""Names of the files in a submission: the only module that turns one into a path.
 
 A student chose them, so each is split into parts and checked before anything is opened: no name leads out of the
-submission, and none has characters that cannot be seen. Archives and folders are treated alike.
+submission, and none has invisible characters. Archives and folders are treated alike.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from snr_sim.prelude.errors import SnrError
 MAX_DEPTH = 8
 MAX_NAME_CHARS = 200
 _DRIVE = re.compile(r"[A-Za-z]:")
-# What editors, Python and macOS leave lying about, and the runs that the labs' pages have recorded beside the program:
-# not part of what was handed in.
+# Files that editors, Python and macOS create, and the runs that the labs' pages record next to the program:
+# not part of the submission.
 _LITTER = {"__pycache__", "__MACOSX", "venv", "node_modules", "Thumbs.db", "trace.jsonl", "result.json"}
 _LITTER_SUFFIXES = (".pyc", ".pyo", "~", ".rrd")
 
 
 class Refused(SnrError):
-    """A submission with nothing in it that can be graded. Its words are for the student."""
+    """A submission that cannot be graded. The message addresses the student."""
 
 
 def parts_of(name: str) -> tuple[str, ...]:
@@ -69,7 +69,7 @@ def is_litter(name: str) -> bool:
 
 
 def shown(name: str) -> str:
-    """Return a name as it can be printed: what is not text is written as an escape, and length is bounded.
+    """Return a printable form of a name: bytes and characters that are not text as escapes, with bounded length.
 
     >>> shown("a\\x1b[2J\\udcff.py")
     'a\\\\x1b[2J\\\\udcff.py'

@@ -1,4 +1,4 @@
-"""The submissions of a class: each has a name of its own, which stays when the class is graded again."""
+"""Submissions of a class: each has a unique name, which stays the same when the class is graded again."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MAX_ID_CHARS = 60
 
 
 class Submission(NamedTuple):
-    """A submission and the name it goes by."""
+    """A submission and its unique name in the class."""
 
     id: str
     given: Path

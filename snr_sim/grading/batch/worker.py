@@ -1,6 +1,6 @@
-"""A process that grades one submission after the other. It belongs to the grader: students' programs run below it.
+"""Process that grades one submission after the other. It belongs to the grader: students' programs are its children.
 
-It is asked on the line to its parent and answers there. If the parent is gone, so is it, at once.
+It receives jobs on the connection to its parent and answers there. If the parent ends, it ends at once.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ _decode_job = msgspec.json.Decoder(Job).decode
 
 
 def serve(line: Connection) -> int:
-    """Answer jobs until nobody asks any more; `Spawned` calls it."""
+    """Answer jobs until the parent closes the connection; `Spawned` calls it."""
     jobs: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(line, jobs), daemon=True).start()
     nursery: Nursery | None = None
@@ -105,11 +105,11 @@ def _listen(line: Connection, jobs: queue.SimpleQueue[bytes]) -> None:
 
 
 def grade(job: Job, nursery: Nursery | None = None) -> Graded:
-    """Return what a job's submission comes to; a failure that is not the student's is in it, as a fault.
+    """Grade a job's submission; a failure that is not the student's is returned as a fault.
 
     Args:
         job: the submission.
-        nursery: of the class, if there is one.
+        nursery: fork server of the class, if there is one.
     """
     title = ""
     try:
@@ -155,7 +155,7 @@ def without_marks(job: Job, status: Status, error: str, title: str = "") -> Grad
 
 @cache
 def _kept_here(demanded: Demanded) -> Isolation:
-    """Return how programs are kept on this computer; where that cannot be found out, what was wanted."""
+    """Return the isolation that this computer supports; if that cannot be determined, the sandbox."""
     try:
         return sandboxed(demanded)
     except (SnrError, OSError):  # what has ended a grading may stop this, too: no memory, no processes

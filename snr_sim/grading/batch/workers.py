@@ -1,7 +1,7 @@
 """Worker processes on this computer: each grades one submission after another, and is replaced when it dies.
 
-A worker and the program that it grades take turns, never both at work. So where every core has its worker, each stays
-on its own, with its program: what they say to each other wakes nobody elsewhere, and what they compute with is at hand.
+A worker and the program that it grades take turns, never both at work. So where every core has its worker, each worker
+shares its core with its program: their messages wake no other core, and the caches stay warm.
 """
 
 from __future__ import annotations

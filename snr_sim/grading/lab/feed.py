@@ -1,7 +1,7 @@
-"""Brings pages and tasks to a student's components, one by one, and tells what each of them made of it.
+"""Student's components with given inputs: sends them pages and tasks one by one, and returns what each one produced.
 
-A bare node on a virtual clock, without plant or devices: the node, and the kit's parts in it, stand here; the
-student's components stand in their own process.
+A bare node on a virtual clock, without plant or devices: the node, and the parts of snr_sim in it, run here; the
+student's components run in their own process.
 """
 
 from __future__ import annotations
@@ -89,22 +89,22 @@ def feed(
     until_s: float | None = None,
     seed: int = 0,
 ) -> list[Produced]:
-    """Return what the student's components made of the inputs, in order.
+    """Return what the student's components produced from the inputs, in order.
 
     Args:
-        student: whose submission.
+        student: the submission.
         file: of the submission, which has `factories`.
         pages: the inputs.
-        robot: what `factories` gets, or the robot's name in it.
+        robot: argument of `factories`, or the robot's name in it.
         role, options, parameters: of the robot, if only its name was given.
-        order: in which order the components stand: a permutation of the student's, then the parts.
-        with_parts: the kit's components that stand in the same node, behind the student's.
-        reply: is told of each thing produced, and returns further inputs, at that moment or later: a closed loop.
-        until_s: how long the student's loops may tick; the last input's moment if not given.
-        seed: of the components' chance.
+        order: order of the components: a permutation of the student's, then the parts.
+        with_parts: components of snr_sim in the same node, after the student's.
+        reply: is called with each thing produced, and returns further inputs, at that time or later: a closed loop.
+        until_s: how long the student's loops may tick; the time of the last input if not given.
+        seed: of the components' random numbers.
 
     Raises:
-        Misbehaved: the student's program failed, or ended the run while inputs were still to come.
+        Misbehaved: the student's program failed, or ended the run before the last input.
     """
     if isinstance(robot, str):
         robot = Robot(robot, role or robot, "", "", parameters, options or {})
@@ -206,7 +206,7 @@ class _Desk:
 
 
 class Ledger:
-    """Keeps what the student's components produce, and which input caused it. Keeps the promise of a recorder.
+    """Recorder of what the student's components produce, and which input caused it. Implements `Recorder`.
 
     Args:
         names: of the student's components, known once they are made.
@@ -219,7 +219,7 @@ class Ledger:
         self.on_produced: Callable[[Produced], None] = lambda produced: None
 
     def expect(self, number: int) -> None:
-        """Is told the number of the input that comes next through the door."""
+        """Set the number of the next input through the inbox (`Door`)."""
         self._numbers.append(number)
 
     def for_node(self, name: str) -> Ledger:
@@ -242,10 +242,10 @@ class Ledger:
         return self._made(now_s, [(label[0], task) for label, returned in handled for task in returned], ticket[3])
 
     def error(self, now_s: float, component: str, message: str) -> None:
-        """Keep nothing: whoever runs the node is told."""
+        """Keep nothing: the error also ends the run."""
 
     def said(self, now_s: float, component: str, level: str, text: str) -> None:
-        """Keep nothing: what the student's program prints is kept by who runs it."""
+        """Keep nothing: the student's process keeps the output of the student's program."""
 
     def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
         """Keep nothing."""

@@ -1,7 +1,7 @@
 """A lab: its checks, the cases each is tried on, and its points. `assignments/<lab>/checks.py` defines one as `lab`.
 
-Visible cases stand in checks.py. Hidden ones are drawn from a secret that only the instructor has, so reading
-checks.py helps nobody.
+Visible cases are in checks.py. Hidden ones are drawn from a secret that only the instructor has, so reading
+checks.py does not reveal them.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ class Check:
         """Try a case.
 
         Raises:
-            Misbehaved: the student's program did what no check can answer.
+            Misbehaved: the student's program failed or returned something that the check cannot evaluate.
             Unjudged: the check's function returned something else than a Verdict.
         """
         takes_case = len(inspect.signature(self.function).parameters) > 1
@@ -219,7 +219,7 @@ class Lab:
                 )
 
     def module(self, name: str) -> ModuleType:
-        """Import a module of the lab's own folder, which stands beside its checks.
+        """Import a module of the lab's own folder, next to its checks.
 
         Args:
             name: such as "grader.pilot" for `grader/pilot.py`.

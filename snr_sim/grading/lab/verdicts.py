@@ -1,4 +1,4 @@
-"""What a check says of one case: right, wrong, or right in part; with a hint for the student."""
+"""Verdict of a check for one case: right, wrong, or partly right; with a hint for the student."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ ENDED_EARLY = (
 
 @dataclass(frozen=True)
 class Verdict:
-    """What came of one case.
+    """Result of one case.
 
     Args:
         fraction: how much of it was right, 0 to 1.
-        hint: what to think about next. Of a hidden case a student sees this, too: it must not tell the case.
-        expected: what would have been right.
-        actual: what came.
+        hint: what to think about next. The student sees this for hidden cases, too: it must not reveal the case.
+        expected: the right result.
+        actual: the result obtained.
         metrics: numbers for the class's table and the leaderboard.
     """
 

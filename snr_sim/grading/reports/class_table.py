@@ -1,6 +1,6 @@
-"""The class in tables: a row per submission for spreadsheets, a row per case for whoever looks closer, the ranking.
+"""Tables of a class: a row per submission for spreadsheets, a row per case for details, and the ranking.
 
-Rows are written one by one, and of each submission only its numbers are kept: a department is no larger than a class.
+Rows are written one by one, and only the numbers of each submission are kept in memory, for classes of any size.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def write_class(table: TextIO, again: Again, given: Mapping[str, str]) -> None:
     Args:
         table: opened with newline="".
         again: gives all submissions, each time it is called.
-        given: where each submission was, by its name: of two that are called the same it tells whose is which.
+        given: where each submission was, by its name, to distinguish two of the same name.
     """
     checks: dict[str, None] = {}
     metrics: dict[str, None] = {}

@@ -1,6 +1,6 @@
-"""Texts of strangers, made harmless for where they are shown: a student's program may print anything.
+"""Untrusted text escaped for where it is shown: a student's program may print anything.
 
-What cannot be seen, or would be obeyed by a terminal, a browser or a spreadsheet, is shown as an escape.
+Invisible characters, and those that a terminal, a browser or a spreadsheet would interpret, are shown as escapes.
 """
 
 from __future__ import annotations

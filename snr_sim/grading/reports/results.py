@@ -1,4 +1,4 @@
-"""What grading a submission comes to: the one record from which every report is made.
+"""Result of grading a submission: the one record from which every report is made.
 
     lab, submission, secret -> checks, one child per case -> Graded -> Markdown, Gradescope, JUnit, check50, CSV
 
@@ -60,15 +60,15 @@ class CaseResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 
 class CheckResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One check: what it is called, its points, and its cases in order.
+    """One check: its name, its points, and its cases in order.
 
     Args:
         name: the name of the check's function.
         title: the first line of its docstring.
-        points: points it was given.
-        of: points it could have.
+        points: points obtained.
+        of: maximum points.
         cases: visible ones first; empty if it was skipped.
-        skipped_because: why it was not tried, in words; empty if it was.
+        skipped_because: why it was skipped, as text; empty if it was not.
     """
 
     name: str
@@ -88,19 +88,19 @@ class Graded(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """A submission with its checks.
 
     Args:
-        submission: the name it goes by in every report.
+        submission: its name in every report.
         lab: name of the lab's folder.
-        title: what the lab is called.
+        title: of the lab.
         checks: in the lab's order; empty unless `status` is "graded".
-        isolation: how the student's program was kept apart: in a "sandbox" of namespaces; "confined" by the kernel's
-            other walls, in a container where nobody may make namespaces; or "none": not at all.
+        isolation: of the student's program: in a "sandbox" of namespaces; "confined" by the kernel's other
+            mechanisms, in a container where namespaces are not permitted; or "none".
         is_hidden_included: whether hidden cases were tried: in grading, not in practice.
         kit: version of snr_sim.
-        status: "graded"; "refused": there was nothing that can be graded, which is 0 points; "fault": the lab or
-            the grader failed, which is no mark at all.
+        status: "graded"; "refused": the submission has nothing that can be graded, which is 0 points; "fault": the
+            lab or the grader failed, which gives no grade.
         error: why it was refused, for the student, or what the fault was, for the instructor.
-        notes: what the student should know besides: files that were left out, or are missing.
-        leaderboard: which of `metrics` are ranked, and whether "asc" (the least is best) or "desc".
+        notes: further information for the student: files that were left out, or are missing.
+        leaderboard: which of `metrics` are ranked, and whether "asc" (the smallest is best) or "desc".
     """
 
     submission: str

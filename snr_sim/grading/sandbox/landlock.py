@@ -1,4 +1,4 @@
-"""Landlock: a process tells the kernel once which folders it will use, and can open nothing else any more.
+"""Landlock: a process lists once for the kernel the folders it will use, and can open nothing else afterwards.
 
 It needs no rights and no namespaces. What it does not cover (asking whether a file is there, and how long it is) is
 left to the files' own permissions; network and signals, which newer versions cover, to the filter of system calls.

@@ -1,12 +1,12 @@
 """The sandbox: bubblewrap's namespaces around a student's process, which show it little.
 
-In it there are Python, the kit without its labs, the submission, and 16 MB in memory to write on; all else is
-read-only or absent: no network, no other process, no environment, no file of ours. It is nobody's (uid 65534), and when
-the grader ends it, everything in its namespace ends.
+It contains Python, snr_sim without its labs, the submission, and 16 MB in memory to write on; all else is
+read-only or absent: no network, no other process, no environment, no file of the grader's. Its user is nobody
+(uid 65534), and when the grader ends it, everything in its namespace ends.
 
-As root, bubblewrap makes the mounts by that right, and the child gives it away before it reads the submission
-(`child_limits.py`). So no user namespaces are needed, and folders that only root may enter can hold Python. Anybody
-else needs user namespaces. Root in a container that may not mount has neither: there `confinement.py` takes its place.
+As root, bubblewrap makes the mounts with root's rights, and the child drops them before it reads the submission
+(`child_limits.py`). So no user namespaces are needed, and Python may be in folders that only root may enter. Other
+users need user namespaces. Root in a container that may not mount has neither: `confinement.py` is used there instead.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def wrapping(folder: Path, readable: Sequence[Path], makes_copies: bool) -> Iter
     yield from (str(find_bubblewrap()), "--die-with-parent", "--cap-drop", "ALL")
     yield from ("--unshare-ipc", "--unshare-pid", "--unshare-net", "--unshare-uts", "--hostname", "grader")
     if is_root():
-        for capability in ("CAP_SETUID", "CAP_SETGID", *["CAP_SYS_ADMIN"] * makes_copies):  # to become nobody
+        for capability in ("CAP_SETUID", "CAP_SETGID", *["CAP_SYS_ADMIN"] * makes_copies):  # to setuid to nobody
             yield from ("--cap-add", capability)
     else:
         yield from ("--unshare-user", "--uid", str(NOBODY), "--gid", str(NOBODY))
