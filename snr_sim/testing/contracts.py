@@ -1,6 +1,6 @@
-"""Contracts: what every sensor, actuator and plant has promised, checked on one. Run them over all of yours.
+"""Contract checks of sensors, actuators and plants. Run them over all of yours.
 
-Each check raises an AssertionError with the broken promise in words.
+Each check raises an AssertionError whose message names the broken rule.
 """
 
 from __future__ import annotations
@@ -86,11 +86,11 @@ def check_actuator(open_actuator: Callable[[], Actuator[Any]], a_command: Any) -
 
 
 def check_plant(make_plant: Callable[[], Plant], commands: Mapping[str, Any] | None = None) -> None:
-    """Check a plant: same seed, same bits; snapshots; time; names; what it shows; and that NaN never gets in.
+    """Check a plant: reproducibility by seed, snapshots, time, names, outputs, and rejection of NaN.
 
     Args:
-        make_plant: makes a new one.
-        commands: a valid command for each of its inputs, so that it is also checked under way.
+        make_plant: creates a new one.
+        commands: a valid command for each of its inputs, so that it is also checked with commands applied.
     """
     plant = make_plant()
     _promise(keeps(plant, Plant), f"{type(plant).__name__} lacks a member of Plant")

@@ -1,4 +1,4 @@
-"""Devices without a wire and a plant without physics: they keep their promises, and a test says what they answer."""
+"""Devices without hardware and a plant without physics, which return what a test sets. They meet their contracts."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ CommandT = TypeVar("CommandT")
 
 
 class FakeSensor(LifeCycle, Generic[ReadingT]):
-    """Gives readings from a list, then the last one again and again. Keeps the promise of Sensor.
+    """Sensor that returns readings from a list, then repeats the last one. Implements `Sensor`.
 
     Args:
-        readings: in order; `Stale` among them is of a sensor that has none for a moment, and an exception is raised.
+        readings: in order; `Stale` stands for a moment without a reading, and an exception is raised.
     """
 
     title = "This fake sensor"
@@ -50,11 +50,11 @@ class FakeSensor(LifeCycle, Generic[ReadingT]):
 
 
 class FakeActuator(LifeCycle, Generic[CommandT]):
-    """Keeps in a list what it was told. Keeps the promise of Actuator.
+    """Actuator that keeps its commands in a list. Implements `Actuator`.
 
     Args:
         command_type: a frozen msgspec Struct.
-        limits: lowest and highest value of each of its fields that is a number, or of each number in a list.
+        limits: minimum and maximum of each of its fields that is a number, or of each number in a list.
     """
 
     title = "This fake actuator"
@@ -91,7 +91,7 @@ class FakeActuator(LifeCycle, Generic[CommandT]):
         """Clamp a command, keep it, and return it.
 
         Raises:
-            CommandError: a value is NaN or infinite, or it is no command of this actuator.
+            CommandError: a value is NaN or infinite, or the command has another type than this actuator's.
             DeviceError: the actuator is closed.
         """
         if self.is_closed:
@@ -132,7 +132,7 @@ class FakeActuator(LifeCycle, Generic[CommandT]):
 
 
 class FakePlant:
-    """Holds what a test puts into it; only its time goes on. Keeps the promise of Plant.
+    """Plant whose outputs a test sets; only its time advances. Implements `Plant`.
 
     Args:
         outputs: what each output reads, a frozen msgspec Struct; a field `stamp_s` becomes the time of reading.
@@ -159,7 +159,7 @@ class FakePlant:
         self.written.clear()
 
     def step(self, dt_s: float) -> None:
-        """Let time go on."""
+        """Advance the time."""
         self.time_s += dt_s
 
     def write(self, name: str, command: Any) -> None:

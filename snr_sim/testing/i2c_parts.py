@@ -1,4 +1,4 @@
-"""An I2C bus without wires: parts that answer as their data sheets say, behind the calls of smbus2.
+"""Fake I2C bus: parts that answer as their data sheets specify, behind the calls of smbus2.
 
 For tests of drivers: `I2cBus(1, raw_bus.opened)`. Independent drivers run against the same parts.
 """
@@ -31,14 +31,14 @@ class Part(Protocol):
 
 
 class FakeBus:
-    """Calls as those of smbus2, errors as those of the kernel.
+    """I2C bus with the calls of smbus2 and the errors of the kernel.
 
     Args:
         parts: by address.
 
     Attributes:
-        is_there: whether the parts answer: False is a wire that was pulled.
-        is_stuck: whether somebody holds the clock line down.
+        is_there: whether the parts answer: False simulates a disconnected wire.
+        is_stuck: whether a device holds the clock line low.
     """
 
     def __init__(self, parts: dict[int, Part]) -> None:
@@ -153,6 +153,6 @@ class Pca9685Part:
             byte &= ~_EXTCLK
         runs = any(self._count(channel) for channel in range(16))
         if byte & SLEEP and not before & SLEEP and runs:
-            return byte | _RESTART  # told to sleep while channels run: they could be taken up again
+            return byte | _RESTART  # set to sleep while channels run: a restart could resume them
         kept = before & _RESTART if not byte & _RESTART else 0  # writing 1 clears it
         return byte & ~_RESTART | kept

@@ -1,4 +1,4 @@
-"""Witness: a recorder that keeps what it is told in lists, for tests that want to see what the trace would."""
+"""Fake recorder that keeps every call in lists, for tests that check what a trace would contain."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from snr_sim.prelude.task import Task
 
 
 class Witness:
-    """Keeps the promise of Recorder, and that of NodeRecorder for each node.
+    """Recorder in memory. Implements `Recorder`, and `NodeRecorder` for each node.
 
     After a run: `inputs` as (source, task), `handled` as (task, what each handler returned), `errors`,
     `sayings`, `ends`.

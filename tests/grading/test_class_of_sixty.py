@@ -1,6 +1,6 @@
-"""A class of sixty: right and wrong programs, attacks, and what is no program. Everybody gets exactly what is due.
+"""A class of sixty: right and wrong programs, attacks, and files that are not programs. Each gets exactly its points.
 
-Attacks (attacks/README.md) earn nothing, leave nothing behind, and are in nobody's way.
+Attacks (attacks/README.md) get no points, leave nothing behind, and do not affect other submissions.
 """
 
 import csv
@@ -23,7 +23,7 @@ from tests.assignments.mistakes import mistakes_of, write_solution, write_starte
 
 ATTACKS = sorted((Path(__file__).parent / "attacks").glob("*.py"))
 TOKEN = f"snr_attack_{os.getpid()}"
-# What is not there earns nothing; these do something that is right as well.
+# Submissions without the required part get no points; these do something that is right as well.
 HONEST_PART = {"visible_only": 70.0}
 PR_SET_CHILD_SUBREAPER = 36
 
@@ -273,7 +273,7 @@ def test_a_lab_of_the_course_gives_in_the_sandbox_what_its_own_tests_say(sandbox
 
 
 def kit_files() -> set[tuple[str, float]]:
-    """What stands in the kit, and when it was changed."""
+    """Return the files of snr_sim with the times of their last change."""
     import snr_sim
 
     folder = Path(snr_sim.__file__).parent

@@ -1,4 +1,4 @@
-"""A confined process, where no sandbox can be made: what it is, sees and may do. Each is tried from inside."""
+"""Confined process, where no sandbox can be made: its identity, view and permissions, each tried from inside."""
 
 import json
 import os
@@ -164,7 +164,7 @@ print(json.dumps(told))
 
 @pytest.fixture(scope="module")
 def told(docker: list[str], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """What two confined processes have told of themselves, who ran side by side."""
+    """Return the reports of two confined processes that ran at the same time."""
     import socket
     import tempfile
 
@@ -188,7 +188,7 @@ def told(docker: list[str], tmp_path_factory: pytest.TempPathFactory) -> dict[st
 
 
 def hidden(secret: Path) -> list[str]:
-    """What nobody of the students is to read; folders end with a stroke."""
+    """Return paths that no student may read; folders end with a slash."""
     top = KIT.parent
     processes = ["/proc/", "/proc/self/environ", "/proc/1/cmdline", "/proc/1/environ", "/proc/self/mem"]
     return [str(secret), f"{secret.parent}/", f"{top}/tests/", f"{top}/assignments/", "/etc/passwd", "/", *processes]

@@ -1,4 +1,4 @@
-"""The Gradescope container: run here, under another root than /autograder, with the kit that it brings itself."""
+"""Gradescope container: run here, with a root other than /autograder, and with the snr_sim that it contains."""
 
 import json
 import os
@@ -67,7 +67,7 @@ def test_a_submission_in_the_container_has_its_points(container: Path, handed_in
 def test_in_an_ordinary_container_programs_are_confined_and_marks_are_marks(
     container: Path, handed_in: HandedIn, docker: list[str], open_folder: Path
 ) -> None:
-    """As Gradescope runs it: by root who may not make namespaces, with nobody told to do without isolation."""
+    """As Gradescope runs it: as root without namespaces, and without an option to skip isolation."""
     root = open_folder / "autograder"
     shutil.copytree(container, root)
     lab = json.loads((root / "source" / "settings.json").read_text())["lab"]

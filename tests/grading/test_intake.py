@@ -1,4 +1,4 @@
-"""What students hand in: taken whole or refused in their own words, and nothing outside it is ever read or written."""
+"""Submissions: accepted whole or refused with a reason for the student; nothing outside is ever read or written."""
 
 import os
 import random
@@ -452,7 +452,7 @@ def test_a_file_that_lies_too_deep_is_left_out(tmp_path: Path) -> None:
     assert files_in(place) == {"depth_hold.py": CODE}
 
 
-# What is no archive, and names that are no text
+# Files that are not archives, and names that are not text
 
 
 @pytest.mark.parametrize(
@@ -507,7 +507,7 @@ def test_names_that_are_not_text_are_left_out_and_shown_as_escapes(tmp_path: Pat
 
 
 def test_an_archive_is_read_a_little_at_a_time(tmp_path: Path) -> None:
-    """Its largest read is bounded, so what it unpacks to never stands in memory."""
+    """Its largest read is bounded, so its unpacked content is never in memory as a whole."""
     given = zipped(tmp_path, ("depth_hold.py", CODE), ("data", os.urandom(8_000_000)))
     tracemalloc.start()
     taken(tmp_path, given)

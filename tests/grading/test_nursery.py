@@ -1,4 +1,4 @@
-"""Cases of several submissions in one sandbox: none meets what another has left, and it is nobody's to break."""
+"""Cases of several submissions in one sandbox: none finds traces of another, and no submission can break it."""
 
 import os
 import select

@@ -1,4 +1,4 @@
-"""What is said between grader and child: bounded in depth, plain, and cheap."""
+"""Messages between grader and child: bounded in depth, plain, and cheap."""
 
 import json
 import resource

@@ -76,7 +76,7 @@ class Mission(Endpoint):
         return [self.store_data_task("controls", self.controls()), self.store_data_task("mission", told)]
 
     def known(self):
-        """Return what the machine may go by. Needs no change of yours."""
+        """Return the inputs of the machine. Needs no change of yours."""
         panel, vehicle = self.get_data("panel"), self.get_data("vehicle")
         leak, depth = self.get_data("leak"), self.get_data("depth")
         return {

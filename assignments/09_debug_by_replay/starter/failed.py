@@ -2,7 +2,7 @@
 
 page "radar" --> estimator --> page "estimate" --> planner --> page "plan" --> throttler --> page "engine"
 
-    estimate  height_m, velocity_mps (up is positive): as they are now, for the radar tells them late
+    estimate  height_m, velocity_mps (up is positive): as they are now, since the radar reports them late
     plan      phase: fall, brake, sink or drop; wanted_mps: how fast to go; slowing_mps2: how fast that changes
     engine    throttle, 0 to 1
 """

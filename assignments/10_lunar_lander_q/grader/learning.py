@@ -1,13 +1,13 @@
-"""The grader's side of lab 10: many landers fly at once here, and the student's file tells by message where they are.
+"""Grader's side of lab 10: simulates many landers at once, and asks the student's file for their states by message.
 
     parent (here)                                            child (`pilot.py`)
     Landers, random numbers,  -- observations of all, results of the last step -->  encode, reward, update
     budget, score, table      <-- their states, and what the last step was worth --
 
-One message a step for all of them, so the pipe costs little beside the student's own functions. How many steps and
-episodes there are, from where, what is done and which of them landed, only this side knows. What was learned flies in
-the form in which it is handed in, as a table on the kit's grid: one message, and none in flight. At home, with no
-grader, the student's own choose() and table decide instead.
+One message per step for all of them, so the pipe costs little compared with the student's own functions. Only this
+side knows the number of steps and episodes, the starts, the actions and which landers landed. What was learned flies in
+the form in which it is submitted, as a table on snr_sim's grid: one message, and none during a flight. In practice,
+without the grader, the student's own choose() and table decide instead.
 """
 
 from __future__ import annotations
@@ -120,16 +120,16 @@ def train(
     most_steps: int = MOST_STEPS_TRAINED,
     most_episodes: int = MOST_EPISODES,
 ) -> Trained:
-    """Let a student's file learn, in landings that begin anywhere on the way down.
+    """Train a student's file, in landings that begin anywhere on the way down.
 
     Args:
         student: learns, and keeps what it has learned; by `Student.host` or `Here`.
         seed: of the starts, of the radar's noise and of the student's random numbers.
-        evidence: learns the same, and decides what is tried; else the student's own choose() does.
-        most_steps, most_episodes: how long it may be; it ends with whichever comes first.
+        evidence: learns the same, and chooses the actions; without it the student's own choose() does.
+        most_steps, most_episodes: limits of the training; it ends at the first one reached.
 
     Raises:
-        Misbehaved: it does not report where it is, or what that is worth.
+        Misbehaved: it does not report valid states or rewards.
     """
     given, rng = course(), np.random.default_rng([seed, 2])
     student.ask("begin", int(rng.integers(2**31)))  # not the seed itself: who knew it would know the starts
@@ -137,7 +137,7 @@ def train(
     told = _told(given, landers, rng)
     flown, episodes, ended = np.zeros(LANDERS, np.int64), LANDERS, list[bool]()
     burned_kg: list[Floats] = []  # of the last step, once there was one
-    ends: list[list[Any]] = []  # lists: a tuple would have to be told apart on its way
+    ends: list[list[Any]] = []  # lists, since tuples would need a conversion for the message
     states, actions = list[int](), np.empty(0, np.intp)  # of the last step, too
     count = MOST_STATES if evidence is None else evidence.states
     steps = -(-most_steps // LANDERS)
@@ -154,7 +154,7 @@ def train(
             actions = evidence.choose(told, states, epsilon)
         before = Landers(*landers)
         after, touches, speeds = step(before, THROTTLES[actions], given.engine, STEP_S)
-        told = _told(given, landers, rng)  # the radar tells it a step late
+        told = _told(given, landers, rng)  # radar readings, one step late
         landers, burned_kg, ends = np.stack(after), [before.fuel_kg - after.fuel_kg], []
         flown += 1
         over = np.flatnonzero(touches | (after.height_m > CEILING_M) | (flown > MOST_STEPS))
@@ -242,7 +242,7 @@ def _told(given: Course, landers: Floats, rng: np.random.Generator) -> Floats:
 
 
 class ByTable:
-    """A table that was handed in, flown as the node's controller 'q' flies it: none of the student's code runs."""
+    """A submitted table, flown as the node's controller 'q' flies it: none of the student's code runs."""
 
     def __init__(self, table: QTable) -> None:
         self._cells = table.discretiser.cells

@@ -1,8 +1,8 @@
 """The student's side of lab 10: asks the functions of a file for many landers at a time, and keeps their table.
 
-It stands in the student's process, alone, and speaks for the file there. What flies, how often, from where, what is
-done and what is its result, only the grader's process knows (`learning.py`); it keeps a table of its own, too
-(`evidence.py`), and this one here is only compared with it in the end. So replacing anything in here gains nothing.
+It runs in the student's process, alone, and calls the file's functions there. Only the grader's process knows the
+landers, their number, starts, actions and results (`learning.py`); it keeps a table of its own, too
+(`evidence.py`), and only compares this one with it at the end. So replacing anything in here gains nothing.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The student's side of lab 11: drives a queue of theirs, counts how much work it does, and puts it into a real node.
 
-It stands in the student's process, alone; what should have come (`plain_queue.py`) only the grader knows.
+It runs in the student's process, alone; only the grader knows the expected results (`plain_queue.py`).
 
 Work is counted and not timed, so it is the same on any computer: every comparison of priorities, and every place in a
 program's own lists, dicts and deques that holds something else than before. A program that could reach this counter is
@@ -135,7 +135,7 @@ class QueuedMachine(EventMachine):
 
     @property
     def queued(self) -> int:
-        """How many tasks wait, at the door or inside."""
+        """Number of tasks that wait, in the inbox (`Door`) or in the queue."""
         return self.inside + len(self.door.waiting)
 
     def run_ready(self) -> None:
@@ -202,7 +202,7 @@ class _Answering(Endpoint):
 
 
 class Priority(int):
-    """A priority that counts how often priorities are compared, and stays one when it is reckoned with."""
+    """A priority that counts comparisons of priorities; arithmetic on one gives another."""
 
     compared = 0
     __hash__ = int.__hash__
@@ -287,7 +287,7 @@ def _changed(held: tuple[Any, ...], holds: tuple[Any, ...]) -> int:
     if held and isinstance(holds[0], (dict, set)):  # what is in them has no place that another could push it from
         return len(set(map(id, held)) ^ set(map(id, holds)))
     gone = 0
-    if held and isinstance(holds[0], deque):  # what leaves at its front moves nobody
+    if held and isinstance(holds[0], deque):  # removal at its front shifts no other entry
         gone = next((i for i, one in enumerate(held[1:]) if len(holds) > 1 and one is holds[1]), len(held) - 1)
         held = (held[0], *held[1 + gone :])
     return gone + sum(map(operator.is_not, held, holds)) + abs(len(holds) - len(held))
