@@ -82,7 +82,7 @@ def grade_submission(
 
 
 def sandboxed(isolation: Demanded) -> Isolation:
-    """Return how a student's process will be kept, as reports say it.
+    """Return the isolation of a student's process, as in reports.
 
     Raises:
         IsolationMissing: isolation is required, and cannot be had here.

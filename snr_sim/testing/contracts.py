@@ -138,7 +138,7 @@ def _check_struct(value: Any, what: str) -> None:
 
 
 def _check_reading(reading: Any, before_s: float) -> float:
-    """Return when a reading was measured: not before the one before it, and all that it says is a number."""
+    """Return when a reading was measured: not before the previous one; all its fields must be numbers."""
     _check_struct(reading, "a reading")
     stamp_s = getattr(reading, "stamp_s", None)
     name = type(reading).__name__

@@ -61,7 +61,7 @@ class Expectations:
         return not self.complaints()
 
     def complaints(self) -> list[str]:
-        """Return a sentence for each way in which what came is not what was expected."""
+        """Return a sentence for each difference between expected and actual tasks."""
         raise NotImplementedError(f"{type(self).__name__} needs a method complaints(self)")
 
     def assert_satisfied(self) -> None:
@@ -84,7 +84,7 @@ class Expectations:
         self._seen[kind].update(names)
 
     def _instead(self, task_id: Expected) -> str:
-        """Say what came instead of an id that did not come at all."""
+        """Return a text about what came instead of an id that did not come at all."""
         if not isinstance(task_id, tuple):
             return ""
         kind, name = task_id
@@ -157,13 +157,13 @@ class OrderedExpector(Expectations):
         self.came: list[Expected] = []
 
     def hear(self, task: Task) -> None:
-        """Add a task to what came, if its id or its type is expected anywhere."""
+        """Count a task, if its id or its type is expected anywhere."""
         self.was_used = True
         if task.id() in self.ids or task.type in self.ids:
             self.came.append(task.id())
 
     def call(self, name: Expected) -> None:
-        """Add a call to what came, if it is expected anywhere."""
+        """Count a call, if it is expected anywhere."""
         self.was_used = True
         if name in self.ids:
             self.came.append(name)

@@ -79,7 +79,7 @@ class FakeActuator(LifeCycle, Generic[CommandT]):
 
     @property
     def command_type(self) -> type[CommandT]:
-        """What `write` takes."""
+        """Type of the commands for `write`."""
         return self._command_type
 
     @property
@@ -136,7 +136,7 @@ class FakePlant:
 
     Args:
         outputs: what each output reads, a frozen msgspec Struct; a field `stamp_s` becomes the time of reading.
-        inputs: names that `write` takes.
+        inputs: names that `write` accepts.
     """
 
     engine = "fake"
@@ -150,7 +150,7 @@ class FakePlant:
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """Names that `read` takes."""
+        """Names that `read` accepts."""
         return tuple(self.held)
 
     def reset(self, seed: int) -> None:

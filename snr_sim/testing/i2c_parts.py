@@ -136,7 +136,7 @@ class Pca9685Part:
 
     def _put(self, register: int, byte: int) -> None:
         if register == PRE_SCALE and not self.registers[MODE1] & SLEEP:
-            return  # the rate is taken asleep only
+            return  # the rate can be written in sleep mode only
         if _ALL_LED <= register < _ALL_LED + 4:
             for channel in range(16):
                 self.registers[LED0 + 4 * channel + register - _ALL_LED] = byte
@@ -148,7 +148,7 @@ class Pca9685Part:
     def _mode1(self, byte: int) -> int:
         before = self.registers[MODE1]
         if before & _EXTCLK or (byte & _EXTCLK and before & SLEEP and byte & SLEEP):
-            byte |= _EXTCLK  # taken asleep only, and kept until power off
+            byte |= _EXTCLK  # accepted in sleep mode only, and kept until power off
         else:
             byte &= ~_EXTCLK
         runs = any(self._count(channel) for channel in range(16))

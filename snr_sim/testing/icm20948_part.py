@@ -16,7 +16,7 @@ class Icm20948Part:
 
     Attributes:
         rate_radps, force_mps2: what it feels, in the axes printed on it.
-        identity: what it says who it is.
+        identity: value of its WHO_AM_I register.
     """
 
     def __init__(self) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from snr_sim.devices.wire.maestro import MaestroError, crc7
 from snr_sim.prelude.errors import DeviceError
 
-_LENGTHS = {0x84: 4, 0x90: 2, 0xA1: 1, 0xA2: 1}  # of whole commands; 0x9F says itself how long it is
+_LENGTHS = {0x84: 4, 0x90: 2, 0xA1: 1, 0xA2: 1}  # of whole commands; 0x9F contains its own length
 
 
 class MaestroBoard:

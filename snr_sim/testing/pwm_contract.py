@@ -128,7 +128,7 @@ class _Pilot:
         return all(abs(pulse - STOP_US) <= self.out.resolution_us / 2 + 1e-9 for pulse in applied.pulses_us)
 
     def check_still(self, when: str, applied: AppliedPulses | None = None) -> AppliedPulses:
-        """Check that an answer is neutral on each channel: to a command that pushes, if none is given."""
+        """Check that an answer is neutral on each channel: to a command with thrust, if none is given."""
         if applied is None:
             applied = self.out.write_us([self.out.limits_us[1]] * self.out.channels, self.bench.now_s())
         count = len(applied.pulses_us)

@@ -20,7 +20,7 @@ class Witness:
         self.inputs: list[tuple[str, Task]] = []
         self.begun_by: list[tuple[str, Sequence[Task]]] = []
         self.handled: list[tuple[Task, list[Handled]]] = []
-        self.causes: list[int] = []  # of each handled task: the number of the record that brought it
+        self.causes: list[int] = []  # of each handled task: the number of the record that caused it
         self.errors: list[tuple[str, str]] = []
         self.sayings: list[tuple[str, str, str]] = []
         self.ends: list[tuple[str, dict[str, Any]]] = []

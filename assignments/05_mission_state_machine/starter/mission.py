@@ -45,7 +45,7 @@ class Mission(Endpoint):
         }
 
     def goal(self):
-        """Return the place to go to; None in a state that goes nowhere."""
+        """Return the position to go to; None in a state without one."""
         gate, state = self.machine.gate, self.machine.state
         if state == "lining_up":
             return self.route[2 * gate]
@@ -54,7 +54,7 @@ class Mission(Endpoint):
         return None
 
     def on_place(self, task, task_id):
-        """Steer: a person who sees the vehicle would move the sticks like this. Needs no change of yours."""
+        """Steer as a person who sees the vehicle would move the sticks. Needs no change of yours."""
         place, goal, now_s = self.get_data("place"), self.goal(), self.get_time_s()
         if goal is None or self.seen_s is None or now_s <= self.seen_s:
             self.sticks = 0.0, 0.0
@@ -64,7 +64,7 @@ class Mission(Endpoint):
         self.seen_s = now_s
 
     def on_panel(self, task, task_id):
-        """Let the machine decide, then say what it has decided. Needs no change of yours."""
+        """Let the machine decide, then store its decision as pages. Needs no change of yours."""
         before = self.machine.state
         self.machine.step(self.known())
         machine = self.machine

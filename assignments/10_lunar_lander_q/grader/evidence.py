@@ -26,7 +26,7 @@ ALIKE = 1e-6  # of the largest value: rounding in sums of another order is far l
 # What is learned keeps moving to and fro, and the mean over some dozens of steps does not. Of 337 trainings of the
 # reference (40 000 steps each) three ended with a table that lands fewer than 80 of 100; of 322 by the mean, none.
 MEAN_EVERY, MEAN_FOLLOWS = 5, 0.125
-ASKED_AGAIN = 3000  # observations of a training: who fakes one in a hundred is found, but for one in 1e13
+ASKED_AGAIN = 3000  # observations of a training: faking one in a hundred passes with a probability of 1e-13
 Change = tuple[int, int, float, int]  # state, action, and what value and visits are now
 
 

@@ -43,7 +43,7 @@ THROTTLES = np.array(VERTICAL_THROTTLES)
 
 
 class Told(msgspec.Struct):
-    """What comes back of a step of training, as `Pilot.learn` says."""
+    """Answer to a step of training, see `Pilot.learn`."""
 
     states: str
     last: list[int]
@@ -52,7 +52,7 @@ class Told(msgspec.Struct):
 
 
 class Here:
-    """A student's file in this process, as it is practised with at home: all that it does is by its own functions."""
+    """A student's file in this process, for practice: its own functions decide everything."""
 
     def __init__(self, module: ModuleType) -> None:
         self.pilot = Pilot(module)
@@ -66,7 +66,7 @@ class Here:
         return np.array(self.pilot.choose(self.states_at(told), 0.0), np.intp)
 
     def states_at(self, told: Floats) -> list[int]:
-        """Return what encode() says of each observation."""
+        """Return the result of encode() for each observation."""
         return self.pilot.encode(*told.T.tolist())
 
     def rows(self) -> tuple[Floats, NDArray[np.int64]]:
@@ -132,7 +132,7 @@ def train(
         Misbehaved: it does not report valid states or rewards.
     """
     given, rng = course(), np.random.default_rng([seed, 2])
-    student.ask("begin", int(rng.integers(2**31)))  # not the seed itself: who knew it would know the starts
+    student.ask("begin", int(rng.integers(2**31)))  # not the seed itself, which would reveal the starts
     landers = _starts(given, LANDERS, rng)
     told = _told(given, landers, rng)
     flown, episodes, ended = np.zeros(LANDERS, np.int64), LANDERS, list[bool]()
@@ -257,7 +257,7 @@ class ByTable:
 def as_policy(learner: Evidence | Here) -> QTable:
     """Return what was learned as a table that `--controller q` flies.
 
-    Each cell of the kit's grid gets the row of the state that is found in its middle.
+    Each cell of the grid of snr_sim gets the row of the state that is found in its middle.
     """
     policy = new_table()
     heights, speeds = (np.array([2.0 * edges[0] - edges[1], *edges]) for edges in policy.discretiser.edges)

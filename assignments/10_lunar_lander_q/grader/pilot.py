@@ -213,7 +213,7 @@ class Pilot:
 
 
 def own_whole(value: Any) -> Any:
-    """Return a whole number that NumPy has made as Python's own, and all else as it is: 7.0 and True, too."""
+    """Return a NumPy integer as a Python int, and any other value unchanged: 7.0 and True, too."""
     is_foreign = type(value) is not int and isinstance(value, Integral) and not isinstance(value, bool)
     return int(value) if is_foreign else value
 

@@ -25,7 +25,7 @@ from snr_sim.core.node import Node
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 
-# What waits in the node of `run_node`, by kind: pages are stored before anything is made of them.
+# Tasks that wait in the node of `run_node`, by kind: pages are stored before any handler runs.
 NODE_PRIORITIES = {TaskType.store_page: 20, TaskType.process_data: 10, TaskType.event: 0, TaskType.reload: 0}
 MOST_STEPS = 5000
 Operations = Sequence[Sequence[Any]]  # ["put", kind of task, name, priority], ["take"] or ["len"]
@@ -148,7 +148,7 @@ class QueuedMachine(EventMachine):
             self.execute_next()
 
     def execute_next(self) -> None:
-        """Execute the task that the queue gives next."""
+        """Execute the next task of the queue."""
         if self.executed >= MOST_STEPS:
             raise ParameterError("The node has no end: take() gives tasks that were given before, or len() is wrong.")
         task = self._student.take()
@@ -183,7 +183,7 @@ class _AnsweringFactory(EndpointFactory):
 
 
 class _Answering(Endpoint):
-    """Notes each task, and returns the tasks that a table says."""
+    """Notes each task, and returns its follow-up tasks from a table."""
 
     factory: _AnsweringFactory
 
@@ -239,9 +239,9 @@ _KINDS: tuple[type[Any], ...] = (list, tuple, deque, set, frozenset)
 
 
 def contents(*roots: Any, home: str = "") -> dict[int, tuple[Any, ...]]:
-    """Return what each list, dict, deque, set, object, function and generator holds that can be reached, by identity.
+    """Return the contents of each reachable list, dict, deque, set, object, function and generator, by identity.
 
-    The first item of each is the container itself, so that none of them goes away while it is compared.
+    The first item of each is the container itself, so that none of them is freed while it is compared.
 
     Args:
         roots: where to begin.

@@ -231,7 +231,7 @@ class ClassFolder:
 
 
 def _remove_wholly(place: Path) -> None:
-    """Remove a folder, and what a program that is dying puts there meanwhile."""
+    """Remove a folder, and files that a dying program adds meanwhile."""
     # The kernel kills a student's process with the worker that started it, but the grader cannot wait for a process
     # that is not its child. Such a process may finish one system call, and a folder with a new file is not removed.
     give_up_s = time.monotonic() + _REMOVE_TIMEOUT_S
@@ -277,5 +277,5 @@ def _changed(before: Mapping[str, str], now: Mapping[str, str]) -> str:
 
 
 def digest_of_secret(secret: bytes) -> str:
-    """Return what says whether two secrets are the same, and nothing else."""
+    """Return a digest of a secret, which shows only whether two secrets are the same."""
     return hashlib.sha256(b"snr_sim grading\0" + secret).hexdigest()[:32]

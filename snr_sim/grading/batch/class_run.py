@@ -45,7 +45,7 @@ class Workers(Protocol):
         ...
 
     def result(self, future: Future[Any], job: Job) -> Graded:
-        """Return what a future of `submit` holds."""
+        """Return the result of a future of `submit`."""
         ...
 
 
@@ -115,7 +115,7 @@ class ClassRun:
             except Refused as refused:
                 self._keep(without_marks(job, "refused", str(refused), self._lab.title), "")
                 continue
-            except OSError as error:  # the disk is full, or it is not ours to read
+            except OSError as error:  # the disk is full, or it is not readable
                 self._keep(without_marks(job, "fault", f"It could not be read: {error}.", self._lab.title), "")
                 continue
             done = self._folder.done(name, taken.digest)

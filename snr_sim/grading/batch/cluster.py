@@ -81,7 +81,7 @@ class ClusterWorkers:
         return future
 
     def result(self, future: Future[Any], job: Job) -> Graded:
-        """Return what a future holds; recorded runs are written where the job wants them."""
+        """Return the result of a future; recorded runs are written to the job's folder."""
         error = future.exception()
         if error is not None:
             return without_marks(job, "fault", f"The cluster could not grade it: {type(error).__name__}: {error}")
@@ -141,7 +141,7 @@ def _write(folder: Path, files: dict[str, bytes]) -> None:
 
 
 def grade_parcel(parcel: bytes) -> bytes:
-    """Grade what came; dask calls it on a worker. The grading itself is done by a process below it."""
+    """Grade a parcel; dask calls it on a worker. A child process of the worker does the grading."""
     content = _decode_parcel(parcel)
     if content.kit != __version__:
         words = f"This worker has snr_sim {__version__}, and not {content.kit}."

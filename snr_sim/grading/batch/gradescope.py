@@ -71,7 +71,7 @@ cd "$root"
 
 
 def write_container(lab: Lab, secret: bytes, isolation: Demanded, out: Path) -> None:
-    """Write what Gradescope wants.
+    """Write the files that Gradescope needs.
 
     Args:
         lab: what submissions are tried by.
@@ -105,7 +105,7 @@ def write_container(lab: Lab, secret: bytes, isolation: Demanded, out: Path) -> 
 
 
 def requirements() -> list[str]:
-    """Return what pip has to install for the kit, with what simulates."""
+    """Return the requirements for pip of snr_sim with its simulation."""
     found = []
     for line in importlib.metadata.requires("snr_sim") or []:
         name, _, marker = line.partition(";")
@@ -124,7 +124,7 @@ def grade_in_container(root: Path) -> Graded:
     source = root / "source"
     settings = json.loads((source / "settings.json").read_text())
     checks = _KIT / "shipped" / "assignments" / settings["lab"] / "checks.py"
-    if not checks.is_file():  # not the copy in the container: a test, or a kit that was installed otherwise
+    if not checks.is_file():  # not the copy in the container: a test, or another installation of snr_sim
         checks = source / "kit" / "snr_sim" / "shipped" / "assignments" / settings["lab"] / "checks.py"
     secret = (source / "secret").read_bytes().strip()
     place = Path(tempfile.mkdtemp(prefix="snr_grade_"))

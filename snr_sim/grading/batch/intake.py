@@ -55,7 +55,7 @@ def take_in(given: Path, wanted: Sequence[str], into: Path) -> TakenIn:
         into: becomes a folder of plain files, all read-only.
 
     Raises:
-        Refused: nothing in it can be graded; says why, to the student.
+        Refused: nothing in it can be graded; the message gives the student the reason.
     """
     notes: list[str] = []
     into.mkdir(mode=0o755)
@@ -102,7 +102,7 @@ def _members(given: Path, wanted: Sequence[str], notes: list[str]) -> Iterator[I
 
 
 def _archive_alone_in(folder: int, wanted: Sequence[str]) -> str | None:
-    """Return the archive in a folder that holds nothing else to grade: some systems hand out such folders."""
+    """Return the archive in a folder with nothing else to grade: some systems deliver such folders."""
     entries = _entries(folder)
     archives = [one.name for one in entries if one.name.endswith(".zip") and one.is_file(follow_symlinks=False)]
     has_more = any(one.name in wanted or one.is_dir(follow_symlinks=False) for one in entries)
@@ -163,7 +163,7 @@ def _noting(what: str, notes: list[str]) -> Iterator[None]:
 
 
 def _copy(members: Iterator[Member], into: int, notes: list[str]) -> int:
-    """Copy what comes, as long as it is not too much; return how many files that were."""
+    """Copy the members within the limits; return the number of files."""
     count, left, seen = 0, MAX_BYTES, 0
     taken = TakenNames()
     for parts, source in members:
@@ -187,7 +187,7 @@ def _copy(members: Iterator[Member], into: int, notes: list[str]) -> int:
 
 
 def _top(into: Path, wanted: Sequence[str]) -> Path:
-    """Return the folder that holds the lab's files: archives often have one folder around everything."""
+    """Return the folder that contains the lab's files: archives often have one folder around everything."""
     top = into
     while not any((top / name).is_file() for name in wanted):
         inside = list(os.scandir(top))

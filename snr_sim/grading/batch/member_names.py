@@ -25,7 +25,7 @@ class Refused(SnrError):
 
 
 def parts_of(name: str) -> tuple[str, ...]:
-    """Return the parts of a member's path; none of them is empty, "." or "..", or holds a separator.
+    """Return the parts of a member's path; none of them is empty, "." or "..", or contains a separator.
 
     Args:
         name: as the archive or the folder has it, with / or \\ between its parts.
@@ -46,7 +46,7 @@ def parts_of(name: str) -> tuple[str, ...]:
 
 
 def why_left_out(parts: tuple[str, ...]) -> str:
-    """Return why a file of this path is not taken, or nothing."""
+    """Return why a file of this path is left out, or an empty text."""
     name = "/".join(parts)
     if not name:
         return "it has no name"
@@ -64,7 +64,7 @@ def why_left_out(parts: tuple[str, ...]) -> str:
 
 
 def is_litter(name: str) -> bool:
-    """Return whether a part of a path says that a file does not count."""
+    """Return whether a part of a path marks the file as left out."""
     return name.startswith(".") or name in _LITTER or name.endswith(_LITTER_SUFFIXES)
 
 
@@ -80,7 +80,7 @@ def shown(name: str) -> str:
 
 
 class TakenNames:
-    """Paths that were taken, to find two that a file system may hold for the same."""
+    """Paths used so far, to find two that a file system may treat as the same."""
 
     def __init__(self) -> None:
         self._files: dict[str, str] = {}  # by the path as a file system may compare it

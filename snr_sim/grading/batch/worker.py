@@ -88,7 +88,7 @@ def bound_job() -> None:
 def _nursery(job: Job) -> Nursery | None:
     """Return where all submissions of a class get their processes, which die with this one.
 
-    None where programs cannot be kept apart: each grading says so.
+    None where programs cannot be isolated: each grading reports it.
     """
     try:
         return Nursery(sandboxed(job.isolation), Limits())
@@ -101,7 +101,7 @@ def _listen(line: Connection, jobs: queue.SimpleQueue[bytes]) -> None:
         try:
             jobs.put(line.recv_bytes())
         except (EOFError, OSError):
-            os._exit(0)  # the sandboxes die with us
+            os._exit(0)  # the sandboxes end with this process
 
 
 def grade(job: Job, nursery: Nursery | None = None) -> Graded:
@@ -136,7 +136,7 @@ def without_marks(job: Job, status: Status, error: str, title: str = "") -> Grad
 
     Args:
         job: whose.
-        status: "refused" if that is the student's doing, "fault" if it is ours.
+        status: "refused" if the submission is the cause, "fault" if the grader is.
         error: why.
         title: of the lab, if it is known.
     """

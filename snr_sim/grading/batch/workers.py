@@ -67,7 +67,7 @@ class WorkerProcess:
         return without_marks(job, "fault", f"{why} That is a failure of the grader or of the lab; see what it printed.")
 
     def close(self) -> None:
-        """End the process; what is graded meanwhile has no result."""
+        """End the process; a submission being graded has no result."""
         with self._changing:
             self._is_closed = True
             if self._process is not None:
@@ -126,7 +126,7 @@ class LocalWorkers:
         for worker in self._workers:
             self._idle.put(worker)
         self._threads = ThreadPoolExecutor(jobs)
-        self.ahead = 2 * jobs  # so that the next ones are taken in while these are graded
+        self.ahead = 2 * jobs  # so that the next ones are imported while these are graded
 
     def __enter__(self) -> LocalWorkers:
         return self
@@ -142,7 +142,7 @@ class LocalWorkers:
         return self._threads.submit(self._grade, job)
 
     def result(self, future: Future[Any], job: Job) -> Graded:
-        """Return what a future holds that `submit` returned for a job."""
+        """Return the result of a future of `submit` for a job."""
         graded: Graded = future.result()
         return graded
 

@@ -58,7 +58,7 @@ class Produced:
         value: a page's data; else the task's values.
         after: index of the input that caused it, through whatever lay between; None if none did, but a loop's tick or
             a component's `begin`.
-        component: who made it.
+        component: its sender.
         page: the page itself, of store_page.
     """
 
@@ -197,7 +197,7 @@ class _Desk:
         self._node.enter(task, _SOURCE)
 
     def answer(self, produced: Produced) -> None:
-        """Ask who closes the loop."""
+        """Call `reply`, which closes the loop."""
         if self._reply is None:
             return
         replies = self._reply(produced)
@@ -231,7 +231,7 @@ class Ledger:
         return self._made(now_s, [(component, task) for task in scheduled], None)
 
     def input(self, now_s: float, source: str, task: Task) -> Ticket:
-        """Keep what a loop of the student's brought."""
+        """Keep what a loop of the student's sent."""
         cause = self._numbers.pop(0) if source == _SOURCE else None
         if source in self._names:
             self._keep(now_s, source, task, cause)

@@ -81,5 +81,5 @@ def _words(kind: type[Any], count: int | None) -> str:
 
 
 def _told(found: Any, hint: str, expected: str) -> Misbehaved:
-    """Return what there is to say; the hint is shown of hidden cases, too, so what was found is not in it."""
+    """Return the error; its hint is shown for hidden cases, too, so it does not contain the value found."""
     return Misbehaved("A page is not as the lab asks for it.", hint, expected, reprlib.repr(found))

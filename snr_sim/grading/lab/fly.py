@@ -166,12 +166,12 @@ def _check_names(base: Simulation, module: ModuleType, options: dict[str, str]) 
 
 
 def _read_files(remote: Remote, submission: Path, robots: list[tuple[str, Path]]) -> dict[str, Path]:
-    """Return the files that the student's process says it has read, as far as they are there."""
+    """Return the existing ones of the files that the student's process reports as read."""
     folders = {SUBMISSION: ("controller", submission)} | {name: ("robot", folder) for name, folder in robots}
     read = {}
     for name, below in remote.files:
         label, folder = folders.get(name, ("", submission))
-        with suppress(OSError, ValueError):  # skip what is not a valid path
+        with suppress(OSError, ValueError):  # skip invalid paths
             file = (folder / below).resolve()
             if label and file.is_relative_to(folder) and file.is_file():
                 read[f"{label}/{below}"] = file
@@ -219,7 +219,7 @@ _HINT_RAISED = "Your program ended the run with an error: look at the line named
 
 
 def _judged(flown: Flown, remote: Remote, may_fail: bool) -> Flown:
-    """Return a flight that has not failed; else says whose fault it was."""
+    """Return a run that has not failed; raise an error that names the cause otherwise."""
     if remote.misbehaved is not None:
         raise remote.misbehaved
     if flown.outcome == "ended" and not may_fail:
@@ -244,7 +244,7 @@ def _robot_of(scenario: str) -> library.Found:
 
 
 def _base(request: Request, roles: Any) -> tuple[Simulation, ModuleType | None]:
-    """Return a scenario with its robot, loaded once for many flights, and who controls what the student does not."""
+    """Return a scenario with its robot, loaded once for many runs, and the controller of the other roles."""
     named = tuple(map(str, roles)) if isinstance(roles, list) else None
     what = (request.scenario, request.engine, request.io, named)
     base, standard = _loaded(*what)
@@ -268,7 +268,7 @@ def _loaded(
 
 
 def _nobody(robot: library.Found, name: str) -> ModuleType:
-    """Return a controller that makes nothing: the student's takes its place."""
+    """Return a controller without components: the student's replaces it."""
     module = ModuleType("nobody")
     module.__file__ = name
     return module

@@ -60,7 +60,7 @@ _UNITS = {"m": "m", "s": "s", "n": "N", "v": "V", "hz": "Hz", "mps": "m/s", "rad
 
 
 def _in_words(name: str, value: Any) -> str:
-    """Return a field and its value as one says them.
+    """Return a field and its value as text.
 
     >>> _in_words("depth_m", 3.0), _in_words("is_armed", (True, False)), _in_words("seed", 4)
     ('depth 3 m', 'armed yes / no', 'seed 4')
@@ -85,7 +85,7 @@ class Check:
     """A function of checks.py with its points and cases; `check` makes it.
 
     Args:
-        function: takes the student, and a case if there are cases; returns a Verdict.
+        function: called with the student, and a case if there are cases; returns a Verdict.
         points: what it is worth; shared equally by its cases.
         visible: cases that `snr check` shows.
         hidden: draws the cases that only the instructor has.

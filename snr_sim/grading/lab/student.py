@@ -184,7 +184,7 @@ class Student:
 
     def feed(self, file: str, pages: Sequence[Given], **details: Any) -> list[Produced]:
         """Bring pages and tasks to the components of a submitted file; see `feed.feed`."""
-        from snr_sim.grading.lab.feed import feed  # with fly, it takes long to import, and many checks need neither
+        from snr_sim.grading.lab.feed import feed  # as for fly: a slow import, and many checks need neither
 
         return feed(self, file, pages, **details)
 

@@ -50,7 +50,7 @@ class Admission:
         self.of_others: set[str] = set()  # keys that only components of the grader may store
 
     def component(self, made: Made) -> None:
-        """Check what a component says of itself.
+        """Check the description that a component sends.
 
         Raises:
             NotAdmitted: its name is too long, or it has too many handlers.

@@ -26,7 +26,7 @@ from snr_sim.prelude.errors import SnrError, nearest
 from snr_sim.prelude.values import decode_value
 from snr_sim.scenario import library
 
-_CHUNK = 1 << 16  # much more would be given to the system and taken back at each read
+_CHUNK = 1 << 16  # larger buffers would be allocated and freed at each read
 _NEWLINE = 10
 _FIRST_PRIVATE_FD = 200
 
@@ -61,13 +61,13 @@ class Child:
         return self._call(function_of(self.module(do.file), do.function), do.function, do.args)
 
     def host(self, do: protocol.MakeObject) -> bytes:
-        """Make an object of the kit's or the lab's around the student's module; return its number."""
+        """Create an object of snr_sim or the lab around the student's module; return its number."""
         kind, module = do.host.received(), self.module(do.file)
         self._hosts.append(_called(f"{do.file} was prepared", kind, [module, *decode_value(bytes(do.args))]))
         return b"%d" % (len(self._hosts) - 1)
 
     def parse(self, do: protocol.Parse) -> bytes:
-        """Apply a parser of the kit or the lab to what a student wrote; nothing of it runs."""
+        """Apply a parser of snr_sim or the lab to a student's file; nothing of it runs."""
         parser = do.parser.received()
         return encode_plain(parser(do.data), do.parser.name, parser)
 
@@ -163,7 +163,7 @@ def _line_of_socket(line: int) -> tuple[int, int]:
 
 
 def _line_of_pipes() -> tuple[int, int]:
-    """Return the descriptors to read from and to write to; what is printed goes to stderr from here on."""
+    """Return the descriptors to read from and to write to; from here on prints go to stderr."""
     asks, answers = os.dup(0), os.dup(1)
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)

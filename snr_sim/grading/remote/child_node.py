@@ -41,7 +41,7 @@ _AUTHORS_STEPS = ("begin", "join", "halt", "terminate")
 
 
 class Caller(Protocol):
-    """What is needed of the rest of the process (`child.Child`): its modules; and it says whose a failure was."""
+    """Interface to the rest of the process (`child.Child`): its modules, and whose failure an error is."""
 
     step: str
     component: str
@@ -127,7 +127,7 @@ class ChildNode(Node):
     def add(self, factory: AnyFactory) -> protocol.Made:
         """Make a component; return what the grader needs to know of it."""
         component = self.registry.make(factory)
-        self._said, self._said_chars = [], 0  # a trace holds nothing of before its first record
+        self._said, self._said_chars = [], 0  # a trace contains nothing from before its first record
         self.registry.add(component, len(self.components))
         kind: type[Any] = Loop if isinstance(component, Loop) else Endpoint
         steps = [step for step in _AUTHORS_STEPS if getattr(type(component), step) is not getattr(kind, step)]
@@ -159,7 +159,7 @@ class ChildNode(Node):
         self._core.came_s.update(came_s)
 
     def with_page(self, task: Task, processed: Sequence[msgspec.Raw] | None) -> Task:
-        """Return a task that was brought with the page that it carries in the grader's node, see `Handle`."""
+        """Return a task with the page that it carries in the grader's node, see `Handle`."""
         if processed is None:
             return task
         if not processed:

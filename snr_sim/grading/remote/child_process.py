@@ -29,7 +29,7 @@ KEPT_BYTES = 8_000  # of what it prints
 MAX_PRINTED_BYTES = 1 << 20
 CHUNK = 1 << 16
 _NEWLINE = 10
-_START_CPU_S = 10.0  # of Python with the kit: about 0.2
+_START_CPU_S = 10.0  # of Python with snr_sim: about 0.2
 
 
 class ChildProcess:
@@ -87,7 +87,7 @@ class ChildProcess:
 
     @property
     def printed(self) -> str:
-        """What it has printed, as far as it is kept."""
+        """Its output, up to the limit."""
         text = bytes(self._kept).decode(errors="replace")
         return text + "\n..." if self.printed_bytes > len(self._kept) else text
 

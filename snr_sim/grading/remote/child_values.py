@@ -21,7 +21,7 @@ def encode_plain(value: Any, what: str, function: object) -> bytes:
     """Return JSON of a value that can cross.
 
     Raises:
-        NoValue: it cannot; says what it is.
+        NoValue: it cannot; the message describes it.
     """
     try:
         raw = _encode(value)
@@ -67,7 +67,7 @@ def _a(word: str) -> str:
 
 
 def short(value: Any) -> str:
-    """Return a value as it is shown, cut; it may be anything, and its `repr` may raise."""
+    """Return a value as text, truncated; it may be anything, and its `repr` may raise."""
     try:
         text = without_addresses(repr(value))
     except Exception as error:

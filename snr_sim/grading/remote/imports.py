@@ -79,7 +79,7 @@ def _imported(path: Path, parse: Parse) -> list[list[Any]]:
 
 
 def imports_in(source: bytes) -> list[tuple[str, int]]:
-    """Return what a program imports, and in which lines. Runs in the student's process: `parsing.py` says why."""
+    """Return the imports of a program with their lines. Runs in the student's process: see `parsing.py`."""
     try:
         tree = ast.parse(source)
     except (SyntaxError, ValueError, RecursionError, MemoryError):

@@ -159,7 +159,7 @@ class Nursery:
         return status
 
     def asked(self, word: bytes, fds: tuple[int, ...] = ()) -> tuple[bytes, list[int]]:
-        """Return what the sandbox' own process says to a word, and the file descriptors that come with it."""
+        """Return the answer of the sandbox' own process to a command, and the file descriptors sent with it."""
         if self._socket is None:
             self._start()
         assert self._socket is not None
@@ -182,7 +182,7 @@ class Nursery:
             )
 
     def _fault(self) -> LabFault:
-        """Return what there is to say when no copy can be had; end what there is."""
+        """Return the error for a failed copy; end the sandbox."""
         return LabFault(
             f"A student's process could not be started. {self._end()}".rstrip(),
             fix="is the computer out of memory or processes? Grade with fewer --jobs.",

@@ -77,7 +77,7 @@ def _enter_namespaces() -> None:
     """Have the next copy begin in namespaces of its own: of processes, and of what they share.
 
     Raises:
-        OSError: the kernel does not let us.
+        OSError: the kernel does not permit it.
     """
     libc = ctypes.CDLL(None, use_errno=True)
     own = os.pidfd_open(os.getpid())

@@ -48,7 +48,7 @@ class Call(_Verb, frozen=True):
 
 
 class MakeObject(_Verb, frozen=True, tag="host"):
-    """Make an object of the kit's or the lab's, whose class gets the student's module first."""
+    """Create an object of snr_sim or the lab, whose class gets the student's module first."""
 
     file: str
     host: SentCode
@@ -64,7 +64,7 @@ class AskObject(_Verb, frozen=True, tag="ask"):
 
 
 class Parse(_Verb, frozen=True):
-    """Apply a parser of the kit or the lab."""
+    """Apply a parser of snr_sim or the lab."""
 
     parser: SentCode
     data: bytes
@@ -134,7 +134,7 @@ Verb: TypeAlias = Hello | Call | MakeObject | AskObject | Parse | Load | Open | 
 
 
 class Ask(msgspec.Struct, frozen=True):
-    """What the grader says.
+    """Request of the grader.
 
     Args:
         n: the number of the line.
@@ -168,7 +168,7 @@ class Said(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Answer(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """What the student's process says: a value, or why there is none.
+    """Answer of the student's process: a value, or why there is none.
 
     Args:
         n: the number of the line that is answered.

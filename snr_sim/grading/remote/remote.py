@@ -287,7 +287,7 @@ class RemoteLoopFactory(LoopFactory):
 
 
 class RemoteLoop(Loop):
-    """Stands for a loop of the student's: the grader's clock says when it ticks."""
+    """Proxy of a loop of the student's: the grader's clock determines its ticks."""
 
     factory: RemoteLoopFactory
     parent: Node

@@ -27,7 +27,7 @@ class SentCode(msgspec.Struct, frozen=True):
 
     Args:
         module, name: where it is found.
-        code: of the module, by `marshal`; none if it is of the kit.
+        code: of the module, by `marshal`; none if it belongs to snr_sim.
     """
 
     module: str
@@ -43,7 +43,7 @@ class SentCode(msgspec.Struct, frozen=True):
 
 
 def sent(one: Callable[..., Any]) -> SentCode:
-    """Return a class or function of the kit or of a lab as it is sent.
+    """Return a class or function of snr_sim or of a lab as it is sent.
 
     Raises:
         LabFault: it is of neither.

@@ -61,7 +61,7 @@ def fenced(text: str, indent: str = "") -> str:
 
 
 def cell(text: str) -> str:
-    """Return a text for a table's cell, which no spreadsheet takes for a formula.
+    """Return a text for a table's cell, which no spreadsheet reads as a formula.
 
     >>> cell("=1+1"), cell("ada"), cell(" \\t@x")
     ("'=1+1", 'ada', "'@x")

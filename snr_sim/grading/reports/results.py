@@ -33,7 +33,7 @@ class CaseResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         fraction: how much of the case was right, 0 to 1.
         hint: what to think about next, in the words of the lab or of the grader; nothing of the student's program.
         expected: what would have been right.
-        actual: what came.
+        actual: the result obtained.
         error: what the student's program did wrong, the student's own line first: an exception, a late answer.
         printed: what the student's program printed, cut to a bounded length.
         metrics: numbers for the class's table and the leaderboard.

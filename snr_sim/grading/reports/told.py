@@ -60,13 +60,13 @@ def main_hint(check: CheckResult) -> str:
 
 
 def parts(case: CaseResult) -> list[tuple[str, str]]:
-    """Return what there is to say of a visible case, each with its heading."""
+    """Return the feedback on a visible case, each part with its heading."""
     said = [("expected", case.expected), ("found", case.actual), ("went wrong", case.error)]
     return [(heading, text) for heading, text in [*said, ("your program printed", case.printed)] if text]
 
 
 def as_text(check: CheckResult) -> str:
-    """Return a check in plain text, for systems that show it as it is."""
+    """Return a check in plain text, for systems that show it unchanged."""
     if check.skipped_because:
         return f"Not tried: {one_line(check.skipped_because)}"
     lines = []

@@ -113,7 +113,7 @@ def wrapping(folder: Path, readable: Sequence[Path], makes_copies: bool) -> Iter
 
 
 def closed_to_others() -> Path | None:
-    """Return a folder on the way to Python, its packages or the kit that others may not enter; None if they may."""
+    """Return a private folder on the path to Python, its packages or snr_sim; None if other users may enter all."""
     for path in outermost([*python_folders(), KIT]):
         if closed := closed_above(path / "any"):
             return closed

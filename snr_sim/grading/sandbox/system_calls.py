@@ -26,7 +26,7 @@ def _number(text: str) -> int:
     return ABSENT if text == "-" else int(text)
 
 
-# The kernel goes through the list from the top: reading and writing come first.
+# The kernel checks the list from the top: reading and writing come first.
 _DATA = """
     read 0 63, write 1 64, lseek 8 62, fstat 5 80, stat 4 -, lstat 6 -, newfstatat 262 79, statx 332 291,
     close 3 57, mmap 9 222, munmap 11 215, mprotect 10 226, mremap 25 216, madvise 28 233, brk 12 214,
