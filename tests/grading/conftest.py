@@ -93,7 +93,7 @@ def listener() -> Iterator[tuple[int, list[str]]]:
 
 @pytest.fixture(scope="session")
 def docker() -> list[str]:
-    """What comes before a command to run it as root in an ordinary Docker container, where no sandbox can be made."""
+    """Return the command prefix that runs a command as root in an ordinary Docker container, without a sandbox."""
     if os.geteuid() == 0 and _isolation_here() == "confined":
         return []  # this is one
     needed = [str(Path(one).resolve()) for one in (sys.base_prefix, sys.prefix, Path(__file__).parents[2])]

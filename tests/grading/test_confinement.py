@@ -23,7 +23,7 @@ KNOWN = {
     *(str(Path(one).resolve()) for one in (*sys.path, sys.base_prefix)),
 }
 
-# Runs in a student's process. What the kit's own check of imports refuses is had by another way.
+# Runs in a student's process. It reaches modules that the check of imports refuses in another way.
 PROBE = (
     TRIES
     + '''
@@ -332,7 +332,7 @@ def test_a_kit_that_other_users_cannot_reach_is_named_before_a_student_is_blamed
 def test_a_flight_comes_to_the_same_result_in_either_isolation(
     docker: list[str], sandbox: None, landing_lab: Path, open_folder: Path, tmp_path: Path
 ) -> None:
-    """What lands, what does not, and what prints and raises: the same but for the word that says which it was."""
+    """Results of isolations for landing, crashing, printing and raising programs: equal except for the isolation."""
     pilots = Path(__file__).parents[2] / "robots" / "lander" / "controllers"
     programs = {
         "lands": (pilots / "optimal.py").read_text(),

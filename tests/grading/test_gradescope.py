@@ -21,7 +21,7 @@ HandedIn = Callable[..., list[Path]]
 
 @pytest.fixture
 def container(double_lab: Path, tmp_path: Path) -> Path:
-    """/autograder as Gradescope has it before a submission comes, without what setup.sh installs."""
+    """Create /autograder as in Gradescope before a submission arrives, without the packages of setup.sh."""
     (tmp_path / "the_secret").write_text("correct horse battery staple")
     words = ["grade", str(double_lab), "--gradescope", str(tmp_path / "made"), "--isolation", "none"]
     made = subprocess.run(
@@ -32,7 +32,7 @@ def container(double_lab: Path, tmp_path: Path) -> Path:
     assert made.returncode == 0, made.stderr
     assert json.loads(made.stdout) == {"out": str(tmp_path / "made")}
     shutil.copytree(tmp_path / "made", tmp_path / "autograder" / "source")
-    shutil.rmtree(double_lab)  # the container brings its own
+    shutil.rmtree(double_lab)  # the container has its own copy
     return tmp_path / "autograder"
 
 

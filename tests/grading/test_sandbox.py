@@ -151,7 +151,7 @@ def nursery(request: pytest.FixtureRequest, submission: Path) -> Iterator[Nurser
 def test_a_process_in_the_sandbox_is_refused_what_no_other_wall_stops(
     submission: Path, nursery: Nursery | None
 ) -> None:
-    """The last wall: what no namespace divides, as cores and keys, and what no limit counts, as shared memory."""
+    """The last wall covers what no namespace separates (cores, keys), and what no limit counts (shared memory)."""
     with Student(submission, "sandbox", nursery=nursery) as student:
         told = student.call("mine.py", "undivided")
     assert told == dict.fromkeys(told, "ENOSYS")
@@ -234,7 +234,7 @@ def test_labs_that_are_in_the_kit_are_covered(
     submission: Path, nursery: Nursery | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kit = Path(snr_sim.__file__).parent
-    monkeypatch.setattr(sandbox_module, "LABS", kit / "plants")  # as if these were the labs of an installed kit
+    monkeypatch.setattr(sandbox_module, "LABS", kit / "plants")  # as if these were the labs of an installed snr_sim
     with Student(submission, "sandbox", nursery=nursery) as student:
         assert student.call("mine.py", "looks", [f"{kit}/plants/__init__.py", f"{kit}/__init__.py"]) == [
             "ENOENT",

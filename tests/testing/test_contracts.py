@@ -87,7 +87,7 @@ class Answers(LifeCycle):
 
 
 class TurnsBack(Answers):
-    """Its clock goes backwards."""
+    """Sensor whose clock goes backwards."""
 
     def read(self) -> Any:
         self.answer = Depth(1.0, self.answer.stamp_s - 0.1)
