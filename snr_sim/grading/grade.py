@@ -106,7 +106,7 @@ def _unwarned() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class _Grading:
-    """One submission on its way through the checks, as `grade_submission` got it."""
+    """One submission during its checks, with the arguments of `grade_submission`."""
 
     lab: Lab
     folder: Path
@@ -118,7 +118,7 @@ class _Grading:
     nursery: Nursery
 
     def checks(self) -> tuple[CheckResult, ...]:
-        """Return what each check came to, in order; in practice without those that have hidden cases only."""
+        """Return the result of each check, in order; in practice without those that have hidden cases only."""
         done: dict[str, CheckResult] = {}
         for check in self.lab.checks:
             cases = check.cases(self.lab.name, self.secret)
@@ -184,7 +184,7 @@ class _Grading:
         )
 
     def _kept(self, student: Student, run: Path | None, verdict: Verdict) -> str:
-        """Return the recorded run of a case, if it failed; of one that passed nothing is kept."""
+        """Return the recorded run of a case, if it failed; runs of passed cases are not stored."""
         if run is None or student.run_folder is None:
             return ""
         if verdict.fraction >= 1.0:
@@ -195,7 +195,7 @@ class _Grading:
 
 
 def could_not_be_judged(file: str) -> str:
-    """Return the hint for what a check gave up on; nothing of the program's is in it, and nothing of the case."""
+    """Return the hint where a check gave up; it contains nothing of the program's, and nothing of the case."""
     return (
         f"What {file} gave could not be judged. Has each page, and each answer, the form that the README asks for: all "
         "its fields by their names, and numbers where numbers belong?"
@@ -203,6 +203,6 @@ def could_not_be_judged(file: str) -> str:
 
 
 def steps_to(fault: BaseException) -> str:
-    """Return how the grader came to where something was raised, a line for each call; the same on every computer."""
+    """Return the grader's calls to where an error was raised, a line for each; the same on every computer."""
     frames = traceback.extract_tb(fault.__traceback__)[-_MOST_STEPS:]
     return "\n".join(f"  {Path(one.filename).name}, line {one.lineno}, in {one.name}: {one.line}" for one in frames)

@@ -68,7 +68,7 @@ class Expectations:
         """Fail with all complaints, if there are any.
 
         Raises:
-            AssertionError: or what the test case raises for a failure.
+            AssertionError: or the failure exception of the test case.
         """
         complaints = self.complaints()
         if not self.was_used:
@@ -97,7 +97,7 @@ class Expectations:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if error is None:  # what went wrong in the `with` is the news; a missing task would only follow from it
+        if error is None:  # an exception in the `with` is the cause; missing tasks would only follow from it
             self.assert_satisfied()
 
 
@@ -169,7 +169,7 @@ class OrderedExpector(Expectations):
             self.came.append(name)
 
     def complaints(self) -> list[str]:
-        """Return what is wrong at the first place where the order differs, and both orders."""
+        """Return the first position where the order differs, and both orders."""
         place = self._first_difference()
         if place is None:
             return []

@@ -38,7 +38,7 @@ class ExpectorEndpointFactory(EndpointFactory):
 
 
 class ExpectorEndpoint(Endpoint):
-    """Handles what the expector expects, and nothing else, so that the run's own notes stay as they are."""
+    """Endpoint with handlers for the expected tasks only, so that the run's own notes do not change."""
 
     factory: ExpectorEndpointFactory
 

@@ -135,7 +135,7 @@ class FakePlant:
     """Plant whose outputs a test sets; only its time advances. Implements `Plant`.
 
     Args:
-        outputs: what each output reads, a frozen msgspec Struct; a field `stamp_s` becomes the time of reading.
+        outputs: the value of each output, a frozen msgspec Struct; a field `stamp_s` becomes the time of reading.
         inputs: names that `write` accepts.
     """
 
@@ -169,7 +169,7 @@ class FakePlant:
         self.written.append((name, command))
 
     def read(self, name: str) -> Any:
-        """Return what is held."""
+        """Return the value set."""
         if name not in self.held:
             raise UnknownName(f"This plant has no output '{name}'.", fix=nearest(name, self.held))
         reading = self.held[name]
@@ -177,17 +177,17 @@ class FakePlant:
         return msgspec.structs.replace(reading, stamp_s=self.time_s) if has_stamp else reading
 
     def snapshot(self) -> Any:
-        """Return the time, and what was written."""
+        """Return the time, and the values written."""
         return self.time_s, list(self.written)
 
     def restore(self, snapshot: Any) -> None:
-        """Put back what `snapshot` returned."""
+        """Restore a state that `snapshot` returned."""
         self.time_s, self.written = snapshot[0], list(snapshot[1])
 
     def scene(self) -> dict[str, Any]:
-        """Return nothing to show."""
+        """Return an empty result: there is nothing to show."""
         return {"statics": {}, "bodies": {}}
 
     def truth(self) -> dict[str, Any]:
-        """Return nothing to show."""
+        """Return an empty result: there is nothing to show."""
         return {"poses": {}, "arrows": {}, "values": {}}

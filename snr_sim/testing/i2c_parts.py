@@ -22,11 +22,11 @@ class Part(Protocol):
     """A part on the bus."""
 
     def write(self, register: int, data: list[int]) -> None:
-        """Take what is written behind a register; nothing, if it was a command."""
+        """Take the bytes written after a register number; none, if it was a command."""
         ...
 
     def read(self, register: int, length: int) -> list[int]:
-        """Return what is read from a register on."""
+        """Return the bytes read from a register on."""
         ...
 
 

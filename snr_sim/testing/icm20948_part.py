@@ -15,7 +15,7 @@ class Icm20948Part:
     """The unit.
 
     Attributes:
-        rate_radps, force_mps2: what it feels, in the axes printed on it.
+        rate_radps, force_mps2: angular rate and specific force, in the axes printed on it.
         identity: value of its WHO_AM_I register.
     """
 

@@ -78,7 +78,7 @@ def check_pwm_out(bench: PwmBench) -> None:
 
 
 class _Pilot:
-    """Writes again and again, as a loop does, and looks at answers and pins."""
+    """Writes repeatedly, as a loop does, and checks answers and pins."""
 
     def __init__(self, bench: PwmBench, out: PwmOut) -> None:
         self.bench, self.out = bench, out
@@ -189,7 +189,7 @@ def _life(pilot: _Pilot) -> None:
 
 
 def _telemetry(pilot: _Pilot) -> None:
-    """Bring outputs into each state, and hold what they tell there against what all tell."""
+    """Bring outputs into each state, and compare their telemetry with that required of all backends."""
     out, still, fast = pilot.out, pilot.still, pilot.fast
     not_active, stopped = frozenset([NOT_ACTIVE]), frozenset([NOT_ACTIVE, STOPPED])
 

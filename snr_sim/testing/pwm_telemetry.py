@@ -20,7 +20,7 @@ from snr_sim.prelude.signals import (
 
 STATES = ("unconfigured", "inactive", "activating", "active", "error", "closed")
 REASONS = (CLAMPED, SLEWING, NO_PULSE, WRONG_COUNT, TOO_OLD, NOT_ACTIVE, STOPPED, LOST)
-_OF_A_STEP = 1e-3  # pulses are whole steps, but for what floats round
+_OF_A_STEP = 1e-3  # pulses are whole steps, except for rounding
 
 
 class Told(NamedTuple):

@@ -16,7 +16,7 @@ class PwmTree:
 
     Args:
         root: where; made if it is not there.
-        chips: what the `device` link of each `pwmchip` points to, by its number.
+        chips: target of the `device` link of each `pwmchip`, by its number.
         channels: of each chip.
 
     Attributes:

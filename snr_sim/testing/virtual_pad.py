@@ -66,7 +66,7 @@ class VirtualPad:
 
 
 def _sdl() -> ctypes.CDLL:
-    """Return the very SDL that pygame has loaded: another copy would know nothing of its pads."""
+    """Return the same SDL library that pygame has loaded: another copy would not share its pads."""
     package = Path(str(start_pygame().__file__)).parent
     places = [
         *package.parent.glob("pygame_ce.libs/libSDL2-2*"),

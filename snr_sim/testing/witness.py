@@ -47,11 +47,11 @@ class Witness:
         return self._tickets([task for _, returned in handled for task in returned])
 
     def error(self, now_s: float, component: str, message: str) -> None:
-        """Keep what went wrong."""
+        """Keep the error."""
         self.errors.append((component, message))
 
     def said(self, now_s: float, component: str, level: str, text: str) -> None:
-        """Keep what a component logs, or print."""
+        """Keep the text that a component logs or prints."""
         self.sayings.append((component, level, text))
 
     def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:

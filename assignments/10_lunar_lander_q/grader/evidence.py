@@ -27,11 +27,11 @@ ALIKE = 1e-6  # of the largest value: rounding in sums of another order is far l
 # reference (40 000 steps each) three ended with a table that lands fewer than 80 of 100; of 322 by the mean, none.
 MEAN_EVERY, MEAN_FOLLOWS = 5, 0.125
 ASKED_AGAIN = 3000  # observations of a training: faking one in a hundred passes with a probability of 1e-13
-Change = tuple[int, int, float, int]  # state, action, and what value and visits are now
+Change = tuple[int, int, float, int]  # state, action, and its new value and visits
 
 
 class Rows(msgspec.Struct):
-    """A table as it comes back."""
+    """A table received from the student's process."""
 
     values: list[list[float]]
     visits: list[list[int]]
@@ -68,7 +68,7 @@ class Evidence:
             self._is_tried = np.array(self.ledger.visits) > 0
 
     def choose(self, told: Floats, states: list[int], epsilon: float) -> NDArray[np.intp]:
-        """Return what to try where these states were reported: the best, or with probability epsilon any."""
+        """Return the actions to try in these reported states: the best, or with probability epsilon a random one."""
         self._trained.append((told, states))
         drawn = self._rng.integers(ACTIONS, size=len(states))
         return np.where(self._rng.random(len(states)) < epsilon, drawn, self.ledger.greedy(states))

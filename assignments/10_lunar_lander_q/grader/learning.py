@@ -62,7 +62,7 @@ class Here:
         return msgspec.convert(getattr(self.pilot, method)(*args), learned(returns))
 
     def act(self, told: Floats) -> NDArray[np.intp]:
-        """Return what the student's choose() does without chance."""
+        """Return the actions of the student's choose() without exploration."""
         return np.array(self.pilot.choose(self.states_at(told), 0.0), np.intp)
 
     def states_at(self, told: Floats) -> list[int]:
@@ -89,9 +89,9 @@ class Flights:
 
     Args:
         landed: of each start, whether it landed.
-        outcomes: how often what happened.
+        outcomes: number of landings by outcome.
         fuel_kg: mean propellant of those that landed; 0 if none did.
-        touchdown_mps: mean speed at the ground, of those that came there; 0 if none did.
+        touchdown_mps: mean speed at the ground, of the landers that reached it; 0 if none did.
     """
 
     landed: list[bool]
@@ -236,7 +236,7 @@ def _starts(given: Course, count: int, rng: np.random.Generator) -> Floats:
 
 
 def _told(given: Course, landers: Floats, rng: np.random.Generator) -> Floats:
-    """Return what the radar measures, in its steps of a centimetre."""
+    """Return the radar's readings, in its steps of a centimetre."""
     told: Floats = np.round(given.told(landers[0], landers[1], rng), 2)
     return told
 
@@ -249,7 +249,7 @@ class ByTable:
         self._greedy = np.argmax(np.where(table.visits > 0, table.values, -np.inf), axis=1)  # 0 where nothing was tried
 
     def act(self, told: Floats) -> NDArray[np.intp]:
-        """Return the best of what was tried."""
+        """Return the best of the actions tried."""
         actions: NDArray[np.intp] = self._greedy[self._cells(told)]
         return actions
 

@@ -66,7 +66,7 @@ def _modules(tree: ast.Module) -> Iterator[tuple[str, str]]:
 
 
 def _not_plain(node: ast.AST) -> Iterator[str]:
-    """Yield what one part of a program names that is not plain."""
+    """Yield the names in one part of a program that are not plain."""
     match node:
         case ast.Import(names=names):
             yield from (alias.name for alias in names if alias.name not in MODULES)

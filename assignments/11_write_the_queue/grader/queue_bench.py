@@ -50,12 +50,12 @@ class QueueBench:
         self._queue: Any = None
 
     def answers(self, most: int, operations: Operations) -> list[Any]:
-        """Return what a queue for `most` tasks answers to operations: the name of a task, None, or a number."""
+        """Return the results of operations on a queue for `most` tasks: the name of a task, None, or a number."""
         self._queue = self.kind(most)
         return self.more_answers(operations)
 
     def more_answers(self, operations: Operations) -> list[Any]:
-        """Return what the queue that has answered last answers to more operations."""
+        """Return the results of more operations on the queue used last."""
         return [_done(self._queue, operation, int) for operation in operations]
 
     def work(self, size: int, operations: Operations) -> float:
@@ -276,7 +276,7 @@ def _inside(one: Any) -> Sequence[Any]:
 
 
 def written(before: dict[int, tuple[Any, ...]], now: dict[int, tuple[Any, ...]]) -> int:
-    """Return how many places hold something else than before; all places of what is new."""
+    """Return how many places contain something else than before; all places of new containers."""
     return sum(_changed(before.get(identity, ()), holds) for identity, holds in now.items())
 
 
@@ -284,7 +284,7 @@ def _changed(held: tuple[Any, ...], holds: tuple[Any, ...]) -> int:
     """Return in how many places one container changed."""
     if len(held) == len(holds) and not any(map(operator.is_not, held, holds)):
         return 0
-    if held and isinstance(holds[0], (dict, set)):  # what is in them has no place that another could push it from
+    if held and isinstance(holds[0], (dict, set)):  # an entry of these has no position that another could shift
         return len(set(map(id, held)) ^ set(map(id, holds)))
     gone = 0
     if held and isinstance(holds[0], deque):  # removal at its front shifts no other entry

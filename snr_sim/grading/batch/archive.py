@@ -29,7 +29,7 @@ def members_of(file: BinaryIO, notes: list[str]) -> Iterator[Member]:
 
     Args:
         file: the archive.
-        notes: what is left out is added here.
+        notes: a note for each entry left out is added here.
 
     Raises:
         Refused: it is not an archive, is damaged or malicious, or cannot be opened.

@@ -109,7 +109,7 @@ class ClassFolder:
             raise
 
     def _tidy_up(self) -> None:
-        """Remove what a process that was killed has left."""
+        """Remove the files that a killed process has left."""
         left = Path(os.pread(self._lock, 4096, 0).decode(errors="replace"))
         if left.name.startswith(_PLACE) and left.is_absolute() and left.is_dir() and left.stat().st_uid == os.getuid():
             remove(left)
@@ -139,7 +139,7 @@ class ClassFolder:
             raise SnrError(f"{self.path / 'class.json'} cannot be read: {error}.", fix="name a new folder.") from error
 
     def close(self) -> None:
-        """Leave it, and remove what was private. Safe to call twice.
+        """Leave it, and remove the private folder. Safe to call twice.
 
         Whatever writes into the private place has ended: all threads, and all workers.
         """
@@ -169,7 +169,7 @@ class ClassFolder:
         return read_secret(path), False
 
     def begin(self, terms: Terms, submissions: Sequence[Submission]) -> None:
-        """Note what is asked for; what is made at the end of a run is taken away, as it will not be true any more.
+        """Store the job, and remove the files that the end of a run writes, as they will be out of date.
 
         Raises:
             SnrError: it was begun with other terms.
@@ -196,7 +196,7 @@ class ClassFolder:
         return kept.graded if kept is not None and kept.digest == digest else None
 
     def every_result(self) -> Iterator[Graded]:
-        """Yield what is done, one by one, in the order in which it was asked for."""
+        """Yield the results, one by one, in the order of the submissions."""
         for name, _ in self._manifest.submissions if self._manifest else []:
             kept = self._kept(name)
             if kept is not None:
@@ -216,7 +216,7 @@ class ClassFolder:
         return folder
 
     def keep(self, graded: Graded, digest: str, reports: Mapping[str, str]) -> None:
-        """Write a result: the reports, with what else was staged, then the record by which it is done."""
+        """Write a result: the reports and other staged files, then the record that marks it as done."""
         staged = self.path / ".staged" / graded.submission
         staged.mkdir(exist_ok=True)
         for name, text in reports.items():
@@ -265,7 +265,7 @@ def read_secret(path: Path) -> bytes:
 
 
 def _only_ours(path: Path) -> bool:
-    """Return whether nothing is there but what a run leaves that was killed before it had begun."""
+    """Return whether the folder contains only the files of a run that was killed before it began."""
     return {entry.name for entry in path.iterdir()} <= {".lock", "secret", ".secret.part", ".class.json.part"}
 
 

@@ -50,10 +50,10 @@ class Workers(Protocol):
 
 
 class ClassRun:
-    """Submissions on their way.
+    """Submissions in progress.
 
     Args:
-        lab: what they are tried by.
+        lab: its checks and cases.
         folder: of the class, begun.
         submissions: all of them, in order.
         secret: from which hidden cases are drawn.

@@ -24,9 +24,9 @@ from snr_sim.grading.batch.workers import WorkerProcess
 from snr_sim.grading.reports.results import Graded, decode_graded, encode_graded
 from snr_sim.prelude.errors import MissingExtra, SnrError
 
-RETRIES = 2  # of a submission whose grading raised on a worker; one whose worker died is dask's own affair
+RETRIES = 2  # of a submission whose grading raised on a worker; dask itself retries after a worker's death
 MAX_RUNS_BYTES = 16 * 2**20
-_AHEAD = 2  # submissions on their way per thread of the cluster
+_AHEAD = 2  # submissions in transit per thread of the cluster
 _CONNECT_S = 10
 
 
@@ -46,7 +46,7 @@ class Parcel(msgspec.Struct, frozen=True):
 
 
 class Returned(msgspec.Struct, frozen=True):
-    """What comes back: the record, and the recorded runs by relative name."""
+    """Result of a parcel: the record, and the recorded runs by relative name."""
 
     graded: bytes
     runs: dict[str, bytes]
@@ -146,7 +146,7 @@ def grade_parcel(parcel: bytes) -> bytes:
     if content.kit != __version__:
         words = f"This worker has snr_sim {__version__}, and not {content.kit}."
         return _returned(without_marks(content.job, "fault", words), Path("/nonexistent"))
-    # In dask's own folder for this worker: what a killed one leaves there is removed by the next.
+    # In dask's own folder for this worker: the next worker removes the files of a killed one there.
     own = importlib.import_module("distributed").get_worker().local_directory
     place = Path(tempfile.mkdtemp(prefix="snr_grade_", dir=own))
     place.chmod(0o711)

@@ -52,7 +52,7 @@ def open_file(name: str | Path, inside: int | None = None) -> Iterator[BinaryIO]
 
 @contextmanager
 def create_file(parts: tuple[str, ...], inside: int) -> Iterator[BinaryIO]:
-    """Yield a new file, open for writing; folders on the way to it are made.
+    """Yield a new file, open for writing; its parent folders are created.
 
     Args:
         parts: of its path, as from `parts_of`.

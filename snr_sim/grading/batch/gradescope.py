@@ -74,9 +74,9 @@ def write_container(lab: Lab, secret: bytes, isolation: Demanded, out: Path) -> 
     """Write the files that Gradescope needs.
 
     Args:
-        lab: what submissions are tried by.
+        lab: its checks and cases.
         secret: from which hidden cases are drawn.
-        isolation: "required", or "none" to try it where programs cannot be kept apart.
+        isolation: "required", or "none" to try it where programs cannot be isolated.
         out: a new folder.
 
     Raises:

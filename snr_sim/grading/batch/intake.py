@@ -24,7 +24,7 @@ from snr_sim.grading.batch.member_names import MAX_DEPTH, Refused, TakenNames, i
 
 MAX_FILES = 500
 MAX_BYTES = 32 * 2**20
-_MAX_ENTRIES = 10_000  # of a folder, with what does not count
+_MAX_ENTRIES = 10_000  # of a folder, including ignored ones
 _CHUNK_BYTES = 2**16
 _TOO_MANY = f"Your submission has more than {MAX_FILES} files."
 _ONLY_WHAT_IS_ASKED = "hand in only what the lab asks for."
@@ -38,7 +38,7 @@ class TakenIn:
     Args:
         folder: read-only, with the lab's files at its top.
         digest: over names and contents of all files: whether it is still the same submission.
-        notes: what was left out and what is missing, for the student.
+        notes: files left out and files missing, for the student.
     """
 
     folder: Path
@@ -110,7 +110,7 @@ def _archive_alone_in(folder: int, wanted: Sequence[str]) -> str | None:
 
 
 def _entries(folder: int) -> list[os.DirEntry[str]]:
-    """Return what is in a folder, in order.
+    """Return the entries of a folder, in order.
 
     Raises:
         Refused: that is too much.
@@ -128,7 +128,7 @@ def _files_under(folder: int, inside: str, notes: list[str]) -> Iterator[Member]
     Args:
         folder: its descriptor. Nothing is opened by a path: a folder on it may have become a link meanwhile.
         inside: its name in the submission.
-        notes: what is left out is added here.
+        notes: a note for each entry left out is added here.
     """
     folders = []
     for entry in _entries(folder):
@@ -148,7 +148,7 @@ def _files_under(folder: int, inside: str, notes: list[str]) -> Iterator[Member]
             with _noting(f"'{shown(name)}'", notes), open_file(entry.name, folder) as file:
                 yield parts_of(name), file
     for one, name in folders:
-        if name.count("/") < MAX_DEPTH:  # what lies deeper is left out with its folder
+        if name.count("/") < MAX_DEPTH:  # deeper entries are left out with their folder
             with _noting(f"The folder '{shown(name)}'", notes), open_folder(one, folder) as below:
                 yield from _files_under(below, name, notes)
 
@@ -173,7 +173,7 @@ def _copy(members: Iterator[Member], into: int, notes: list[str]) -> int:
         why = why_left_out(parts) if parts or source is not None else ""  # the folder itself, "./", is not a member
         if why:
             notes.append(f"'{shown('/'.join(parts))}' was left out: {why}.")
-        if why or source is None:  # a folder is made when a file in it comes
+        if why or source is None:  # a folder is created with the first file in it
             continue
         taken.add(parts)
         with create_file(parts, into) as copy:

@@ -108,5 +108,5 @@ class TakenNames:
 
 
 def _key(name: str) -> str:
-    """Return what macOS and Windows compare of a name."""
+    """Return the form of a name that macOS and Windows compare."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFD", name).casefold())

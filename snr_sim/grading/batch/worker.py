@@ -37,7 +37,7 @@ class Job(msgspec.Struct, frozen=True):
     """A submission to grade.
 
     Args:
-        name: what it is called.
+        name: of the submission.
         lab: path of the lab's checks.py.
         folder: of the submission, taken in.
         secret: from which hidden cases are drawn.
@@ -132,10 +132,10 @@ def _lab(path: str) -> Lab:
 
 
 def without_marks(job: Job, status: Status, error: str, title: str = "") -> Graded:
-    """Return the result of a submission of which nothing was tried; its program would have been kept as it says.
+    """Return the result of a submission that was not run, with the isolation that its program would have had.
 
     Args:
-        job: whose.
+        job: of the submission.
         status: "refused" if the submission is the cause, "fault" if the grader is.
         error: why.
         title: of the lab, if it is known.
@@ -158,5 +158,5 @@ def _kept_here(demanded: Demanded) -> Isolation:
     """Return the isolation that this computer supports; if that cannot be determined, the sandbox."""
     try:
         return sandboxed(demanded)
-    except (SnrError, OSError):  # what has ended a grading may stop this, too: no memory, no processes
+    except (SnrError, OSError):  # the cause of a failed grading may prevent this, too: no memory, no processes
         return "sandbox"

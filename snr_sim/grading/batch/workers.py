@@ -22,7 +22,7 @@ from snr_sim.core.process.spawn import Spawned, how_it_ended, print_line
 from snr_sim.grading.batch.worker import JOB_CPU_S, Job, without_marks
 from snr_sim.grading.reports.results import Graded, decode_graded
 
-LIMIT_S = 3600.0  # of wall time for one submission; far beyond what the limits of all its cases together allow
+LIMIT_S = 3600.0  # of wall time for one submission; far longer than the limits of all its cases together
 _TRIES = 2
 _WORKER = "snr_sim.grading.batch.worker:serve"
 
@@ -33,7 +33,7 @@ class WorkerProcess:
     Args:
         cores: that it stays on; if empty, any.
         limit_s: wall time for one submission.
-        target: what runs in it.
+        target: main function of the process.
     """
 
     def __init__(self, cores: set[int], limit_s: float = LIMIT_S, target: str = _WORKER) -> None:

@@ -34,7 +34,7 @@ class Given:
     """An input: a page under a key, or a task.
 
     Args:
-        at_s: when it comes; inputs of one moment come in their order.
+        at_s: its time; inputs of the same time keep their order.
         key, value: of a page; each is followed by `process_data`, unless `process` is false.
         task: (type, name, values) instead, such as ("event", "start", []).
         process: whether a page sets off work.
@@ -55,7 +55,7 @@ class Produced:
         at_s: when.
         kind: "store_page", "event", "process_data" or "terminate".
         name: a page's key, an event's name.
-        value: a page's data; else the task's values.
+        value: a page's data; for other tasks, their values.
         after: index of the input that caused it, through whatever lay between; None if none did, but a loop's tick or
             a component's `begin`.
         component: its sender.
@@ -178,7 +178,7 @@ class _Desk:
         return self._brought < self._count and self._node.exit_reason not in (TIME_LIMIT, NOTHING_LEFT)
 
     def take(self, given: Given) -> None:
-        """Let an input in when its time comes, before the components' loops tick."""
+        """Send an input to the node at its time, before the components' loops tick."""
         number, self._count = self._count, self._count + 1
         if given.at_s <= self._clock.now_s() and self._clock.now_s() > 0.0:
             self._bring(given, number)

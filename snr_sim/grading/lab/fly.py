@@ -32,11 +32,11 @@ if TYPE_CHECKING:
 
 
 class Flown:
-    """A flight that is over.
+    """A completed run.
 
     Args:
-        result: of the flight.
-        trace: what was recorded of it.
+        result: of the run.
+        trace: the recorded trace.
         folder: where that is kept; None if it is not.
     """
 

@@ -33,9 +33,9 @@ class Case:
     """One thing a check is tried on.
 
     Args:
-        value: what the check's function gets.
+        value: argument of the check's function.
         is_visible: whether students see it.
-        name: what the check's function calls it.
+        name: name of that argument.
     """
 
     value: Any
@@ -86,7 +86,7 @@ class Check:
 
     Args:
         function: called with the student, and a case if there are cases; returns a Verdict.
-        points: what it is worth; shared equally by its cases.
+        points: maximum points; shared equally by its cases.
         visible: cases that `snr check` shows.
         hidden: draws the cases that only the instructor has.
         needs: names of checks without whose full points this one is not tried.
@@ -169,11 +169,11 @@ class Lab:
     """What a submission is tried by.
 
     Args:
-        title: what the lab is called.
-        files: what a submission must hold.
+        title: of the lab.
+        files: required files of a submission.
         checks: in the order in which they are tried and shown.
-        may_import: modules that are else refused, such as "socket".
-        refused: modules that are refused here, each with the reason: what solves the lab, for one.
+        may_import: modules that are refused otherwise, such as "socket".
+        refused: modules that are refused here, each with the reason; for example one that solves the lab.
         leaderboard: metrics that are ranked, "<check>.<metric>", and whether the least ("asc") or the most is best.
 
     Raises:

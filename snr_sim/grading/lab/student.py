@@ -64,7 +64,7 @@ class Student:
         self.isolation = isolation
         self.limits = limits or Limits()
         self.record_to = record_to
-        self.run_folder: Path | None = None  # of the last flight, if it was recorded
+        self.run_folder: Path | None = None  # of the last run, if it was recorded
         self.flights = 0
         self.met = ""  # the submitted file that was used last, by a call, inputs or a run
         self._may_import = may_import
@@ -199,7 +199,7 @@ class Student:
         record: bool = True,
         may_fail: bool = False,
     ) -> Flown:
-        """Fly a scenario with the components of a submitted file as its controller; see `fly.fly`."""
+        """Run a scenario with the components of a submitted file as its controller; see `fly.fly`."""
         from snr_sim.grading.lab.fly import fly
 
         return fly(self, scenario, seed, controller, options or {}, io, engine, record, may_fail)
@@ -236,7 +236,7 @@ class Student:
         return child
 
     def done_with(self, child: ChildProcess) -> None:
-        """End a process, and keep what it printed."""
+        """End a process, and keep its output."""
         try:
             child.close()
         finally:
@@ -287,7 +287,7 @@ class Host:
 
         Args:
             method: its name.
-            args: finite numbers, texts, lists, dicts: encoded without a second look, and tuples become lists.
+            args: finite numbers, texts, lists, dicts: encoded without further checks, and tuples become lists.
             returns, finite, budget_s: as for `Student.call`.
         """
         verb = protocol.AskObject(self._number, method, msgspec.Raw(protocol.encode(args)))

@@ -70,8 +70,8 @@ class Misbehaved(SnrError):
 
     Args:
         message: what happened, with the student's own line first. It may contain output of the program.
-        hint: what to think about, without anything of the program's: it is shown of hidden cases, too.
-        expected: what would have been right.
+        hint: what to think about, without anything of the program's: it is shown for hidden cases, too.
+        expected: the right result.
         actual: the result obtained.
     """
 

@@ -32,7 +32,7 @@ class NotAdmitted(SnrError):
 
 
 class Admission:
-    """Lets in, or refuses, what the student's components bring.
+    """Accepts or refuses the tasks of the student's components.
 
     Args:
         file: of the submission, for the messages.
@@ -84,7 +84,7 @@ class Admission:
             )
 
     def notes(self, notes: Sequence[str]) -> list[str]:
-        """Return of what a step has noted as much as the end of a run can tell; the rest is left out."""
+        """Return the notes of a step up to the limit for the end of a run; the rest is left out."""
         admitted = [note[:_NOTE_LENGTH] for note in notes[: MAX_NOTES - self._notes]]
         self._notes += len(admitted)
         return admitted

@@ -57,7 +57,7 @@ class Child:
         return module
 
     def call(self, do: protocol.Call) -> bytes:
-        """Call a function; return what it returns."""
+        """Call a function; return its result."""
         return self._call(function_of(self.module(do.file), do.function), do.function, do.args)
 
     def host(self, do: protocol.MakeObject) -> bytes:
@@ -72,7 +72,7 @@ class Child:
         return encode_plain(parser(do.data), do.parser.name, parser)
 
     def ask(self, do: protocol.AskObject) -> bytes:
-        """Call a method of such an object; return what it returns."""
+        """Call a method of such an object; return its result."""
         return self._call(getattr(self._hosts[do.number], do.method), do.method, do.args)
 
     def _call(self, function: Callable[..., Any], name: str, args: msgspec.Raw) -> bytes:
@@ -109,7 +109,7 @@ def function_of(module: ModuleType, name: str) -> Callable[..., Any]:
     return function  # type: ignore[no-any-return]
 
 
-_printed = sys.stdout  # the student may put something else in its place
+_printed = sys.stdout  # the student may replace it
 
 
 def main(
@@ -132,7 +132,7 @@ def main(
     if user is not None:
         become(user)
     if walls is not None:
-        from snr_sim.grading.sandbox.confinement import confine  # here and below: at home nothing of it is needed
+        from snr_sim.grading.sandbox.confinement import confine  # here and below: not needed without isolation
 
         confine(answers, *walls)
     elif line != protocol.PIPES and not is_alone:  # bubblewrap does the same for a sandbox
@@ -154,7 +154,7 @@ def main(
 
 
 def _line_of_socket(line: int) -> tuple[int, int]:
-    """Return the descriptor to read from and to write to: a high one, which no program meets by accident."""
+    """Return the descriptor to read from and to write to: a high one, which no program hits by accident."""
     import fcntl  # not on Windows
 
     private = fcntl.fcntl(line, fcntl.F_DUPFD_CLOEXEC, _FIRST_PRIVATE_FD)
@@ -212,7 +212,7 @@ def _said(child: Child, do: str, error: BaseException) -> protocol.Said:
 
 
 def _text(said: str) -> str:
-    """Return what can be written as UTF-8: half a character, in an exception's text, cannot."""
+    """Return a text with lone surrogates escaped, since UTF-8 cannot encode them; an exception's text may have some."""
     return said.encode(errors="backslashreplace").decode()
 
 

@@ -36,7 +36,7 @@ from snr_sim.prelude.values import encode_value
 from snr_sim.scenario import library
 from snr_sim.scenario.controller import factories_of
 
-MAX_SAID_CHARS = 100_000  # of what is printed and logged in one step
+MAX_SAID_CHARS = 100_000  # of the output and logs of one step
 _AUTHORS_STEPS = ("begin", "join", "halt", "terminate")
 
 
@@ -59,7 +59,7 @@ class GivenClock(SimClock):
 
 
 class CollectingMachine(EventMachine):
-    """Executes nothing: keeps what the running component schedules until its step is over."""
+    """Event machine that executes nothing: keeps the tasks that the running component schedules during its step."""
 
     scheduled: list[Task]
 
@@ -125,7 +125,7 @@ class ChildNode(Node):
             self._said.append((component, level, text.encode(errors="backslashreplace").decode()))
 
     def add(self, factory: AnyFactory) -> protocol.Made:
-        """Make a component; return what the grader needs to know of it."""
+        """Create a component; return the data of it that the grader needs."""
         component = self.registry.make(factory)
         self._said, self._said_chars = [], 0  # a trace contains nothing from before its first record
         self.registry.add(component, len(self.components))
@@ -245,7 +245,7 @@ class ChildNode(Node):
 
 
 def in_words(error: BaseException, begins: Any) -> tuple[str, str]:
-    """Return what happened with the student's line first, and what to try; where it was the grader adds."""
+    """Return the error with the student's line first, and a fix; the grader adds in which step it was."""
     text = describe_error(error, "\0", begins)
     before, _, after = text.partition("\n  \0")
     fix = after.partition("Try: ")[2]
@@ -293,7 +293,7 @@ class NodeVerbs:
         return _encode(protocol.Opened([isinstance(one, LoopFactory) for one in made], _files_read(self._folders)))
 
     def make(self, do: protocol.Make) -> bytes:
-        """Make the component of a factory in a node; return what the grader needs to know of it."""
+        """Create the component of a factory in a node; return the data of it that the grader needs."""
         if do.node not in self._nodes:
             self._nodes[do.node] = ChildNode(do.node, do.chance)
         return _encode(self._nodes[do.node].add(self._factories[do.factory]))

@@ -25,7 +25,7 @@ from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.confiner import Confiner
 from snr_sim.grading.sandbox.sandbox import Limits
 
-KEPT_BYTES = 8_000  # of what it prints
+KEPT_BYTES = 8_000  # of its output
 MAX_PRINTED_BYTES = 1 << 20
 CHUNK = 1 << 16
 _NEWLINE = 10
@@ -38,7 +38,7 @@ class ChildProcess:
     Args:
         folder: of the submission; it is the process' current folder.
         isolation: "sandbox", "confined", or "none".
-        limits: what it may use.
+        limits: CPU time, memory and files that it may use.
         readable: further folders it may read: of robots.
         nursery: fork server that copies it, if it needs no more than the submission.
     """
@@ -126,7 +126,7 @@ class ChildProcess:
             ) from error
 
     def _take_listener(self, confiner: Confiner) -> None:
-        """Take what a confined process sends when its walls are up: where it is asked whether it may make a file."""
+        """Take the descriptor that a confined process sends when its walls are up: of its requests for new files."""
         patience = Patience(self._limits.wall_s(_START_CPU_S), _START_CPU_S, self._process.pid)
         self._wait(patience, select.POLLIN)
         data, sent, _, _ = socket.recv_fds(self._socket, 1, 1)

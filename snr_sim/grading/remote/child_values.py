@@ -26,7 +26,7 @@ def encode_plain(value: Any, what: str, function: object) -> bytes:
     try:
         raw = _encode(value)
         if b'"$"' not in raw and _decode(raw) == value:
-            return raw  # the way of nearly all: C has carried it there and back
+            return raw  # the usual case: a JSON round trip in C gives the same value
     except (TypeError, ValueError, OverflowError, RecursionError):
         pass
     try:

@@ -82,7 +82,7 @@ def try_confinement() -> None:
 
 
 def _user_of_a_trial(isolation: Isolation) -> tuple[int | None, str]:
-    """Return the user of a process in this isolation, or what it has printed instead."""
+    """Return the user of a process in this isolation, or its output if it failed."""
     with tempfile.TemporaryDirectory(prefix="snr-grading-") as name:
         os.chmod(name, 0o755)
         child = ChildProcess(Path(name), isolation, Limits())

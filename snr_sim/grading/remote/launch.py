@@ -140,6 +140,6 @@ def _is_open(folder: Path) -> bool:
 
 
 def _what_is_no_file(folder: str, names: list[str]) -> list[str]:
-    """Return what must not be copied: a pipe or a device would be read without end."""
+    """Return the entries that must not be copied: a pipe or a device would be read without end."""
     paths = {name: Path(folder, name) for name in names}
     return [name for name, path in paths.items() if not (path.is_symlink() or path.is_dir() or path.is_file())]

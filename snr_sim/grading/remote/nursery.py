@@ -36,7 +36,7 @@ _ANSWER_S = 130.0  # wall time; a copy takes a millisecond, and a start of Pytho
 
 
 class Copied:
-    """A student's process that is a copy; with what `ChildProcess` asks of a `subprocess.Popen`."""
+    """A student's process that is a copy; with the part of `subprocess.Popen` that `ChildProcess` uses."""
 
     def __init__(self, nursery: Nursery, death: int, output: int) -> None:
         self._nursery = nursery
@@ -189,14 +189,14 @@ class Nursery:
         )
 
     def close(self) -> None:
-        """End the sandbox with all that is in it, and remove what it showed. Safe to call twice."""
+        """End the sandbox with all its processes, and remove the submission's folder. Safe to call twice."""
         self._end()
         if self._shown is not None:
             shutil.rmtree(self._shown, ignore_errors=True)
         self._shown, self._is_brought = None, False
 
     def _end(self) -> str:
-        """End the sandbox with all that is in it; return what its own process has printed."""
+        """End the sandbox with all its processes; return the output of its own process."""
         said = b""
         if self._process is not None:
             with suppress(ProcessLookupError, PermissionError):

@@ -37,7 +37,7 @@ def main(line: int, limits: tuple[int, int, int, int], is_alone: bool, user: int
     asked = socket.socket(fileno=line)
     at_first, copied = _scratch(), 0
     gc.collect()
-    gc.freeze()  # what is there already is not looked through in each copy
+    gc.freeze()  # the collector in a copy skips the objects that exist now
     while True:
         word, fds, _, _ = socket.recv_fds(asked, _MOST_BYTES, 2)
         if not word:
@@ -90,6 +90,6 @@ def _enter_namespaces() -> None:
 
 def _scratch() -> tuple[list[str], tuple[int, ...]]:
     """Return the state of the scratch folder, which differs if a process has written there, but not if it only read."""
-    names = os.listdir(SCRATCH)  # first: to look changes the time of the last look, once
+    names = os.listdir(SCRATCH)  # first: listing changes the access time, once
     seen = os.stat(SCRATCH)
     return names, (seen.st_mode, seen.st_nlink, seen.st_atime_ns, seen.st_mtime_ns, seen.st_ctime_ns)

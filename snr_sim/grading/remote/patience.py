@@ -14,7 +14,7 @@ from pathlib import Path
 
 END_S = 2.0
 LOOK_S = 0.5  # so often, and no oftener, it is looked at whether a process that does not answer is working
-_IDLE_LOOKS = 6  # so many looks in a row with no work done
+_IDLE_LOOKS = 6  # consecutive checks without CPU time used
 _SLACK_S = 2.0
 _TICKS_HZ = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 0  # of /proc, which Windows has not
 
@@ -40,7 +40,7 @@ class Patience:
         self.is_spent = False  # whether its CPU time was used up
 
     def is_over(self) -> bool:
-        """Look again, unless the last look was just now; return whether it is of no use to wait any longer."""
+        """Check again, unless the last check was just now; return whether waiting longer is useless."""
         now_s = time.monotonic()
         if now_s > self._give_up_s:
             return True

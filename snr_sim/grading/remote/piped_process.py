@@ -30,7 +30,7 @@ class PipedProcess(ChildProcess):
 
     Args:
         folder: of the submission; it is the process' current folder.
-        limits: what it may use. Its CPU time is counted by itself, and its memory is not.
+        limits: CPU time, memory and files that it may use. It counts its CPU time itself; its memory is not limited.
     """
 
     def __init__(self, folder: Path, isolation: Isolation, limits: Limits) -> None:

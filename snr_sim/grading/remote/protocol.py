@@ -87,7 +87,7 @@ class Open(_Verb, frozen=True):
 
     Args:
         file: of the submission, which was read.
-        robot: what `factories` gets, pickled, in base64.
+        robot: argument of `factories`, pickled, in base64.
     """
 
     file: str
@@ -139,7 +139,7 @@ class Ask(msgspec.Struct, frozen=True):
     Args:
         n: the number of the line.
         cpu_s: how much CPU time the answer may take.
-        verb: what is asked for.
+        verb: the request.
     """
 
     n: int
@@ -173,7 +173,7 @@ class Answer(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     Args:
         n: the number of the line that is answered.
         value: JSON, of the form that was asked for.
-        error: what went wrong.
+        error: the failure.
     """
 
     n: int
@@ -240,7 +240,7 @@ class StepDone(Told, frozen=True, omit_defaults=True):
 
 
 class ProtocolError(SnrError):
-    """A line that is not what the protocol allows."""
+    """A line that violates the protocol."""
 
 
 encode = msgspec.json.Encoder().encode

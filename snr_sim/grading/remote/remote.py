@@ -185,7 +185,7 @@ class Remote:
             node.datastore.missed[key] = None
 
     def _new_pages(self, node: Node) -> tuple[list[msgspec.Raw], dict[str, float]]:
-        """Return what is in the datastore and have not been sent, each page after the one before it."""
+        """Return the pages in the datastore that were not sent yet, each after the page before it."""
         sent = self._sent.setdefault(node.role, {})
         pages: list[msgspec.Raw] = []
         came_s: dict[str, float] = {}
@@ -229,7 +229,7 @@ class RemoteEndpointFactory(EndpointFactory):
 
 
 class RemoteEndpoint(Endpoint):
-    """Stands for an endpoint of the student's."""
+    """Proxy of an endpoint of the student's."""
 
     factory: RemoteEndpointFactory
     parent: Node

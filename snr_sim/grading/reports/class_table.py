@@ -25,8 +25,8 @@ class Summary:
     Args:
         points: of each submission that has a mark.
         of: points that could be had.
-        refused, faults: names of those of which nothing could be graded, and of those without a mark.
-        unjudged: names of those with a mark who gave something in a case that the check could not judge.
+        refused, faults: names of submissions that could not be graded, and of those without a grade.
+        unjudged: names of those with a grade whose result in some case the check could not judge.
         checks: how many got all points of each check, by its title.
         ranked: per ranked metric the names with their value, unordered.
         orders: whether the least or the most is best.

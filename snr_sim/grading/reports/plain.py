@@ -43,7 +43,7 @@ def one_line(text: str, limit: int = 300) -> str:
 
 
 def markdown(text: str) -> str:
-    """Return a line that reads in Markdown as it stands: no links, no pictures, no HTML.
+    """Return a line that Markdown shows unchanged: no links, no pictures, no HTML.
 
     >>> print(markdown("![x](http://a) <b>|`"))
     \\!\\[x\\](http:&#47;/a) \\<b\\>\\|\\`
@@ -53,7 +53,7 @@ def markdown(text: str) -> str:
 
 
 def fenced(text: str, indent: str = "") -> str:
-    """Return a block of Markdown in which a text stands untouched, whatever is in it."""
+    """Return a block of Markdown that shows a text unchanged, whatever it contains."""
     shown = plain(text)
     longest = max((len(run) for run in re.findall("`+", shown)), default=0)
     fence = "`" * max(3, longest + 1)

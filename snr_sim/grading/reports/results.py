@@ -28,16 +28,16 @@ class CaseResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     student's program made of its input, or said about it.
 
     Args:
-        label: what the case is about, such as "from 1 m to 3 m".
+        label: subject of the case, such as "from 1 m to 3 m".
         is_visible: whether `snr check` shows it, too.
         fraction: how much of the case was right, 0 to 1.
-        hint: what to think about next, in the words of the lab or of the grader; nothing of the student's program.
-        expected: what would have been right.
+        hint: what to think about next, from the lab or the grader; contains nothing of the student's program.
+        expected: the right result.
         actual: the result obtained.
-        error: what the student's program did wrong, the student's own line first: an exception, a late answer.
-        printed: what the student's program printed, cut to a bounded length.
+        error: the failure of the student's program, the student's own line first: an exception, a late answer.
+        printed: output of the student's program, truncated.
         metrics: numbers for the class's table and the leaderboard.
-        fault: where the check gave up on what the student's program gave, which is 0; for the instructor alone.
+        fault: where the check gave up on a result of the student's program, which is 0; for the instructor alone.
         run_folder: the recorded run, relative to the folder of the submission's results; empty if none was kept.
     """
 
@@ -127,7 +127,7 @@ class Graded(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
     @property
     def faults(self) -> list[str]:
-        """Returns where checks gave up on what the student's program gave: 0 points, and for the instructor to see."""
+        """Cases in which a check gave up on a result of the student's program: 0 points; for the instructor to see."""
         return [
             f"{check.name}, case '{case.label}': {case.fault}"
             for check in self.checks

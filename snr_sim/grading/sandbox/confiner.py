@@ -69,7 +69,7 @@ class Confiner:
         return True
 
     def close(self) -> None:
-        """Remove what the process has written, which has ended."""
+        """Remove the files of the process, which has ended."""
         if self.listener >= 0:
             with suppress(OSError):
                 os.close(self.listener)

@@ -31,7 +31,7 @@ _SCRATCH_BYTES = 16 << 20
 
 
 class IsolationMissing(SnrError):
-    """A student's program cannot be kept apart here, and was to be."""
+    """Isolation is required, but not available on this computer."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Limits:
     open_files: int = 64
 
     def wall_s(self, cpu_s: float) -> float:
-        """Return how long to wait for something that may take so much CPU time: far longer, on a busy computer."""
+        """Return the wall time limit for a given CPU time: far longer, as the computer may be busy."""
         return 30.0 + 10.0 * min(cpu_s, self.cpu_s)
 
 

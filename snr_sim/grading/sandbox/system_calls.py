@@ -1,6 +1,6 @@
-"""What a student's process may ask of Linux, by the numbers of its two kinds of computer; all else it may not.
+"""System calls that a student's process may make, by their numbers on two processor architectures; others are refused.
 
-A list of what is allowed, and not of what is forbidden: what a newer kernel adds is refused without being known.
+A list of allowed calls, not of forbidden ones: calls that a newer kernel adds are refused without being known.
 
 Source: arch/x86/entry/syscalls/syscall_64.tbl and include/uapi/asm-generic/unistd.h of Linux 6.1; a number is never
 given to another call.
