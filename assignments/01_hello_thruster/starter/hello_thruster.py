@@ -19,13 +19,13 @@ SURGE = [+1, +1, -1, -1, 0, 0, 0, 0]
 
 def counted(stick):
     """Return how far a stick counts: 0.0 at rest, and never beyond -1.0 or 1.0."""
-    # Step 4: so far every movement of the stick counts, however small.
+    # Step 4: so far every movement of the hand counts, as it is.
     return stick
 
 
 def pulses_us(heave, surge):
     """Return the list of eight pulses for two sticks."""
-    # Step 3: so far, whatever the sticks command, all eight thrusters stand still.
+    # Step 3: so far, whatever the sticks say, all eight thrusters stand still.
     pulses = []
     for channel in range(8):
         pulses.append(STOP_US)

@@ -1,4 +1,4 @@
-"""Puts your endpoint into the vehicle, next to one that reports its state to the surface. Needs no change of yours.
+"""Puts your endpoint into the vehicle, beside one that tells the surface what you do. Needs no change of yours.
 
 Nothing in here is a secret: read it when your lab is done. A *factory* makes an endpoint for a node; `snr run` asks
 `factories` in your file for them.
@@ -23,7 +23,7 @@ class OneFactory(EndpointFactory):
 
 
 class Teller(Endpoint):
-    """Reports the vehicle's state to the pilot, who begins when the first report arrives. Does not move thrusters."""
+    """Tells the pilot, who begins when the vehicle is heard of. It has no say in what the thrusters do."""
 
     def on_imu(self, task, task_id):
         controls = self.get_data("controls") or {"is_armed": False, "number": 0}

@@ -1,7 +1,7 @@
 """Holds the depth that the pilot asks for.
 
 page "depth":    depth_m, in metres, positive down; a new one 20 times a second
-page "controls": is_armed, and depth_m: the goal in the page in which the pilot sets it, and None in all others
+page "controls": is_armed, and depth_m: the goal in the page in which the pilot says it, and None in all others
 page "pwm":      pulses_us: eight pulses, and is_armed
 """
 
@@ -39,7 +39,7 @@ class DepthHold(Endpoint):
         is_armed = controls is not None and controls["is_armed"]
         pulses = [STOP_US] * 8
         if controls is not None:
-            # Step 2: the pilot sends a goal once. This forgets it in the next page.
+            # Step 2: the pilot says a goal once. This forgets it in the next page.
             self.goal_m = controls["depth_m"]
         if is_armed and depth is not None and self.goal_m is not None:
             pulses = pulses_us(up_force_n(depth["depth_m"], self.goal_m))

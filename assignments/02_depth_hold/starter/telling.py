@@ -1,4 +1,4 @@
-"""What the vehicle reports to the surface; the pilot begins when the first report arrives. Needs no change of yours."""
+"""What the vehicle tells the surface about itself; the pilot begins when it hears it. Needs no change of yours."""
 
 
 def told(controls, wanted_m, is_stopped, imu):

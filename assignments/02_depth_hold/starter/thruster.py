@@ -1,4 +1,4 @@
-"""The data sheet of the thruster's maker, in its unit: kilogram-force. Needs no change of yours.
+"""What the maker of the thruster says about it, in the maker's unit: kilogram-force. Needs no change of yours.
 
 1 kgf is the weight of 1 kg: 9.80665 N. Within 30 us of 1500 nothing turns. From there on thrust grows faster than the
 pulse: half of the way gives about a quarter. At 1900 us, which is the most that it may be sent, it pushes with 4.8 kgf.

@@ -23,7 +23,7 @@ class Pilot(Endpoint):
     def on_smooth(self, task, task_id):
         smooth = self.get_data("smooth")
         if smooth["altitude_m"] < OFF_M:
-            self.is_down = True  # one page that reports it is enough: the engine does not start again
+            self.is_down = True  # one page that says so is enough: the engine does not start again
         wanted_mps = -WALK_MPS - 0.08 * max(0.0, smooth["altitude_m"] - 10.0)
         throttle = 0.27 + 0.15 * (wanted_mps - smooth["velocity_mps"])
         if self.is_down:

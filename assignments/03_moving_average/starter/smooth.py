@@ -24,7 +24,7 @@ class MovingAverage:
 
 
 def smoothed(values, length):
-    """Return the outputs of a new MovingAverage for a list of values. For tests, yours and ours: needs no change."""
+    """Return what a new MovingAverage makes of a list of values. For tests, yours and ours: needs no change."""
     average = MovingAverage(length)
     means = []
     for value in values:
@@ -44,7 +44,7 @@ class Smoother(Endpoint):
 
     def on_radar(self, task, task_id):
         radar = self.get_data("radar")
-        # Step 3: so far this passes on the radar's readings.
+        # Step 3: so far this passes on what the radar says.
         smooth = {"altitude_m": radar["altitude_m"], "velocity_mps": radar["velocity_mps"]}
         return self.store_data_task("smooth", smooth)
 

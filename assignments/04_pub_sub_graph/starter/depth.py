@@ -32,7 +32,7 @@ class Depth(Endpoint):
         if not BOARD["is_armed"]:
             self.wanted_m = None
             return
-        if controls["depth_m"] is not None:  # the pilot sends it in one page only
+        if controls["depth_m"] is not None:  # the pilot says it in one page only
             self.wanted_m = controls["depth_m"]
         if self.wanted_m is None:
             self.wanted_m = depth["depth_m"]

@@ -1,4 +1,4 @@
-"""Replaces heading, for passengers who are easily seasick: the same pages, and never more than 1 N m."""
+"""Takes heading's place, for passengers who are easily seasick: the same pages, and never more than 1 N m."""
 
 from heading import HeadingFactory
 

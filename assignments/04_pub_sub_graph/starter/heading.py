@@ -30,7 +30,7 @@ class Heading(Endpoint):
         if not controls["is_armed"]:
             self.wanted_rad = None
             return
-        if controls["heading_rad"] is not None:  # the pilot sends it in one page only
+        if controls["heading_rad"] is not None:  # the pilot says it in one page only
             self.wanted_rad = controls["heading_rad"]
         if self.wanted_rad is None:
             self.wanted_rad = imu["yaw_rad"]

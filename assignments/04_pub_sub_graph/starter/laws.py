@@ -1,6 +1,6 @@
 """The mathematics of this lab: how hard to turn, how hard to lift, and which pulses do that. Needs no change of yours.
 
-Nothing here remembers anything, except `Rate`, of which each user needs its own.
+Nothing here remembers anything, but for `Rate`, of which each who needs one has his own.
 """
 
 import math
@@ -14,12 +14,12 @@ LIFT = (0.0, 0.0, 0.0, 0.0, 1.0, -1.0, -1.0, 1.0)  # up is +
 
 
 def limited(value, most):
-    """Return a value limited to the range from -most to most."""
+    """Return a value brought to the range from -most to most."""
     return max(-most, min(most, value))
 
 
 def wrap_rad(angle_rad):
-    """Return an angle wrapped to the range from -pi to pi."""
+    """Return an angle brought to the range from -pi to pi."""
     return math.atan2(math.sin(angle_rad), math.cos(angle_rad))
 
 

@@ -1,4 +1,4 @@
-"""What the vehicle reports to the surface: page "vehicle", ten times a second. Needs no change of yours."""
+"""What the vehicle tells the surface about itself: page "vehicle", ten times a second. Needs no change of yours."""
 
 from snr_sim import Endpoint, EndpointFactory, TaskType
 

@@ -1,4 +1,4 @@
-"""The state machine of the mission: which state it is in, since when, and for which gate. It does not use pages.
+"""The state machine of the mission: which state it is in, since when, and for which gate. It knows no pages.
 
 Try it without a robot:
 
@@ -6,9 +6,9 @@ Try it without a robot:
     machine.step({"now_s": 3.0, "stop": False, "reset": False, "is_ready": True, ...})
 """
 
-READY_S = 2.0  # the vehicle's speed controllers need a moment after power-on before they can be armed
-STAY_S, NEAR_M = 1.0, 0.25  # lined up: this long within this distance of the position before a gate
-BEHIND_M = 0.4  # passed: within this distance of the position behind a gate
+READY_S = 2.0  # the vehicle's speed controllers want a moment before anybody arms them
+STAY_S, NEAR_M = 1.0, 0.25  # who stays so long so near to the place before a gate has lined up
+BEHIND_M = 0.4  # who is so near to the place behind it has passed
 
 # Step 2: for each state the states that may follow. The picture in the README has seven states and all their arrows.
 FOLLOWS = {

@@ -45,7 +45,7 @@ class Mission(Endpoint):
         }
 
     def goal(self):
-        """Return the position to go to; None in a state without one."""
+        """Return the place to go to; None in a state that goes nowhere."""
         gate, state = self.machine.gate, self.machine.state
         if state == "lining_up":
             return self.route[2 * gate]
@@ -54,7 +54,7 @@ class Mission(Endpoint):
         return None
 
     def on_place(self, task, task_id):
-        """Steer as a person who sees the vehicle would move the sticks. Needs no change of yours."""
+        """Steer: a person who sees the vehicle would move the sticks like this. Needs no change of yours."""
         place, goal, now_s = self.get_data("place"), self.goal(), self.get_time_s()
         if goal is None or self.seen_s is None or now_s <= self.seen_s:
             self.sticks = 0.0, 0.0
@@ -64,7 +64,7 @@ class Mission(Endpoint):
         self.seen_s = now_s
 
     def on_panel(self, task, task_id):
-        """Let the machine decide, then store its decision as pages. Needs no change of yours."""
+        """Let the machine decide, then say what it has decided. Needs no change of yours."""
         before = self.machine.state
         self.machine.step(self.known())
         machine = self.machine
@@ -76,7 +76,7 @@ class Mission(Endpoint):
         return [self.store_data_task("controls", self.controls()), self.store_data_task("mission", told)]
 
     def known(self):
-        """Return the inputs of the machine. Needs no change of yours."""
+        """Return what the machine may go by. Needs no change of yours."""
         panel, vehicle = self.get_data("panel"), self.get_data("vehicle")
         leak, depth = self.get_data("leak"), self.get_data("depth")
         return {

@@ -1,4 +1,4 @@
-"""Finds the plate by position: a sensor gives the vehicle's position, and the plate is at 0, 0. For comparison.
+"""Finds the plate by position: the vehicle is told where it is, and the plate is known to be at 0, 0. For comparison.
 
 page "place" --> where in the picture the plate would be --> page "target" --> steer.py
 """

@@ -1,4 +1,4 @@
-"""Steers the vehicle by page "target", whichever file stores it. Do not change this file.
+"""Steers the vehicle by page "target", whoever stores it. Do not change this file.
 
 page "target" --> sticks ahead and sideways, depth --> the vehicle's own autopilot --> page "pwm"
 
@@ -18,7 +18,7 @@ STICK_PER_PX_PER_S = 0.02  # against how fast the target moves
 MOST = 0.5
 SMOOTHING_S = 0.3
 RISE_MPS, RISE_M = 0.1, 1.0  # while it searches, above the depth at which it lost the target
-OLD_S = 1.0  # an older page is not used
+OLD_S = 1.0  # nobody steers by a page that is older
 
 
 class SteerFactory(EndpointFactory):

@@ -1,4 +1,4 @@
-"""What the vehicle reports to the surface. Needs no change of yours."""
+"""What the vehicle tells the surface about itself. Needs no change of yours."""
 
 
 def told(command, counts, imu):

@@ -1,4 +1,4 @@
-"""At the surface: sends the pilot's commands, and watches the link.
+"""At the surface: sends what the pilot's hand says, and watches the link.
 
 page "sticks" comes, 20 times a second --> page "controls", which crosses the link
 pages "link_tether", "vehicle" ----------> page "alarm": is the vehicle still there?
@@ -6,7 +6,7 @@ pages "link_tether", "vehicle" ----------> page "alarm": is the vehicle still th
 
 from snr_sim import Endpoint, EndpointFactory, TaskType
 
-OLD_S = 0.5  # a page of the vehicle older than this is out of date
+OLD_S = 0.5  # from here on what the vehicle said last is old
 
 
 class TopsideFactory(EndpointFactory):
@@ -32,5 +32,5 @@ class Topside(Endpoint):
 
     def link_state(self):
         """Return "ok", "old" or "lost"."""
-        # Step 4: page "link_tether" has "up": whether the link is connected; and how old is page "vehicle"?
+        # Step 4: page "link_tether" says in "up" whether the link stands; and how old is page "vehicle"?
         return "ok"

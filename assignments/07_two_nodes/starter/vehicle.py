@@ -1,4 +1,4 @@
-"""At the vehicle: executes the commands of the surface, as long as they are fresh.
+"""At the vehicle: obeys the surface, as long as its commands are fresh.
 
 page "controls" --> the newest command --.
 page "imu" comes, 50 times a second ------+--> page "pwm", and five times less often page "vehicle"

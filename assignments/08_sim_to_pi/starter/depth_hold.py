@@ -35,7 +35,7 @@ class DepthHold(Endpoint):
         pulses_us = [STOP_US] * 8
         may_push = controls is not None and depth is not None and self.may_push(controls)
         if may_push:
-            if controls["depth_m"] is not None:  # the pilot sends it once
+            if controls["depth_m"] is not None:  # the pilot says it once
                 self.wanted_m = controls["depth_m"]
             if self.wanted_m is not None:
                 up_n = self.up_force_n(depth["depth_m"])
@@ -43,7 +43,7 @@ class DepthHold(Endpoint):
                     pulses_us[channel] = pulse_us(sign * up_n / len(VERTICAL))
         vehicle = told(controls, self.wanted_m, self.is_stopped, self.get_data("imu"))
         return [
-            # Outputs that are not armed stay at neutral, whatever the pulses are.
+            # Outputs that are not armed stay at neutral, whatever the pulses say.
             self.store_data_task("pwm", {"pulses_us": pulses_us, "is_armed": bool(may_push)}, process=False),
             self.store_data_task("vehicle", vehicle),
         ]

@@ -2,7 +2,7 @@
 
 page "radar" --> estimator --> page "estimate" --> planner --> page "plan" --> throttler --> page "engine"
 
-    estimate  height_m, velocity_mps (up is positive): as they are now, since the radar reports them late
+    estimate  height_m, velocity_mps (up is positive): as they are now, for the radar tells them late
     plan      phase: fall, brake, sink or drop; wanted_mps: how fast to go; slowing_mps2: how fast that changes
     engine    throttle, 0 to 1
 """
@@ -19,7 +19,7 @@ BRAKE_MPS2 = 3.5  # how hard it brakes; at full throttle it could do 3.7 even wi
 SINK_M, SINK_MPS = 25.0, 3.0  # where braking ends, and how fast the module then still is
 LAST_MPS = 0.8  # how fast it comes in at the end
 DROP_M, SLOW_MPS = 0.3, 2.8  # this low, and slower than this, the engine may go out
-RESPONSE_S = 1.0  # an error in velocity is to be corrected within this time
+RESPONSE_S = 1.0  # in this time an error in velocity is to be taken out
 
 
 def factories(robot):
@@ -98,7 +98,7 @@ class ThrottlerFactory(EndpointFactory):
 
 
 class Throttler(Endpoint):
-    """Finds the throttle for the target velocity, for a module that loses mass as it burns."""
+    """Finds the throttle that gives the wanted velocity, for a module that loses mass as it burns."""
 
     def __init__(self, factory, parent, name):
         super().__init__(factory, parent, name)

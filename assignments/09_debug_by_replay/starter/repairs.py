@@ -10,7 +10,7 @@ HERE = Path(__file__).parent
 
 
 def findings():
-    """Return the content of findings.toml: a list of dicts."""
+    """Return what findings.toml says: a list of dicts."""
     try:
         told = tomllib.loads((HERE / "findings.toml").read_text())
     except (OSError, ValueError) as error:

@@ -1,6 +1,6 @@
 """Lets q_lander.py learn as the grader does, flies what it has learned, and saves it: python learn.py [--seed N]
 
-    policy.npz   the table, for `snr run lander_vertical --controller q --policy policy.npz`; submit it
+    policy.npz   the table, for `snr run lander_vertical --controller q --policy policy.npz`; hand it in
     curve.svg    the learning curve: open it in a browser
 
 Needs no change of yours, and is not graded.
@@ -44,7 +44,7 @@ def main():
 
 
 def told(flights):
-    """Return a text with the results of flights."""
+    """Return what came of flights, in words."""
     outcomes = ", ".join(f"{count} {outcome}" for outcome, count in flights.outcomes.items() if count)
     return outcomes + (f", {flights.fuel_kg:.0f} kg a landing" if any(flights.landed) else "")
 
