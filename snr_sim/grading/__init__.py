@@ -1,4 +1,4 @@
-"""The grader: what a submission is worth, found out in a way that it cannot change."""
+"""The grader: determines the points of a submission in a way that the submission cannot change."""
 
 from __future__ import annotations
 

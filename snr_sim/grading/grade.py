@@ -1,4 +1,4 @@
-"""Grades one submission: every check on every case, each case in a process of its own; then the points."""
+"""Grading of one submission: every check on every case, each case in a process of its own; then the points."""
 
 from __future__ import annotations
 
@@ -37,19 +37,19 @@ def grade_submission(
     on_case: OnCase | None = None,
     nursery: Nursery | None = None,
 ) -> Graded:
-    """Return what a submission comes to. The same submission, lab and secret give the same result.
+    """Return the result of a submission. The same submission, lab and secret give the same result.
 
     Args:
-        lab: what it is tried by.
+        lab: its checks and cases.
         folder: of the submission; nothing is written there.
         secret: from which hidden cases are drawn; without it only visible ones are tried, and checks without any are
             left out.
-        isolation: "required" refuses to run what cannot be kept apart; "none" is for practice.
-        name: what the submission is called; the folder's name if not given.
-        out: where recorded runs of visible cases that failed go, each a folder; nowhere if not given.
+        isolation: "required" refuses to run without isolation; "none" is for practice.
+        name: of the submission in reports; the folder's name if not given.
+        out: folder for recorded runs of visible cases that failed, each a folder; not stored if not given.
         limits: of each of the student's processes.
-        on_case: told of each case before it is tried: the check's title, and what the case is about.
-        nursery: kept for several submissions, of the same isolation and limits; if not given, there is one for this.
+        on_case: called before each case with the check's title and the case's label.
+        nursery: fork server for several submissions with this isolation and limits; a new one if not given.
 
     Raises:
         IsolationMissing: isolation is required, and cannot be had here.
@@ -82,7 +82,7 @@ def grade_submission(
 
 
 def sandboxed(isolation: Demanded) -> Isolation:
-    """Return how a student's process will be kept, as reports say it.
+    """Return the isolation of a student's process, as in reports.
 
     Raises:
         IsolationMissing: isolation is required, and cannot be had here.
@@ -94,7 +94,7 @@ def sandboxed(isolation: Demanded) -> Isolation:
 
 @contextmanager
 def _unwarned() -> Iterator[None]:
-    """Show no warnings of components: a link that is cut is what a flight is about, and nobody here waits for it."""
+    """Suppress warnings of components: a dropped link may be the subject of a run, and no user watches it here."""
     logger = logging.getLogger("snr")
     level = logger.level
     logger.setLevel(logging.ERROR)
@@ -106,7 +106,7 @@ def _unwarned() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class _Grading:
-    """One submission on its way through the checks, as `grade_submission` got it."""
+    """One submission during its checks, with the arguments of `grade_submission`."""
 
     lab: Lab
     folder: Path
@@ -118,7 +118,7 @@ class _Grading:
     nursery: Nursery
 
     def checks(self) -> tuple[CheckResult, ...]:
-        """Return what each check came to, in order; in practice without those that have hidden cases only."""
+        """Return the result of each check, in order; in practice without those that have hidden cases only."""
         done: dict[str, CheckResult] = {}
         for check in self.lab.checks:
             cases = check.cases(self.lab.name, self.secret)
@@ -166,7 +166,7 @@ class _Grading:
             what = describe_error(fault, f"while the check '{check.name}' was tried on the case '{case.label}'")
             if not student.met or isinstance(fault, (OSError, MemoryError)):
                 raise LabFault(what) from fault
-            # From here on what the program gave may be the cause, and nobody may escape a mark by nonsense.
+            # From here on the program's result may be the cause, and a nonsensical result must not avoid a grade.
             verdict, given_up = Verdict(0.0, could_not_be_judged(student.met)), f"{what}\n{steps_to(fault)}"
             error = f"It stopped the check: {without_addresses(f'{type(fault).__name__}: {fault}')}"
         return CaseResult(
@@ -184,7 +184,7 @@ class _Grading:
         )
 
     def _kept(self, student: Student, run: Path | None, verdict: Verdict) -> str:
-        """Return the recorded run of a case, if it failed; of one that passed nothing is kept."""
+        """Return the recorded run of a case, if it failed; runs of passed cases are not stored."""
         if run is None or student.run_folder is None:
             return ""
         if verdict.fraction >= 1.0:
@@ -195,7 +195,7 @@ class _Grading:
 
 
 def could_not_be_judged(file: str) -> str:
-    """Return the hint for what a check gave up on; nothing of the program's is in it, and nothing of the case."""
+    """Return the hint where a check gave up; it contains nothing of the program's, and nothing of the case."""
     return (
         f"What {file} gave could not be judged. Has each page, and each answer, the form that the README asks for: all "
         "its fields by their names, and numbers where numbers belong?"
@@ -203,6 +203,6 @@ def could_not_be_judged(file: str) -> str:
 
 
 def steps_to(fault: BaseException) -> str:
-    """Return how the grader came to where something was raised, a line for each call; the same on every computer."""
+    """Return the grader's calls to where an error was raised, a line for each; the same on every computer."""
     frames = traceback.extract_tb(fault.__traceback__)[-_MOST_STEPS:]
     return "\n".join(f"  {Path(one.filename).name}, line {one.lineno}, in {one.name}: {one.line}" for one in frames)

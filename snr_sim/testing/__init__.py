@@ -1,1 +1,1 @@
-"""The test kit: expectors, replayers, fakes and contracts. Students test their robots with it; time is virtual."""
+"""Test tools: expectors, replayers, fakes and contracts. Students test their robots with them; time is virtual."""

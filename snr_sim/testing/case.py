@@ -88,7 +88,7 @@ class SNRTestCase(TestCase):
         created_at_s: float | None = None,
         process: bool | None = None,
     ) -> None:
-        """Fail unless the page has this key and data, and what else is given; NaN equals NaN, arrays compare whole."""
+        """Fail unless the page has this key and data, and the given values; NaN equals NaN, arrays compare whole."""
         if page is None:
             self.fail(f"There is no page where '{key}' = {data!r} was expected: nothing has stored it.")
         # By encoding, because NaN is not equal to itself and arrays have no one answer.

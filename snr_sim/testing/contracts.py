@@ -1,6 +1,6 @@
-"""Contracts: what every sensor, actuator and plant has promised, checked on one. Run them over all of yours.
+"""Contract checks of sensors, actuators and plants. Run them over all of yours.
 
-Each check raises an AssertionError with the broken promise in words.
+Each check raises an AssertionError whose message names the broken rule.
 """
 
 from __future__ import annotations
@@ -86,11 +86,11 @@ def check_actuator(open_actuator: Callable[[], Actuator[Any]], a_command: Any) -
 
 
 def check_plant(make_plant: Callable[[], Plant], commands: Mapping[str, Any] | None = None) -> None:
-    """Check a plant: same seed, same bits; snapshots; time; names; what it shows; and that NaN never gets in.
+    """Check a plant: reproducibility by seed, snapshots, time, names, outputs, and rejection of NaN.
 
     Args:
-        make_plant: makes a new one.
-        commands: a valid command for each of its inputs, so that it is also checked under way.
+        make_plant: creates a new one.
+        commands: a valid command for each of its inputs, so that it is also checked with commands applied.
     """
     plant = make_plant()
     _promise(keeps(plant, Plant), f"{type(plant).__name__} lacks a member of Plant")
@@ -138,7 +138,7 @@ def _check_struct(value: Any, what: str) -> None:
 
 
 def _check_reading(reading: Any, before_s: float) -> float:
-    """Return when a reading was measured: not before the one before it, and all that it says is a number."""
+    """Return when a reading was measured: not before the previous one; all its fields must be numbers."""
     _check_struct(reading, "a reading")
     stamp_s = getattr(reading, "stamp_s", None)
     name = type(reading).__name__

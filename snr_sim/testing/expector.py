@@ -1,6 +1,6 @@
-"""Expectors: what tasks a test waits for, counted or in order, and a sentence about what came instead.
+"""Expectors: the tasks that a test expects, counted or in order, and a message about those that came instead.
 
-An expector hears of tasks from the endpoint of `testing/expector_endpoint.py`, which stands in the node under test.
+An expector receives tasks from the endpoint of `testing/expector_endpoint.py` in the node under test.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from snr_sim.prelude.task import Task, TaskId, TaskName, TaskType
 
 Expected: TypeAlias = TaskId | str  # a task, or a call of a test's own
 TaskExpectations: TypeAlias = Mapping[Any, int] | Sequence[Expected]
-SHOWN = 20  # of a long list; nobody reads the rest
+SHOWN = 20  # of a long list: more does not help the reader
 
 
 class Expectations:
-    """What both expectors share: used in a `with`, they check at its end, unless something else has gone wrong.
+    """Common part of both expectors: used in a `with`, they check at its end, unless the block raised.
 
     Args:
-        expected: the ids waited for: of tasks, of which an `ExpectorEndpointFactory` tells it, or texts of the test's
-            own, of which `call` does.
-        case: the test it belongs to, whose kind of failure is raised; without one, an AssertionError.
+        expected: the expected ids: of tasks, which an `ExpectorEndpointFactory` passes on, or texts of the test's
+            own, which `call` counts.
+        case: the test it belongs to, whose failure exception is raised; without one, an AssertionError.
     """
 
     def __init__(self, expected: Iterable[Expected], case: TestCase | None) -> None:
@@ -37,7 +37,7 @@ class Expectations:
                 check_id("expector", task_id)
         self._failure = case.failureException if case is not None else AssertionError
         self._seen: dict[TaskType, set[TaskName]] = {kind: set() for kind in TaskType}
-        # In a node that has run, or by a task that it was told of; calls are the test's own.
+        # By a node that has run, or by a task passed to it; calls come from the test itself.
         self.was_used = any(type(one) is str for one in self.ids)
 
     check: Any = Retired("expector.check", "expector.is_satisfied().")
@@ -53,7 +53,7 @@ class Expectations:
         raise NotImplementedError(f"{type(self).__name__} needs a method hear(self, task)")
 
     def call(self, name: Expected) -> None:
-        """Take note of a call of the test's own, for what no task tells: `expector.call("halted")`."""
+        """Count a call of the test's own, for events without a task: `expector.call("halted")`."""
         raise NotImplementedError(f"{type(self).__name__} needs a method call(self, name)")
 
     def is_satisfied(self) -> bool:
@@ -61,14 +61,14 @@ class Expectations:
         return not self.complaints()
 
     def complaints(self) -> list[str]:
-        """Return a sentence for each way in which what came is not what was expected."""
+        """Return a sentence for each difference between expected and actual tasks."""
         raise NotImplementedError(f"{type(self).__name__} needs a method complaints(self)")
 
     def assert_satisfied(self) -> None:
         """Fail with all complaints, if there are any.
 
         Raises:
-            AssertionError: or what the test case raises for a failure.
+            AssertionError: or the failure exception of the test case.
         """
         complaints = self.complaints()
         if not self.was_used:
@@ -80,11 +80,11 @@ class Expectations:
             raise self._failure("The expected tasks did not come:\n  " + "\n  ".join(complaints))
 
     def add_seen(self, kind: TaskType, names: Iterable[TaskName]) -> None:
-        """Take names that came by in the node, whoever handled them: to offer the nearest for one that did not."""
+        """Add names of tasks seen in the node, handled or not: suggestions for an expected name that did not come."""
         self._seen[kind].update(names)
 
     def _instead(self, task_id: Expected) -> str:
-        """Say what came instead of an id that did not come at all."""
+        """Return a text about what came instead of an id that did not come at all."""
         if not isinstance(task_id, tuple):
             return ""
         kind, name = task_id
@@ -97,17 +97,17 @@ class Expectations:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if error is None:  # what went wrong in the `with` is the news; a missing task would only follow from it
+        if error is None:  # an exception in the `with` is the cause; missing tasks would only follow from it
             self.assert_satisfied()
 
 
 class Expector(Expectations):
-    """Counts tasks.
+    """Expector that counts tasks.
 
     Args:
-        expected: how often each id is to come: `{(TaskType.event, "landed"): 1, TaskType.store_page: 3}`. Or a list,
-            in which an id stands as often as it is to come. An id with count 0 is not to come at all.
-        case: the test it belongs to.
+        expected: how often each id must come: `{(TaskType.event, "landed"): 1, TaskType.store_page: 3}`. Or a list,
+            which contains an id as often as it must come. An id with count 0 must not come.
+        case: the test it belongs to, whose failure exception is raised; without one, an AssertionError.
 
     >>> with Expector({(TaskType.event, "landed"): 1}) as expector:
     ...     expector.hear(Task(TaskType.event, "landed"))
@@ -157,19 +157,19 @@ class OrderedExpector(Expectations):
         self.came: list[Expected] = []
 
     def hear(self, task: Task) -> None:
-        """Add a task to what came, if its id or its type is expected anywhere."""
+        """Count a task, if its id or its type is expected anywhere."""
         self.was_used = True
         if task.id() in self.ids or task.type in self.ids:
             self.came.append(task.id())
 
     def call(self, name: Expected) -> None:
-        """Add a call to what came, if it is expected anywhere."""
+        """Count a call, if it is expected anywhere."""
         self.was_used = True
         if name in self.ids:
             self.came.append(name)
 
     def complaints(self) -> list[str]:
-        """Return what is wrong at the first place where the order differs, and both orders."""
+        """Return the first position where the order differs, and both orders."""
         place = self._first_difference()
         if place is None:
             return []

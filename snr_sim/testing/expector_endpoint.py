@@ -1,4 +1,4 @@
-"""The ear of an expector: an endpoint in the node under test that tells it of each task it waits for."""
+"""Endpoint in the node under test that passes each expected task to an expector."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ SATISFIED = "expector satisfied"
 
 
 class ExpectorEndpointFactory(EndpointFactory):
-    """Puts an expector into a node.
+    """Factory of an endpoint that puts an expector into a node.
 
     Args:
-        expector: is told of tasks.
+        expector: receives the tasks.
         name: of the endpoint.
-        exit_when_satisfied: ends the node as soon as all that is expected has come; what comes later is not heard.
+        exit_when_satisfied: ends the node as soon as all expected tasks have come; later ones are not counted.
 
     Raises:
-        ConfigError: the expector waits for something that is no task.
+        ConfigError: the expector expects something that is not a task.
     """
 
     def __init__(self, expector: Expectations, name: str = "expector", exit_when_satisfied: bool = False) -> None:
         super().__init__()
         for task_id in expector.ids:
-            check_id("expector", task_id)  # a text is no task: `call` counts it, wherever the test calls that
+            check_id("expector", task_id)  # raises for a text: `call` counts those, which the test calls itself
         self.expector = expector
         self.name = name
         self.exit_when_satisfied = exit_when_satisfied
@@ -38,7 +38,7 @@ class ExpectorEndpointFactory(EndpointFactory):
 
 
 class ExpectorEndpoint(Endpoint):
-    """Handles what the expector expects, and nothing else, so that the run's own notes stay as they are."""
+    """Endpoint with handlers for the expected tasks only, so that the run's own notes do not change."""
 
     factory: ExpectorEndpointFactory
 
@@ -48,11 +48,11 @@ class ExpectorEndpoint(Endpoint):
         self.task_handlers = dict.fromkeys(factory.expector.ids, self.hear)
 
     def begin(self) -> None:
-        """Tell the expector that it is in a node that runs."""
+        """Mark the expector as used in a node that runs."""
         self.factory.expector.was_used = True
 
     def hear(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Tell the expector."""
+        """Pass the task to the expector."""
         if self._is_done:
             return None
         expector = self.factory.expector
@@ -63,8 +63,8 @@ class ExpectorEndpoint(Endpoint):
         return None
 
     def terminate(self) -> None:
-        """Tell the expector which names came by in this node."""
+        """Pass the names of the tasks seen in this node to the expector."""
         for kind, names in self.parent.seen_tasks().items():
-            # A reason to end is nobody's typing error.
+            # The names of terminate tasks are free reasons, so a similar one is not a typing error.
             if kind is not TaskType.terminate:
                 self.factory.expector.add_seen(kind, names)

@@ -1,4 +1,4 @@
-"""Devices without a wire and a plant without physics: they keep their promises, and a test says what they answer."""
+"""Devices without hardware and a plant without physics, which return what a test sets. They meet their contracts."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ CommandT = TypeVar("CommandT")
 
 
 class FakeSensor(LifeCycle, Generic[ReadingT]):
-    """Gives readings from a list, then the last one again and again. Keeps the promise of Sensor.
+    """Sensor that returns readings from a list, then repeats the last one. Implements `Sensor`.
 
     Args:
-        readings: in order; `Stale` among them is of a sensor that has none for a moment, and an exception is raised.
+        readings: in order; `Stale` stands for a moment without a reading, and an exception is raised.
     """
 
     title = "This fake sensor"
@@ -50,11 +50,11 @@ class FakeSensor(LifeCycle, Generic[ReadingT]):
 
 
 class FakeActuator(LifeCycle, Generic[CommandT]):
-    """Keeps in a list what it was told. Keeps the promise of Actuator.
+    """Actuator that keeps its commands in a list. Implements `Actuator`.
 
     Args:
         command_type: a frozen msgspec Struct.
-        limits: lowest and highest value of each of its fields that is a number, or of each number in a list.
+        limits: minimum and maximum of each of its fields that is a number, or of each number in a list.
     """
 
     title = "This fake actuator"
@@ -79,7 +79,7 @@ class FakeActuator(LifeCycle, Generic[CommandT]):
 
     @property
     def command_type(self) -> type[CommandT]:
-        """What `write` takes."""
+        """Type of the commands for `write`."""
         return self._command_type
 
     @property
@@ -91,7 +91,7 @@ class FakeActuator(LifeCycle, Generic[CommandT]):
         """Clamp a command, keep it, and return it.
 
         Raises:
-            CommandError: a value is NaN or infinite, or it is no command of this actuator.
+            CommandError: a value is NaN or infinite, or the command has another type than this actuator's.
             DeviceError: the actuator is closed.
         """
         if self.is_closed:
@@ -132,11 +132,11 @@ class FakeActuator(LifeCycle, Generic[CommandT]):
 
 
 class FakePlant:
-    """Holds what a test puts into it; only its time goes on. Keeps the promise of Plant.
+    """Plant whose outputs a test sets; only its time advances. Implements `Plant`.
 
     Args:
-        outputs: what each output reads, a frozen msgspec Struct; a field `stamp_s` becomes the time of reading.
-        inputs: names that `write` takes.
+        outputs: the value of each output, a frozen msgspec Struct; a field `stamp_s` becomes the time of reading.
+        inputs: names that `write` accepts.
     """
 
     engine = "fake"
@@ -150,7 +150,7 @@ class FakePlant:
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """Names that `read` takes."""
+        """Names that `read` accepts."""
         return tuple(self.held)
 
     def reset(self, seed: int) -> None:
@@ -159,7 +159,7 @@ class FakePlant:
         self.written.clear()
 
     def step(self, dt_s: float) -> None:
-        """Let time go on."""
+        """Advance the time."""
         self.time_s += dt_s
 
     def write(self, name: str, command: Any) -> None:
@@ -169,7 +169,7 @@ class FakePlant:
         self.written.append((name, command))
 
     def read(self, name: str) -> Any:
-        """Return what is held."""
+        """Return the value set."""
         if name not in self.held:
             raise UnknownName(f"This plant has no output '{name}'.", fix=nearest(name, self.held))
         reading = self.held[name]
@@ -177,17 +177,17 @@ class FakePlant:
         return msgspec.structs.replace(reading, stamp_s=self.time_s) if has_stamp else reading
 
     def snapshot(self) -> Any:
-        """Return the time, and what was written."""
+        """Return the time, and the values written."""
         return self.time_s, list(self.written)
 
     def restore(self, snapshot: Any) -> None:
-        """Put back what `snapshot` returned."""
+        """Restore a state that `snapshot` returned."""
         self.time_s, self.written = snapshot[0], list(snapshot[1])
 
     def scene(self) -> dict[str, Any]:
-        """Return nothing to show."""
+        """Return an empty result: there is nothing to show."""
         return {"statics": {}, "bodies": {}}
 
     def truth(self) -> dict[str, Any]:
-        """Return nothing to show."""
+        """Return an empty result: there is nothing to show."""
         return {"poses": {}, "arrows": {}, "values": {}}

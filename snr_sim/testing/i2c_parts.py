@@ -1,4 +1,4 @@
-"""An I2C bus without wires: parts that answer as their data sheets say, behind the calls of smbus2.
+"""Fake I2C bus: parts that answer as their data sheets specify, behind the calls of smbus2.
 
 For tests of drivers: `I2cBus(1, raw_bus.opened)`. Independent drivers run against the same parts.
 """
@@ -22,23 +22,23 @@ class Part(Protocol):
     """A part on the bus."""
 
     def write(self, register: int, data: list[int]) -> None:
-        """Take what is written behind a register; nothing, if it was a command."""
+        """Take the bytes written after a register number; none, if it was a command."""
         ...
 
     def read(self, register: int, length: int) -> list[int]:
-        """Return what is read from a register on."""
+        """Return the bytes read from a register on."""
         ...
 
 
 class FakeBus:
-    """Calls as those of smbus2, errors as those of the kernel.
+    """I2C bus with the calls of smbus2 and the errors of the kernel.
 
     Args:
         parts: by address.
 
     Attributes:
-        is_there: whether the parts answer: False is a wire that was pulled.
-        is_stuck: whether somebody holds the clock line down.
+        is_there: whether the parts answer: False simulates a disconnected wire.
+        is_stuck: whether a device holds the clock line low.
     """
 
     def __init__(self, parts: dict[int, Part]) -> None:
@@ -136,7 +136,7 @@ class Pca9685Part:
 
     def _put(self, register: int, byte: int) -> None:
         if register == PRE_SCALE and not self.registers[MODE1] & SLEEP:
-            return  # the rate is taken asleep only
+            return  # the rate can be written in sleep mode only
         if _ALL_LED <= register < _ALL_LED + 4:
             for channel in range(16):
                 self.registers[LED0 + 4 * channel + register - _ALL_LED] = byte
@@ -148,11 +148,11 @@ class Pca9685Part:
     def _mode1(self, byte: int) -> int:
         before = self.registers[MODE1]
         if before & _EXTCLK or (byte & _EXTCLK and before & SLEEP and byte & SLEEP):
-            byte |= _EXTCLK  # taken asleep only, and kept until power off
+            byte |= _EXTCLK  # accepted in sleep mode only, and kept until power off
         else:
             byte &= ~_EXTCLK
         runs = any(self._count(channel) for channel in range(16))
         if byte & SLEEP and not before & SLEEP and runs:
-            return byte | _RESTART  # told to sleep while channels run: they could be taken up again
+            return byte | _RESTART  # set to sleep while channels run: a restart could resume them
         kept = before & _RESTART if not byte & _RESTART else 0  # writing 1 clears it
         return byte & ~_RESTART | kept

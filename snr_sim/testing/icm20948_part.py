@@ -1,4 +1,4 @@
-"""An ICM-20948 and the magnetometer in it without a chip: registers, and what they feel. For `FakeBus`."""
+"""Fake ICM-20948 with its magnetometer: registers, and the quantities that they measure. For `FakeBus`."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ class Icm20948Part:
     """The unit.
 
     Attributes:
-        rate_radps, force_mps2: what it feels, in the axes printed on it.
-        identity: what it says who it is.
+        rate_radps, force_mps2: angular rate and specific force, in the axes printed on it.
+        identity: value of its WHO_AM_I register.
     """
 
     def __init__(self) -> None:
@@ -65,14 +65,14 @@ class Icm20948Part:
 
 
 class Ak09916Part:
-    """The magnetometer, behind the unit.
+    """Magnetometer, on the auxiliary bus of the unit.
 
     Args:
-        unit: it answers only if that has joined its wires to the bus.
+        unit: the magnetometer answers only if the unit has connected it to the bus.
 
     Attributes:
-        field_ut: what it feels, in the axes printed on the package; its own y and z point the other way.
-        is_too_strong: whether it tells of an overflow.
+        field_ut: magnetic field in microtesla, in the axes printed on the package; its own y and z are opposite.
+        is_too_strong: whether it reports an overflow.
     """
 
     def __init__(self, unit: Icm20948Part) -> None:

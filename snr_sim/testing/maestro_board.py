@@ -1,6 +1,6 @@
-"""A Maestro without a board: bytes in, pulses at its pins and answers out, as its user's guide says.
+"""Fake Maestro: bytes in, pulses at its pins and answers out, as in its user's guide.
 
-For tests of what talks to one. Its timeout goes by a clock that the test gives.
+For tests of the driver. Its timeout uses a clock of the test's.
 """
 
 from __future__ import annotations
@@ -10,22 +10,22 @@ from collections.abc import Callable
 from snr_sim.devices.wire.maestro import MaestroError, crc7
 from snr_sim.prelude.errors import DeviceError
 
-_LENGTHS = {0x84: 4, 0x90: 2, 0xA1: 1, 0xA2: 1}  # of whole commands; 0x9F says itself how long it is
+_LENGTHS = {0x84: 4, 0x90: 2, 0xA1: 1, 0xA2: 1}  # of whole commands; 0x9F contains its own length
 
 
 class MaestroBoard:
-    """The board, and the port that leads to it. Keeps the promise of BytePort.
+    """Board and the port that leads to it. Implements `BytePort`.
 
     Args:
         now_s: the clock of its timeout.
-        channels: how many it has.
-        timeout_s: its serial timeout; 0 is off, as it is when new.
-        home_us: where channels go on an error; 0 is off, None is "Ignore".
+        channels: number of channels.
+        timeout_s: its serial timeout; 0 is off, the factory setting.
+        home_us: position of the channels on an error; 0 is off, None is "Ignore".
         has_crc: whether "Enable CRC" is on.
 
     Attributes:
         pins_us: the pulse on each channel; 0 for none.
-        is_plugged: whether the cable is in. The board has power either way.
+        is_plugged: whether the cable is connected. The board has power either way.
     """
 
     name = "/dev/ttyACM0"

@@ -1,6 +1,6 @@
-"""A microcontroller without a board that answers a greeting, and says of itself what it is told to; nothing moves.
+"""Fake microcontroller that answers the handshake with given data and does nothing else.
 
-For tests of what a program makes of such an answer. What a board does, its firmware does under the emulator.
+For tests of a program's reaction to such an answer. Tests of the board itself run its firmware in the emulator.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from snr_sim.devices.wire.mcu_messages import FromMcu, Hello, Ident, Telemetry, 
 
 
 class McuGreeter:
-    """The far end, and the port that leads to it. Keeps the promise of BytePort.
+    """Remote end of the serial line, and the port that leads to it. Implements `BytePort`.
 
     Args:
-        ident: who it says it is.
-        telemetry: what it says of its state, with the session that it was greeted in.
+        ident: the identity that it reports.
+        telemetry: the state that it reports, with the session of the handshake.
 
     Attributes:
-        heard: the messages that have come, in order.
+        heard: the messages received, in order.
         is_closed: whether the port was closed.
     """
 

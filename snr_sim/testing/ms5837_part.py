@@ -15,10 +15,10 @@ class Ms5837Part:
 
     Args:
         now_s: the clock of its conversions.
-        pressure_pa, temperature_c: what it feels.
+        pressure_pa, temperature_c: the quantities measured.
 
     Attributes:
-        d1, d2: what it converts to; `feel` sets them.
+        d1, d2: raw conversion results; `feel` sets them.
         words: of its PROM.
     """
 
@@ -36,7 +36,7 @@ class Ms5837Part:
         self.d1 = _solve(lambda d1: compensated(DATA_SHEET, d1, self.d2)[0] - pressure_pa)
 
     def power_on(self) -> None:
-        """Forget what it was doing."""
+        """Reset its state."""
         self._adc, self._is_reset = 0, False
 
     def write(self, register: int, data: list[int]) -> None:

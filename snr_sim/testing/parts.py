@@ -1,4 +1,4 @@
-"""Components made of plain functions: the surroundings of what a test is about, in one line each.
+"""Components made of plain functions: the environment of a component under test, in one line each.
 
 PartFactory({(TaskType.event, "start"): lambda task, task_id: tasks.terminate("done")})
 TickerFactory(lambda loop: loop.store_data("depth", 1.5), rate_hz=10)

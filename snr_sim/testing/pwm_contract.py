@@ -1,6 +1,6 @@
-"""The contract of outputs of servo pulses: what every backend does alike, checked on one, and at its pins if they show.
+"""Contract of servo pulse outputs: behaviour common to all backends, checked on one, and at its pins if readable.
 
-A backend of your own is checked by a bench for it, a class with the members of `PwmBench`, and one test:
+A backend of your own needs a bench for it, a class with the members of `PwmBench`, and one test:
 
     def test_it_keeps_the_contract() -> None:
         check_pwm_out(MyBench())
@@ -39,11 +39,11 @@ class PwmBench(Protocol):
         ...
 
     def now_s(self) -> float:
-        """Return the time that the outputs go by."""
+        """Return the time of the outputs' clock in seconds."""
         ...
 
     def advance(self, seconds: float) -> None:
-        """Let time go on."""
+        """Advance the time."""
         ...
 
     def pins_us(self) -> Sequence[float] | None:
@@ -60,10 +60,10 @@ class PwmBench(Protocol):
 
 
 def check_pwm_out(bench: PwmBench) -> None:
-    """Check outputs on a bench: life cycle, clamping, what is no pulse, lease, arming again, unplugging, what is told.
+    """Check outputs on a bench: life cycle, clamping, invalid pulses, lease, arming again, unplugging, telemetry.
 
     Raises:
-        AssertionError: with the broken promise in words.
+        AssertionError: with a message that names the broken rule.
     """
     for check in (_life, _telemetry, _pulses, _nonsense, _lease, _rearm, _unplug, _unplug_early):
         out = bench.open()
@@ -78,7 +78,7 @@ def check_pwm_out(bench: PwmBench) -> None:
 
 
 class _Pilot:
-    """Writes again and again, as a loop does, and looks at answers and pins."""
+    """Writes repeatedly, as a loop does, and checks answers and pins."""
 
     def __init__(self, bench: PwmBench, out: PwmOut) -> None:
         self.bench, self.out = bench, out
@@ -128,7 +128,7 @@ class _Pilot:
         return all(abs(pulse - STOP_US) <= self.out.resolution_us / 2 + 1e-9 for pulse in applied.pulses_us)
 
     def check_still(self, when: str, applied: AppliedPulses | None = None) -> AppliedPulses:
-        """Check that an answer is neutral on each channel: to a command that pushes, if none is given."""
+        """Check that an answer is neutral on each channel: to a command with thrust, if none is given."""
         if applied is None:
             applied = self.out.write_us([self.out.limits_us[1]] * self.out.channels, self.bench.now_s())
         count = len(applied.pulses_us)
@@ -137,7 +137,7 @@ class _Pilot:
         return applied
 
     def check_holds_still(self, when: str) -> AppliedPulses:
-        """Check answers and pins while it is told to push for half a second."""
+        """Check answers and pins while thrust is commanded for half a second."""
         applied = self.check_still(f"{when} told to push,", self.hold(self.fast, 0.5))
         self.check_pins(self.still, f"{when} told to push,")
         return applied
@@ -189,7 +189,7 @@ def _life(pilot: _Pilot) -> None:
 
 
 def _telemetry(pilot: _Pilot) -> None:
-    """Bring outputs into each state, and hold what they tell there against what all tell."""
+    """Bring outputs into each state, and compare their telemetry with that required of all backends."""
     out, still, fast = pilot.out, pilot.still, pilot.fast
     not_active, stopped = frozenset([NOT_ACTIVE]), frozenset([NOT_ACTIVE, STOPPED])
 

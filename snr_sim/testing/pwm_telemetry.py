@@ -1,4 +1,4 @@
-"""What outputs of servo pulses tell of themselves: the same of the same calls, whatever is behind them."""
+"""Telemetry of servo pulse outputs: the same for the same calls with every backend."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from snr_sim.prelude.signals import (
 
 STATES = ("unconfigured", "inactive", "activating", "active", "error", "closed")
 REASONS = (CLAMPED, SLEWING, NO_PULSE, WRONG_COUNT, TOO_OLD, NOT_ACTIVE, STOPPED, LOST)
-_OF_A_STEP = 1e-3  # pulses are whole steps, but for what floats round
+_OF_A_STEP = 1e-3  # pulses are whole steps, except for rounding
 
 
 class Told(NamedTuple):
-    """What is told of outputs once they have settled.
+    """Expected telemetry of settled outputs.
 
     Args:
-        after: what was done last.
-        state: of them.
-        reasons: why they are not as asked.
-        has_why: whether the health says why it is as it is.
+        after: the last action.
+        state: of the outputs.
+        reasons: why the pulses differ from the command.
+        has_why: whether the health gives a reason for its state.
     """
 
     after: str
@@ -40,10 +40,10 @@ class Told(NamedTuple):
 
 
 def check_told(out: PwmOut, applied: AppliedPulses, told: Told) -> None:
-    """Check what is told of settled outputs.
+    """Check the telemetry of settled outputs.
 
     Raises:
-        AssertionError: with the broken promise in words.
+        AssertionError: with a message that names the broken rule.
     """
     health = out.health()
     found = Told(told.after, health.state, frozenset(applied.why), bool(health.why))
@@ -51,15 +51,15 @@ def check_told(out: PwmOut, applied: AppliedPulses, told: Told) -> None:
 
 
 def check_answer(out: PwmOut, applied: AppliedPulses, stamp_s: float) -> None:
-    """Check what holds of any answer of `write_us`, and of the health with it.
+    """Check the rules for every answer of `write_us`, and for the health after it.
 
     Args:
-        out: who answered.
+        out: the outputs that answered.
         applied: the answer.
         stamp_s: of the command.
 
     Raises:
-        AssertionError: with the broken promise in words.
+        AssertionError: with a message that names the broken rule.
     """
     promise(type(applied) is AppliedPulses, f"write_us() returns AppliedPulses, not {applied!r}")
     pulses_us, step_us = applied.pulses_us, out.resolution_us
@@ -77,10 +77,10 @@ def check_answer(out: PwmOut, applied: AppliedPulses, stamp_s: float) -> None:
 
 
 def check_health(out: PwmOut) -> None:
-    """Check what holds of outputs' health at any time.
+    """Check the rules for the health of outputs at any time.
 
     Raises:
-        AssertionError: with the broken promise in words.
+        AssertionError: with a message that names the broken rule.
     """
     health = out.health()
     promise(type(health) is Health and health.state in STATES, f"health() says one of {STATES}, not {health}")
@@ -91,10 +91,10 @@ def check_health(out: PwmOut) -> None:
 
 
 def check_stamp(out: PwmOut, applied: AppliedPulses, now_s: float) -> None:
-    """Check the answer to a command of no time at all: it has a stamp all the same, as a page needs one.
+    """Check the answer to a command without a time stamp: it has one all the same, as a page needs one.
 
     Raises:
-        AssertionError: with the broken promise in words.
+        AssertionError: with a message that names the broken rule.
     """
     stamp_s = applied.stamp_s
     is_time = isinstance(stamp_s, float) and math.isfinite(stamp_s) and stamp_s <= now_s
@@ -102,6 +102,6 @@ def check_stamp(out: PwmOut, applied: AppliedPulses, now_s: float) -> None:
 
 
 def promise(kept: bool, message: str) -> None:
-    """Raise an AssertionError with a broken promise."""
+    """Raise an AssertionError if a rule is broken."""
     if not kept:  # not an assert statement: those go with -O
         raise AssertionError(f"Promise broken: {message}.")

@@ -16,12 +16,12 @@ class PwmTree:
 
     Args:
         root: where; made if it is not there.
-        chips: what the `device` link of each `pwmchip` points to, by its number.
+        chips: target of the `device` link of each `pwmchip`, by its number.
         channels: of each chip.
 
     Attributes:
-        is_there: whether the chip is; False is an overlay that was taken away.
-        history: every write that was taken, as "pwm0/period 20000000".
+        is_there: whether the chip is; False simulates an overlay that was removed.
+        history: every write that was accepted, as "pwm0/period 20000000".
     """
 
     def __init__(self, root: Path, chips: dict[int, str] | None = None, channels: int = 2) -> None:
@@ -39,7 +39,7 @@ class PwmTree:
                 (chip / name).write_text(text)
 
     def write(self, path: Path, text: str) -> None:
-        """Write a file as the kernel takes it.
+        """Write a file as the kernel accepts it.
 
         Raises:
             OSError: as the kernel refuses it.
@@ -96,7 +96,7 @@ def _number(path: Path) -> int:
 
 
 def _replace(path: Path, value: str) -> None:
-    """Change a file so that who reads it sees the old or the new, as with the kernel's."""
+    """Change a file so that a reader sees the old or the new content, as with the kernel's."""
     new = path.with_name(f".{path.name}")
     new.write_text(value + "\n")
     new.replace(path)

@@ -1,4 +1,4 @@
-"""A game controller that a program plays: SDL takes it for a real one, so all from SDL on is as on a real robot."""
+"""Virtual gamepad that a program controls: SDL treats it as a real one, so from SDL on all code is as on a robot."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ class VirtualPad:
         self._instance = self._sdl.SDL_JoystickGetDeviceInstanceID(index)
         self._pad = ctypes.c_void_p(self._sdl.SDL_JoystickOpen(index))
         for axis in range(self._shape[0]):
-            self.move(axis, 0.0)  # SDL has triggers rest at -1, which is up to whoever plays
+            self.move(axis, 0.0)  # SDL puts triggers at -1; the test sets them if it needs that
 
     def move(self, axis: int, position: float) -> None:
         """Move an axis: -1 to 1."""
         self._sdl.SDL_JoystickSetVirtualAxis(self._pad, axis, ctypes.c_int16(round(position * _FULL)))
 
     def press(self, button: int, is_down: bool = True) -> None:
-        """Press a button, or let go of it."""
+        """Press a button, or release it."""
         self._sdl.SDL_JoystickSetVirtualButton(self._pad, button, ctypes.c_uint8(is_down))
 
     def unplug(self) -> None:
@@ -66,7 +66,7 @@ class VirtualPad:
 
 
 def _sdl() -> ctypes.CDLL:
-    """Return the very SDL that pygame has loaded: another copy would know nothing of its pads."""
+    """Return the same SDL library that pygame has loaded: another copy would not share its pads."""
     package = Path(str(start_pygame().__file__)).parent
     places = [
         *package.parent.glob("pygame_ce.libs/libSDL2-2*"),

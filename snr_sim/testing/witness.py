@@ -1,4 +1,4 @@
-"""Witness: a recorder that keeps what it is told in lists, for tests that want to see what the trace would."""
+"""Fake recorder that keeps every call in lists, for tests that check what a trace would contain."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from snr_sim.prelude.task import Task
 
 
 class Witness:
-    """Keeps the promise of Recorder, and that of NodeRecorder for each node.
+    """Recorder in memory. Implements `Recorder`, and `NodeRecorder` for each node.
 
     After a run: `inputs` as (source, task), `handled` as (task, what each handler returned), `errors`,
     `sayings`, `ends`.
@@ -20,7 +20,7 @@ class Witness:
         self.inputs: list[tuple[str, Task]] = []
         self.begun_by: list[tuple[str, Sequence[Task]]] = []
         self.handled: list[tuple[Task, list[Handled]]] = []
-        self.causes: list[int] = []  # of each handled task: the number of the record that brought it
+        self.causes: list[int] = []  # of each handled task: the number of the record that caused it
         self.errors: list[tuple[str, str]] = []
         self.sayings: list[tuple[str, str, str]] = []
         self.ends: list[tuple[str, dict[str, Any]]] = []
@@ -47,11 +47,11 @@ class Witness:
         return self._tickets([task for _, returned in handled for task in returned])
 
     def error(self, now_s: float, component: str, message: str) -> None:
-        """Keep what went wrong."""
+        """Keep the error."""
         self.errors.append((component, message))
 
     def said(self, now_s: float, component: str, level: str, text: str) -> None:
-        """Keep what a component logs, or print."""
+        """Keep the text that a component logs or prints."""
         self.sayings.append((component, level, text))
 
     def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""The smallest lab there is, for tests of what stands around the checks: double a number. And what attacks need."""
+"""Minimal lab for tests of the grader: double a number. And fixtures of the attacks."""
 
 import os
 import shutil
@@ -33,7 +33,7 @@ PROGRAMS = {
 
 @pytest.fixture
 def double_lab(tmp_path: Path) -> Path:
-    """Where the lab is; it may be written anew."""
+    """Return the folder of the lab; tests may rewrite it."""
     return _copy_of(LABS / "01_double", tmp_path)
 
 
@@ -68,7 +68,7 @@ def handed_in(tmp_path: Path) -> Callable[..., list[Path]]:
 
 @pytest.fixture
 def listener() -> Iterator[tuple[int, list[str]]]:
-    """A port that nobody should reach, with and without a name; and who has reached it."""
+    """Yield a port that no submission may reach, with and without a name, and the connections accepted there."""
     reached: list[str] = []
     with socket.create_server(("127.0.0.1", 0)) as tcp, socket.socket(socket.AF_UNIX) as unnamed:
         port = tcp.getsockname()[1]
@@ -93,7 +93,7 @@ def listener() -> Iterator[tuple[int, list[str]]]:
 
 @pytest.fixture(scope="session")
 def docker() -> list[str]:
-    """What comes before a command to run it as root in an ordinary Docker container, where no sandbox can be made."""
+    """Return the command prefix that runs a command as root in an ordinary Docker container, without a sandbox."""
     if os.geteuid() == 0 and _isolation_here() == "confined":
         return []  # this is one
     needed = [str(Path(one).resolve()) for one in (sys.base_prefix, sys.prefix, Path(__file__).parents[2])]

@@ -1,4 +1,4 @@
-"""What programs that look at their walls have in common: it stands at the beginning of each, as text."""
+"""Common start of programs that examine their confinement, prepended to each as text."""
 
 TRIES = '''
 import errno, os, resource, sys

@@ -1,4 +1,4 @@
-"""What a graded component brings has an end: tasks, notes, keys, and the words of each."""
+"""Limits on what a graded component sends: tasks, notes, keys, and the length of each."""
 
 import msgspec
 import pytest

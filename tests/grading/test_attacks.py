@@ -1,4 +1,4 @@
-"""Attacks have a wall before them and not only bad luck: without it they succeed. With it: test_class_of_sixty.py."""
+"""Attacks succeed without the wall that stops them. With it: test_class_of_sixty.py."""
 
 import csv
 import shutil
@@ -43,7 +43,7 @@ def test_what_the_sandbox_stops_succeeds_without_it(
 def test_what_a_program_says_in_a_hidden_case_reaches_no_student(
     sandbox: None, double_lab: Path, handed_in: Handed, tmp_path: Path
 ) -> None:
-    """A program that raises, prints and answers with what it was given tells it to the instructor alone."""
+    """Output, errors and answers that contain the input appear only in the instructor's report."""
     lines = ["print('printed', x)", "if x > 9: raise ValueError(f'given {x}')", "return 2 * x"]
     tells = "def double(x):\n" + "".join(f"    {line}\n" for line in lines)
     assert grade(double_lab, handed_in(tells=tells), tmp_path) == {"tells": 70.0}

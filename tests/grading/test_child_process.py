@@ -1,4 +1,4 @@
-"""A student's process: what is its fault, and what is ours."""
+"""A student's process: which failures are the student's, and which are the grader's."""
 
 import socket
 from pathlib import Path

@@ -1,6 +1,6 @@
-"""A class of sixty: right and wrong programs, attacks, and what is no program. Everybody gets exactly what is due.
+"""A class of sixty: right and wrong programs, attacks, and files that are not programs. Each gets exactly its points.
 
-Attacks (attacks/README.md) earn nothing, leave nothing behind, and are in nobody's way.
+Attacks (attacks/README.md) get no points, leave nothing behind, and do not affect other submissions.
 """
 
 import csv
@@ -23,7 +23,7 @@ from tests.assignments.mistakes import mistakes_of, write_solution, write_starte
 
 ATTACKS = sorted((Path(__file__).parent / "attacks").glob("*.py"))
 TOKEN = f"snr_attack_{os.getpid()}"
-# What is not there earns nothing; these do something that is right as well.
+# Submissions without the required part get no points; these do something that is right as well.
 HONEST_PART = {"visible_only": 70.0}
 PR_SET_CHILD_SUBREAPER = 36
 
@@ -71,7 +71,7 @@ def epsilon(share):
 
 
 def hand_in(folder: Path, port: int) -> dict[Path, float | None]:
-    """Returns every submission with the points that are its due, None if there is nothing to be graded in it."""
+    """Write the submissions; return each with its expected points, None if it has nothing to grade."""
     due: dict[Path, float | None] = {}
     for i in range(7):
         due[write(folder / f"right_{i}", RIGHT[i % len(RIGHT)])] = 100.0
@@ -116,7 +116,7 @@ def hand_in_lab_ten(folder: Path, port: int) -> dict[str, dict[Path, float | Non
         return write_solution(LAB_TEN, folder / name, mistake, starter=False)
 
     right: dict[Path, float | None] = {submission("reference"): 100.0, submission("untrained"): 95.0}
-    (folder / "untrained" / "policy.npz").unlink()  # what the grader trains flies in its place
+    (folder / "untrained" / "policy.npz").unlink()  # the table that the grader trains is flown instead
     with zipfile.ZipFile(folder / "zipped.zip", "w") as archive:
         for file in REFERENCE.iterdir():
             if file.is_file():
@@ -157,7 +157,7 @@ def write(folder: Path, body: str, name: str = "double.py") -> Path:
 
 
 def children() -> set[int]:
-    """Processes whose parent this process is."""
+    """Return the ids of this process' children."""
     found = set()
     for task in Path("/proc/self/task").iterdir():
         found |= {int(pid) for pid in (task / "children").read_text().split()}
@@ -165,7 +165,7 @@ def children() -> set[int]:
 
 
 def still_alive(before: set[int]) -> set[int]:
-    """Processes that came since and do not end; those that have ended are buried."""
+    """Reap ended processes; return those that started since and do not end."""
     give_up_s = time.monotonic() + 60
     while (left := children() - before) and time.monotonic() < give_up_s:
         for pid in left:
@@ -189,10 +189,10 @@ def grade_class(
     isolation: str = "sandbox",
     prefix: Sequence[str] = (),
 ) -> None:
-    """Grades a class, and looks whether everybody got what is due and nothing was left behind."""
+    """Grade a class; all points are as expected and nothing is left behind."""
     (tmp_path / "the_secret").write_text("correct horse battery staple")
     before, kit = children(), kit_files()
-    ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1)  # who is left without a parent becomes ours, and is seen
+    ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1)  # orphans become children of this process, which sees them
     words = ["grade", lab, *map(str, due), "--out", str(tmp_path / "out"), "--jobs", str(jobs)]
     done = subprocess.run(
         [*prefix, sys.executable, "-m", "snr_sim", *words, "--secret", str(tmp_path / "the_secret")],
@@ -273,7 +273,7 @@ def test_a_lab_of_the_course_gives_in_the_sandbox_what_its_own_tests_say(sandbox
 
 
 def kit_files() -> set[tuple[str, float]]:
-    """What stands in the kit, and when it was changed."""
+    """Return the files of snr_sim with the times of their last change."""
     import snr_sim
 
     folder = Path(snr_sim.__file__).parent

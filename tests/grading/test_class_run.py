@@ -1,4 +1,4 @@
-"""`snr grade` over a class: every submission a result, whatever becomes of it, and whatever becomes of the grader."""
+"""`snr grade` over a class: every submission has a result, whatever happens to it or to the grader."""
 
 import csv
 import json

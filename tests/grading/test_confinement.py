@@ -1,4 +1,4 @@
-"""A confined process, where no sandbox can be made: what it is, sees and may do. Each is tried from inside."""
+"""Confined process, where no sandbox can be made: its identity, view and permissions, each tried from inside."""
 
 import json
 import os
@@ -23,7 +23,7 @@ KNOWN = {
     *(str(Path(one).resolve()) for one in (*sys.path, sys.base_prefix)),
 }
 
-# Runs in a student's process. What the kit's own check of imports refuses is had by another way.
+# Runs in a student's process. It reaches modules that the check of imports refuses in another way.
 PROBE = (
     TRIES
     + '''
@@ -164,7 +164,7 @@ print(json.dumps(told))
 
 @pytest.fixture(scope="module")
 def told(docker: list[str], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """What two confined processes have told of themselves, who ran side by side."""
+    """Return the reports of two confined processes that ran at the same time."""
     import socket
     import tempfile
 
@@ -188,7 +188,7 @@ def told(docker: list[str], tmp_path_factory: pytest.TempPathFactory) -> dict[st
 
 
 def hidden(secret: Path) -> list[str]:
-    """What nobody of the students is to read; folders end with a stroke."""
+    """Return paths that no student may read; folders end with a slash."""
     top = KIT.parent
     processes = ["/proc/", "/proc/self/environ", "/proc/1/cmdline", "/proc/1/environ", "/proc/self/mem"]
     return [str(secret), f"{secret.parent}/", f"{top}/tests/", f"{top}/assignments/", "/etc/passwd", "/", *processes]
@@ -332,7 +332,7 @@ def test_a_kit_that_other_users_cannot_reach_is_named_before_a_student_is_blamed
 def test_a_flight_comes_to_the_same_result_in_either_isolation(
     docker: list[str], sandbox: None, landing_lab: Path, open_folder: Path, tmp_path: Path
 ) -> None:
-    """What lands, what does not, and what prints and raises: the same but for the word that says which it was."""
+    """Results of isolations for landing, crashing, printing and raising programs: equal except for the isolation."""
     pilots = Path(__file__).parents[2] / "robots" / "lander" / "controllers"
     programs = {
         "lands": (pilots / "optimal.py").read_text(),

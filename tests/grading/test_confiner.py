@@ -1,4 +1,4 @@
-"""A user and a folder for one process: no other grader has them, and both are given back."""
+"""A user and a folder for one process: no other grader has them, and both are released."""
 
 import os
 import tempfile

@@ -1,4 +1,4 @@
-"""Feeding components: what they made of each input, in a bare node on a virtual clock."""
+"""Components with given inputs: what they produce from each, in a bare node on a virtual clock."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Fields of pages: what is no number is told by its name, and what is one for numpy alone is told as that."""
+"""Fields of pages: the error for a value that is not a number names the field, and numpy types are named as such."""
 
 import numpy as np
 import pytest

@@ -1,6 +1,6 @@
-"""Controllers that attack while a plant flies in the grader: they earn nothing, and the flight is what it would be.
+"""Controllers that attack while the grader simulates a plant: they get no points, and the run does not change.
 
-The programs are attacks/in_flight/*.py, handed in as pilot.py with `falling.py` beside.
+The programs are attacks/in_flight/*.py, submitted as pilot.py together with `falling.py`.
 """
 
 import csv
@@ -20,7 +20,7 @@ from snr_sim.grading.lab.student import Student
 
 IN_FLIGHT = Path(__file__).parent / "attacks" / "in_flight"
 ATTACKS = sorted(path.stem for path in IN_FLIGHT.glob("*.py") if path.stem != "falling")
-# One costs half a minute, and where programs are confined the flight itself is the same: nightly runs all.
+# One takes half a minute, and where programs are confined the run is the same: the nightly job runs all.
 LONG = {"floods_steadily"}
 AGAINST_CONFINEMENT = {
     "never_answers",
@@ -83,7 +83,7 @@ def test_no_attack_in_flight_earns_anything_and_neighbours_have_their_due(
 
 @pytest.mark.slow
 def test_an_attack_without_effect_leaves_the_flight_as_it_is(sandbox: None, tmp_path: Path) -> None:
-    """What the plant did, to the last bit, and what the sensors measured."""
+    """The plant's trajectory and the sensors' readings are equal, to the last bit."""
 
     def flown(name: str) -> tuple[Any, ...]:
         with Student(hand_in(tmp_path, name), "sandbox") as student:

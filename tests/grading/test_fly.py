@@ -1,4 +1,4 @@
-"""A flight with the student's components in a process of their own is the flight that `snr run` makes."""
+"""A run with the student's components in a process of their own equals that of `snr run`."""
 
 import shutil
 from pathlib import Path
@@ -32,8 +32,8 @@ def digest_of_run(folder: Path, request: Request) -> str:
     return read_trace(folder / FILE_NAME).digest
 
 
-# All that a component may do, in one controller: loops that stop and choose their time, steps of a life, chance,
-# arrays, handlers that change, pages asked for in vain, two that handle one task, what is scheduled besides.
+# Everything that a component may do, in one controller: loops that stop and set their time, life cycle steps, random
+# numbers, arrays, handlers that change, pages never stored, two that handle one task, further scheduled tasks.
 EVERYTHING = """
 import numpy as np
 from beside import GAIN

@@ -1,4 +1,4 @@
-"""The Gradescope container: run here, under another root than /autograder, with the kit that it brings itself."""
+"""Gradescope container: run here, with a root other than /autograder, and with the snr_sim that it contains."""
 
 import json
 import os
@@ -21,7 +21,7 @@ HandedIn = Callable[..., list[Path]]
 
 @pytest.fixture
 def container(double_lab: Path, tmp_path: Path) -> Path:
-    """/autograder as Gradescope has it before a submission comes, without what setup.sh installs."""
+    """Create /autograder as in Gradescope before a submission arrives, without the packages of setup.sh."""
     (tmp_path / "the_secret").write_text("correct horse battery staple")
     words = ["grade", str(double_lab), "--gradescope", str(tmp_path / "made"), "--isolation", "none"]
     made = subprocess.run(
@@ -32,7 +32,7 @@ def container(double_lab: Path, tmp_path: Path) -> Path:
     assert made.returncode == 0, made.stderr
     assert json.loads(made.stdout) == {"out": str(tmp_path / "made")}
     shutil.copytree(tmp_path / "made", tmp_path / "autograder" / "source")
-    shutil.rmtree(double_lab)  # the container brings its own
+    shutil.rmtree(double_lab)  # the container has its own copy
     return tmp_path / "autograder"
 
 
@@ -67,7 +67,7 @@ def test_a_submission_in_the_container_has_its_points(container: Path, handed_in
 def test_in_an_ordinary_container_programs_are_confined_and_marks_are_marks(
     container: Path, handed_in: HandedIn, docker: list[str], open_folder: Path
 ) -> None:
-    """As Gradescope runs it: by root who may not make namespaces, with nobody told to do without isolation."""
+    """As Gradescope runs it: as root without namespaces, and without an option to skip isolation."""
     root = open_folder / "autograder"
     shutil.copytree(container, root)
     lab = json.loads((root / "source" / "settings.json").read_text())["lab"]

@@ -1,4 +1,4 @@
-"""What students hand in: taken whole or refused in their own words, and nothing outside it is ever read or written."""
+"""Submissions: accepted whole or refused with a reason for the student; nothing outside is ever read or written."""
 
 import os
 import random
@@ -110,7 +110,7 @@ def test_an_archive_beside_a_folder_is_told_to_be_one(tmp_path: Path) -> None:
 
 def test_what_is_lifted_out_of_its_folder_meets_no_other_submission(tmp_path: Path) -> None:
     archive = zipped(tmp_path, ("lab/depth_hold.py", CODE))
-    (tmp_path / "private.top" / "inside").mkdir(parents=True)  # of one who is called so
+    (tmp_path / "private.top" / "inside").mkdir(parents=True)  # a submission may have this name
     assert files_in(taken(tmp_path, archive)) == {"depth_hold.py": CODE}
 
 
@@ -299,7 +299,7 @@ def test_hostile_names_stay_inside_or_are_refused(tmp_path: Path, seed: int) -> 
 
 
 def try_name(box: Path, name: str) -> None:
-    """Hand in an honest file and one of this name, in a zip and in a folder; nothing else may appear anywhere near."""
+    """Import an honest file and one of this name, from a zip and from a folder; nothing may appear outside."""
     archive = box / "ada.zip"
     with zipfile.ZipFile(archive, "w") as packed:
         packed.writestr("depth_hold.py", CODE)
@@ -308,7 +308,7 @@ def try_name(box: Path, name: str) -> None:
             packed.writestr(name, b"hostile")
     part = name.replace("/", "").replace("\0", "")
     folder(box, depth_hold__py=CODE)
-    with suppress(UnicodeEncodeError, OSError):  # what no file can be called
+    with suppress(UnicodeEncodeError, OSError):  # names that the file system does not permit
         (box / "ada" / part).open("xb").close()
     for submission in (archive, box / "ada"):
         before = everything_around(box)
@@ -452,7 +452,7 @@ def test_a_file_that_lies_too_deep_is_left_out(tmp_path: Path) -> None:
     assert files_in(place) == {"depth_hold.py": CODE}
 
 
-# What is no archive, and names that are no text
+# Files that are not archives, and names that are not text
 
 
 @pytest.mark.parametrize(
@@ -507,7 +507,7 @@ def test_names_that_are_not_text_are_left_out_and_shown_as_escapes(tmp_path: Pat
 
 
 def test_an_archive_is_read_a_little_at_a_time(tmp_path: Path) -> None:
-    """Its largest read is bounded, so what it unpacks to never stands in memory."""
+    """Its largest read is bounded, so its unpacked content is never in memory as a whole."""
     given = zipped(tmp_path, ("depth_hold.py", CODE), ("data", os.urandom(8_000_000)))
     tracemalloc.start()
     taken(tmp_path, given)

@@ -1,4 +1,4 @@
-"""Labs: what they promise is checked when they are read; hidden cases come from the secret; points are shared."""
+"""Labs: definitions are checked when they are read; hidden cases come from the secret; points are shared."""
 
 import logging
 import random

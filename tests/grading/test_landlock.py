@@ -1,4 +1,4 @@
-"""Landlock: what is granted can be opened, and nothing else; a folder can be left out of what is granted."""
+"""Landlock: granted paths can be opened, and nothing else; a folder can be excluded from a granted one."""
 
 import json
 import subprocess

@@ -1,4 +1,4 @@
-"""Cases of several submissions in one sandbox: none meets what another has left, and it is nobody's to break."""
+"""Cases of several submissions in one sandbox: none finds traces of another, and no submission can break it."""
 
 import os
 import select
@@ -83,7 +83,7 @@ def nursery(tmp_path: Path) -> Iterator[Nursery]:
 
 
 def asked(nursery: Nursery, folder: Path, function: str, *args: Any) -> Any:
-    """What a case of its own says."""
+    """Return the answer of a new case."""
     with Student(folder, "sandbox", nursery=nursery) as student:
         return student.call("mine.py", function, *args)
 
@@ -118,7 +118,7 @@ def test_a_sandbox_is_kept_until_somebody_has_written_in_it(nursery: Nursery, tm
 def test_a_case_cannot_end_what_the_next_one_is_a_copy_of(
     namespaces_alone: None, nursery: Nursery, tmp_path: Path
 ) -> None:
-    assert asked(nursery, tmp_path, "kill") in ([1], [1, 0])  # itself, which the kernel lets live
+    assert asked(nursery, tmp_path, "kill") in ([1], [1, 0])  # itself: the kernel protects a namespace's first process
     assert asked(nursery, tmp_path, "traces")["kept"] == 1
 
 
@@ -155,7 +155,7 @@ def test_a_sandbox_that_is_gone_is_no_fault_of_the_students(nursery: Nursery, tm
     assert nursery._socket is not None
     os.kill(nursery._process.pid, signal.SIGKILL)
     far_end = select.poll()
-    far_end.register(nursery._socket, 0)  # the kernel ends what is inside a moment later, and until then it answers
+    far_end.register(nursery._socket, 0)  # the kernel ends the inner processes a moment later; until then they answer
     assert far_end.poll(60_000.0)
     with pytest.raises(LabFault, match="could not be started"):
         asked(nursery, tmp_path, "traces")

@@ -14,7 +14,7 @@ DOTTED = ".".join("a" * 20_000) + " = 1"
 
 
 def findings(folder: Path, text: str) -> Misbehaved | None:
-    """Have lab 9 look at a findings.toml; return what is wrong with it. The grader itself may not work on it."""
+    """Have lab 9 check a findings.toml; return the error. The grader itself must not parse it."""
     (folder / "findings.toml").write_text(text)
     (check,) = (one for one in find_lab("09_debug_by_replay").checks if one.name == "filled_in")
     begun_s = time.process_time()

@@ -1,4 +1,4 @@
-"""What is said between grader and child: bounded in depth, plain, and cheap."""
+"""Messages between grader and child: bounded in depth, plain, and cheap."""
 
 import json
 import resource
@@ -103,7 +103,7 @@ def test_what_must_come_back_may_be_said_exactly(student: Student) -> None:
 
 @pytest.mark.slow
 def test_a_hundred_observations_there_and_a_hundred_actions_back_cost_little(student: Student) -> None:
-    """Both sides together take the CPU time of a few times JSON there and back, whatever else this computer does."""
+    """Both sides together take the CPU time of a few JSON round trips, whatever else this computer does."""
     observations = [[1.123456789 * i, -2.2345678 * i] for i in range(100)]
 
     def used_s() -> float:

@@ -1,4 +1,4 @@
-"""The sandbox: what a student's process is, sees and may use. Each is tried from inside."""
+"""The sandbox: identity, view and permissions of a student's process, each tried from inside."""
 
 import ctypes
 import os
@@ -151,7 +151,7 @@ def nursery(request: pytest.FixtureRequest, submission: Path) -> Iterator[Nurser
 def test_a_process_in_the_sandbox_is_refused_what_no_other_wall_stops(
     submission: Path, nursery: Nursery | None
 ) -> None:
-    """The last wall: what no namespace divides, as cores and keys, and what no limit counts, as shared memory."""
+    """The last wall covers what no namespace separates (cores, keys), and what no limit counts (shared memory)."""
     with Student(submission, "sandbox", nursery=nursery) as student:
         told = student.call("mine.py", "undivided")
     assert told == dict.fromkeys(told, "ENOSYS")
@@ -198,7 +198,7 @@ def test_a_process_in_the_sandbox_is_nobody_alone_and_can_write_on_little_but_it
     assert capabilities == [0] * 4
     assert may_gain_no_rights == 1
     assert facts["root again"] in ("EPERM", "EINVAL")
-    assert facts["parent"] in ("EPERM", "done")  # its parent is the namespace's own first process, or nobody
+    assert facts["parent"] in ("EPERM", "done")  # its parent is the namespace's own first process, or there is none
     assert facts["more memory"] in ("EPERM", "ValueError")
     assert facts["open files"] == 5  # the three of every process, its line, and the socket that was tried
     assert (submission / "mine.py").read_text() == PROBE
@@ -234,7 +234,7 @@ def test_labs_that_are_in_the_kit_are_covered(
     submission: Path, nursery: Nursery | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kit = Path(snr_sim.__file__).parent
-    monkeypatch.setattr(sandbox_module, "LABS", kit / "plants")  # as if these were the labs of an installed kit
+    monkeypatch.setattr(sandbox_module, "LABS", kit / "plants")  # as if these were the labs of an installed snr_sim
     with Student(submission, "sandbox", nursery=nursery) as student:
         assert student.call("mine.py", "looks", [f"{kit}/plants/__init__.py", f"{kit}/__init__.py"]) == [
             "ENOENT",
@@ -351,7 +351,7 @@ def test_a_computer_without_seccomp_is_told_that_and_nothing_about_namespaces(
 
 
 def test_root_who_may_not_mount_is_refused_where_the_kernel_has_no_landlock(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Neither isolation can be had: both reasons are told, and what to do about either."""
+    """Neither isolation is possible: the error has both reasons, and a fix for each."""
 
     def no_landlock(*_: object) -> None:
         raise unconfined(
@@ -370,7 +370,7 @@ def test_root_who_may_not_mount_is_refused_where_the_kernel_has_no_landlock(monk
             find_isolation()
         assert "--privileged" in refused.value.fix
         assert "Linux 5.13" in refused.value.fix
-        monkeypatch.setattr(isolation, "is_for_here", lambda: False)  # it may mount: then bubblewrap is to be mended
+        monkeypatch.setattr(isolation, "is_for_here", lambda: False)  # it may mount: then bubblewrap needs the fix
         with pytest.raises(IsolationMissing, match="Creating new namespace failed") as refused:
             find_isolation()
         assert "Landlock" not in str(refused.value)

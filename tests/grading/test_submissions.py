@@ -1,4 +1,4 @@
-"""The submissions of a class: each has a name of its own, and what is none is told."""
+"""Submissions of a class: each has a unique name, and invalid ones are reported."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -59,7 +59,7 @@ def test_a_folder_that_may_not_be_read_is_told_so(tmp_path: Path, monkeypatch: p
     def refuses(folder: Path) -> Iterator[Path]:
         raise PermissionError(13, "Permission denied", str(folder))
 
-    monkeypatch.setattr(Path, "iterdir", refuses)  # as for anybody but root, as whom tests run, too
+    monkeypatch.setattr(Path, "iterdir", refuses)  # as for users other than root; tests may run as root
     with pytest.raises(SnrError, match=r"cannot be read: Permission denied\.") as error:
         name_submissions([tmp_path])
     assert error.value.fix

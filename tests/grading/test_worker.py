@@ -1,4 +1,4 @@
-"""Results that nobody graded, and what they say of themselves."""
+"""Results of submissions that could not be graded, and their messages."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""What SNRTestCase gives to a test, and what its failures say."""
+"""Assertions of SNRTestCase, and the messages of its failures."""
 
 import math
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The contract checks pass who keeps a promise and name the promise of who does not."""
+"""The contract checks accept devices that meet the contract, and name the rule that a device breaks."""
 
 import math
 from collections.abc import Callable
@@ -77,7 +77,7 @@ class Timeless(msgspec.Struct, frozen=True):
 
 
 class Answers(LifeCycle):
-    """A sensor that answers what it is told to."""
+    """A sensor that returns given values."""
 
     def __init__(self, answer: Any) -> None:
         self.answer = answer
@@ -87,7 +87,7 @@ class Answers(LifeCycle):
 
 
 class TurnsBack(Answers):
-    """Its clock goes backwards."""
+    """Sensor whose clock goes backwards."""
 
     def read(self) -> Any:
         self.answer = Depth(1.0, self.answer.stamp_s - 0.1)
@@ -162,7 +162,7 @@ def test_an_actuator_that_breaks_a_promise_is_told_which(actuator: Callable[[], 
 
 
 class Cart:
-    """A mass that is pushed: the smallest plant that keeps every promise. Its subclasses break one each."""
+    """A mass with a force on it: the smallest plant that meets the contract. Its subclasses break one rule each."""
 
     engine = "cart 1"
     step_s: float | None = 0.1

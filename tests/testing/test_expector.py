@@ -1,4 +1,4 @@
-"""Expectors: satisfied or not, and what they say when not."""
+"""Expectors: satisfied or not, and the messages if not."""
 
 import unittest
 from typing import Any

@@ -1,4 +1,4 @@
-"""The contract of outputs passes who keeps it, and names the promise of who breaks one."""
+"""The contract check accepts outputs that meet the contract, and names the rule that others break."""
 
 import math
 from collections.abc import Sequence
@@ -44,7 +44,7 @@ class Bench:
 
 
 class Good(PlainlyArmed):
-    """Keeps every promise. Its subclasses break one each."""
+    """Meets the whole contract. Its subclasses break one rule each."""
 
     fails_safe_alone = True
 

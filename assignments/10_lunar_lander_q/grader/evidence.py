@@ -1,9 +1,9 @@
-"""What the grader of lab 10 knows for itself: what a student's program has reported, and what was learned from it.
+"""Evidence of lab 10's grader: the transitions that a student's program reported, and the table learned from them.
 
-Of a training it has all evidence: states, actions, rewards, where they led. From these it learns a table of its own,
-which begins empty, and explores by its own random numbers; what flies is that table. The program is asked only in which
-state an observation is. In the end two things are compared: the table that the student's update() has made of the same
-transitions, and what encode() returns for the same observations in a process that has seen neither training nor flight.
+From the states, actions and rewards of a training it learns a table of its own, which begins empty, and explores with
+its own random numbers; that table flies the lander. The program is asked only which state an observation belongs to.
+At the end two things are compared: the table that the student's update() made of the same transitions, and what
+encode() returns for the same observations in a process that has seen neither training nor flight.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ ALIKE = 1e-6  # of the largest value: rounding in sums of another order is far l
 # What is learned keeps moving to and fro, and the mean over some dozens of steps does not. Of 337 trainings of the
 # reference (40 000 steps each) three ended with a table that lands fewer than 80 of 100; of 322 by the mean, none.
 MEAN_EVERY, MEAN_FOLLOWS = 5, 0.125
-ASKED_AGAIN = 3000  # observations of a training: who fakes one in a hundred is found, but for one in 1e13
-Change = tuple[int, int, float, int]  # state, action, and what value and visits are now
+ASKED_AGAIN = 3000  # observations of a training: faking one in a hundred passes with a probability of 1e-13
+Change = tuple[int, int, float, int]  # state, action, and its new value and visits
 
 
 class Rows(msgspec.Struct):
-    """A table as it comes back."""
+    """A table received from the student's process."""
 
     values: list[list[float]]
     visits: list[list[int]]
@@ -42,10 +42,10 @@ class Evidence:
 
     Args:
         student: its file, by `Student.host` or `learning.Here`.
-        seed: of the random numbers in what is tried.
+        seed: of the random numbers in exploration.
 
     Raises:
-        Misbehaved: it has no sensible number of states.
+        Misbehaved: its number of states is not valid.
     """
 
     def __init__(self, student: Any, seed: int) -> None:
@@ -68,7 +68,7 @@ class Evidence:
             self._is_tried = np.array(self.ledger.visits) > 0
 
     def choose(self, told: Floats, states: list[int], epsilon: float) -> NDArray[np.intp]:
-        """Return what to try where these states were reported: the best, or with probability epsilon any."""
+        """Return the actions to try in these reported states: the best, or with probability epsilon a random one."""
         self._trained.append((told, states))
         drawn = self._rng.integers(ACTIONS, size=len(states))
         return np.where(self._rng.random(len(states)) < epsilon, drawn, self.ledger.greedy(states))
@@ -84,10 +84,10 @@ class Evidence:
         return self._mean, self._is_tried.astype(np.int64)
 
     def check_update(self) -> None:
-        """Compare what the student's update() has made of the training with what was learned here.
+        """Compare the result of the student's update() with what was learned here from the same transitions.
 
         Raises:
-            Misbehaved: it is not the same.
+            Misbehaved: they differ.
         """
         theirs, ours = table_of(self._student.ask("learned", returns=Rows), self.states), self.ledger
         largest = max((abs(value) for row in ours.values for value in row), default=0.0)
@@ -104,13 +104,13 @@ class Evidence:
             )
 
     def check_states(self, fresh: Any) -> None:
-        """Ask again, in another order, for the states of observations: all that it flies by, and some of the training.
+        """Ask again, in another order, for the states of observations: all used in flight, and some of the training.
 
         Args:
             fresh: the same file, in a process that has seen nothing yet.
 
         Raises:
-            Misbehaved: encode() does not go by its two numbers alone.
+            Misbehaved: encode() depends on something else than its two numbers.
         """
         told, states = _joined(self._trained)
         which = self._rng.choice(len(states), min(ASKED_AGAIN, len(states)), replace=False)
@@ -135,7 +135,7 @@ def _joined(parts: Iterable[tuple[Floats, Any]]) -> tuple[Floats, NDArray[np.int
 
 
 def count_of(student: Any) -> int:
-    """Return how many states a student's file has; raise Misbehaved if that is not a sensible number."""
+    """Return how many states a student's file has; raise Misbehaved if the number is not valid."""
     count: int = student.ask("count", returns=int)
     if not 1 <= count <= MOST_STATES:
         raise Misbehaved(f"STATES is {count}.", f"Make it a whole number from 1 to {MOST_STATES}.")
@@ -143,7 +143,7 @@ def count_of(student: Any) -> int:
 
 
 def table_of(rows: Rows, states: int) -> Table:
-    """Return a table that came back; raise Misbehaved if it has other rows than it had."""
+    """Return the table received; raise Misbehaved if its number of rows differs."""
     if any([len(row) for row in each] != [ACTIONS] * states for each in (rows.values, rows.visits)):
         raise _resized()
     table = Table(0)
@@ -152,7 +152,7 @@ def table_of(rows: Rows, states: int) -> Table:
 
 
 def changed(table: Table, changes: Iterable[Change]) -> Table:
-    """Return a table, changed in some places; raise Misbehaved if it has no such place."""
+    """Return a table with changes applied; raise Misbehaved if one is outside the table."""
     for state, action, value, visits in changes:
         if not (0 <= state < len(table.values) and 0 <= action < ACTIONS):
             raise _resized()
@@ -165,7 +165,7 @@ def _resized() -> Misbehaved:
 
 
 def checked_states(answer: str, count: int, most: int) -> list[int]:
-    """Return states that were sent; raise Misbehaved if they are not so many, or not all of them are states."""
+    """Return states received; raise Misbehaved if their number is wrong, or not all of them are states."""
     try:
         states = states_of(answer)
     except ValueError:
@@ -176,7 +176,7 @@ def checked_states(answer: str, count: int, most: int) -> list[int]:
 
 
 def checked_rewards(answer: str, count: int) -> list[float]:
-    """Return rewards that were sent; raise Misbehaved if they are not so many, or not all of them sensible numbers."""
+    """Return rewards received; raise Misbehaved if their number is wrong, or not all of them are valid numbers."""
     try:
         rewards = np.frombuffer(b64decode(answer))
     except ValueError:

@@ -1,13 +1,13 @@
-"""The grader's side of lab 10: many landers fly at once here, and the student's file tells by message where they are.
+"""Grader's side of lab 10: simulates many landers at once, and asks the student's file for their states by message.
 
     parent (here)                                            child (`pilot.py`)
     Landers, random numbers,  -- observations of all, results of the last step -->  encode, reward, update
     budget, score, table      <-- their states, and what the last step was worth --
 
-One message a step for all of them, so the pipe costs little beside the student's own functions. How many steps and
-episodes there are, from where, what is done and which of them landed, only this side knows. What was learned flies in
-the form in which it is handed in, as a table on the kit's grid: one message, and none in flight. At home, with no
-grader, the student's own choose() and table decide instead.
+One message per step for all of them, so the pipe costs little compared with the student's own functions. Only this
+side knows the number of steps and episodes, the starts, the actions and which landers landed. What was learned flies in
+the form in which it is submitted, as a table on snr_sim's grid: one message, and none during a flight. In practice,
+without the grader, the student's own choose() and table decide instead.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ THROTTLES = np.array(VERTICAL_THROTTLES)
 
 
 class Told(msgspec.Struct):
-    """What comes back of a step of training, as `Pilot.learn` says."""
+    """Answer to a step of training, see `Pilot.learn`."""
 
     states: str
     last: list[int]
@@ -52,7 +52,7 @@ class Told(msgspec.Struct):
 
 
 class Here:
-    """A student's file in this process, as it is practised with at home: all that it does is by its own functions."""
+    """A student's file in this process, for practice: its own functions decide everything."""
 
     def __init__(self, module: ModuleType) -> None:
         self.pilot = Pilot(module)
@@ -62,11 +62,11 @@ class Here:
         return msgspec.convert(getattr(self.pilot, method)(*args), learned(returns))
 
     def act(self, told: Floats) -> NDArray[np.intp]:
-        """Return what the student's choose() does without chance."""
+        """Return the actions of the student's choose() without exploration."""
         return np.array(self.pilot.choose(self.states_at(told), 0.0), np.intp)
 
     def states_at(self, told: Floats) -> list[int]:
-        """Return what encode() says of each observation."""
+        """Return the result of encode() for each observation."""
         return self.pilot.encode(*told.T.tolist())
 
     def rows(self) -> tuple[Floats, NDArray[np.int64]]:
@@ -89,9 +89,9 @@ class Flights:
 
     Args:
         landed: of each start, whether it landed.
-        outcomes: how often what happened.
+        outcomes: number of landings by outcome.
         fuel_kg: mean propellant of those that landed; 0 if none did.
-        touchdown_mps: mean speed at the ground, of those that came there; 0 if none did.
+        touchdown_mps: mean speed at the ground, of the landers that reached it; 0 if none did.
     """
 
     landed: list[bool]
@@ -120,24 +120,24 @@ def train(
     most_steps: int = MOST_STEPS_TRAINED,
     most_episodes: int = MOST_EPISODES,
 ) -> Trained:
-    """Let a student's file learn, in landings that begin anywhere on the way down.
+    """Train a student's file, in landings that begin anywhere on the way down.
 
     Args:
         student: learns, and keeps what it has learned; by `Student.host` or `Here`.
         seed: of the starts, of the radar's noise and of the student's random numbers.
-        evidence: learns the same, and decides what is tried; else the student's own choose() does.
-        most_steps, most_episodes: how long it may be; it ends with whichever comes first.
+        evidence: learns the same, and chooses the actions; without it the student's own choose() does.
+        most_steps, most_episodes: limits of the training; it ends at the first one reached.
 
     Raises:
-        Misbehaved: it does not report where it is, or what that is worth.
+        Misbehaved: it does not report valid states or rewards.
     """
     given, rng = course(), np.random.default_rng([seed, 2])
-    student.ask("begin", int(rng.integers(2**31)))  # not the seed itself: who knew it would know the starts
+    student.ask("begin", int(rng.integers(2**31)))  # not the seed itself, which would reveal the starts
     landers = _starts(given, LANDERS, rng)
     told = _told(given, landers, rng)
     flown, episodes, ended = np.zeros(LANDERS, np.int64), LANDERS, list[bool]()
     burned_kg: list[Floats] = []  # of the last step, once there was one
-    ends: list[list[Any]] = []  # lists: a tuple would have to be told apart on its way
+    ends: list[list[Any]] = []  # lists, since tuples would need a conversion for the message
     states, actions = list[int](), np.empty(0, np.intp)  # of the last step, too
     count = MOST_STATES if evidence is None else evidence.states
     steps = -(-most_steps // LANDERS)
@@ -154,7 +154,7 @@ def train(
             actions = evidence.choose(told, states, epsilon)
         before = Landers(*landers)
         after, touches, speeds = step(before, THROTTLES[actions], given.engine, STEP_S)
-        told = _told(given, landers, rng)  # the radar tells it a step late
+        told = _told(given, landers, rng)  # radar readings, one step late
         landers, burned_kg, ends = np.stack(after), [before.fuel_kg - after.fuel_kg], []
         flown += 1
         over = np.flatnonzero(touches | (after.height_m > CEILING_M) | (flown > MOST_STEPS))
@@ -236,20 +236,20 @@ def _starts(given: Course, count: int, rng: np.random.Generator) -> Floats:
 
 
 def _told(given: Course, landers: Floats, rng: np.random.Generator) -> Floats:
-    """Return what the radar measures, in its steps of a centimetre."""
+    """Return the radar's readings, in its steps of a centimetre."""
     told: Floats = np.round(given.told(landers[0], landers[1], rng), 2)
     return told
 
 
 class ByTable:
-    """A table that was handed in, flown as the node's controller 'q' flies it: none of the student's code runs."""
+    """A submitted table, flown as the node's controller 'q' flies it: none of the student's code runs."""
 
     def __init__(self, table: QTable) -> None:
         self._cells = table.discretiser.cells
         self._greedy = np.argmax(np.where(table.visits > 0, table.values, -np.inf), axis=1)  # 0 where nothing was tried
 
     def act(self, told: Floats) -> NDArray[np.intp]:
-        """Return the best of what was tried."""
+        """Return the best of the actions tried."""
         actions: NDArray[np.intp] = self._greedy[self._cells(told)]
         return actions
 
@@ -257,7 +257,7 @@ class ByTable:
 def as_policy(learner: Evidence | Here) -> QTable:
     """Return what was learned as a table that `--controller q` flies.
 
-    Each cell of the kit's grid gets the row of the state that is found in its middle.
+    Each cell of the grid of snr_sim gets the row of the state that is found in its middle.
     """
     policy = new_table()
     heights, speeds = (np.array([2.0 * edges[0] - edges[1], *edges]) for edges in policy.discretiser.edges)

@@ -1,8 +1,8 @@
 """The student's side of lab 10: asks the functions of a file for many landers at a time, and keeps their table.
 
-It stands in the student's process, alone, and speaks for the file there. What flies, how often, from where, what is
-done and what is its result, only the grader's process knows (`learning.py`); it keeps a table of its own, too
-(`evidence.py`), and this one here is only compared with it in the end. So replacing anything in here gains nothing.
+It runs in the student's process, alone, and calls the file's functions there. Only the grader's process knows the
+landers, their number, starts, actions and results (`learning.py`); it keeps a table of its own, too
+(`evidence.py`), and only compares this one with it at the end. So replacing anything in here gains nothing.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 from snr_sim.prelude.errors import ParameterError
 
 ACTIONS = 4
-MOST_STATES = 5000  # two bytes each on their way
+MOST_STATES = 5000  # two bytes each in a message
 MOST_WORTH = 1e9
 LANDED, CRASHED, TIMEOUT = "landed", "crashed", "timeout"
 RESIZED = "update() has made the table larger or smaller."
@@ -29,10 +29,10 @@ class Transition(NamedTuple):
     """One step of one lander, as `update` gets it.
 
     Args:
-        state, action, reward: where it was, what was done, and what that was worth.
-        next_state: where that led.
-        is_terminated: it has touched the ground: nothing comes after.
-        is_truncated: only the time was up: it would have gone on.
+        state, action, reward: the state, the action taken there, and its reward.
+        next_state: the state after it.
+        is_terminated: it has touched the ground: the last one of its episode.
+        is_truncated: the time limit ended the episode.
     """
 
     state: int
@@ -182,7 +182,7 @@ class Pilot:
         return float(epsilon)
 
     def choose(self, states: Sequence[int], epsilon: float) -> list[int]:
-        """Return the actions that are chosen in states, by what was learned."""
+        """Return the actions that choose() selects in states, from the table learned."""
         choose, table, rng = self.module.choose, self.table, self.rng
         actions = [own_whole(choose(table, state, epsilon, rng)) for state in states]
         for action in actions:
@@ -213,7 +213,7 @@ class Pilot:
 
 
 def own_whole(value: Any) -> Any:
-    """Return a whole number that NumPy has made as Python's own, and all else as it is: 7.0 and True, too."""
+    """Return a NumPy integer as a Python int, and any other value unchanged: 7.0 and True, too."""
     is_foreign = type(value) is not int and isinstance(value, Integral) and not isinstance(value, bool)
     return int(value) if is_foreign else value
 

@@ -83,7 +83,7 @@ def size_of(visits: int) -> float:
 
 
 def why_not(table: Ledger, state: int, action: int) -> str:
-    """Return what is wrong with an action that is not the best."""
+    """Return the error for an action that is not the best."""
     if not any(table.visits[state]):
         return "Where nothing was tried yet, take action 0, the first."
     if not table.visits[state][action]:

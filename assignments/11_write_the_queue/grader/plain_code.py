@@ -1,9 +1,9 @@
-"""Whether a program is plain: it makes and changes values of its own, and reaches for nothing of whoever runs it.
+"""Check that a program is plain: it creates and changes values of its own, and cannot reach the code that runs it.
 
-Where a lab counts what a program does, the counter stands in the program's own process, since it must see its lists.
-A program that reaches the counter could count for itself. So such a lab has the program read first (`Student.parse`),
-in a process in which nothing of it runs. Nothing is guessed: what is not known to be plain is refused, with its line.
-What is judged by answers alone needs none of this.
+Where a lab counts what a program does, the counter runs in the program's own process, since it must see its lists.
+A program that reaches the counter could count for itself. So such a lab has the program parsed first
+(`Student.parse`), in a process that runs nothing of it. Nothing is guessed: a construct that is not known to be plain
+is refused, with its line. Labs that evaluate answers only do not need this.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import ast
 import builtins
 from collections.abc import Iterator
 
-# What a data structure may need, and nothing that gives a module, a frame, a file or somebody else's class.
+# What a data structure may need, and nothing that gives a module, a frame, a file or a class of other code.
 MODULES = {
     "__future__": {"annotations"},
     "bisect": {"bisect", "bisect_left", "bisect_right", "insort", "insort_left", "insort_right"},
@@ -66,7 +66,7 @@ def _modules(tree: ast.Module) -> Iterator[tuple[str, str]]:
 
 
 def _not_plain(node: ast.AST) -> Iterator[str]:
-    """Yield what one part of a program names that is not plain."""
+    """Yield the names in one part of a program that are not plain."""
     match node:
         case ast.Import(names=names):
             yield from (alias.name for alias in names if alias.name not in MODULES)

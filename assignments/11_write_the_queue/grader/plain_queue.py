@@ -1,4 +1,4 @@
-"""A right queue of lab 11: what the grader compares a student's with. Their process is not sent this."""
+"""A correct queue for lab 11, with which the grader compares a student's. The student's process does not get it."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from snr_sim.prelude.task import Task, TaskType
 
 
 class PlainQueue:
-    """What a right queue answers, found the slow way: all tasks in one list, looked through at each operation."""
+    """A correct queue, implemented the slow way: all tasks in one list, searched at each operation."""
 
     def __init__(self, most: int) -> None:
         self._most = most
-        self._waiting: list[tuple[float, Task]] = []  # priority and task, in the order in which they came
+        self._waiting: list[tuple[float, Task]] = []  # priority and task, in the order of arrival
 
     def __len__(self) -> int:
         return len(self._waiting)

@@ -1,6 +1,6 @@
 """The student's side of lab 11: drives a queue of theirs, counts how much work it does, and puts it into a real node.
 
-It stands in the student's process, alone; what should have come (`plain_queue.py`) only the grader knows.
+It runs in the student's process, alone; only the grader knows the expected results (`plain_queue.py`).
 
 Work is counted and not timed, so it is the same on any computer: every comparison of priorities, and every place in a
 program's own lists, dicts and deques that holds something else than before. A program that could reach this counter is
@@ -25,7 +25,7 @@ from snr_sim.core.node import Node
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 
-# What waits in the node of `run_node`, by kind: pages are stored before anything is made of them.
+# Tasks that wait in the node of `run_node`, by kind: pages are stored before any handler runs.
 NODE_PRIORITIES = {TaskType.store_page: 20, TaskType.process_data: 10, TaskType.event: 0, TaskType.reload: 0}
 MOST_STEPS = 5000
 Operations = Sequence[Sequence[Any]]  # ["put", kind of task, name, priority], ["take"] or ["len"]
@@ -50,12 +50,12 @@ class QueueBench:
         self._queue: Any = None
 
     def answers(self, most: int, operations: Operations) -> list[Any]:
-        """Return what a queue for `most` tasks answers to operations: the name of a task, None, or a number."""
+        """Return the results of operations on a queue for `most` tasks: the name of a task, None, or a number."""
         self._queue = self.kind(most)
         return self.more_answers(operations)
 
     def more_answers(self, operations: Operations) -> list[Any]:
-        """Return what the queue that has answered last answers to more operations."""
+        """Return the results of more operations on the queue used last."""
         return [_done(self._queue, operation, int) for operation in operations]
 
     def work(self, size: int, operations: Operations) -> float:
@@ -135,7 +135,7 @@ class QueuedMachine(EventMachine):
 
     @property
     def queued(self) -> int:
-        """How many tasks wait, at the door or inside."""
+        """Number of tasks that wait, in the inbox (`Door`) or in the queue."""
         return self.inside + len(self.door.waiting)
 
     def run_ready(self) -> None:
@@ -148,7 +148,7 @@ class QueuedMachine(EventMachine):
             self.execute_next()
 
     def execute_next(self) -> None:
-        """Execute the task that the queue gives next."""
+        """Execute the next task of the queue."""
         if self.executed >= MOST_STEPS:
             raise ParameterError("The node has no end: take() gives tasks that were given before, or len() is wrong.")
         task = self._student.take()
@@ -183,7 +183,7 @@ class _AnsweringFactory(EndpointFactory):
 
 
 class _Answering(Endpoint):
-    """Notes each task, and returns the tasks that a table says."""
+    """Notes each task, and returns its follow-up tasks from a table."""
 
     factory: _AnsweringFactory
 
@@ -202,7 +202,7 @@ class _Answering(Endpoint):
 
 
 class Priority(int):
-    """A priority that counts how often priorities are compared, and stays one when it is reckoned with."""
+    """A priority that counts comparisons of priorities; arithmetic on one gives another."""
 
     compared = 0
     __hash__ = int.__hash__
@@ -239,9 +239,9 @@ _KINDS: tuple[type[Any], ...] = (list, tuple, deque, set, frozenset)
 
 
 def contents(*roots: Any, home: str = "") -> dict[int, tuple[Any, ...]]:
-    """Return what each list, dict, deque, set, object, function and generator holds that can be reached, by identity.
+    """Return the contents of each reachable list, dict, deque, set, object, function and generator, by identity.
 
-    The first item of each is the container itself, so that none of them goes away while it is compared.
+    The first item of each is the container itself, so that none of them is freed while it is compared.
 
     Args:
         roots: where to begin.
@@ -276,7 +276,7 @@ def _inside(one: Any) -> Sequence[Any]:
 
 
 def written(before: dict[int, tuple[Any, ...]], now: dict[int, tuple[Any, ...]]) -> int:
-    """Return how many places hold something else than before; all places of what is new."""
+    """Return how many places contain something else than before; all places of new containers."""
     return sum(_changed(before.get(identity, ()), holds) for identity, holds in now.items())
 
 
@@ -284,10 +284,10 @@ def _changed(held: tuple[Any, ...], holds: tuple[Any, ...]) -> int:
     """Return in how many places one container changed."""
     if len(held) == len(holds) and not any(map(operator.is_not, held, holds)):
         return 0
-    if held and isinstance(holds[0], (dict, set)):  # what is in them has no place that another could push it from
+    if held and isinstance(holds[0], (dict, set)):  # an entry of these has no position that another could shift
         return len(set(map(id, held)) ^ set(map(id, holds)))
     gone = 0
-    if held and isinstance(holds[0], deque):  # what leaves at its front moves nobody
+    if held and isinstance(holds[0], deque):  # removal at its front shifts no other entry
         gone = next((i for i, one in enumerate(held[1:]) if len(holds) > 1 and one is holds[1]), len(held) - 1)
         held = (held[0], *held[1 + gone :])
     return gone + sum(map(operator.is_not, held, holds)) + abs(len(holds) - len(held))

@@ -1,6 +1,6 @@
-"""A zip archive that a stranger made: its plain files, one after the other, never more than was agreed in memory.
+"""Reader of an untrusted zip archive: yields its plain files one by one, with bounded memory.
 
-Nothing in the archive is believed: not the sizes it claims, not the names, not how much a piece unpacks to.
+Nothing in the archive is trusted: neither the sizes it claims, nor the names, nor how much an entry unpacks to.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from snr_sim.grading.batch.member_names import Refused, is_litter, parts_of, sho
 MAX_ARCHIVE_BYTES = 32 * 2**20
 MAX_DIRECTORY_BYTES = 2**19  # of the archive's list of contents, some 50 to 300 bytes a file
 MAX_RATIO = 200  # unpacked to packed; text is about 5, and the densest that deflate can write is 1032
-_RATIO_FROM_BYTES = 2**20  # small files of zeros are nobody's bomb
+_RATIO_FROM_BYTES = 2**20  # small files of zeros cannot be a zip bomb
 _ENCRYPTED = 1
 Member: TypeAlias = tuple[tuple[str, ...], BinaryIO | None]
 _DAMAGES = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, ValueError, OverflowError)
@@ -29,10 +29,10 @@ def members_of(file: BinaryIO, notes: list[str]) -> Iterator[Member]:
 
     Args:
         file: the archive.
-        notes: what is left out is added here.
+        notes: a note for each entry left out is added here.
 
     Raises:
-        Refused: it is no archive, a damaged one, one that means harm, or one that cannot be opened.
+        Refused: it is not an archive, is damaged or malicious, or cannot be opened.
     """
     if os.fstat(file.fileno()).st_size > MAX_ARCHIVE_BYTES:
         raise Refused(

@@ -1,4 +1,4 @@
-"""What a class comes to, written when all of it is done: tables, ranking, picture."""
+"""Results of a class, written when all of it is graded: tables, ranking, picture."""
 
 from __future__ import annotations
 

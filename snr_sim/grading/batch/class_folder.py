@@ -1,4 +1,4 @@
-"""The folder of a class: what was asked, what is done so far, and nothing that is half done.
+"""The folder of a class: the job, the submissions completed so far, and nothing half done.
 
     class.json                 the lab, its digest, kit, secret's digest; the submissions and their names
     secret                     from which hidden cases are drawn, if none was given (mode 0600)
@@ -6,8 +6,8 @@
     students/<name>/           its reports, and the recorded runs of visible cases
     class.csv ...              made at the end
 
-A submission's reports come first and its record last, so whoever is interrupted anywhere finds a submission done or
-not begun. One process at a time works in the folder, which a lock says that dies with it.
+A submission's reports are written first and its record last, so after an interruption at any point a submission is
+either done or not begun. One process at a time works in the folder; a lock that ends with the process ensures it.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class ClassFolder:
         self.path = path
         self._manifest: _Manifest | None = None
         try:
-            path.mkdir(mode=0o700, parents=True, exist_ok=True)  # hidden cases stand in its tables
+            path.mkdir(mode=0o700, parents=True, exist_ok=True)  # its tables contain hidden cases
             if any(path.iterdir()) and not (path / "class.json").is_file() and not _only_ours(path):
                 raise SnrError(f"{path} holds something else than results.", fix="name a new folder with --out.")
             if (path / "class.json").exists() and not is_resumed:
@@ -109,7 +109,7 @@ class ClassFolder:
             raise
 
     def _tidy_up(self) -> None:
-        """Remove what a process that was killed has left."""
+        """Remove the files that a killed process has left."""
         left = Path(os.pread(self._lock, 4096, 0).decode(errors="replace"))
         if left.name.startswith(_PLACE) and left.is_absolute() and left.is_dir() and left.stat().st_uid == os.getuid():
             remove(left)
@@ -119,7 +119,7 @@ class ClassFolder:
                 part.unlink(missing_ok=True)
 
     def _make_place(self) -> Path:
-        """Return a private place for submissions: nobody can list it, but a sandbox of another user can enter."""
+        """Return a private folder for submissions: no other user can list it, but a sandbox's user can enter it."""
         place = Path(tempfile.mkdtemp(prefix=_PLACE))
         try:
             place.chmod(stat.S_IRWXU | stat.S_IXGRP | stat.S_IXOTH)
@@ -139,7 +139,7 @@ class ClassFolder:
             raise SnrError(f"{self.path / 'class.json'} cannot be read: {error}.", fix="name a new folder.") from error
 
     def close(self) -> None:
-        """Leave it, and remove what was private. Safe to call twice.
+        """Leave it, and remove the private folder. Safe to call twice.
 
         Whatever writes into the private place has ended: all threads, and all workers.
         """
@@ -169,7 +169,7 @@ class ClassFolder:
         return read_secret(path), False
 
     def begin(self, terms: Terms, submissions: Sequence[Submission]) -> None:
-        """Note what is asked for; what is made at the end of a run is taken away, as it will not be true any more.
+        """Store the job, and remove the files that the end of a run writes, as they will be out of date.
 
         Raises:
             SnrError: it was begun with other terms.
@@ -185,7 +185,7 @@ class ClassFolder:
             (self.path / name).unlink(missing_ok=True)
         every = {one.id: (one.id, str(one.given)) for one in [*self.known, *submissions]}
         self._manifest = _Manifest(terms, list(every.values()))
-        # Before the folders: by it whoever is killed here finds the folder to be a class's.
+        # Before the folders: it identifies the folder as a class's if the process is killed here.
         write_whole(self.path / "class.json", msgspec.json.format(msgspec.json.encode(self._manifest), indent=1))
         for folder in ("results", "students", ".staged"):
             (self.path / folder).mkdir(exist_ok=True)
@@ -196,7 +196,7 @@ class ClassFolder:
         return kept.graded if kept is not None and kept.digest == digest else None
 
     def every_result(self) -> Iterator[Graded]:
-        """Yield what is done, one by one, in the order in which it was asked for."""
+        """Yield the results, one by one, in the order of the submissions."""
         for name, _ in self._manifest.submissions if self._manifest else []:
             kept = self._kept(name)
             if kept is not None:
@@ -216,7 +216,7 @@ class ClassFolder:
         return folder
 
     def keep(self, graded: Graded, digest: str, reports: Mapping[str, str]) -> None:
-        """Write a result: the reports, with what else was staged, then the record by which it is done."""
+        """Write a result: the reports and other staged files, then the record that marks it as done."""
         staged = self.path / ".staged" / graded.submission
         staged.mkdir(exist_ok=True)
         for name, text in reports.items():
@@ -231,9 +231,9 @@ class ClassFolder:
 
 
 def _remove_wholly(place: Path) -> None:
-    """Remove a folder, and what a program that is dying puts there meanwhile."""
-    # The kernel kills a student's process with the worker that started it, but the grader cannot wait for what is not
-    # its child. Such a process may finish one system call, and a folder with a new file in it is not removed.
+    """Remove a folder, and files that a dying program adds meanwhile."""
+    # The kernel kills a student's process with the worker that started it, but the grader cannot wait for a process
+    # that is not its child. Such a process may finish one system call, and a folder with a new file is not removed.
     give_up_s = time.monotonic() + _REMOVE_TIMEOUT_S
     remove(place)
     while place.exists() and time.monotonic() < give_up_s:
@@ -265,7 +265,7 @@ def read_secret(path: Path) -> bytes:
 
 
 def _only_ours(path: Path) -> bool:
-    """Return whether nothing is there but what a run leaves that was killed before it had begun."""
+    """Return whether the folder contains only the files of a run that was killed before it began."""
     return {entry.name for entry in path.iterdir()} <= {".lock", "secret", ".secret.part", ".class.json.part"}
 
 
@@ -277,5 +277,5 @@ def _changed(before: Mapping[str, str], now: Mapping[str, str]) -> str:
 
 
 def digest_of_secret(secret: bytes) -> str:
-    """Return what says whether two secrets are the same, and nothing else."""
+    """Return a digest of a secret, which shows only whether two secrets are the same."""
     return hashlib.sha256(b"snr_sim grading\0" + secret).hexdigest()[:32]

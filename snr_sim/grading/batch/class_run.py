@@ -1,9 +1,9 @@
-"""A class is graded: submissions are taken in, handed to workers, and kept one by one as they come back.
+"""Grading of a class: submissions are imported, given to workers, and their results stored one by one.
 
     take in -> workers (processes here, or a cluster) -> reports -> results/<name>.json
 
-Only this process writes results, and only its main thread. Whatever happens to one submission, or to the worker that
-has it, is a result of that submission, and the others continue.
+Only this process writes results, and only its main thread. Whatever happens to one submission, or to its worker,
+is a result of that submission, and the others continue.
 """
 
 from __future__ import annotations
@@ -45,15 +45,15 @@ class Workers(Protocol):
         ...
 
     def result(self, future: Future[Any], job: Job) -> Graded:
-        """Return what a future of `submit` holds."""
+        """Return the result of a future of `submit`."""
         ...
 
 
 class ClassRun:
-    """Submissions on their way.
+    """Submissions in progress.
 
     Args:
-        lab: what they are tried by.
+        lab: its checks and cases.
         folder: of the class, begun.
         submissions: all of them, in order.
         secret: from which hidden cases are drawn.
@@ -83,7 +83,7 @@ class ClassRun:
         """Grade all submissions.
 
         Args:
-            workers: grade them; whoever calls closes them.
+            workers: grade them; the caller closes them.
             interruptible: is entered while this only waits, and may raise there: `StopSignals.interruptible`.
 
         Raises:
@@ -115,7 +115,7 @@ class ClassRun:
             except Refused as refused:
                 self._keep(without_marks(job, "refused", str(refused), self._lab.title), "")
                 continue
-            except OSError as error:  # the disk is full, or it is not ours to read
+            except OSError as error:  # the disk is full, or it is not readable
                 self._keep(without_marks(job, "fault", f"It could not be read: {error}.", self._lab.title), "")
                 continue
             done = self._folder.done(name, taken.digest)
@@ -127,7 +127,7 @@ class ClassRun:
 
     def keep(self, graded: Graded, taken: TakenIn) -> None:
         """Keep the result of a submission, with its reports."""
-        named = with_runs_named(graded, lambda run: f"{RUNS}/{run}")  # as they stand in the student's folder
+        named = with_runs_named(graded, lambda run: f"{RUNS}/{run}")  # paths relative to the student's folder
         self._keep(msgspec.structs.replace(named, notes=taken.notes), taken.digest)
         remove(taken.folder)
 

@@ -1,7 +1,7 @@
-"""Grades on a dask cluster: the one file that imports dask.distributed.
+"""Workers on a dask cluster: the only module that imports dask.distributed.
 
 A submission travels with the lab and the secret as bytes, so workers need no common disk, only this version of snr_sim
-and the sandbox. Dask gives what a dead worker had to another one. Only a few submissions are on their way at a time,
+and the sandbox. Dask gives the jobs of a dead worker to another one. Only a few submissions are in transit at a time,
 so the scheduler's memory does not grow with the class.
 """
 
@@ -24,9 +24,9 @@ from snr_sim.grading.batch.workers import WorkerProcess
 from snr_sim.grading.reports.results import Graded, decode_graded, encode_graded
 from snr_sim.prelude.errors import MissingExtra, SnrError
 
-RETRIES = 2  # of a submission whose grading raised on a worker; one whose worker died is dask's own affair
+RETRIES = 2  # of a submission whose grading raised on a worker; dask itself retries after a worker's death
 MAX_RUNS_BYTES = 16 * 2**20
-_AHEAD = 2  # submissions on their way per thread of the cluster
+_AHEAD = 2  # submissions in transit per thread of the cluster
 _CONNECT_S = 10
 
 
@@ -46,7 +46,7 @@ class Parcel(msgspec.Struct, frozen=True):
 
 
 class Returned(msgspec.Struct, frozen=True):
-    """What comes back: the record, and the recorded runs by relative name."""
+    """Result of a parcel: the record, and the recorded runs by relative name."""
 
     graded: bytes
     runs: dict[str, bytes]
@@ -81,7 +81,7 @@ class ClusterWorkers:
         return future
 
     def result(self, future: Future[Any], job: Job) -> Graded:
-        """Return what a future holds; recorded runs are written where the job wants them."""
+        """Return the result of a future; recorded runs are written to the job's folder."""
         error = future.exception()
         if error is not None:
             return without_marks(job, "fault", f"The cluster could not grade it: {type(error).__name__}: {error}")
@@ -99,7 +99,7 @@ def connected(address: str) -> Iterator[ClusterWorkers]:
 
     Raises:
         MissingExtra: dask.distributed is not installed.
-        SnrError: nobody answers there.
+        SnrError: no scheduler answers at this address.
     """
     try:
         distributed = importlib.import_module("distributed")
@@ -141,12 +141,12 @@ def _write(folder: Path, files: dict[str, bytes]) -> None:
 
 
 def grade_parcel(parcel: bytes) -> bytes:
-    """Grade what came; dask calls it on a worker. The grading itself is done by a process below it."""
+    """Grade a parcel; dask calls it on a worker. A child process of the worker does the grading."""
     content = _decode_parcel(parcel)
     if content.kit != __version__:
         words = f"This worker has snr_sim {__version__}, and not {content.kit}."
         return _returned(without_marks(content.job, "fault", words), Path("/nonexistent"))
-    # In dask's own folder for this worker: what a killed one leaves there is removed by the next.
+    # In dask's own folder for this worker: the next worker removes the files of a killed one there.
     own = importlib.import_module("distributed").get_worker().local_directory
     place = Path(tempfile.mkdtemp(prefix="snr_grade_", dir=own))
     place.chmod(0o711)

@@ -1,7 +1,7 @@
 """Files opened part by part, by the descriptor of the folder they are in.
 
-A path that is looked up as a whole can be changed between two looks: a folder becomes a link to another one, and
-whoever opens `folder/file` reads or writes there. A descriptor stays at the folder it was opened for.
+A path that is resolved as a whole can change between two calls: a folder becomes a link to another one, and the
+second call opens `folder/file` there. A descriptor stays at the folder it was opened for.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def open_file(name: str | Path, inside: int | None = None) -> Iterator[BinaryIO]
 
 @contextmanager
 def create_file(parts: tuple[str, ...], inside: int) -> Iterator[BinaryIO]:
-    """Yield a new file, open for writing; folders on the way to it are made.
+    """Yield a new file, open for writing; its parent folders are created.
 
     Args:
         parts: of its path, as from `parts_of`.

@@ -5,10 +5,10 @@
     DIR/kit/            snr_sim as it is here, with its robots and scenarios, and the lab
     DIR/requirements.txt, secret, settings.json
 
-Zip what is in DIR and hand it to Gradescope. There the zip is unpacked to /autograder/source, a submission stands in
-/autograder/submission, and the answer is read from /autograder/results/results.json. Its containers are ordinary ones,
-where even root may make no namespaces: there students' programs are confined (`confinement.py`), and `extra_data` of
-the results says so.
+Zip the content of DIR and upload it to Gradescope. There the zip is unpacked to /autograder/source, a submission is in
+/autograder/submission, and the results are read from /autograder/results/results.json. Its containers are ordinary
+ones, where even root may make no namespaces: there students' programs are confined (`confinement.py`), and
+`extra_data` of the results reports it.
 
 Source: "Autograder Specifications", gradescope-autograders.readthedocs.io.
 """
@@ -71,12 +71,12 @@ cd "$root"
 
 
 def write_container(lab: Lab, secret: bytes, isolation: Demanded, out: Path) -> None:
-    """Write what Gradescope wants.
+    """Write the files that Gradescope needs.
 
     Args:
-        lab: what submissions are tried by.
+        lab: its checks and cases.
         secret: from which hidden cases are drawn.
-        isolation: "required", or "none" to try it where programs cannot be kept apart.
+        isolation: "required", or "none" to try it where programs cannot be isolated.
         out: a new folder.
 
     Raises:
@@ -105,7 +105,7 @@ def write_container(lab: Lab, secret: bytes, isolation: Demanded, out: Path) -> 
 
 
 def requirements() -> list[str]:
-    """Return what pip has to install for the kit, with what simulates."""
+    """Return the requirements for pip of snr_sim with its simulation."""
     found = []
     for line in importlib.metadata.requires("snr_sim") or []:
         name, _, marker = line.partition(";")
@@ -124,7 +124,7 @@ def grade_in_container(root: Path) -> Graded:
     source = root / "source"
     settings = json.loads((source / "settings.json").read_text())
     checks = _KIT / "shipped" / "assignments" / settings["lab"] / "checks.py"
-    if not checks.is_file():  # not the copy in the container: a test, or a kit that was installed otherwise
+    if not checks.is_file():  # not the copy in the container: a test, or another installation of snr_sim
         checks = source / "kit" / "snr_sim" / "shipped" / "assignments" / settings["lab"] / "checks.py"
     secret = (source / "secret").read_bytes().strip()
     place = Path(tempfile.mkdtemp(prefix="snr_grade_"))

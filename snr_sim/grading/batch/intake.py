@@ -1,9 +1,9 @@
-"""What a student handed in: looked through, and copied to a private, read-only place.
+"""Import of a submission: its files are checked, and copied to a private, read-only folder.
 
     folder or .zip -> plain files with plain names, bounded in count and size -> `into` (read-only), and notes
 
-Nothing that points elsewhere is followed: symbolic links and devices are left out and told, an archive with absolute
-names or `..` is refused whole. What is wrong is said in the student's words, for it goes into the student's report.
+Links are not followed: symbolic links and devices are left out and noted; an archive with absolute names or `..` is
+refused as a whole. Messages address the student, since they go into the student's report.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from snr_sim.grading.batch.member_names import MAX_DEPTH, Refused, TakenNames, i
 
 MAX_FILES = 500
 MAX_BYTES = 32 * 2**20
-_MAX_ENTRIES = 10_000  # of a folder, with what does not count
+_MAX_ENTRIES = 10_000  # of a folder, including ignored ones
 _CHUNK_BYTES = 2**16
 _TOO_MANY = f"Your submission has more than {MAX_FILES} files."
 _ONLY_WHAT_IS_ASKED = "hand in only what the lab asks for."
@@ -38,7 +38,7 @@ class TakenIn:
     Args:
         folder: read-only, with the lab's files at its top.
         digest: over names and contents of all files: whether it is still the same submission.
-        notes: what was left out and what is missing, for the student.
+        notes: files left out and files missing, for the student.
     """
 
     folder: Path
@@ -55,7 +55,7 @@ def take_in(given: Path, wanted: Sequence[str], into: Path) -> TakenIn:
         into: becomes a folder of plain files, all read-only.
 
     Raises:
-        Refused: nothing in it can be graded; says why, to the student.
+        Refused: nothing in it can be graded; the message gives the student the reason.
     """
     notes: list[str] = []
     into.mkdir(mode=0o755)
@@ -102,7 +102,7 @@ def _members(given: Path, wanted: Sequence[str], notes: list[str]) -> Iterator[I
 
 
 def _archive_alone_in(folder: int, wanted: Sequence[str]) -> str | None:
-    """Return the archive in a folder that holds nothing else to grade: some systems hand out such folders."""
+    """Return the archive in a folder with nothing else to grade: some systems deliver such folders."""
     entries = _entries(folder)
     archives = [one.name for one in entries if one.name.endswith(".zip") and one.is_file(follow_symlinks=False)]
     has_more = any(one.name in wanted or one.is_dir(follow_symlinks=False) for one in entries)
@@ -110,7 +110,7 @@ def _archive_alone_in(folder: int, wanted: Sequence[str]) -> str | None:
 
 
 def _entries(folder: int) -> list[os.DirEntry[str]]:
-    """Return what is in a folder, in order.
+    """Return the entries of a folder, in order.
 
     Raises:
         Refused: that is too much.
@@ -128,7 +128,7 @@ def _files_under(folder: int, inside: str, notes: list[str]) -> Iterator[Member]
     Args:
         folder: its descriptor. Nothing is opened by a path: a folder on it may have become a link meanwhile.
         inside: its name in the submission.
-        notes: what is left out is added here.
+        notes: a note for each entry left out is added here.
     """
     folders = []
     for entry in _entries(folder):
@@ -148,14 +148,14 @@ def _files_under(folder: int, inside: str, notes: list[str]) -> Iterator[Member]
             with _noting(f"'{shown(name)}'", notes), open_file(entry.name, folder) as file:
                 yield parts_of(name), file
     for one, name in folders:
-        if name.count("/") < MAX_DEPTH:  # what lies deeper is left out with its folder
+        if name.count("/") < MAX_DEPTH:  # deeper entries are left out with their folder
             with _noting(f"The folder '{shown(name)}'", notes), open_folder(one, folder) as below:
                 yield from _files_under(below, name, notes)
 
 
 @contextmanager
 def _noting(what: str, notes: list[str]) -> Iterator[None]:
-    """Note what cannot be opened, and go on without it."""
+    """Note a file or folder that cannot be opened, and continue without it."""
     try:
         yield
     except OSError as error:
@@ -163,17 +163,17 @@ def _noting(what: str, notes: list[str]) -> Iterator[None]:
 
 
 def _copy(members: Iterator[Member], into: int, notes: list[str]) -> int:
-    """Copy what comes, as long as it is not too much; return how many files that were."""
+    """Copy the members within the limits; return the number of files."""
     count, left, seen = 0, MAX_BYTES, 0
     taken = TakenNames()
     for parts, source in members:
         seen += 1
         if seen > 2 * MAX_FILES or count >= MAX_FILES:
             raise Refused(_TOO_MANY, fix=_ONLY_WHAT_IS_ASKED)
-        why = why_left_out(parts) if parts or source is not None else ""  # the folder itself, "./", is no member
+        why = why_left_out(parts) if parts or source is not None else ""  # the folder itself, "./", is not a member
         if why:
             notes.append(f"'{shown('/'.join(parts))}' was left out: {why}.")
-        if why or source is None:  # a folder is made when a file in it comes
+        if why or source is None:  # a folder is created with the first file in it
             continue
         taken.add(parts)
         with create_file(parts, into) as copy:
@@ -187,7 +187,7 @@ def _copy(members: Iterator[Member], into: int, notes: list[str]) -> int:
 
 
 def _top(into: Path, wanted: Sequence[str]) -> Path:
-    """Return the folder that holds the lab's files: archives often have one folder around everything."""
+    """Return the folder that contains the lab's files: archives often have one folder around everything."""
     top = into
     while not any((top / name).is_file() for name in wanted):
         inside = list(os.scandir(top))

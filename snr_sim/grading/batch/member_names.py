@@ -1,7 +1,7 @@
-"""Names of the files in a submission: the only place that turns one into a path.
+"""Names of the files in a submission: the only module that turns one into a path.
 
 A student chose them, so each is split into parts and checked before anything is opened: no name leads out of the
-submission, and none has characters that cannot be seen. Archives and folders are treated alike.
+submission, and none has invisible characters. Archives and folders are treated alike.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from snr_sim.prelude.errors import SnrError
 MAX_DEPTH = 8
 MAX_NAME_CHARS = 200
 _DRIVE = re.compile(r"[A-Za-z]:")
-# What editors, Python and macOS leave lying about, and the runs that the labs' pages have recorded beside the program:
-# not part of what was handed in.
+# Files that editors, Python and macOS create, and the runs that the labs' pages record next to the program:
+# not part of the submission.
 _LITTER = {"__pycache__", "__MACOSX", "venv", "node_modules", "Thumbs.db", "trace.jsonl", "result.json"}
 _LITTER_SUFFIXES = (".pyc", ".pyo", "~", ".rrd")
 
 
 class Refused(SnrError):
-    """A submission with nothing in it that can be graded. Its words are for the student."""
+    """A submission that cannot be graded. The message addresses the student."""
 
 
 def parts_of(name: str) -> tuple[str, ...]:
-    """Return the parts of a member's path; none of them is empty, "." or "..", or holds a separator.
+    """Return the parts of a member's path; none of them is empty, "." or "..", or contains a separator.
 
     Args:
         name: as the archive or the folder has it, with / or \\ between its parts.
@@ -46,7 +46,7 @@ def parts_of(name: str) -> tuple[str, ...]:
 
 
 def why_left_out(parts: tuple[str, ...]) -> str:
-    """Return why a file of this path is not taken, or nothing."""
+    """Return why a file of this path is left out, or an empty text."""
     name = "/".join(parts)
     if not name:
         return "it has no name"
@@ -64,12 +64,12 @@ def why_left_out(parts: tuple[str, ...]) -> str:
 
 
 def is_litter(name: str) -> bool:
-    """Return whether a part of a path says that a file does not count."""
+    """Return whether a part of a path marks the file as left out."""
     return name.startswith(".") or name in _LITTER or name.endswith(_LITTER_SUFFIXES)
 
 
 def shown(name: str) -> str:
-    """Return a name as it can be printed: what is not text is written as an escape, and length is bounded.
+    """Return a printable form of a name: bytes and characters that are not text as escapes, with bounded length.
 
     >>> shown("a\\x1b[2J\\udcff.py")
     'a\\\\x1b[2J\\\\udcff.py'
@@ -80,7 +80,7 @@ def shown(name: str) -> str:
 
 
 class TakenNames:
-    """Paths that were taken, to find two that a file system may hold for the same."""
+    """Paths used so far, to find two that a file system may treat as the same."""
 
     def __init__(self) -> None:
         self._files: dict[str, str] = {}  # by the path as a file system may compare it
@@ -108,5 +108,5 @@ class TakenNames:
 
 
 def _key(name: str) -> str:
-    """Return what macOS and Windows compare of a name."""
+    """Return the form of a name that macOS and Windows compare."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFD", name).casefold())

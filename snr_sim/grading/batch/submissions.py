@@ -1,4 +1,4 @@
-"""The submissions of a class: each has a name of its own, which stays when the class is graded again."""
+"""Submissions of a class: each has a unique name, which stays the same when the class is graded again."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MAX_ID_CHARS = 60
 
 
 class Submission(NamedTuple):
-    """A submission and the name it goes by."""
+    """A submission and its unique name in the class."""
 
     id: str
     given: Path
@@ -29,7 +29,7 @@ def name_submissions(
 
     Args:
         given: folders and archives, by path.
-        known: what was named before, as by an interrupted run: keeps its names.
+        known: submissions named before, as by an interrupted run: keep their names.
         wanted_files: the lab's. If one folder alone is given, with none of them at its top but folders, it is a
             class's, though a file lies about in it. (Among many it is one student's, who must not stop the others.)
 
@@ -38,7 +38,7 @@ def name_submissions(
     """
     named = {submission.given: submission for submission in known}
     taken = {submission.id.casefold() for submission in known}
-    # The class's folder may have been moved since: then who is gone from there is who comes from here.
+    # The class's folder may have moved: then submissions missing at its old path match those at its new one.
     moved = {_safe_name(one.given): one for one in reversed(known) if not one.given.exists()}
     wanted = list(dict.fromkeys(Path(os.path.abspath(path)) for path in given))
     for path in wanted:
@@ -70,7 +70,7 @@ def _need_submission(path: Path, wanted_files: Sequence[str]) -> None:
 
 
 def _inside(folder: Path) -> list[Path]:
-    """Return what is in a folder, litter left out, in order."""
+    """Return the entries of a folder, without litter, in order."""
     try:
         return sorted(path for path in folder.iterdir() if not is_litter(path.name))
     except OSError as error:

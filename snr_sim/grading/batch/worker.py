@@ -1,6 +1,6 @@
-"""A process that grades one submission after the other. It belongs to the grader: students' programs run below it.
+"""Process that grades one submission after the other. It belongs to the grader: students' programs are its children.
 
-It is asked on the line to its parent and answers there. If the parent is gone, so is it, at once.
+It receives jobs on the connection to its parent and answers there. If the parent ends, it ends at once.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Job(msgspec.Struct, frozen=True):
     """A submission to grade.
 
     Args:
-        name: what it is called.
+        name: of the submission.
         lab: path of the lab's checks.py.
         folder: of the submission, taken in.
         secret: from which hidden cases are drawn.
@@ -57,7 +57,7 @@ _decode_job = msgspec.json.Decoder(Job).decode
 
 
 def serve(line: Connection) -> int:
-    """Answer jobs until nobody asks any more; `Spawned` calls it."""
+    """Answer jobs until the parent closes the connection; `Spawned` calls it."""
     jobs: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(line, jobs), daemon=True).start()
     nursery: Nursery | None = None
@@ -88,7 +88,7 @@ def bound_job() -> None:
 def _nursery(job: Job) -> Nursery | None:
     """Return where all submissions of a class get their processes, which die with this one.
 
-    None where programs cannot be kept apart: each grading says so.
+    None where programs cannot be isolated: each grading reports it.
     """
     try:
         return Nursery(sandboxed(job.isolation), Limits())
@@ -101,15 +101,15 @@ def _listen(line: Connection, jobs: queue.SimpleQueue[bytes]) -> None:
         try:
             jobs.put(line.recv_bytes())
         except (EOFError, OSError):
-            os._exit(0)  # the sandboxes die with us
+            os._exit(0)  # the sandboxes end with this process
 
 
 def grade(job: Job, nursery: Nursery | None = None) -> Graded:
-    """Return what a job's submission comes to; a failure that is not the student's is in it, as a fault.
+    """Grade a job's submission; a failure that is not the student's is returned as a fault.
 
     Args:
         job: the submission.
-        nursery: of the class, if there is one.
+        nursery: fork server of the class, if there is one.
     """
     title = ""
     try:
@@ -132,11 +132,11 @@ def _lab(path: str) -> Lab:
 
 
 def without_marks(job: Job, status: Status, error: str, title: str = "") -> Graded:
-    """Return the result of a submission of which nothing was tried; its program would have been kept as it says.
+    """Return the result of a submission that was not run, with the isolation that its program would have had.
 
     Args:
-        job: whose.
-        status: "refused" if that is the student's doing, "fault" if it is ours.
+        job: of the submission.
+        status: "refused" if the submission is the cause, "fault" if the grader is.
         error: why.
         title: of the lab, if it is known.
     """
@@ -155,8 +155,8 @@ def without_marks(job: Job, status: Status, error: str, title: str = "") -> Grad
 
 @cache
 def _kept_here(demanded: Demanded) -> Isolation:
-    """Return how programs are kept on this computer; where that cannot be found out, what was wanted."""
+    """Return the isolation that this computer supports; if that cannot be determined, the sandbox."""
     try:
         return sandboxed(demanded)
-    except (SnrError, OSError):  # what has ended a grading may stop this, too: no memory, no processes
+    except (SnrError, OSError):  # the cause of a failed grading may prevent this, too: no memory, no processes
         return "sandbox"

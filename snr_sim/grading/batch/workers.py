@@ -1,7 +1,7 @@
 """Worker processes on this computer: each grades one submission after another, and is replaced when it dies.
 
-A worker and the program that it grades take turns, never both at work. So where every core has its worker, each stays
-on its own, with its program: what they say to each other wakes nobody elsewhere, and what they compute with is at hand.
+A worker and the program that it grades take turns, never both at work. So where every core has its worker, each worker
+shares its core with its program: their messages wake no other core, and the caches stay warm.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from snr_sim.core.process.spawn import Spawned, how_it_ended, print_line
 from snr_sim.grading.batch.worker import JOB_CPU_S, Job, without_marks
 from snr_sim.grading.reports.results import Graded, decode_graded
 
-LIMIT_S = 3600.0  # of wall time for one submission; far beyond what the limits of all its cases together allow
+LIMIT_S = 3600.0  # of wall time for one submission; far longer than the limits of all its cases together
 _TRIES = 2
 _WORKER = "snr_sim.grading.batch.worker:serve"
 
@@ -33,7 +33,7 @@ class WorkerProcess:
     Args:
         cores: that it stays on; if empty, any.
         limit_s: wall time for one submission.
-        target: what runs in it.
+        target: main function of the process.
     """
 
     def __init__(self, cores: set[int], limit_s: float = LIMIT_S, target: str = _WORKER) -> None:
@@ -67,7 +67,7 @@ class WorkerProcess:
         return without_marks(job, "fault", f"{why} That is a failure of the grader or of the lab; see what it printed.")
 
     def close(self) -> None:
-        """End the process; what is graded meanwhile has no result."""
+        """End the process; a submission being graded has no result."""
         with self._changing:
             self._is_closed = True
             if self._process is not None:
@@ -126,7 +126,7 @@ class LocalWorkers:
         for worker in self._workers:
             self._idle.put(worker)
         self._threads = ThreadPoolExecutor(jobs)
-        self.ahead = 2 * jobs  # so that the next ones are taken in while these are graded
+        self.ahead = 2 * jobs  # so that the next ones are imported while these are graded
 
     def __enter__(self) -> LocalWorkers:
         return self
@@ -142,7 +142,7 @@ class LocalWorkers:
         return self._threads.submit(self._grade, job)
 
     def result(self, future: Future[Any], job: Job) -> Graded:
-        """Return what a future holds that `submit` returned for a job."""
+        """Return the result of a future of `submit` for a job."""
         graded: Graded = future.result()
         return graded
 

@@ -1,1 +1,1 @@
-"""What a lab is made of: checks, scenario runs, verdicts."""
+"""Parts of a lab: checks, scenario runs, verdicts."""

@@ -1,7 +1,7 @@
-"""Brings pages and tasks to a student's components, one by one, and tells what each of them made of it.
+"""Student's components with given inputs: sends them pages and tasks one by one, and returns what each one produced.
 
-A bare node on a virtual clock, without plant or devices: the node, and the kit's parts in it, stand here; the
-student's components stand in their own process.
+A bare node on a virtual clock, without plant or devices: the node, and the parts of snr_sim in it, run here; the
+student's components run in their own process.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Given:
     """An input: a page under a key, or a task.
 
     Args:
-        at_s: when it comes; inputs of one moment come in their order.
+        at_s: its time; inputs of the same time keep their order.
         key, value: of a page; each is followed by `process_data`, unless `process` is false.
         task: (type, name, values) instead, such as ("event", "start", []).
         process: whether a page sets off work.
@@ -53,10 +53,10 @@ class Produced:
         at_s: when.
         kind: "store_page", "event", "process_data" or "terminate".
         name: a page's key, an event's name.
-        value: a page's data; else the task's values.
+        value: a page's data; for other tasks, their values.
         after: index of the input that caused it, through whatever lay between; None if none did, but a loop's tick or
             a component's `begin`.
-        component: who made it.
+        component: its sender.
         page: the page itself, of store_page.
     """
 
@@ -87,22 +87,22 @@ def feed(
     until_s: float | None = None,
     seed: int = 0,
 ) -> list[Produced]:
-    """Return what the student's components made of the inputs, in order.
+    """Return what the student's components produced from the inputs, in order.
 
     Args:
-        student: whose submission.
+        student: the submission.
         file: of the submission, which has `factories`.
         pages: the inputs.
-        robot: what `factories` gets, or the robot's name in it.
+        robot: argument of `factories`, or the robot's name in it.
         role, options, parameters: of the robot, if only its name was given.
-        order: in which order the components stand: a permutation of the student's, then the parts.
-        with_parts: the kit's components that stand in the same node, behind the student's.
-        reply: is told of each thing produced, and returns further inputs, at that moment or later: a closed loop.
-        until_s: how long the student's loops may tick; the last input's moment if not given.
-        seed: of the components' chance.
+        order: order of the components: a permutation of the student's, then the parts.
+        with_parts: components of snr_sim in the same node, after the student's.
+        reply: is called with each thing produced, and returns further inputs, at that time or later: a closed loop.
+        until_s: how long the student's loops may tick; the time of the last input if not given.
+        seed: of the components' random numbers.
 
     Raises:
-        Misbehaved: the student's program failed, or ended the run while inputs were still to come.
+        Misbehaved: the student's program failed, or ended the run before the last input.
     """
     if isinstance(robot, str):
         robot = Robot(robot, role or robot, "", "", parameters, options or {})
@@ -176,7 +176,7 @@ class _Desk:
         return self._brought < self._count and self._node.exit_reason not in (TIME_LIMIT, NOTHING_LEFT)
 
     def take(self, given: Given) -> None:
-        """Let an input in when its time comes, before the components' loops tick."""
+        """Send an input to the node at its time, before the components' loops tick."""
         number, self._count = self._count, self._count + 1
         if given.at_s <= self._clock.now_s() and self._clock.now_s() > 0.0:
             self._bring(given, number)
@@ -195,7 +195,7 @@ class _Desk:
         self._node.enter(task, _SOURCE)
 
     def answer(self, produced: Produced) -> None:
-        """Ask who closes the loop."""
+        """Call `reply`, which closes the loop."""
         if self._reply is None:
             return
         replies = self._reply(produced)
@@ -204,7 +204,7 @@ class _Desk:
 
 
 class Ledger:
-    """Keeps what the student's components produce, and which input caused it. Keeps the promise of a recorder.
+    """Recorder of what the student's components produce, and which input caused it. Implements `Recorder`.
 
     Args:
         names: of the student's components, known once they are made.
@@ -217,7 +217,7 @@ class Ledger:
         self.on_produced: Callable[[Produced], None] = lambda produced: None
 
     def expect(self, number: int) -> None:
-        """Is told the number of the input that comes next through the door."""
+        """Set the number of the next input through the inbox (`Door`)."""
         self._numbers.append(number)
 
     def for_node(self, name: str) -> Ledger:
@@ -229,7 +229,7 @@ class Ledger:
         return self._made(now_s, [(component, task) for task in scheduled], None)
 
     def input(self, now_s: float, source: str, task: Task) -> Ticket:
-        """Keep what a loop of the student's brought."""
+        """Keep what a loop of the student's sent."""
         cause = self._numbers.pop(0) if source == _SOURCE else None
         if source in self._names:
             self._keep(now_s, source, task, cause)
@@ -240,10 +240,10 @@ class Ledger:
         return self._made(now_s, [(label[0], task) for label, returned in handled for task in returned], ticket[3])
 
     def error(self, now_s: float, component: str, message: str) -> None:
-        """Keep nothing: whoever runs the node is told."""
+        """Keep nothing: the error also ends the run."""
 
     def said(self, now_s: float, component: str, level: str, text: str) -> None:
-        """Keep nothing: what the student's program prints is kept by who runs it."""
+        """Keep nothing: the student's process keeps the output of the student's program."""
 
     def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
         """Keep nothing."""

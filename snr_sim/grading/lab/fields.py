@@ -1,4 +1,4 @@
-"""Fields of pages that a student's program stored, read for what they should be: what is not so is told by its name.
+"""Fields of pages that a student's program stored, checked for type and range; an error names the field.
 
 moment_nm = field_of(page, "turn", "moment_nm", float)
 pulses = field_of(page, "pwm", "pulses_us", list[float], count=8)
@@ -13,7 +13,7 @@ import numpy as np
 
 from snr_sim.grading.lab.verdicts import Misbehaved
 
-MOST = 1e12  # what is larger is no measure of anything, and no number to reckon with
+MOST = 1e12  # a larger number is not a measurement, and overflows in later arithmetic
 
 Kind = TypeVar("Kind", float, str, bool, list[float])
 
@@ -22,7 +22,7 @@ def page_of(page: Any, key: str) -> dict[str, Any]:
     """Return a page's data, which must be a dict.
 
     Raises:
-        Misbehaved: it is something else.
+        Misbehaved: it is not a dict.
     """
     if isinstance(page, dict):
         return page
@@ -41,7 +41,7 @@ def field_of(page: Any, key: str, name: str, kind: type[Kind], count: int | None
         count: how many are in a list; any number if not given.
 
     Raises:
-        Misbehaved: it is not there, is of another kind, or is a number that nobody can reckon with.
+        Misbehaved: it is missing, has another type, or is not finite or out of range.
     """
     fields = page_of(page, key)
     if name not in fields:
@@ -81,5 +81,5 @@ def _words(kind: type[Any], count: int | None) -> str:
 
 
 def _told(found: Any, hint: str, expected: str) -> Misbehaved:
-    """Return what there is to say; the hint is shown of hidden cases, too, so what was found is not in it."""
+    """Return the error; its hint is shown for hidden cases, too, so it does not contain the value found."""
     return Misbehaved("A page is not as the lab asks for it.", hint, expected, reprlib.repr(found))

@@ -1,4 +1,4 @@
-"""Flies a scenario with a student's controller: plant, clock, chance and judgement here, the components elsewhere."""
+"""Runs of a scenario with a student's controller: plant, clock, randomness and verdict here, components elsewhere."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from snr_sim.scenario.simulation import Request, Simulation, controlled_roles, p
 
 
 class Flown:
-    """A flight that is over.
+    """A completed run.
 
     Args:
-        result: of the flight.
-        trace: what was recorded of it.
+        result: of the run.
+        trace: the recorded trace.
         folder: where that is kept; None if it is not.
     """
 
@@ -76,19 +76,19 @@ def fly(
     record: bool,
     may_fail: bool,
 ) -> Flown:
-    """Fly; the run is the same, to the last bit, as that of `snr run` with the same file.
+    """Run the scenario; the result is the same, to the last bit, as that of `snr run` with the same file.
 
     Args:
-        student: whose submission.
+        student: the submission.
         scenario, seed, options, io, engine: as for `snr run`.
         controller: file of the submission.
-        record: whether the run is kept for the student to see, if the grader keeps any.
-        may_fail: whether a flight that the student's program ended, by itself or with an error, is returned, too.
+        record: whether the run is stored for the student to see, if the grader stores any.
+        may_fail: whether a run that the student's program ended, by itself or with an error, is returned, too.
 
     Raises:
         Misbehaved: the student's program failed, or ended the run by itself.
         Unjudged: the scenario failed.
-        LabFault: it could not even be put together.
+        LabFault: it could not be prepared.
     """
     robot = _robot_of(scenario)
     child = student.new_child(controller, [robot.path])
@@ -121,10 +121,10 @@ def _prepared(
     remote: Remote,
     robots: list[tuple[str, Path]],
 ) -> _Prepared:
-    """Put the flight together; the student's file is read, and its components are made.
+    """Prepare the run: read the student's file and create its components.
 
     Raises:
-        Misbehaved: that failed.
+        Misbehaved: the student's program failed.
     """
     try:
         path = Path(str(request.controller))
@@ -149,10 +149,10 @@ def _prepared(
 
 
 def _check_names(base: Simulation, module: ModuleType, options: dict[str, str]) -> None:
-    """Check the student's ROLES, and its OPTIONS with what is asked for.
+    """Check the student's ROLES, and its OPTIONS against the requested options.
 
     Raises:
-        Misbehaved: they are not what they should be.
+        Misbehaved: they have another form, or an option is missing.
     """
     try:
         roles = controlled_roles(module, base.robot_file)
@@ -164,12 +164,12 @@ def _check_names(base: Simulation, module: ModuleType, options: dict[str, str]) 
 
 
 def _read_files(remote: Remote, submission: Path, robots: list[tuple[str, Path]]) -> dict[str, Path]:
-    """Return the files that the student's process says it has read, as far as they are there."""
+    """Return the existing ones of the files that the student's process reports as read."""
     folders = {SUBMISSION: ("controller", submission)} | {name: ("robot", folder) for name, folder in robots}
     read = {}
     for name, below in remote.files:
         label, folder = folders.get(name, ("", submission))
-        with suppress(OSError, ValueError):  # what is no path is no file
+        with suppress(OSError, ValueError):  # skip invalid paths
             file = (folder / below).resolve()
             if label and file.is_relative_to(folder) and file.is_file():
                 read[f"{label}/{below}"] = file
@@ -217,7 +217,7 @@ _HINT_RAISED = "Your program ended the run with an error: look at the line named
 
 
 def _judged(flown: Flown, remote: Remote, may_fail: bool) -> Flown:
-    """Return a flight that has not failed; else says whose fault it was."""
+    """Return a run that has not failed; raise an error that names the cause otherwise."""
     if remote.misbehaved is not None:
         raise remote.misbehaved
     if flown.outcome == "ended" and not may_fail:
@@ -242,11 +242,11 @@ def _robot_of(scenario: str) -> library.Found:
 
 
 def _base(request: Request, roles: Any) -> tuple[Simulation, ModuleType | None]:
-    """Return a scenario with its robot, loaded once for many flights, and who controls what the student does not."""
+    """Return a scenario with its robot, loaded once for many runs, and the controller of the other roles."""
     named = tuple(map(str, roles)) if isinstance(roles, list) else None
     what = (request.scenario, request.engine, request.io, named)
     base, standard = _loaded(*what)
-    if sys.modules.get(base.robot_file.__name__) is not base.robot_file:  # somebody has loaded another one since
+    if sys.modules.get(base.robot_file.__name__) is not base.robot_file:  # another one was loaded since
         _loaded.cache_clear()
         base, standard = _loaded(*what)
     return base, standard
@@ -266,7 +266,7 @@ def _loaded(
 
 
 def _nobody(robot: library.Found, name: str) -> ModuleType:
-    """Return a controller that makes nothing: the student's takes its place."""
+    """Return a controller without components: the student's replaces it."""
     module = ModuleType("nobody")
     module.__file__ = name
     return module

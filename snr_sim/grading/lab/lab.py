@@ -1,7 +1,7 @@
 """A lab: its checks, the cases each is tried on, and its points. `assignments/<lab>/checks.py` defines one as `lab`.
 
-Visible cases stand in checks.py. Hidden ones are drawn from a secret that only the instructor has, so reading
-checks.py helps nobody.
+Visible cases are in checks.py. Hidden ones are drawn from a secret that only the instructor has, so reading
+checks.py does not reveal them.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ class Case:
     """One thing a check is tried on.
 
     Args:
-        value: what the check's function gets.
+        value: argument of the check's function.
         is_visible: whether students see it.
-        name: what the check's function calls it.
+        name: name of that argument.
     """
 
     value: Any
@@ -60,7 +60,7 @@ _UNITS = {"m": "m", "s": "s", "n": "N", "v": "V", "hz": "Hz", "mps": "m/s", "rad
 
 
 def _in_words(name: str, value: Any) -> str:
-    """Return a field and its value as one says them.
+    """Return a field and its value as text.
 
     >>> _in_words("depth_m", 3.0), _in_words("is_armed", (True, False)), _in_words("seed", 4)
     ('depth 3 m', 'armed yes / no', 'seed 4')
@@ -85,8 +85,8 @@ class Check:
     """A function of checks.py with its points and cases; `check` makes it.
 
     Args:
-        function: takes the student, and a case if there are cases; returns a Verdict.
-        points: what it is worth; shared equally by its cases.
+        function: called with the student, and a case if there are cases; returns a Verdict.
+        points: maximum points; shared equally by its cases.
         visible: cases that `snr check` shows.
         hidden: draws the cases that only the instructor has.
         needs: names of checks without whose full points this one is not tried.
@@ -135,7 +135,7 @@ class Check:
         """Try a case.
 
         Raises:
-            Misbehaved: the student's program did what no check can answer.
+            Misbehaved: the student's program failed or returned something that the check cannot evaluate.
             Unjudged: the check's function returned something else than a Verdict.
         """
         takes_case = len(inspect.signature(self.function).parameters) > 1
@@ -169,11 +169,11 @@ class Lab:
     """What a submission is tried by.
 
     Args:
-        title: what the lab is called.
-        files: what a submission must hold.
+        title: of the lab.
+        files: required files of a submission.
         checks: in the order in which they are tried and shown.
-        may_import: modules that are else refused, such as "socket".
-        refused: modules that are refused here, each with the reason: what solves the lab, for one.
+        may_import: modules that are refused otherwise, such as "socket".
+        refused: modules that are refused here, each with the reason; for example one that solves the lab.
         leaderboard: metrics that are ranked, "<check>.<metric>", and whether the least ("asc") or the most is best.
 
     Raises:
@@ -219,7 +219,7 @@ class Lab:
                 )
 
     def module(self, name: str) -> ModuleType:
-        """Import a module of the lab's own folder, which stands beside its checks.
+        """Import a module of the lab's own folder, next to its checks.
 
         Args:
             name: such as "grader.pilot" for `grader/pilot.py`.

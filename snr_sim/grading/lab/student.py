@@ -1,7 +1,7 @@
-"""The student's submission as a check sees it: texts to read, functions to call, components to feed and to fly.
+"""The student's submission as a check uses it: texts to read, functions to call, components to feed and to run.
 
-Nothing here runs the student's code; that happens in a process of its own (`child.py`), made when it is first needed.
-Whatever it does wrong is raised as `Misbehaved`, which the grader turns into a failed case: a check need not catch it.
+The student's code runs in a process of its own (`child.py`), which starts when it is first needed.
+Its failures are raised as `Misbehaved`, which the grader turns into a failed case: a check need not catch it.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ class Student:
     Args:
         folder: of the submission.
         isolation: "sandbox", "confined", or "none".
-        may_import: modules that are else refused.
+        may_import: modules that are refused otherwise.
         limits: of each of its processes.
-        record_to: where runs are recorded that the student may see; nowhere if not given.
-        nursery: where its processes may be copies.
-        refused: modules that the lab refuses besides, with the reasons.
+        record_to: folder for runs that the student may see; not recorded if not given.
+        nursery: fork server that creates its processes, if given.
+        refused: further modules that the lab refuses, with the reasons.
     """
 
     def __init__(
@@ -64,9 +64,9 @@ class Student:
         self.isolation = isolation
         self.limits = limits or Limits()
         self.record_to = record_to
-        self.run_folder: Path | None = None  # of the last flight, if it was recorded
+        self.run_folder: Path | None = None  # of the last run, if it was recorded
         self.flights = 0
-        self.met = ""  # which of its files was read last, by whoever called, fed or flew it
+        self.met = ""  # the submitted file that was used last, by a call, inputs or a run
         self._may_import = may_import
         self._refused = refused or {}
         self._nursery = nursery
@@ -84,10 +84,10 @@ class Student:
 
         Args:
             file: of the submission.
-            max_bytes: of the file. What is parsed by whoever asks is short (`MAX_PARSED_BYTES`), or see `parse`.
+            max_bytes: limit of its size. A text that the check parses is short (`MAX_PARSED_BYTES`); or see `parse`.
 
         Raises:
-            Misbehaved: it is missing, too long, or no text.
+            Misbehaved: it is missing, too long, or not text.
         """
         path = self._path(file)
         try:
@@ -106,15 +106,15 @@ class Student:
             raise Misbehaved(f"{file}, line {line}: this is not text.", "Save it as UTF-8 text.") from None
 
     def parse(self, file: str, parser: Callable[[bytes], Any], max_bytes: int = MAX_PARSED_BYTES) -> Any:
-        """Return what a parser makes of a submitted file, in a process that runs nothing of the submission.
+        """Return the result of a parser for a submitted file, in a process that runs nothing of the submission.
 
         Args:
             file: of the submission.
-            parser: of the kit or the lab (see `host`); it gets the bytes, and returns what can cross, as for `call`.
-            max_bytes: of the file.
+            parser: of snr_sim or the lab (see `host`); it gets the bytes, and returns values as for `call`.
+            max_bytes: limit of the file's size.
 
         Raises:
-            Misbehaved: the file is missing, too long, or has another form.
+            Misbehaved: the file is missing, too long, or not valid for the parser.
         """
         data = self.source(file, max_bytes).encode()
         child = begin_process(self.folder, self.isolation, self.limits, (), self._nursery)
@@ -136,13 +136,13 @@ class Student:
     ) -> Any:
         """Call a function of a submitted file, in the student's process, and return what it returns.
 
-        Several calls in one case meet the same process, so what the file keeps it keeps.
+        Several calls in one case use the same process, so the file's module state persists.
 
         Args:
             file: of the submission.
             function: its name.
             args: numbers, texts, lists, tuples, dicts, arrays.
-            returns: what must come back, such as `float`, `list[float]` or `dict[str, int]`; else it misbehaves.
+            returns: required type of the result, such as `float`, `list[float]` or `dict[str, int]`.
             finite: whether nan and inf are refused.
             budget_s: CPU time it may take.
 
@@ -150,7 +150,7 @@ class Student:
             numbers, texts, lists or dicts of these: a tuple comes back as a list, an array as lists.
 
         Raises:
-            Misbehaved: the program raised, was too slow, or returned something else.
+            Misbehaved: the program raised, was too slow, or returned another type.
         """
         values = msgspec.Raw(encode_value(list(args)))
         self.child(file)
@@ -158,20 +158,20 @@ class Student:
         return _checked(f"{file}: {function}(...)", raw, returns, finite)
 
     def host(self, file: str, kind: type[Any], *args: Any, budget_s: float = CALL_CPU_S) -> Host:
-        """Make an object of the kit's or the lab's in the student's process, around the student's module.
+        """Create an object of snr_sim or the lab in the student's process, around the student's module.
 
-        For what has to be said often and briefly: the object loops there, over many observations in one message.
+        For frequent, short exchanges: the object loops there, over many observations in one message.
 
         Args:
             file: of the submission; the class gets it as a module, first.
-            kind: a class of the kit, or of a module in the lab's folder. That module is sent to the process, where the
+            kind: a class of snr_sim, or of a module in the lab's folder. That module is sent to the process, where the
                 student can read it; it imports nothing else of the lab.
             args: further values for the class.
             budget_s: CPU time it may take.
 
         Raises:
             Misbehaved: as for `call`.
-            LabFault: the class is of neither.
+            LabFault: the class belongs to neither.
         """
         host = sent(kind)
         self.child(file)
@@ -184,7 +184,7 @@ class Student:
 
     def feed(self, file: str, pages: Sequence[Given], **details: Any) -> list[Produced]:
         """Bring pages and tasks to the components of a submitted file; see `feed.feed`."""
-        from snr_sim.grading.lab.feed import feed  # with fly, it takes long to import, and many checks need neither
+        from snr_sim.grading.lab.feed import feed  # as for fly: a slow import, and many checks need neither
 
         return feed(self, file, pages, **details)
 
@@ -199,7 +199,7 @@ class Student:
         record: bool = True,
         may_fail: bool = False,
     ) -> Flown:
-        """Fly a scenario with the components of a submitted file as its controller; see `fly.fly`."""
+        """Run a scenario with the components of a submitted file as its controller; see `fly.fly`."""
         from snr_sim.grading.lab.fly import fly
 
         return fly(self, scenario, seed, controller, options or {}, io, engine, record, may_fail)
@@ -211,7 +211,7 @@ class Student:
 
     @property
     def worked_s(self) -> float | None:
-        """CPU time of the process of this case's calls, as the kernel counts it; None where nothing tells."""
+        """CPU time of the process of this case's calls, as the kernel counts it; None where it is not reported."""
         return None if self._child is None else self._child.worked_s
 
     def child(self, file: str) -> ChildProcess:
@@ -224,7 +224,7 @@ class Student:
         """Return a process of its own, which has not read the submission yet; `done_with` ends it.
 
         Raises:
-            Misbehaved: the file is missing, or imports what it may not.
+            Misbehaved: the file is missing, or imports a refused module.
         """
         self.source(file)
         child = begin_process(self.folder, self.isolation, self.limits, readable, self._nursery)
@@ -236,7 +236,7 @@ class Student:
         return child
 
     def done_with(self, child: ChildProcess) -> None:
-        """End a process, and keep what it printed."""
+        """End a process, and keep its output."""
         try:
             child.close()
         finally:
@@ -287,7 +287,7 @@ class Host:
 
         Args:
             method: its name.
-            args: finite numbers, texts, lists, dicts: encoded without a second look, and tuples become lists.
+            args: finite numbers, texts, lists, dicts: encoded without further checks, and tuples become lists.
             returns, finite, budget_s: as for `Student.call`.
         """
         verb = protocol.AskObject(self._number, method, msgspec.Raw(protocol.encode(args)))
@@ -309,13 +309,13 @@ _decode_number = msgspec.json.Decoder(int)
 
 
 def nonsense(error: protocol.ProtocolError) -> Misbehaved:
-    """Return what there is to say of an answer that is none."""
+    """Return the error for an answer that is not valid."""
     return Misbehaved(error.message, "Return numbers, texts, lists, or dicts of these, and leave the grader alone.")
 
 
 def _checked(what: str, raw: msgspec.Raw, returns: Any, finite: bool) -> Any:
     """Return the value in an answer, of the form that was asked for."""
-    if returns is str:  # what is said most often, and a text holds nothing that would have to be looked through
+    if returns is str:  # the most frequent type, and a text contains nothing that needs further checks
         with suppress(msgspec.DecodeError, UnicodeDecodeError):
             return _decode_text(raw)
     try:

@@ -1,4 +1,4 @@
-"""What a check says of one case: right, wrong, or right in part; with a hint for the student."""
+"""Verdict of a check for one case: right, wrong, or partly right; with a hint for the student."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ ENDED_EARLY = (
 
 @dataclass(frozen=True)
 class Verdict:
-    """What came of one case.
+    """Result of one case.
 
     Args:
         fraction: how much of it was right, 0 to 1.
-        hint: what to think about next. Of a hidden case a student sees this, too: it must not tell the case.
-        expected: what would have been right.
-        actual: what came.
+        hint: what to think about next. The student sees this for hidden cases, too: it must not reveal the case.
+        expected: the right result.
+        actual: the result obtained.
         metrics: numbers for the class's table and the leaderboard.
     """
 
@@ -53,7 +53,7 @@ def failed(hint: str, expected: str = "", actual: str = "", metrics: Mapping[str
 def partly(
     fraction: float, hint: str, expected: str = "", actual: str = "", metrics: Mapping[str, float] | None = None
 ) -> Verdict:
-    """Return the verdict of a case of which a fraction is right; what lies outside 0 to 1 is brought to it."""
+    """Return the verdict of a case of which a fraction is right, clamped to 0 to 1."""
     return Verdict(min(1.0, max(0.0, fraction)), hint, expected, actual, metrics or {})
 
 
@@ -62,17 +62,17 @@ class LabFault(SnrError):
 
 
 class Unjudged(LabFault):
-    """The lab could not judge a case. It is the lab's fault, unless the student's program had a hand in it."""
+    """The lab could not judge a case: a fault of the lab, unless the student's program may have caused it."""
 
 
 class Misbehaved(SnrError):
-    """The student's program did something that no check can answer: it raised, said nonsense, or nothing.
+    """The student's program did something that no check can evaluate: it raised, or its answer was invalid or missing.
 
     Args:
-        message: what happened, with the student's own line first. It may hold what the program said.
-        hint: what to think about, without anything of the program's: it is shown of hidden cases, too.
-        expected: what would have been right.
-        actual: what came.
+        message: what happened, with the student's own line first. It may contain output of the program.
+        hint: what to think about, without anything of the program's: it is shown for hidden cases, too.
+        expected: the right result.
+        actual: the result obtained.
     """
 
     def __init__(self, message: str, hint: str, expected: str = "", actual: str = "") -> None:

@@ -1,8 +1,8 @@
-"""What of the student's tasks may enter the grader's node: known kinds, plain values, and not without end.
+"""Filter of the student's tasks on their way into the grader's node: known kinds, plain values, bounded counts.
 
-A component that stands in the same process may do anything with the node. One that is graded may do what a controller
-does: store pages of its own, send events, end the run. It may not store what a sensor measures, change the
-components, date its pages into the future, or fill the grader's memory.
+A component in the grader's process could do anything with the node. A graded component may do what a controller
+does: store its own pages, send events, end the run. It cannot store what a sensor measures, change the components,
+date its pages into the future, or fill the grader's memory.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class NotAdmitted(SnrError):
 
 
 class Admission:
-    """Lets in, or refuses, what the student's components bring.
+    """Accepts or refuses the tasks of the student's components.
 
     Args:
         file: of the submission, for the messages.
@@ -47,10 +47,10 @@ class Admission:
         self._bytes = 0
         self._keys: set[str] = set()
         self._missed: set[str] = set()
-        self.of_others: set[str] = set()  # keys that only somebody else may store
+        self.of_others: set[str] = set()  # keys that only components of the grader may store
 
     def component(self, made: Made) -> None:
-        """Check what a component says of itself.
+        """Check the description that a component sends.
 
         Raises:
             NotAdmitted: its name is too long, or it has too many handlers.
@@ -84,13 +84,13 @@ class Admission:
             )
 
     def notes(self, notes: Sequence[str]) -> list[str]:
-        """Return of what a step has noted as much as the end of a run can tell; the rest is left out."""
+        """Return the notes of a step up to the limit for the end of a run; the rest is left out."""
         admitted = [note[:_NOTE_LENGTH] for note in notes[: MAX_NOTES - self._notes]]
         self._notes += len(admitted)
         return admitted
 
     def missed(self, keys: Sequence[str]) -> list[str]:
-        """Return of the keys that a step has asked for in vain those that a run can tell."""
+        """Return those of the requested but never stored keys that are to be reported at the end of the run."""
         new = [key for key in keys[: MAX_KEYS + 1] if len(key) <= _NAME_LENGTH and key not in self._missed]
         admitted = new[: MAX_KEYS - len(self._missed)]
         self._missed.update(admitted)

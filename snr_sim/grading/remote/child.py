@@ -1,7 +1,7 @@
-"""What runs in a student's process: it reads the student's files, calls what it is asked to, and says what came.
+"""Main loop of a student's process: reads the student's files, makes the requested calls and sends their results.
 
-It holds no hidden case, no seed and no secret, and its word is taken for nothing but the student's answers.
-What the student prints goes elsewhere than what it answers.
+It holds no hidden case, no seed and no secret. The grader trusts nothing from it but the student's answers.
+The student's output is a stream separate from the answers.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from snr_sim.prelude.errors import SnrError, nearest
 from snr_sim.prelude.values import decode_value
 from snr_sim.scenario import library
 
-_CHUNK = 1 << 16  # much more would be given to the system and taken back at each read
+_CHUNK = 1 << 16  # larger buffers would be allocated and freed at each read
 _NEWLINE = 10
 _FIRST_PRIVATE_FD = 200
 
@@ -57,22 +57,22 @@ class Child:
         return module
 
     def call(self, do: protocol.Call) -> bytes:
-        """Call a function; return what it returns."""
+        """Call a function; return its result."""
         return self._call(function_of(self.module(do.file), do.function), do.function, do.args)
 
     def host(self, do: protocol.MakeObject) -> bytes:
-        """Make an object of the kit's or the lab's around the student's module; return its number."""
+        """Create an object of snr_sim or the lab around the student's module; return its number."""
         kind, module = do.host.received(), self.module(do.file)
         self._hosts.append(_called(f"{do.file} was prepared", kind, [module, *decode_value(bytes(do.args))]))
         return b"%d" % (len(self._hosts) - 1)
 
     def parse(self, do: protocol.Parse) -> bytes:
-        """Apply a parser of the kit or the lab to what a student wrote; nothing of it runs."""
+        """Apply a parser of snr_sim or the lab to a student's file; nothing of it runs."""
         parser = do.parser.received()
         return encode_plain(parser(do.data), do.parser.name, parser)
 
     def ask(self, do: protocol.AskObject) -> bytes:
-        """Call a method of such an object; return what it returns."""
+        """Call a method of such an object; return its result."""
         return self._call(getattr(self._hosts[do.number], do.method), do.method, do.args)
 
     def _call(self, function: Callable[..., Any], name: str, args: msgspec.Raw) -> bytes:
@@ -109,7 +109,7 @@ def function_of(module: ModuleType, name: str) -> Callable[..., Any]:
     return function  # type: ignore[no-any-return]
 
 
-_printed = sys.stdout  # the student may put something else in its place
+_printed = sys.stdout  # the student may replace it
 
 
 def main(
@@ -119,20 +119,20 @@ def main(
     user: int | None,
     walls: tuple[int, list[str], str, str] | None = None,
 ) -> None:
-    """Answer until nobody asks any more. Does not return.
+    """Answer requests until the grader closes the line. Does not return.
 
     Args:
         line: the file descriptor of the conversation, or `PIPES`.
         limits: seconds of CPU time, bytes of memory, bytes of a file, open files.
-        is_alone: whether nobody else runs as its user, so that it may start nothing.
-        user: whom to become, if the process is root's and in a sandbox.
+        is_alone: whether no other process runs as its user, so that it may start none.
+        user: user id to change to, if the process is root's and in a sandbox.
         walls: of a process that confines itself: see `confine`.
     """
     asks, answers = _line_of_pipes() if line == protocol.PIPES else _line_of_socket(line)
     if user is not None:
         become(user)
     if walls is not None:
-        from snr_sim.grading.sandbox.confinement import confine  # here and below: at home nothing of it is needed
+        from snr_sim.grading.sandbox.confinement import confine  # here and below: not needed without isolation
 
         confine(answers, *walls)
     elif line != protocol.PIPES and not is_alone:  # bubblewrap does the same for a sandbox
@@ -154,7 +154,7 @@ def main(
 
 
 def _line_of_socket(line: int) -> tuple[int, int]:
-    """Return the descriptor to read from and to write to: a high one, which no program meets by accident."""
+    """Return the descriptor to read from and to write to: a high one, which no program hits by accident."""
     import fcntl  # not on Windows
 
     private = fcntl.fcntl(line, fcntl.F_DUPFD_CLOEXEC, _FIRST_PRIVATE_FD)
@@ -163,7 +163,7 @@ def _line_of_socket(line: int) -> tuple[int, int]:
 
 
 def _line_of_pipes() -> tuple[int, int]:
-    """Return the descriptors to read from and to write to; what is printed goes to stderr from here on."""
+    """Return the descriptors to read from and to write to; from here on prints go to stderr."""
     asks, answers = os.dup(0), os.dup(1)
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
@@ -212,7 +212,7 @@ def _said(child: Child, do: str, error: BaseException) -> protocol.Said:
 
 
 def _text(said: str) -> str:
-    """Return what can be written as UTF-8: half a character, in an exception's text, cannot."""
+    """Return a text with lone surrogates escaped, since UTF-8 cannot encode them; an exception's text may have some."""
     return said.encode(errors="backslashreplace").decode()
 
 

@@ -1,7 +1,7 @@
-"""The student's components in their own process: a node around them that does one step whenever it is asked to.
+"""Node around the student's components in their own process; executes one step per request of the grader.
 
-The real node is the grader's. What stands in its datastore is brought here before each step, and what a step makes
-goes back: so a component cannot tell that sensors, plant and clock are elsewhere.
+The real node is the grader's. The pages of its datastore are copied here before each step, and the tasks and pages of
+the step are sent back: a component cannot detect that sensors, plant and clock run in another process.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ from snr_sim.prelude.values import encode_value
 from snr_sim.scenario import library
 from snr_sim.scenario.controller import factories_of
 
-MAX_SAID_CHARS = 100_000  # of what is printed and logged in one step
+MAX_SAID_CHARS = 100_000  # of the output and logs of one step
 _AUTHORS_STEPS = ("begin", "join", "halt", "terminate")
 
 
 class Caller(Protocol):
-    """What is needed of the rest of the process (`child.Child`): its modules; and it says whose a failure was."""
+    """Interface to the rest of the process (`child.Child`): its modules, and whose failure an error is."""
 
     step: str
     component: str
@@ -51,7 +51,7 @@ class Caller(Protocol):
 
 
 class GivenClock(SimClock):
-    """A clock that shows what it is told."""
+    """Clock whose time is set from outside."""
 
     def show(self, now_s: float) -> None:
         """Show a time."""
@@ -59,7 +59,7 @@ class GivenClock(SimClock):
 
 
 class CollectingMachine(EventMachine):
-    """Executes nothing: keeps what the running component schedules until its step is over."""
+    """Event machine that executes nothing: keeps the tasks that the running component schedules during its step."""
 
     scheduled: list[Task]
 
@@ -69,7 +69,7 @@ class CollectingMachine(EventMachine):
 
 
 class GivenBacking:
-    """Stands in the place of who calls a loop: that is done by the grader's clock."""
+    """Executor of a loop whose ticks the grader's clock requests."""
 
     setup_patience_s = 0.0
     late_s = 0.0
@@ -94,10 +94,10 @@ class GivenBacking:
 
 
 class ChildNode(Node):
-    """A node whose steps are asked for one by one.
+    """Node whose steps are requested one by one.
 
     Args:
-        role, chance: of the node it stands for.
+        role, chance: of the grader's node that it represents.
     """
 
     def __init__(self, role: str, chance: int) -> None:
@@ -114,7 +114,7 @@ class ChildNode(Node):
         self._typed = TypedPages()
 
     def handlers_changed(self) -> None:
-        """Remember to tell the grader."""
+        """Remember to report it to the grader."""
         super().handlers_changed()
         self.have_handlers_changed = True
 
@@ -125,9 +125,9 @@ class ChildNode(Node):
             self._said.append((component, level, text.encode(errors="backslashreplace").decode()))
 
     def add(self, factory: AnyFactory) -> protocol.Made:
-        """Make a component; return what the grader needs to know of it."""
+        """Create a component; return the data of it that the grader needs."""
         component = self.registry.make(factory)
-        self._said, self._said_chars = [], 0  # a trace holds nothing of before its first record
+        self._said, self._said_chars = [], 0  # a trace contains nothing from before its first record
         self.registry.add(component, len(self.components))
         kind: type[Any] = Loop if isinstance(component, Loop) else Endpoint
         steps = [step for step in _AUTHORS_STEPS if getattr(type(component), step) is not getattr(kind, step)]
@@ -151,7 +151,7 @@ class ChildNode(Node):
             yield kind.value, name, handler_name(handler)
 
     def bring(self, now_s: float, pages: Sequence[msgspec.Raw], came_s: dict[str, float]) -> None:
-        """Set the time, and the datastore to what stands in the grader's."""
+        """Set the time, and copy the pages of the grader's datastore to this one."""
         self.given_clock.show(now_s)
         self.machine.now_s = now_s
         for raw in pages:
@@ -159,7 +159,7 @@ class ChildNode(Node):
         self._core.came_s.update(came_s)
 
     def with_page(self, task: Task, processed: Sequence[msgspec.Raw] | None) -> Task:
-        """Return a task that was brought with the page that it carries in the grader's node, see `Handle`."""
+        """Return a task with the page that it carries in the grader's node, see `Handle`."""
         if processed is None:
             return task
         if not processed:
@@ -227,7 +227,7 @@ class ChildNode(Node):
         return done
 
     def told(self) -> dict[str, Any]:
-        """Return what else there is to tell after a step: what entered through the door, and what has changed."""
+        """Return the other effects of a step: tasks from the inbox (`Door`), changed handlers, notes, output."""
         entered = [(self._typed.leaves(task), source) for task, source in self.door.waiting]
         self.door.waiting.clear()
         handlers = None
@@ -245,7 +245,7 @@ class ChildNode(Node):
 
 
 def in_words(error: BaseException, begins: Any) -> tuple[str, str]:
-    """Return what happened with the student's line first, and what to try; where it was the grader adds."""
+    """Return the error with the student's line first, and a fix; the grader adds in which step it was."""
     text = describe_error(error, "\0", begins)
     before, _, after = text.partition("\n  \0")
     fix = after.partition("Try: ")[2]
@@ -287,13 +287,13 @@ class NodeVerbs:
     def open(self, do: protocol.Open) -> bytes:
         """Have a file make its factories; return for each whether it makes a loop."""
         module = self._caller.module(do.file)
-        robot = pickle.loads(base64.b64decode(do.robot))  # the grader's word, not a stranger's
+        robot = pickle.loads(base64.b64decode(do.robot))  # written by the grader, so safe to unpickle
         made = factories_of(module, robot)
         self._factories += made
         return _encode(protocol.Opened([isinstance(one, LoopFactory) for one in made], _files_read(self._folders)))
 
     def make(self, do: protocol.Make) -> bytes:
-        """Make the component of a factory in a node; return what the grader needs to know of it."""
+        """Create the component of a factory in a node; return the data of it that the grader needs."""
         if do.node not in self._nodes:
             self._nodes[do.node] = ChildNode(do.node, do.chance)
         return _encode(self._nodes[do.node].add(self._factories[do.factory]))

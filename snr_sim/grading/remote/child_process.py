@@ -1,7 +1,7 @@
-"""The grader's end of a student's process: starts it, asks it, hears what it prints, and ends it.
+"""Grader's end of a student's process: starts it, sends requests, reads what it prints, and ends it.
 
-Nobody waits for it without an end, and what it says is bounded: by bytes and by the CPU time that the kernel counts,
-so that the same program comes to the same end on a slow computer; wall time is only the last resort.
+Every wait has a limit and all data from the process are bounded: by bytes and by the CPU time that the kernel counts,
+so that a program ends in the same way on a slow computer; wall time is only the last resort.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.confiner import Confiner
 from snr_sim.grading.sandbox.sandbox import Limits
 
-KEPT_BYTES = 8_000  # of what it prints
+KEPT_BYTES = 8_000  # of its output
 MAX_PRINTED_BYTES = 1 << 20
 CHUNK = 1 << 16
 _NEWLINE = 10
-_START_CPU_S = 10.0  # of Python with the kit: about 0.2
+_START_CPU_S = 10.0  # of Python with snr_sim: about 0.2
 
 
 class ChildProcess:
@@ -38,9 +38,9 @@ class ChildProcess:
     Args:
         folder: of the submission; it is the process' current folder.
         isolation: "sandbox", "confined", or "none".
-        limits: what it may use.
+        limits: CPU time, memory and files that it may use.
         readable: further folders it may read: of robots.
-        nursery: where it may be a copy, if it needs no more than the submission.
+        nursery: fork server that copies it, if it needs no more than the submission.
     """
 
     def __init__(
@@ -87,34 +87,34 @@ class ChildProcess:
 
     @property
     def printed(self) -> str:
-        """What it has printed, as far as it is kept."""
+        """Its output, up to the limit."""
         text = bytes(self._kept).decode(errors="replace")
         return text + "\n..." if self.printed_bytes > len(self._kept) else text
 
     @property
     def worked_s(self) -> float | None:
-        """CPU time that the kernel has counted for it, in steps of about 10 ms; None where nothing tells."""
+        """CPU time that the kernel has counted for it, in steps of about 10 ms; None where it is not reported."""
         seen = seen_of(self._process.pid)
         return None if seen is None else seen[1]
 
     def ask(self, verb: protocol.Verb, cpu_s: float) -> protocol.Answer:
-        """Ask, and return the answer.
+        """Send a request, and return the answer.
 
         Args:
-            verb: what for.
-            cpu_s: how much CPU time it may take; the child itself counts, and the kernel behind it.
+            verb: the request.
+            cpu_s: limit of its CPU time; the child itself counts, and the kernel enforces it.
 
         Raises:
-            Misbehaved: it ended, was too slow, printed too much, or answered what it was not asked.
-            ProtocolError: it answered nonsense.
-            LabFault: it could not even be started.
+            Misbehaved: it ended, was too slow, printed too much, or sent an answer to another request.
+            ProtocolError: the answer is not valid.
+            LabFault: it could not be started.
         """
         if self._n == 0:
             self._greet()
         return self._exchange(verb, cpu_s)
 
     def _greet(self) -> None:
-        """Hear whether it is there, before it has read anything of the student's: if not, that is our fault."""
+        """Wait for its first answer, before it reads anything of the student's: a failure here is the grader's."""
         try:
             if self._confiner is not None:
                 self._take_listener(self._confiner)
@@ -126,7 +126,7 @@ class ChildProcess:
             ) from error
 
     def _take_listener(self, confiner: Confiner) -> None:
-        """Take what a confined process sends when its walls are up: where it is asked whether it may make a file."""
+        """Take the descriptor that a confined process sends when its walls are up: of its requests for new files."""
         patience = Patience(self._limits.wall_s(_START_CPU_S), _START_CPU_S, self._process.pid)
         self._wait(patience, select.POLLIN)
         data, sent, _, _ = socket.recv_fds(self._socket, 1, 1)
@@ -155,7 +155,7 @@ class ChildProcess:
             except BlockingIOError:
                 self._wait(patience, select.POLLOUT)
             except OSError:
-                return  # it has ended; whoever listens is told
+                return  # it has ended; the caller notices when it reads the answer
             if not view:
                 return
 
@@ -178,7 +178,7 @@ class ChildProcess:
                 )
 
     def _received(self, patience: Patience) -> bytes:
-        """Return what has come of an answer, as soon as something has; b"" if the process has ended."""
+        """Return the bytes received of an answer, as soon as there are some; b"" if the process has ended."""
         while True:
             self._wait(patience, select.POLLIN)
             try:
@@ -189,10 +189,10 @@ class ChildProcess:
                 return b""
 
     def _wait(self, patience: Patience, event: int) -> None:
-        """Wait until the socket is ready, and hear what is printed meanwhile.
+        """Wait until the socket is ready, and read the output of the process meanwhile.
 
         Raises:
-            Misbehaved: that has no end.
+            Misbehaved: the wait was given up.
         """
         if event != self._event:
             self._event = event
@@ -211,7 +211,7 @@ class ChildProcess:
             self._look(patience)
 
     def _look(self, patience: Patience) -> None:
-        """Look now and then at a process that does not answer, and end it if to wait longer is of no use.
+        """Check from time to time on a process that does not answer, and end it when waiting longer is useless.
 
         Raises:
             Misbehaved: it was ended.
@@ -246,10 +246,10 @@ class ChildProcess:
             self._keep(data)
 
     def _keep(self, data: bytes) -> None:
-        """Keep the first of what it prints, and count the rest.
+        """Keep the start of its output, and count the rest.
 
         Raises:
-            Misbehaved: that is too much, told once.
+            Misbehaved: it printed too much; raised once.
         """
         was_heard = self.printed_bytes <= MAX_PRINTED_BYTES
         self.printed_bytes += len(data)
@@ -282,7 +282,7 @@ class ChildProcess:
             self._process.kill()
 
     def close(self) -> None:
-        """End it and let go of everything. Safe to call twice.
+        """End it and release everything. Safe to call twice.
 
         Raises:
             Misbehaved: it had printed too much.

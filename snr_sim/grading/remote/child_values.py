@@ -1,4 +1,4 @@
-"""Values of the student's as they cross to the grader: numbers, texts, lists and dicts, and nothing else."""
+"""Values that a student's process may send to the grader: numbers, texts, lists and dicts, and nothing else."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ _SHOWN = 200  # characters of a value that cannot cross
 
 
 class NoValue(Exception):
-    """What came back is no value that can cross."""
+    """A result of a type that cannot be sent to the grader."""
 
 
 def encode_plain(value: Any, what: str, function: object) -> bytes:
     """Return JSON of a value that can cross.
 
     Raises:
-        NoValue: it cannot; says what it is.
+        NoValue: it cannot; the message describes it.
     """
     try:
         raw = _encode(value)
         if b'"$"' not in raw and _decode(raw) == value:
-            return raw  # the way of nearly all: C has carried it there and back
+            return raw  # the usual case: a JSON round trip in C gives the same value
     except (TypeError, ValueError, OverflowError, RecursionError):
         pass
     try:
@@ -42,7 +42,7 @@ def plain(value: Any) -> Any:
     """Return a value as numbers, texts, lists and dicts; numpy's become Python's.
 
     Raises:
-        NoValue: something in it is none of these.
+        NoValue: it contains something else.
     """
     kind = type(value)
     if value is None or kind in (bool, int, float, str):
@@ -67,7 +67,7 @@ def _a(word: str) -> str:
 
 
 def short(value: Any) -> str:
-    """Return a value as it is shown, cut; it may be anything, and its `repr` may raise."""
+    """Return a value as text, truncated; it may be anything, and its `repr` may raise."""
     try:
         text = without_addresses(repr(value))
     except Exception as error:

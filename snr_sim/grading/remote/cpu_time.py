@@ -1,6 +1,6 @@
-"""How a student's process heeds its CPU time: it is interrupted where it is, so that the line can be named.
+"""CPU time limit inside a student's process: interrupts the program where it is, so that the report names the line.
 
-A program that ignores this is ended all the same: by the kernel's limit (`child_limits.py`), or by `patience.py`.
+A program that ignores the interrupt is ended by the kernel's limit (`child_limits.py`) or by `patience.py`.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ _TIME_UP = (signal.SIGPROF, signal.SIGXCPU) if _HAS_TIMER else (signal.SIGTERM,)
 
 
 class TookTooLong(BaseException):
-    """Raised where the student's program is when its CPU time is up; nothing of Python's own catches it."""
+    """Raised in the student's program when its CPU time is used up; `except Exception` does not catch it."""
 
 
 def start_timer() -> None:
-    """Start what counts CPU time where the system has no timer of it, while threads may still be started."""
+    """Start the CPU time counter where the system has no such timer, while threads may still be started."""
     if not _HAS_TIMER:
         threading.Thread(target=_Timer.run, daemon=True).start()
 
 
 def heed_time() -> None:
-    """Have `TookTooLong` raised where the program is when a signal reports that its time is up."""
+    """Have a signal for used-up CPU time raise `TookTooLong` in the running program."""
     for up in _TIME_UP:
         signal.signal(up, _time_is_up)
 
 
 def bound_time(cpu_s: float) -> None:
-    """Have the time be up after so much more CPU time; 0 ends the bound."""
+    """Set the CPU time limit from now on; 0 removes it."""
     if _HAS_TIMER:
         signal.setitimer(signal.ITIMER_PROF, cpu_s, _GRACE_S if cpu_s else 0.0)
     else:
@@ -47,7 +47,7 @@ def bound_time(cpu_s: float) -> None:
 
 
 class _Timer:
-    """What a thread knows that does the same where the system has no timer of CPU time."""
+    """Thread that does the same where the system has no timer of CPU time."""
 
     up_s = math.inf
 
@@ -57,12 +57,12 @@ class _Timer:
             threading.Event().wait(_LOOK_S)  # `time.sleep` returns at once here
             if time.process_time() > cls.up_s:
                 cls.up_s += _GRACE_S
-                if signal.getsignal(*_TIME_UP) is signal.SIG_DFL:  # it was interrupted, and goes on
+                if signal.getsignal(*_TIME_UP) is signal.SIG_DFL:  # it was interrupted before, and still runs
                     os._exit(TIME_UP_STATUS)
                 _thread.interrupt_main(*_TIME_UP)
 
 
 def _time_is_up(number: int, frame: FrameType | None) -> None:
-    """Raise it where the program is; if that goes on all the same, the next signal ends the process."""
+    """Raise in the running program; if that does not stop it, the next signal ends the process."""
     signal.signal(number, signal.SIG_DFL)
     raise TookTooLong("this takes too long: its CPU time is used up")

@@ -1,4 +1,4 @@
-"""What there is to say of a student's process that has ended, or says what went wrong in it."""
+"""Errors for a student's process that has ended, or that reports a failure of the student's program."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from snr_sim.grading.remote.protocol import TIME_UP_STATUS, Said
 
 
 def spent() -> Misbehaved:
-    """Return what there is to say of a process that has used up what it was given."""
+    """Return the error for a process that has used up its CPU time or memory."""
     return Misbehaved(
         "It used up its CPU time or its memory, and was ended.",
         "Is there a loop without an end, or a list that grows?",
@@ -17,7 +17,7 @@ def spent() -> Misbehaved:
 
 
 def ended_badly(status: int | None) -> Misbehaved:
-    """Return what there is to say of a process that ended instead of answering."""
+    """Return the error for a process that ended instead of answering."""
     number = -status if status is not None and status < 0 else (status or 0) - 128
     name = signal.Signals(number).name if number in set(signal.Signals) else ""
     if name in ("SIGXCPU", "SIGPROF", "SIGKILL") or status == TIME_UP_STATUS:
@@ -31,7 +31,7 @@ def ended_badly(status: int | None) -> Misbehaved:
 
 
 def misbehaved(said: Said) -> Misbehaved:
-    """Return what the child says of the student's program as an exception; its words are the program's."""
+    """Return a failure that the child reports as an exception; the text is the student's program's."""
     text = f"{said.text}\n  Try: {said.fix}" if said.fix else said.text
     if said.is_value:
         return Misbehaved(text, "Return numbers, texts, lists, or dicts of these.")

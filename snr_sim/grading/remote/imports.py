@@ -1,4 +1,4 @@
-"""What a submission may import: found by reading it, before it runs, so that the line and the reason can be told."""
+"""Imports of a submission, found by parsing it before it runs, so that the report names the line and the reason."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ REFUSED = {
 def check_imports(
     folder: Path, file: str, may_import: frozenset[str], refused: Mapping[str, str], parse: Parse
 ) -> None:
-    """Check what a submitted file and those beside it that it imports would import.
+    """Check the imports of a submitted file and of the submission's files that it imports.
 
     Args:
         folder, file: of the submission.
-        may_import: what of `REFUSED` the lab allows.
-        refused: what the lab refuses besides, with the reasons.
-        parse: calls `imports_in`, elsewhere.
+        may_import: modules of `REFUSED` that the lab allows.
+        refused: further modules that the lab refuses, with the reasons.
+        parse: calls `imports_in`, in another process.
 
     Raises:
-        Misbehaved: it is something that no submission may.
+        Misbehaved: it imports a refused module.
     """
     seen: set[str] = set()
     waiting = [file]
@@ -75,11 +75,11 @@ def _imported(path: Path, parse: Parse) -> list[list[Any]]:
             found: list[list[Any]] = parse(imports_in, opened.read(_LONGEST_BYTES))
             return found
     except OSError:
-        return []  # whoever reads it to run it says what is wrong
+        return []  # running it reports what is wrong
 
 
 def imports_in(source: bytes) -> list[tuple[str, int]]:
-    """Return what a program imports, and in which lines. Runs in the student's process: `parsing.py` says why."""
+    """Return the imports of a program with their lines. Runs in the student's process: see `parsing.py`."""
     try:
         tree = ast.parse(source)
     except (SyntaxError, ValueError, RecursionError, MemoryError):

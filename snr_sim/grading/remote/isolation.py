@@ -1,7 +1,7 @@
 """Which isolation of students' programs this computer has, found out by trying.
 
-If bubblewrap starts a process, it is the "sandbox" (`sandbox.py`). If not, and we are root who may not mount, a process
-is "confined" by itself (`confinement.py`). Else official grading refuses, and says what to install.
+If bubblewrap starts a process, it is the "sandbox" (`sandbox.py`). If not, and the user is root who may not mount, a
+process is "confined" by itself (`confinement.py`). Else official grading refuses, and reports what to install.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def try_confinement() -> None:
 
 
 def _user_of_a_trial(isolation: Isolation) -> tuple[int | None, str]:
-    """Return the user of a process in this isolation, or what it has printed instead."""
+    """Return the user of a process in this isolation, or its output if it failed."""
     with tempfile.TemporaryDirectory(prefix="snr-grading-") as name:
         os.chmod(name, 0o755)
         child = ChildProcess(Path(name), isolation, Limits())

@@ -1,4 +1,4 @@
-"""How a student's process is started: its command, its environment, and a submission that it can read."""
+"""Start of a student's process: its command, its environment, and a submission that it can read."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ from snr_sim.grading.sandbox.sandbox import (
     wrapping,
 )
 
-# They choose among ways to reckon that differ in the last bits; a graded flight is to be that of `snr run`.
+# They choose numeric code paths that differ in the last bits; a graded run must equal that of `snr run`.
 WAYS_TO_RECKON = ("OPENBLAS_CORETYPE", "MKL_CBWR", "NPY_DISABLE_CPU_FEATURES", "NPY_ENABLE_CPU_FEATURES")
 _NEEDED_ON_WINDOWS = "SYSTEMROOT"  # or no Python starts there
 
 
 def environment(confiner: Confiner | None = None) -> dict[str, str]:
-    """Return the whole environment of a student's process: nothing of ours but how numpy is to reckon."""
+    """Return the whole environment of a student's process: only the variables that select numpy's code paths."""
     alike = {name: os.environ[name] for name in (*WAYS_TO_RECKON, _NEEDED_ON_WINDOWS) if name in os.environ}
     threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     scratch = {} if confiner is None else {"TMPDIR": str(confiner.scratch)}
@@ -55,13 +55,13 @@ def start_command(
 ) -> tuple[list[str], Path]:
     """Return the command that starts a student's process, and the folder to start it in.
 
-    Nothing in it tells more than where Python, the kit, and what it may read are: a process can read its own command.
+    It contains only the paths of Python, snr_sim and what it may read, since a process can read its own command.
 
     Args:
         folder: of the submission.
         isolation: of the process.
         line: the file descriptor it answers on, or `protocol.PIPES`.
-        limits: what it may use.
+        limits: CPU time, memory and files that it may use.
         readable: further folders that it may read.
         confiner: of a process that is "confined".
         makes_copies: it is `nursery_process.py`, whose copies are the student's processes.
@@ -114,7 +114,7 @@ def start_process(
 
 @contextmanager
 def lent(folder: Path, isolation: Isolation) -> Iterator[Path]:
-    """Yield a submission's folder as nobody can read it: itself, or a copy if only its owner may."""
+    """Yield a submission's folder as the user nobody can read it: itself, or a copy if only its owner may."""
     is_reached = isolation == "sandbox" or closed_above(folder) is None
     if isolation == "none" or not is_root() or (is_reached and _is_open(folder)):
         yield folder
@@ -140,6 +140,6 @@ def _is_open(folder: Path) -> bool:
 
 
 def _what_is_no_file(folder: str, names: list[str]) -> list[str]:
-    """Return what must not be copied: a pipe or a device would be read without end."""
+    """Return the entries that must not be copied: a pipe or a device would be read without end."""
     paths = {name: Path(folder, name) for name in names}
     return [name for name, path in paths.items() if not (path.is_symlink() or path.is_dir() or path.is_file())]

@@ -1,13 +1,13 @@
-"""A sandbox kept for many cases: each case gets a copy of the process in it, and none sees another.
+"""Fork server in a sandbox kept for many cases: each case gets a copy of its process, and none can reach another.
 
     grader -- "copy", line, output --> nursery_process.py (nothing of the student's)  -- fork --> child.py, for one case
            <-- a handle of the copy --
 
-What the sandbox shows as the submission is a folder of ours: whichever submission is held stands there, and is gone
-before the next one is brought. So not even a submission needs a start of Python.
+The sandbox shows a folder of the grader's as the submission: it holds one submission at a time, and is emptied before
+the next is copied in. So even a new submission needs no start of Python.
 
-Only for root: a copy that belonged to the same user as what it is copied from could end or change that. Anybody else
-gets a fresh sandbox for each case.
+Only for root: a copy that belonged to the same user as its original could end or change that. For other users
+each case gets a fresh sandbox.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _ANSWER_S = 130.0  # wall time; a copy takes a millisecond, and a start of Pytho
 
 
 class Copied:
-    """A student's process that is a copy; with what `ChildProcess` asks of a `subprocess.Popen`."""
+    """A student's process that is a copy; with the part of `subprocess.Popen` that `ChildProcess` uses."""
 
     def __init__(self, nursery: Nursery, death: int, output: int) -> None:
         self._nursery = nursery
@@ -44,7 +44,7 @@ class Copied:
         self._status: int | None = None
         self.stdout = io.FileIO(output)
         told = Path(f"/proc/self/fdinfo/{death}").read_text()
-        self.pid = int(told.partition("Pid:")[2].split()[0])  # to look at, as /proc counts; signals go by the handle
+        self.pid = int(told.partition("Pid:")[2].split()[0])  # to read /proc only; signals are sent by the handle
 
     def kill(self) -> None:
         """End it, with its namespace."""
@@ -53,7 +53,7 @@ class Copied:
                 signal.pidfd_send_signal(self._death, signal.SIGKILL)
 
     def poll(self) -> int | None:
-        """Return how it has ended, as `subprocess` tells it; None if it has not."""
+        """Return its exit status, in the form of `subprocess`; None if it still runs."""
         self.wait(0.0)
         return self._status
 
@@ -107,7 +107,7 @@ class Nursery:
         finally:
             self._held, self._is_brought = None, False
             if self.is_busy:
-                self._end()  # somebody has not ended his copy
+                self._end()  # the last copy was not ended by its user
             if self._shown is not None:
                 _empty(self._shown)
 
@@ -148,10 +148,10 @@ class Nursery:
         return self._shown
 
     def how_it_ended(self) -> int:
-        """Return the status of the last copy, as `subprocess` tells it.
+        """Return the exit status of the last copy, in the form of `subprocess`.
 
         Raises:
-            LabFault: the sandbox has gone, too.
+            LabFault: the sandbox has ended, too.
         """
         if self._socket is None:
             raise self._fault()
@@ -159,7 +159,7 @@ class Nursery:
         return status
 
     def asked(self, word: bytes, fds: tuple[int, ...] = ()) -> tuple[bytes, list[int]]:
-        """Return what the sandbox' own process says to a word, and the file descriptors that come with it."""
+        """Return the answer of the sandbox' own process to a command, and the file descriptors sent with it."""
         if self._socket is None:
             self._start()
         assert self._socket is not None
@@ -182,21 +182,21 @@ class Nursery:
             )
 
     def _fault(self) -> LabFault:
-        """Return what there is to say when no copy can be had; end what there is."""
+        """Return the error for a failed copy; end the sandbox."""
         return LabFault(
             f"A student's process could not be started. {self._end()}".rstrip(),
             fix="is the computer out of memory or processes? Grade with fewer --jobs.",
         )
 
     def close(self) -> None:
-        """End the sandbox with all that is in it, and remove what it showed. Safe to call twice."""
+        """End the sandbox with all its processes, and remove the submission's folder. Safe to call twice."""
         self._end()
         if self._shown is not None:
             shutil.rmtree(self._shown, ignore_errors=True)
         self._shown, self._is_brought = None, False
 
     def _end(self) -> str:
-        """End the sandbox with all that is in it; return what its own process has printed."""
+        """End the sandbox with all its processes; return the output of its own process."""
         said = b""
         if self._process is not None:
             with suppress(ProcessLookupError, PermissionError):

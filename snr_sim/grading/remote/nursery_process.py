@@ -1,11 +1,11 @@
-"""What runs in a sandbox that has several cases of one submission: for each case it makes a copy of itself.
+"""Fork server's process in a sandbox for several cases of one submission: it forks a copy of itself per case.
 
 It has imported what a student's process needs, and reads nothing of the student's; each copy begins where `child.py`
-begins. So a case costs a copy, and not a start of Python with all its imports.
+begins. So a case costs a fork, and not a start of Python with all its imports.
 
-A copy is the first process of a namespace of its own: it dies alone, it has the same number in every case, and
-what it may leave in shared memory dies with it. It could leave something in the sandbox's scratch: then that sandbox is
-used up, and the next case gets a fresh one.
+A copy is the first process of a PID namespace of its own: it ends alone, has the same number in every case, and
+whatever it leaves in shared memory is removed with it. It could leave files in the sandbox's scratch folder: then
+that sandbox is used up, and the next case gets a fresh one.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ _NEW_IPC, _NEW_PID = 0x08000000, 0x20000000
 
 
 def main(line: int, limits: tuple[int, int, int, int], is_alone: bool, user: int | None) -> None:
-    """Make a copy whenever it is asked to, one at a time, until nobody asks any more. Does not return.
+    """Fork a copy for each request, one at a time, until the grader closes the line. Does not return.
 
     Args:
-        line: the file descriptor on which the grader asks.
-        limits, is_alone, user: of each copy, as `child.main` takes them.
+        line: the file descriptor of the requests.
+        limits, is_alone, user: of each copy, as for `child.main`.
     """
     asked = socket.socket(fileno=line)
     at_first, copied = _scratch(), 0
     gc.collect()
-    gc.freeze()  # what is there already is not looked through in each copy
+    gc.freeze()  # the collector in a copy skips the objects that exist now
     while True:
         word, fds, _, _ = socket.recv_fds(asked, _MOST_BYTES, 2)
         if not word:
@@ -77,7 +77,7 @@ def _enter_namespaces() -> None:
     """Have the next copy begin in namespaces of its own: of processes, and of what they share.
 
     Raises:
-        OSError: the kernel does not let us.
+        OSError: the kernel does not permit it.
     """
     libc = ctypes.CDLL(None, use_errno=True)
     own = os.pidfd_open(os.getpid())
@@ -89,7 +89,7 @@ def _enter_namespaces() -> None:
 
 
 def _scratch() -> tuple[list[str], tuple[int, ...]]:
-    """Return what tells whether anybody has written there, or only looked."""
-    names = os.listdir(SCRATCH)  # first: to look changes the time of the last look, once
+    """Return the state of the scratch folder, which differs if a process has written there, but not if it only read."""
+    names = os.listdir(SCRATCH)  # first: listing changes the access time, once
     seen = os.stat(SCRATCH)
     return names, (seen.st_mode, seen.st_nlink, seen.st_atime_ns, seen.st_mtime_ns, seen.st_ctime_ns)

@@ -1,4 +1,4 @@
-"""Packs what a student's `factories` gets, for the student's process to unpack: the grader's word, not a stranger's."""
+"""Pickled arguments of a student's `factories`. The grader writes them, so the student's process may unpickle them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from snr_sim.scenario import library
 
 
 def packed(robot: Robot) -> str:
-    """Return what a student's `factories` gets, for its process to unpack.
+    """Return the pickled argument of a student's `factories`, for its process to unpack.
 
     Raises:
         LabFault: something in it is of a class that the student's process cannot know.

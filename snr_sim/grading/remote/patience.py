@@ -1,7 +1,7 @@
-"""How long to wait for a process that owes an answer: as long as its CPU time lasts, if it does something.
+"""Timeout for a process that owes an answer: it may use all of its CPU time, as long as it does something.
 
-A process with one thread that sleeps without a file or a disk to wait for will not wake by itself. That is seen by
-what the kernel says of it, and not by a clock, so a slow computer does not make a program late.
+A process with one thread that sleeps and waits for neither a file nor a disk will not wake by itself. The kernel's
+process state shows this, not a clock, so a slow computer does not time a program out.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from pathlib import Path
 
 END_S = 2.0
 LOOK_S = 0.5  # so often, and no oftener, it is looked at whether a process that does not answer is working
-_IDLE_LOOKS = 6  # so many looks in a row with no work done
+_IDLE_LOOKS = 6  # consecutive checks without CPU time used
 _SLACK_S = 2.0
 _TICKS_HZ = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 0  # of /proc, which Windows has not
 
 
 class Patience:
-    """Looks at a process now and then.
+    """Timeout of one answer, which checks the process periodically.
 
     Args:
-        wall_s: the last resort: so long at most.
-        cpu_s: how much CPU time it may take. It heeds that itself; here it is looked at whether it does.
+        wall_s: wall time as the last resort, in seconds.
+        cpu_s: CPU time limit in seconds. The process enforces it too; this checks that it does.
         pid: of the process, or of the one that has started it.
     """
 
@@ -40,7 +40,7 @@ class Patience:
         self.is_spent = False  # whether its CPU time was used up
 
     def is_over(self) -> bool:
-        """Look again, unless the last look was just now; return whether it is of no use to wait any longer."""
+        """Check again, unless the last check was just now; return whether waiting longer is useless."""
         now_s = time.monotonic()
         if now_s > self._give_up_s:
             return True
@@ -59,7 +59,7 @@ class Patience:
 
 
 def seen_of(pid: int) -> tuple[bool, float] | None:
-    """Return whether all of a process and its children sleep, and their CPU time; None where nothing tells."""
+    """Return whether a process and all its children sleep, and their CPU time in s; None where /proc lacks it."""
     if not _TICKS_HZ:
         return None
     are_asleep, ticks = True, 0
@@ -80,5 +80,5 @@ def seen_of(pid: int) -> tuple[bool, float] | None:
 def wait_for_the_end(line: socket.socket) -> None:
     """Wait until no process is left at the far end of a line."""
     far_end = select.poll()
-    far_end.register(line, 0)  # that it has gone is always told
+    far_end.register(line, 0)  # poll() always reports a hang-up
     far_end.poll(END_S * 1000.0)

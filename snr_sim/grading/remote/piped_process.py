@@ -1,6 +1,6 @@
-"""A student's process where only sockets can be waited for, as on Windows: for practice, as nothing keeps it apart.
+"""Student's process where only sockets can be waited for, as on Windows: for practice, as it is not isolated.
 
-It is asked on its stdin, answers on its stdout, and prints on its stderr; a thread reads each of the two.
+It gets requests on its stdin, answers on its stdout, and prints on its stderr; a thread reads each of the two.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class PipedProcess(ChildProcess):
 
     Args:
         folder: of the submission; it is the process' current folder.
-        limits: what it may use. Its CPU time is counted by itself, and its memory is not.
+        limits: CPU time, memory and files that it may use. It counts its CPU time itself; its memory is not limited.
     """
 
     def __init__(self, folder: Path, isolation: Isolation, limits: Limits) -> None:
@@ -62,7 +62,7 @@ class PipedProcess(ChildProcess):
 
     def _send(self, line: bytes, patience: Patience) -> None:
         assert self._piped.stdin is not None
-        with suppress(OSError):  # it has ended; whoever listens is told
+        with suppress(OSError):  # it has ended; the caller notices when it reads the answer
             self._piped.stdin.write(line)
             self._piped.stdin.flush()
 
@@ -81,11 +81,11 @@ class PipedProcess(ChildProcess):
                 self._keep(data)
 
     def kill(self) -> None:
-        """End it; what it has started goes on, as nothing here keeps it together."""
+        """End it; processes that it has started continue, as nothing here groups them."""
         self._piped.kill()
 
     def close(self) -> None:
-        """End it and let go of everything. Safe to call twice.
+        """End it and release everything. Safe to call twice.
 
         Raises:
             Misbehaved: it had printed too much.
@@ -100,7 +100,7 @@ class PipedProcess(ChildProcess):
                 reader.join(END_S)
             self._hear_output()
         finally:
-            with suppress(OSError):  # what it has not been told is in there
+            with suppress(OSError):  # the unsent rest of a request is still buffered
                 self._piped.stdin.close()
 
 

@@ -1,11 +1,11 @@
-"""What the grader and the student's process say to each other: one line of JSON each way, the grader asks first.
+"""Messages between grader and student's process: one line of JSON each way; the grader sends the first.
 
     --> {"n": 7, "cpu_s": 10.0, "verb": {"do": "call", "file": "mixer.py", "function": "mix", "args": [0.5]}}
     <-- {"n": 7, "value": [1500, 1550]}      or      {"n": 7, "error": {"step": "call", "text": "mixer.py, line 3: "}}
 
-What comes back is a stranger's: a line has a longest length, nothing in it is nested deeply, and of JSON nothing can
-come but numbers, texts, lists, dicts, true, false and nothing. So no object of the student's class, whatever it
-says that it equals, ever stands in the grader.
+What the student's process sends is untrusted: a line has a maximum length and a maximum depth of nesting, and JSON can
+carry only numbers, texts, lists, dicts, true, false and null. So no object of a class of the student's, whose
+comparisons could lie, reaches the grader.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from snr_sim.prelude.values import NO_JSON, decode_value
 MAX_ANSWER_BYTES = 1 << 20
 MAX_DEPTH = 32
 PIPES = -1  # in place of a descriptor: the process is asked on its stdin and answers on its stdout
-TIME_UP_STATUS = 152  # exit status of a process whose CPU time is up, as a shell tells SIGXCPU
+TIME_UP_STATUS = 152  # exit status of a process whose CPU time is used up, as a shell reports SIGXCPU
 SUBMISSION = "."  # the name of the submission's folder; those of robots have theirs
 # Type of the task, its name (None: every one), and the handler's name.
 HandlerRow: TypeAlias = tuple[str, str | None, str]
@@ -48,7 +48,7 @@ class Call(_Verb, frozen=True):
 
 
 class MakeObject(_Verb, frozen=True, tag="host"):
-    """Make an object of the kit's or the lab's, whose class gets the student's module first."""
+    """Create an object of snr_sim or the lab, whose class gets the student's module first."""
 
     file: str
     host: SentCode
@@ -64,7 +64,7 @@ class AskObject(_Verb, frozen=True, tag="ask"):
 
 
 class Parse(_Verb, frozen=True):
-    """Apply a parser of the kit or the lab."""
+    """Apply a parser of snr_sim or the lab."""
 
     parser: SentCode
     data: bytes
@@ -87,7 +87,7 @@ class Open(_Verb, frozen=True):
 
     Args:
         file: of the submission, which was read.
-        robot: what `factories` gets, pickled, in base64.
+        robot: argument of `factories`, pickled, in base64.
     """
 
     file: str
@@ -134,12 +134,12 @@ Verb: TypeAlias = Hello | Call | MakeObject | AskObject | Parse | Load | Open | 
 
 
 class Ask(msgspec.Struct, frozen=True):
-    """What the grader says.
+    """Request of the grader.
 
     Args:
         n: the number of the line.
         cpu_s: how much CPU time the answer may take.
-        verb: what is asked for.
+        verb: the request.
     """
 
     n: int
@@ -148,15 +148,15 @@ class Ask(msgspec.Struct, frozen=True):
 
 
 class Said(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A failure of the student's program, in the words of its own process.
+    """A failure of the student's program, as reported by its own process.
 
     Args:
-        step: what was tried: "load", "call", "handle", ...
+        step: the step that failed: "load", "call", "handle", ...
         text: with the student's line first.
         fix: what to try.
-        component: whose it was.
-        is_value: what came back is no value that can cross, rather than that something was raised.
-        is_refused: what the program has or gives is not what the kit takes, and `text` says so.
+        component: name of the component that failed.
+        is_value: a result cannot be sent to the grader, as opposed to an exception.
+        is_refused: the program has or returns something that snr_sim does not accept, described in `text`.
     """
 
     step: str
@@ -168,12 +168,12 @@ class Said(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Answer(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """What the student's process says: a value, or why there is none.
+    """Answer of the student's process: a value, or why there is none.
 
     Args:
         n: the number of the line that is answered.
         value: JSON, of the form that was asked for.
-        error: what went wrong.
+        error: the failure.
     """
 
     n: int
@@ -208,7 +208,7 @@ class Made(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Told(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """What is told after every step: what entered through the door, new handlers, notes, pages asked for in vain.
+    """Effects of a step: tasks from the inbox, new handlers, notes, keys of pages requested but never stored.
 
     Args:
         said: what components have printed and logged: component, level, text.
@@ -240,7 +240,7 @@ class StepDone(Told, frozen=True, omit_defaults=True):
 
 
 class ProtocolError(SnrError):
-    """A line that is not what the protocol allows."""
+    """A line that violates the protocol."""
 
 
 encode = msgspec.json.Encoder().encode
@@ -289,7 +289,7 @@ def plain_value(raw: msgspec.Raw) -> Any:
 
 
 def check_depth(data: bytes) -> None:
-    """Check that JSON is not nested too deeply for whoever walks through it later.
+    """Check that JSON is not nested too deeply for a recursive reader.
 
     Raises:
         ProtocolError: it is.

@@ -1,11 +1,11 @@
-"""The student's components in the grader's node: proxies that have each step done in the student's process.
+"""Student's components in the grader's node: proxies whose steps run in the student's process.
 
     grader's node: sensors, proxies, actuators, plant, clock      student's process: the components themselves
         a task for 'depth_hold'    -- task, time, new pages -->    its handler
                                    <-- tasks it returned ------
 
-A proxy has the name, the place, and the handlers' names of what it stands for. So the run is the same, and so is its
-trace, as if the components were here; but nothing that comes back is taken as it comes (`admission.py`).
+A proxy has the name, the position and the handlers' names of its component. So the run and its trace are the same as
+if the components were here; but everything that comes back is checked first (`admission.py`).
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ T = TypeVar("T")
 
 
 class StudentFailed(SnrError):
-    """The student's component raised, in its own process; its words have the student's line first."""
+    """Failure of the student's component in its own process; the message has the student's line first."""
 
 
 class Remote:
-    """The student's components, wherever they stand in the grader's nodes.
+    """The student's components in all of the grader's nodes.
 
     Args:
         child: the student's process.
@@ -55,7 +55,7 @@ class Remote:
         self.child = child
         self.file = file
         self.admission = Admission(file)
-        self.misbehaved: Misbehaved | None = None  # what no node could tell as it is, as its words are lost there
+        self.misbehaved: Misbehaved | None = None  # kept here, as a node that ends loses its message
         self.files: list[tuple[str, str]] = []  # that were read: the folder's name and the path in it
         self.names: set[str] = set()  # of the student's components
         self._made = 0  # factories, so far
@@ -67,15 +67,15 @@ class Remote:
         self._failure: StudentFailed | None = None
 
     def ask(self, verb: protocol.Verb, decoder: msgspec.json.Decoder[T], cpu_s: float = STEP_CPU_S) -> T:
-        """Ask the student's process; return what it answers.
+        """Send a request to the student's process; return its answer.
 
         Args:
             verb, cpu_s: as for `ChildProcess.ask`.
-            decoder: of the answer's form.
+            decoder: of the answer's type.
 
         Raises:
-            Misbehaved: it did not answer in this form; kept, as a node that runs says it in other words.
-            StudentFailed: a step of a component's life raised.
+            Misbehaved: the answer has another type; kept too, as a node that runs replaces the message by its own.
+            StudentFailed: a step of a component's life cycle raised.
         """
         try:
             answer = self.child.ask(verb, cpu_s)
@@ -127,7 +127,7 @@ class Remote:
         return made
 
     def handle(self, component: RemoteEndpoint, task: Task) -> SomeTasks:
-        """Have a task handled; those that stand behind handle it with the same message."""
+        """Have a task handled; the student's components behind this one handle it in the same request."""
         name = component.name
         is_next = self._task is task and self._node is component.parent
         if not is_next or (name not in self._answers and name != self._failed):
@@ -168,7 +168,7 @@ class Remote:
         return done
 
     def _take(self, told: protocol.Told, node: Node) -> None:
-        """Do what else a step has told."""
+        """Apply the other effects of a step."""
         for raw, source in told.entered:
             (task,) = self.admission.tasks([raw], node, source)
             node.enter(task, source)
@@ -185,7 +185,7 @@ class Remote:
             node.datastore.missed[key] = None
 
     def _new_pages(self, node: Node) -> tuple[list[msgspec.Raw], dict[str, float]]:
-        """Return what is in the datastore and have not been sent, each page after the one before it."""
+        """Return the pages in the datastore that were not sent yet, each after the page before it."""
         sent = self._sent.setdefault(node.role, {})
         pages: list[msgspec.Raw] = []
         came_s: dict[str, float] = {}
@@ -229,7 +229,7 @@ class RemoteEndpointFactory(EndpointFactory):
 
 
 class RemoteEndpoint(Endpoint):
-    """Stands for an endpoint of the student's."""
+    """Proxy of an endpoint of the student's."""
 
     factory: RemoteEndpointFactory
     parent: Node
@@ -287,7 +287,7 @@ class RemoteLoopFactory(LoopFactory):
 
 
 class RemoteLoop(Loop):
-    """Stands for a loop of the student's: the grader's clock says when it ticks."""
+    """Proxy of a loop of the student's: the grader's clock determines its ticks."""
 
     factory: RemoteLoopFactory
     parent: Node

@@ -1,7 +1,7 @@
-"""Classes and functions that stand in a student's process and are not the student's: how they get there.
+"""Code of classes and functions that run in a student's process but are not the student's.
 
-What is of the kit is imported there. A module of a lab is sent as code when something in it is needed, alone: the
-process can read neither the lab's folder nor what else is in it. So such a module imports nothing else of the lab.
+Modules of snr_sim are imported there. A module of a lab is sent as code when it is needed, and alone: the
+process can read neither the lab's folder nor its other files. So such a module imports nothing else of the lab.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class SentCode(msgspec.Struct, frozen=True):
 
     Args:
         module, name: where it is found.
-        code: of the module, by `marshal`; none if it is of the kit.
+        code: of the module, by `marshal`; none if it belongs to snr_sim.
     """
 
     module: str
@@ -43,7 +43,7 @@ class SentCode(msgspec.Struct, frozen=True):
 
 
 def sent(one: Callable[..., Any]) -> SentCode:
-    """Return a class or function of the kit or of a lab as it is sent.
+    """Return a class or function of snr_sim or of a lab as it is sent.
 
     Raises:
         LabFault: it is of neither.
@@ -61,5 +61,5 @@ def sent(one: Callable[..., Any]) -> SentCode:
 
 @cache
 def _code_of(module: ModuleType) -> bytes:
-    # Not the file's own name: the process cannot read it, and its lines are none of the student's.
+    # Not the file's own name: the process cannot read that file, and its lines are not the student's.
     return marshal.dumps(compile(Path(str(module.__file__)).read_bytes(), f"<{module.__name__}>", "exec"))

@@ -25,20 +25,20 @@ class TypedPages:
         self._kept: dict[str, deque[tuple[bytes, Page]]] = {}
 
     def leaves(self, task: Task) -> msgspec.Raw:
-        """Return a task as it goes to the grader."""
+        """Return a task as it is sent to the grader."""
         raw = task.serialize()
         if _OBJECT in raw and task.type is TaskType.store_page and len(task.val_list) == 1:
             (page,) = task.val_list
             try:
                 fields = msgspec.structs.replace(page, data=msgspec.to_builtins(page.data))
             except (TypeError, ValueError, RecursionError):
-                return msgspec.Raw(raw)  # the grader says what of it cannot leave
+                return msgspec.Raw(raw)  # the grader reports what of it cannot be sent
             self._kept.setdefault(page.key, deque(maxlen=_KEPT)).append((fields.serialize(), page))
             raw = Task.store_page(fields).serialize()
         return msgspec.Raw(raw)
 
     def as_made(self, raw: bytes) -> Page:
-        """Return a page that the grader has brought, with the object that it had when it was made here."""
+        """Return a page from the grader, with its original object if it was made here."""
         page = Page.deserialize(raw)
         kept: Any = self._kept.get(page.key, ())
         return next((made for fields, made in reversed(kept) if fields == raw), page)

@@ -11,7 +11,7 @@ from snr_sim.grading.reports.results import CheckResult, Graded
 
 
 def check50(graded: Graded) -> str:
-    """Return the file's text; `error` stands in it instead of `results` if nothing was tried."""
+    """Return the file's text; it has `error` instead of `results` if no check was run."""
     fields: dict[str, Any] = {"slug": one_line(graded.lab), "version": graded.kit}
     if graded.status == "graded":
         fields["results"] = [_result(check) for check in graded.checks]

@@ -1,6 +1,6 @@
-"""The class in tables: a row per submission for spreadsheets, a row per case for whoever looks closer, the ranking.
+"""Tables of a class: a row per submission for spreadsheets, a row per case for details, and the ranking.
 
-Rows are written one by one, and of each submission only its numbers are kept: a department is no larger than a class.
+Rows are written one by one, and only the numbers of each submission are kept in memory, for classes of any size.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ class Summary:
     Args:
         points: of each submission that has a mark.
         of: points that could be had.
-        refused, faults: names of those of which nothing could be graded, and of those without a mark.
-        unjudged: names of those with a mark who gave something in a case that the check could not judge.
+        refused, faults: names of submissions that could not be graded, and of those without a grade.
+        unjudged: names of those with a grade whose result in some case the check could not judge.
         checks: how many got all points of each check, by its title.
         ranked: per ranked metric the names with their value, unordered.
         orders: whether the least or the most is best.
@@ -77,7 +77,7 @@ def write_class(table: TextIO, again: Again, given: Mapping[str, str]) -> None:
     Args:
         table: opened with newline="".
         again: gives all submissions, each time it is called.
-        given: where each submission was, by its name: of two that are called the same it tells whose is which.
+        given: where each submission was, by its name, to distinguish two of the same name.
     """
     checks: dict[str, None] = {}
     metrics: dict[str, None] = {}

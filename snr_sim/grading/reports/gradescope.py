@@ -1,4 +1,4 @@
-"""results.json as Gradescope reads it: one test per check, all visible, and of hidden cases only what may be told.
+"""results.json as Gradescope reads it: one test per check, all visible, without details of hidden cases.
 
 No test's visibility is "hidden": Gradescope then hides the total, too. What must not be seen is not in the file.
 

@@ -1,6 +1,6 @@
-"""Texts of strangers, made harmless for where they are shown: a student's program may print anything.
+"""Untrusted text escaped for where it is shown: a student's program may print anything.
 
-What cannot be seen, or would be obeyed by a terminal, a browser or a spreadsheet, is shown as an escape.
+Invisible characters, and those that a terminal, a browser or a spreadsheet would interpret, are shown as escapes.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def one_line(text: str, limit: int = 300) -> str:
 
 
 def markdown(text: str) -> str:
-    """Return a line that reads in Markdown as it stands: no links, no pictures, no HTML.
+    """Return a line that Markdown shows unchanged: no links, no pictures, no HTML.
 
     >>> print(markdown("![x](http://a) <b>|`"))
     \\!\\[x\\](http:&#47;/a) \\<b\\>\\|\\`
@@ -53,7 +53,7 @@ def markdown(text: str) -> str:
 
 
 def fenced(text: str, indent: str = "") -> str:
-    """Return a block of Markdown in which a text stands untouched, whatever is in it."""
+    """Return a block of Markdown that shows a text unchanged, whatever it contains."""
     shown = plain(text)
     longest = max((len(run) for run in re.findall("`+", shown)), default=0)
     fence = "`" * max(3, longest + 1)
@@ -61,7 +61,7 @@ def fenced(text: str, indent: str = "") -> str:
 
 
 def cell(text: str) -> str:
-    """Return a text for a table's cell, which no spreadsheet takes for a formula.
+    """Return a text for a table's cell, which no spreadsheet reads as a formula.
 
     >>> cell("=1+1"), cell("ada"), cell(" \\t@x")
     ("'=1+1", 'ada', "'@x")

@@ -1,4 +1,4 @@
-"""What grading a submission comes to: the one record from which every report is made.
+"""Result of grading a submission: the one record from which every report is made.
 
     lab, submission, secret -> checks, one child per case -> Graded -> Markdown, Gradescope, JUnit, check50, CSV
 
@@ -28,16 +28,16 @@ class CaseResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     student's program made of its input, or said about it.
 
     Args:
-        label: what the case is about, such as "from 1 m to 3 m".
+        label: subject of the case, such as "from 1 m to 3 m".
         is_visible: whether `snr check` shows it, too.
         fraction: how much of the case was right, 0 to 1.
-        hint: what to think about next, in the words of the lab or of the grader; nothing of the student's program.
-        expected: what would have been right.
-        actual: what came.
-        error: what the student's program did wrong, the student's own line first: an exception, a late answer.
-        printed: what the student's program printed, cut to a bounded length.
+        hint: what to think about next, from the lab or the grader; contains nothing of the student's program.
+        expected: the right result.
+        actual: the result obtained.
+        error: the failure of the student's program, the student's own line first: an exception, a late answer.
+        printed: output of the student's program, truncated.
         metrics: numbers for the class's table and the leaderboard.
-        fault: where the check gave up on what the student's program gave, which is 0; for the instructor alone.
+        fault: where the check gave up on a result of the student's program, which is 0; for the instructor alone.
         run_folder: the recorded run, relative to the folder of the submission's results; empty if none was kept.
     """
 
@@ -60,15 +60,15 @@ class CaseResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 
 class CheckResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One check: what it is called, its points, and its cases in order.
+    """One check: its name, its points, and its cases in order.
 
     Args:
         name: the name of the check's function.
         title: the first line of its docstring.
-        points: points it was given.
-        of: points it could have.
+        points: points obtained.
+        of: maximum points.
         cases: visible ones first; empty if it was skipped.
-        skipped_because: why it was not tried, in words; empty if it was.
+        skipped_because: why it was skipped, as text; empty if it was not.
     """
 
     name: str
@@ -88,19 +88,19 @@ class Graded(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """A submission with its checks.
 
     Args:
-        submission: the name it goes by in every report.
+        submission: its name in every report.
         lab: name of the lab's folder.
-        title: what the lab is called.
+        title: of the lab.
         checks: in the lab's order; empty unless `status` is "graded".
-        isolation: how the student's program was kept apart: in a "sandbox" of namespaces; "confined" by the kernel's
-            other walls, in a container where nobody may make namespaces; or "none": not at all.
+        isolation: of the student's program: in a "sandbox" of namespaces; "confined" by the kernel's other
+            mechanisms, in a container where namespaces are not permitted; or "none".
         is_hidden_included: whether hidden cases were tried: in grading, not in practice.
         kit: version of snr_sim.
-        status: "graded"; "refused": there was nothing that can be graded, which is 0 points; "fault": the lab or
-            the grader failed, which is no mark at all.
+        status: "graded"; "refused": the submission has nothing that can be graded, which is 0 points; "fault": the
+            lab or the grader failed, which gives no grade.
         error: why it was refused, for the student, or what the fault was, for the instructor.
-        notes: what the student should know besides: files that were left out, or are missing.
-        leaderboard: which of `metrics` are ranked, and whether "asc" (the least is best) or "desc".
+        notes: further information for the student: files that were left out, or are missing.
+        leaderboard: which of `metrics` are ranked, and whether "asc" (the smallest is best) or "desc".
     """
 
     submission: str
@@ -127,7 +127,7 @@ class Graded(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
     @property
     def faults(self) -> list[str]:
-        """Returns where checks gave up on what the student's program gave: 0 points, and for the instructor to see."""
+        """Cases in which a check gave up on a result of the student's program: 0 points; for the instructor to see."""
         return [
             f"{check.name}, case '{case.label}': {case.fault}"
             for check in self.checks

@@ -1,4 +1,4 @@
-"""One page of Markdown for a student: the mark, what each check found, and what to try."""
+"""One page of Markdown for a student: the points, the result of each check, and what to try."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""What a student is told of a check: everything of visible cases; of hidden ones how many passed, and the hints.
+"""Feedback on a check for the student: all of visible cases; of hidden ones the number that passed, and the hints.
 
-Every report goes through here, so none tells more of a hidden case than another: not its input, not its seed, and not
-what the student's program said or did in it, which could be its input again.
+Every report uses this module, so none reveals more of a hidden case than another: not its input, not its seed, and not
+what the student's program printed or did in it, which could contain the input.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ def number(value: float) -> str:
 
 
 def visible(check: CheckResult) -> tuple[CaseResult, ...]:
-    """Return the cases of which everything may be told."""
+    """Return the cases of which everything may be shown."""
     return tuple(case for case in check.cases if case.is_visible)
 
 
 def hidden_lines(check: CheckResult) -> list[str]:
-    """Return what is told of the hidden cases: one line for all, and one for each different hint."""
+    """Return the feedback on the hidden cases: one line for all, and one for each different hint."""
     hidden = [case for case in check.cases if not case.is_visible]
     if not hidden:
         return []
@@ -60,13 +60,13 @@ def main_hint(check: CheckResult) -> str:
 
 
 def parts(case: CaseResult) -> list[tuple[str, str]]:
-    """Return what there is to say of a visible case, each with its heading."""
+    """Return the feedback on a visible case, each part with its heading."""
     said = [("expected", case.expected), ("found", case.actual), ("went wrong", case.error)]
     return [(heading, text) for heading, text in [*said, ("your program printed", case.printed)] if text]
 
 
 def as_text(check: CheckResult) -> str:
-    """Return a check in plain text, for systems that show it as it is."""
+    """Return a check in plain text, for systems that show it unchanged."""
     if check.skipped_because:
         return f"Not tried: {one_line(check.skipped_because)}"
     lines = []

@@ -24,7 +24,7 @@ def become(user: int) -> None:
 def end_with_parent() -> None:
     """Have the kernel kill this process when the thread that started it ends; on Linux only.
 
-    A change of the user takes it back.
+    A change of the user resets it.
     """
     if sys.platform == "linux":
         process_control(_PARENT_DEATH_SIGNAL, signal.SIGKILL)

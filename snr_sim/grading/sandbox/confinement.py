@@ -1,7 +1,7 @@
-"""The walls that a process puts up around itself where no namespaces can be made: in an ordinary container, as root.
+"""Confinement of a process by itself where it can make no namespaces: in an ordinary container, as root.
 
-Each is the kernel's own and cannot be taken down. If one of them cannot be put up, the process ends before it has read
-the submission. The limits and the filter of system calls come after these (`child_limits.py`).
+Each mechanism is the kernel's own and cannot be undone. If one of them cannot be set up, the process ends before it
+reads the submission. The limits and the filter of system calls come after these (`child_limits.py`).
 """
 
 from __future__ import annotations

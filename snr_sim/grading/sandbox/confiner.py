@@ -37,7 +37,7 @@ _NEEDED = {"CAP_CHOWN": 0, "CAP_DAC_OVERRIDE": 1, "CAP_KILL": 5, "CAP_SETGID": 6
 
 
 class Confiner:
-    """What one confined process is given. No other process or grader here has its user; `close` gives that back.
+    """Resources of one confined process. No other process or grader here has its user; `close` releases that.
 
     Raises:
         LabFault: there is no user left for it.
@@ -69,7 +69,7 @@ class Confiner:
         return True
 
     def close(self) -> None:
-        """Remove what the process has written, which has ended."""
+        """Remove the files of the process, which has ended."""
         if self.listener >= 0:
             with suppress(OSError):
                 os.close(self.listener)
@@ -78,7 +78,7 @@ class Confiner:
 
 
 def _claim_user() -> tuple[int, socket.socket]:
-    """Return a user that no other grader here has, and what keeps it ours until it is closed."""
+    """Return a user that no other grader here has, and what reserves it until it is closed."""
     import pwd  # as `fcntl` above
 
     for number in range(FIRST, LAST + 1):

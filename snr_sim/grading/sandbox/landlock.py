@@ -1,4 +1,4 @@
-"""Landlock: a process tells the kernel once which folders it will use, and can open nothing else any more.
+"""Landlock: a process lists once for the kernel the folders it will use, and can open nothing else afterwards.
 
 It needs no rights and no namespaces. What it does not cover (asking whether a file is there, and how long it is) is
 left to the files' own permissions; network and signals, which newer versions cover, to the filter of system calls.
@@ -30,10 +30,10 @@ class LandlockMissing(Exception):
 
 
 def restrict(granted: Mapping[Path, int]) -> None:
-    """Allow this process what is granted, and nothing else, for good. It must have given up new privileges.
+    """Permit this process the granted access only, irrevocably. It must have given up new privileges.
 
     Args:
-        granted: what may be done in a folder and below, or with a file. A path that does not exist is left out.
+        granted: access to a folder and below, or to a file. A path that does not exist is left out.
 
     Raises:
         LandlockMissing: the kernel cannot do that.

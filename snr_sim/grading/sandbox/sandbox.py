@@ -1,12 +1,12 @@
 """The sandbox: bubblewrap's namespaces around a student's process, which show it little.
 
-In it there are Python, the kit without its labs, the submission, and 16 MB in memory to write on; all else is
-read-only or absent: no network, no other process, no environment, no file of ours. It is nobody's (uid 65534), and when
-the grader ends it, everything in its namespace ends.
+It contains Python, snr_sim without its labs, the submission, and 16 MB in memory to write on; all else is
+read-only or absent: no network, no other process, no environment, no file of the grader's. Its user is nobody
+(uid 65534), and when the grader ends it, everything in its namespace ends.
 
-As root, bubblewrap makes the mounts by that right, and the child gives it away before it reads the submission
-(`child_limits.py`). So no user namespaces are needed, and folders that only root may enter can hold Python. Anybody
-else needs user namespaces. Root in a container that may not mount has neither: there `confinement.py` takes its place.
+As root, bubblewrap makes the mounts with root's rights, and the child drops them before it reads the submission
+(`child_limits.py`). So no user namespaces are needed, and Python may be in folders that only root may enter. Other
+users need user namespaces. Root in a container that may not mount has neither: `confinement.py` is used there instead.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _SCRATCH_BYTES = 16 << 20
 
 
 class IsolationMissing(SnrError):
-    """A student's program cannot be kept apart here, and was to be."""
+    """Isolation is required, but not available on this computer."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Limits:
     open_files: int = 64
 
     def wall_s(self, cpu_s: float) -> float:
-        """Return how long to wait for something that may take so much CPU time: far longer, on a busy computer."""
+        """Return the wall time limit for a given CPU time: far longer, as the computer may be busy."""
         return 30.0 + 10.0 * min(cpu_s, self.cpu_s)
 
 
@@ -91,7 +91,7 @@ def wrapping(folder: Path, readable: Sequence[Path], makes_copies: bool) -> Iter
     yield from (str(find_bubblewrap()), "--die-with-parent", "--cap-drop", "ALL")
     yield from ("--unshare-ipc", "--unshare-pid", "--unshare-net", "--unshare-uts", "--hostname", "grader")
     if is_root():
-        for capability in ("CAP_SETUID", "CAP_SETGID", *["CAP_SYS_ADMIN"] * makes_copies):  # to become nobody
+        for capability in ("CAP_SETUID", "CAP_SETGID", *["CAP_SYS_ADMIN"] * makes_copies):  # to setuid to nobody
             yield from ("--cap-add", capability)
     else:
         yield from ("--unshare-user", "--uid", str(NOBODY), "--gid", str(NOBODY))
@@ -113,7 +113,7 @@ def wrapping(folder: Path, readable: Sequence[Path], makes_copies: bool) -> Iter
 
 
 def closed_to_others() -> Path | None:
-    """Return a folder on the way to Python, its packages or the kit that others may not enter; None if they may."""
+    """Return a private folder on the path to Python, its packages or snr_sim; None if other users may enter all."""
     for path in outermost([*python_folders(), KIT]):
         if closed := closed_above(path / "any"):
             return closed

@@ -1,6 +1,6 @@
-"""What a student's process may ask of Linux, by the numbers of its two kinds of computer; all else it may not.
+"""System calls that a student's process may make, by their numbers on two processor architectures; others are refused.
 
-A list of what is allowed, and not of what is forbidden: what a newer kernel adds is refused without being known.
+A list of allowed calls, not of forbidden ones: calls that a newer kernel adds are refused without being known.
 
 Source: arch/x86/entry/syscalls/syscall_64.tbl and include/uapi/asm-generic/unistd.h of Linux 6.1; a number is never
 given to another call.
@@ -26,7 +26,7 @@ def _number(text: str) -> int:
     return ABSENT if text == "-" else int(text)
 
 
-# The kernel goes through the list from the top: reading and writing come first.
+# The kernel checks the list from the top: reading and writing come first.
 _DATA = """
     read 0 63, write 1 64, lseek 8 62, fstat 5 80, stat 4 -, lstat 6 -, newfstatat 262 79, statx 332 291,
     close 3 57, mmap 9 222, munmap 11 215, mprotect 10 226, mremap 25 216, madvise 28 233, brk 12 214,
