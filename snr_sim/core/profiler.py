@@ -72,7 +72,7 @@ class Profiler:
 
     def rows(self) -> list[dict[str, float | str]]:
         """Return name, count, total, mean and max [s] and fraction of the measured time; most expensive first."""
-        whole_s = sum(timing.total_s for timing in self.timings.values()) or 1.0  # only printed
+        whole_s = sum(timing.total_s for timing in self.timings.values()) or 1.0  # decides no run: only printed
         by_cost = sorted(self.timings.items(), key=lambda item: -item[1].total_s)
         return [
             {
