@@ -104,7 +104,7 @@ class TraceWriter:
             ) from error
         first = _encode(opening or Opening.now("", "")) + b"\n"
         second = _encode(header) + b"\n"
-        self._write(first + second)
+        _, self._failure = self._write(first + second)
         self._digest.update(second)
         if self._whole_bytes < len(first) + len(second):
             self._file.close()
@@ -267,7 +267,7 @@ class TraceWriter:
                 return
             if self._failure is None:
                 # b"" at the end, so that the last line gets its newline, too
-                written = self._write(b"\n".join([*(line for _, line in ready), b""]))
+                written, error = self._write(b"\n".join([*(line for _, line in ready), b""]))
                 self._digest.update(written)
                 whole = written.count(b"\n")
                 if not self._unsynced_lines:
@@ -275,25 +275,28 @@ class TraceWriter:
                 self._unsynced_lines += whole
                 if whole < len(ready):
                     self._lose(ready[whole][0], len(ready) - whole)
+                self._failure = error  # last: the first report counts all that is lost so far
+            else:
+                self._lose(ready[0][0], len(ready))  # queued while the disk failed
             if self._follower is not None:
                 self._follower.give([line for _, line in ready])
 
-    def _write(self, data: bytes) -> bytes:
-        """Write the data, or truncate the file to its last whole line and store the failure.
+    def _write(self, data: bytes) -> tuple[bytes, OSError | None]:
+        """Write the data, or truncate the file to its last whole line.
 
-        Returns what was written.
+        Returns what was written, and the failure.
         """
-        view = memoryview(data)
+        view, failure = memoryview(data), None
         try:
             while view:
                 view = view[self._file.write(view) :]
         except OSError as error:
-            self._failure = error
+            failure = error
             data = data[: data.rfind(b"\n", 0, len(data) - len(view)) + 1]
             with suppress(OSError):  # some disks fail here, too; a reader skips a truncated last line
                 self._file.cut(self._whole_bytes + len(data))
         self._whole_bytes += len(data)
-        return data
+        return data, failure
 
     def _sync(self) -> None:
         """Sync the file to the disk; if that fails, everything since the last sync counts as lost."""
@@ -304,9 +307,9 @@ class TraceWriter:
             try:
                 self._file.sync()
             except OSError as error:
+                self._lose(self._unsynced_since_s, self._unsynced_lines)
                 if self._failure is None:
                     self._failure = error
-                self._lose(self._unsynced_since_s, self._unsynced_lines)
             self._unsynced_lines = 0
 
 

@@ -196,6 +196,24 @@ def test_a_disk_with_room_again_gets_no_trace_with_a_gap(robots: Robots) -> None
     check_told(robot, "No space left on device")
 
 
+def test_a_failure_is_known_only_when_what_it_lost_is_counted(robots: Robots, monkeypatch: pytest.MonkeyPatch) -> None:
+    disk = Disk(5_000)
+    robot = robots.on(disk)
+    counted: list[bool] = []
+    cut, writer = _FileOn.cut, robot.writer
+
+    def slow_cut(file: _FileOn, size_bytes: int) -> None:  # of the flusher, after the disk has failed
+        writer.put(1e6, b"{}")  # meanwhile, of the robot
+        counted.append(writer.loss == "")
+        cut(file, size_bytes)
+
+    monkeypatch.setattr(_FileOn, "cut", slow_cut)
+    run_until(robot, is_told(robot))
+    assert robot.node.get_data("recording")["since_s"] < 1.5
+    end(robot)
+    assert counted == [True]
+
+
 def test_a_disk_that_cannot_sync_loses_all_since_the_last_sync(robots: Robots) -> None:
     disk = Disk()
     robot = robots.on(disk)
