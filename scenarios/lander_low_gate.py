@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from snr_sim_robot_lander.judging import judge, vertical_metrics
+from snr_sim_robot_lander.evaluation import judge, vertical_metrics
 from snr_sim_robot_lander.parameters import APOLLO, DRY_MASS_KG, LanderParameters
 
-from snr_sim.plants.lander.lander_1d import Lander1D, VerticalStart
-from snr_sim.prelude.rng import rng_for
-from snr_sim.prelude.scenario import Verdict
+from snr_sim.plants import Lander1D, VerticalStart
+from snr_sim.scenario import Verdict, rng_for
 
 ROBOT = "lander"
 ENGINES = ("closed_form",)

@@ -11,16 +11,11 @@ import math
 from functools import lru_cache
 from typing import Any
 
-from snr_sim_robot_lander.judging import judge, plane_metrics
-from snr_sim_robot_lander.parameters import APOLLO, DRY_MASS_KG, INERTIAL, PLANE_RADAR, LanderParameters, worse
+from snr_sim_robot_lander.evaluation import judge, plane_metrics
+from snr_sim_robot_lander.parameters import APOLLO, DRY_MASS_KG, INERTIAL, PLANE_RADAR, LanderParameters, scale_noise
 
-from snr_sim.plants.lander.lander import Lander
-from snr_sim.plants.lander.lander_2d import Lander2D
-from snr_sim.plants.lander.lander_3d import Lander3D
-from snr_sim.plants.lander.module import PlaneStart
-from snr_sim.plants.lander.terrain import Terrain, make_terrain
-from snr_sim.prelude.rng import rng_for
-from snr_sim.prelude.scenario import Verdict
+from snr_sim.plants import Lander, Lander2D, Lander3D, PlaneStart, Terrain, make_terrain
+from snr_sim.scenario import Verdict, rng_for
 
 ROBOT = "lander"
 BODIES = {"pymunk": Lander2D, "mujoco": Lander3D}  # in the plane on two legs; in space on four
@@ -50,7 +45,7 @@ def parameters(seed: int) -> LanderParameters:
     """Return the parameters for the controller."""
     begin, _ = start(seed)
     return LanderParameters(
-        begin.mass_kg, begin.fuel_kg, APOLLO, worse(PLANE_RADAR, 2.5), worse(INERTIAL, 2.5), engine_hz=10.0
+        begin.mass_kg, begin.fuel_kg, APOLLO, scale_noise(PLANE_RADAR, 2.5), scale_noise(INERTIAL, 2.5), engine_hz=10.0
     )
 
 

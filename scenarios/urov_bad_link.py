@@ -17,19 +17,15 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
+from snr_sim_robot_urov.evaluation import TrackedUrov, hold_verdict
 from snr_sim_robot_urov.failsafe_monitor import FailsafeLimits
-from snr_sim_robot_urov.judging import WatchedUrov, judged
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
 from snr_sim_robot_urov.tether_link import tether_faults
 
-from snr_sim.links.faults import Faults
-from snr_sim.plants.urov.dive import Dive
-from snr_sim.plants.urov.pool import Pool
-from snr_sim.plants.urov.propulsion import Propulsion
-from snr_sim.plants.urov.tether import Tether
-from snr_sim.prelude.rng import rng_for
-from snr_sim.prelude.scenario import Verdict
-from snr_sim.teleop.scripted_pilot import Cue
+from snr_sim.links import LinkFaults
+from snr_sim.plants import Dive, Pool, Propulsion, Tether
+from snr_sim.scenario import Verdict, rng_for
+from snr_sim.teleop import Cue
 
 ROBOT = "urov"
 ENGINES = ("mujoco",)
@@ -43,7 +39,7 @@ LIMITS = FailsafeLimits(stale_s=COUNTS_S, lost_s=60.0)  # no hold: there is no p
 ARM_S, CUE_S = 2.0, 0.05
 NEUTRAL_S, STILL_S = 0.5, 0.1  # allowed until the pulses are neutral, and until the propellers then stand still
 BACK_S = 2.5  # after which a link that was cut carries commands again: it tries to greet for three seconds
-QUIET_N, PUSH_N = 0.5, 1.0
+NEUTRAL_N, PUSH_N = 0.5, 1.0
 
 
 @dataclass(frozen=True)
@@ -60,7 +56,7 @@ class BadLink:
     kind: str
     from_s: float
     to_s: float
-    faults: Faults
+    faults: LinkFaults
 
 
 @lru_cache(maxsize=4)
@@ -99,7 +95,7 @@ def parameters(seed: int) -> UrovParameters:
     return UrovParameters(vehicle(), tuple(script), failsafe_limits=LIMITS, tether=bad_link(seed).faults)
 
 
-class Steered(WatchedUrov):
+class BadLinkUrov(TrackedUrov):
     """The vehicle, with an observer above who knows the faults of its link."""
 
     def reset(self, seed: int) -> None:
@@ -108,33 +104,39 @@ class Steered(WatchedUrov):
         super().reset(seed)
 
 
-def plant(seed: int, engine: str) -> Steered:
+def plant(seed: int, engine: str) -> BadLinkUrov:
     """Return the vehicle at its start."""
-    return Steered(vehicle(), Pool(40.0, 40.0, 6.0), dive, Propulsion(8), seed)
+    return BadLinkUrov(vehicle(), Pool(40.0, 40.0, 6.0), dive, Propulsion(8), seed)
 
 
-def verdict(plant: Steered) -> Verdict | None:
+def verdict(plant: BadLinkUrov) -> Verdict | None:
     """Return how it ended, once the time is over."""
     if plant.time_s < END_S - 1e-6:
         return None
     found, misses = metrics(plant, 0), []
-    if found["silent_thrust_n"] is not None and found["silent_thrust_n"] > QUIET_N:
-        misses.append(f"pushed {found['silent_thrust_n']:.1f} N although no command came in time ({plant.link.kind})")
+    if found["silent_thrust_n"] is not None and found["silent_thrust_n"] > NEUTRAL_N:
+        misses.append(
+            f"thrust was {found['silent_thrust_n']:.1f} N without a current command"
+            f" (limit {NEUTRAL_N:g} N, link fault '{plant.link.kind}')"
+        )
     share = found["pushed_share"]
     if share is not None and share < 0.9:
-        misses.append(f"pushed only {share:.0%} of the time in which commands came ({plant.link.kind})")
-    return judged(plant, misses)
+        misses.append(
+            f"thrusters ran for only {share:.0%} of the time with commands"
+            f" (minimum 90%, link fault '{plant.link.kind}')"
+        )
+    return hold_verdict(plant, misses)
 
 
-def metrics(plant: Steered, seed: int) -> dict[str, Any]:
+def metrics(plant: BadLinkUrov, seed: int) -> dict[str, Any]:
     """Return whether it pushed when it should not, how much of the time it did when it should, and what that cost."""
-    silent = [sample.thrust_n for after in _silent_s(plant.link) for sample in plant.during(*after)]
-    heard = [sample.thrust_n for after in _heard_s(plant.link) for sample in plant.during(*after)]
-    pushed = sum(thrust_n > PUSH_N for thrust_n in heard)
+    silent = [sample.thrust_n for after in _silent_s(plant.link) for sample in plant.samples_between(*after)]
+    commanded = [sample.thrust_n for after in _commanded_s(plant.link) for sample in plant.samples_between(*after)]
+    pushed = sum(thrust_n > PUSH_N for thrust_n in commanded)
     return {
         "fault": plant.link.kind,
         "silent_thrust_n": max(silent, default=None),
-        "pushed_share": pushed / len(heard) if heard else None,
+        "pushed_share": pushed / len(commanded) if commanded else None,
         "energy_j": plant.thrusters.energy_j,
     }
 
@@ -146,7 +148,7 @@ def _silent_s(link: BadLink) -> list[tuple[float, float]]:
     return [(link.from_s + NEUTRAL_S + STILL_S, link.to_s)] if link.kind in ("cut", "gone") else []
 
 
-def _heard_s(link: BadLink) -> list[tuple[float, float]]:
+def _commanded_s(link: BadLink) -> list[tuple[float, float]]:
     """Return when it should push."""
     if link.kind == "narrow":
         return []  # when commands begin to be late depends on how long they are

@@ -10,16 +10,12 @@ from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
-from snr_sim_robot_urov.judging import WatchedUrov
+from snr_sim_robot_urov.evaluation import TrackedUrov
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
-from snr_sim_robot_urov.seeing_pilot import Waypoint
+from snr_sim_robot_urov.waypoint_pilot import Waypoint
 
-from snr_sim.plants.urov.dive import Current, Dive
-from snr_sim.plants.urov.pool import Gate, Pool
-from snr_sim.plants.urov.propulsion import Propulsion
-from snr_sim.plants.urov.tether import Tether
-from snr_sim.prelude.rng import rng_for
-from snr_sim.prelude.scenario import Verdict
+from snr_sim.plants import Current, Dive, Gate, Pool, Propulsion, Tether
+from snr_sim.scenario import Verdict, rng_for
 
 ROBOT = "urov"
 ENGINES = ("mujoco",)
@@ -64,10 +60,10 @@ def parameters(seed: int) -> UrovParameters:
     return UrovParameters(vehicle(), route=tuple(route))
 
 
-class Course(WatchedUrov):
+class GateCourse(TrackedUrov):
     """The vehicle, with a counter of the gates it went through."""
 
-    def passed(self) -> list[str]:
+    def passed_gates(self) -> list[str]:
         """Return the names of the gates it went through, in the right direction, in this order."""
         names = []
         for before, after in pairwise(self.course):
@@ -78,31 +74,31 @@ class Course(WatchedUrov):
         return names
 
 
-def plant(seed: int, engine: str) -> Course:
+def plant(seed: int, engine: str) -> GateCourse:
     """Return the vehicle at its start."""
-    return Course(vehicle(), Pool(25.0, 12.5, 4.0, gates=gates(seed)), dive, Propulsion(8), seed)
+    return GateCourse(vehicle(), Pool(25.0, 12.5, 4.0, gates=gates(seed)), dive, Propulsion(8), seed)
 
 
-def verdict(plant: Course) -> Verdict | None:
+def verdict(plant: GateCourse) -> Verdict | None:
     """Return how it ended, or None while it runs."""
-    if plant.touched_n > 0.0:
-        return Verdict("touched", False, f"it touched something with {plant.touched_n:.0f} N")
+    if plant.max_contact_n > 0.0:
+        return Verdict("collided", False, f"touched an obstacle with {plant.max_contact_n:.0f} N")
     last = plant.pool.gates[-1]
     if _seen_from(last, plant.position_m)[0] < 0.5:
         return None
-    passed, wanted = plant.passed(), [gate.name for gate in plant.pool.gates]
-    if passed == wanted:
-        return Verdict("swum", True)
-    return Verdict("missed", False, f"it went through {', '.join(passed) or 'no gate'} instead of {', '.join(wanted)}")
+    passed_gates, expected = plant.passed_gates(), [gate.name for gate in plant.pool.gates]
+    if passed_gates == expected:
+        return Verdict("completed", True)
+    return Verdict("failed", False, f"passed {', '.join(passed_gates) or 'no gate'} instead of {', '.join(expected)}")
 
 
-def metrics(plant: Course, seed: int) -> dict[str, Any]:
+def metrics(plant: GateCourse, seed: int) -> dict[str, Any]:
     """Return which gates it went through, the time and the cost."""
-    return {"gates": plant.passed(), "time_s": plant.time_s, "energy_j": plant.thrusters.energy_j}
+    return {"gates": plant.passed_gates(), "time_s": plant.time_s, "energy_j": plant.thrusters.energy_j}
 
 
-def _seen_from(gate: Gate, place_m: tuple[float, float, float]) -> tuple[float, float, float]:
+def _seen_from(gate: Gate, position_m: tuple[float, float, float]) -> tuple[float, float, float]:
     """Return a position relative to a gate: distance behind it, to its left, and above its middle."""
-    x, y, z = (a - b for a, b in zip(place_m, gate.position_m, strict=True))
+    x, y, z = (a - b for a, b in zip(position_m, gate.position_m, strict=True))
     cos, sin = math.cos(gate.heading_rad), math.sin(gate.heading_rad)
     return cos * x + sin * y, -sin * x + cos * y, z

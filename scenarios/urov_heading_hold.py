@@ -12,17 +12,12 @@ import math
 from functools import lru_cache
 from typing import Any
 
-from snr_sim_robot_urov.judging import Sample, Step, WatchedUrov, followed, judged
+from snr_sim_robot_urov.evaluation import Sample, StepResponse, TrackedUrov, hold_verdict, step_response
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
 
-from snr_sim.plants.urov.dive import Current, Dive
-from snr_sim.plants.urov.pool import Pool
-from snr_sim.plants.urov.propulsion import Propulsion
-from snr_sim.plants.urov.tether import Tether
-from snr_sim.prelude.angles import wrap_rad
-from snr_sim.prelude.rng import rng_for
-from snr_sim.prelude.scenario import Verdict
-from snr_sim.teleop.scripted_pilot import Cue
+from snr_sim.plants import Current, Dive, Pool, Propulsion, Tether
+from snr_sim.scenario import Verdict, rng_for, wrap_rad
+from snr_sim.teleop import Cue
 
 ROBOT = "urov"
 ENGINES = ("mujoco",)
@@ -40,11 +35,11 @@ BAND_DEG, SETTLING_S, OVERSHOOT_DEG, STEADY_DEG, DEPTH_BAND_M = 6.0, 8.0, 12.0, 
 def dive(seed: int) -> Dive:
     """Return what happens in the run of a seed."""
     rng = rng_for(seed, "dive")
-    speed, way = rng.uniform(0.1, 0.2), rng.uniform(-math.pi, math.pi)
+    speed, direction = rng.uniform(0.1, 0.2), rng.uniform(-math.pi, math.pi)
     return Dive(
         position_m=(0.0, 0.0, -DEPTH_M),
         attitude_rad=(0.0, 0.0, rng.uniform(-math.pi, math.pi)),
-        currents=(Current(0.0, (speed * math.cos(way), speed * math.sin(way), 0.0)),),
+        currents=(Current(0.0, (speed * math.cos(direction), speed * math.sin(direction), 0.0)),),
         tether=Tether(anchor_m=(0.0, 0.0, 0.0)),
     )
 
@@ -65,7 +60,7 @@ def parameters(seed: int) -> UrovParameters:
     return UrovParameters(vehicle(), script)
 
 
-class Turning(WatchedUrov):
+class TurningUrov(TrackedUrov):
     """The vehicle, with the heading that its pilot will request."""
 
     def reset(self, seed: int) -> None:
@@ -74,12 +69,12 @@ class Turning(WatchedUrov):
         super().reset(seed)
 
 
-def plant(seed: int, engine: str) -> Turning:
+def plant(seed: int, engine: str) -> TurningUrov:
     """Return the vehicle at its start."""
-    return Turning(vehicle(), Pool(40.0, 40.0, 6.0), dive, Propulsion(8), seed)
+    return TurningUrov(vehicle(), Pool(40.0, 40.0, 6.0), dive, Propulsion(8), seed)
 
 
-def verdict(plant: Turning) -> Verdict | None:
+def verdict(plant: TurningUrov) -> Verdict | None:
     """Return how it ended, once the time is over."""
     if plant.time_s < END_S - 1e-6:
         return None
@@ -87,15 +82,15 @@ def verdict(plant: Turning) -> Verdict | None:
     if step.settling_s is None or step.settling_s > SETTLING_S:
         misses.append(f"did not settle within {BAND_DEG:g} deg in {SETTLING_S:g} s")
     if step.overshoot > OVERSHOOT_DEG:
-        misses.append(f"turned {step.overshoot:.1f} deg too far, more than {OVERSHOOT_DEG:g} deg")
+        misses.append(f"overshot by {step.overshoot:.1f} deg (limit {OVERSHOOT_DEG:g} deg)")
     if step.steady > STEADY_DEG:
-        misses.append(f"ended {step.steady:.1f} deg off, more than {STEADY_DEG:g} deg")
+        misses.append(f"steady-state error was {step.steady:.1f} deg (limit {STEADY_DEG:g} deg)")
     if _depth_error_m(plant) > DEPTH_BAND_M:
-        misses.append(f"was {_depth_error_m(plant):.2f} m from its depth, more than {DEPTH_BAND_M:g} m")
-    return judged(plant, misses)
+        misses.append(f"depth error was {_depth_error_m(plant):.2f} m (limit {DEPTH_BAND_M:g} m)")
+    return hold_verdict(plant, misses)
 
 
-def metrics(plant: Turning, seed: int) -> dict[str, Any]:
+def metrics(plant: TurningUrov, seed: int) -> dict[str, Any]:
     """Return how well heading and depth were held, and the cost."""
     step = _turn(plant)
     return {
@@ -107,15 +102,15 @@ def metrics(plant: Turning, seed: int) -> dict[str, Any]:
     }
 
 
-def _turn(plant: Turning) -> Step:
+def _turn(plant: TurningUrov) -> StepResponse:
     first, second = plant.headings_rad
     side = math.copysign(1.0, wrap_rad(second - first))
 
     def left_deg(sample: Sample) -> float:
         return side * math.degrees(wrap_rad(sample.yaw_rad - second))
 
-    return followed(plant.course, left_deg, (TURN_S, END_S), (-90.0, 0.0), BAND_DEG)
+    return step_response(plant.course, left_deg, (TURN_S, END_S), (-90.0, 0.0), BAND_DEG)
 
 
-def _depth_error_m(plant: Turning) -> float | None:
-    return max((abs(sample.depth_m - DEPTH_M) for sample in plant.during(TURN_S, END_S)), default=None)
+def _depth_error_m(plant: TurningUrov) -> float | None:
+    return max((abs(sample.depth_m - DEPTH_M) for sample in plant.samples_between(TURN_S, END_S)), default=None)

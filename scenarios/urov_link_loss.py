@@ -11,18 +11,14 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
+from snr_sim_robot_urov.evaluation import BODIES, Tracked, hold_verdict
 from snr_sim_robot_urov.failsafe_monitor import FailsafeLimits
-from snr_sim_robot_urov.judging import BODIES, Watched, judged
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
 from snr_sim_robot_urov.tether_link import tether_faults
 
-from snr_sim.plants.urov.dive import Dive
-from snr_sim.plants.urov.pool import Pool
-from snr_sim.plants.urov.propulsion import Propulsion
-from snr_sim.plants.urov.tether import Tether
-from snr_sim.prelude.rng import rng_for
-from snr_sim.prelude.scenario import Verdict
-from snr_sim.teleop.scripted_pilot import Cue
+from snr_sim.plants import Dive, Pool, Propulsion, Tether
+from snr_sim.scenario import Verdict, rng_for
+from snr_sim.teleop import Cue
 
 ROBOT = "urov"
 ENGINES = ("mujoco", "pymunk")
@@ -32,7 +28,7 @@ TIME_LIMIT_S = END_S + 1.0
 
 LIMITS = FailsafeLimits(hold_s=6.0)
 ARM_S, AHEAD_S, CUT_S = 2.0, 6.0, 10.0
-QUIET_S, QUIET_N, DEPTH_BAND_M, SURFACE_M = 0.5, 0.5, 0.3, 0.35
+NEUTRAL_S, NEUTRAL_N, DEPTH_BAND_M, SURFACE_M = 0.5, 0.5, 0.3, 0.35
 
 
 @lru_cache(maxsize=4)
@@ -53,35 +49,37 @@ def parameters(seed: int) -> UrovParameters:
     return UrovParameters(vehicle(), script, failsafe_limits=LIMITS, tether=link)
 
 
-def plant(seed: int, engine: str) -> Watched:
+def plant(seed: int, engine: str) -> Tracked:
     """Return the vehicle at its start."""
     return BODIES[engine](vehicle(), Pool(40.0, 40.0, 6.0), dive, Propulsion(8), seed)
 
 
-def verdict(plant: Watched) -> Verdict | None:
+def verdict(plant: Tracked) -> Verdict | None:
     """Return how it ended, once the time is over."""
     if plant.time_s < END_S - 1e-6:
         return None
     found, misses = metrics(plant, 0), []
-    if found["thrust_after_cut_n"] > QUIET_N:
-        misses.append(f"still pushed {found['thrust_after_cut_n']:.1f} N {QUIET_S:g} s after the cut")
+    if found["thrust_after_cut_n"] > NEUTRAL_N:
+        misses.append(
+            f"thrust was {found['thrust_after_cut_n']:.1f} N {NEUTRAL_S:g} s after the cut (limit {NEUTRAL_N:g} N)"
+        )
     if found["depth_error_m"] > DEPTH_BAND_M:
-        misses.append(f"was {found['depth_error_m']:.2f} m from its depth, more than {DEPTH_BAND_M:g} m")
+        misses.append(f"depth error was {found['depth_error_m']:.2f} m (limit {DEPTH_BAND_M:g} m)")
     if found["end_depth_m"] > SURFACE_M:
-        misses.append(f"ended {found['end_depth_m']:.2f} m deep, not at the surface")
-    if plant.touched_n > 0.0:
-        misses.append(f"touched something with {plant.touched_n:.0f} N")
-    return judged(plant, misses)
+        misses.append(f"final depth was {found['end_depth_m']:.2f} m (limit {SURFACE_M:g} m)")
+    if plant.max_contact_n > 0.0:
+        misses.append(f"touched an obstacle with {plant.max_contact_n:.0f} N")
+    return hold_verdict(plant, misses)
 
 
-def metrics(plant: Watched, seed: int) -> dict[str, Any]:
+def metrics(plant: Tracked, seed: int) -> dict[str, Any]:
     """Return measures of its motion after the cut."""
-    quiet = plant.during(CUT_S + QUIET_S, CUT_S + LIMITS.lost_s - 0.2)
-    at_cut = plant.during(CUT_S, CUT_S + 0.05)
-    held = plant.during(CUT_S, CUT_S + LIMITS.lost_s + LIMITS.hold_s)
-    risen = [sample.time_s for sample in plant.during(CUT_S, END_S) if sample.depth_m < SURFACE_M]
+    neutral = plant.samples_between(CUT_S + NEUTRAL_S, CUT_S + LIMITS.lost_s - 0.2)
+    at_cut = plant.samples_between(CUT_S, CUT_S + 0.05)
+    held = plant.samples_between(CUT_S, CUT_S + LIMITS.lost_s + LIMITS.hold_s)
+    risen = [sample.time_s for sample in plant.samples_between(CUT_S, END_S) if sample.depth_m < SURFACE_M]
     return {
-        "thrust_after_cut_n": max((sample.thrust_n for sample in quiet), default=None),
+        "thrust_after_cut_n": max((sample.thrust_n for sample in neutral), default=None),
         "depth_error_m": max((abs(sample.depth_m - at_cut[0].depth_m) for sample in held), default=None),
         "surfaced_s": risen[0] - CUT_S if risen else None,
         "end_depth_m": plant.course[-1].depth_m if plant.course else None,

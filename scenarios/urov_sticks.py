@@ -10,16 +10,12 @@ import math
 from functools import lru_cache
 from typing import Any
 
-from snr_sim_robot_urov.judging import Sample, Watched, WatchedUrov, judged
+from snr_sim_robot_urov.evaluation import Sample, Tracked, TrackedUrov, hold_verdict
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
 
-from snr_sim.plants.urov.dive import Dive
-from snr_sim.plants.urov.pool import Pool
-from snr_sim.plants.urov.propulsion import Propulsion
-from snr_sim.plants.urov.tether import Tether
-from snr_sim.prelude.rng import rng_for
-from snr_sim.prelude.scenario import Verdict
-from snr_sim.teleop.scripted_pilot import Cue
+from snr_sim.plants import Dive, Pool, Propulsion, Tether
+from snr_sim.scenario import Verdict, rng_for
+from snr_sim.teleop import Cue
 
 ROBOT = "urov"
 ENGINES = ("mujoco",)
@@ -58,29 +54,29 @@ def parameters(seed: int) -> UrovParameters:
     return UrovParameters(vehicle(), script)
 
 
-def plant(seed: int, engine: str) -> WatchedUrov:
+def plant(seed: int, engine: str) -> TrackedUrov:
     """Return the vehicle at its start."""
-    return WatchedUrov(vehicle(), Pool(40.0, 40.0, 8.0), dive, Propulsion(8), seed)
+    return TrackedUrov(vehicle(), Pool(40.0, 40.0, 8.0), dive, Propulsion(8), seed)
 
 
-def verdict(plant: Watched) -> Verdict | None:
+def verdict(plant: Tracked) -> Verdict | None:
     """Return how it ended, once the time is over."""
     if plant.time_s < END_S - 1e-6:
         return None
     down_m, ahead_m, up_m = _moved(plant)
     misses = []
     if down_m < DOWN_M:
-        misses.append(f"went down by {down_m:.2f} m when it was to go down, not {DOWN_M:g} m")
+        misses.append(f"descended only {down_m:.2f} m of the required {DOWN_M:g} m")
     if ahead_m < AHEAD_M:
-        misses.append(f"moved ahead by {ahead_m:.2f} m when it was to go ahead, not {AHEAD_M:g} m")
+        misses.append(f"moved ahead only {ahead_m:.2f} m of the required {AHEAD_M:g} m")
     if up_m < UP_M:
-        misses.append(f"came up by {up_m:.2f} m when it was to come up, not {UP_M:g} m")
+        misses.append(f"ascended only {up_m:.2f} m of the required {UP_M:g} m")
     if _disarmed_thrust_n(plant) > STILL_N:
-        misses.append("its thrusters turned while it was not armed")
-    return judged(plant, misses)
+        misses.append(f"thrust was {_disarmed_thrust_n(plant):.1f} N while disarmed (limit {STILL_N:g} N)")
+    return hold_verdict(plant, misses)
 
 
-def metrics(plant: Watched, seed: int) -> dict[str, Any]:
+def metrics(plant: Tracked, seed: int) -> dict[str, Any]:
     """Return the distance in each direction, and the cost."""
     down_m, ahead_m, up_m = _moved(plant)
     return {
@@ -92,23 +88,23 @@ def metrics(plant: Watched, seed: int) -> dict[str, Any]:
     }
 
 
-def _moved(plant: Watched) -> tuple[float, float, float]:
+def _moved(plant: Tracked) -> tuple[float, float, float]:
     """Return how far it went down, ahead (by its own nose) and up, each in its time."""
-    down, ahead, up = (plant.during(from_s, from_s + 4.0) for from_s in (DOWN_S, AHEAD_S, UP_S))
+    down, ahead, up = (plant.samples_between(from_s, from_s + 4.0) for from_s in (DOWN_S, AHEAD_S, UP_S))
     if not (down and ahead and up):
         return 0.0, 0.0, 0.0
     return (
         max(sample.depth_m for sample in down) - down[0].depth_m,
-        max(_way_ahead_m(ahead[0], sample) for sample in ahead),
+        max(_distance_ahead_m(ahead[0], sample) for sample in ahead),
         up[0].depth_m - min(sample.depth_m for sample in up),
     )
 
 
-def _way_ahead_m(before: Sample, after: Sample) -> float:
+def _distance_ahead_m(before: Sample, after: Sample) -> float:
     x_m, y_m, _ = (b - a for a, b in zip(before.position_m, after.position_m, strict=True))
     return x_m * math.cos(before.yaw_rad) + y_m * math.sin(before.yaw_rad)
 
 
-def _disarmed_thrust_n(plant: Watched) -> float:
-    samples = [*plant.during(0.0, ARM_S), *plant.during(DISARM_S + 1.0, END_S)]
+def _disarmed_thrust_n(plant: Tracked) -> float:
+    samples = [*plant.samples_between(0.0, ARM_S), *plant.samples_between(DISARM_S + 1.0, END_S)]
     return max((sample.thrust_n for sample in samples), default=0.0)

@@ -11,16 +11,12 @@ import math
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from snr_sim_robot_urov.judging import Step, WatchedUrov, followed, judged
+from snr_sim_robot_urov.evaluation import StepResponse, TrackedUrov, hold_verdict, step_response
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
 
-from snr_sim.plants.urov.dive import Current, Dive, Load
-from snr_sim.plants.urov.pool import Pool
-from snr_sim.plants.urov.propulsion import Propulsion
-from snr_sim.plants.urov.tether import Tether
-from snr_sim.prelude.rng import rng_for
-from snr_sim.prelude.scenario import Verdict
-from snr_sim.teleop.scripted_pilot import Cue
+from snr_sim.plants import Current, Dive, Payload, Pool, Propulsion, Tether
+from snr_sim.scenario import Verdict, rng_for
+from snr_sim.teleop import Cue
 
 ROBOT = "urov"
 ENGINES = ("mujoco",)
@@ -35,7 +31,7 @@ TRIM_N = 8.0
 LOAD_KG = 1.0
 
 
-class Task(NamedTuple):
+class TankTask(NamedTuple):
     """What a seed asks for.
 
     Args:
@@ -51,16 +47,16 @@ class Task(NamedTuple):
     current_mps: tuple[float, float]
 
 
-def task(seed: int) -> Task:
+def task(seed: int) -> TankTask:
     """Return what a seed asks for."""
     if seed == 0:
-        return Task(1.0, 3.0, 0.0, (0.0, 0.0))
+        return TankTask(1.0, 3.0, 0.0, (0.0, 0.0))
     rng = rng_for(seed, "task")
     goal_m = rng.uniform(1.2, 4.8)
     step_m = rng.uniform(*STEP_M) * (1.0 if goal_m > 3.0 else -1.0)  # away from the surface and the floor
-    speed, way = rng.uniform(0.0, 0.2), rng.uniform(-math.pi, math.pi)
+    speed, direction = rng.uniform(0.0, 0.2), rng.uniform(-math.pi, math.pi)
     trim_n = rng.uniform(-TRIM_N, TRIM_N)
-    return Task(goal_m - step_m, goal_m, trim_n, (speed * math.cos(way), speed * math.sin(way)))
+    return TankTask(goal_m - step_m, goal_m, trim_n, (speed * math.cos(direction), speed * math.sin(direction)))
 
 
 @lru_cache(maxsize=4)
@@ -73,7 +69,7 @@ def dive(seed: int) -> Dive:
         position_m=(0.0, 0.0, -asked.start_m),
         attitude_rad=(0.0, 0.0, rng_for(seed, "yaw").uniform(-math.pi, math.pi)),
         currents=(Current(0.0, (*asked.current_mps, 0.0)),),
-        loads=(Load(LOAD_KG, volume_m3, place_m=(0.0, 0.0, height_m)),),
+        loads=(Payload(LOAD_KG, volume_m3, position_m=(0.0, 0.0, height_m)),),
         tether=Tether(anchor_m=(0.0, 0.0, 0.0)),
     )
 
@@ -88,7 +84,7 @@ def parameters(seed: int) -> UrovParameters:
     return UrovParameters(vehicle(), script)
 
 
-class Tank(WatchedUrov):
+class Tank(TrackedUrov):
     """The vehicle in its tank, with the requested targets, by which it is judged."""
 
     def reset(self, seed: int) -> None:
@@ -96,10 +92,10 @@ class Tank(WatchedUrov):
         self.asked = task(seed)
         super().reset(seed)
 
-    def step_taken(self) -> Step:
+    def step_taken(self) -> StepResponse:
         """Return how the vehicle went from start to goal."""
         depths_m = self.asked.start_m, self.asked.goal_m
-        return followed(self.course, lambda sample: sample.depth_m, (STEP_S, END_S), depths_m, BAND_M)
+        return step_response(self.course, lambda sample: sample.depth_m, (STEP_S, END_S), depths_m, BAND_M)
 
 
 def plant(seed: int, engine: str) -> Tank:
@@ -114,13 +110,13 @@ def verdict(plant: Tank) -> Verdict | None:
     settling_s, overshoot_m, steady_m = plant.step_taken()
     misses = []
     if settling_s is None or settling_s > SETTLING_S:
-        after = "never" if settling_s is None else f"{settling_s:.1f} s after it was asked"
-        misses.append(f"settled {after}, not within {SETTLING_S:g} s")
+        when = "did not settle" if settling_s is None else f"settled {settling_s:.1f} s"
+        misses.append(f"{when} after the depth command (limit {SETTLING_S:g} s)")
     if overshoot_m is not None and overshoot_m > OVERSHOOT * abs(plant.asked.goal_m - plant.asked.start_m):
-        misses.append(f"overshot by {overshoot_m:.2f} m, more than a fifth of the way")
+        misses.append(f"overshot by {overshoot_m:.2f} m (limit {OVERSHOOT:.0%} of the depth change)")
     if steady_m is not None and steady_m > STEADY_M:
-        misses.append(f"ended {steady_m:.2f} m off, more than {STEADY_M:g} m")
-    return judged(plant, misses)
+        misses.append(f"steady-state error was {steady_m:.2f} m (limit {STEADY_M:g} m)")
+    return hold_verdict(plant, misses)
 
 
 def metrics(plant: Tank, seed: int) -> dict[str, Any]:

@@ -1,11 +1,11 @@
 """Fly it yourself, for up to five minutes, with a game controller or the keyboard:
 
-    snr run urov_teleop --speed real --option pilot=hands
+    snr run urov_teleop --speed real --option pilot=manual
 
 or as on a real boat, each end in a process of its own, in two terminals:
 
     snr run urov_teleop --role urov
-    snr run urov_teleop --role topside --option pilot=hands
+    snr run urov_teleop --role topside --option pilot=manual
 
     w s   ahead, astern     a d   left, right        1 2   arm, disarm       space   emergency stop
     i k   up, down          j l   turn left, right   - +   mode down, up     c       clear the stop
@@ -20,17 +20,12 @@ import math
 from functools import lru_cache
 from typing import Any
 
-from snr_sim_robot_urov.judging import WatchedUrov, judged
+from snr_sim_robot_urov.evaluation import TrackedUrov, hold_verdict
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
 
-from snr_sim.plants.urov.dive import Current, Dive
-from snr_sim.plants.urov.pool import Gate, Pool
-from snr_sim.plants.urov.propulsion import Propulsion
-from snr_sim.plants.urov.tether import Tether
-from snr_sim.prelude.rng import rng_for
-from snr_sim.prelude.scenario import Verdict
-from snr_sim.prelude.sums import ordered_sum
-from snr_sim.teleop.scripted_pilot import Cue
+from snr_sim.plants import Current, Dive, Gate, Pool, Propulsion, Tether
+from snr_sim.scenario import Verdict, ordered_sum, rng_for
+from snr_sim.teleop import Cue
 
 ROBOT = "urov"
 ENGINES = ("mujoco",)
@@ -62,17 +57,17 @@ def parameters(seed: int) -> UrovParameters:
     return UrovParameters(vehicle(), script)
 
 
-def plant(seed: int, engine: str) -> WatchedUrov:
+def plant(seed: int, engine: str) -> TrackedUrov:
     """Return the vehicle at its start."""
     rng = rng_for(seed, "gates")
     gates = tuple(
         Gate(f"gate_{i + 1}", (-5.0 + 5.0 * i, rng.uniform(-2.0, 2.0), -rng.uniform(1.3, 2.5)), rng.uniform(-0.5, 0.5))
         for i in range(3)
     )
-    return WatchedUrov(vehicle(), Pool(25.0, 12.5, 4.0, gates=gates), dive, Propulsion(8), seed)
+    return TrackedUrov(vehicle(), Pool(25.0, 12.5, 4.0, gates=gates), dive, Propulsion(8), seed)
 
 
-def verdict(plant: WatchedUrov) -> Verdict | None:
+def verdict(plant: TrackedUrov) -> Verdict | None:
     """Return how it ended, or None while it dives."""
     is_over = plant.time_s >= END_S - 1e-6
     is_up = -plant.position_m[2] <= SURFACE_M
@@ -83,27 +78,27 @@ def verdict(plant: WatchedUrov) -> Verdict | None:
     if _deepest_m(plant) < DEEP_M:
         if not is_over:
             return None  # it has not begun
-        misses.append(f"was never {DEEP_M:g} m deep")
+        misses.append(f"maximum depth was {_deepest_m(plant):.2f} m (minimum {DEEP_M:g} m)")
     if not is_up:
-        misses.append(f"ended {-plant.position_m[2]:.2f} m deep, not at the surface")
+        misses.append(f"final depth was {-plant.position_m[2]:.2f} m (limit {SURFACE_M:g} m)")
     if not is_still:
-        misses.append("its thrusters still turned at the end")
-    if plant.touched_n > HARD_N:
-        misses.append(f"hit something with {plant.touched_n:.0f} N")
-    return judged(plant, misses)
+        misses.append("thrusters were still running at the end")
+    if plant.max_contact_n > HARD_N:
+        misses.append(f"hit an obstacle with {plant.max_contact_n:.0f} N (limit {HARD_N:g} N)")
+    return hold_verdict(plant, misses)
 
 
-def metrics(plant: WatchedUrov, seed: int) -> dict[str, Any]:
+def metrics(plant: TrackedUrov, seed: int) -> dict[str, Any]:
     """Return its path, and the cost."""
     steps = zip(plant.course, plant.course[1:], strict=False)
     return {
         "deepest_m": _deepest_m(plant),
         "end_depth_m": plant.course[-1].depth_m if plant.course else None,
         "way_m": ordered_sum(math.dist(a.position_m, b.position_m) for a, b in steps),
-        "hardest_n": plant.touched_n,
+        "hardest_n": plant.max_contact_n,
         "energy_j": plant.thrusters.energy_j,
     }
 
 
-def _deepest_m(plant: WatchedUrov) -> float:
+def _deepest_m(plant: TrackedUrov) -> float:
     return max((sample.depth_m for sample in plant.course), default=0.0)

@@ -10,17 +10,12 @@ import math
 from functools import lru_cache
 from typing import Any
 
-from snr_sim_robot_urov.judging import WatchedUrov, judged
+from snr_sim_robot_urov.evaluation import TrackedUrov, hold_verdict
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
 
-from snr_sim.plants.urov.dive import Dive, ThrusterFault
-from snr_sim.plants.urov.pool import Pool
-from snr_sim.plants.urov.propulsion import Propulsion
-from snr_sim.plants.urov.tether import Tether
-from snr_sim.prelude.angles import wrap_rad
-from snr_sim.prelude.rng import rng_for
-from snr_sim.prelude.scenario import Verdict
-from snr_sim.teleop.scripted_pilot import Cue
+from snr_sim.plants import Dive, Pool, Propulsion, Tether, ThrusterFault
+from snr_sim.scenario import Verdict, rng_for, wrap_rad
+from snr_sim.teleop import Cue
 
 ROBOT = "urov"
 ENGINES = ("mujoco",)
@@ -40,7 +35,7 @@ def dive(seed: int) -> Dive:
     fault = ("off", "weak", "off", "stuck")[int(rng.integers(4))]
     return Dive(
         position_m=(-8.0, 0.0, -DEPTH_M),
-        faults=(ThrusterFault(FAILS_S, int(rng.integers(8)), fault, share=float(rng.uniform(0.2, 0.6))),),
+        faults=(ThrusterFault(FAILS_S, int(rng.integers(8)), fault, effectiveness=float(rng.uniform(0.2, 0.6))),),
         tether=Tether(anchor_m=(-8.0, 0.0, 0.0)),
     )
 
@@ -54,26 +49,26 @@ def parameters(seed: int) -> UrovParameters:
     return UrovParameters(vehicle(), script)
 
 
-def plant(seed: int, engine: str) -> WatchedUrov:
+def plant(seed: int, engine: str) -> TrackedUrov:
     """Return the vehicle at its start."""
-    return WatchedUrov(vehicle(), Pool(40.0, 40.0, 6.0), dive, Propulsion(8), seed)
+    return TrackedUrov(vehicle(), Pool(40.0, 40.0, 6.0), dive, Propulsion(8), seed)
 
 
-def verdict(plant: WatchedUrov) -> Verdict | None:
+def verdict(plant: TrackedUrov) -> Verdict | None:
     """Return how it ended, once the time is over."""
     if plant.time_s < END_S - 1e-6:
         return None
     found, misses = metrics(plant, 0), []
     if found["depth_error_m"] > DEPTH_BAND_M:
-        misses.append(f"was {found['depth_error_m']:.2f} m from its depth, more than {DEPTH_BAND_M:g} m")
+        misses.append(f"depth error was {found['depth_error_m']:.2f} m (limit {DEPTH_BAND_M:g} m)")
     if found["heading_error_deg"] > HEADING_BAND_DEG:
-        misses.append(f"was {found['heading_error_deg']:.1f} deg from its heading, more than {HEADING_BAND_DEG:g} deg")
-    return judged(plant, misses)
+        misses.append(f"heading error was {found['heading_error_deg']:.1f} deg (limit {HEADING_BAND_DEG:g} deg)")
+    return hold_verdict(plant, misses)
 
 
-def metrics(plant: WatchedUrov, seed: int) -> dict[str, Any]:
+def metrics(plant: TrackedUrov, seed: int) -> dict[str, Any]:
     """Return how far off it was after it had time to cope, and at worst before."""
-    worst, coped = plant.during(FAILS_S, COPES_S), plant.during(COPES_S, END_S)
+    worst, coped = plant.samples_between(FAILS_S, COPES_S), plant.samples_between(COPES_S, END_S)
     return {
         "fault": plant.dive.faults[0].fault,
         "thruster": plant.vehicle.thrusters[plant.dive.faults[0].thruster].name,

@@ -1,4 +1,4 @@
-"""The thesis' names for what is called otherwise here, and for what is not here.
+"""The thesis' names for renamed classes and functions, and for those that snr_sim does not have.
 
 So a program written for the 2021 library needs no more than another import. docs/coming_from_the_thesis.md has every
 name of that library, and what differs.
@@ -72,7 +72,7 @@ CommsLoop: Any = Retired("CommsLoop", _LINK)
 Consumer: Any = Retired("Consumer", "a Loop, or an Endpoint that handles an event: their work is recorded.")
 Context: Any = Retired("Context", "self: a component has log, rng and get_time_s() of its own.")
 DummyEndpointFactory: Any = Retired(
-    "DummyEndpointFactory", "PartFactory(handlers, name), which is in snr_sim.testing.parts."
+    "DummyEndpointFactory", "FunctionEndpointFactory(handlers, name), which is in snr_sim.testing.function_components."
 )
 KalmanFilterFactory: Any = Retired("KalmanFilterFactory", "MovingAvgFilterFactory, or an Endpoint of your own.")
 MPExpector: Any = Retired("MPExpector", "Expector: SimRunner runs all roles of a test in one process.")

@@ -1,4 +1,4 @@
-"""Shared by the folders below: recorded runs to look at, each flown once, the schemas, a log left as it was."""
+"""Shared by the folders below: recorded runs to read, each simulated once, the schemas, a log left as it was."""
 
 import logging
 import os
@@ -13,16 +13,16 @@ from hypothesis import HealthCheck, settings
 from jsonschema import Draft202012Validator, validators
 from referencing import Registry, Resource
 
-from snr_sim.devices.emulated.toolchain import ToolsMissing, require_tools
+from snr_sim.devices.emulated.toolchain import ToolsMissingError, require_tools
 from snr_sim.grading.remote.isolation import try_sandbox
-from snr_sim.grading.sandbox.sandbox import IsolationMissing
+from snr_sim.grading.sandbox.sandbox import IsolationMissingError
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
-from snr_sim.scenario.flight import Flight
 from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import SimulationRun
 from snr_sim.schemas import NAMES, SUFFIX, read_schema
 
-Fly = Callable[..., Trace]
+RecordScenario = Callable[..., Trace]
 IsValid = Callable[[Any], bool]
 
 # How many examples a property is tried with: `--hypothesis-profile ci` in .ci/run, `nightly` in .ci/nightly. The first
@@ -53,33 +53,36 @@ def user_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 @pytest.fixture(autouse=True)
 def log_as_before() -> Iterator[None]:
-    """Whoever runs a program as the command line does changes where its log goes: for that test only."""
+    """Restore the log after a test that runs a program as the command line does, which redirects it."""
     logger = logging.getLogger("snr")
     handlers, level, propagate = logger.handlers[:], logger.level, logger.propagate
     yield
     logger.handlers[:], logger.propagate = handlers, propagate
     logger.setLevel(level)
+    for name, one in list(logger.manager.loggerDict.items()):  # of nodes and components, which share names in tests
+        if name.startswith("snr.") and isinstance(one, logging.Logger) and one.level != logging.NOTSET:
+            one.setLevel(logging.NOTSET)
 
 
 @pytest.fixture(scope="session")
-def fly(tmp_path_factory: pytest.TempPathFactory) -> Fly:
+def record_scenario(tmp_path_factory: pytest.TempPathFactory) -> RecordScenario:
     """Returns a function that flies (scenario, controller, seed) and returns the trace."""
 
     @cache
-    def fly(scenario: str = "lander_vertical", controller: str | None = None, seed: int = 0) -> Trace:
+    def record_scenario(scenario: str = "lander_vertical", controller: str | None = None, seed: int = 0) -> Trace:
         folder: Path = tmp_path_factory.mktemp("run")
         simulation = prepare(Request(scenario, seed, controller=controller))
         plant = simulation.plant()
         config = simulation.config(plant)
-        recorder = TraceWriter(folder / FILE_NAME, simulation.header(plant, config), simulation.opening())
-        result = Flight(simulation, plant, config, recorder).run()
+        recorder = TraceWriter(folder / FILE_NAME, simulation.header(plant, config), simulation.trace_info())
+        result = SimulationRun(simulation, plant, config, recorder).run()
         recorder.close()
         trace = read_trace(folder / FILE_NAME)
         assert trace.digest == recorder.digest
         assert sum(record.__struct_config__.tag in ("task", "page") for record in trace.records) == result.tasks
         return trace
 
-    return fly
+    return record_scenario
 
 
 @pytest.fixture(scope="session")
@@ -102,10 +105,10 @@ def validator() -> Callable[[str], IsValid]:
 
 @pytest.fixture(scope="session")
 def emulators() -> None:
-    """Whoever needs the emulated microcontroller is skipped where its packages are absent, but not in CI."""
+    """Skip tests of the emulated microcontroller where its packages are absent, but not in CI."""
     try:
         require_tools()
-    except ToolsMissing as error:
+    except ToolsMissingError as error:
         if os.environ.get("SNR_REQUIRE_EMULATORS"):
             raise
         pytest.skip(str(error))
@@ -113,10 +116,10 @@ def emulators() -> None:
 
 @pytest.fixture(scope="session")
 def sandbox() -> None:
-    """Whoever needs students' programs kept apart is skipped where that cannot be had, but not in CI."""
+    """Skip tests of the sandbox where it cannot be set up, but not in CI."""
     try:
         try_sandbox()
-    except IsolationMissing as error:
+    except IsolationMissingError as error:
         if os.environ.get("SNR_REQUIRE_SANDBOX"):
             raise
         pytest.skip(str(error))

@@ -11,7 +11,7 @@ import pytest
 PROJECT = Path(__file__).resolve().parents[1]
 BROKEN_SHIM = "#!/bin/sh\necho 'python3.12: command not found' >&2\nexit 127\n"
 WORKING = f'#!/bin/sh\nexec "{sys.executable}" "$@"\n'
-SAYS_ITS_NAME = '#!/bin/sh\necho "$0"\n'
+PRINTS_ITS_NAME = '#!/bin/sh\necho "$0"\n'
 
 
 def write(file: Path, text: str) -> Path:
@@ -37,20 +37,20 @@ def answer(code: str, folder: Path) -> str:
 
 
 @pytest.mark.slow
-def test_a_python_that_works_on_the_path_is_taken(tmp_path: Path, python_of: str) -> None:
+def test_working_python_on_path_is_used(tmp_path: Path, python_of: str) -> None:
     write(tmp_path / "bin" / "python3.12", WORKING)
     assert answer(python_of, tmp_path) == sys.executable
 
 
 @pytest.mark.slow
-def test_behind_a_shim_that_fails_the_newest_kept_python_is_taken(tmp_path: Path, python_of: str) -> None:
+def test_failing_shim_falls_back_to_newest_installed_python(tmp_path: Path, python_of: str) -> None:
     write(tmp_path / "bin" / "python3.12", BROKEN_SHIM)
     for patch in (1, 9, 10):
-        newest = write(tmp_path / "pyenv" / "versions" / f"3.12.{patch}" / "bin" / "python", SAYS_ITS_NAME)
+        newest = write(tmp_path / "pyenv" / "versions" / f"3.12.{patch}" / "bin" / "python", PRINTS_ITS_NAME)
     assert answer(python_of, tmp_path) == str(newest)
 
 
 @pytest.mark.slow
-def test_where_there_is_none_nothing_is_said_and_the_script_goes_on(tmp_path: Path, python_of: str) -> None:
+def test_missing_python_prints_nothing_and_script_continues(tmp_path: Path, python_of: str) -> None:
     write(tmp_path / "bin" / "python3.12", BROKEN_SHIM)
     assert answer(python_of, tmp_path) == ""

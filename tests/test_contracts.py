@@ -1,4 +1,4 @@
-"""Every plant, sensor and actuator of every scenario and robot keeps its promise: nobody can tell one from another."""
+"""Every plant, sensor and actuator of every scenario and robot implements its interface: each can replace another."""
 
 from collections.abc import Iterator
 from types import ModuleType
@@ -9,20 +9,20 @@ from snr_sim.core.config import AnyFactory
 from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
 from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
 from snr_sim.prelude.device import PwmOut
-from snr_sim.prelude.scenario import Rig, Robot
+from snr_sim.prelude.scenario import RobotContext, RobotInfo
 from snr_sim.prelude.signals import EngineCommand, PwmCommand
 from snr_sim.scenario import library
 from snr_sim.testing.contracts import check_actuator, check_plant, check_sensor
 from snr_sim.testing.pwm_contract import check_pwm_out
 
-# A valid command for each input that any plant has, so that plants are checked under way and not only at rest.
+# A valid command for each input that any plant has, so that plants are checked in motion and not only at rest.
 COMMANDS = {
     "engine": EngineCommand(throttle=0.3, gimbal_rad=0.01, attitude=0.2),
     "pwm": PwmCommand([1500.0] * 8),
 }
 
 
-def load(found: library.Found) -> tuple[ModuleType, ModuleType]:
+def load(found: library.FoundItem) -> tuple[ModuleType, ModuleType]:
     """The scenario and its robot."""
     robot = library.load_robot(library.find("robots", library.robot_of_scenario(found)))
     return library.load_scenario(found), robot
@@ -37,13 +37,13 @@ class PlantBench:
         found = library.find("scenarios", "urov_depth_hold")
         self.scenario, self.robot = load(found)
         self.vehicle = self.scenario.plant(1, "mujoco")
-        about = Robot(self.scenario.ROBOT, "urov", found.name, "mujoco", self.scenario.parameters(1), {})
-        self.plant = self.robot.dressed(Rig(about, io, 1, self.vehicle))
-        self.rig = Rig(about, io, 1, self.plant)
+        about = RobotInfo(self.scenario.ROBOT, "urov", found.name, "mujoco", self.scenario.parameters(1), {})
+        self.plant = self.robot.wrap_plant(RobotContext(about, io, 1, self.vehicle))
+        self.context = RobotContext(about, io, 1, self.plant)
         self.io = io
 
     def open(self) -> PwmOut:
-        out: PwmOut = self.robot.DEVICES[self.io]["pwm"](self.rig)
+        out: PwmOut = self.robot.DEVICES[self.io]["pwm"](self.context)
         return out
 
     def now_s(self) -> float:
@@ -54,7 +54,7 @@ class PlantBench:
             self.plant.step(self.plant.step_s)
 
     def pins_us(self) -> list[float] | None:
-        return None if self.io == "mirror" else [float(one) for one in self.vehicle.snapshot().pulses]
+        return None if self.io == "loopback" else [float(one) for one in self.vehicle.snapshot().pulses]
 
     def unplug(self) -> None:
         raise NotImplementedError("no wire")
@@ -66,23 +66,23 @@ every_scenario = pytest.mark.parametrize(
     ("found", "engine"),
     [
         pytest.param(found, engine, id=f"{found.name}-{engine}")
-        for found in library.known("scenarios")
+        for found in library.list_available("scenarios")
         for engine in load(found)[0].ENGINES
     ],
 )
 
 
-def devices(found: library.Found, engine: str) -> Iterator[AnyFactory]:
+def devices(found: library.FoundItem, engine: str) -> Iterator[AnyFactory]:
     """The loops around every device of the robot, as it is simulated."""
     scenario, robot = load(found)
-    about = Robot(scenario.ROBOT, robot.ROLES[0], found.name, engine, scenario.parameters(1), {})
-    rig = Rig(about, "sim", 1, scenario.plant(1, engine))
-    for factories in robot.roles(rig, []).values():
+    about = RobotInfo(scenario.ROBOT, robot.ROLES[0], found.name, engine, scenario.parameters(1), {})
+    context = RobotContext(about, "sim", 1, scenario.plant(1, engine))
+    for factories in robot.roles(context, []).values():
         yield from factories
 
 
 @every_scenario
-def test_plants_keep_their_promise(found: library.Found, engine: str) -> None:
+def test_plants_pass_contract(found: library.FoundItem, engine: str) -> None:
     scenario, _ = load(found)
     names = scenario.plant(1, engine).inputs
     assert set(names) <= set(COMMANDS), "an input without a command here: add one"
@@ -90,7 +90,7 @@ def test_plants_keep_their_promise(found: library.Found, engine: str) -> None:
 
 
 @every_scenario
-def test_sensors_keep_their_promise(found: library.Found, engine: str) -> None:
+def test_sensors_pass_contract(found: library.FoundItem, engine: str) -> None:
     sensors = [factory for factory in devices(found, engine) if isinstance(factory, SensorLoopFactory)]
     assert sensors
     for sensor in sensors:
@@ -98,7 +98,7 @@ def test_sensors_keep_their_promise(found: library.Found, engine: str) -> None:
 
 
 @every_scenario
-def test_actuators_keep_their_promise(found: library.Found, engine: str) -> None:
+def test_actuators_pass_contract(found: library.FoundItem, engine: str) -> None:
     actuators = [factory for factory in devices(found, engine) if isinstance(factory, ActuatorLoopFactory)]
     assert actuators
     for actuator in actuators:
@@ -106,13 +106,13 @@ def test_actuators_keep_their_promise(found: library.Found, engine: str) -> None
             check_actuator(actuator.open_device, COMMANDS[actuator.key])
 
 
-@pytest.mark.parametrize("io", ["sim", "mirror"])
-def test_outputs_of_pulses_keep_their_promise(io: str) -> None:
+@pytest.mark.parametrize("io", ["sim", "loopback"])
+def test_pwm_outputs_pass_contract(io: str) -> None:
     check_pwm_out(PlantBench(io))
 
 
-def test_outputs_and_power_monitor_of_the_emulated_board_keep_their_promise(emulators: None) -> None:
+def test_emulated_outputs_and_power_monitor_pass_contract(emulators: None) -> None:
     bench = PlantBench("emulated")
     check_pwm_out(bench)
-    check_sensor(lambda: bench.robot.DEVICES["emulated"]["power"](bench.rig))
+    check_sensor(lambda: bench.robot.DEVICES["emulated"]["power"](bench.context))
     bench.plant.board.close()

@@ -1,4 +1,4 @@
-"""The rooms of the house: who may meet whom, which door each heavy package has, and what an import costs."""
+"""The packages of snr_sim: which may import which, which module imports each heavy package, and import times."""
 
 import ast
 import json
@@ -16,10 +16,11 @@ import snr_sim
 
 KIT = Path(snr_sim.__file__).parent
 
-# ARCHITECTURE section 3: a room imports from rooms with a lower number, and from itself. Modules that stand in
-# snr_sim itself are rooms too. `snr_sim/__init__.py` may name everything: it only says where things are.
+# ARCHITECTURE section 1: a package imports from packages with a lower number, and from itself. Modules in
+# snr_sim itself have numbers too. Public packages may name everything: see `modules`.
 FLOOR = {
     "prelude": 0,
+    "lazy": 1,
     "core": 1,
     "std_mods": 2,
     "links": 2,
@@ -39,6 +40,7 @@ FLOOR = {
     "grading": 6,
     "web": 6,
     "cli": 7,
+    "notebook": 7,
     "__main__": 8,
 }
 HEAVY = {
@@ -61,18 +63,33 @@ HEAVY = {
 
 
 @cache
-def modules() -> dict[str, ast.Module]:
+def all_modules() -> dict[str, ast.Module]:
     """All modules of the kit by dotted name, without the content that a wheel ships."""
     found = {}
     for path in sorted(KIT.rglob("*.py")):
         parts = path.relative_to(KIT).with_suffix("").parts
-        if parts[0] != "shipped" and parts != ("__init__",):
+        if parts[0] != "shipped":
             found[".".join(parts)] = ast.parse(path.read_text(encoding="utf-8"))
     return found
 
 
 @cache
-def imports(tree: ast.Module) -> set[str]:
+def public_packages() -> dict[str, ast.Module]:
+    """The public packages: modules with a table of public names."""
+    return {name: tree for name, tree in all_modules().items() if "snr_sim.lazy.lazy_names" in imports(tree)}
+
+
+def modules() -> dict[str, ast.Module]:
+    """All modules except the public packages.
+
+    A public package imports nothing, it only knows where each public name is. So it may name rooms above its own, and
+    closes no import cycle, as long as no module of the kit imports a public name from it; a test below sees to that.
+    """
+    return {name: tree for name, tree in all_modules().items() if name not in public_packages()}
+
+
+@cache
+def imports(tree: ast.AST) -> set[str]:
     """Every module an import names, also inside functions and under TYPE_CHECKING."""
     names: set[str] = set()
     for node in ast.walk(tree):
@@ -89,7 +106,7 @@ def rooms_of(names: set[str]) -> set[str]:
     return {name.split(".")[1] for name in names if name.startswith("snr_sim.")} & set(FLOOR)
 
 
-def test_every_module_stands_in_a_room() -> None:
+def test_every_module_belongs_to_a_room() -> None:
     assert {name.split(".")[0] for name in modules()} <= set(FLOOR)
 
 
@@ -103,7 +120,7 @@ def test_rooms_import_from_rooms_below_only_and_never_sideways() -> None:
     assert wrong == []
 
 
-def test_rooms_name_each_other_and_do_not_go_through_the_front_door() -> None:
+def test_rooms_import_each_other_directly_not_through_snr_sim() -> None:
     allowed = {f"snr_sim.{room}" for room in FLOOR} | {"snr_sim.__version__"}
     wrong = [
         f"{name} imports {part}"
@@ -112,6 +129,24 @@ def test_rooms_name_each_other_and_do_not_go_through_the_front_door() -> None:
         if part.startswith("snr_sim.") and ".".join(part.split(".")[:2]) not in allowed
     ]
     assert wrong == []
+
+
+def test_rooms_import_no_public_name_from_a_public_package() -> None:
+    packages = {name.removesuffix(".__init__") for name in all_modules()}
+    public = {f"snr_sim.{name}".removesuffix(".__init__") for name in public_packages()}
+    wrong = [
+        f"{name} imports {part}"
+        for name, tree in modules().items()
+        for part in imports(tree)
+        if part.rpartition(".")[0] in public and part.removeprefix("snr_sim.") not in {*packages, "__version__"}
+    ]
+    assert wrong == []
+
+
+def test_public_packages_import_for_type_checkers_only() -> None:
+    for name, tree in public_packages().items():
+        top = {part for node in tree.body if not isinstance(node, ast.If) for part in imports(node)}
+        assert {part for part in top if part.startswith("snr_sim")} == {"snr_sim.lazy", "snr_sim.lazy.lazy_names"}, name
 
 
 def test_no_modules_import_each_other() -> None:
@@ -144,12 +179,12 @@ def test_no_module_takes_all_names_of_another() -> None:
         assert stars == [], name
 
 
-def test_each_heavy_package_has_one_door() -> None:
-    doors = defaultdict(set)
+def test_each_heavy_package_is_imported_by_one_module() -> None:
+    importers = defaultdict(set)
     for name, tree in modules().items():
         for package in {imported.split(".")[0] for imported in imports(tree)} & HEAVY:
-            doors[package].add(name)
-    assert {package: names for package, names in doors.items() if len(names) > 1} == {}
+            importers[package].add(name)
+    assert {package: names for package, names in importers.items() if len(names) > 1} == {}
 
 
 def loaded_by(statement: str) -> set[str]:
@@ -182,7 +217,7 @@ def test_only_drawing_loads_matplotlib() -> None:
 
 @pytest.mark.slow
 def test_importing_the_kit_alone_loads_none_of_its_rooms() -> None:
-    assert {name for name in loaded_by("import snr_sim") if name.startswith("snr_sim.")} == set()
+    assert {name for name in loaded_by("import snr_sim") if name.startswith("snr_sim.")} == {"snr_sim.lazy"}
 
 
 def test_a_star_import_gives_exactly_the_public_names() -> None:
@@ -191,14 +226,6 @@ def test_a_star_import_gives_exactly_the_public_names() -> None:
     assert set(names) - {"__builtins__"} == set(snr_sim.__all__)
     assert len(snr_sim.__all__) == len(set(snr_sim.__all__))
     assert set(snr_sim.__all__) <= set(dir(snr_sim))
-
-
-def test_what_type_checkers_see_is_what_is_there() -> None:
-    tree = ast.parse((KIT / "__init__.py").read_text(encoding="utf-8"))
-    (block,) = [node for node in tree.body if isinstance(node, ast.If)]
-    seen = {alias.name: node.module for node in block.body if isinstance(node, ast.ImportFrom) for alias in node.names}
-    places = {name: module for module, names in snr_sim._PLACES.items() for name in names}
-    assert seen == {**places, "tasks": "snr_sim.prelude"}
 
 
 def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
@@ -222,7 +249,7 @@ def test_the_names_of_the_thesis_are_there(names: str) -> None:
 
 
 @pytest.mark.slow
-def test_what_has_a_wire_needs_no_numpy() -> None:
+def test_device_modules_import_without_numpy() -> None:
     """A student's own robot runs on the base install: only what is simulated draws, and keeps arrays."""
     package = KIT / "devices"
     parts = [path.relative_to(KIT.parent).with_suffix("") for path in sorted(package.rglob("*.py"))]

@@ -38,7 +38,7 @@ def test_the_test_of_the_readme_passes_and_fails_with_another_controller(tmp_pat
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
     # Of another length: what changes within a second and keeps its length, Python takes from its bytecode.
-    (tmp_path / "gentle.py").write_text(blocks()[0].replace("0.28 + 0.1", "0.28 - 0.10"))
+    (tmp_path / "gentle.py").write_text(blocks()[0].replace("self.hover + 0.1", "self.hover - 0.10"))
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 1, done.stdout
 

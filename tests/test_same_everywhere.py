@@ -121,5 +121,5 @@ def test_an_operation_that_may_round_differently_is_found(line: str) -> None:
         "math.hypot(x, y)",
     ],
 )
-def test_an_operation_that_rounds_alike_everywhere_is_let_pass(line: str) -> None:
+def test_portable_operation_passes(line: str) -> None:
     assert not list(found_in(f"{line}\n"))

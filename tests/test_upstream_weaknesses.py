@@ -35,7 +35,7 @@ from snr_sim import (
 from snr_sim.core.endpoint import EndpointFactory
 from snr_sim.core.loop import LoopFactory
 from snr_sim.core.runners import CliRunner
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 TESTS = Path(__file__).parent
 
@@ -74,29 +74,29 @@ WEAKNESSES = {
 
 FURTHER = {
     2: [
-        "core/test_machine.py::test_a_terminate_task_from_another_thread_ends_a_node_that_is_busy_for_ever",
+        "core/test_machine.py::test_terminate_from_other_thread_ends_busy_node",
     ],
     4: [
         "core/test_machine.py::test_pages_stored_just_before_the_end_are_still_processed",
-        "std_mods/test_replayer.py::test_whoever_ends_the_run_waits_for_a_slow_handler",
+        "std_mods/test_replayer.py::test_run_end_waits_for_slow_handler",
     ],
     17: [
         "core/test_threads.py::test_a_timeout_does_not_hold_up_the_end",
     ],
-    18: ["std_mods/test_recorder.py::test_a_second_start_goes_on_in_the_same_file"],
-    19: ["std_mods/test_recorder.py::test_a_page_that_cannot_be_recorded_is_named_once_and_the_others_go_on"],
+    18: ["std_mods/test_recorder.py::test_second_start_continues_same_file"],
+    19: ["std_mods/test_recorder.py::test_unrecordable_page_is_reported_once_and_others_are_recorded"],
     20: ["core/test_runners.py::test_with_d_the_command_line_shows_all_that_is_logged_and_the_profile"],
     23: ["prelude/test_task.py::test_tasks_with_the_same_contents_are_equal_and_have_one_hash"],
     24: ["prelude/test_task.py::test_each_task_has_a_list_of_its_own"],
     25: ["core/test_threads.py::test_setting_the_computers_clock_does_not_move_node_time"],
     27: [
-        "core/test_profiler.py::test_a_run_in_debug_mode_knows_each_handler_and_each_loop",
+        "core/test_profiler.py::test_debug_mode_times_each_handler_and_loop",
     ],
     28: [
-        "testing/test_expector.py::test_an_exception_in_the_with_surfaces_as_itself",
-        "testing/test_expector.py::test_a_run_that_fails_is_not_masked_by_what_is_missing_in_consequence",
+        "testing/test_expector.py::test_exception_in_with_block_is_raised_unchanged",
+        "testing/test_expector.py::test_failed_run_is_not_masked_by_missing_tasks",
     ],
-    30: ["std_mods/test_replayer.py::test_a_line_waits_for_the_answer_to_the_one_before"],
+    30: ["std_mods/test_replayer.py::test_line_waits_for_answer_to_previous_line"],
 }
 
 
@@ -110,7 +110,7 @@ def all_tests() -> set[str]:
     return found
 
 
-def test_every_weakness_of_2021_has_a_test_that_shows_ours_has_it_not() -> None:
+def test_every_weakness_of_2021_has_a_test() -> None:
     there = all_tests()
     gone = {test for tests in FURTHER.values() for test in tests} - there
     assert gone == set()
@@ -129,15 +129,15 @@ def run(*factories: Any, clock: Any = None) -> Node:
 def test_weakness_4_all_of_ten_pages_due_at_once_are_processed_before_exit(tmp_path: Path, clock: type) -> None:
     file, done = tmp_path / "x", list[Any]()
     file.write_bytes(b"".join(Page("x", i, "pool_node", 0.0).serialize() + b"\n" for i in range(10)))
-    part = PartFactory()
+    part = FunctionEndpointFactory()
     part.handlers = {(TaskType.process_data, "x"): lambda task, task_id: done.append(task)}
     run(part, ReplayerLoopFactory(file, exit=True), clock=clock())
     assert len(done) == 10
 
 
-def test_weakness_18_a_reload_of_the_recorder_goes_on_where_it_was(tmp_path: Path) -> None:
+def test_weakness_18_recorder_reload_continues_same_file(tmp_path: Path) -> None:
     file = tmp_path / "x"
-    reload_between = TickerFactory(lambda loop: loop.schedule(tasks.reload_component("recorder")), rate_hz=12.5)
+    reload_between = FunctionLoopFactory(lambda loop: loop.schedule(tasks.reload_component("recorder")), rate_hz=12.5)
     values = ListReplayerFactory([1, 2, 3], "x", exit_when_done=True, rate_hz=10)
     node = run(RecorderEndpointFactory(file, "x"), values, reload_between)
     assert [page.data for page in PageReader(file)] == [1, 2, 3]
@@ -146,7 +146,7 @@ def test_weakness_18_a_reload_of_the_recorder_goes_on_where_it_was(tmp_path: Pat
     assert node.notes == []
 
 
-def test_weakness_19_an_unknown_object_costs_its_own_page_and_an_array_none(tmp_path: Path) -> None:
+def test_weakness_19_unknown_object_loses_its_page_only(tmp_path: Path) -> None:
     file = tmp_path / "x"
     values = [object(), np.int64(7), np.array([1, 2])]
     node = run(RecorderEndpointFactory(file, "x"), ListReplayerFactory(values, "x", exit_when_done=True))
@@ -157,10 +157,12 @@ def test_weakness_19_an_unknown_object_costs_its_own_page_and_an_array_none(tmp_
 
 
 @pytest.mark.parametrize("level", ["debug", "info", "warning", "error"])
-def test_weakness_20_a_component_that_logs_is_heard_with_d_at_every_level(
+def test_weakness_20_component_log_is_printed_with_d_at_every_level(
     level: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    part = PartFactory(begin=lambda it: [getattr(it.log, level)("depth?"), it.schedule(tasks.terminate("done"))])
+    part = FunctionEndpointFactory(
+        begin=lambda it: [getattr(it.log, level)("depth?"), it.schedule(tasks.terminate("done"))]
+    )
     CliRunner({"r": [part]}, ["robot.py", "-d", "r"]).run()
     assert f"{level.upper()} snr.r_node.part: depth?" in capsys.readouterr().err
 
@@ -178,8 +180,8 @@ def test_weakness_24_no_two_objects_share_what_they_were_given_by_default() -> N
     for factory in (EndpointFactory, LoopFactory):
         factory().reload_targets.append(logging)
         assert factory().reload_targets == []
-    roles: dict[str, Any] = {"r": [PartFactory()]}
-    Config(factories=roles).factories["r"].append(PartFactory())
+    roles: dict[str, Any] = {"r": [FunctionEndpointFactory()]}
+    Config(factories=roles).factories["r"].append(FunctionEndpointFactory())
     assert len(Config(factories=roles).get("r")) == 1
 
 
@@ -193,24 +195,24 @@ def test_weakness_25_time_is_monotonic_and_one_for_all_nodes_of_a_simulation(mon
     common.call_at(2.5, lambda: None)
     common.run_next()
     for role in ("topside", "urov"):
-        node = Node(role, Config(factories={role: [PartFactory()]}), clock=common)
+        node = Node(role, Config(factories={role: [FunctionEndpointFactory()]}), clock=common)
         stamps.append(node.page("x", 1).created_at_s)
     assert stamps == [2.5, 2.5]
 
 
-def test_weakness_28_an_order_that_goes_on_after_its_last_task_is_a_sentence() -> None:
+def test_weakness_28_task_after_expected_order_is_reported() -> None:
     with pytest.raises(KeyError, match="what matters"), Expector({TaskType.event: 1}):
         raise KeyError("what matters")
     expector = OrderedExpector([(TaskType.event, "a")])
     for _ in range(2):
-        expector.hear(tasks.event("a"))
-    assert "nothing more" in expector.complaints()[0]
+        expector.on_task(tasks.event("a"))
+    assert "nothing more" in expector.failures()[0]
 
 
 def test_weakness_30_a_text_comes_line_by_line_at_its_rate(tmp_path: Path) -> None:
     file, times = tmp_path / "moves", list[float]()
     file.write_text("\n".join("abc"))
-    ear = PartFactory()
-    ear.handlers = {(TaskType.store_page, "move"): lambda task, _: times.append(task.val_list[0].created_at_s)}
-    run(ear, TextReplayerFactory(file, "move", exit=True, rate_hz=2))
+    listener = FunctionEndpointFactory()
+    listener.handlers = {(TaskType.store_page, "move"): lambda task, _: times.append(task.val_list[0].created_at_s)}
+    run(listener, TextReplayerFactory(file, "move", exit=True, rate_hz=2))
     assert times == [0.0, 0.5, 1.0]

@@ -16,8 +16,8 @@ from typing import Any
 import snr_sim
 from snr_sim import Config, Endpoint, EndpointFactory, Node, SimClock, TaskType, tasks
 from snr_sim.recording.trace import TraceWriter
-from snr_sim.scenario.flight import Flight
 from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import SimulationRun
 
 ROOT = Path(snr_sim.__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "tour.md"
@@ -112,8 +112,8 @@ def simulated(scenario: str, from_s: float, until_s: float) -> Walk:
     plant = simulation.plant()
     config = simulation.config(plant)
     with tempfile.TemporaryDirectory() as folder:
-        recorder = TraceWriter(Path(folder) / "trace.jsonl", simulation.header(plant, config), simulation.opening())
-        flight = Flight(simulation, plant, config, recorder)
+        recorder = TraceWriter(Path(folder) / "trace.jsonl", simulation.header(plant, config), simulation.trace_info())
+        flight = SimulationRun(simulation, plant, config, recorder)
         clock = flight.nodes[0].clock
         walk.is_on = lambda: from_s <= clock.now_s() < until_s
         walk.follow(flight.run)

@@ -6,7 +6,7 @@ import random
 from dataclasses import dataclass
 from typing import Any
 
-from snr_sim.grading import Given, Lab, Student, Verdict, check, failed, passed
+from snr_sim.grading import Lab, Stimulus, Student, Verdict, check, failed, passed
 
 FILE = "hello_thruster.py"
 STOP_US, FULL_US, REST = 1500.0, 400.0, 0.05
@@ -18,7 +18,7 @@ NEAR_US = 1e-6
 
 @dataclass(frozen=True)
 class Sticks:
-    """What the pilot's hands do: one row for each page of controls."""
+    """The pilot's sticks: one row for each page 'controls'."""
 
     is_armed: tuple[bool, ...]
     heave: tuple[float, ...]
@@ -26,59 +26,59 @@ class Sticks:
 
 
 def sticks(*rows: tuple[bool, float, float]) -> Sticks:
-    """Returns the sticks of these rows: armed, heave, surge."""
+    """Return the sticks of these rows: armed, heave, surge."""
     is_armed, heave, surge = zip(*rows, strict=True)
     return Sticks(is_armed, heave, surge)
 
 
-def beyond_rest(rng: random.Random, most: float = 1.0) -> float:
-    """Returns where a stick may be that is not at rest."""
-    return round(rng.choice((-1.0, 1.0)) * rng.uniform(2.0 * REST, most), 3)
+def beyond_rest(rng: random.Random, max_size: float = 1.0) -> float:
+    """Return where a stick may be that is not at rest."""
+    return round(rng.choice((-1.0, 1.0)) * rng.uniform(2.0 * REST, max_size), 3)
 
 
 def heaves(rng: random.Random) -> list[Sticks]:
-    """Draws two recordings of the heave stick."""
+    """Draw two recordings of the heave stick."""
     return [sticks(*[(True, beyond_rest(rng), 0.0) for _ in range(60)]) for _ in range(2)]
 
 
 def surges(rng: random.Random) -> list[Sticks]:
-    """Draws two recordings of the surge stick."""
+    """Draw two recordings of the surge stick."""
     return [sticks(*[(True, 0.0, beyond_rest(rng)) for _ in range(60)]) for _ in range(2)]
 
 
 def rests(rng: random.Random) -> list[Sticks]:
-    """Draws a recording of a hand that trembles."""
+    """Draw a recording of a hand that trembles."""
     near = 0.9 * REST
     return [sticks(*[(True, rng.uniform(-near, near), rng.uniform(-near, near)) for _ in range(60)])]
 
 
 def too_far(rng: random.Random) -> list[Sticks]:
-    """Draws a recording of a stick that says more than there is."""
+    """Draw a recording of a stick beyond its limit."""
     return [sticks(*[(True, rng.choice((-1.0, 1.0)) * rng.uniform(1.01, 1.5), 0.0) for _ in range(60)])]
 
 
 def armings(rng: random.Random) -> list[Sticks]:
-    """Draws a recording with sticks pushed while it is armed and disarmed again."""
+    """Draw a recording with sticks pushed while it is armed and disarmed again."""
     rows = [(rng.random() < 0.5, beyond_rest(rng), beyond_rest(rng)) for _ in range(60)]
     return [sticks(*rows, (False, 1.0, 1.0))]
 
 
 def seeds(rng: random.Random) -> list[int]:
-    """Draws two starts."""
+    """Draw two starts."""
     return [rng.getrandbits(63) for _ in range(2)]
 
 
 def pulses_of(heave: float, surge: float) -> list[float]:
-    """Returns the eight pulses that belong to two sticks."""
+    """Return the eight pulses that belong to two sticks."""
     shares = [0.0 if abs(one) < REST else max(-1.0, min(1.0, one)) for one in (heave, surge)]
     return [STOP_US + FULL_US * (up * shares[0] + ahead * shares[1]) for up, ahead in zip(HEAVE, SURGE, strict=True)]
 
 
 def answers(student: Student, case: Sticks) -> list[list[Any]]:
-    """Returns what the endpoint answered each page of controls with: (key, value) of pages, None for other tasks."""
+    """Return what the endpoint answered each page of controls with: (key, value) of pages, None for other tasks."""
     rows = zip(case.is_armed, case.heave, case.surge, strict=True)
     pages = [
-        Given(
+        Stimulus(
             PERIOD_S * (number + 1),
             "controls",
             {"number": number + 1, "mode": "manual", "is_armed": is_armed, "heave": heave, "surge": surge},
@@ -86,7 +86,7 @@ def answers(student: Student, case: Sticks) -> list[list[Any]]:
         for number, (is_armed, heave, surge) in enumerate(rows)
     ]
     answered: list[list[Any]] = [[] for _ in pages]
-    for produced in student.feed(FILE, pages, robot="urov", role="urov"):
+    for produced in student.run_inputs(FILE, pages, robot="urov", role="urov"):
         is_page = produced.kind == "store_page"
         if produced.after is None:
             continue  # it answers nothing
@@ -95,23 +95,23 @@ def answers(student: Student, case: Sticks) -> list[list[Any]]:
 
 
 def pwm_of(answered: list[Any]) -> Any:
-    """Returns the last page "pwm" of an answer, or nothing."""
+    """Return the last page "pwm" of an answer, or nothing."""
     found = [one[1] for one in answered if one is not None and one[0] == "pwm"]
     return found[-1] if found else None
 
 
-def misshapen(page: Any) -> str:
-    """Returns what is wrong with the shape of a page "pwm"; nothing if it is right."""
+def format_error(page: Any) -> str:
+    """Return what is wrong with the shape of a page "pwm"; nothing if it is right."""
     if not isinstance(page, dict) or "pulses_us" not in page:
-        return "There is no page 'pwm' with pulses_us after a page of controls. Does on_controls return it?"
+        return "No page 'pwm' with pulses_us followed a page 'controls'. Does on_controls return it?"
     pulses = page["pulses_us"]
     if not isinstance(pulses, list):
-        found = {type(None): "nothing (None)", str: "a text", float: "one number"}.get(type(pulses), "no list")
-        return f"'pulses_us' of the page 'pwm' is {found}, and not a list of eight. What does pulses_us() return?"
+        found = {type(None): "None", str: "a string", float: "one number"}.get(type(pulses), "not a list")
+        return f"'pulses_us' of the page 'pwm' must be a list of eight pulses; it is {found}. Check pulses_us()."
     if len(pulses) > 8:
         return (
-            f"There are {len(pulses)} pulses for eight thrusters. A list that is made outside of the function, or as a "
-            "default in its first line, is one list for all calls: it grows. Make a new one in each call."
+            f"There are {len(pulses)} pulses for eight thrusters. A list that is created outside the function, or as a "
+            "default argument, is shared by all calls and grows. Create a new list in each call."
         )
     if len(pulses) < 8:
         return f"There are {len(pulses)} pulses for eight thrusters. Which channels did the loop leave out?"
@@ -121,55 +121,57 @@ def misshapen(page: Any) -> str:
 
 
 def is_number(value: Any) -> bool:
-    """Returns whether it is a number that can be reckoned with: nan, for one, is not."""
+    """Return whether it is a finite number of usable size."""
     return isinstance(value, int | float) and not isinstance(value, bool) and -1e6 < value < 1e6
 
 
-def compared(pages: list[Any], wanted: list[list[float]]) -> Verdict:
-    """Compares pages "pwm" with the pulses wanted, and looks for the mistake that explains them."""
+def compared(pages: list[Any], expected: list[list[float]]) -> Verdict:
+    """Compare pages "pwm" with the expected pulses, and find the mistake that explains them."""
     for page in pages:
-        if problem := misshapen(page):
+        if problem := format_error(page):
             return failed(problem, expected="eight pulses", actual=str(page))
     pulses = [page["pulses_us"] for page in pages]
-    for number, (got, right) in enumerate(zip(pulses, wanted, strict=True)):
+    for number, (got, right) in enumerate(zip(pulses, expected, strict=True)):
         if not near(got, right):
-            return failed(explained(pulses, wanted, number), expected=str(right), actual=str(got))
+            return failed(explained(pulses, expected, number), expected=str(right), actual=str(got))
     return passed()
 
 
 def near(got: list[float], right: list[float]) -> bool:
-    """Returns whether all pulses are as they should be."""
+    """Return whether all pulses are as they should be."""
     return all(abs(one - other) <= NEAR_US for one, other in zip(got, right, strict=True))
 
 
-def explained(pulses: list[list[float]], wanted: list[list[float]], first: int) -> str:
-    """Returns the mistake that makes what came of what was wanted."""
+def explained(pulses: list[list[float]], expected: list[list[float]], first: int) -> str:
+    """Return the mistake that turns the expected pulses into those received."""
 
     def always(change: Any) -> bool:
-        return all(near(got, change(right)) for got, right in zip(pulses, wanted, strict=True))
+        return all(near(got, change(right)) for got, right in zip(pulses, expected, strict=True))
 
     if all(near(got, [STOP_US] * 8) for got in pulses):
-        return "All eight thrusters stand still, whatever the stick says. Your work begins in pulses_us."
+        return "All eight pulses are 1500 us for every stick position. Start with pulses_us."
     if always(lambda right: [2 * STOP_US - pulse for pulse in right]):
-        return "Every thruster runs the wrong way round: plus and minus are exchanged somewhere."
+        return "Every thruster runs in the wrong direction: a sign is reversed."
     if always(lambda right: [STOP_US + abs(pulse - STOP_US) for pulse in right]) or always(
         lambda right: [right[4] if HEAVE[i] else right[0] if SURGE[i] else pulse for i, pulse in enumerate(right)]
     ):
-        return "Thrusters that are mounted the other way round run the same way as the others: HEAVE and SURGE say -1."
+        return (
+            "Thrusters that are mounted in reverse run in the same direction as the others: use -1 of HEAVE and SURGE."
+        )
     for far in (1, -1):
         if always(lambda right, far=far: right[-far:] + right[:-far]):
-            return "The pulses are right, but each is one channel too far: the first channel of a list is number 0."
-    if first > 0 and near(pulses[first], wanted[first - 1]):
-        return "The pulses belong to the page of controls before this one."
-    if all(abs(one - other) < 1.0 for one, other in zip(pulses[first], wanted[first], strict=True)):
-        return "The pulses are rounded: int() cuts off what is behind the point."
+            return "The pulses are correct, but shifted by one channel: the first channel of a list has index 0."
+    if first > 0 and near(pulses[first], expected[first - 1]):
+        return "The pulses belong to the previous page 'controls'."
+    if all(abs(one - other) < 1.0 for one, other in zip(pulses[first], expected[first], strict=True)):
+        return "The pulses are rounded: int() drops the fraction."
     return "A pulse is 1500 + 400 x stick for a thruster with +1, and 1500 - 400 x stick for one with -1."
 
 
 @check(points=5, visible=[sticks((True, 0.0, 0.0))])
 def loads(student: Student, case: Sticks) -> Verdict:
     """Answers a page of controls with eight pulses."""
-    problem = misshapen(pwm_of(answers(student, case)[0]))
+    problem = format_error(pwm_of(answers(student, case)[0]))
     return failed(problem) if problem else passed()
 
 
@@ -181,8 +183,8 @@ def loads(student: Student, case: Sticks) -> Verdict:
 )
 def heave(student: Student, case: Sticks) -> Verdict:
     """Turns the heave stick into pulses."""
-    wanted = [pulses_of(*one) for one in zip(case.heave, case.surge, strict=True)]
-    return compared([pwm_of(one) for one in answers(student, case)], wanted)
+    expected = [pulses_of(*one) for one in zip(case.heave, case.surge, strict=True)]
+    return compared([pwm_of(one) for one in answers(student, case)], expected)
 
 
 @check(
@@ -193,18 +195,18 @@ def heave(student: Student, case: Sticks) -> Verdict:
 )
 def surge(student: Student, case: Sticks) -> Verdict:
     """Turns the surge stick into pulses."""
-    wanted = [pulses_of(*one) for one in zip(case.heave, case.surge, strict=True)]
-    return compared([pwm_of(one) for one in answers(student, case)], wanted)
+    expected = [pulses_of(*one) for one in zip(case.heave, case.surge, strict=True)]
+    return compared([pwm_of(one) for one in answers(student, case)], expected)
 
 
 @check(points=10, visible=[sticks((True, 0.02, 0.0), (True, -0.04, 0.03))], hidden=rests, needs=["loads"])
 def rest(student: Student, case: Sticks) -> Verdict:
     """Stands still while the sticks are at rest."""
     for page, one in zip([pwm_of(one) for one in answers(student, case)], case.heave, strict=True):
-        if problem := misshapen(page):
+        if problem := format_error(page):
             return failed(problem)
         if not near(page["pulses_us"], [STOP_US] * 8):
-            hint = f"A hand on a stick trembles: nearer to 0 than {REST:g} is at rest, on either side."
+            hint = f"A stick closer to 0 than {REST:g}, on either side, is at rest and counts as 0."
             return failed(hint, expected=f"1500 us at heave {one:.3f}", actual=str(page["pulses_us"]))
     return passed()
 
@@ -213,14 +215,14 @@ def rest(student: Student, case: Sticks) -> Verdict:
 def limits(student: Student, case: Sticks) -> Verdict:
     """Never sends more than full thrust."""
     for page, one in zip([pwm_of(one) for one in answers(student, case)], case.heave, strict=True):
-        if problem := misshapen(page):
+        if problem := format_error(page):
             return failed(problem)
         furthest = max(abs(pulse - STOP_US) for pulse in page["pulses_us"])
         if furthest > FULL_US + NEAR_US:
-            hint = "A worn stick says more than 1. That is full thrust, and no more: keep the pulse in 1100 to 1900."
+            hint = "A worn stick can read more than 1. Clamp it to full thrust: 1100 to 1900 us."
             return failed(hint, expected="1100 to 1900 us", actual=f"{page['pulses_us']} at heave {one:.3f}")
         if furthest < FULL_US - NEAR_US:
-            hint = "A stick beyond 1 is a stick at 1: full thrust, and no less."
+            hint = "A stick beyond 1 counts as 1: full thrust, not less."
             return failed(hint, expected="1100 and 1900 us", actual=f"{page['pulses_us']} at heave {one:.3f}")
     return passed()
 
@@ -234,15 +236,13 @@ def limits(student: Student, case: Sticks) -> Verdict:
 def disarmed(student: Student, case: Sticks) -> Verdict:
     """Stands still while the pilot has not armed it."""
     for page, is_armed in zip([pwm_of(one) for one in answers(student, case)], case.is_armed, strict=True):
-        if problem := misshapen(page):
+        if problem := format_error(page):
             return failed(problem)
         if page.get("is_armed") is not is_armed:
-            hint = "The page 'pwm' says is_armed as the controls say it: True or False."
+            hint = "Copy is_armed from the page 'controls' to the page 'pwm': True or False."
             return failed(hint, expected=str(is_armed), actual=str(page.get("is_armed")))
         if not is_armed and not near(page["pulses_us"], [STOP_US] * 8):
-            hint = (
-                "The sticks are pushed and nobody has armed the vehicle: all eight pulses are 1500 until somebody does."
-            )
+            hint = "The vehicle is not armed: all eight pulses must be 1500 us, whatever the sticks command."
             return failed(hint, expected="1500 us", actual=str(page["pulses_us"]))
     return passed()
 
@@ -258,10 +258,10 @@ def one_page(student: Student, case: Sticks) -> Verdict:
     for answered in answers(student, case):
         names = ["another task" if one is None else f"page '{one[0]}'" for one in answered]
         if names.count("page 'pwm'") > 1:
-            hint = "Two pages 'pwm' for one page of controls: which of them would count?"
+            hint = "There are two pages 'pwm' for one page 'controls'. Store only one."
             return failed(hint, expected="one page 'pwm'", actual=", ".join(names))
         if names != ["page 'pwm'"]:
-            hint = "A page that nobody has asked for is work for everybody who listens: return the page 'pwm' alone."
+            hint = "Every extra page is work for each component that handles it: return only the page 'pwm'."
             return failed(hint, expected="one page 'pwm'", actual=", ".join(names) or "nothing")
     return passed()
 
@@ -269,12 +269,12 @@ def one_page(student: Student, case: Sticks) -> Verdict:
 @check(points=15, visible=[0], hidden=seeds, needs=["loads"])
 def dives(student: Student, seed: int) -> Verdict:
     """Follows the pilot's sticks in the water."""
-    flown = student.fly("urov_sticks", seed, FILE)
-    moved = ", ".join(f"{name} {flown.metrics[name]:.2f} m" for name in ("down_m", "ahead_m", "up_m"))
-    if flown.success:
+    run = student.run_scenario("urov_sticks", seed, FILE)
+    moved = ", ".join(f"{name} {run.metrics[name]:.2f} m" for name in ("down_m", "ahead_m", "up_m"))
+    if run.success:
         return passed(moved)
     return failed(
-        f"The vehicle did not follow. What says the note of: snr run urov_sticks --controller {FILE} (in your folder)?",
+        f"The vehicle did not follow. Read the notes of: snr run urov_sticks --controller {FILE} (in your folder).",
         expected="1 m down, then 0.4 m ahead, then 0.4 m up",
         actual=moved.replace("_m ", " "),
     )

@@ -12,11 +12,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from snr_sim.grading import Given, Lab, Student, Verdict, check, failed, field_of, partly, passed
+from snr_sim.grading import Lab, Stimulus, Student, Verdict, check, failed, partial_credit, passed, require_field
 
 FILE = "depth_hold.py"
-STOP_US, LEAST_US, MOST_US = 1500.0, 1100.0, 1900.0
-MOST_N = 80.0
+STOP_US, MIN_PULSE_US, MAX_PULSE_US = 1500.0, 1100.0, 1900.0
+MAX_FORCE_N = 80.0
 NEWTONS_PER_KGF = 9.80665
 VERTICAL = {4: +1, 5: -1, 6: -1, 7: +1}
 SETTLING_S, OVERSHOOT, STEADY_M = 6.5, 0.20, 0.10
@@ -36,59 +36,59 @@ class Depths:
 
 
 @dataclass(frozen=True)
-class Said:
-    """What the pilot says, page by page: armed, and a goal or None. The vehicle is at HERE_M."""
+class PilotInputs:
+    """The pilot's commands, page by page: armed, and a goal or None. The vehicle is at HERE_M."""
 
     is_armed: tuple[bool, ...]
     goal_m: tuple[float | None, ...]
 
 
 def depths(rng: random.Random) -> list[tuple[Depths, ...]]:
-    """Draws depths with a small error, so that no clamp plays a part."""
+    """Draw depths with a small error, so that no clamp plays a part."""
     goals_m = [rng.uniform(0.5, 9.0) for _ in range(12)]
     errors_m = [sign * rng.uniform(0.02, 0.06) for sign in (-1.0, 1.0) * 6]
     return [tuple(Depths(goal_m + error_m, goal_m) for goal_m, error_m in zip(goals_m, errors_m, strict=True))]
 
 
 def far_depths(rng: random.Random) -> list[tuple[Depths, ...]]:
-    """Draws depths with a large error."""
+    """Draw depths with a large error."""
     return [(Depths(rng.uniform(40.0, 60.0), rng.uniform(0.5, 2.0)), Depths(0.5, rng.uniform(40.0, 60.0)))]
 
 
 def forces(rng: random.Random) -> list[tuple[float, ...]]:
-    """Draws forces that four thrusters can give."""
-    return [tuple(sign * rng.uniform(2.0, MOST_N) for sign in (-1.0, 1.0) * 6)]
+    """Draw forces that four thrusters can give."""
+    return [tuple(sign * rng.uniform(2.0, MAX_FORCE_N) for sign in (-1.0, 1.0) * 6)]
 
 
-def goals(rng: random.Random) -> list[Said]:
-    """Draws what a pilot says: a goal now and then."""
-    said = [rng.uniform(2.5, 6.0), None, None, rng.uniform(0.5, 1.5), None, None, rng.uniform(2.5, 6.0), None]
-    return [Said((True,) * len(said), tuple(said))]
+def goals(rng: random.Random) -> list[PilotInputs]:
+    """Draw a pilot's commands: a goal now and then."""
+    inputs = [rng.uniform(2.5, 6.0), None, None, rng.uniform(0.5, 1.5), None, None, rng.uniform(2.5, 6.0), None]
+    return [PilotInputs((True,) * len(inputs), tuple(inputs))]
 
 
-def armings(rng: random.Random) -> list[Said]:
-    """Draws what a pilot says who arms late, and disarms."""
+def armings(rng: random.Random) -> list[PilotInputs]:
+    """Draw the commands of a pilot who arms late, and disarms."""
     goal_m = rng.uniform(3.0, 6.0)
-    return [Said((False, False, True, False), (goal_m, None, None, None))]
+    return [PilotInputs((False, False, True, False), (goal_m, None, None, None))]
 
 
 def seeds(rng: random.Random) -> list[int]:
-    """Draws eight dives."""
+    """Draw eight dives."""
     return [rng.getrandbits(63) for _ in range(8)]
 
 
 def force_n(student: Student, depth_m: float, goal_m: float) -> float:
-    """Returns what `up_force_n` says."""
+    """Return the result of `up_force_n`."""
     return float(student.call(FILE, "up_force_n", depth_m, goal_m, returns=float))
 
 
 def pulses_us(student: Student, up_n: float) -> list[float]:
-    """Returns what `pulses_us` says."""
+    """Return the result of `pulses_us`."""
     return list(student.call(FILE, "pulses_us", up_n, returns=list[float]))
 
 
 def first_failure(verdicts: Iterable[Verdict]) -> Verdict:
-    """Returns the first that is not all right, or the last."""
+    """Return the first that lost points, or the last."""
     last = passed()
     for last in verdicts:
         if last.fraction < 1.0:
@@ -96,26 +96,26 @@ def first_failure(verdicts: Iterable[Verdict]) -> Verdict:
     return last
 
 
-def answered(student: Student, said: Said) -> list[list[float]] | None:
-    """Returns the pulses after each of the pilot's pages; nothing if there were none once."""
+def answered(student: Student, inputs: PilotInputs) -> list[list[float]] | None:
+    """Return the pulses after each of the pilot's pages; nothing if there were none once."""
     level = {"roll_rad": 0.0, "pitch_rad": 0.0, "yaw_rad": 0.0}
-    pages = [Given(0.01, "depth", {"depth_m": HERE_M, "stamp_s": 0.01}, process=False)]
-    for number, (is_armed, goal_m) in enumerate(zip(said.is_armed, said.goal_m, strict=True), start=1):
+    pages = [Stimulus(0.01, "depth", {"depth_m": HERE_M, "stamp_s": 0.01}, process=False)]
+    for number, (is_armed, goal_m) in enumerate(zip(inputs.is_armed, inputs.goal_m, strict=True), start=1):
         controls = {"number": number, "mode": "depth_hold", "is_armed": is_armed, "depth_m": goal_m}
-        pages += [Given(0.05 * number, "controls", controls), Given(0.05 * number + 0.01, "imu", level)]
+        pages += [Stimulus(0.05 * number, "controls", controls), Stimulus(0.05 * number + 0.01, "imu", level)]
     found: dict[Any, Any] = {}
-    for produced in student.feed(FILE, pages, robot="urov", role="urov"):
+    for produced in student.run_inputs(FILE, pages, robot="urov", role="urov"):
         if produced.kind == "store_page" and produced.name == "pwm":
-            found[produced.after] = field_of(produced.value, "pwm", "pulses_us", list[float], count=8)
-    pulses = [found.get(2 * number + 2) for number in range(len(said.is_armed))]
+            found[produced.after] = require_field(produced.value, "pwm", "pulses_us", list[float], count=8)
+    pulses = [found.get(2 * number + 2) for number in range(len(inputs.is_armed))]
     return None if None in pulses else pulses  # type: ignore[return-value]
 
 
-NO_PULSES = "After each page 'imu' there is a page 'pwm' with eight pulses. Does on_tick return it?"
+NO_PULSES = "Each page 'imu' must be followed by a page 'pwm' with eight pulses. Does on_tick return it?"
 
 
 def is_still(pulses: list[float]) -> bool:
-    """Returns whether all thrusters are stopped."""
+    """Return whether all thrusters are stopped."""
     return all(pulse == STOP_US for pulse in pulses)
 
 
@@ -135,16 +135,16 @@ def direction(student: Student, case: tuple[Depths, ...]) -> Verdict:
 
 
 def directed(student: Student, case: Depths) -> Verdict:
-    """Judges the force at one depth."""
+    """Judge the force at one depth."""
     force = force_n(student, case.depth_m, case.goal_m)
     error_m = case.depth_m - case.goal_m
     where = f"{case.depth_m:.2f} m deep, goal {case.goal_m:.2f} m"
     if force == 0.0:
-        return failed("It does not push at all. Your work begins in up_force_n.", f"a force, {where}", "0 N")
+        return failed("It does not push at all. Start with up_force_n.", f"a force, {where}", "0 N")
     if force * error_m < 0.0:
-        hint = "It pushes the wrong way. Depth is positive down and the force positive up, so too deep is a plus."
+        hint = "It pushes in the wrong direction. Depth is positive down, force is positive up: too deep needs a plus."
         if force_n(student, case.goal_m + 30.0, case.goal_m) > 0.0 > force_n(student, -30.0, case.goal_m):
-            hint = "It goes to another depth than the one it was given: up_force_n has the goal as its second number."
+            hint = "It goes to a depth other than the goal: the goal is the second argument of up_force_n."
         return failed(hint, "up" if error_m > 0.0 else "down", f"{force:.1f} N, {where}")
     return passed()
 
@@ -156,29 +156,29 @@ def proportional(student: Student, case: tuple[Depths, ...]) -> Verdict:
 
 
 def proportioned(student: Student, case: Depths) -> Verdict:
-    """Judges the forces round one depth."""
+    """Judge the forces round one depth."""
     error_m = case.depth_m - case.goal_m
     once = force_n(student, case.depth_m, case.goal_m)
     again = force_n(student, case.depth_m, case.goal_m)
     if once != again:
-        hint = "The same depth and goal gave two forces: something is added up from call to call. P remembers nothing."
+        hint = "The same depth and goal gave two forces: something is summed from call to call. P keeps no state."
         return failed(hint, expected=f"{once!r} N twice", actual=f"{once!r} N and {again!r} N")
     twice = force_n(student, case.depth_m + error_m, case.goal_m)
     elsewhere = force_n(student, case.depth_m + 1.0, case.goal_m + 1.0)
     gain_npm = abs(once / error_m)
-    said = f"{once:.2f} N at an error of {error_m:.3f} m, {twice:.2f} N at twice that"
+    measured = f"{once:.2f} N at an error of {error_m:.3f} m, {twice:.2f} N at twice that"
     if abs(elsewhere - once) > 1e-6 * max(1.0, abs(once)):
-        hint = "A metre deeper, with the goal a metre deeper too, is the same error. Where does the goal come in?"
+        hint = "One metre deeper, with the goal one metre deeper too, is the same error. Does the goal enter the error?"
         return failed(hint, expected=f"{once:.2f} N", actual=f"{elsewhere:.2f} N")
     if gain_npm > USUAL_NPM[1]:
-        hint = f"That is {gain_npm:.0f} N or more for a metre: is the error in centimetres? All depths are in metres."
-        return failed(hint, expected="20 to 400 N for each metre", actual=said)
+        hint = f"That is at least {gain_npm:.0f} N per metre: is the error in centimetres? All depths are in metres."
+        return failed(hint, expected="20 to 400 N for each metre", actual=measured)
     if gain_npm < USUAL_NPM[0]:
-        hint = f"That is {gain_npm:.1f} N for a metre: less than its own weight and the current ask for."
-        return failed(hint, expected="20 to 400 N for each metre", actual=said)
+        hint = f"That is {gain_npm:.1f} N per metre: too little for its weight and the current."
+        return failed(hint, expected="20 to 400 N for each metre", actual=measured)
     if abs(twice - 2.0 * once) > 1e-6 * max(1.0, abs(once)):
-        hint = "Proportional is a number times the error: twice the error, twice the force, up to MOST_N."
-        return failed(hint, expected=f"{2.0 * once:.2f} N", actual=said)
+        hint = "Proportional is a number times the error: twice the error, twice the force, up to MAX_FORCE_N."
+        return failed(hint, expected=f"{2.0 * once:.2f} N", actual=measured)
     return passed(metrics={"gain_npm": gain_npm})
 
 
@@ -189,14 +189,14 @@ def clamp(student: Student, case: tuple[Depths, ...]) -> Verdict:
 
 
 def clamped(student: Student, case: Depths) -> Verdict:
-    """Judges the force far from a goal."""
+    """Judge the force far from a goal."""
     force = force_n(student, case.depth_m, case.goal_m)
     where = f"{force:.1f} N at an error of {case.depth_m - case.goal_m:.1f} m"
-    if abs(force) > MOST_N + 1e-6:
-        hint = "A force has an end: keep it in -MOST_N to MOST_N, on both sides, with min and max."
+    if abs(force) > MAX_FORCE_N + 1e-6:
+        hint = "Clamp the force to -MAX_FORCE_N to MAX_FORCE_N, on both sides, with min and max."
         return failed(hint, expected="-80 to 80 N", actual=where)
-    if abs(force) < MOST_N - 1e-6:
-        return failed("Far from its goal it should push as hard as it may.", expected="80 N", actual=where)
+    if abs(force) < MAX_FORCE_N - 1e-6:
+        return failed("Far from its goal it should push with the maximum force.", expected="80 N", actual=where)
     return passed()
 
 
@@ -207,7 +207,7 @@ def pulses(student: Student, case: tuple[float, ...]) -> Verdict:
 
 
 def pulsed(student: Student, case: float) -> Verdict:
-    """Judges the pulses for one force."""
+    """Judge the pulses for one force."""
     got = pulses_us(student, case)
 
     def made(total_kgf: float, signs: dict[int, int] = VERTICAL) -> list[float]:
@@ -219,27 +219,23 @@ def pulsed(student: Student, case: float) -> Verdict:
     if near(got, right):
         return passed()
     known = {
-        "The maker's curve wants kilogram-force, and gets newtons: 1 kgf is 9.80665 N.": made(case / 4.0),
-        "Four thrusters push together, and each gives all of the force: share it among the four.": made(
-            case / NEWTONS_PER_KGF
-        ),
-        "It shares the force among eight thrusters, and four of them push up.": made(kgf / 2.0),
-        "Newtons become kilogram-force by division, not by multiplication.": made(case / 4.0 * NEWTONS_PER_KGF),
-        "Every thruster runs the wrong way round: a plus in VERTICAL pushes up when it runs ahead.": made(-kgf),
-        "Thrusters 5 and 6 are mounted the other way round: what pushes up is a minus there, as VERTICAL says.": made(
-            kgf, dict.fromkeys(VERTICAL, 1)
-        ),
-        "All eight stand still. Step 2 begins in pulses_us.": [STOP_US] * 8,
+        "The manufacturer's curve takes kilogram-force, and gets newtons: 1 kgf is 9.80665 N.": made(case / 4.0),
+        "Each of the four thrusters gives the full force: divide it by four.": made(case / NEWTONS_PER_KGF),
+        "It divides the force among eight thrusters, but only four of them push up.": made(kgf / 2.0),
+        "To convert newtons to kilogram-force, divide; do not multiply.": made(case / 4.0 * NEWTONS_PER_KGF),
+        "Every thruster runs in the wrong direction: +1 in VERTICAL pushes up when it runs ahead.": made(-kgf),
+        "Thrusters 5 and 6 are mounted in reverse: use their -1 of VERTICAL.": made(kgf, dict.fromkeys(VERTICAL, 1)),
+        "All eight pulses are 1500 us. Start with pulses_us.": [STOP_US] * 8,
     }
     for hint, wrong in known.items():
         if near(got, wrong):
             return failed(hint, expected=str(rounded(right)), actual=str(rounded(got)))
-    hint = "Channels 4 to 7 share the force, each with its sign, by thruster.pulse_us; channels 0 to 3 stand still."
+    hint = "Channels 4 to 7 share the force, each with its sign, by thruster.pulse_us; channels 0 to 3 stay at 1500 us."
     return failed(hint, expected=str(rounded(right)), actual=str(rounded(got)))
 
 
 def curve_us(force_kgf: float) -> float:
-    """Returns the pulse for a force, as `thruster.py` does, which a student may have changed."""
+    """Return the pulse for a force, as `thruster.py` does, which a student may have changed."""
     if abs(force_kgf) < 0.002:
         return STOP_US
     width_us = 30.0 + 370.0 * (abs(force_kgf) / 4.8) ** 0.55
@@ -247,94 +243,92 @@ def curve_us(force_kgf: float) -> float:
 
 
 def near(got: list[float], right: list[float]) -> bool:
-    """Returns whether these are the pulses, to a thousandth of a microsecond."""
+    """Return whether these are the pulses, to a thousandth of a microsecond."""
     return len(got) == len(right) and all(abs(one - other) <= 1e-3 for one, other in zip(got, right, strict=True))
 
 
 def rounded(pulses: list[float]) -> list[float]:
-    """Returns pulses as one wants to read them."""
+    """Return pulses rounded for display."""
     return [round(pulse, 1) for pulse in pulses]
 
 
-@check(points=10, visible=[Said((True,) * 4, (3.0, None, None, None))], hidden=goals, needs=["loads"])
-def keeps_goal(student: Student, case: Said) -> Verdict:
-    """Keeps the goal that the pilot said once."""
+@check(points=10, visible=[PilotInputs((True,) * 4, (3.0, None, None, None))], hidden=goals, needs=["loads"])
+def keeps_goal(student: Student, case: PilotInputs) -> Verdict:
+    """Keeps a goal that the pilot sends in one page only."""
     pages = answered(student, case)
     if pages is None:
         return failed(NO_PULSES)
-    wanted_m: float | None = None
+    goal_m: float | None = None
     deeper_us: float | None = None  # how far from its stop a thruster was when the goal was below
-    for number, (got, said_m) in enumerate(zip(pages, case.goal_m, strict=True), start=1):
-        wanted_m = wanted_m if said_m is None else said_m
-        if wanted_m is None:
+    for number, (got, new_goal_m) in enumerate(zip(pages, case.goal_m, strict=True), start=1):
+        goal_m = goal_m if new_goal_m is None else new_goal_m
+        if goal_m is None:
             continue
-        what, from_stop_us = f"a push to {wanted_m:.1f} m in page {number}", got[4] - STOP_US
+        what, from_stop_us = f"a push to {goal_m:.1f} m in page {number}", got[4] - STOP_US
         if is_still(got):
-            hint = "It knows a goal and its depth, it is armed, and it does not push."
-            if said_m is None:
-                hint = "It has forgotten its goal: the pilot says it in one page, and None in the next is not a goal."
+            hint = "It has a goal and a depth, it is armed, and it does not push."
+            if new_goal_m is None:
+                hint = "It lost its goal: the pilot sends it in one page, and None in the next means 'as before'."
             return failed(hint, expected=what, actual="all still")
-        if wanted_m > HERE_M:
+        if goal_m > HERE_M:
             deeper_us = deeper_us or from_stop_us
         elif deeper_us is not None and from_stop_us * deeper_us > 0.0:
-            return failed("The pilot has said another goal, and it still goes to the old one.", what, str(got))
+            return failed("The pilot has sent a new goal, and it still goes to the old one.", what, str(got))
     return passed()
 
 
-@check(points=5, visible=[Said((False, True, False), (3.0, None, None))], hidden=armings, needs=["loads"])
-def disarmed(student: Student, case: Said) -> Verdict:
+@check(points=5, visible=[PilotInputs((False, True, False), (3.0, None, None))], hidden=armings, needs=["loads"])
+def disarmed(student: Student, case: PilotInputs) -> Verdict:
     """Stands still while the pilot has not armed it, and before it has a goal."""
-    pages, aimless = answered(student, case), answered(student, Said((True, True), (None, None)))
+    pages, aimless = answered(student, case), answered(student, PilotInputs((True, True), (None, None)))
     if pages is None or aimless is None:
         return failed(NO_PULSES)
     for got, is_armed in zip(pages, case.is_armed, strict=True):
         if not is_armed and not is_still(got):
-            hint = "Nobody has armed the vehicle and thrusters turn: all eight pulses are 1500 until somebody does."
+            hint = "The vehicle is not armed: all eight pulses must be 1500 us."
             return failed(hint, expected="1500 us", actual=str(got))
     if not is_still(aimless[-1]):
-        return failed("Nobody has said a goal yet, and its thrusters turn.", "1500 us", str(aimless[-1]))
+        return failed("It pushes before it has a goal: all eight pulses must be 1500 us.", "1500 us", str(aimless[-1]))
     return passed()
 
 
 @check(points=30, visible=[0, 1], hidden=seeds, needs=["loads"])
 def holds(student: Student, seed: int) -> Verdict:
     """Goes to the depth and stays there: 12 points to settle, 9 not to overshoot, 9 to end near it."""
-    flown = student.fly("urov_tank", seed, FILE)
-    sent = [field_of(page, "pwm", "pulses_us", list[float]) for _, page in flown.pages("pwm")]
+    run = student.run_scenario("urov_tank", seed, FILE)
+    sent = [require_field(page, "pwm", "pulses_us", list[float]) for _, page in run.pages("pwm")]
     if wild := [pulse for pulses in sent for pulse in pulses if not in_range(pulse)]:
-        hint = "It sends pulses that no thruster may be sent. Which force did it ask for, and in which unit?"
+        hint = "It sends a pulse outside the thruster's range. Which force did it command, and in which unit?"
         return failed(hint, expected="1100 to 1900 us", actual=f"{wild[0]:.0f} us")
-    found = flown.metrics
+    found = run.metrics
     settling_s, way = found["settling_s"], f"from {found['start_m']:.1f} m to {found['goal_m']:.1f} m"
     hints, fraction = [], 0.0
     if settling_s is not None and settling_s <= SETTLING_S:
         fraction += 0.4
     else:
-        after = "never" if settling_s is None else f"after {settling_s:.1f} s"
-        hints.append(
-            f"It settled within 15 cm {after}, not within {SETTLING_S:g} s: is the force too small, or too wild?"
-        )
+        when = "did not settle within 15 cm" if settling_s is None else f"settled within 15 cm after {settling_s:.1f} s"
+        hints.append(f"It {when} (limit {SETTLING_S:g} s): is the force too small, or too large?")
     if found["overshoot"] <= OVERSHOOT and settling_s is not None:
         fraction += 0.3
     elif settling_s is not None:
-        hints.append(f"It overshot by {found['overshoot']:.0%} of the way, not by {OVERSHOOT:.0%} at most.")
+        hints.append(f"It overshot by {found['overshoot']:.0%} of the depth change (limit {OVERSHOOT:.0%}).")
     if found["steady_error_m"] <= STEADY_M:
         fraction += 0.3
     else:
         hints.append(
-            f"It ended {found['steady_error_m']:.2f} m off, not {STEADY_M:g} m: what pulls at it all the time, and how "
-            "large is the error at which your force is as large?"
+            f"Its steady-state error was {found['steady_error_m']:.2f} m (limit {STEADY_M:g} m): which constant force "
+            "acts on it, and at which error is your force as large?"
         )
     metrics = {"energy_j": found["energy_j"], "steady_error_m": found["steady_error_m"]}
     if not hints:
         return passed(f"{way}: settled after {settling_s:.1f} s", metrics=metrics)
-    flies = f"{way}; in your folder: snr run urov_tank --controller {FILE} --seed {seed}"
-    return partly(fraction, " ".join(hints), expected="the depth held", actual=flies, metrics=metrics)
+    actual = f"{way}; in your folder: snr run urov_tank --controller {FILE} --seed {seed}"
+    return partial_credit(fraction, " ".join(hints), expected="the depth held", actual=actual, metrics=metrics)
 
 
 def in_range(pulse: float) -> bool:
-    """Returns whether a thruster may be sent this."""
-    return LEAST_US - 1e-6 <= pulse <= MOST_US + 1e-6
+    """Return whether a thruster may be sent this."""
+    return MIN_PULSE_US - 1e-6 <= pulse <= MAX_PULSE_US + 1e-6
 
 
 lab = Lab(

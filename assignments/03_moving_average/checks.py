@@ -12,13 +12,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from snr_sim.grading import Given, Lab, Student, Verdict, check, failed, field_of, partly, passed
+from snr_sim.grading import Lab, Stimulus, Student, Verdict, check, failed, partial_credit, passed, require_field
 
 FILE, TESTS = "smooth.py", "my_tests.py"
 NEAR = 1e-9
 PERIOD_S = 0.05
 LONGEST = 300
-LONGEST_FLOWN = 150  # of a series of 200: so many have to have left the window that one can tell
+MAX_RUN_LENGTH = 150  # of a series of 200: so many have to have left the window that one can tell
 NEEDED = 3  # of four wrong filters
 
 Filter = Callable[[Sequence[float], int], list[float]]
@@ -33,7 +33,7 @@ class Series:
 
 
 def series(rng: random.Random) -> list[Series]:
-    """Draws two series of 200 values, each with another length."""
+    """Draw two series of 200 values, each with another length."""
     return [Series(rng.randrange(2, 40), tuple(rng.gauss(50.0, 20.0) for _ in range(200))) for _ in range(2)]
 
 
@@ -44,29 +44,29 @@ class Fall:
     noise: int
 
     def readings(self) -> tuple[list[float], list[float]]:
-        """Returns 200 heights and speeds."""
+        """Return 200 heights and speeds."""
         rng = random.Random(self.noise)
         heights = [100.0 - 0.2 * i + rng.gauss(0.0, 4.0) for i in range(200)]
         return heights, [-4.0 + rng.gauss(0.0, 1.0) for _ in heights]
 
 
 def falls(rng: random.Random) -> list[Fall]:
-    """Draws a descent."""
+    """Draw a descent."""
     return [Fall(rng.getrandbits(63))]
 
 
 def seeds(rng: random.Random) -> list[int]:
-    """Draws six starts."""
+    """Draw six starts."""
     return [rng.getrandbits(63) for _ in range(6)]
 
 
 def right(values: Sequence[float], length: int) -> list[float]:
-    """Returns the moving averages: each the mean of the last values, of fewer as long as fewer have come."""
+    """Return the moving averages: each the mean of the last values, of fewer as long as fewer have come."""
     return [mean(values[max(0, i + 1 - length) : i + 1]) for i in range(len(values))]
 
 
 def mean(values: Sequence[float]) -> float:
-    """Returns their mean."""
+    """Return their mean."""
     return math.fsum(values) / len(values)
 
 
@@ -96,7 +96,7 @@ def raw_until_full(values: Sequence[float], length: int) -> list[float]:
 
 
 def middle(values: Sequence[float], length: int) -> list[float]:
-    """Takes the middle one of the values in order of size, not their mean."""
+    """Take the middle one of the values in order of size, not their mean."""
     windows = [sorted(values[max(0, i + 1 - length) : i + 1]) for i in range(len(values))]
     return [(window[(len(window) - 1) // 2] + window[len(window) // 2]) / 2.0 for window in windows]
 
@@ -108,13 +108,13 @@ def late(values: Sequence[float], length: int) -> list[float]:
 
 
 def ahead(values: Sequence[float], length: int) -> list[float]:
-    """Takes values from both sides, also those that have not come yet."""
+    """Take values from both sides, also those that have not come yet."""
     half = length // 2
     return [mean(values[max(0, i - half) : i + length - half]) for i in range(len(values))]
 
 
 def forgets_the_newest(values: Sequence[float], length: int) -> list[float]:
-    """Keeps the first values for ever."""
+    """Never drops the first values."""
     return [mean(values[: min(i + 1, length)]) for i in range(len(values))]
 
 
@@ -131,43 +131,43 @@ OTHERS: dict[str, Filter] = {
 
 
 def wrong_filters(rng: random.Random) -> list[tuple[str, ...]]:
-    """Draws four wrong filters, twice."""
+    """Draw four wrong filters, twice."""
     return [tuple(rng.sample(sorted(OTHERS), 4)) for _ in range(2)]
 
 
 def smoothed(student: Student, case: Series) -> list[float]:
-    """Returns what the student's filter makes of a series."""
+    """Return what the student's filter makes of a series."""
     return list(student.call(FILE, "smoothed", list(case.values), case.length, returns=list[float]))
 
 
 def same(one: Sequence[Any], other: Sequence[float]) -> bool:
-    """Returns whether two lists hold the same numbers."""
+    """Return whether two lists hold the same numbers."""
     if len(one) != len(other):
         return False
     return all(is_number(a) and abs(a - b) <= NEAR * max(1.0, abs(b)) for a, b in zip(one, other, strict=True))
 
 
 def is_number(value: Any) -> bool:
-    """Returns whether it is a number that can be reckoned with: nan, for one, is not."""
+    """Return whether it is a finite number of usable size."""
     return isinstance(value, int | float) and not isinstance(value, bool) and -1e15 < value < 1e15
 
 
 HINTS = {
     "mean_of_all": "It never forgets: it is the mean of all values, not the last ones. What has to leave the window?",
-    "cold": "In the beginning it divides by the length, though fewer values have come: divide by how many there are.",
-    "one_more": "Its window is one value too long. Count: how many are in it after the first one has left?",
-    "one_less": "Its window is one value too short. Count: how many are in it when the first one leaves?",
-    "raw_until_full": "In the beginning it passes values on as they are: the mean of those that have come is wanted.",
+    "cold": "At the start it divides by the length, though it has fewer values: divide by the number of values.",
+    "one_more": "Its window is one value too long. Count: how many values are in it after the first one has left?",
+    "one_less": "Its window is one value too short. Count: how many values are in it when the first one leaves?",
+    "raw_until_full": "At the start it returns values unchanged: return the mean of the values so far.",
     "middle": "That is the middle value (the median), not the mean.",
-    "late": "It answers with the mean before this one: take the new value in first, then reckon.",
-    "ahead": "It uses values that come later. In the air nobody knows the next reading yet: take the last ones.",
-    "forgets_the_newest": "The wrong end leaves the window: the oldest value has to go, not the newest.",
-    "whole_numbers": "The division loses what is behind the point: / keeps it, // does not.",
+    "late": "It returns the previous mean: add the new value first, then compute the mean.",
+    "ahead": "It uses later values. In flight the next readings are unknown: use the last ones.",
+    "forgets_the_newest": "It drops the newest value of the window: drop the oldest.",
+    "whole_numbers": "The division drops the fraction: use /, not //.",
 }
 
 
 def hint_for(values: Sequence[float], length: int, got: list[float], from_: int, to: int) -> str:
-    """Returns the mistake that would have given this, between two places of the series."""
+    """Return the mistake that would have given this, between two places of the series."""
     if len(got) != len(values):
         return f"There are {len(got)} means for {len(values)} values: one for each, also for the first ones."
     if got == list(values) and length > 1:
@@ -190,40 +190,42 @@ def loads(student: Student, case: Series) -> Verdict:
 @check(points=20, visible=[Series(3, (6.0, 0.0, 3.0, 9.0, 9.0, 0.0))], hidden=series, needs=["loads"])
 def exact(student: Student, case: Series) -> Verdict:
     """Is the mean of the last values, once there are enough."""
-    got, wanted = smoothed(student, case), right(case.values, case.length)
-    if same(got[case.length - 1 :], wanted[case.length - 1 :]) and len(got) == len(wanted):
+    got, expected_means = smoothed(student, case), right(case.values, case.length)
+    if same(got[case.length - 1 :], expected_means[case.length - 1 :]) and len(got) == len(expected_means):
         return passed()
-    hint = hint_for(case.values, case.length, got, case.length - 1, len(wanted))
-    return failed(hint, *first_difference(got, wanted, case, case.length - 1))
+    hint = hint_for(case.values, case.length, got, case.length - 1, len(expected_means))
+    return failed(hint, *first_difference(got, expected_means, case, case.length - 1))
 
 
 @check(points=10, visible=[Series(3, (6.0, 0.0, 3.0, 9.0, 9.0, 0.0))], hidden=series, needs=["loads"])
 def warm_up(student: Student, case: Series) -> Verdict:
-    """Is the mean of those that have come, as long as they are fewer."""
-    got, wanted = smoothed(student, case), right(case.values, case.length)
-    if same(got[: case.length], wanted[: case.length]):
+    """Is the mean of the values so far, while the window is not full."""
+    got, expected_means = smoothed(student, case), right(case.values, case.length)
+    if same(got[: case.length], expected_means[: case.length]):
         return passed()
-    return failed(hint_for(case.values, case.length, got, 0, case.length), *first_difference(got, wanted, case, 0))
+    return failed(
+        hint_for(case.values, case.length, got, 0, case.length), *first_difference(got, expected_means, case, 0)
+    )
 
 
-def first_difference(got: list[Any], wanted: list[float], case: Series, from_: int) -> tuple[str, str]:
-    """Returns what was expected and what came, where they first differ."""
-    for i in range(from_, len(wanted)):
-        if i >= len(got) or not same([got[i]], [wanted[i]]):
+def first_difference(got: list[Any], expected_means: list[float], case: Series, from_: int) -> tuple[str, str]:
+    """Return what was expected and what came, where they first differ."""
+    for i in range(from_, len(expected_means)):
+        if i >= len(got) or not same([got[i]], [expected_means[i]]):
             came = repr(got[i]) if i < len(got) else "nothing"
-            return f"{wanted[i]:.6g} at value {i + 1}, length {case.length}", came
-    return f"{len(wanted)} means", f"{len(got)} means"
+            return f"{expected_means[i]:.6g} at value {i + 1}, length {case.length}", came
+    return f"{len(expected_means)} means", f"{len(got)} means"
 
 
 @check(points=10, visible=[Series(2, (1.0, 2.0, 4.0))], hidden=lambda rng: series(rng)[:1], needs=["loads"])
 def fresh(student: Student, case: Series) -> Verdict:
-    """Begins with an empty window, whoever has filtered before."""
+    """Begins with an empty window, also if another filter was used before."""
     first, second = smoothed(student, case), smoothed(student, case)
     if same(second, first):
         return passed()
     hint = (
-        "A second filter knows values of the first: their window is one and the same list. A list that stands in the "
-        "class, in a default or outside is shared by all; make it in __init__."
+        "A second filter contains values of the first: they share one list. A list that is defined in the class, in a "
+        "default argument or outside is shared by all; create it in __init__."
     )
     return failed(hint, expected=f"{first} again", actual=str(second))
 
@@ -233,26 +235,28 @@ def in_the_node(student: Student, case: Fall) -> Verdict:
     """Answers each page 'radar' with one page 'smooth': the mean height and the mean speed."""
     heights, speeds = case.readings()
     pages = [
-        Given(PERIOD_S * (i + 1), "radar", {"altitude_m": height, "velocity_mps": speed, "stamp_s": PERIOD_S * (i + 1)})
+        Stimulus(
+            PERIOD_S * (i + 1), "radar", {"altitude_m": height, "velocity_mps": speed, "stamp_s": PERIOD_S * (i + 1)}
+        )
         for i, (height, speed) in enumerate(zip(heights, speeds, strict=True))
     ]
-    produced = [one for one in student.feed(FILE, pages, robot="lander", role="lander") if one.name == "smooth"]
+    produced = [one for one in student.run_inputs(FILE, pages, robot="lander", role="lander") if one.name == "smooth"]
     if [one.after for one in produced] != list(range(len(pages))):
-        hint = "Each page 'radar' wants one page 'smooth', also the first ones."
+        hint = "Store one page 'smooth' for each page 'radar', also for the first ones."
         return failed(hint, expected=f"{len(pages)} pages 'smooth'", actual=f"{len(produced)}")
     lengths = []
     for name, values in (("altitude_m", heights), ("velocity_mps", speeds)):
-        got = [field_of(one.value, "smooth", name, float) for one in produced]
-        fitting = [length for length in range(1, LONGEST_FLOWN + 1) if same(got, right(values, length))]
+        got = [require_field(one.value, "smooth", name, float) for one in produced]
+        fitting = [length for length in range(1, MAX_RUN_LENGTH + 1) if same(got, right(values, length))]
         if not fitting:
-            hint = f"'{name}' of page 'smooth' is no moving average of '{name}' of page 'radar'. "
-            mixed = "Do height and speed have a filter each, made once, in __init__? And only one update for each page?"
+            hint = f"'{name}' of page 'smooth' is not a moving average of '{name}' of page 'radar'. "
+            mixed = "Do height and speed each have a filter, created once, in __init__, and updated once for each page?"
             return failed(hint + mixed, expected="a moving average", actual=f"begins with {got[:4]}")
         lengths.append(fitting)
     if lengths[0][0] == 1:
         return failed(
-            "Page 'smooth' says what page 'radar' says. Step 3 begins in on_radar. Is LENGTH more than 1? And a filter "
-            "that is made in on_radar is a new one each time, and remembers nothing: make it in __init__."
+            "Page 'smooth' is a copy of page 'radar'. Step 3 begins in on_radar. Is LENGTH greater than 1? A filter "
+            "that is created in on_radar is new for each page and remembers nothing: create it in __init__."
         )
     return passed(f"length {lengths[0][0]}", metrics={"length": lengths[0][0]})
 
@@ -260,54 +264,59 @@ def in_the_node(student: Student, case: Fall) -> Verdict:
 @check(points=15, visible=[0, 1], hidden=seeds, needs=["loads"])
 def lands(student: Student, seed: int) -> Verdict:
     """Lands by its own page 'smooth'."""
-    flown = student.fly("lander_noisy", seed, FILE)
-    if flown.success:
-        return passed(metrics={"fuel_kg": flown.metrics["fuel_kg"]})
-    speed_mps = (flown.metrics.get("touchdown") or {}).get("vertical_mps")
-    actual = flown.outcome if speed_mps is None else f"{speed_mps:.2f} m/s"
+    run = student.run_scenario("lander_noisy", seed, FILE)
+    if run.success:
+        return passed(metrics={"fuel_kg": run.metrics["fuel_kg"]})
+    speed_mps = (run.metrics.get("touchdown") or {}).get("vertical_mps")
+    actual = run.outcome if speed_mps is None else f"{speed_mps:.2f} m/s"
     hint = (
-        "Too few readings, and a bad one shuts the engine off up there. Too many, and the mean tells where it was, not "
-        "where it is. Which LENGTH lies between?"
+        "With too few readings, a bad one shuts the engine off too high. With too many, the mean lags behind the "
+        "height. Choose a LENGTH in between."
     )
     actual += f"; in your folder: snr run lander_noisy --controller {FILE} --seed {seed}"
     return failed(hint, expected="a touchdown below 3.05 m/s", actual=actual)
 
 
 def cases_of(student: Student) -> tuple[list[Series], list[list[float]], str]:
-    """Returns the student's cases, their means, and what is wrong with their form; nothing if it is right."""
+    """Return the student's cases, their means, and what is wrong with their form; nothing if it is right."""
     found = student.call(TESTS, "cases", finite=False)
     if not isinstance(found, list) or not 1 <= len(found) <= 100:
-        return [], [], "cases() returns a list of your cases, 100 at most."
+        return [], [], "cases() must return a list of at most 100 cases."
     read, means = [], []
     for number, case in enumerate(found, start=1):
         if not isinstance(case, dict) or not {"length", "values", "means"} <= set(case):
-            return [], [], f"Case {number} is no dict with 'length', 'values' and 'means'."
-        length, values, wanted = case["length"], case["values"], case["means"]
+            return [], [], f"Case {number} is not a dict with 'length', 'values' and 'means'."
+        length, values, expected_means = case["length"], case["values"], case["means"]
         if not isinstance(length, int) or isinstance(length, bool) or not 1 <= length <= LONGEST:
             return [], [], f"Case {number}: its length is not a whole number from 1 to {LONGEST}."
-        if not all(isinstance(one, list) and len(one) <= 1000 and all(map(is_number, one)) for one in (values, wanted)):
+        if not all(
+            isinstance(one, list) and len(one) <= 1000 and all(map(is_number, one)) for one in (values, expected_means)
+        ):
             return [], [], f"Case {number}: its values and its means are lists of numbers, 1000 at most."
-        if not values or len(values) != len(wanted):
-            return [], [], f"Case {number}: {len(values)} values and {len(wanted)} means; one mean for each value."
+        if not values or len(values) != len(expected_means):
+            return (
+                [],
+                [],
+                f"Case {number}: {len(values)} values and {len(expected_means)} means; one mean for each value.",
+            )
         read.append(Series(length, tuple(values)))
-        means.append(wanted)
+        means.append(expected_means)
     return read, means, ""
 
 
 @check(points=5, visible=[4])
-def own_tests(student: Student, least: int) -> Verdict:
+def own_tests(student: Student, min_cases: int) -> Verdict:
     """Has at least four cases of its own, which a right filter passes."""
     read, means, problem = cases_of(student)
     if problem:
         return failed(problem)
-    for number, (one, wanted) in enumerate(zip(read, means, strict=True), start=1):
-        if not same(wanted, right(one.values, one.length)):
-            expected, actual = first_difference(list(wanted), right(one.values, one.length), one, 0)
-            return failed(f"Case {number} would fail a right filter. Reckon it again by hand.", expected, actual)
-    if len(read) < least:
-        return failed(
-            "Four cases are wanted, each for another mistake.", expected=f"{least} cases", actual=f"{len(read)}"
-        )
+    for number, (one, expected_means) in enumerate(zip(read, means, strict=True), start=1):
+        if not same(expected_means, right(one.values, one.length)):
+            expected, actual = first_difference(list(expected_means), right(one.values, one.length), one, 0)
+            return failed(f"Case {number} fails a correct filter. Compute it again by hand.", expected, actual)
+    if len(read) < min_cases:
+        hint = f"Write {min_cases} cases, each for a different mistake."
+        return failed(hint, expected=f"{min_cases} cases", actual=f"{len(read)}")
     return passed()
 
 
@@ -321,17 +330,20 @@ def catches(student: Student, case: tuple[str, ...]) -> Verdict:
     missed = [
         name
         for name in case
-        if all(same(wanted, filters[name](one.values, one.length)) for one, wanted in zip(read, means, strict=True))
+        if all(
+            same(expected_means, filters[name](one.values, one.length))
+            for one, expected_means in zip(read, means, strict=True)
+        )
     ]
     caught, needed = len(case) - len(missed), min(NEEDED, len(case))
     if caught >= needed:
         return passed(f"caught {caught} of {len(case)} wrong filters")
     hint = (
         f"{len(missed)} of {len(case)} wrong filters pass all your cases. Let values differ and leave the window, "
-        "and ask for the mean of the first ones, too: a filter that is wrong there must give another number."
+        "and check the mean of the first ones, too: a filter that is wrong there must give another number."
     )
     kinds = "; ".join(str(filters[name].__doc__) for name in missed)
-    return partly(caught / needed, hint, f"{needed} of {len(case)} caught", f"passed: {kinds}")
+    return partial_credit(caught / needed, hint, f"{needed} of {len(case)} caught", f"passed: {kinds}")
 
 
 lab = Lab(

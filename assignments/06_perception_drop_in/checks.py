@@ -1,4 +1,4 @@
-"""What the grader tries a submission of this lab on: pictures that are drawn anew, and flights. Only it reads this."""
+"""Checks of the lab "perception drop-in": pictures that are rendered for each case, and runs."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from snr_sim.devices.sensors.camera import Camera
-from snr_sim.grading import Given, Lab, Student, Verdict, check, failed, field_of, passed
-from snr_sim.prelude.scenario import Robot
-from snr_sim.scenario import library
+from snr_sim.devices import Camera
+from snr_sim.grading import Lab, Stimulus, Student, Verdict, check, failed, passed, require_field
+from snr_sim.scenario import RobotInfo, library
 
 HERE = Path(__file__).parent
 HOVER = str(HERE / "hover.py")
@@ -54,25 +53,27 @@ class Shot:
 
 
 def shots(scene: Scene) -> Iterator[Shot]:
-    """Yields the pictures of a scene: the vehicle goes slowly over the floor and turns."""
+    """Yield the pictures of a scene: the vehicle goes slowly over the floor and turns."""
     rng, noise = random.Random(scene.seed), np.random.default_rng(scene.seed)
     murk = rng.uniform(0.5, 0.9) if scene.kind == "murky" else rng.uniform(0.05, 0.2)
-    camera = Camera("down", veiled_per_m=murk)
+    camera = Camera("down", backscatter_per_m=murk)
     height_m, yaw = rng.uniform(1.4, 2.0), rng.uniform(-math.pi, math.pi)
     reach_m = 0.25 * height_m  # from the middle: the plate stays in the picture as a whole
-    way = rng.uniform(-math.pi, math.pi)
+    direction = rng.uniform(-math.pi, math.pi)
     turn = rng.uniform(-0.1, 0.1)
     statics = {"floor": _floor(), **_things(scene.kind, rng)}
     is_lost = scene.kind.startswith("lost")
     count = GONE[1] + 4 if is_lost else PICTURES
     for i in range(count):
         along_m = reach_m * (2.0 * i / (count - 1) - 1.0)
-        x, y = along_m * math.cos(way), along_m * math.sin(way)
+        x, y = along_m * math.cos(direction), along_m * math.sin(direction)
         is_there = not (is_lost and GONE[0] <= i < GONE[1])
         seen = {**statics, "plate": _box(0.0, 0.0, PLATE_M, PLATE_M, 0.05, YELLOW)} if is_there else statics
         if scene.kind == "covered":
             aside_m = 1.4 * PLATE_M
-            seen["fish"] = _box(aside_m * math.cos(way), aside_m * math.sin(way), PLATE_M, PLATE_M, 0.12, FISH)
+            seen["fish"] = _box(
+                aside_m * math.cos(direction), aside_m * math.sin(direction), PLATE_M, PLATE_M, 0.12, FISH
+            )
         here = [x, y, height_m - FLOOR_M]
         angle = yaw + turn * i
         rgb = camera.picture(seen, here, [math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)])
@@ -84,7 +85,7 @@ def shots(scene: Scene) -> Iterator[Shot]:
 
 
 def _things(kind: str, rng: random.Random) -> dict[str, Any]:
-    """Returns what else lies on the floor."""
+    """Return what else lies on the floor."""
     if kind not in ("cluttered", "lost among clutter"):
         return {}
     side = rng.choice((-1.0, 1.0)) * rng.uniform(0.46, 0.5)
@@ -109,45 +110,45 @@ def _box(x: float, y: float, dx: float, dy: float, dz: float, rgb: list[int]) ->
 
 
 def few(*kinds: str, count: int) -> Callable[[random.Random], list[Scene]]:
-    """Returns what draws so many hidden scenes of each kind."""
+    """Return what draws so many hidden scenes of each kind."""
     return lambda rng: [Scene(kind, rng.getrandbits(63)) for kind in kinds for _ in range(count)]
 
 
 def targets(student: Student, given: Sequence[Shot]) -> list[list[Any]]:
-    """Returns the pages `target` that came of each picture."""
+    """Return the pages `target` that answer each picture."""
     pages = [
-        Given(
+        Stimulus(
             i * PERIOD_S, "camera", {"rgb": shot.rgb, "field_of_view_rad": math.radians(80.0), "stamp_s": i * PERIOD_S}
         )
         for i, shot in enumerate(given)
     ]
     found: list[list[Any]] = [[] for _ in given]
-    for one in student.feed("perception.py", pages, robot=_robot()):
+    for one in student.run_inputs("perception.py", pages, robot=_robot()):
         if one.kind == "store_page" and one.name == "target" and one.after is not None:
             found[one.after].append(one.value)
     return found
 
 
-def _robot() -> Robot:
+def _robot() -> RobotInfo:
     library.load_robot(library.find("robots", "urov"))
     scenario = library.load_scenario(library.find("scenarios", HOVER))
-    return Robot("urov", "urov", "hover", "mujoco", scenario.parameters(0), {})
+    return RobotInfo("urov", "urov", "hover", "mujoco", scenario.parameters(0), {})
 
 
-def told(pages: Sequence[Any]) -> tuple[float, float] | None:
-    """Returns where a picture's page says the plate is, right and down; None if it does not say that it tracks it."""
+def tracked_position(pages: Sequence[Any]) -> tuple[float, float] | None:
+    """Return the position of the plate in a picture's page, right and down; None if its mode is not "track"."""
     if mode_of(pages) != "track" or not is_page(pages[-1]):
         return None
     return float(pages[-1]["right_px"]), float(pages[-1]["down_px"])
 
 
 def mode_of(pages: Sequence[Any]) -> str:
-    """Returns the mode that a picture's page tells."""
+    """Return the mode in a picture's page."""
     return str(pages[-1].get("mode"))[:50] if pages and isinstance(pages[-1], dict) else "nothing"
 
 
 def is_page(page: Any) -> bool:
-    """Returns whether a page has the numbers that it should have."""
+    """Return whether a page has the numbers that it should have."""
     numbers = [page.get(name) for name in ("right_px", "down_px", "stamp_s")] if isinstance(page, dict) else [None]
     return all(type(one) in (int, float) and -1e12 < one < 1e12 for one in numbers)
 
@@ -158,37 +159,37 @@ def _off(a: tuple[float, float], b: tuple[float, float]) -> float:
 
 MISTAKES: list[tuple[str, Callable[[float, float], tuple[float, float]]]] = [
     (
-        "Right and down have changed places: the first index of an array is its row, which goes down.",
+        "right_px and down_px are exchanged: the first index of an array is its row, which counts downwards.",
         lambda r, d: (d, r),
     ),
-    ("Left and right have changed places: right of the middle is positive.", lambda r, d: (-r, d)),
-    ("Up and down have changed places: below the middle is positive.", lambda r, d: (r, -d)),
-    ("Both have the wrong sign: right of the middle and below it are positive.", lambda r, d: (-r, -d)),
-    ("It is told from the top left corner: tell it from the middle of the picture.", lambda r, d: (r + 31.5, d + 23.5)),
+    ("right_px has the wrong sign: right of the centre is positive.", lambda r, d: (-r, d)),
+    ("down_px has the wrong sign: below the centre is positive.", lambda r, d: (r, -d)),
+    ("Both have the wrong sign: right of the centre and below it are positive.", lambda r, d: (-r, -d)),
+    ("The position is measured from the top left corner, not from the centre.", lambda r, d: (r + 31.5, d + 23.5)),
 ]
 MISSED = {
-    "clear": "Print a few pixels of the plate: water takes the red first, so what is left of yellow?",
-    "murky": "In murky water everything comes nearer to the water's colour: compare with the rest of the picture, "
-    "not with a number of yours.",
-    "covered": "Something lies over a part of the plate: what is left of it is smaller, and has another shape.",
-    "cluttered": "Other things are yellow, too, or dark: which pixels touch each other, and what shape do they have?",
+    "clear": "Print a few pixels of the plate: water absorbs red first. Which colour remains of yellow?",
+    "murky": "In murky water all colours approach the water's colour: compare with the rest of the picture, "
+    "not with a fixed number.",
+    "covered": "A part of the plate is covered: the visible part is smaller, and has another shape.",
+    "cluttered": "Other objects are yellow or dark, too: which pixels are connected, and what shape do they form?",
 }
 
 
 def finds(student: Student, case: Scene) -> Verdict:
-    """Judges how often, and how nearly, the plate was found in the pictures of a scene."""
+    """Judge how often, and how nearly, the plate was found in the pictures of a scene."""
     given = list(shots(case))
     true = [shot.off_px for shot in given if shot.off_px is not None]
-    seen = [told(pages) for pages in targets(student, given)]
+    seen = [tracked_position(pages) for pages in targets(student, given)]
     errors = [math.inf if one is None else _off(one, off) for one, off in zip(seen, true, strict=True)]
     share = sum(error < NEAR_PX for error in errors) / len(errors)
     if share >= SHARE:
         return passed(metrics={"near_share": share})
     expected = f"within {NEAR_PX:g} px in {SHARE:.0%} of the pictures"
-    for says, turned in MISTAKES:
+    for hint, turned in MISTAKES:
         off = [_off(one, turned(*right)) for one, right in zip(seen, true, strict=True) if one is not None]
         if len(off) >= SHARE * len(true) and sum(error < NEAR_PX for error in off) >= SHARE * len(off):
-            return failed(says, expected, f"{share:.0%}")
+            return failed(hint, expected, f"{share:.0%}")
     missed = sum(one is None for one in seen)
     actual = f"{share:.0%}; not found in {missed} of {len(seen)}"
     return failed(MISSED[case.kind], expected, actual)
@@ -201,7 +202,7 @@ def unchanged(student: Student) -> Verdict:
     if student.source("steer.py").split() == was:
         return passed()
     return failed(
-        "steer.py is not the one of the starter. Put it back: only who fills the page `target` may change.",
+        "steer.py differs from the starter's. Restore it: only the source of the page `target` may change.",
         expected="the starter's steer.py",
         actual="another one",
     )
@@ -214,21 +215,22 @@ def answers(student: Student) -> Verdict:
     for i, pages in enumerate(targets(student, given)):
         if len(pages) != 1:
             return failed(
-                "Each picture is answered with one page `target`, whether the plate is in it or not.",
+                "Store one page `target` for each picture, whether the plate is in it or not.",
                 expected="1 page",
                 actual=f"{len(pages)} after picture {i + 1}",
             )
         page = pages[0]
         for name in sorted(FIELDS - {"mode"}):
-            field_of(page, "target", name, float)
-        mode = field_of(page, "target", "mode", str)
+            require_field(page, "target", name, float)
+        mode = require_field(page, "target", "mode", str)
         if set(page) != FIELDS:
-            hint = "The page `target` has more fields than the README names."
+            hint = "The page `target` has fields that the README does not list."
             return failed(hint, expected=", ".join(sorted(FIELDS)), actual=str(page)[:200])
         if mode not in MODES:
-            return failed("There is no such mode.", expected=", ".join(MODES), actual=mode_of(pages))
+            return failed("'mode' is not valid.", expected=", ".join(MODES), actual=mode_of(pages))
         if abs(page["stamp_s"] - i * PERIOD_S) > 1e-6:
-            return failed("stamp_s is when the picture was taken.", f"{i * PERIOD_S:g}", f"{page['stamp_s']:g}")
+            hint = "stamp_s must be the stamp_s of the page `camera`."
+            return failed(hint, f"{i * PERIOD_S:g}", f"{page['stamp_s']:g}")
     return passed()
 
 
@@ -268,28 +270,28 @@ def lost(student: Student, case: Scene) -> Verdict:
     modes = [mode_of(pages) for pages in targets(student, given)]
     first, end = GONE
     if "track" not in modes[:first]:
-        return failed("Before it was lost, the plate was not found, either.", "track", modes[first - 1])
+        return failed("The plate was not found before it left the picture.", "track", modes[first - 1])
     tracked = [i for i in range(first, end) if modes[i] == "track"]
     if tracked:
         after_s = (tracked[-1] - first) * PERIOD_S
         return failed(
-            "It goes on tracking where there is no plate: what it saw last is no longer true, and what is left of the "
-            "picture's most yellow spot may be another thing.",
+            "It still tracks without a plate in the picture: the last position is no longer valid, and the most "
+            "yellow pixels may belong to another object.",
             expected="stop, then search",
-            actual=f"track, {after_s:.1f} s after the plate was seen last",
+            actual=f"track, {after_s:.1f} s after the plate left the picture",
         )
     for i in range(first, end):
         gone_s = (i - first) * PERIOD_S
         if gone_s < STILL_S - PERIOD_S and modes[i] != "stop":
-            return failed("It does not stop first: one bad picture is no reason to search.", "stop", modes[i])
+            return failed("Stop before searching: the plate may be missing in one picture only.", "stop", modes[i])
         if gone_s >= SEARCH_S and modes[i] != "search":
             return failed(
-                "It stops and waits for ever: after a second or two without the plate it should search.",
+                "It stops and never searches: after a second or two without the plate it should search.",
                 expected=f"search, from {SEARCH_S:g} s on",
                 actual=f"{modes[i]}, after {gone_s:.1f} s",
             )
     if "track" not in modes[end : end + BACK]:
-        return failed("The plate is there again, and it does not track it.", "track", modes[end + BACK - 1])
+        return failed("The plate is visible again, but it is not tracked.", "track", modes[end + BACK - 1])
     return passed()
 
 
@@ -301,13 +303,13 @@ def lost(student: Student, case: Scene) -> Verdict:
 )
 def hovers(student: Student, case: int) -> Verdict:
     """Stays above the plate in a current, and through a cloud."""
-    flown = student.fly(HOVER, seed=case, controller="perception.py")
-    share = flown.metrics["near_share"]
-    expected = "the plate within 15 px of the middle, 80% of the time"
-    if flown.success:
+    run = student.run_scenario(HOVER, seed=case, controller="perception.py")
+    share = run.metrics["near_share"]
+    expected = "the plate within 15 px of the centre, 80% of the time"
+    if run.success:
         return passed(metrics={"flight_share": share})
     return failed(
-        "It does not stay above the plate. Fly it yourself and look at the pages `target`: do they come, and in time?",
+        "It does not stay above the plate. Run it yourself and read the pages `target`: are they stored, and in time?",
         expected=expected,
         actual=f"{share:.0%}",
     )

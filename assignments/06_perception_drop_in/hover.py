@@ -1,4 +1,4 @@
-"""Stay above a yellow plate on the floor. After eight seconds nobody tells the vehicle any more where it is.
+"""Stay above a yellow plate on the floor. The position fix stops after eight seconds.
 
 It hovered if, from then on, the plate was within 15 pixels of the middle of its camera's picture for 80 % of the time.
 Every seed is another start, current and water. For some seconds the water is so murky that nothing can be seen in it.
@@ -10,18 +10,13 @@ import math
 from functools import lru_cache
 from typing import Any
 
-from snr_sim_robot_urov.judging import Sample, WatchedUrov, judged
+from snr_sim_robot_urov.evaluation import Sample, TrackedUrov, hold_verdict
 from snr_sim_robot_urov.parameters import Sensors, UrovParameters, vehicle
 
-from snr_sim.devices.sensors.camera import Camera
-from snr_sim.devices.sensors.position_fix import PositionFix, position_fix_of
-from snr_sim.plants.urov.dive import Current, Dive
-from snr_sim.plants.urov.pool import Pool
-from snr_sim.plants.urov.propulsion import Propulsion
-from snr_sim.plants.urov.tether import Tether
-from snr_sim.prelude.rng import rng_for
-from snr_sim.prelude.scenario import Verdict
-from snr_sim.teleop.scripted_pilot import Cue
+from snr_sim.devices import Camera, PositionFix, position_fix_of
+from snr_sim.plants import Current, Dive, Pool, Propulsion, Tether
+from snr_sim.scenario import Verdict, rng_for
+from snr_sim.teleop import Cue
 
 ROBOT = "urov"
 ENGINES = ("mujoco",)
@@ -50,45 +45,45 @@ LITTER = {
 def camera(seed: int) -> Camera:
     """Return the camera, in the water of a seed."""
     cloud = (CLOUD_S, CLOUD_S + CLOUDED_S, CLOUD_PER_M)
-    return Camera("down", veiled_per_m=rng_for(seed, "water").uniform(0.06, 0.5), clouds=(cloud,))
+    return Camera("down", backscatter_per_m=rng_for(seed, "water").uniform(0.06, 0.5), clouds=(cloud,))
 
 
 @lru_cache(maxsize=4)
 def dive(seed: int) -> Dive:
     """Return what happens in the run of a seed."""
     rng = rng_for(seed, "dive")
-    speed, way = rng.uniform(0.10, 0.14), rng.uniform(-math.pi, math.pi)
+    speed, direction = rng.uniform(0.10, 0.14), rng.uniform(-math.pi, math.pi)
     return Dive(
         position_m=(rng.uniform(-0.5, 0.5), rng.uniform(-0.4, 0.4), -DEPTH_M),
         attitude_rad=(0.0, 0.0, rng.uniform(-math.pi, math.pi)),
-        currents=(Current(0.0, (speed * math.cos(way), speed * math.sin(way), 0.0)),),
+        currents=(Current(0.0, (speed * math.cos(direction), speed * math.sin(direction), 0.0)),),
         tether=Tether(anchor_m=(0.0, 0.0, 0.0)),
     )
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Return what the controller may know, and what the pilot does: he arms, and ask for a depth and a heading."""
+    """Return the parameters of the controller, and the pilot's script: arm, then request a depth and a heading."""
     script = (Cue(ARM_S, is_armed=True, mode="heading_hold", depth_m=DEPTH_M),)
     return UrovParameters(vehicle(), script, sensors=Sensors(camera=camera(seed)), fix_hz=5.0)
 
 
-class AboveThePlate(WatchedUrov):
-    """The vehicle, with somebody who knows where in its camera's picture the plate is."""
+class AboveThePlate(TrackedUrov):
+    """The vehicle, with the true position of the plate in its camera's picture."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
-        self._readers["place"] = self.fix
+        self._readers["position_fix"] = self.fix
 
     def reset(self, seed: int) -> None:
-        """Start anew."""
-        self.told: PositionFix | None = None
+        """Start a run."""
+        self.last_fix: PositionFix | None = None
         super().reset(seed)
 
     def fix(self) -> PositionFix:
-        """Return the place that the vehicle is told: from FIXED_S on, always the same."""
-        if self.told is None or self.time_s <= FIXED_S:
-            self.told = position_fix_of(self)
-        return self.told
+        """Return the position fix: from FIXED_S on, always the same."""
+        if self.last_fix is None or self.time_s <= FIXED_S:
+            self.last_fix = position_fix_of(self)
+        return self.last_fix
 
     def scene(self) -> dict[str, Any]:
         """Return the pool's floor with the plate on it, and what else lies there."""
@@ -97,8 +92,8 @@ class AboveThePlate(WatchedUrov):
 
     def near_share(self) -> float:
         """Return for which share of the time the plate was near the middle of the picture, since the fix was lost."""
-        judged = [off_px(sample) <= NEAR_PX for sample in self.during(FIXED_S, END_S)]
-        return sum(judged) / len(judged) if judged else 0.0
+        is_near = [off_px(sample) <= NEAR_PX for sample in self.samples_between(FIXED_S, END_S)]
+        return sum(is_near) / len(is_near) if is_near else 0.0
 
 
 def off_px(sample: Sample) -> float:
@@ -123,11 +118,13 @@ def verdict(plant: AboveThePlate) -> Verdict | None:
         return None
     share = plant.near_share()
     if share < SHARE:
-        return judged(plant, [f"had the plate near the middle of the picture {share:.0%} of the time, not {SHARE:.0%}"])
-    return judged(plant, [])
+        return hold_verdict(
+            plant, [f"had the plate near the middle of the picture {share:.0%} of the time, not {SHARE:.0%}"]
+        )
+    return hold_verdict(plant, [])
 
 
 def metrics(plant: AboveThePlate, seed: int) -> dict[str, Any]:
     """Return how near the plate was to the middle of the picture."""
-    far = [off_px(sample) for sample in plant.during(FIXED_S, END_S)]
+    far = [off_px(sample) for sample in plant.samples_between(FIXED_S, END_S)]
     return {"near_share": plant.near_share(), "worst_px": max(far, default=None), "end_px": far[-1] if far else None}

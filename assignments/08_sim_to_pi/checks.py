@@ -9,9 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from snr_sim.grading import Flown, Given, Lab, Student, Verdict, check, failed, field_of, passed
+from snr_sim.grading import Lab, ScenarioRun, Stimulus, Student, Verdict, check, failed, passed, require_field
 from snr_sim.grading.batch.parsing import MAX_PARSED_BYTES
-from snr_sim.plants.urov.t200 import LEAST_US, MOST_US, STOP_US
+from snr_sim.plants.urov.t200 import MAX_PULSE_US, MIN_PULSE_US, STOP_US
 
 SCENARIO, FILE = "urov_depth_hold", "depth_hold.py"
 CONTROLS_HZ, DEPTH_HZ, IMU_HZ = 20, 20, 50
@@ -53,78 +53,76 @@ class Moment:
 
 
 def moments(*whats: str) -> Callable[[random.Random], list[Moment]]:
-    """Returns what draws one hidden moment for each."""
+    """Return what draws one hidden moment for each."""
     return lambda rng: [Moment(what, round(rng.uniform(2.0, 4.0), 2)) for what in whats]
 
 
 def seeds(count: int) -> Callable[[random.Random], list[int]]:
-    """Returns what draws so many seeds."""
+    """Return what draws so many seeds."""
     return lambda rng: [rng.getrandbits(63) for _ in range(count)]
 
 
 def armed(time_s: float) -> dict[str, Any]:
-    """Returns controls as a pilot sends them who wants to go down to GOAL_M."""
+    """Return controls as a pilot sends them who wants to go down to GOAL_M."""
     return {**CONTROLS, "is_armed": True, "depth_m": GOAL_M}
 
 
 def here(time_s: float) -> float:
-    """Returns the depth of a vehicle that stays where it is."""
+    """Return the depth of a vehicle that stays where it is."""
     return HERE_M
 
 
 def pulses(
-    student: Student, until_s: float, controls_at: At, depth_at: At = here, more: list[Given] | None = None
+    student: Student, until_s: float, controls_at: At, depth_at: At = here, more: list[Stimulus] | None = None
 ) -> Pulses | Verdict:
-    """Returns the times and pulses of each page `pwm`, or what is wrong with one of them.
+    """Return the times and pulses of each page `pwm`, or what is wrong with one of them.
 
     Args:
         student: whose components get the pages.
         until_s: for how long they come.
-        controls_at, depth_at: what is in them at a time; None is no page.
+        controls_at, depth_at: what is in them at a time; None: store no page.
         more: further pages.
     """
     given = list(more or [])
     for i in range(round(until_s * CONTROLS_HZ)):
         controls = controls_at(i / CONTROLS_HZ)
         if controls is not None:
-            given.append(Given(i / CONTROLS_HZ, "controls", controls))
+            given.append(Stimulus(i / CONTROLS_HZ, "controls", controls))
     for i in range(round(until_s * DEPTH_HZ)):
         depth_m = depth_at(i / DEPTH_HZ)
         if depth_m is not None:
-            given.append(Given(i / DEPTH_HZ, "depth", {"depth_m": depth_m, "stamp_s": i / DEPTH_HZ}, process=False))
-    given.extend(Given(i / IMU_HZ, "imu", {**IMU, "stamp_s": i / IMU_HZ}) for i in range(round(until_s * IMU_HZ)))
+            given.append(Stimulus(i / DEPTH_HZ, "depth", {"depth_m": depth_m, "stamp_s": i / DEPTH_HZ}, process=False))
+    given.extend(Stimulus(i / IMU_HZ, "imu", {**IMU, "stamp_s": i / IMU_HZ}) for i in range(round(until_s * IMU_HZ)))
     given.sort(key=lambda one: one.at_s)
     for number, one in enumerate(given):
         if one.key == "controls":
-            given[number] = Given(one.at_s, "controls", {**one.value, "number": number})
+            given[number] = Stimulus(one.at_s, "controls", {**one.value, "number": number})
     found = []
-    for one in student.feed(FILE, given):
+    for one in student.run_inputs(FILE, given):
         if one.kind == "store_page" and one.name == "pwm":
-            values = field_of(one.value, "pwm", "pulses_us", list[float], count=8)
-            wild = [value for value in values if not LEAST_US <= value <= MOST_US]
+            values = require_field(one.value, "pwm", "pulses_us", list[float], count=8)
+            wild = [value for value in values if not MIN_PULSE_US <= value <= MAX_PULSE_US]
             if wild:
                 return failed(
-                    f"Pulses are eight numbers from {LEAST_US:g} to {MOST_US:g}, whatever comes in: limit yours.",
+                    f"Clamp the pulses to {MIN_PULSE_US:g} to {MAX_PULSE_US:g} us, for every input.",
                     expected="eight such numbers",
                     actual=f"{wild[0]:g} at {one.at_s:.2f} s",
                 )
             found.append((one.at_s, values))
     if not found:
-        return failed("It stores no page `pwm`, though controls, depth and imu come.", "a page for each imu", "none")
+        return failed("It stores no page `pwm` although controls, depth and imu arrive.", "a page for each imu", "none")
     return found
 
 
 def pushed(found: Pulses, from_s: float = 0.0, until_s: float = math.inf) -> list[float]:
-    """Returns when, between two moments, not all pulses were neutral."""
+    """Return when, between two moments, not all pulses were neutral."""
     return [t for t, values in found if from_s - 1e-9 <= t < until_s - 1e-9 and any(one != STOP_US for one in values)]
 
 
-def hushed(found: Pulses, at_s: float, hint: str, until_s: float = math.inf) -> Verdict | None:
-    """Returns what is wrong with pulses that should be neutral from LATE_S after a moment on, having pushed before."""
+def neutral_error(found: Pulses, at_s: float, hint: str, until_s: float = math.inf) -> Verdict | None:
+    """Return what is wrong with pulses that should be neutral from LATE_S after a moment on, having pushed before."""
     if not pushed(found, at_s - 0.5, at_s):
-        return failed(
-            "It does not push, though it is armed, asked for a depth, and told where it is.", "pulses", "1500"
-        )
+        return failed("It does not push, though it is armed, and has a goal and a depth.", "pulses", "1500")
     late = pushed(found, at_s + LATE_S, until_s)
     if late:
         return failed(hint, f"1500 from {at_s + LATE_S:.2f} s on", f"it pushes at {late[0]:.2f} s")
@@ -145,8 +143,8 @@ def disarmed(student: Student, case: Moment) -> Verdict:
     if isinstance(found, Verdict):
         return found
     if pushed(found, 0.0, 1.0):
-        return failed("It pushes before anybody has armed it.", "1500 until it is armed", "another pulse")
-    return hushed(found, case.at_s, "It goes on pushing when the controls say that it is disarmed.") or passed()
+        return failed("It pushes before it is armed.", "1500 until it is armed", "another pulse")
+    return neutral_error(found, case.at_s, "It still pushes after the controls disarmed it.") or passed()
 
 
 @check(
@@ -166,10 +164,8 @@ def stale(student: Student, case: Moment) -> Verdict:
     if isinstance(found, Verdict):
         return found
     page = "controls" if is_controls else "depth"
-    hint = (
-        f"No page `{page}` comes any more, and it goes on pushing: the last one of a dead cable looks like any other."
-    )
-    return hushed(found, case.at_s, hint) or passed()
+    hint = f"It still pushes after the last page `{page}`: check the age of the page with get_age_s."
+    return neutral_error(found, case.at_s, hint) or passed()
 
 
 STOPS = ("a stop", "a stop in one page", "a stop, then cleared while armed")
@@ -190,42 +186,42 @@ def stop(student: Student, case: Moment) -> Verdict:
         return {**CONTROLS, "clears_stop": True} if cleared_s <= t < cleared_s + 0.2 else armed(t)
 
     # One page alone, overtaken by the next before the imu comes.
-    brief = [Given(at_s + 0.001, "controls", {**armed(at_s), "is_stop": True})]
-    brief.append(Given(at_s + 0.002, "controls", armed(at_s)))
+    brief = [Stimulus(at_s + 0.001, "controls", {**armed(at_s), "is_stop": True})]
+    brief.append(Stimulus(at_s + 0.002, "controls", armed(at_s)))
     found = pulses(student, cleared_s + 1.0, controls_at, more=brief if is_brief else None)
     if isinstance(found, Verdict):
         return found
-    hint = "After a stop it pushes again, though nobody has cleared it: keep it in `self.is_stopped`."
+    hint = "After a stop it pushes again before the stop is cleared: keep it in `self.is_stopped`."
     if is_brief:
-        hint = "A stop that stood in one page alone was missed: handle `controls` itself, not only what is newest."
+        hint = "A stop that was sent in one page only was missed: handle every page `controls`, not only the newest."
     elif clears_armed:
-        hint = "A page that clears a stop counts only if it is disarmed: else the vehicle jumps at that moment."
-    wrong = hushed(found, at_s, hint, cleared_s)
+        hint = "A page that clears a stop counts only if it is disarmed: otherwise the vehicle moves at once."
+    wrong = neutral_error(found, at_s, hint, cleared_s)
     if wrong:
         return wrong
     if not pushed(found, cleared_s + 0.2, cleared_s + 0.2 + SOON_S):
-        return failed("The stop was cleared, disarmed, and it was armed anew; it does not push.", "pulses", "1500")
+        return failed("The stop was cleared while disarmed, then it was armed; it does not push.", "pulses", "1500")
     return passed()
 
 
 @check(
     points=5,
-    visible=[Moment("armed anew", 2.5), Moment("heard again", 2.5)],
-    hidden=moments("armed anew", "heard again"),
+    visible=[Moment("armed again", 2.5), Moment("controls resume", 2.5)],
+    hidden=moments("armed again", "controls resume"),
 )
 def no_jump(student: Student, case: Moment) -> Verdict:
-    """What was wanted, or had grown, before it was let go does not push when it may push again."""
-    again_s = case.at_s + (1.0 if case.what == "armed anew" else 6.0)
+    """An old goal, or an integral from before, does not push when the outputs are enabled again."""
+    again_s = case.at_s + (1.0 if case.what == "armed again" else 6.0)
 
     def controls_at(t: float) -> dict[str, Any] | None:
         if t >= again_s:
-            return {**armed(t), "depth_m": None if case.what == "armed anew" else depth_at(t)}
-        if case.what == "armed anew":
+            return {**armed(t), "depth_m": None if case.what == "armed again" else depth_at(t)}
+        if case.what == "armed again":
             return armed(t) if t < case.at_s else CONTROLS
         return {**armed(t), "depth_m": HERE_M} if t < case.at_s else None
 
     def depth_at(t: float) -> float:
-        drift = 0.0 if case.what == "armed anew" else min(0.5, max(0.0, 0.1 * (t - case.at_s)))
+        drift = 0.0 if case.what == "armed again" else min(0.5, max(0.0, 0.1 * (t - case.at_s)))
         return HERE_M + drift
 
     found = pulses(student, again_s + 0.6, controls_at, depth_at)
@@ -234,41 +230,39 @@ def no_jump(student: Student, case: Moment) -> Verdict:
     off_us = max((max(abs(one - STOP_US) for one in values) for t, values in found if t >= again_s), default=0.0)
     if off_us <= JUMP_US:
         return passed()
-    hint = "Armed anew, and asked for no depth, it goes to the one of before: let go of it while nothing may push."
-    if case.what == "heard again":
-        hint = (
-            "It pushes hard where it only has to stay: what has grown while nothing was allowed to push? The integral?"
-        )
+    hint = "Armed again without a goal, it goes to the old goal: reset the goal while the outputs are neutral."
+    if case.what == "controls resume":
+        hint = "It pushes hard although it is at its goal: reset the integral while the outputs are neutral."
     return failed(hint, f"within {JUMP_US:g} us of 1500", f"{off_us:.0f} us off")
 
 
-def judged(flown: Flown) -> Verdict:
-    """Returns the verdict over a dive."""
-    metrics = flown.metrics
-    if flown.success:
+def dive_verdict(run: ScenarioRun) -> Verdict:
+    """Return the verdict over a dive."""
+    metrics = run.metrics
+    if run.success:
         return passed(metrics={"settling_s": metrics["settling_s"], "steady_error_m": metrics["steady_error_m"]})
-    actual = next((note for note in flown.notes if note.startswith(flown.outcome)), flown.outcome)
+    actual = next((note for note in run.notes if note.startswith(run.outcome)), run.outcome)
     if metrics["steady_error_m"] > 0.5:
-        hint = "It does not come near its goal: are the pulses beyond the dead band, and do they push the right way?"
+        hint = "It does not approach its goal: are the pulses beyond the dead band, and in the right direction?"
     elif metrics["overshoot_m"] > 0.2:
-        hint = "It goes beyond its goal: let the integral not grow on the way, and brake by how fast it goes."
-    elif " off, more than" in actual:
-        hint = "It ends beside its goal: what knows how long it has been wrong?"
+        hint = "It overshoots its goal: do not let the integral grow on the way, and brake in proportion to the speed."
+    elif "steady-state error" in actual:
+        hint = "A steady-state error remains: which term sums the error over time?"
     else:
-        hint = "It comes there, but too slowly, or does not come to rest."
+        hint = "It reaches its goal too slowly, or does not come to rest."
     return failed(hint, "held, by the scenario's limits", actual)
 
 
 @check(points=35, visible=[0], hidden=seeds(4))
 def holds(student: Student, seed: int) -> Verdict:
     """Holds its depth in simulation."""
-    return judged(student.fly(SCENARIO, seed=seed, controller=FILE))
+    return dive_verdict(student.run_scenario(SCENARIO, seed=seed, controller=FILE))
 
 
 @check(points=20, visible=[0], hidden=seeds(1), needs=["limits", "disarmed", "stale", "stop", "no_jump", "holds"])
 def holds_on_the_board(student: Student, seed: int) -> Verdict:
     """Holds its depth with its thrusters at the pins of the emulated board: the same file, once it is safe."""
-    return judged(student.fly(SCENARIO, seed=seed, controller=FILE, io="emulated"))
+    return dive_verdict(student.run_scenario(SCENARIO, seed=seed, controller=FILE, io="emulated"))
 
 
 UNITS = "ms|s|us|mm|cm|m|mV|V|steps|%|bits?|seconds?|times"

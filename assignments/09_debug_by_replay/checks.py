@@ -1,7 +1,7 @@
-"""What the grader tries a submission of this lab on. Only it reads this, and it holds no answer.
+"""Checks of the lab "debug by replay". This file contains no answer.
 
-Each finding names a line and what should stand there. So the grader makes the code with that repair alone, brings it
-the failed landing's inputs, and sees for itself where it first does something else than what was recorded.
+Each finding names a line and its replacement. The grader runs the code with that repair alone on the failed landing's
+inputs, and determines where its outputs first differ from the recording.
 """
 
 from __future__ import annotations
@@ -13,15 +13,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from snr_sim.grading import Flown, Given, Lab, Student, Verdict, check, failed, partly, passed
+from snr_sim import Page
+from snr_sim.grading import Lab, ScenarioRun, Stimulus, Student, Verdict, check, failed, partial_credit, passed
 from snr_sim.grading.batch.parsing import toml_in
-from snr_sim.prelude.page import Page
-from snr_sim.prelude.values import decode_value
-from snr_sim.recording.reader import Trace, read_trace
-from snr_sim.recording.records import InputRecord, PageRecord, TaskRecord
+from snr_sim.recording import InputRecord, PageRecord, TaskRecord, Trace, decode_value, read_trace
 from snr_sim.recording.trace import FILE_NAME
-from snr_sim.scenario.flight import fly_recorded
-from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario import Request, prepare, run_recorded
 
 STARTER = Path(__file__).parent / "starter"
 KEPT = ("failed.py", "repairs.py", "repaired.py", "only_1.py", "only_2.py", "only_3.py")
@@ -30,7 +27,7 @@ COMPONENTS = ("estimator", "planner", "throttler")
 NUMBERS = (1, 2, 3)
 SOFT_MPS = 2.1  # a touchdown
 LOW_M, LOW_MPS = 27.0, 4.4  # below this, never faster than that
-MOST_LINES = 4  # of a repair
+MAX_LINES = 4  # of a repair
 
 
 @dataclass(frozen=True)
@@ -60,27 +57,27 @@ class Step:
 
 @lru_cache(maxsize=1)
 def failed_landing() -> Trace:
-    """Returns the failed landing, flown anew: with the code of the starter, which is ours."""
+    """Return the failed landing, simulated again with the code of the starter."""
     simulation = prepare(Request(SCENARIO, seed=FAILED_SEED, controller=str(STARTER / "failed.py")))
     with TemporaryDirectory() as folder:
         path = Path(folder) / FILE_NAME
-        fly_recorded(simulation, path)
+        run_recorded(simulation, path)
         return read_trace(path)
 
 
-def inputs_and_steps() -> tuple[list[Given], list[Step]]:
-    """Returns what came in, and what the failed code returned."""
-    given: list[Given] = []
+def inputs_and_steps() -> tuple[list[Stimulus], list[Step]]:
+    """Return what came in, and what the failed code returned."""
+    given: list[Stimulus] = []
     steps: list[Step] = []
     for record in failed_landing().records:
         if isinstance(record, InputRecord) and record.type == "store_page":
-            given.append(Given(record.t, record.name, _page(bytes(record.values)).data))
+            given.append(Stimulus(record.t, record.name, _page(bytes(record.values)).data))
         elif isinstance(record, (TaskRecord, PageRecord)):
             for by in record.handled:
-                if by.by in COMPONENTS:
+                if by.component in COMPONENTS:
                     for one in by.returned:
                         data = _page(bytes(one.values)).data
-                        steps.append(Step(record.seq, record.t, by.by, one.name, data, len(given) - 1))
+                        steps.append(Step(record.seq, record.t, by.component, one.name, data, len(given) - 1))
     return given, steps
 
 
@@ -91,10 +88,10 @@ def _page(raw: bytes) -> Page:
 
 
 def first_divergence(student: Student, file: str) -> Step | None:
-    """Returns what the failed code returned where this code first returns something else; None if it never does."""
+    """Return what the failed code returned where this code first returns something else; None if it never does."""
     given, steps = inputs_and_steps()
     parameters = prepare(Request(SCENARIO, seed=FAILED_SEED)).scenario.parameters(FAILED_SEED)
-    made = iter(student.feed(file, given, robot="lander", parameters=parameters))
+    made = iter(student.run_inputs(file, given, robot="lander", parameters=parameters))
     for step in steps:
         now = next(made, None)
         if now is None or (now.after, now.component, now.name, now.value) != (
@@ -105,10 +102,10 @@ def first_divergence(student: Student, file: str) -> Step | None:
 
 
 def findings(student: Student) -> list[dict[str, Any]]:
-    """Returns what findings.toml says; what is missing is empty.
+    """Return the findings in findings.toml; missing ones are empty.
 
     Raises:
-        Misbehaved: it is no TOML.
+        SubmissionError: it is not valid TOML.
     """
     found = student.parse("findings.toml", toml_in).get("finding")
     found = [one for one in found if isinstance(one, dict)] if isinstance(found, list) else []
@@ -122,20 +119,20 @@ def _text(finding: dict[str, Any], name: str) -> str:
 
 @check(points=5, all_or_nothing=True)
 def unchanged(student: Student) -> Verdict:
-    """The failed code and what repairs it are as they were."""
+    """The failed code and the files that apply repairs are unchanged."""
     for name in KEPT:
         if student.source(name).split() != (STARTER / name).read_text().split():
             return failed(
-                f"{name} has been changed. Put the starter's back: what you repair stands in findings.toml.",
+                f"{name} has been changed. Restore the starter's: repairs belong in findings.toml.",
                 expected=f"{name} of the starter",
-                actual="another one",
+                actual="a different file",
             )
     return passed()
 
 
 @check(points=10, visible=NUMBERS, needs=["unchanged"])
 def filled_in(student: Student, number: int) -> Verdict:
-    """The finding says what was, what should be, and why, and its repair is short."""
+    """The finding has the wrong line, the right one, and the cause, and its repair is short."""
     finding = findings(student)[number - 1]
     was, instead, cause = (_text(finding, name) for name in ("was", "instead", "cause"))
     times = (STARTER / "failed.py").read_text().count(was) if was.strip() else 0
@@ -143,14 +140,16 @@ def filled_in(student: Student, number: int) -> Verdict:
         return failed(f"Finding {number} has no repair yet.", "a line in `was`, another in `instead`", "nothing")
     if times != 1:
         return failed(
-            "Copy the whole line into `was`, with the spaces before it: it must stand once in failed.py.",
+            "Copy the whole line into `was`, with the spaces before it: it must occur once in failed.py.",
             expected="once",
             actual=f"{times} times",
         )
-    if max(len(text.splitlines()) for text in (was, instead)) > MOST_LINES:
-        return failed("A repair of so many lines is a rewrite: which line was wrong?", f"at most {MOST_LINES} lines")
+    if max(len(text.splitlines()) for text in (was, instead)) > MAX_LINES:
+        return failed("The repair has too many lines: which line was wrong?", f"at most {MAX_LINES} lines")
     if not 4 <= len(cause.split()) <= 40 or "\n" in cause:
-        return failed("Say in `cause`, in one line, what is wrong.", "4 to 40 words", f"{len(cause.split())} words")
+        return failed(
+            "Describe in `cause`, in one line, what is wrong.", "4 to 40 words", f"{len(cause.split())} words"
+        )
     return passed(note=cause)
 
 
@@ -160,7 +159,7 @@ def diverges(student: Student, number: int) -> Verdict:
     step = first_divergence(student, f"only_{number}.py")
     if step is None:
         return failed(
-            "With this repair alone the code does what it did then: it repairs nothing that mattered in that landing.",
+            "With this repair alone the outputs are those of the recording: it changes nothing in that landing.",
             expected="a divergence",
             actual="identical",
         )
@@ -170,7 +169,7 @@ def diverges(student: Student, number: int) -> Verdict:
     if len(same) > 1:
         return failed(
             f"Findings {' and '.join(map(str, same))} both change what the {step.component} returns. Each component "
-            "has one mistake: one of the two treats what another one does wrong.",
+            "has one mistake: one of the two repairs compensates for a mistake of another component.",
             expected="three components",
             actual=step.component,
         )
@@ -178,31 +177,31 @@ def diverges(student: Student, number: int) -> Verdict:
     if right_seq and right_component:
         return passed()
     if right_component:
-        return partly(
+        return partial_credit(
             0.5,
             f"`snr replay RUN --with only_{number}.py` prints the first divergence: that is not where the commands "
             "begin to differ, nor where it crashed.",
             expected="the seq of the first divergence",
             actual=f"seq {str(finding.get('seq'))[:20]}",
         )
-    return partly(
+    return partial_credit(
         0.5 if right_seq else 0.0,
-        "Another component is the first to return something else: which one does the replay name?",
+        "Another component is the first whose result differs: which one does the replay name?",
         expected="its name",
         actual=str(finding.get("component"))[:40],
     )
 
 
-def misses(flown: Flown) -> list[str]:
-    """Returns which of the mission's rules a flight broke."""
-    broken = [] if flown.success else [f"it {flown.outcome}"]
-    touchdown = flown.metrics.get("touchdown") or {}
+def misses(run: ScenarioRun) -> list[str]:
+    """Return which of the mission's rules a flight broke."""
+    broken = [] if run.success else [f"the outcome was '{run.outcome}', not 'landed'"]
+    touchdown = run.metrics.get("touchdown") or {}
     speed_mps = abs(touchdown.get("vertical_mps", 0.0))
-    if flown.success and speed_mps > SOFT_MPS:
-        broken.append(f"it touched down with {speed_mps:.1f} m/s, not {SOFT_MPS:g}")
-    low_mps = max((-one["vertical_mps"] for _, one in flown.truth() if one["altitude_m"] < LOW_M), default=0.0)
+    if run.success and speed_mps > SOFT_MPS:
+        broken.append(f"the touchdown speed was {speed_mps:.1f} m/s (limit {SOFT_MPS:g} m/s)")
+    low_mps = max((-one["vertical_mps"] for _, one in run.truth() if one["altitude_m"] < LOW_M), default=0.0)
     if low_mps > LOW_MPS:
-        broken.append(f"it did {low_mps:.1f} m/s below {LOW_M:g} m, not {LOW_MPS:g}")
+        broken.append(f"the speed below {LOW_M:g} m was {low_mps:.1f} m/s (limit {LOW_MPS:g} m/s)")
     return broken
 
 
@@ -213,12 +212,12 @@ def _landings(count: int) -> Any:
 @check(points=40, visible=[Landing(FAILED_SEED), Landing(7)], hidden=_landings(8), needs=["unchanged"])
 def lands(student: Student, case: Landing) -> Verdict:
     """With all repairs it keeps the mission's three rules."""
-    broken = misses(student.fly(SCENARIO, seed=case.seed, controller="repaired.py"))
+    broken = misses(student.run_scenario(SCENARIO, seed=case.seed, controller="repaired.py"))
     if not broken:
         return passed()
     return failed(
-        "With all three repairs the landing is not yet as it should be: what do the pages estimate, plan and engine "
-        "say where it goes wrong?",
+        "With all three repairs the landing still breaks a rule: read the pages estimate, plan and engine at the time "
+        "where it goes wrong.",
         expected="the three rules",
         actual="; ".join(broken),
     )
@@ -235,12 +234,12 @@ def _left_out(rng: random.Random) -> list[Landing]:
     needs=["lands"],
 )
 def each_is_needed(student: Student, case: Landing) -> Verdict:
-    """Without any one of the repairs the mission fails: each is of a mistake, not of a taste."""
+    """Without any one of the repairs the mission fails: each corrects a mistake."""
     kept = ",".join(str(one) for one in NUMBERS if one != case.without)
-    if misses(student.fly(SCENARIO, seed=case.seed, controller="repaired.py", options={"repairs": kept})):
+    if misses(student.run_scenario(SCENARIO, seed=case.seed, controller="repaired.py", options={"repairs": kept})):
         return passed()
     return failed(
-        f"Without repair {case.without} the landing is as good: so it repairs no mistake.",
+        f"Without repair {case.without} the landing breaks no rule either: it does not correct a mistake.",
         expected="a rule broken",
         actual="none broken",
     )

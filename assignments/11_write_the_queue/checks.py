@@ -1,4 +1,4 @@
-"""What lab 11 is graded by: drawn questions to a queue, how much work it does, and a real node that it drives."""
+"""Checks of lab 11: random operations on a queue, their cost, and a real node that uses it."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from typing import Any
 from snr_sim.grading import Lab, Student, Verdict, check, failed, passed
 from snr_sim.grading.lab.student import MAX_SOURCE_BYTES
 
-from .grader.plain_code import what_is_not_plain
 from .grader.plain_queue import PlainQueue
 from .grader.queue_bench import QueueBench
+from .grader.restricted_code import find_forbidden_construct
 
 FILE = "task_queue.py"
 TERMINATE, KINDS = "terminate", ("event", "event", "store_page", "process_data")
@@ -31,13 +31,13 @@ class Seed:
     seed: int
 
 
-def one(rng: random.Random) -> list[Seed]:
+def draw_case(rng: random.Random) -> list[Seed]:
     """A hidden case."""
     return [Seed(rng.getrandbits(63))]
 
 
 def operations(rng: random.Random, count: int, priorities: list[int], puts: float = 0.55) -> list[list[Any]]:
-    """Returns operations in an order that was drawn; in the end all that is left is taken."""
+    """Return operations in an order that was drawn; in the end all that is left is taken."""
     drawn: list[list[Any]] = []
     for i in range(count):
         if rng.random() < puts:
@@ -49,68 +49,70 @@ def operations(rng: random.Random, count: int, priorities: list[int], puts: floa
 
 
 def all_different(rng: random.Random, asked: list[list[Any]]) -> list[list[Any]]:
-    """Returns the operations with another priority in each put."""
+    """Return the operations with another priority in each put."""
     different = iter(rng.sample(range(-1000, 1000), len(asked)))
     return [[*one[:3], next(different)] if one[0] == "put" else one for one in asked]
 
 
-def right(most: int, asked: list[list[Any]]) -> list[Any]:
-    """Returns the right answers to some operations."""
-    return QueueBench(SimpleNamespace(TaskQueue=PlainQueue)).answers(most, asked)
+def expected_results(max_tasks: int, asked: list[list[Any]]) -> list[Any]:
+    """Return the right answers to some operations."""
+    return QueueBench(SimpleNamespace(TaskQueue=PlainQueue)).answers(max_tasks, asked)
 
 
-def first_wrong(student: Student, most: int, asked: list[list[Any]]) -> tuple[int, Any, Any] | None:
-    """Returns which answer of the student's is the first wrong one, with the right one and theirs; or None."""
-    answers = student.host(FILE, QueueBench).ask("answers", most, asked, returns=list[str | int | None])
-    pairs = zip(right(most, asked), [*answers, *asked][: len(asked)], strict=True)  # what is missing is wrong
+def first_wrong(student: Student, max_tasks: int, asked: list[list[Any]]) -> tuple[int, Any, Any] | None:
+    """Return which answer of the student's is the first wrong one, with the right one and theirs; or None."""
+    answers = student.create_object(FILE, QueueBench).ask("answers", max_tasks, asked, returns=list[str | int | None])
+    pairs = zip(expected_results(max_tasks, asked), [*answers, *asked][: len(asked)], strict=True)  # missing is wrong
     return next(((i, a, b) for i, (a, b) in enumerate(pairs) if a != b or type(a) is not type(b)), None)
 
 
-def told(asked: list[list[Any]], i: int, wanted: Any, came: Any) -> tuple[str, str]:
-    """Returns what an operation should have answered, and what it did."""
+def expected_and_actual(asked: list[list[Any]], i: int, expected: Any, actual: Any) -> tuple[str, str]:
+    """Return what an operation should have answered, and what it did."""
     what = f"{asked[i][0]}() number {i + 1}"
-    return f"{what} gives {wanted}", f"{came}"
+    return f"{what} gives {expected}", f"{actual}"
 
 
 @check(points=5)
 def is_plain(student: Student) -> Verdict:
-    """It is a queue of your own: lists, dicts, deque, heapq, bisect, math, and classes that stand in the file."""
-    what = student.parse(FILE, what_is_not_plain, MAX_SOURCE_BYTES)
+    """It uses only lists, dicts, deque, heapq, bisect, math, and classes of the file."""
+    what = student.parse(FILE, find_forbidden_construct, MAX_SOURCE_BYTES)
     if not what:
         return passed()
     return failed(
-        "A queue needs lists, dicts, deque, heapq, bisect, classes of your own: leave out what reaches further.",
-        "nothing that reaches out of the file",
+        "Use only lists, dicts, deque, heapq, bisect, math and your own classes: remove this construct.",
+        "no access beyond the file",
         f"{FILE}, {what}",
     )
 
 
-@check(points=10, visible=[Seed(1)], hidden=one, needs=["is_plain"])
+@check(points=10, visible=[Seed(1)], hidden=draw_case, needs=["is_plain"])
 def keeps_order(student: Student, case: Seed) -> Verdict:
     """Tasks of one priority leave in the order in which they came."""
     asked = operations(random.Random(case.seed), 300, [0])
     wrong = first_wrong(student, ROOMY, asked)
     if wrong is None:
         return passed()
-    i, wanted, came = wrong
+    i, expected, actual = wrong
     if asked[i] == ["len"]:
-        return failed("len() is not how many tasks wait.", *told(asked, i, wanted, came))
+        hint = "len() must return the number of waiting tasks."
+        return failed(hint, *expected_and_actual(asked, i, expected, actual))
     if asked[i][0] == "put":
         return failed(
-            "put() returns the task that has to leave, and here nobody has to: None.", *told(asked, i, wanted, came)
+            "The queue is not full, so put() must return None.",
+            *expected_and_actual(asked, i, expected, actual),
         )
-    if wanted is None:
-        return failed("take() returns None when no task waits.", *told(asked, i, wanted, came))
+    if expected is None:
+        return failed("take() must return None when no task waits.", *expected_and_actual(asked, i, expected, actual))
     newest = [one[2] for one in asked[:i] if one[0] == "put"][-1]
     hint = "That is not the task that has waited longest."
-    if came == newest:
-        hint = "The newest task leaves first: that is a stack. In a queue the oldest one does."
-    elif isinstance(came, str) and came < wanted:
-        hint = "Not the oldest task leaves but the first of the alphabet: does a heap compare names here?"
-    return failed(hint, *told(asked, i, wanted, came))
+    if actual == newest:
+        hint = "The newest task leaves first: that is a stack. In a queue the oldest task leaves first."
+    elif isinstance(actual, str) and actual < expected:
+        hint = "The alphabetically first task leaves, not the oldest: does a heap compare names here?"
+    return failed(hint, *expected_and_actual(asked, i, expected, actual))
 
 
-@check(points=15, visible=[Seed(1)], hidden=one, needs=["is_plain"])
+@check(points=15, visible=[Seed(1)], hidden=draw_case, needs=["is_plain"])
 def urgent_first(student: Student, case: Seed) -> Verdict:
     """Higher priorities leave first, be they positive or negative."""
     rng = random.Random(case.seed)
@@ -118,15 +120,15 @@ def urgent_first(student: Student, case: Seed) -> Verdict:
     wrong = first_wrong(student, ROOMY, asked)
     if wrong is None:
         return passed()
-    i, wanted, came = wrong
+    i, expected, actual = wrong
     priority = {one[2]: one[3] for one in asked if one[0] == "put"}
-    hint = "That is not the task whose turn it is: the one of the highest priority that waits."
-    if wanted in priority and came in priority and priority[came] < priority[wanted]:
+    hint = "take() must return the waiting task of the highest priority."
+    if expected in priority and actual in priority and priority[actual] < priority[expected]:
         hint = "A task of a higher priority was waiting: 10 before 9, and 0 before -3."
-    return failed(hint, *told(asked, i, wanted, came))
+    return failed(hint, *expected_and_actual(asked, i, expected, actual))
 
 
-@check(points=10, visible=[Seed(1)], hidden=one, needs=["is_plain"])
+@check(points=10, visible=[Seed(1)], hidden=draw_case, needs=["is_plain"])
 def terminate_first(student: Student, case: Seed) -> Verdict:
     """Terminate leaves before all others, whatever its priority."""
     rng = random.Random(case.seed)
@@ -142,140 +144,138 @@ def terminate_first(student: Student, case: Seed) -> Verdict:
     wrong = first_wrong(student, ROOMY, asked)
     if wrong is None:
         return passed()
-    i, wanted, came = wrong
-    hint = "With terminate tasks between them the others come in a wrong order."
-    if str(wanted).startswith(TERMINATE):
-        hint = "A terminate task was waiting: a robot that is told to end does not finish its queue first."
-    return failed(hint, *told(asked, i, wanted, came))
+    i, expected, actual = wrong
+    hint = "With terminate tasks between them, the other tasks leave in a wrong order."
+    if str(expected).startswith(TERMINATE):
+        hint = "A terminate task was waiting: it must leave before all other tasks."
+    return failed(hint, *expected_and_actual(asked, i, expected, actual))
 
 
-@check(points=20, visible=[Seed(1)], hidden=one, needs=["is_plain"])
+@check(points=20, visible=[Seed(1)], hidden=draw_case, needs=["is_plain"])
 def is_bounded(student: Student, case: Seed) -> Verdict:
-    """A full queue lets the oldest of the lowest priority go, and says which."""
+    """A full queue drops the oldest task of the lowest priority, and returns it."""
     rng = random.Random(case.seed)
-    most = rng.randrange(5, 12)
+    max_tasks = rng.randrange(5, 12)
     asked = operations(rng, 400, [-5, 0, 3, 8], puts=0.75)
-    wrong = first_wrong(student, most, asked)
+    wrong = first_wrong(student, max_tasks, asked)
     if wrong is None:
         return passed()
-    i, wanted, came = wrong
-    hint = "Another task should be waiting by now: which one had to leave, when the queue was full?"
+    i, expected, actual = wrong
+    hint = "Another task should be waiting: which task had to be dropped when the queue was full?"
     if asked[i] == ["len"]:
-        hint = "More tasks wait than may: a queue that grows without end fills the robot's memory."
+        hint = "More tasks wait than max_tasks: a queue that grows without limit fills the robot's memory."
     if asked[i][0] == "put":
-        hint = (
-            "The wrong task leaves the full queue: it is the oldest of the lowest priority, be it the new one itself."
-        )
-        if came is None:
+        hint = "The wrong task is dropped: drop the oldest of the lowest priority, even if it is the new one."
+        if actual is None:
+            hint = "The queue is full, and put() returns None: it must drop one task, and return it to the caller."
+        elif actual == asked[i][2]:
             hint = (
-                "The queue is full, and put() returns nobody: one task has to leave, and whoever called is told which."
+                "The new task is dropped although an older one of the same or a lower priority waits. Drop the older."
             )
-        elif came == asked[i][2]:
-            hint = "The new task is turned away, though an older one of no higher priority waits. News counts more."
-    return failed(hint, *told(asked, i, wanted, came))
+    return failed(hint, *expected_and_actual(asked, i, expected, actual))
 
 
-@check(points=10, visible=[Seed(1)], hidden=one, needs=["urgent_first"])
+@check(points=10, visible=[Seed(1)], hidden=draw_case, needs=["urgent_first"])
 def forgets(student: Student, case: Seed) -> Verdict:
-    """What has left leaves nothing behind: after 2000 operations no more memory is held than after 200."""
+    """Tasks that have left free their memory: after 2000 operations no more is used than after 200."""
     rng = random.Random(case.seed)
-    most = 20
+    max_tasks = 20
     asked: list[list[Any]] = []
     for i in range(1000):  # ever other priorities: some leave at the top, and some at the bottom
         asked.append(["put", "event", f"e{i}", rng.choice([-1, 1]) * (1000 + i)])
         asked += [["take"]] * (rng.random() < 0.6)
     for up in (1, -1):  # every task that comes leaves again, at one end only
         asked += [one for i in range(500) for one in (["put", "event", f"f{i}", up * (5000 + i)], ["take"])]
-    bench = student.host(FILE, QueueBench)
-    *_, waiting = bench.ask("answers", most, [*asked, ["len"]], returns=list[str | int | None])
-    if not isinstance(waiting, int) or waiting > most:
-        return failed("More tasks wait than may, and are never forgotten.", f"at most {most}", f"{waiting}")
-    places = bench.ask("places", most, asked, returns=int)
-    if places <= 20 * most + 200:
+    bench = student.create_object(FILE, QueueBench)
+    *_, waiting = bench.ask("answers", max_tasks, [*asked, ["len"]], returns=list[str | int | None])
+    if not isinstance(waiting, int) or waiting > max_tasks:
+        return failed("More tasks wait than max_tasks, and are never dropped.", f"at most {max_tasks}", f"{waiting}")
+    places = bench.ask("places", max_tasks, asked, returns=int)
+    if places <= 20 * max_tasks + 200:
         return passed()
     return failed(
-        "Something is left behind by tasks that are long gone: empty lines, or priorities in a heap that nobody has.",
-        f"at most {20 * most + 200} places in lists, dicts and deques",
-        f"{places}, with room for {most} tasks",
+        "Tasks that have left still use memory: empty lines, or priorities in a heap without a task.",
+        f"at most {20 * max_tasks + 200} places in lists, dicts and deques",
+        f"{places}, with room for {max_tasks} tasks",
     )
 
 
-@check(points=15, visible=[Seed(1)], hidden=one, needs=["urgent_first"])
+@check(points=15, visible=[Seed(1)], hidden=draw_case, needs=["urgent_first"])
 def is_quick(student: Student, case: Seed) -> Verdict:
     """With six times as many tasks one operation is hardly more work."""
-    bench, rng = student.host(FILE, QueueBench), random.Random(case.seed)
+    bench, rng = student.create_object(FILE, QueueBench), random.Random(case.seed)
     work = {}
     for size in (SMALL, LARGE):
         asked = [["put", "event", f"e{i}", rng.randrange(10_000)] for i in range(size)]
         asked += [["take"] if i % 2 else ["put", "event", f"f{i}", rng.randrange(10_000)] for i in range(size)]
         work[size] = bench.ask("work", size, asked, returns=float)
     if work[LARGE] <= MORE_WORK * work[SMALL] + 5.0:
-        return goes_on(student, rng) or passed(metrics={"work": work[LARGE]})
+        return check_many_tasks(student, rng) or passed(metrics={"work": work[LARGE]})
     return failed(
-        "The more tasks wait, the more work each is: pop(0), insert, sort, min, max and `in` go through a whole list.",
+        "The work per operation grows with the number of tasks: pop(0), insert, sort, min, max and `in` scan a list.",
         f"with {LARGE} tasks at most {MORE_WORK:g} times the work of {SMALL}",
         f"{work[SMALL]:.0f} comparisons and moves with {SMALL} tasks, {work[LARGE]:.0f} with {LARGE}",
     )
 
 
-def goes_on(student: Student, rng: random.Random) -> Verdict | None:
-    """Returns what is wrong while very many tasks wait, or None.
+def check_many_tasks(student: Student, rng: random.Random) -> Verdict | None:
+    """Return what is wrong while very many tasks wait, or None.
 
-    Who makes plain numbers of priorities compares them unseen. But to look through 20 000 takes a hundred times as long
-    as a good operation. So CPU time tells, as the kernel counts it, beside what a line at a baker's takes here and now.
+    Comparisons of priorities that were converted to plain numbers are not counted. But a scan of 20 000 takes 100 times
+    as long as a good operation. So CPU time decides, relative to that of a first-in, first-out queue here and now.
     """
     asked = [["put", "event", f"e{i}", rng.getrandbits(40)] for i in range(MANY)]
     more = [["put", "event", f"f{i}", rng.getrandbits(40)] if i % 2 else ["take"] for i in range(MORE)]
-    bench = student.host(FILE, QueueBench)
+    bench = student.create_object(FILE, QueueBench)
     bench.ask("answers", MANY + MORE, asked)
-    before_s = student.worked_s
-    came = bench.ask("more_answers", more, budget_s=30.0)
-    after_s = student.worked_s
+    before_s = student.cpu_time_s
+    actual = bench.ask("more_answers", more, budget_s=30.0)
+    after_s = student.cpu_time_s
     waiting = sorted((one[3], -i, one[2]) for i, one in enumerate(asked))
-    wanted: list[str | None] = []
+    expected: list[str | None] = []
     for i, one in enumerate(more):
         if one[0] == "put":
             insort(waiting, (one[3], -MANY - i, one[2]))
-        wanted.append(None if one[0] == "put" else waiting.pop()[2])
-    if came != wanted:
-        return failed("With very many tasks others leave than with few.", f"{MORE} right answers", "others")
-    limit_s = 0.05 + of_a_line_s(asked)
+        expected.append(None if one[0] == "put" else waiting.pop()[2])
+    if actual != expected:
+        return failed("With very many tasks, wrong tasks leave.", f"{MORE} right answers", "wrong answers")
+    limit_s = 0.05 + fifo_cpu_time_s(asked)
     if before_s is None or after_s is None or after_s - before_s <= limit_s:
         return None
     return failed(
-        "The more tasks wait, the longer each takes: something looks through all of them.",
-        f"{MORE} operations with {MANY} tasks in no more CPU time than {MANY} of a plain line: {limit_s:.2f} s",
+        "The time per operation grows with the number of tasks: an operation scans all of them.",
+        f"{MORE} operations with {MANY} tasks in no more CPU time than {MANY} of a plain queue: {limit_s:.2f} s",
         f"{after_s - before_s:.2f} s",
     )
 
 
-def of_a_line_s(asked: list[list[Any]]) -> float:
-    """Returns the CPU time in which a line that is deaf to priorities takes some tasks in, and gives them back."""
-    bench = QueueBench(SimpleNamespace(TaskQueue=Line))
+def fifo_cpu_time_s(asked: list[list[Any]]) -> float:
+    """Return the CPU time in which a queue without priorities accepts some tasks, and returns them."""
+    bench = QueueBench(SimpleNamespace(TaskQueue=Fifo))
     before_s = time.process_time()
     bench.answers(0, [*asked, *[["take"]] * len(asked)])
     return time.process_time() - before_s
 
 
-class Line:
+class Fifo:
     """First come, first served."""
 
-    def __init__(self, most: int) -> None:
+    def __init__(self, max_tasks: int) -> None:
         self._waiting: deque[Any] = deque()
 
     def __len__(self) -> int:
         return len(self._waiting)
 
     def put(self, task: Any, priority: int) -> None:
-        """Lets a task in."""
+        """Add a task."""
         self._waiting.append(task)
 
     def take(self) -> Any:
-        """Returns the oldest."""
+        """Return the oldest task."""
         return self._waiting.popleft()
 
 
-@check(points=15, visible=[Seed(1)], hidden=one, needs=["is_plain"])
+@check(points=15, visible=[Seed(1)], hidden=draw_case, needs=["is_plain"])
 def drives_a_node(student: Student, case: Seed) -> Verdict:
     """A real node handles its tasks in the right order with this queue, and ends."""
     rng = random.Random(case.seed)
@@ -285,22 +285,24 @@ def drives_a_node(student: Student, case: Seed) -> Verdict:
         for i, name in enumerate(names)
     }
     first = [["event", name] for name in rng.sample(names[:12], 6)]
-    bench, most = QueueBench(SimpleNamespace(TaskQueue=PlainQueue)), rng.choice([8, 15])
-    order = bench.run_node(most, answers, first)["handled"]
-    last = order[len(order) // 2]  # whoever handles this ends the node, while others wait
+    bench, max_tasks = QueueBench(SimpleNamespace(TaskQueue=PlainQueue)), rng.choice([8, 15])
+    order = bench.run_node(max_tasks, answers, first)["handled"]
+    last = order[len(order) // 2]  # its handler ends the node, while others wait
     answers[last] = [*answers[last], [TERMINATE, "enough"]]
-    wanted = bench.run_node(most, answers, first)
-    came = student.host(FILE, QueueBench).ask("run_node", most, answers, first, returns=dict[str, list[str]])
-    if came == wanted:
+    expected = bench.run_node(max_tasks, answers, first)
+    actual = student.create_object(FILE, QueueBench).ask(
+        "run_node", max_tasks, answers, first, returns=dict[str, list[str]]
+    )
+    if actual == expected:
         return passed()
-    order, theirs = wanted["handled"], came.get("handled", [])
+    order, theirs = expected["handled"], actual.get("handled", [])
     i = next((i for i, (a, b) in enumerate(zip(order, theirs, strict=False)) if a != b), min(len(order), len(theirs)))
     if order == theirs:
-        hint = "The node handles the right tasks, but put() does not return those that had to leave."
-        return failed(hint, f"{len(wanted['dropped'])} tasks that had to leave", f"{len(came.get('dropped', []))}")
-    hint = "The node handles its tasks in another order than their priorities say."
+        hint = "The node handles the right tasks, but put() does not return the dropped ones."
+        return failed(hint, f"{len(expected['dropped'])} dropped tasks", f"{len(actual.get('dropped', []))}")
+    hint = "The node does not handle its tasks in the order of their priorities."
     if order[i : i + 1] == ["enough"]:
-        hint = "The node should have ended here: terminate waits behind others."
+        hint = "The node should have ended here: terminate waits behind other tasks."
     return failed(hint, f"task {i + 1} is {order[i : i + 1]}", f"{theirs[i : i + 1]}")
 
 

@@ -20,9 +20,20 @@ from rich.console import Console
 from rich.progress import Progress
 
 import snr_sim.learning
-from snr_sim.learning.batch_training import BatchTraining, Trial, coarse_grid, course_of, new_table, train_vertical
-from snr_sim.learning.tabular import METHODS, Decay, Training, evaluate, train
-from snr_sim.prelude.errors import SnrError
+from snr_sim.errors import SnrError
+from snr_sim.learning import (
+    METHODS,
+    BatchTraining,
+    EvaluationResult,
+    ExponentialSchedule,
+    Training,
+    coarse_grid,
+    evaluate,
+    new_table,
+    train,
+    train_vertical,
+    vertical_batch_task,
+)
 
 UNSEEN = range(1, 101)  # seeds of the scenario; training draws its starts from other numbers
 
@@ -34,45 +45,45 @@ def main() -> int:
     parser.add_argument("--method", choices=("batch", *METHODS), default="batch")
     parser.add_argument("--episodes", type=int, default=1500)
     parser.add_argument("--seed", type=int, default=0)
-    asked = parser.parse_args()
-    if not asked.out.parent.is_dir():  # reported now, and not after the training
-        parser.error(f"--out: there is no folder {asked.out.parent}. Make it, or name a file in another one.")
+    args = parser.parse_args()
+    if not args.out.parent.is_dir():  # reported now, and not after the training
+        parser.error(f"--out: there is no folder {args.out.parent}. Make it, or name a file in another one.")
     assert snr_sim.learning is not None  # imported because it registers the environments with gymnasium
     env = gymnasium.make("snr_sim/LanderVertical-v0").unwrapped
-    table = new_table() if asked.method == "batch" else new_table(coarse_grid())
+    table = new_table() if args.method == "batch" else new_table(coarse_grid())
     console = Console(stderr=True)
     rows: list[tuple[Any, ...]]
     with Progress(console=console, disable=not console.is_terminal) as progress:
-        if asked.method == "batch":
-            how = BatchTraining(seed=asked.seed)
+        if args.method == "batch":
+            how = BatchTraining(seed=args.seed)
             bar = progress.add_task("learning", total=how.steps)
             rows = [("step", "landed", "fuel_kg")]
 
-            def on_trial(step: int, trial: Trial) -> None:
+            def on_evaluation(step: int, result: EvaluationResult) -> None:
                 """Note a point of the learning curve."""
                 progress.update(bar, completed=step)
-                rows.append((step, *trial))
+                rows.append((step, *result))
 
-            train_vertical(table, course_of(env), how, on_trial)
+            train_vertical(table, vertical_batch_task(env), how, on_evaluation)
         else:
-            half = max(1, asked.episodes // 2)
+            half = max(1, args.episodes // 2)
             training = Training(
-                asked.method,
-                asked.episodes,
-                step=Decay(0.3, 0.05, asked.episodes or 1),
-                epsilon=Decay(0.5, 0.02, half),
-                seed=asked.seed,
+                args.method,
+                args.episodes,
+                step=ExponentialSchedule(0.3, 0.05, args.episodes or 1),
+                epsilon=ExponentialSchedule(0.5, 0.02, half),
+                seed=args.seed,
             )
-            bar = progress.add_task("learning", total=asked.episodes)
-            curve = train(env, table, training, lambda *told: progress.advance(bar))
+            bar = progress.add_task("learning", total=args.episodes)
+            curve = train(env, table, training, lambda *_: progress.advance(bar))
             rows = [("episode", "return"), *enumerate(curve)]
-    table.save(asked.out)
-    with asked.out.with_suffix(".csv").open("w", newline="") as file:
+    table.save(args.out)
+    with args.out.with_suffix(".csv").open("w", newline="") as file:
         csv.writer(file).writerows(rows)
     ends = evaluate(env, table.act, UNSEEN)
     landed = sum(end["success"] for end in ends)  # exact: integers
-    print(f"{asked.out}: lands {landed} of {len(ends)} starts that it has not seen.")
-    print(f"snr run lander_vertical --seed 7 --controller q --policy {asked.out}")
+    print(f"{args.out}: lands {landed} of {len(ends)} starts that it has not seen.")
+    print(f"snr run lander_vertical --seed 7 --controller q --policy {args.out}")
     return 0
 
 

@@ -17,9 +17,8 @@ from rich.console import Console
 from rich.progress import Progress
 
 import snr_sim.learning
-from snr_sim.learning.pad_training import PadPolicy, PadTraining, train_pad
-from snr_sim.learning.tabular import evaluate
-from snr_sim.prelude.errors import SnrError
+from snr_sim.errors import SnrError
+from snr_sim.learning import PadPolicy, PadTraining, evaluate, train_pad
 
 UNSEEN = range(1, 101)  # seeds of the scenario; training draws its starts from other numbers
 
@@ -30,25 +29,25 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=Path("policy.npz"))
     parser.add_argument("--steps", type=int, default=PadTraining.steps)
     parser.add_argument("--seed", type=int, default=0)
-    asked = parser.parse_args()
-    if not asked.out.parent.is_dir():  # reported now, and not after the training
-        parser.error(f"--out: there is no folder {asked.out.parent}. Make it, or name a file in another one.")
+    args = parser.parse_args()
+    if not args.out.parent.is_dir():  # reported now, and not after the training
+        parser.error(f"--out: there is no folder {args.out.parent}. Make it, or name a file in another one.")
     assert snr_sim.learning is not None  # imported because it registers the environments with gymnasium
     env = gymnasium.make("snr_sim/LanderPad-v0").unwrapped
     policy, console = PadPolicy(), Console(stderr=True)
-    how = PadTraining(steps=asked.steps, seed=asked.seed)
+    how = PadTraining(steps=args.steps, seed=args.seed)
     with Progress(console=console, disable=not console.is_terminal) as progress:
         bar = progress.add_task("learning", total=how.steps)
-        trials = train_pad(policy, env, how, on_step=lambda: progress.advance(bar))
-    policy.save(asked.out)
-    with asked.out.with_suffix(".csv").open("w", newline="") as file:
+        evaluations = train_pad(policy, env, how, on_step=lambda: progress.advance(bar))
+    policy.save(args.out)
+    with args.out.with_suffix(".csv").open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(("trial", "slow", "straight", "landed"))
-        writer.writerows((i, *trial) for i, trial in enumerate(trials))
+        writer.writerows((i, *evaluation) for i, evaluation in enumerate(evaluations))
     ends = evaluate(env, policy.act, UNSEEN)
     landed = sum(end["success"] for end in ends)  # exact: integers
-    print(f"{asked.out}: lands {landed} of {len(ends)} starts that it has not seen.")
-    print(f"snr run lander_pad --seed 7 --controller q --policy {asked.out}")
+    print(f"{args.out}: lands {landed} of {len(ends)} starts that it has not seen.")
+    print(f"snr run lander_pad --seed 7 --controller q --policy {args.out}")
     return 0
 
 

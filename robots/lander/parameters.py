@@ -11,9 +11,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from snr_sim.devices.sensors.sensor_errors import SensorErrors
-from snr_sim.plants.lander.descent import MOON_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2, Engine
-from snr_sim.plants.lander.module import Leg, LunarModule, Throttle
+from snr_sim.devices import SensorErrors
+from snr_sim.plants import MOON_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2, Engine, Leg, LunarModule, Throttle
 from snr_sim.plants.lander.module_shapes import JETS_OUT_M
 
 THRUST_N = 45_040.0  # descent engine at full throttle [C]
@@ -61,8 +60,8 @@ VERTICAL_RADAR = SensorLevel(
     ),
 )
 
-# In the plane attitude wants a shorter delay than descent does. 10 Hz, as the lunar module's digital autopilot ran [P]:
-# it lands 1000 starts of 1000, a hundred of which were tried at 50 Hz too, and a node has a fifth of the work.
+# In the plane, attitude control needs a shorter delay than descent. 10 Hz, as the lunar module's digital autopilot ran
+# [P]: it lands 1000 starts of 1000, a hundred of which were tried at 50 Hz too, and a node has a fifth of the work.
 PLANE_RADAR = SensorLevel(
     rate_hz=10.0,
     errors=SensorErrors(
@@ -82,7 +81,7 @@ INERTIAL = SensorLevel(
 )
 
 
-def worse(level: SensorLevel, factor: float) -> SensorLevel:
+def scale_noise(level: SensorLevel, factor: float) -> SensorLevel:
     """Return a sensor with `factor` times the noise."""
     errors = level.errors
     noise = {name: factor * sigma for name, sigma in errors.noise.items()}

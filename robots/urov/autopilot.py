@@ -14,28 +14,26 @@ from typing import Any
 import msgspec
 
 from snr_sim import Endpoint, EndpointFactory, SomeTasks, Task, TaskId, TaskType
-from snr_sim.core.ages import age_s
+from snr_sim.core.page_age import page_age_s
+from snr_sim.errors import CommandError, UnknownNameError
 from snr_sim.plants.urov.t200 import curve
-from snr_sim.prelude.errors import CommandError, UnknownName
-from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.recorder import RECORDING_KEY
-from snr_sim.prelude.signals import RESET, STOPPED, DepthReading, ImuReading
-from snr_sim.std_mods.allocation import Allocation
-from snr_sim.std_mods.slew import SlewLimit
-from snr_sim.std_mods.thrust_curve import ThrustCurve
+from snr_sim.scenario import NodeApi
+from snr_sim.signals import RESET, STOPPED, DepthReading, ImuReading
+from snr_sim.std_mods import Allocation, SlewRateLimiter, ThrustCurve
 
 from .controls import Controls, controls_of
 from .failsafe_monitor import FailsafeMonitor
-from .failsafes import CAUSES, in_words
-from .holds import Holds
+from .failsafes import CAUSES, describe_action
+from .holds import HoldController
 from .parameters import UrovParameters
 from .prearm import PreArm, failing_checks
 from .readings import Outputs, Readings, outputs_of
 
-TOLD_EVERY_S = 0.1  # and whenever something else than numbers changes
+TELEMETRY_PERIOD_S = 0.1  # and whenever something else than numbers changes
 SURFACE_M = 0.2  # where going up ends: the top of the vehicle is just out of the water
-BLIND_S = 0.5  # age of the newest depth from which the depth counts as unknown
-DIZZY_S = 0.25  # age of the newest attitude from which nothing pushes, as of the newest controls
+DEPTH_TIMEOUT_S = 0.5  # age of the newest depth from which the depth counts as unknown
+ATTITUDE_TIMEOUT_S = 0.25  # age of the newest attitude from which nothing pushes, as of the newest controls
 NEAR_SURFACE_M = 0.3  # above this depth buoyancy completes the ascent, unless the vehicle has taken in water
 # The node is overloaded if readings have waited so long, for so long; and it is no more if none has for so long.
 LATE_S, LATE_FOR_S, IN_TIME_S = 0.1, 0.5, 1.0
@@ -72,25 +70,25 @@ class Autopilot(Endpoint):
         self.readings = Readings(parameters.sensors.rates_hz)
         self.thruster = ThrustCurve(*curve(parameters.nominal_v)[:2])
         self.allocation = Allocation(
-            parameters.vehicle.thruster_matrix(), self.thruster.limits_n, first=parameters.first
+            parameters.vehicle.thruster_matrix(), self.thruster.limits_n, priority_axes=parameters.priority_axes
         )
         self.still = [0.0] * self.allocation.count
-        self.slew = SlewLimit(parameters.slew_nps, self.still)
+        self.slew = SlewRateLimiter(parameters.slew_nps, self.still)
         vehicle = parameters.vehicle
         drag = vehicle.linear_damping[2], vehicle.quadratic_damping[2]
-        self.holds = Holds(parameters.holds, drag, self.allocation.lacking)
+        self.holds = HoldController(parameters.holds, drag, self.allocation.unactuated)
         self.before_s: float | None = None
-        self.rules = "idle"
-        self.kept: tuple[float, float] = (0.0, 0.0)  # depth and heading while controls arrived
-        self.share = 1.0
-        self.refused = ""
-        self.is_blind = False
+        self.control_state = "idle"
+        self.hold_target: tuple[float, float] = (0.0, 0.0)  # depth and heading while controls arrived
+        self.thrust_scale = 1.0
+        self.rejected_command = ""
+        self.is_depth_stale = False
         self.were_active = False  # the outputs, since they were armed
         self.late_since_s: float | None = None
         self.late_s = -math.inf  # when readings were last late for long enough
         self.causes: dict[str, int] = dict.fromkeys(CAUSES, 0)  # how often each was noted
         self.noted: set[str] = set()  # active causes
-        self.told_s = -math.inf
+        self.last_telemetry_s = -math.inf
         self.task_handlers = {
             (TaskType.process_data, "controls"): self.on_controls,
             (TaskType.process_data, "leak"): self.on_leak,
@@ -105,35 +103,37 @@ class Autopilot(Endpoint):
         """
         try:
             controls = controls_of(self.get_data("controls"))
-        except (CommandError, UnknownName) as error:
-            self._refuse(error.message)
+        except (CommandError, UnknownNameError) as error:
+            self._reject(error.message)
             return
         old_s = self.get_age_s("controls")
         if not old_s <= self.parameters.failsafe_limits.stale_s and not controls.is_stop:
             if controls.is_armed and not self.prearm.has_armed and math.isinf(old_s):
-                self._refuse("Not armed: clock: how far the surface's clock is from the vehicle's is not known.")
+                self._reject("Not armed: clock: how far the surface's clock is from the vehicle's is not known.")
             return  # late, or of unknown age: only a stop is accepted then
-        if self.allocation.lacking and controls.mode != self.failsafe.controls.mode and controls.mode != "manual":
-            self.parent.note(f"The thrusters cannot push {', '.join(self.allocation.lacking)}: that is not held.")
+        if self.allocation.unactuated and controls.mode != self.failsafe.controls.mode and controls.mode != "manual":
+            self.parent.add_note(
+                f"The thrusters cannot push {', '.join(self.allocation.unactuated)}: that is not held."
+            )
         now_s = self.get_time_s()
         is_armed = controls.is_armed and not controls.is_stop
-        why_not = self.prearm.why_not(is_armed, self._failing() if is_armed else [], now_s)
-        if why_not:
-            self._refuse(why_not)
+        refusal_reason = self.prearm.refusal_reason(is_armed, self._failing() if is_armed else [], now_s)
+        if refusal_reason:
+            self._reject(refusal_reason)
         else:
-            self.refused = ""
-        if why_not is not None:
+            self.rejected_command = ""
+        if refusal_reason is not None:
             controls = msgspec.structs.replace(controls, is_armed=False, clears_stop=False)
-        self.failsafe.hear(controls, now_s - old_s if math.isfinite(old_s) else now_s)
+        self.failsafe.on_controls(controls, now_s - old_s if math.isfinite(old_s) else now_s)
 
-    def _refuse(self, why: str) -> None:
+    def _reject(self, reason: str) -> None:
         """Report to the surface why its commands are refused.
 
         It is noted once: else it would be twenty notes a second.
         """
-        if not self.refused:
-            self.parent.note(f"Controls were refused: {why}")
-        self.refused = why
+        if not self.rejected_command:
+            self.parent.add_note(f"Controls were rejected: {reason}")
+        self.rejected_command = reason
 
     def _failing(self) -> list[str]:
         """Return why the vehicle may not be armed; nothing once it has been."""
@@ -142,24 +142,24 @@ class Autopilot(Endpoint):
         return failing_checks(self.failsafe, self.readings, self._ages_s(), self._outputs())
 
     def _ages_s(self) -> dict[str, float]:
-        return {key: age_s(self.parent, page) for key, page in self.readings.pages.items()}
+        return {key: page_age_s(self.parent, page) for key, page in self.readings.pages.items()}
 
     def on_leak(self, task: Task, task_id: TaskId) -> None:
         """Note water in the hull."""
         reading = self._take("leak", self.get_time_s())
-        self.failsafe.is_wet = self.failsafe.is_wet or (reading is not None and reading.is_wet)
+        self.failsafe.is_leaking = self.failsafe.is_leaking or (reading is not None and reading.is_wet)
 
     def on_power(self, task: Task, task_id: TaskId) -> None:
         """Watch the battery."""
         reading = self._take("power", self.get_time_s())
         if reading is not None:
-            self.failsafe.measure(reading)
+            self.failsafe.on_power(reading)
 
     def on_imu(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Answer with pulses, and periodically with the vehicle's state; also without a reading (`watch.py`)."""
         now_s, page = self.get_time_s(), self.get_page("imu")
         if self.readings.take("imu", page, now_s) and page is not None:
-            self._watch_lateness(now_s, age_s(self.parent, page))
+            self._watch_lateness(now_s, page_age_s(self.parent, page))
         return self._answer(now_s)
 
     def _take(self, key: str, now_s: float) -> Any:
@@ -174,25 +174,25 @@ class Autopilot(Endpoint):
         depth, imu = self.readings.newest.get("depth"), self.readings.newest.get("imu")
         ages_s = self._ages_s()
         self._watch_outputs(now_s)
-        self._see_causes(now_s, ages_s)
-        rules = self.failsafe.rules(now_s)
+        self._check_causes(now_s, ages_s)
+        control_state = self.failsafe.control_state(now_s)
         self._note_causes(now_s)
         dt_s = now_s - self.before_s if self.before_s is not None else 0.0
         self.before_s = now_s
-        changed, self.rules = rules != self.rules, rules
-        self.is_blind = ages_s.get("depth", math.inf) > BLIND_S
+        changed, self.control_state = control_state != self.control_state, control_state
+        self.is_depth_stale = ages_s.get("depth", math.inf) > DEPTH_TIMEOUT_S
         thrusts = self.still
-        if depth is not None and imu is not None and ages_s["imu"] <= DIZZY_S + 1e-9 and dt_s > 0.0:
-            thrusts = self.slewed(self.thrusts(rules, depth, imu, dt_s), dt_s)
+        if depth is not None and imu is not None and ages_s["imu"] <= ATTITUDE_TIMEOUT_S + 1e-9 and dt_s > 0.0:
+            thrusts = self.slewed(self.thrusts(control_state, depth, imu, dt_s), dt_s)
         else:
-            self.holds.let_go()
+            self.holds.reset()
             self.slew.reset()
         pulses = [self.thruster.pulse_us(thrust) for thrust in thrusts]
-        command = {"pulses_us": pulses, "is_armed": rules != "idle", "is_stop": self.failsafe.is_stopped}
+        command = {"pulses_us": pulses, "is_armed": control_state != "idle", "is_stop": self.failsafe.is_stopped}
         answer = [self.store_data_task("pwm", command, process=False)]
-        if changed or now_s - self.told_s >= TOLD_EVERY_S - 1e-9:
-            self.told_s = now_s
-            answer.append(self.store_data_task("vehicle", self.told(now_s, imu)))
+        if changed or now_s - self.last_telemetry_s >= TELEMETRY_PERIOD_S - 1e-9:
+            self.last_telemetry_s = now_s
+            answer.append(self.store_data_task("vehicle", self.telemetry(now_s, imu)))
         return answer
 
     # -- what fails ---------------------------------------------------------------------------------------------------
@@ -207,14 +207,14 @@ class Autopilot(Endpoint):
         outputs = self._outputs()
         if outputs is None:
             return
-        if outputs.state == "active" and self.rules != "idle":
+        if outputs.state == "active" and self.control_state != "idle":
             self.were_active = True
-        elif self.rules == "idle":
+        elif self.control_state == "idle":
             self.were_active = False
         elif self.were_active and outputs.state in ("inactive", "error"):
             words = outputs.fault or "the outputs have disarmed by themselves"
-            self.failsafe.lose_outputs(RESET in outputs.why, words, STOPPED in outputs.why, now_s)
-        self.failsafe.see_outputs(outputs.state, now_s)
+            self.failsafe.mark_outputs_lost(RESET in outputs.reason, words, STOPPED in outputs.reason, now_s)
+        self.failsafe.update_outputs(outputs.state, now_s)
 
     def _watch_lateness(self, now_s: float, waited_s: float) -> None:
         """Notice a node that has more to do than it can: readings wait until they are answered."""
@@ -226,17 +226,17 @@ class Autopilot(Endpoint):
         if now_s - self.late_since_s >= LATE_FOR_S:
             self.late_s = now_s
 
-    def _see_causes(self, now_s: float, ages_s: dict[str, float]) -> None:
+    def _check_causes(self, now_s: float, ages_s: dict[str, float]) -> None:
         """Report failures that the monitor cannot detect by itself."""
-        see = self.failsafe.see
+        update = self.failsafe.update_cause
         stale = self.readings.stale(ages_s)
-        see("stale_sensor", f"no fresh reading of {stale}" if stale else "", now_s)
-        see("nonsense", self.readings.nonsense(now_s), now_s)
+        update("stale_sensor", f"no fresh reading of {stale}" if stale else "", now_s)
+        update("nonsense", self.readings.nonsense(now_s), now_s)
         is_late = now_s - self.late_s <= IN_TIME_S
-        see("overloaded", f"readings wait for more than {LATE_S:g} s" if is_late else "", now_s)
+        update("overloaded", f"readings wait for more than {LATE_S:g} s" if is_late else "", now_s)
         page = self.parent.datastore.pages.get(RECORDING_KEY)  # quietly: a run that records well stores none
         data = page.data if page is not None and isinstance(page.data, dict) else {}
-        see("disk_full", f"not recorded: {data['reason']}" if "reason" in data else "", now_s)
+        update("disk_full", f"not recorded: {data['reason']}" if "reason" in data else "", now_s)
 
     def _note_causes(self, now_s: float) -> None:
         """Note each cause that begins, with the action; a limited number of times."""
@@ -246,60 +246,66 @@ class Autopilot(Endpoint):
                 continue
             self.causes[cause] += 1
             is_last = self.causes[cause] > CAUSE_NOTES
-            text = "no more is said of that" if is_last else f"{failsafe.words[cause]}; {self._does(cause)}"
-            self.parent.note(f"Failsafe {cause}, t = {now_s:.2f} s: {text}")
+            text = (
+                "further occurrences are not noted"
+                if is_last
+                else f"{failsafe.words[cause]}; {self._describe_action(cause)}"
+            )
+            self.parent.add_note(f"Failsafe {cause}, t = {now_s:.2f} s: {text}")
         self.noted = there
 
-    def _does(self, cause: str) -> str:
-        return in_words(self.failsafe.failsafes.of(cause), self.failsafe.limits.hold_s)
+    def _describe_action(self, cause: str) -> str:
+        return describe_action(self.failsafe.failsafes.of(cause), self.failsafe.limits.hold_s)
 
     # -- what follows -------------------------------------------------------------------------------------------------
 
-    def slewed(self, wanted_n: list[float], dt_s: float) -> list[float]:
+    def slewed(self, target_n: list[float], dt_s: float) -> list[float]:
         """Return thrusts with limited slew rate. If all are to be zero, they are so at once."""
-        if not any(wanted_n):
+        if not any(target_n):
             self.slew.reset()
-        return self.slew.update(wanted_n, dt_s)
+        return self.slew.update(target_n, dt_s)
 
-    def thrusts(self, rules: str, depth: DepthReading, imu: ImuReading, dt_s: float) -> list[float]:
-        """Return the thrusts for the current control state (`rules`)."""
-        is_there = depth.depth_m < NEAR_SURFACE_M and not self.is_blind
-        floats = rules == "surface" and not self.failsafe.is_wet and is_there
-        if rules in ("idle", "neutral") or floats:
-            self.holds.let_go()
+    def thrusts(self, control_state: str, depth: DepthReading, imu: ImuReading, dt_s: float) -> list[float]:
+        """Return the thrusts for the current control state."""
+        is_there = depth.depth_m < NEAR_SURFACE_M and not self.is_depth_stale
+        floats = control_state == "surface" and not self.failsafe.is_leaking and is_there
+        if control_state in ("idle", "neutral") or floats:
+            self.holds.reset()
             return self.still
-        if rules == "pilot":
+        if control_state == "pilot":
             controls = self.failsafe.controls
-            self.kept = depth.depth_m, imu.yaw_rad
+            self.hold_target = depth.depth_m, imu.yaw_rad
         else:
-            wanted_m = self.kept[0] if rules == "hold" else SURFACE_M
-            controls = Controls(mode="heading_hold", depth_m=wanted_m, heading_rad=self.kept[1])
-        if self.is_blind and controls.mode != "manual":
+            target_m = self.hold_target[0] if control_state == "hold" else SURFACE_M
+            controls = Controls(mode="heading_hold", depth_m=target_m, heading_rad=self.hold_target[1])
+        if self.is_depth_stale and controls.mode != "manual":
             controls = msgspec.structs.replace(controls, mode="stabilise")  # of itself it floats up, slowly
-        thrusts, self.share, _ = self.allocation.allocate(self.holds.wrench(controls, depth, imu, dt_s))
+        thrusts, self.thrust_scale, _ = self.allocation.allocate(self.holds.wrench(controls, depth, imu, dt_s))
         return thrusts
 
-    def told(self, now_s: float, imu: ImuReading | None) -> dict[str, Any]:
+    def telemetry(self, now_s: float, imu: ImuReading | None) -> dict[str, Any]:
         """Return the vehicle's state for the surface; `failsafes` only if something has failed."""
         failsafe, holds = self.failsafe, self.holds
         failed = {
-            cause: f"{failsafe.words[cause]}; {self._does(cause)}" for cause in CAUSES if cause in failsafe.since_s
+            cause: f"{failsafe.words[cause]}; {self._describe_action(cause)}"
+            for cause in CAUSES
+            if cause in failsafe.since_s
         }
         return {
-            "rules": self.rules,
+            "control_state": self.control_state,
             "mode": failsafe.controls.mode,
-            "is_armed": failsafe.controls.is_armed and not (failsafe.is_stopped or failsafe.let_go),
-            "let_go": failsafe.let_go,
+            "is_armed": failsafe.controls.is_armed and not (failsafe.is_stopped or failsafe.output_fault),
+            "output_fault": failsafe.output_fault,
             "is_stopped": failsafe.is_stopped,
             "number": failsafe.controls.number,
             "age_s": failsafe.age_s(now_s),
-            "is_wet": failsafe.is_wet,
-            "is_low": failsafe.is_low,
-            "is_blind": self.is_blind,
-            "refused": self.refused,
+            "is_leaking": failsafe.is_leaking,
+            "is_battery_low": failsafe.is_battery_low,
+            "is_depth_stale": self.is_depth_stale,
+            "rejected_command": self.rejected_command,
             "depth_m": holds.depth_m,
             "heading_rad": holds.heading_rad,
-            "share": self.share,
+            "thrust_scale": self.thrust_scale,
             "attitude_rad": [0.0] * 3 if imu is None else [imu.roll_rad, imu.pitch_rad, imu.yaw_rad],
             **({"failsafes": failed} if failed else {}),
         }

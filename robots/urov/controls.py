@@ -12,11 +12,9 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.prelude.errors import CommandError, UnknownName, nearest
-from snr_sim.prelude.structs import learned
-from snr_sim.teleop.gamepad_pilot import GamepadPilotFactory, Stick
-from snr_sim.teleop.keyboard import legend
-from snr_sim.teleop.scripted_pilot import Cue, ScriptedPilotFactory
+from snr_sim.errors import CommandError, UnknownNameError, suggest
+from snr_sim.prelude.structs import ensure_type_info
+from snr_sim.teleop import Cue, GamepadPilotFactory, ScriptedPilotFactory, Stick, legend
 
 # Each mode does what those before it do, too; "manual" is the sticks alone.
 MODES = ("manual", "stabilise", "depth_hold", "heading_hold")
@@ -58,26 +56,51 @@ def controls_of(data: Any) -> Controls:
 
     Raises:
         CommandError: it is not a command, or a number in it is not valid or out of range.
-        UnknownName: there is no such mode.
+        UnknownNameError: there is no such mode.
     """
     try:
-        controls = msgspec.convert(data, learned(Controls))
+        controls = msgspec.convert(data, ensure_type_info(Controls))
     except msgspec.ValidationError as error:
-        raise CommandError(f"These are no controls: {error}.", fix="store the fields of Controls.") from error
+        raise CommandError(f"The page 'controls' is invalid: {error}.", fix="store the fields of Controls.") from error
     if controls.mode not in MODES:
-        raise UnknownName(f"There is no mode '{controls.mode}'.", fix=nearest(controls.mode, MODES))
+        raise UnknownNameError(f"There is no mode '{controls.mode}'.", fix=suggest(controls.mode, MODES))
     for stick in STICKS:
         value = getattr(controls, stick)
         if not -1.0 <= value <= 1.0:
-            raise CommandError(f"The stick '{stick}' is at {value!r}.", fix="-1 to 1.")
+            raise CommandError(f"Stick '{stick}' must be in -1 to 1, not {value!r}.", fix="clamp it.")
     for name in ("depth_m", "heading_rad"):
         value = getattr(controls, name)
         if value is not None and not math.isfinite(value):
-            raise CommandError(f"The controls ask for {name} = {value!r}.", fix="a finite number, or None.")
+            raise CommandError(f"'{name}' must be finite or None, not {value!r}.", fix="check for a division by zero.")
     if controls.depth_m is not None and not 0.0 <= controls.depth_m <= DEEPEST_M:
-        fix = f"depth is positive down, and the vehicle is made for {DEEPEST_M:g} m."
-        raise CommandError(f"The controls ask for depth_m = {controls.depth_m!r}.", fix=fix)
+        fix = "depth is positive down."
+        raise CommandError(f"'depth_m' must be in 0 to {DEEPEST_M:g} m, not {controls.depth_m!r}.", fix=fix)
     return controls
+
+
+def manual_status(controls: dict[str, Any] | None, imu: dict[str, Any]) -> dict[str, Any]:
+    """Return the page "vehicle" of a controller without failsafes and holds: sticks alone, nothing wrong.
+
+    Args:
+        controls: page "controls", None before the first.
+        imu: page "imu".
+    """
+    is_armed = controls is not None and controls["is_armed"]
+    return {
+        "control_state": "pilot" if is_armed else "idle",
+        "mode": MODES[0],
+        "is_armed": is_armed,
+        "is_stopped": False,
+        "number": 0 if controls is None else controls["number"],
+        "age_s": None,
+        "is_leaking": False,
+        "is_battery_low": False,
+        "rejected_command": "",
+        "depth_m": None,
+        "heading_rad": None,
+        "thrust_scale": 1.0,
+        "attitude_rad": [imu["roll_rad"], imu["pitch_rad"], imu["yaw_rad"]],
+    }
 
 
 def scripted_pilot(script: Sequence[Cue], rate_hz: float, key: str = "controls") -> ScriptedPilotFactory:

@@ -7,8 +7,8 @@
     hold      a failsafe requires it: stays at the depth and heading of the last controls that were in effect
     surface   a failsafe requires it: goes up
 
-The table of `failsafes.py` contains the causes and their actions; `see` takes causes in. The age of controls is counted
-from when they were made, by the vehicle's own clock.
+The table of `failsafes.py` contains the causes and their actions; `update_cause` sets and clears them. The age of
+controls is counted from when they were made, by the vehicle's own clock.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from snr_sim.plants.urov.plausible import IS_ABOVE, Limit, check_record
-from snr_sim.prelude.errors import ParameterError
-from snr_sim.prelude.signals import PowerReading
+from snr_sim.errors import ParameterError
+from snr_sim.plants import IS_ABOVE, Limit, check_record
+from snr_sim.signals import PowerReading
 
 from .controls import Controls
 from .failsafes import MILLISECONDS, OUTPUTS, Failsafes
@@ -26,7 +26,7 @@ from .failsafes import MILLISECONDS, OUTPUTS, Failsafes
 IDLE_S = 0.2  # outputs that disarmed themselves get disarm commands for this long before they are armed again
 # fmt: off
 LIMITS = {
-    "stale_s": Limit(0.0, 5.0, "s", "0.25 is usual, and until then the vehicle goes on as it was told", MILLISECONDS,
+    "stale_s": Limit(0.0, 5.0, "s", "0.25 is usual, and until then the last command stays in effect", MILLISECONDS,
                      IS_ABOVE),
     "lost_s": Limit(0.0, 60.0, "s", "2 is usual, and until then nothing holds the vehicle", MILLISECONDS, IS_ABOVE),
     "hold_s": Limit(0.0, 3600.0, "s", "10 is usual, and a battery lasts an hour or two", MILLISECONDS),
@@ -47,7 +47,7 @@ class FailsafeLimits:
         lost_s: age from which the link counts as lost.
         hold_s: how long a failsafe's `hold` holds before the vehicle goes up.
         low_v: of the battery at rest; lower than that for `low_s`, and it is low until the next start. 13 V is 3.25 V
-            a cell, some 7 % of the charge; at 12 V the pack's maker wants it charged. 0 disables the check.
+            a cell, some 7 % of the charge; at 12 V the pack's manufacturer requires a charge. 0 disables the check.
         low_s: as ArduPilot waits (BATT_LOW_TIMER).
         sag_ohm: gives the voltage at rest from that under load. Where it is too small (a pack that is old or cold), a
             burst of thrust looks like a low battery, which is why `low_s` exists.
@@ -67,8 +67,8 @@ class FailsafeLimits:
         check_record(self, "FailsafeLimits.")
         if self.lost_s < self.stale_s:
             raise ParameterError(
-                f"FailsafeLimits.lost_s ({self.lost_s:g}) is less than stale_s ({self.stale_s:g}).",
-                fix="a link counts as lost some time after nothing pushes any more: 2 s after 0.25 s, as they were.",
+                f"FailsafeLimits.lost_s ({self.lost_s:g}) must not be below stale_s ({self.stale_s:g}).",
+                fix="a link is lost some time after the thrusters stop; the defaults are stale_s=0.25, lost_s=2.",
             )
 
 
@@ -82,44 +82,44 @@ class FailsafeMonitor:
     Attributes:
         since_s: active causes, or those that last until a person disarms, and when each began.
         words: description of each cause.
-        let_go: why the outputs disarmed themselves; empty once they are armed again, or a person has disarmed.
+        output_fault: why the outputs disarmed themselves; empty once they are armed again, or a person has disarmed.
     """
 
     def __init__(self, limits: FailsafeLimits, failsafes: Failsafes | None = None) -> None:
         self.limits = limits
         self.failsafes = failsafes or Failsafes()
         self.controls = Controls()
-        self.heard_s: float | None = None
+        self.controls_s: float | None = None
         self.is_stopped = False
-        self.let_go = ""
-        self.is_wet = False
-        self.is_low = False
+        self.output_fault = ""
+        self.is_leaking = False
+        self.is_battery_low = False
         self.rest_v: float | None = None  # of the battery, without what the load costs
         self.since_s: dict[str, float] = {}
         self.words: dict[str, str] = {}
-        self._gone_on: set[str] = set()  # causes after which it has resumed by itself, since a person disarmed
+        self._resumed_causes: set[str] = set()  # causes after which it has resumed by itself, since a person disarmed
         self._are_back = self._needs_person = False  # outputs that disarmed themselves
         self._low_since_s: float | None = None
 
-    def hear(self, controls: Controls, made_s: float) -> None:
+    def on_controls(self, controls: Controls, made_s: float) -> None:
         """Take controls, made at a moment of the vehicle's clock. A stop counts in any order.
 
         Of two others, the one with the higher number is newer; but after a silence any number counts, for a program at
         the surface that was started again begins with 1.
         """
         self.is_stopped = self.is_stopped or controls.is_stop
-        is_overtaken = self.heard_s is not None and controls.number <= self.controls.number
-        if is_overtaken and made_s - (self.heard_s or 0.0) <= self.limits.stale_s:
+        is_overtaken = self.controls_s is not None and controls.number <= self.controls.number
+        if is_overtaken and made_s - (self.controls_s or 0.0) <= self.limits.stale_s:
             return
-        self.controls, self.heard_s = controls, made_s
+        self.controls, self.controls_s = controls, made_s
         if not controls.is_armed:
-            self.let_go = ""
-            for known in (self.since_s, self.words, self._gone_on):
+            self.output_fault = ""
+            for known in (self.since_s, self.words, self._resumed_causes):
                 known.clear()  # active causes are detected again
         if controls.clears_stop and not (controls.is_stop or controls.is_armed):
             self.is_stopped = False
 
-    def measure(self, power: PowerReading) -> None:
+    def on_power(self, power: PowerReading) -> None:
         """Take what the power module measured, and so notice a battery that has been low for long enough."""
         limits = self.limits
         self.rest_v = power.voltage_v + power.current_a * limits.sag_ohm
@@ -128,15 +128,15 @@ class FailsafeMonitor:
             return
         if self._low_since_s is None:
             self._low_since_s = power.stamp_s
-        self.is_low = self.is_low or power.stamp_s - self._low_since_s >= limits.low_s - 1e-9
+        self.is_battery_low = self.is_battery_low or power.stamp_s - self._low_since_s >= limits.low_s - 1e-9
 
     def age_s(self, now_s: float) -> float | None:
         """Return how old the newest controls are; None if there are none."""
-        return None if self.heard_s is None else now_s - self.heard_s
+        return None if self.controls_s is None else now_s - self.controls_s
 
     # -- what fails ---------------------------------------------------------------------------------------------------
 
-    def see(self, cause: str, words: str, now_s: float) -> None:
+    def update_cause(self, cause: str, words: str, now_s: float) -> None:
         """Set or clear a cause: `words` describes it, "" clears it. It may last longer, depending on its action."""
         if words:
             self.since_s.setdefault(cause, now_s)
@@ -148,47 +148,49 @@ class FailsafeMonitor:
         action = self.failsafes.of(cause)
         if not self.controls.is_armed or action in ("warn", "hold", "surface"):
             return True
-        return self._goes_on(cause, now_s)
+        return self._resumes(cause, now_s)
 
-    def _goes_on(self, cause: str, now_s: float) -> bool:
+    def _resumes(self, cause: str, now_s: float) -> bool:
         """Return whether the vehicle resumes by itself now that a cause is over; if so, record it."""
-        if not self._may_go_on(cause, now_s):
+        if not self._may_resume(cause, now_s):
             return False
-        self._gone_on.add(cause)
+        self._resumed_causes.add(cause)
         return True
 
-    def _may_go_on(self, cause: str, now_s: float) -> bool:
+    def _may_resume(self, cause: str, now_s: float) -> bool:
         action = self.failsafes.of(cause)
         in_time = not isinstance(action, str) and now_s - self.since_s[cause] <= action.within_s + 1e-9
-        return in_time and cause not in self._gone_on
+        return in_time and cause not in self._resumed_causes
 
-    def lose_outputs(self, was_reset: bool, why: str, is_stopped: bool, now_s: float) -> None:
+    def mark_outputs_lost(self, was_reset: bool, reason: str, is_stopped: bool, now_s: float) -> None:
         """Record that the outputs have disarmed themselves.
 
         Args:
             was_reset: because their microcontroller has restarted.
-            why: description of the reason.
+            reason: description of the reason.
             is_stopped: by an emergency stop: only a person ends it.
             now_s: when.
         """
-        self.let_go, self._needs_person = why, is_stopped
+        self.output_fault, self._needs_person = reason, is_stopped
         cause = "controller_reset" if was_reset else "line_lost"
         self.since_s.pop(cause, None)  # each time is counted separately
-        self.see(cause, why, now_s)
+        self.update_cause(cause, reason, now_s)
 
-    def see_outputs(self, state: str, now_s: float) -> None:
+    def update_outputs(self, state: str, now_s: float) -> None:
         """Update from the state of the outputs (`Health.state`), to detect that disarmed outputs are back."""
         self._are_back = state != "error"
-        if not self.let_go:
+        if not self.output_fault:
             return
         waits_s = now_s - min(self.since_s[cause] for cause in OUTPUTS if cause in self.since_s)
         if waits_s >= self.failsafes.no_rearm_s:
-            self.see("no_rearm", f"no person has re-armed the outputs for {self.failsafes.no_rearm_s:g} s", now_s)
+            self.update_cause(
+                "no_rearm", f"no person has re-armed the outputs for {self.failsafes.no_rearm_s:g} s", now_s
+            )
         if state != "active" or not self._may_arm(now_s):
             return
-        self.let_go = ""
+        self.output_fault = ""
         for cause in [one for one in (*OUTPUTS, "no_rearm") if one in self.since_s]:
-            if self._goes_on(cause, now_s):
+            if self._resumes(cause, now_s):
                 del self.since_s[cause], self.words[cause]
             else:
                 self.since_s[cause] = now_s  # it holds, or goes up, from now on
@@ -198,33 +200,33 @@ class FailsafeMonitor:
         lost = [cause for cause in (*OUTPUTS, "no_rearm") if cause in self.since_s]
         if self._needs_person or not self._are_back or now_s < max(self.since_s[one] for one in lost) + IDLE_S:
             return False
-        return any(self.failsafes.of(one) in ("hold", "surface") or self._may_go_on(one, now_s) for one in lost)
+        return any(self.failsafes.of(one) in ("hold", "surface") or self._may_resume(one, now_s) for one in lost)
 
     # -- what follows -------------------------------------------------------------------------------------------------
 
-    def rules(self, now_s: float) -> str:
+    def control_state(self, now_s: float) -> str:
         """Return whose word counts now, by the names above."""
         age_s, limits = self.age_s(now_s), self.limits
         if age_s is not None:
             is_lost = age_s >= limits.lost_s
             began_s = now_s - age_s + limits.lost_s if is_lost else now_s
-            self.see("link_lost", f"no controls for {limits.lost_s:g} s" if is_lost else "", began_s)
-        self.see("leak", "water in the hull" if self.is_wet else "", now_s)
+            self.update_cause("link_lost", f"no controls for {limits.lost_s:g} s" if is_lost else "", began_s)
+        self.update_cause("leak", "water in the hull" if self.is_leaking else "", now_s)
         low = f"for {limits.low_s:g} s it had less than {limits.low_v:g} V at rest"
-        self.see("low_battery", low if self.is_low else "", now_s)
+        self.update_cause("low_battery", low if self.is_battery_low else "", now_s)
         if age_s is None or self.is_stopped or not self.controls.is_armed:
             return "idle"
-        if self.let_go and not self._may_arm(now_s):
+        if self.output_fault and not self._may_arm(now_s):
             return "idle"
-        wanted = {self._does(cause, now_s) for cause in self.since_s}
-        if self.let_go:
+        required = {self._required_state(cause, now_s) for cause in self.since_s}
+        if self.output_fault:
             return "neutral"  # which is shown to outputs until they are armed
-        for rules in ("surface", "neutral", "hold"):
-            if rules in wanted:
-                return rules
+        for control_state in ("surface", "neutral", "hold"):
+            if control_state in required:
+                return control_state
         return "pilot" if age_s <= limits.stale_s else "neutral"
 
-    def _does(self, cause: str, now_s: float) -> str:
+    def _required_state(self, cause: str, now_s: float) -> str:
         """Return the control state that a cause requires; "warn" if none."""
         action = self.failsafes.of(cause)
         if not isinstance(action, str):

@@ -29,14 +29,14 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Annotated
 
-from snr_sim.plants.urov.plausible import IS_ABOVE, Limit, check_number, check_record, shown
-from snr_sim.prelude.errors import ParameterError, nearest
+from snr_sim.errors import ParameterError, suggest
+from snr_sim.plants import IS_ABOVE, Limit, check_number, check_record, format_value
 
 ACTIONS = ("warn", "neutral", "hold", "surface")
 OUTPUTS = ("line_lost", "controller_reset")  # the outputs have disarmed themselves
 LASTING = ("low_battery", "leak")  # until the next start
 MILLISECONDS = {"milliseconds": 1e-3}
-WITHIN = Limit(0.0, 600.0, "s", "5 is usual, and later nobody expects thrusters to turn", MILLISECONDS, IS_ABOVE)
+WITHIN = Limit(0.0, 600.0, "s", "5 is usual; a later start of the thrusters is unexpected", MILLISECONDS, IS_ABOVE)
 NO_REARM = Limit(0.0, 3600.0, "s", "10 is usual: as long as a person needs", MILLISECONDS)
 
 
@@ -93,17 +93,18 @@ class Failsafes:
     def _check(self, cause: str, action: str | Rearm) -> None:
         if not isinstance(action, Rearm) and action not in ACTIONS:
             raise ParameterError(
-                f"The failsafe {cause} is {shown(action)}.", fix=f"{nearest(str(action), ACTIONS)} Or Rearm(5.0)."
+                f"The failsafe {cause} is {format_value(action)}.",
+                fix=f"{suggest(str(action), ACTIONS)} Or Rearm(5.0).",
             )
         if action == "warn" and cause in (*OUTPUTS, "no_rearm"):
             raise ParameterError(
-                f"The failsafe {cause} is 'warn', but outputs that have let go do not push, warned or not.",
-                fix=f'{cause}="neutral", or Rearm(5.0) to go on without a person.',
+                f"The failsafe {cause} is 'warn', but disarmed outputs do not push, warned or not.",
+                fix=f'{cause}="neutral", or Rearm(5.0) to continue without a person.',
             )
         if isinstance(action, Rearm) and cause in (*LASTING, "no_rearm"):
-            why = "nobody has re-armed" if cause == "no_rearm" else "that is over only with the next start"
+            reason = "it starts when re-arming is late" if cause == "no_rearm" else "it lasts until the next start"
             raise ParameterError(
-                f"The failsafe {cause} is {action}, which never comes to it: {why}.",
+                f"The failsafe {cause} is {action}, which never takes effect: {reason}.",
                 fix=f'{cause}="surface", or line_lost=Rearm(5.0) for outputs that come back.',
             )
 
@@ -115,20 +116,20 @@ class Failsafes:
         """
         causes: dict[str, list[str]] = {}
         for cause in CAUSES:
-            causes.setdefault(in_words(self.of(cause), hold_s), []).append(cause)
+            causes.setdefault(describe_action(self.of(cause), hold_s), []).append(cause)
         return [f"{action}: {', '.join(names)}" for action, names in causes.items()]
 
 
 CAUSES = tuple(field.name for field in fields(Failsafes) if field.name != "no_rearm_s")
 
 
-def in_words(action: str | Rearm, hold_s: float) -> str:
+def describe_action(action: str | Rearm, hold_s: float) -> str:
     """Return an action as the display shows it.
 
-    >>> in_words(Rearm(5.0), 10.0), in_words("hold", 10.0)
-    ('neutral, goes on once within 5 s', 'hold for 10 s, then surface')
+    >>> describe_action(Rearm(5.0), 10.0), describe_action("hold", 10.0)
+    ('neutral, resumes once within 5 s', 'hold for 10 s, then surface')
     """
     if not isinstance(action, str):
-        return f"neutral, goes on once within {action.within_s:g} s"
+        return f"neutral, resumes once within {action.within_s:g} s"
     words = {"neutral": "neutral until re-armed", "hold": f"hold for {hold_s:g} s, then surface", "warn": "warn only"}
     return words.get(action, action)

@@ -11,40 +11,39 @@ from __future__ import annotations
 
 import math
 
-from snr_sim.prelude.angles import wrap_rad
-from snr_sim.prelude.signals import DepthReading, ImuReading
-from snr_sim.std_mods.pid import Pid
-from snr_sim.std_mods.slew import approach
+from snr_sim.scenario import wrap_rad
+from snr_sim.signals import DepthReading, ImuReading
+from snr_sim.std_mods import Pid, approach
 
 from .controls import MODES, Controls
-from .parameters import Gains, HoldNumbers
+from .parameters import Gains, HoldParameters
 
 
-class Holds:
+class HoldController:
     """Setpoints of depth and heading, and their controllers.
 
     Args:
         numbers: gains and limits.
         drag: of the vehicle in heave, linear [N s/m] and quadratic [N s2/m2].
-        lacking: axes that the thrusters cannot push: these are not controlled.
+        unactuated: axes that the thrusters cannot push: these are not controlled.
     """
 
-    def __init__(self, numbers: HoldNumbers, drag: tuple[float, float], lacking: tuple[str, ...] = ()) -> None:
+    def __init__(self, numbers: HoldParameters, drag: tuple[float, float], unactuated: tuple[str, ...] = ()) -> None:
         self.numbers = numbers
-        self._depth = _pid(numbers.depth, smoothing_s=0.15)
+        self._depth = _pid(numbers.depth, derivative_filter_s=0.15)
         self._heading = _pid(numbers.heading, is_angle=True)
         self._roll = _pid(numbers.level, is_angle=True)
         self._pitch = _pid(numbers.level, is_angle=True)
         self._drag = drag
-        self._lacking = lacking
-        self.let_go()
+        self._unactuated = unactuated
+        self.reset()
 
-    def let_go(self) -> None:
+    def reset(self) -> None:
         """Drop the setpoints; the next ones are the depth and heading then."""
         self.depth_m: float | None = None
         self.heading_rad: float | None = None
-        self._wanted_depth_m: float | None = None
-        self._wanted_heading_rad = 0.0
+        self._target_depth_m: float | None = None
+        self._target_heading_rad = 0.0
         self._depth_rate = 0.0
         self._seen: DepthReading | None = None
         for pid in (self._depth, self._heading, self._roll, self._pitch):
@@ -61,7 +60,7 @@ class Holds:
         if level >= MODES.index("depth_hold"):
             up_n = self._hold_depth(controls, depth, dt_s)
         else:
-            up_n, self.depth_m, self._wanted_depth_m = heave_n * controls.heave, None, None
+            up_n, self.depth_m, self._target_depth_m = heave_n * controls.heave, None, None
             if level == 0:
                 wrench[2] = up_n
                 up_n = 0.0
@@ -79,19 +78,19 @@ class Holds:
         return wrench
 
     def _levelled(self, pid: Pid, axis: str, angle_rad: float, rate_radps: float, dt_s: float) -> float:
-        return 0.0 if axis in self._lacking else pid.update(0.0, angle_rad, dt_s, rate=rate_radps)
+        return 0.0 if axis in self._unactuated else pid.update(0.0, angle_rad, dt_s, rate=rate_radps)
 
     def _hold_depth(self, controls: Controls, depth: DepthReading, dt_s: float) -> float:
         """Return the upward force."""
-        if self.depth_m is None or self._wanted_depth_m is None:
-            self.depth_m = self._wanted_depth_m = max(0.0, depth.depth_m)
+        if self.depth_m is None or self._target_depth_m is None:
+            self.depth_m = self._target_depth_m = max(0.0, depth.depth_m)
             self._depth.reset()
         if controls.depth_m is not None:
-            self._wanted_depth_m = controls.depth_m
+            self._target_depth_m = controls.depth_m
         numbers = self.numbers
         if controls.heave:
-            self._wanted_depth_m = self._moved(self._wanted_depth_m, controls.heave, depth.depth_m, dt_s)
-        move_m = approach(self._wanted_depth_m - self.depth_m, numbers.sink_mps, numbers.brake_mps2, dt_s)
+            self._target_depth_m = self._moved(self._target_depth_m, controls.heave, depth.depth_m, dt_s)
+        move_m = approach(self._target_depth_m - self.depth_m, numbers.sink_mps, numbers.brake_mps2, dt_s)
         self.depth_m += move_m
         # What moving costs is known: the drag at that speed. So it has not to be learnt by being late.
         sink_mps = move_m / dt_s
@@ -99,16 +98,16 @@ class Holds:
         rate = self._rate(depth) - sink_mps
         return -self._depth.update(self.depth_m, depth.depth_m, dt_s, rate=rate, feed_forward=drag_n)
 
-    def _moved(self, wanted_m: float, heave: float, depth_m: float, dt_s: float) -> float:
+    def _moved(self, target_m: float, heave: float, depth_m: float, dt_s: float) -> float:
         """Return the target depth that the stick moves a depth to: not beyond what a vehicle on the floor can follow.
 
         Else a stick that was held down there for long would have to be held up for as long.
         """
         numbers = self.numbers
-        moved_m = max(0.0, wanted_m - heave * numbers.sink_mps * dt_s)
-        if moved_m > wanted_m:
-            return max(wanted_m, min(moved_m, depth_m + numbers.lead_m))
-        return min(wanted_m, max(moved_m, depth_m - numbers.lead_m))
+        moved_m = max(0.0, target_m - heave * numbers.sink_mps * dt_s)
+        if moved_m > target_m:
+            return max(target_m, min(moved_m, depth_m + numbers.max_lead_m))
+        return min(target_m, max(moved_m, depth_m - numbers.max_lead_m))
 
     def _rate(self, depth: DepthReading) -> float:
         """Compute the rate once for each reading: the depth has a lower rate than control."""
@@ -117,24 +116,26 @@ class Holds:
             if seen is not None:
                 period_s = depth.stamp_s - seen.stamp_s
                 newest = (depth.depth_m - seen.depth_m) / period_s
-                self._depth_rate += (newest - self._depth_rate) * period_s / (self._depth.smoothing_s + period_s)
+                self._depth_rate += (
+                    (newest - self._depth_rate) * period_s / (self._depth.derivative_filter_s + period_s)
+                )
             self._seen = depth
         return self._depth_rate
 
     def _hold_heading(self, controls: Controls, imu: ImuReading, dt_s: float) -> float:
         numbers = self.numbers
         if self.heading_rad is None:
-            self.heading_rad = self._wanted_heading_rad = imu.yaw_rad
+            self.heading_rad = self._target_heading_rad = imu.yaw_rad
             self._heading.reset()
         if controls.heading_rad is not None:
-            self._wanted_heading_rad = controls.heading_rad
-        self._wanted_heading_rad = wrap_rad(self._wanted_heading_rad + controls.yaw * numbers.turn_radps * dt_s)
+            self._target_heading_rad = controls.heading_rad
+        self._target_heading_rad = wrap_rad(self._target_heading_rad + controls.yaw * numbers.turn_radps * dt_s)
         turn = approach(
-            wrap_rad(self._wanted_heading_rad - self.heading_rad), numbers.turn_radps, numbers.brake_radps2, dt_s
+            wrap_rad(self._target_heading_rad - self.heading_rad), numbers.turn_radps, numbers.brake_radps2, dt_s
         )
         self.heading_rad = wrap_rad(self.heading_rad + turn)
         return self._heading.update(self.heading_rad, imu.yaw_rad, dt_s, rate=imu.rate_radps[2] - turn / dt_s)
 
 
-def _pid(gains: Gains, smoothing_s: float = 0.0, is_angle: bool = False) -> Pid:
-    return Pid(gains.kp, gains.ki, gains.kd, (-gains.most, gains.most), smoothing_s, is_angle)
+def _pid(gains: Gains, derivative_filter_s: float = 0.0, is_angle: bool = False) -> Pid:
+    return Pid(gains.kp, gains.ki, gains.kd, (-gains.output_limit, gains.output_limit), derivative_filter_s, is_angle)

@@ -11,46 +11,40 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
-from snr_sim.devices.sensors.camera import Camera
-from snr_sim.devices.sensors.echo_sounder import EchoSounder
-from snr_sim.devices.sensors.hull_watch import LeakProbe, PowerModule
-from snr_sim.devices.sensors.imu import InertialUnit
-from snr_sim.devices.sensors.ms5837 import Ms5837
-from snr_sim.links.faults import Faults
-from snr_sim.plants.urov.plausible import DEGREES, IS_ABOVE, Limit, check_number, check_record, shown
-from snr_sim.plants.urov.t200 import LEAST_V, MOST_V
-from snr_sim.plants.urov.vehicle import Vehicle
-from snr_sim.plants.urov.vehicle_file import read_vehicle
-from snr_sim.prelude.errors import ParameterError, nearest
-from snr_sim.prelude.wrench import AXES
-from snr_sim.teleop.scripted_pilot import Cue
+from snr_sim.devices import Camera, EchoSounder, InertialUnit, LeakProbe, Ms5837, PowerModule
+from snr_sim.errors import ParameterError, suggest
+from snr_sim.links import LinkFaults
+from snr_sim.plants import DEGREES, IS_ABOVE, Limit, Vehicle, check_number, check_record, format_value, read_vehicle
+from snr_sim.plants.urov.t200 import MAX_VOLTAGE_V, MIN_VOLTAGE_V
+from snr_sim.scenario import AXES
+from snr_sim.teleop import Cue
 
 from .failsafe_monitor import FailsafeLimits
 from .failsafes import Failsafes
-from .seeing_pilot import Waypoint
 from .tether_link import tether_faults
+from .waypoint_pilot import Waypoint
 
 PARTS = ("depth", "imu", "altitude", "power", "leak")
 # fmt: off
-GAIN = Limit(0.0, 1e5, "", "it stands here without a minus, and a vehicle of this size has some tens")
+GAIN = Limit(0.0, 1e5, "", "gains are given without a minus sign, and a vehicle of this size has some tens")
 PUSH = Limit(0.0, 1e3, "", "eight of its thrusters give some 200 N")
-MOST = Limit(0.0, 1e3, "", "the most that a controller asks for: eight thrusters give some 200 N", {}, IS_ABOVE)
+OUTPUT_LIMIT = Limit(0.0, 1e3, "", "the most that a controller asks for: eight thrusters give some 200 N", {}, IS_ABOVE)
 RATE = Limit(0.0, 1000.0, "Hz", "10 to 50 is usual", {}, IS_ABOVE)
 FIX = Limit(0.0, 100.0, "Hz", "1 to 5 is usual, and 0 where there is none")
-VOLTS = Limit(LEAST_V, MOST_V, "V", "14.8 is usual, with 4 cells", {"millivolts": 1e-3})
+VOLTS = Limit(MIN_VOLTAGE_V, MAX_VOLTAGE_V, "V", "14.8 is usual, with 4 cells", {"millivolts": 1e-3})
 SLEW = Limit(0.0, 1e5, "N/s", "250 is usual", {}, IS_ABOVE)
 PORT = Limit(1, 65535, "", "9120 is usual, and both ends of a link must know it")
 HOLDS = {
     "yaw_nm": Limit(0.0, 1e3, "N m", "6 is usual"),
     "sink_mps": Limit(0.0, 5.0, "m/s", "0.35 is usual", {"centimetres a second": 1e-2}, IS_ABOVE),
     "brake_mps2": Limit(0.0, 10.0, "m/s2", "0.1 is usual", {}, IS_ABOVE),
-    "lead_m": Limit(0.0, 20.0, "m", "1 is usual", {"centimetres": 1e-2}, IS_ABOVE),
+    "max_lead_m": Limit(0.0, 20.0, "m", "1 is usual", {"centimetres": 1e-2}, IS_ABOVE),
     "turn_radps": Limit(0.0, 10.0, "rad/s", "0.7 is usual", DEGREES, IS_ABOVE),
     "brake_radps2": Limit(0.0, 10.0, "rad/s2", "0.4 is usual", DEGREES, IS_ABOVE),
 }
 # fmt: on
-SUCH_FAILSAFES = 'Failsafes(link_lost="surface").'
-SUCH_GAINS = "Gains(kp=8.0, ki=1.5, kd=4.0, most=8.0)"
+EXAMPLE_FAILSAFES = 'Failsafes(link_lost="surface").'
+EXAMPLE_GAINS = "Gains(kp=8.0, ki=1.5, kd=4.0, output_limit=8.0)"
 VEHICLES = Path(__file__).parent / "vehicles"
 
 
@@ -65,14 +59,14 @@ class Gains:
     kp: Annotated[float, GAIN]
     ki: Annotated[float, GAIN]
     kd: Annotated[float, GAIN]
-    most: Annotated[float, MOST]
+    output_limit: Annotated[float, OUTPUT_LIMIT]
 
     def __post_init__(self) -> None:
         check_record(self, "The gain ")
 
 
 @dataclass(frozen=True)
-class HoldNumbers:
+class HoldParameters:
     """Parameters of the depth and heading holds.
 
     Args:
@@ -82,21 +76,21 @@ class HoldNumbers:
         yaw_nm: what a full stick turns with.
         sink_mps: how fast a held depth moves, at full stick or towards another one.
         brake_mps2: how it slows down before it arrives.
-        lead_m: how far from where the vehicle is a stick moves it at most; more than it takes to slow down.
+        max_lead_m: how far from where the vehicle is a stick moves it at most; more than it takes to slow down.
         turn_radps, brake_radps2: the same of a held heading.
 
     Raises:
         ParameterError: a number is out of range; the message names it and the usual range.
     """
 
-    depth: Annotated[Gains, SUCH_GAINS] = Gains(kp=120.0, ki=40.0, kd=70.0, most=70.0)
-    heading: Annotated[Gains, SUCH_GAINS] = Gains(kp=8.0, ki=1.5, kd=4.0, most=8.0)
-    level: Annotated[Gains, SUCH_GAINS] = Gains(kp=8.0, ki=2.0, kd=3.0, most=8.0)
+    depth: Annotated[Gains, EXAMPLE_GAINS] = Gains(kp=120.0, ki=40.0, kd=70.0, output_limit=70.0)
+    heading: Annotated[Gains, EXAMPLE_GAINS] = Gains(kp=8.0, ki=1.5, kd=4.0, output_limit=8.0)
+    level: Annotated[Gains, EXAMPLE_GAINS] = Gains(kp=8.0, ki=2.0, kd=3.0, output_limit=8.0)
     sticks_n: Annotated[tuple[float, float, float], PUSH, ("surge", "sway", "heave")] = (60.0, 60.0, 60.0)
     yaw_nm: Annotated[float, HOLDS["yaw_nm"]] = 6.0
     sink_mps: Annotated[float, HOLDS["sink_mps"]] = 0.35
     brake_mps2: Annotated[float, HOLDS["brake_mps2"]] = 0.1
-    lead_m: Annotated[float, HOLDS["lead_m"]] = 1.0
+    max_lead_m: Annotated[float, HOLDS["max_lead_m"]] = 1.0
     turn_radps: Annotated[float, HOLDS["turn_radps"]] = 0.7
     brake_radps2: Annotated[float, HOLDS["brake_radps2"]] = 0.4
 
@@ -125,16 +119,17 @@ class Sensors:
     def __post_init__(self) -> None:
         check_record(self, "The sensor ")
         if not isinstance(self.rates_hz, dict):
-            raise ParameterError(f"The sensors' rates_hz is {shown(self.rates_hz)}.", fix='{"depth": 20.0, ...}')
+            raise ParameterError(f"The sensors' rates_hz is {format_value(self.rates_hz)}.", fix='{"depth": 20.0, ...}')
         for name in self.rates_hz:
             if name not in PARTS:
                 raise ParameterError(
-                    f"rates_hz has {shown(name)}, which is no sensor of this vehicle.", fix=nearest(str(name), PARTS)
+                    f"rates_hz has {format_value(name)}, which is not a sensor of this vehicle.",
+                    fix=suggest(str(name), PARTS),
                 )
         for name in PARTS:
             if name not in self.rates_hz:
                 raise ParameterError(
-                    f"rates_hz says nothing of '{name}'.", fix=f'all of them are read: {{..., "{name}": 10.0}}.'
+                    f"rates_hz has no entry for '{name}'.", fix=f'all of them are read: {{..., "{name}": 10.0}}.'
                 )
             check_number(f"rates_hz of '{name}'", self.rates_hz[name], RATE)
 
@@ -152,7 +147,7 @@ class UrovParameters:
         fix_hz: rate of position fixes, as of an acoustic positioning system; 0 disables them.
         nominal_v: at which the pulse for a thrust is looked up.
         slew_nps: how fast a thrust may change.
-        first: axes that are served before the others when thrusters are at their limits.
+        priority_axes: axes that are served before the others when thrusters are at their limits.
         command_hz: how often the surface sends controls.
         pwm_hz: how often pulses are written.
         tether: faults of the link through it.
@@ -166,23 +161,25 @@ class UrovParameters:
     script: tuple[Cue, ...] = ()
     route: tuple[Waypoint, ...] = ()
     sensors: Sensors = field(default_factory=Sensors)
-    holds: HoldNumbers = field(default_factory=HoldNumbers)
+    holds: HoldParameters = field(default_factory=HoldParameters)
     failsafe_limits: FailsafeLimits = field(default_factory=FailsafeLimits)
-    failsafes: Annotated[Failsafes, SUCH_FAILSAFES] = field(default_factory=Failsafes)
+    failsafes: Annotated[Failsafes, EXAMPLE_FAILSAFES] = field(default_factory=Failsafes)
     fix_hz: Annotated[float, FIX] = 0.0
     nominal_v: Annotated[float, VOLTS] = 14.8
     slew_nps: Annotated[float, SLEW] = 250.0
-    first: tuple[str, ...] = ("heave", "roll", "pitch", "yaw")
+    priority_axes: tuple[str, ...] = ("heave", "roll", "pitch", "yaw")
     command_hz: Annotated[float, RATE] = 20.0
     pwm_hz: Annotated[float, RATE] = 50.0
-    tether: Faults = field(default_factory=lambda: tether_faults(35.0))
+    tether: LinkFaults = field(default_factory=lambda: tether_faults(35.0))
     port: Annotated[int, PORT] = 9120
 
     def __post_init__(self) -> None:
         check_record(self, "")
-        for axis in (self.first,) if isinstance(self.first, str) else self.first:
+        for axis in (self.priority_axes,) if isinstance(self.priority_axes, str) else self.priority_axes:
             if axis not in AXES:
-                raise ParameterError(f"first has {shown(axis)}, which is no axis.", fix=nearest(str(axis), AXES))
+                raise ParameterError(
+                    f"priority_axes has {format_value(axis)}, which is not an axis.", fix=suggest(str(axis), AXES)
+                )
 
 
 def vehicle(name: str = "benzon2022") -> Vehicle:

@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from snr_sim.prelude.page import Page
+from snr_sim import Page
 
 from .failsafe_monitor import FailsafeMonitor
 from .readings import Outputs, Readings
@@ -58,7 +58,7 @@ class PreArm:
         self._refused = ""  # reason of the refusal; reported until the pilot disarms
         self._start_s = math.inf
 
-    def why_not(self, is_armed: bool, failing: list[str], now_s: float) -> str | None:
+    def refusal_reason(self, is_armed: bool, failing: list[str], now_s: float) -> str | None:
         """Return why the vehicle is not armed; "" if it is only not armed yet; None if nothing is against it.
 
         Args:

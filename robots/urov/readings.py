@@ -12,12 +12,12 @@ from typing import Any
 
 import msgspec
 
+from snr_sim import Page
 from snr_sim.devices.commands import command_of
-from snr_sim.plants.urov.plausible import Limit
-from snr_sim.prelude.errors import CommandError
-from snr_sim.prelude.page import Page
-from snr_sim.prelude.signals import DepthReading, ImuReading, LeakReading, PowerReading
-from snr_sim.prelude.structs import learned
+from snr_sim.errors import CommandError
+from snr_sim.plants import Limit
+from snr_sim.prelude.structs import ensure_type_info
+from snr_sim.signals import DepthReading, ImuReading, LeakReading, PowerReading
 
 AHEAD_S = 0.1  # a reading is stamped by the clock of the run, so none is of times to come
 NONSENSE_S = 1.0  # after a page that held no reading, the sensor is not trusted for so long
@@ -70,15 +70,15 @@ def reading_of(key: str, data: Any, now_s: float) -> Any:
     kind, limits = CAN_BE[key]
     if isinstance(data, msgspec.Struct):  # its types are not checked yet
         data = msgspec.structs.asdict(data)
-    reading = command_of(data, kind, {name: (limit.least, limit.most) for name, limit in limits.items()})
+    reading = command_of(data, kind, {name: (limit.min_value, limit.max_value) for name, limit in limits.items()})
     for name, limit in limits.items():
         value = getattr(reading, name)
         numbers = value if isinstance(value, list) else [value]
         if isinstance(value, list) and len(value) != 3:
-            raise CommandError(f"{name} has {len(value)} numbers.", fix="[x, y, z].")
+            raise CommandError(f"{name} must have 3 numbers, not {len(value)}.", fix="store [x, y, z].")
         for number in numbers:
-            if not limit.holds(number):
-                raise CommandError(f"{name} is {number!r}.", fix=f"{limit.wanted()}: {limit.why}.")
+            if not limit.contains(number):
+                raise CommandError(f"{name} is {number!r}.", fix=f"{limit.expected()}: {limit.reason}.")
     if not -math.inf < reading.stamp_s <= now_s + AHEAD_S:
         raise CommandError(
             f"stamp_s is {reading.stamp_s!r}, and the vehicle's clock shows {now_s:.2f} s.",
@@ -93,18 +93,18 @@ class Outputs(msgspec.Struct, frozen=True):
     Args:
         state: as of `Health`.
         fault: description of their fault.
-        why: words of `AppliedPulses`.
+        reason: words of `AppliedPulses`.
     """
 
     state: str
     fault: str = ""
-    why: list[str] = []
+    reason: list[str] = []
 
 
 def outputs_of(data: Any) -> Outputs | None:
     """Return the state of the outputs; None if the page is not valid."""
     try:
-        return msgspec.convert(data, learned(Outputs))
+        return msgspec.convert(data, ensure_type_info(Outputs))
     except msgspec.ValidationError:
         return None
 

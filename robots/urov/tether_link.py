@@ -6,8 +6,8 @@ reach 80 Mbit/s at best; over a tether of full length some tens are left, and a 
 
 from __future__ import annotations
 
-from snr_sim.links.faults import Faults
-from snr_sim.prelude.errors import ParameterError
+from snr_sim.errors import ParameterError
+from snr_sim.links import LinkFaults
 
 SIGNAL_MPS = 2.0e8  # two thirds of the speed of light, as in any cable
 MODEM_S, MODEM_JITTER_S = 0.003, 0.002  # in each direction, through two modems: our estimate
@@ -16,7 +16,7 @@ FULL_BPS, FULL_M = 80e6, 300.0  # at the modem; and the length at which a tenth 
 
 def tether_faults(
     length_m: float, loss: float = 0.0, cut: tuple[tuple[float, float], ...] = (), seed: int | None = None
-) -> Faults:
+) -> LinkFaults:
     """Return the faults of a link through a tether.
 
     >>> [round(tether_faults(length_m).bandwidth_bps) for length_m in (0.0, 300.0)]
@@ -32,8 +32,8 @@ def tether_faults(
         ParameterError: the length, the loss or a cut is out of range.
     """
     if not 0.0 <= length_m <= FULL_M:
-        raise ParameterError(f"A link through {length_m!r} m of tether.", fix=f"0 to {FULL_M:g} m.")
-    return Faults(
+        raise ParameterError(f"The tether length must be in 0 to {FULL_M:g} m, not {length_m!r}.", fix="pass metres.")
+    return LinkFaults(
         latency_s=MODEM_S + length_m / SIGNAL_MPS,
         jitter_s=MODEM_JITTER_S,
         loss=loss,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from snr_sim import Loop, LoopFactory, tasks
-from snr_sim.prelude.node_api import NodeApi
+from snr_sim.scenario import NodeApi
 
 RATE_HZ = 10.0
 UNANSWERED_S = 0.1  # the inertial unit is answered with a command 50 times a second

@@ -44,7 +44,10 @@ def pace_of(speed: str) -> float | None:
         return None if speed == "fast" else 1.0
     pace = finite_number(speed)
     if pace is None or pace <= 0:
-        raise ParameterError(f"--speed {speed} is no speed.", fix="--speed fast, --speed real, or a number such as 4.")
+        raise ParameterError(
+            f"--speed must be 'fast', 'real' or a number greater than 0, not '{speed}'.",
+            fix="--speed fast, --speed real, or a multiple of real time such as --speed 4.",
+        )
     return pace
 
 
@@ -62,7 +65,7 @@ def options_of(pairs: list[str]) -> dict[str, str]:
         if not (key and equals):
             raise ParameterError(
                 f"--option {pair} is not KEY=VALUE.",
-                fix="--option pilot=hands, for a robot that has it: snr list robots.",
+                fix="--option pilot=manual, for a robot that has it: snr list robots.",
             )
         if key in options:
             raise ParameterError(

@@ -36,7 +36,7 @@ def bench(
         "runs/bench.jsonl"
     ),
 ) -> None:
-    """Measure speed on this machine, beside the targets.
+    """Measure speed on this machine and compare it with the targets.
 
     Times are CPU time, ratios are to a bare version measured in turns within the same run. Needs a checkout of the
     project, and some quiet: whatever else runs is measured, too.
@@ -77,8 +77,8 @@ def bench(
         _show(rows, skipped)
     for one in failed:
         errors.print(
-            f"The benchmark '{one['subject']}' stopped with status {one['status']}; its own words are above.\n"
-            f"  Try: it by itself: snr bench {one['subject']} --quick."
+            f"The benchmark '{one['subject']}' stopped with status {one['status']}; its output is above.\n"
+            f"  Try: run it alone: snr bench {one['subject']} --quick."
         )
     sys.exit(2 if failed else 0)
 
@@ -91,16 +91,16 @@ def _folder() -> Path:
     """Return the benchmarks' folder.
 
     Raises:
-        UnknownName: this is not a checkout of the project.
+        UnknownNameError: this is not a checkout of the project.
     """
-    from snr_sim.prelude.errors import UnknownName
+    from snr_sim.prelude.errors import UnknownNameError
 
     project = Path(__file__).resolve().parents[2]
     for folder in (Path.cwd() / "tests" / "bench", project / "tests" / "bench"):
         if (folder / "harness.py").is_file():
             return folder
-    raise UnknownName(
-        "The benchmarks are not part of an installed kit, and there is no tests/bench in the current folder.",
+    raise UnknownNameError(
+        "The benchmarks are not part of an installed snr_sim, and there is no tests/bench in the current folder.",
         fix="get the project with git, and run `snr bench` in its folder.",
     )
 
@@ -109,14 +109,14 @@ def _chosen(folder: Path, names: list[str]) -> list[Path]:
     """Return the files to run: those named, or all.
 
     Raises:
-        UnknownName: there is no benchmark with this name.
+        UnknownNameError: there is no benchmark with this name.
     """
-    from snr_sim.prelude.errors import UnknownName, nearest
+    from snr_sim.prelude.errors import UnknownNameError, suggest
 
     known = {path.stem.removeprefix(_PREFIX): path for path in sorted(folder.glob(f"{_PREFIX}*.py"))}
     for name in names:
         if name not in known:
-            raise UnknownName(f"There is no benchmark '{name}'.", fix=nearest(name, list(known)))
+            raise UnknownNameError(f"There is no benchmark '{name}'.", fix=suggest(name, list(known)))
     return [known[name] for name in names or known]
 
 
@@ -206,7 +206,7 @@ def _table(rows: list[Row]) -> Table:
         value = f"{row['value']:.3g} {row['unit']}" if row["value"] < 1000 else f"{row['value']:.0f} {row['unit']}"
         baseline = "" if row["baseline"] is None else f"{row['baseline']:.3g}"
         ratio = "" if row["ratio"] is None else f"{row['ratio']:.2f} x"
-        table.add_row(row["name"], value, baseline, ratio, _target(row), Text(*_in_a_word(row["is_met"])))
+        table.add_row(row["name"], value, baseline, ratio, _target(row), Text(*_verdict_word(row["is_met"])))
     return table
 
 
@@ -224,7 +224,7 @@ def _target(row: Row) -> str:
     return ", ".join(words)
 
 
-def _in_a_word(is_met: bool | None) -> tuple[str, str]:
+def _verdict_word(is_met: bool | None) -> tuple[str, str]:
     """Return the word for a result, and its colour."""
     if is_met is None:
         return "", ""

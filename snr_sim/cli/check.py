@@ -33,28 +33,28 @@ def check(
     """
     from snr_sim.grading.grade import grade_submission
     from snr_sim.grading.lab.lab import find_lab
-    from snr_sim.grading.lab.verdicts import LabFault
+    from snr_sim.grading.lab.verdicts import GraderError
     from snr_sim.grading.reports.results import encode_graded
-    from snr_sim.prelude.errors import UnknownName
+    from snr_sim.prelude.errors import UnknownNameError
     from snr_sim.scenario.source_checks import notes_on_files
 
     found = find_lab(lab)
     if not folder.is_dir():
         what = f"{folder} is a file, not a folder." if folder.is_file() else f"There is no folder {folder}."
-        raise UnknownName(what, fix="name the folder with your files.")
+        raise UnknownNameError(what, fix="name the folder with your files.")
     missing = [file for file in found.files if not (folder / file).is_file()]
     if missing:
-        raise UnknownName(
+        raise UnknownNameError(
             f"There is no {missing[0]} in {folder.resolve()}.",
             fix=f"name the folder with your files; or begin: snr new lab {lab}",
         )
     for note in notes_on_files([folder / file for file in found.files if file.endswith(".py")]):
         print_note(note)
     out = _RUNS / f"check_{found.name}"
-    with _status(as_json) as tell:
-        graded = grade_submission(found, folder, None, "none", out=out.resolve(), on_case=tell)
-    if graded.status == "fault":
-        raise LabFault(graded.error)
+    with _status(as_json) as on_case:
+        graded = grade_submission(found, folder, None, "none", out=out.resolve(), on_case=on_case)
+    if graded.status == "grader_error":
+        raise GraderError(graded.error)
     if as_json:
         print(encode_graded(graded).decode(), end="")
     else:
@@ -63,15 +63,15 @@ def check(
 
 
 @contextmanager
-def _status(is_quiet: bool) -> Iterator[Callable[[str, str], None]]:
+def _status(is_json: bool) -> Iterator[Callable[[str, str], None]]:
     """Yield a function that shows the status of each case on a terminal."""
-    if is_quiet or not sys.stderr.isatty():
+    if is_json or not sys.stderr.isatty():
         yield lambda check, case: None
         return
-    from snr_sim.cli.plain_console import as_it_is, plain_console
+    from snr_sim.cli.plain_console import escape_markup, plain_console
 
     with plain_console(stderr=True).status("starting") as status:
-        yield lambda check, case: status.update(as_it_is(f"{check}: {case}" if case else check))
+        yield lambda check, case: status.update(escape_markup(f"{check}: {case}" if case else check))
 
 
 def _show(lab: Lab, graded: Graded, out: Path) -> None:
@@ -88,9 +88,9 @@ def _show(lab: Lab, graded: Graded, out: Path) -> None:
     table.add_column("points", justify="right")
     for check in graded.checks:
         mark = "-" if check.skipped_because else ("ok" if check.is_passed else "x")
-        table.add_row(mark, check.title, f"{round(check.points, 2):g} of {check.of:g}")
-    points, most = graded.points or 0.0, sum(check.of for check in graded.checks)
-    table.add_row("", "together", f"{round(points, 2):g} of {most:g}", end_section=True)
+        table.add_row(mark, check.title, f"{round(check.points, 2):g} of {check.max_points:g}")
+    points, max_points = graded.points or 0.0, sum(check.max_points for check in graded.checks)
+    table.add_row("", "together", f"{round(points, 2):g} of {max_points:g}", end_section=True)
     console.print(table)
     for check in graded.checks:
         for line in _lines(check, out):
@@ -103,11 +103,11 @@ def _show(lab: Lab, graded: Graded, out: Path) -> None:
 
 def _lines(check: CheckResult, out: Path) -> Iterator[str]:
     """Yield the lines about a check that did not get all its points."""
-    told: dict[str, list[CaseResult]] = {}  # equal failures are printed once
+    failures: dict[str, list[CaseResult]] = {}  # equal failures are printed once
     for case in check.cases:
         if not case.is_passed:
-            told.setdefault("".join(f"    {line}\n" for line in _of_case(case)), []).append(case)
-    for words, cases in told.items():
+            failures.setdefault("".join(f"    {line}\n" for line in _of_case(case)), []).append(case)
+    for words, cases in failures.items():
         about = "; ".join(case.label for case in cases if case.label)
         runs = "".join(f"    {_of_run(out / case.run_folder)}\n" for case in cases if case.run_folder)
         yield f"x {check.title}{f' ({about})' if about else ''}\n{words}{runs}"

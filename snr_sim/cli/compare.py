@@ -11,10 +11,10 @@ import typer
 
 from snr_sim.cli.arguments import AsJson, finite_number
 from snr_sim.cli.newest import trace_of, two_runs
-from snr_sim.cli.output import print_json, print_remarks
+from snr_sim.cli.output import print_json, print_warnings
 
 if TYPE_CHECKING:
-    from snr_sim.recording.compare_runs import Compared, Comparison
+    from snr_sim.recording.compare_runs import Comparison, SignalComparison
     from snr_sim.recording.reader import Trace
 
 _LEGEND = (
@@ -47,20 +47,20 @@ def compare(
 
     Exit status: 0 they were compared, 2 they cannot be.
     """
-    from snr_sim.prelude.errors import MissingExtra
+    from snr_sim.prelude.errors import MissingExtraError
 
     try:
         from snr_sim.recording.compare_runs import compare_runs
-        from snr_sim.view.compare_picture import shown
+        from snr_sim.view.compare_picture import select_signals
     except ImportError as error:
-        raise MissingExtra("numpy", "sim") from error
+        raise MissingExtraError("numpy", "sim") from error
     first, second = two_runs(first, second)
     traces = [trace_of(run) for run in (first, second)]
     for trace in traces:
-        print_remarks(trace, before=f"{trace.path.parent}: ")
+        print_warnings(trace, before=f"{trace.path.parent}: ")
     shift_s = _shift_s(shift, traces)
     comparison = compare_runs(traces[0], traces[1], node, shift_s, (begin_s, end_s))
-    shown(comparison, signal)  # raises for an unknown name before anything is written
+    select_signals(comparison, signal)  # raises for an unknown name before anything is written
     if png:
         _draw(comparison, traces[0], png, signal)
     if rrd:
@@ -82,7 +82,9 @@ def _shift_s(shift: str, traces: list[Trace]) -> float:
         return shift_by_commands_s(traces[0], traces[1])
     seconds = finite_number(shift)
     if seconds is None:
-        raise ParameterError(f"--shift {shift} is no time.", fix="seconds such as 2.5, or auto.")
+        raise ParameterError(
+            f"--shift must be a number of seconds or 'auto', not '{shift}'.", fix="--shift 2.5, or --shift auto."
+        )
     return seconds
 
 
@@ -123,7 +125,7 @@ def _fields(comparison: Comparison) -> dict[str, Any]:
     }
 
 
-def _signal_fields(one: Compared) -> dict[str, Any]:
+def _signal_fields(one: SignalComparison) -> dict[str, Any]:
     return {
         "channels": one.first.values.shape[1],
         "is_command": one.is_command,
@@ -134,7 +136,7 @@ def _signal_fields(one: Compared) -> dict[str, Any]:
         "largest_at_s": one.largest_at_s,
         "largest_channel": one.largest_channel,
         "first_differs_s": one.first_differs_s,
-        "later_s": one.later_s,
+        "delay_s": one.delay_s,
     }
 
 
@@ -151,14 +153,14 @@ def _print(comparison: Comparison) -> None:
     table.add_column("page, field", overflow="fold")
     for heading in ("noise", "step", "rms diff.", "largest", "later [ms]"):
         table.add_column(heading, justify="right", overflow="fold")
-    told = [one for one in comparison.signals if not _is_idle(one)]
-    for number, signal in enumerate(told):
-        if number == 0 or told[number - 1].first.key != signal.first.key:
+    shown = [one for one in comparison.signals if not _is_idle(one)]
+    for number, signal in enumerate(shown):
+        if number == 0 or shown[number - 1].first.key != signal.first.key:
             table.add_row(_of_page(signal), style="bold")
         table.add_row(*_row(signal))
     console.print(table)
     console.print(_LEGEND, style="dim")
-    idle = len(comparison.signals) - len(told)
+    idle = len(comparison.signals) - len(shown)
     if idle:
         console.print(f"Not shown: {idle} numbers that never change and are the same, or belong to links (--json).")
     for place, only in enumerate((comparison.only_first, comparison.only_second)):
@@ -167,22 +169,22 @@ def _print(comparison: Comparison) -> None:
     console.print(_of_commands(comparison))
 
 
-def _is_idle(signal: Compared) -> bool:
+def _is_idle(signal: SignalComparison) -> bool:
     a, b = signal.of_first, signal.of_second
     return signal.first.key.startswith("link_") or (a.lowest == a.highest == b.lowest == b.highest)
 
 
-def _of_page(signal: Compared) -> str:
+def _of_page(signal: SignalComparison) -> str:
     a, b = signal.of_first, signal.of_second
-    told = f"{signal.first.key}: {_both(a.rate_hz, b.rate_hz)} Hz"
+    text = f"{signal.first.key}: {_both(a.rate_hz, b.rate_hz)} Hz"
     if not a.age_s is b.age_s is None:
-        told += f", {_both(_ms(a.age_s), _ms(b.age_s))} ms old"
-    if not a.after_s is b.after_s is None:
-        told += f", {_both(_ms(a.after_s), _ms(b.after_s))} ms after the command"
-    return told
+        text += f", {_both(_ms(a.age_s), _ms(b.age_s))} ms old"
+    if not a.command_delay_s is b.command_delay_s is None:
+        text += f", {_both(_ms(a.command_delay_s), _ms(b.command_delay_s))} ms after the command"
+    return text
 
 
-def _row(signal: Compared) -> list[str]:
+def _row(signal: SignalComparison) -> list[str]:
     a, b = signal.of_first, signal.of_second
     channels = signal.first.values.shape[1]
     many = f"[{channels}]" if channels > 1 else ""
@@ -194,7 +196,7 @@ def _row(signal: Compared) -> list[str]:
         _both(a.step, b.step),
         _number(signal.rms),
         f"{_number(signal.largest)}{at}",
-        _number(_ms(signal.later_s)),
+        _number(_ms(signal.delay_s)),
     ]
 
 

@@ -13,7 +13,7 @@ from snr_sim.cli.arguments import AsJson
 
 if TYPE_CHECKING:
     from snr_sim.console.client import ConsoleClient
-    from snr_sim.console.table import Answer
+    from snr_sim.console.table import CommandResult
 
 TOKEN_VARIABLE = "SNR_TOKEN"
 
@@ -31,7 +31,7 @@ def console(
 
     The one given, those on stdin, or what you type, with history and completion.
 
-    `snr console 54321 help` says which there are. A watch goes on until Ctrl-C.
+    `snr console 54321 help` lists them. A watch continues until Ctrl-C.
 
     Exit status: 0 all were carried out, 1 one was refused, 2 no node answered or the request was wrong.
     """
@@ -52,15 +52,15 @@ def console(
     sys.exit(1 if any(answer.is_error for answer in answers) else 0)
 
 
-def _print(answer: Answer) -> None:
+def _print(answer: CommandResult) -> None:
     print(answer.text, file=sys.stderr if answer.is_error else sys.stdout, flush=True)
 
 
-def _pass_over(answer: Answer) -> None:
+def _pass_over(answer: CommandResult) -> None:
     """Ignore a watched page: the output of a script has only the replies to its commands."""
 
 
-def _carried_out(client: ConsoleClient, lines: Iterable[str], is_json: bool) -> list[Answer]:
+def _carried_out(client: ConsoleClient, lines: Iterable[str], is_json: bool) -> list[CommandResult]:
     answers = []
     for line in lines:
         if not line.strip():
@@ -81,7 +81,7 @@ def _address(text: str) -> tuple[str, int]:
 
     host, _, port = text.rpartition(":")
     if not port.isdecimal() or not 0 < int(port) < 1 << 16:
-        raise ParameterError(f"{text} is no address of a console.", fix="HOST:PORT, such as 127.0.0.1:54321.")
+        raise ParameterError(f"'{text}' is not a console address.", fix="use HOST:PORT, such as 127.0.0.1:54321.")
     return host.strip("[]") or "127.0.0.1", int(port)
 
 

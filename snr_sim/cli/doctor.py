@@ -25,7 +25,7 @@ _EXTRAS = {
     "hardware": ("pyserial", "smbus2", "numpy"),
 }
 _LOWEST_PYTHON = (3, 11)
-_ROOM_WANTED_MB = 100
+_MIN_FREE_MB = 100
 
 
 def doctor(
@@ -41,44 +41,44 @@ def doctor(
 
     Exit status: 0 all is well, 1 something is missing, 2 the request was wrong.
     """
-    from snr_sim.devices.opening import check_io
+    from snr_sim.devices.device_strings import check_io
     from snr_sim.prelude.io import parse_io
 
     meant = parse_io(io) if io else None
     if meant is not None:
         check_io(meant)
-    findings = list(_look(meant))
+    findings = list(_run_checks(meant))
     if as_json:
         print_json({"findings": [finding._asdict() for finding in findings]})
     else:
         for finding in findings:
-            print(f"{finding.tag:<4} {finding.what}")
+            print(f"{finding.tag:<4} {finding.message}")
             if finding.fix:
                 print(f"       {finding.fix}")
-    sys.exit(0 if all(finding.is_well for finding in findings) else 1)
+    sys.exit(0 if all(finding.is_ok for finding in findings) else 1)
 
 
-def _look(io: Io | None) -> Iterator[Finding]:
+def _run_checks(io: Io | None) -> Iterator[Finding]:
     import importlib.metadata  # slow, and `snr --help` does not need it
 
     from snr_sim.cli.doctor_hardware import answers, wires
-    from snr_sim.devices.wires_here import Machine
+    from snr_sim.devices.host_ports import HostInfo
 
-    machine = Machine()
+    machine = HostInfo()
     python = platform.python_version()
     yield Finding(sys.version_info >= _LOWEST_PYTHON, f"Python {python} on {platform.platform()}")
     is_for_wires = drives_only(machine.is_pi, importlib.metadata.version)
     yield from packages(is_for_wires, importlib.metadata.version)
     free_mb = shutil.disk_usage(Path.cwd()).free // 2**20
     yield Finding(
-        free_mb > _ROOM_WANTED_MB, f"{free_mb} MB free in this folder", "" if free_mb > _ROOM_WANTED_MB else "make room"
+        free_mb > _MIN_FREE_MB, f"{free_mb} MB free in this folder", "" if free_mb > _MIN_FREE_MB else "make room"
     )
     is_writable = os.access(Path.cwd(), os.W_OK)
     yield Finding(is_writable, "runs can be written here" if is_writable else "this folder is read-only: use --out")
     yield landing(is_for_wires)
     found = list(wires(machine, io))
     yield from found
-    if io is not None and all(finding.is_well for finding in found):
+    if io is not None and all(finding.is_ok for finding in found):
         yield from answers(io)
 
 
@@ -121,15 +121,15 @@ def packages(is_for_wires: bool, version: Callable[[str], str]) -> Iterator[Find
 
 def landing(is_for_wires: bool) -> Finding:
     """Return whether a test run of a lander works; a computer for hardware does not need the physics packages."""
-    from snr_sim.prelude.errors import MissingExtra, SnrError
-    from snr_sim.scenario.flight import Flight
+    from snr_sim.prelude.errors import MissingExtraError, SnrError
     from snr_sim.scenario.simulation import Request, prepare
+    from snr_sim.scenario.simulation_run import SimulationRun
 
     try:
         simulation = prepare(Request("lander_vertical"))
         plant = simulation.plant()
-        result = Flight(simulation, plant, simulation.config(plant)).run()
+        result = SimulationRun(simulation, plant, simulation.config(plant)).run()
     except SnrError as error:
-        is_well = is_for_wires and isinstance(error, MissingExtra)
-        return Finding(is_well, f"lander_vertical does not run: {error.message}", error.fix)
+        is_ok = is_for_wires and isinstance(error, MissingExtraError)
+        return Finding(is_ok, f"lander_vertical does not run: {error.message}", error.fix)
     return Finding(result.success, f"lander_vertical, seed 0: {result.outcome}, {result.tasks} tasks")

@@ -6,13 +6,13 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from snr_sim.cli.finding import Finding
+from snr_sim.devices.host_ports import HostInfo, HostPort
 from snr_sim.devices.mcu.mcu_board import McuBoard
-from snr_sim.devices.mcu.mcu_greeting import FLASH
-from snr_sim.devices.mcu.mcu_identity import CHANNELS, misfits
+from snr_sim.devices.mcu.mcu_handshake import FLASH
+from snr_sim.devices.mcu.mcu_identity import CHANNELS, incompatibilities
 from snr_sim.devices.pwm.pwm_backend import STOP_US
-from snr_sim.devices.wire.mcu_messages import BAUD, Fault, Ident, ResetCause, Telemetry
+from snr_sim.devices.wire.mcu_messages import BAUD, Ident, McuFault, ResetCause, Telemetry
 from snr_sim.devices.wire.serial_port import BytePort, SerialPort
-from snr_sim.devices.wires_here import Machine, Wire
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.io import Io
 from snr_sim.scenario.device_bench import Bench, bench_of, devices_of
@@ -21,24 +21,24 @@ NEEDS = {"mcu": "serial", "maestro": "serial", "pca9685": "i2c", "sysfs": "pwm"}
 _WORDS = {"serial": "serial port", "i2c": "I2C bus", "pwm": "PWM chip"}
 
 
-def wires(machine: Machine, io: Io | None) -> Iterator[Finding]:
+def wires(machine: HostInfo, io: Io | None) -> Iterator[Finding]:
     """Yield the devices that are present. Only requested devices count as missing: a laptop needs no ports."""
     needed = NEEDS.get(io.kind, "") if io is not None else ""
     if machine.is_pi:
         yield Finding(True, machine.model)
-    found = list(machine.wires())
+    found = list(machine.host_ports())
     for wire in found:
         is_meant = wire.kind == needed and io is not None and _is_meant(wire, io)
-        yield Finding(not (wire.fix and is_meant), _told(wire), wire.fix)
+        yield Finding(not (wire.fix and is_meant), _describe_wire(wire), wire.fix)
     if needed and io is not None and not any(wire.kind == needed and _is_meant(wire, io) for wire in found):
-        if needed == "serial" and (machine.root / io.where.partition(",")[0].lstrip("/")).exists():
+        if needed == "serial" and (machine.root / io.address.partition(",")[0].lstrip("/")).exists():
             return  # a link, or a port of an emulator, which is not in any list
-        which = f" {io.where.partition(':')[0]}" if io.where else " of a Raspberry Pi's header"
+        which = f" {io.address.partition(':')[0]}" if io.address else " of a Raspberry Pi's header"
         yield Finding(False, f"there is no {_WORDS[needed]}{which}", machine.missing(needed))
 
 
-def _is_meant(wire: Wire, io: Io) -> bool:
-    place = io.where.partition(",")[0]  # settings follow the comma
+def _is_meant(wire: HostPort, io: Io) -> bool:
+    place = io.address.partition(",")[0]  # settings follow the comma
     if wire.kind == "serial":
         return wire.name == place or wire.about.endswith(place)
     if wire.kind == "i2c":
@@ -46,7 +46,7 @@ def _is_meant(wire: Wire, io: Io) -> bool:
     return "the one of a" in wire.about
 
 
-def _told(wire: Wire) -> str:
+def _describe_wire(wire: HostPort) -> str:
     name = f"/dev/i2c-{wire.name}" if wire.kind == "i2c" else wire.name
     return f"{_WORDS[wire.kind]} {name}{f' ({wire.about})' if wire.about else ''}"
 
@@ -60,7 +60,7 @@ def answers(io: Io, open_port: Callable[[], BytePort] | None = None) -> Iterator
     """
     try:
         if io.kind == "mcu":
-            yield from _microcontroller(open_port or (lambda: SerialPort(io.where, BAUD)))
+            yield from _microcontroller(open_port or (lambda: SerialPort(io.address, BAUD)))
         else:
             yield from _devices(io)
     except SnrError as error:
@@ -75,9 +75,9 @@ def _microcontroller(open_port: Callable[[], BytePort]) -> Iterator[Finding]:
         ident = board.open(board)
         telemetry = board.telemetry
     finally:
-        board.leave(board)
-    yield Finding(True, _who(ident))
-    for wrong in misfits(ident, CHANNELS):
+        board.release(board)
+    yield Finding(True, _describe_board(ident))
+    for wrong in incompatibilities(ident, CHANNELS):
         yield Finding(False, f"it must not drive thrusters: {wrong}", FLASH)
     if telemetry is None:
         yield Finding(False, "it sends no telemetry", "snr io shows what comes; the cable may be loose.")
@@ -85,34 +85,36 @@ def _microcontroller(open_port: Callable[[], BytePort]) -> Iterator[Finding]:
         yield from _state(ident, telemetry)
 
 
-def _who(ident: Ident) -> str:
+def _describe_board(ident: Ident) -> str:
     return (
         f"'{ident.name}' on {ident.mcu}: firmware {'.'.join(map(str, ident.firmware))}, protocol {ident.protocol}, "
         f"{ident.channels} channels, {ident.lowest_us:g} to {ident.highest_us:g} us in steps of "
         f"{ident.resolution_ns / 1000.0:g}, neutral {ident.neutral_us:g}, dead band {ident.dead_band_us:g}, "
-        f"lease {ident.most_lease_ms} ms at most"
+        f"lease {ident.max_lease_ms} ms at most"
     )
 
 
 def _state(ident: Ident, telemetry: Telemetry) -> Iterator[Finding]:
     widths = " ".join(f"{width:g}" for width in telemetry.widths_us)
     causes = telemetry.reset_cause
-    why = f", started by {causes.name}" if causes.name else ""
+    reason = f", started by {causes.name}" if causes.name else ""
     yield Finding(
-        True, f"it is {telemetry.state.name.lower()} since {telemetry.uptime_ms / 1000.0:.1f} s{why}; {widths} us"
+        True, f"it is {telemetry.state.name.lower()} since {telemetry.uptime_ms / 1000.0:.1f} s{reason}; {widths} us"
     )
     off = [i for i, width in enumerate(telemetry.widths_us) if width != ident.neutral_us]
     if off:
         channels = ", ".join(map(str, off))
         yield Finding(False, f"channels {channels} are not at neutral", "another program drives them: end it first.")
-    if Fault.STOPPED in telemetry.faults:
-        yield Finding(False, "its emergency stop is on", "clear it where it was pressed, or take its power away.")
+    if McuFault.STOPPED in telemetry.faults:
+        yield Finding(False, "its emergency stop is on", "clear it where it was pressed, or switch its power off.")
     if ResetCause.WATCHDOG in causes:
         yield Finding(
-            True, "it started anew because its firmware had hung", "tell the maintainers; it is neutral since."
+            True, "it restarted because its firmware had hung", "report it to the maintainers; it is neutral since."
         )
     if ResetCause.BROWN_OUT in causes:
-        yield Finding(True, "its supply was too low for a moment", "power it from USB, not from a speed controller.")
+        yield Finding(
+            True, "its supply was too low for a moment (brown-out)", "power it from USB, not from a speed controller."
+        )
 
 
 def _devices(io: Io) -> Iterator[Finding]:
@@ -125,7 +127,7 @@ def _of_bench(bench: Bench) -> Iterator[Finding]:
     for one in bench.outputs:
         health = one.health
         if health.state == "error":
-            yield _trouble(one.key, health.why)
+            yield _trouble(one.key, health.reason)
             continue
         out: Any = one.device
         yield Finding(
@@ -134,17 +136,19 @@ def _of_bench(bench: Bench) -> Iterator[Finding]:
         pulses = one.reading.pulses_us if one.reading is not None else []
         off = [i for i, pulse in enumerate(pulses) if abs(pulse - STOP_US) > out.resolution_us]
         if off:
-            told = ", ".join(f"{i}: {pulses[i]:g} us" for i in off)
-            yield Finding(False, f"outputs '{one.key}' are not at neutral ({told})", "end whoever drives them.")
+            off_pulses = ", ".join(f"{i}: {pulses[i]:g} us" for i in off)
+            yield Finding(
+                False, f"outputs '{one.key}' are not at neutral ({off_pulses})", "end the program that drives them."
+            )
     for one in bench.sensors:
         health = one.health
         if health.state == "error" or one.stale:
-            yield _trouble(one.key, one.stale or health.why)
+            yield _trouble(one.key, one.stale or health.reason)
         else:
             yield Finding(True, f"sensor '{one.key}' answers")
 
 
-def _trouble(key: str, why: str) -> Finding:
+def _trouble(key: str, reason: str) -> Finding:
     """Return a finding about an error, with the fix from its message."""
-    what, _, fix = why.partition("\n  Try: ")
-    return Finding(False, f"'{key}': {what}", fix or "snr io shows it while you look at the wires.")
+    message, _, fix = reason.partition("\n  Try: ")
+    return Finding(False, f"'{key}': {message}", fix or "snr io shows it while you look at the wires.")

@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from snr_sim.devices.terminal_keys import TerminalKeys
-    from snr_sim.scenario.device_bench import Bench, Opened
+    from snr_sim.scenario.device_bench import Bench, OpenDevice
 
-SHOWN_EVERY_S = 0.2
-TOLD_EVERY_S = 1.0  # in a pipe
+TERMINAL_PERIOD_S = 0.2
+PIPE_PERIOD_S = 1.0  # in a pipe
 
 
 def io(
@@ -49,10 +49,10 @@ def io(
     from snr_sim.scenario.device_bench import bench_of, devices_of
 
     if as_json and not once:
-        raise ParameterError("--json prints one object.", fix="snr io --once --json.")
+        raise ParameterError("--json prints one object, so it needs --once.", fix="snr io --once --json.")
     if move and (once or not sys.stdin.isatty()):
         raise ParameterError(
-            "--move asks before it moves anything, so it needs a terminal, and time.",
+            "--move asks for confirmation, so it needs a terminal and does not work with --once.",
             fix="call it from a terminal, without --once.",
         )
     with bench_of(devices_of(scenario, io)) as bench:
@@ -65,8 +65,8 @@ def io(
         else:
             with TerminalKeys() as keys:
                 _watch(bench, keys, move, seconds)
-        is_well = all(one.is_well for one in [*bench.sensors, *bench.outputs])
-    sys.exit(0 if is_well else 1)
+        is_ok = all(one.is_ok for one in [*bench.sensors, *bench.outputs])
+    sys.exit(0 if is_ok else 1)
 
 
 def _confirm(name: str, io: str) -> None:
@@ -75,19 +75,19 @@ def _confirm(name: str, io: str) -> None:
     Raises:
         ParameterError: another text was typed.
     """
-    from snr_sim.devices.pwm.nudge import WHOLE_S, top_us
+    from snr_sim.devices.pwm.motor_test import WHOLE_S, top_us
     from snr_sim.prelude.errors import ParameterError
 
-    wanted = f"{name} props off"
+    expected = f"{name} props off"
     print(
         f"'{name}' of {io} will be armed and moved to {top_us():g} us for {WHOLE_S:g} s. Take the propellers off, hold "
-        f"the battery switch.\nAny key stops it. Type  {wanted}  to go on: ",
+        f"the battery switch.\nAny key stops it. Type  {expected}  to continue: ",
         end="",
         flush=True,
     )
     typed = sys.stdin.readline().strip()
-    if typed != wanted:
-        raise ParameterError(f"Nothing was moved: '{typed}' is not '{wanted}'.", fix=f"type: {wanted}")
+    if typed != expected:
+        raise ParameterError(f"Nothing was moved: '{typed}' is not '{expected}'.", fix=f"type: {expected}")
 
 
 def _print_once(bench: Bench, io: str, scenario: str, as_json: bool) -> None:
@@ -117,7 +117,7 @@ def _watch(bench: Bench, keys: TerminalKeys, move: str, seconds: float) -> None:
     from snr_sim.scenario.device_bench import TICK_S
 
     begun_s = shown_s = time.monotonic()
-    period_s = SHOWN_EVERY_S if sys.stdout.isatty() else TOLD_EVERY_S
+    period_s = TERMINAL_PERIOD_S if sys.stdout.isatty() else PIPE_PERIOD_S
     with ExitStack() as stack:
         show = _shower(stack)
         bench.tick()
@@ -135,7 +135,7 @@ def _watch(bench: Bench, keys: TerminalKeys, move: str, seconds: float) -> None:
             if move and not bench.is_moving:
                 break
     if move:
-        print(f"{move} is at neutral again; the longest pulse that its outputs told of was {bench.most_us:g} us.")
+        print(f"{move} is at neutral again; the longest pulse that its outputs reported was {bench.max_pulse_us:g} us.")
 
 
 def _shower(stack: Any) -> Any:
@@ -153,8 +153,8 @@ def _shower(stack: Any) -> Any:
 def lines(bench: Bench) -> list[str]:
     """Return one line for each device, for pipes."""
     now_s = bench.now_s()
-    told = {one.key: "; ".join(filter(None, _told(one, now_s))) for one in _all(bench)}
-    return [f"{now_s:.2f} s  {key}: {' '.join(words.split())}" for key, words in told.items()]
+    texts = {one.key: "; ".join(filter(None, _texts_of(one, now_s))) for one in _all(bench)}
+    return [f"{now_s:.2f} s  {key}: {' '.join(words.split())}" for key, words in texts.items()]
 
 
 def shown(bench: Bench) -> RenderableType:
@@ -166,19 +166,19 @@ def shown(bench: Bench) -> RenderableType:
         table.add_column(heading, overflow="fold")
     now_s = bench.now_s()
     for one in _all(bench):
-        state, values, age, why, counts = _told(one, now_s)
-        style = "" if one.is_well else "red"
+        state, values, age, reason, counts = _texts_of(one, now_s)
+        style = "" if one.is_ok else "red"
         table.add_row(
-            one.key, state, values, age.removesuffix(" ms old"), "\n".join(filter(None, (why, counts))), style=style
+            one.key, state, values, age.removesuffix(" ms old"), "\n".join(filter(None, (reason, counts))), style=style
         )
     return table
 
 
-def _all(bench: Bench) -> list[Opened]:
+def _all(bench: Bench) -> list[OpenDevice]:
     return [*bench.outputs, *bench.sensors]
 
 
-def _told(one: Opened, now_s: float) -> tuple[str, str, str, str, str]:
+def _texts_of(one: OpenDevice, now_s: float) -> tuple[str, str, str, str, str]:
     """Return state, values, age, reason and count as text."""
     from snr_sim.scenario.device_bench import fields_of
 
@@ -189,7 +189,7 @@ def _told(one: Opened, now_s: float) -> tuple[str, str, str, str, str]:
         pulses = fields["pulses_us"] or []
         values = " ".join(f"{name}:{pulse:g}" for name, pulse in zip(one.channels, pulses, strict=False))
         reasons = [] if one.trouble or fields["state"] == "error" else fields["reasons"]  # the error is more specific
-        return fields["state"], values, "", "; ".join(filter(None, [fields["why"], ", ".join(reasons)])), counts
+        return fields["state"], values, "", "; ".join(filter(None, [fields["reason"], ", ".join(reasons)])), counts
     reading = fields.get("reading")
     values = (
         ""
@@ -198,7 +198,7 @@ def _told(one: Opened, now_s: float) -> tuple[str, str, str, str, str]:
     )
     age_s = fields.get("age_s")
     age = "" if age_s is None else f"{1000.0 * age_s:.0f} ms old"
-    return fields["state"], values, age, fields.get("stale") or fields["why"], counts
+    return fields["state"], values, age, fields.get("stale") or fields["reason"], counts
 
 
 def _short(value: Any) -> str:

@@ -11,7 +11,7 @@ from snr_sim.cli.arguments import AsJson
 from snr_sim.cli.output import print_json
 
 if TYPE_CHECKING:
-    from snr_sim.scenario.library import Found
+    from snr_sim.scenario.library import FoundItem
 
 _WHAT = ("robots", "scenarios", "assignments")
 
@@ -25,17 +25,17 @@ def listing(
     Robots with their controllers and options, scenarios with the engines they run on, and assignments, and where each
     was found.
     """
-    from snr_sim.core.blame import short_path
-    from snr_sim.prelude.errors import UnknownName, nearest
-    from snr_sim.scenario.library import controllers, known
+    from snr_sim.core.source_location import short_path
+    from snr_sim.prelude.errors import UnknownNameError, suggest
+    from snr_sim.scenario.library import controllers, list_available
     from snr_sim.scenario.options import written_options
 
     if what and what not in _WHAT:
-        raise UnknownName(f"There are no '{what}' to list.", fix=nearest(what, _WHAT))
+        raise UnknownNameError(f"There are no '{what}' to list.", fix=suggest(what, _WHAT))
     rows: list[dict[str, Any]] = []
     for kind in _WHAT:
         if what in ("", kind):
-            for found in known(kind):  # type: ignore[arg-type]
+            for found in list_available(kind):  # type: ignore[arg-type]
                 row: dict[str, Any] = {
                     "kind": kind,
                     "name": found.name,
@@ -70,7 +70,7 @@ def listing(
                 print(f"  {'':<{width}} --option {key}=...  {text}")
 
 
-def _about(found: Found) -> str:
+def _about(found: FoundItem) -> str:
     """Return the first paragraph of the file's docstring, without running the file."""
     if found.kind == "assignments":
         return (found.path / "README.md").read_text(errors="replace").partition("\n")[0].lstrip("# ")
@@ -80,7 +80,7 @@ def _about(found: Found) -> str:
     return " ".join((ast.get_docstring(source) or "").partition("\n\n")[0].split())
 
 
-def _engines(scenario: Found) -> list[str]:
+def _engines(scenario: FoundItem) -> list[str]:
     """Return the engines that a scenario's file lists, the default first; empty if it defines them otherwise."""
     source = _parsed(scenario)
     for node in source.body if source is not None else ():
@@ -90,7 +90,7 @@ def _engines(scenario: Found) -> list[str]:
     return []
 
 
-def _parsed(found: Found) -> ast.Module | None:
+def _parsed(found: FoundItem) -> ast.Module | None:
     path = found.path / "robot.py" if found.kind == "robots" else found.path
     try:
         return ast.parse(path.read_bytes())

@@ -25,15 +25,17 @@ app = typer.Typer(
 )
 
 
-def _say_version(is_wanted: bool) -> None:
-    if is_wanted:
+def _print_version(is_requested: bool) -> None:
+    if is_requested:
         print(f"snr_sim {__version__}")
         raise typer.Exit()
 
 
 @app.callback()
 def _options(
-    version: Annotated[bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Version.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Version.")
+    ] = False,
 ) -> None:
     pass
 
@@ -59,7 +61,7 @@ def main() -> None:
     except KeyboardInterrupt:
         status = _TYPER_STOPPED
     except (Exception, SystemExit) as error:
-        _answer(error)
+        _exit_with_message(error)
         raise
     if status == _TYPER_STOPPED:
         fail("Stopped.", stopping.status())
@@ -73,14 +75,14 @@ def _run() -> Any:
         sys.stdout.flush()  # here, where a closed pipe can still be handled
 
 
-def _answer(error: BaseException) -> None:
+def _exit_with_message(error: BaseException) -> None:
     """End the program with the message of an error; return if it is an internal error."""
     if isinstance(error, SystemExit):
         if isinstance(error.__context__, BrokenPipeError):  # typer has caught it first
-            _nobody_listens()
+            _handle_broken_pipe()
         return
     if isinstance(error, BrokenPipeError):  # `snr trace RUN | head`
-        _nobody_listens()
+        _handle_broken_pipe()
     if isinstance(error, OSError):
         if error.filename is None:
             fail(f"The answer could not be written: {error.strerror}. A run that was made is in its folder.", 1)
@@ -90,27 +92,27 @@ def _answer(error: BaseException) -> None:
     if isinstance(error, SnrError):
         fail(str(error))
     if hasattr(error, "format_message"):  # typer's errors about the command line have it
-        said = _number_wanted(error, error.format_message())
-        has_fix = said.startswith("Usage:") or "Try:" in said
-        fail(said if has_fix else f"{said}\n  Try: snr {_verb()}--help says what there is.")
+        message = _number_message(error, error.format_message())
+        has_fix = message.startswith("Usage:") or "Try:" in message
+        fail(message if has_fix else f"{message}\n  Try: snr {_verb()}--help says what there is.")
 
 
-def _number_wanted(error: Any, said: str) -> str:
+def _number_message(error: Any, message: str) -> str:
     """Return snr_sim's message for an invalid number in an option; for other errors, typer's message."""
     parameter = getattr(error, "param", None)
-    wanted = next((ours for theirs, ours in _NUMBERS.items() if theirs in said), None)
+    expected = next((ours for theirs, ours in _NUMBERS.items() if theirs in message), None)
     for before, word in zip(sys.argv, [*sys.argv[1:], ""], strict=True):
         name, equals, value = before.partition("=")
-        if wanted is not None and parameter is not None and name in parameter.opts:
-            return f"{name} {value if equals else word}: it takes {wanted}.\n  Try: {name} 3"
-    return said
+        if expected is not None and parameter is not None and name in parameter.opts:
+            return f"{name} {value if equals else word}: it takes {expected}.\n  Try: {name} 3"
+    return message
 
 
 def _verb() -> str:
     return next((f"{word} " for word in sys.argv[1:2] if word in VERBS), "")
 
 
-def _nobody_listens() -> NoReturn:
+def _handle_broken_pipe() -> NoReturn:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     sys.exit(0)
 

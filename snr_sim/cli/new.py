@@ -1,4 +1,4 @@
-"""`snr new`: copies a robot, a scenario, or the starter files of a lab.
+"""`snr new`: copies a robot, a scenario, the starter files of a lab, or a template of a controller.
 
 A student's robot or scenario is found and treated exactly like one of snr_sim.
 """
@@ -12,7 +12,9 @@ from typing import Annotated, Literal
 
 import typer
 
-_LAB = "lab"
+from snr_sim.cli.new_controller import new_controller
+
+_LAB, _CONTROLLER = "lab", "controller"
 _SOURCES: dict[str, tuple[Literal["robots", "scenarios"], str]] = {
     "robot": ("robots", "lander"),
     "scenario": ("scenarios", "lander_vertical"),
@@ -20,35 +22,48 @@ _SOURCES: dict[str, tuple[Literal["robots", "scenarios"], str]] = {
 
 
 def new(
-    what: Annotated[str, typer.Argument(help="robot, scenario or lab.")],
+    what: Annotated[str, typer.Argument(help="controller, robot, scenario or lab.")],
     name: Annotated[str, typer.Argument(help="Its name: small letters, digits and _. Of a lab: which one.")],
     folder: Annotated[str, typer.Argument(help="Of a lab: the new folder, else one of the lab's name.")] = "",
     source: Annotated[str, typer.Option("--from", help="Which one to copy.")] = "",
     robot: Annotated[str, typer.Option(help="Of a scenario: which robot it is for, else the one it was for.")] = "",
+    scenario: Annotated[str, typer.Option(help="Of a controller: a scenario that it is for.")] = "",
 ) -> None:
-    """Begin a robot, a scenario or a lab of your own.
+    """Begin a controller, a robot, a scenario or a lab of your own.
 
     Makes a copy of one there is, or of the files that a lab begins with, under the current folder.
     """
-    from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
+    from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
     from snr_sim.scenario.library import find, robot_of_scenario
 
+    if scenario and what != _CONTROLLER:
+        raise ParameterError(f"--scenario does not apply to a {what}.", fix="use it with snr new controller only.")
     if what == _LAB:
         if source or robot:
-            raise ParameterError("A lab is begun as it is.", fix=f"snr new lab {name}")
+            raise ParameterError("--from and --robot do not apply to a lab.", fix=f"snr new lab {name}")
         _begin_lab(name, folder)
         return
     if folder:
-        raise ParameterError(f"A {what} has its own place.", fix=f"snr new {what} {name}")
-    if what not in _SOURCES:
-        raise UnknownName(f"snr new makes no '{what}'.", fix=nearest(what, [*_SOURCES, _LAB]))
+        raise ParameterError(f"snr new {what} takes no folder, but got '{folder}'.", fix=f"snr new {what} {name}")
+    if what not in (*_SOURCES, _CONTROLLER):
+        raise UnknownNameError(f"snr new cannot create a '{what}'.", fix=suggest(what, [*_SOURCES, _CONTROLLER, _LAB]))
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
-        raise ParameterError(f"'{name}' is no name for a {what}.", fix="small letters, digits and _, a letter first.")
+        raise ParameterError(
+            f"'{name}' is not a valid {what} name.",
+            fix="use lower-case letters, digits and underscores, starting with a letter.",
+        )
+    if what == _CONTROLLER:
+        if source or robot:
+            raise ParameterError(
+                "A controller begins with the template of its robot.", fix=f"snr new controller {name} --scenario S"
+            )
+        new_controller(name, scenario)
+        return
     kind, default = _SOURCES[what]
     found = find(kind, source or default)
     if robot:
         if kind == "robots":
-            raise ParameterError("A robot is for no robot.", fix="--robot is for snr new scenario.")
+            raise ParameterError("--robot does not apply to a robot.", fix="use it with snr new scenario only.")
         find("robots", robot)
     target = Path(kind) / (name if kind == "robots" else f"{name}.py")
     if target.exists():
@@ -69,17 +84,17 @@ def new(
 
 def _begin_lab(name: str, folder: str) -> None:
     """Copy a lab's starter files and its page into a new folder."""
-    from snr_sim.prelude.errors import ParameterError, UnknownName
+    from snr_sim.prelude.errors import ParameterError, UnknownNameError
     from snr_sim.scenario.library import find_lab
 
     found = find_lab(name)
     starter = found.path / "starter"
     if not starter.is_dir():
-        raise UnknownName(f"The lab '{found.name}' has no files to begin with.", fix="snr list assignments")
+        raise UnknownNameError(f"The lab '{found.name}' has no files to begin with.", fix="snr list assignments")
     short = found.name.partition("_")[2] or found.name
     target = Path(folder or short)
     if target.exists():
-        raise ParameterError(f"{target} is there already.", fix="go on in it, or rename it; nothing was changed.")
+        raise ParameterError(f"{target} is there already.", fix="continue in it, or rename it; nothing was changed.")
     try:
         shutil.copytree(starter, target, ignore=shutil.ignore_patterns("__pycache__"))
         for page in found.path.glob("*.md"):

@@ -27,16 +27,16 @@ def print_note(text: str) -> None:
     print(f"note: {text}", file=sys.stderr, flush=True)
 
 
-def print_remarks(trace: Trace, before: str = "") -> None:
+def print_warnings(trace: Trace, before: str = "") -> None:
     """Print remarks about a trace: that it was changed or truncated."""
-    from snr_sim.recording.folder import remarks
+    from snr_sim.recording.folder import trace_warnings
 
-    for remark in remarks(trace):
+    for remark in trace_warnings(trace):
         print_note(before + remark)
 
 
 @contextmanager
-def guarded(is_json: bool) -> Iterator[None]:
+def capture_output(is_json: bool) -> Iterator[None]:
     """Redirect stdout for a student's code within the block.
 
     With --json it is redirected to stderr, so that stdout has the single object only, even if a C library prints.
@@ -50,7 +50,7 @@ def guarded(is_json: bool) -> Iterator[None]:
         if is_json:
             with suppress(OSError):  # stdout or stderr does not exist
                 os.dup2(_STDERR, _STDOUT)
-        sys.stdout = _Lent(target)
+        sys.stdout = _NonClosingStream(target)
         yield
     finally:
         sys.stdout = before
@@ -65,7 +65,7 @@ def _duplicate(descriptor: int) -> int | None:
     return None
 
 
-class _Lent(io.TextIOBase):
+class _NonClosingStream(io.TextIOBase):
     """Stream that passes on what is written and ignores `close`."""
 
     def __init__(self, target: Any) -> None:

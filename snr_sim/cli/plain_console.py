@@ -28,7 +28,7 @@ def plain_console(stderr: bool = False, width_in_a_pipe: int | None = None) -> C
     return console
 
 
-def as_it_is(words: str) -> Text:
+def escape_markup(words: str) -> Text:
     """Return an object that prints this text literally where rich would interpret markup, as in `Console.status`."""
     from rich.text import Text
 

@@ -39,8 +39,8 @@ def progress(name: str, after_s: float) -> Iterator[Callable[[float], None] | No
                 from snr_sim.cli.plain_console import plain_console
 
                 status = stack.enter_context(plain_console(stderr=True).status(""))
-            from snr_sim.cli.plain_console import as_it_is
+            from snr_sim.cli.plain_console import escape_markup
 
-            status.update(as_it_is(f"{name}: t = {time_s:.1f} s (Ctrl-C ends the run in order)"))
+            status.update(escape_markup(f"{name}: t = {time_s:.1f} s (Ctrl-C ends the run in order)"))
 
         yield tick

@@ -10,7 +10,7 @@ from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from snr_sim.cli.output import guarded, print_note
+from snr_sim.cli.output import capture_output, print_note
 
 if TYPE_CHECKING:
     from snr_sim.console.command_receiver import CommandReceiverFactory
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from snr_sim.prelude.plant import Plant
     from snr_sim.recording.records import Header
     from snr_sim.recording.trace import TraceWriter
-    from snr_sim.scenario.flight import Flight, Result
-    from snr_sim.scenario.role_run import RoleRun, World
+    from snr_sim.scenario.role_run import RealTimeSimulation, RoleRun
     from snr_sim.scenario.simulation import Request, Simulation
+    from snr_sim.scenario.simulation_run import RunResult, SimulationRun
 
-QUIET_STALL_LIMIT_S = 60.0  # with --json, where no user reads the warning about a stalled run
+JSON_STALL_LIMIT_S = 60.0  # with --json, where no user reads the warning about a stalled run
 SLOW_S = 2.0  # wall time after which a fast run shows its progress
 Shown = Literal["", "window", "browser"]  # where a run is shown
 
@@ -34,7 +34,7 @@ def record_run(
     *,
     is_viewed: bool,
     live: Shown,
-    is_quiet: bool,
+    is_json: bool,
     is_watched: bool = False,
     console_port: int | None = None,
     stall_limit_s: float | None = None,
@@ -48,25 +48,25 @@ def record_run(
         SnrError: the request is wrong; nothing has been written.
     """
     from snr_sim.cli.progress import progress
-    from snr_sim.core.interrupts import orderly
-    from snr_sim.core.reload.watch import watched
+    from snr_sim.core.interrupts import graceful_shutdown
+    from snr_sim.core.reload.watch import with_watch
     from snr_sim.core.runners import show_log
     from snr_sim.recording.folder import discard, new_run_folder
     from snr_sim.recording.trace import FILE_NAME, TraceWriter
-    from snr_sim.scenario.flight import Flight
-    from snr_sim.scenario.library import keeping
+    from snr_sim.scenario.library import keep_copies
     from snr_sim.scenario.role_run import RoleRun
+    from snr_sim.scenario.simulation_run import SimulationRun
     from snr_sim.scenario.source_checks import notes_before
 
     place, out = out, out.resolve()  # the student's code may change the current folder
-    with guarded(is_quiet), ExitStack() as stack:
+    with capture_output(is_json), ExitStack() as stack:
         simulation, world, plant, config, pace = _prepared(request, pace)
         header = simulation.header(plant, config, "sim" if world is None else "wall")
-        config.stall_limit_s = _stall_limit_s(stall_limit_s, is_quiet)
+        config.stall_limit_s = _stall_limit_s(stall_limit_s, is_json)
         start_lines = simulation.start_lines()
         if is_watched:
             show_log(logging.INFO)
-            config = watched(config)
+            config = with_watch(config)
         if world is not None:  # under one clock the roles' links use memory instead of ports
             stack.callback(world.release)
             world.claim()
@@ -78,31 +78,31 @@ def record_run(
         with ExitStack() as undo:  # an invalid request should not leave files behind
             folder = new_run_folder(out, simulation.scenario_name, request.seed)
             undo.callback(discard, folder)
-            recorder = TraceWriter(folder / FILE_NAME, header, simulation.opening())
+            recorder = TraceWriter(folder / FILE_NAME, header, simulation.trace_info())
             undo.callback(_close, recorder)
-            kept = stack.enter_context(keeping(folder, simulation.files().values()))
+            kept = stack.enter_context(keep_copies(folder, simulation.files().values()))
             if live:
                 stack.enter_context(_live_view(header, recorder, live))
             tick = stack.enter_context(progress(simulation.scenario_name, 0.0 if pace is not None else SLOW_S))
-            flight: Flight | RoleRun
+            run: SimulationRun | RoleRun
             if world is not None:
-                flight = RoleRun(world, config, recorder)
+                run = RoleRun(world, config, recorder)
             else:
                 assert plant is not None  # only a role that runs by itself may be without one
-                flight = Flight(simulation, plant, config, recorder, pace, tick)
-            if world is not None or simulation.has_wires:  # a real robot continues without its recording
-                recorder.fail_softly(flight.nodes)
+                run = SimulationRun(simulation, plant, config, recorder, pace, tick)
+            if world is not None or simulation.uses_hardware:  # a real robot continues without its recording
+                recorder.fail_softly(run.nodes)
             # From here on a signal ends the run in order and the files are completed, even if it arrives after the run.
-            signals = stack.enter_context(orderly(flight.nodes))
-            foreseen = notes_before(simulation, flight.nodes) if isinstance(flight, Flight) else []
+            signals = stack.enter_context(graceful_shutdown(run.nodes))
+            foreseen = notes_before(simulation, run.nodes) if isinstance(run, SimulationRun) else []
             undo.pop_all()
-        for line in [] if is_quiet else start_lines:
+        for line in [] if is_json else start_lines:
             print(line, flush=True)
         for line in [] if world is None else world.start_lines():
             print(line, file=sys.stderr, flush=True)
         for note in foreseen:
             print_note(note)
-        result = _run_to_end(flight, signals, recorder)
+        result = _run_to_end(run, signals, recorder)
         result.notes = list(dict.fromkeys([*foreseen, *result.notes, *kept.left_out]))
         fields = result_fields(simulation.request, result, recorder.digest, place / folder.name)
         noted = list(result.notes)
@@ -111,43 +111,41 @@ def record_run(
         _write_view(folder, result)
         if fields["notes"] != noted:
             _keep_result(folder, fields, result)
-    _say(fields, result, is_quiet, told=foreseen)
+    _print_result(fields, result, is_json, printed=foreseen)
     return fields, 0 if result.success else 1
 
 
 def _prepared(
     request: Request, pace: float | None
-) -> tuple[Simulation, World | None, Plant | None, Config, float | None]:
+) -> tuple[Simulation, RealTimeSimulation | None, Plant | None, Config, float | None]:
     """Return the simulation, the world of a role that runs by itself, plant, configuration and pace.
 
     Raises:
         SnrError: the request is invalid.
     """
     from snr_sim.prelude.errors import ParameterError
-    from snr_sim.scenario.role_run import World
+    from snr_sim.scenario.role_run import RealTimeSimulation
     from snr_sim.scenario.simulation import prepare
 
     simulation = prepare(request)
-    if simulation.has_wires and pace not in (None, 1.0):
-        raise ParameterError(f"With --io {request.io} devices are real, and so is time.", fix="--speed real.")
-    pace = 1.0 if simulation.has_wires else pace
-    simulation.check_wires()
-    if not simulation.is_apart:
+    if simulation.uses_hardware and pace not in (None, 1.0):
+        raise ParameterError(f"--io {request.io} uses real devices, which run in real time only.", fix="--speed real.")
+    pace = 1.0 if simulation.uses_hardware else pace
+    simulation.check_hardware()
+    if not simulation.is_standalone:
         plant = simulation.plant()
         config = simulation.config(plant)
-        return simulation, None, plant, config, _pace_with_hands(config, simulation.roles, pace)
-    world = World(simulation)
+        return simulation, None, plant, config, _pace_for_manual_pilot(config, simulation.roles, pace)
+    world = RealTimeSimulation(simulation)
     if pace not in (None, 1.0):
-        raise ParameterError(
-            f"The role '{world.role}' runs by itself, on the wall clock, at no other speed.", fix="--speed real."
-        )
+        raise ParameterError(f"The role '{world.role}' runs alone, in real time only.", fix="--speed real.")
     return simulation, world, world.plant, world.config, pace
 
 
-def _run_to_end(flight: Flight | RoleRun, signals: list[str], recorder: TraceWriter) -> Result:
+def _run_to_end(run: SimulationRun | RoleRun, signals: list[str], recorder: TraceWriter) -> RunResult:
     """Run, and close the trace whatever happens; a trace that could not be written is an error of the run."""
     try:
-        result = flight.run(signals)
+        result = run.run(signals)
     finally:
         recorder_error = _close(recorder)
     if recorder.loss and not recorder_error:
@@ -157,33 +155,35 @@ def _run_to_end(flight: Flight | RoleRun, signals: list[str], recorder: TraceWri
     return result
 
 
-def _stall_limit_s(asked_s: float | None, is_quiet: bool) -> float:
+def _stall_limit_s(asked_s: float | None, is_json: bool) -> float:
     """Return how long a run may stall [s].
 
     Raises:
         ParameterError: the time is not valid.
     """
     if asked_s is None:
-        return QUIET_STALL_LIMIT_S if is_quiet else math.inf
+        return JSON_STALL_LIMIT_S if is_json else math.inf
     if asked_s > 0:
         return asked_s
     from snr_sim.prelude.errors import ParameterError
 
-    raise ParameterError(f"--stall-limit {asked_s:g} is no time.", fix="seconds above 0, such as 60; or inf.")
+    raise ParameterError(
+        f"--stall-limit must be greater than 0, not {asked_s:g}.", fix="give seconds, such as 60, or inf."
+    )
 
 
-def _pace_with_hands(config: Config, roles: list[str], pace: float | None) -> float | None:
+def _pace_for_manual_pilot(config: Config, roles: list[str], pace: float | None) -> float | None:
     """Return the pace; if a person steers and gave no pace, that of the wall clock, with a note."""
-    from snr_sim.devices.pad import PadLoopFactory
+    from snr_sim.devices.gamepad import GamepadLoopFactory
 
-    has_hands = any(isinstance(factory, PadLoopFactory) for role in roles for factory in config.get(role))
-    if pace is not None or not has_hands:
+    is_manual = any(isinstance(factory, GamepadLoopFactory) for role in roles for factory in config.get(role))
+    if pace is not None or not is_manual:
         return pace
     print("A person steers, so this run takes as long as it says, as with --speed real.", file=sys.stderr)
     return 1.0
 
 
-def _keep_result(folder: Path, fields: dict[str, Any], result: Result) -> None:
+def _keep_result(folder: Path, fields: dict[str, Any], result: RunResult) -> None:
     """Write result.json; if the disk is full the run still counts, with a note."""
     from snr_sim.prelude.errors import TraceError
     from snr_sim.recording.folder import write_result
@@ -212,9 +212,12 @@ def _close(recorder: TraceWriter) -> str:
     return ""
 
 
-def result_fields(request: Request, result: Result, digest: str, folder: Path) -> dict[str, Any]:
+def result_fields(request: Request, result: RunResult, digest: str, folder: Path) -> dict[str, Any]:
     """Return the fields of result.json and --json."""
+    from snr_sim.recording.folder import RESULT_SCHEMA
+
     fields: dict[str, Any] = {
+        "schema": RESULT_SCHEMA,
         "scenario": request.scenario,
         "seed": request.seed,
         "engine": request.engine,
@@ -237,18 +240,18 @@ def result_fields(request: Request, result: Result, digest: str, folder: Path) -
     return fields
 
 
-def _write_view(folder: Path, result: Result) -> None:
+def _write_view(folder: Path, result: RunResult) -> None:
     """Write view.rrd from the trace; if the viewer's package is missing or the disk is full, the run still counts."""
     if result.signal:
         result.notes.append("No view.rrd was written, as the run was to end at once; snr view makes it.")
         return
-    from snr_sim.prelude.errors import MissingExtra, SnrError
+    from snr_sim.prelude.errors import MissingExtraError, SnrError
 
     try:
         from snr_sim.view.view import view_of
 
         view_of(folder)
-    except MissingExtra as error:
+    except MissingExtraError as error:
         result.notes.append(f"No view.rrd was written. {error.message} {error.fix}")
     except (OSError, SnrError) as error:
         result.notes.append(f"No view.rrd was written: {error}")
@@ -271,16 +274,16 @@ def _live_view(header: Header, recorder: TraceWriter, shown: Shown) -> Iterator[
             print_note(
                 f"open {url}\n  Only this computer can reach it, as long as the run goes; a page that is open stays."
             )
-        recorder.follow(live)
+        recorder.add_listener(live)
         yield
 
 
-def _say(fields: dict[str, Any], result: Result, is_quiet: bool, told: list[str]) -> None:
-    for note in [note for note in result.notes if note not in told]:
+def _print_result(fields: dict[str, Any], result: RunResult, is_json: bool, printed: list[str]) -> None:
+    for note in [note for note in result.notes if note not in printed]:
         print_note(note)
     if result.error:
         print(result.error, file=sys.stderr)
-    if is_quiet:
+    if is_json:
         return
     speed = result.sim_time_s / result.wall_time_s if result.wall_time_s > 0 else 0.0
     print(
@@ -289,7 +292,7 @@ def _say(fields: dict[str, Any], result: Result, is_quiet: bool, told: list[str]
     )
     is_measured = not (result.error and result.sim_time_s == 0.0)  # else the run did not begin
     for name, value in result.metrics.items() if is_measured else ():
-        print(f"  {name:<16} {_in_words(value)}")
+        print(f"  {name:<16} {_format_metric(value)}")
     print(f"run folder: {fields['run_dir']}")
     if result.error:
         print(f"  the trace is whole up to there: snr trace {fields['run_dir']}")
@@ -297,9 +300,9 @@ def _say(fields: dict[str, Any], result: Result, is_quiet: bool, told: list[str]
         print(f"  look at it: snr view {fields['run_dir']}    check it: snr replay {fields['run_dir']} --check")
 
 
-def _in_words(value: Any) -> str:
+def _format_metric(value: Any) -> str:
     if isinstance(value, dict):
-        return ", ".join(f"{key} {_in_words(item)}" for key, item in value.items())
+        return ", ".join(f"{key} {_format_metric(item)}" for key, item in value.items())
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return "not reached"  # null in result.json
     return f"{value:.3f}" if isinstance(value, float) else str(value)

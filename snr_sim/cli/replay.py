@@ -11,12 +11,12 @@ import typer
 
 from snr_sim.cli.arguments import AsJson, RecordedRun
 from snr_sim.cli.newest import trace_of
-from snr_sim.cli.output import guarded, print_json, print_note
+from snr_sim.cli.output import capture_output, print_json, print_note
 from snr_sim.cli.trust import Trust, ask
 
 if TYPE_CHECKING:
     from snr_sim.recording.checker import Divergence, NodeReplay
-    from snr_sim.recording.outside import OutsideCall
+    from snr_sim.recording.nondeterminism import NondeterministicCall
     from snr_sim.recording.reader import Trace
     from snr_sim.scenario.replay_files import ReplayFiles
 
@@ -45,7 +45,7 @@ def replay(
     """Replay a run and compare.
 
     The handlers are executed again on the recorded inputs: the code that the run was recorded with, of which copies
-    are in its folder. If somebody else may have written it, you are asked first.
+    are in its folder. If another user may have written it, you are asked first.
 
     Exit status: 0 identical, 1 diverged (the first divergence is printed), 2 the trace cannot be used: with --check
     also if its digest is not the one in result.json.
@@ -63,7 +63,7 @@ def replay(
     ask(trace.path.parent, plan.unknown, trust)
     if plan.executed and not as_json:
         print(f"executes{', as recorded' if plan.is_recorded else ''}: {', '.join(plan.executed)}", file=sys.stderr)
-    with guarded(is_json=True):  # keeps output of handlers out of the result
+    with capture_output(is_json=True):  # keeps output of handlers out of the result
         replays, calls, notes = _replay(trace, plan, with_file, tolerances, check)
     if with_file:
         notes.extend(_write_comparison(trace, replays, folder))
@@ -73,24 +73,24 @@ def replay(
     if as_json:
         print_json({**_fields(trace, replays, divergences, calls, notes), "executed": plan.executed})
     else:
-        _say(trace, replays, divergences, calls, notes)
+        _print_comparison(trace, replays, divergences, calls, notes)
     sys.exit(1 if divergences else 0)
 
 
 def _replay(
     trace: Trace, plan: ReplayFiles, with_file: str, tolerances: list[Any], is_checking: bool
-) -> tuple[list[NodeReplay], list[OutsideCall], list[str]]:
+) -> tuple[list[NodeReplay], list[NondeterministicCall], list[str]]:
     from contextlib import ExitStack
 
     from snr_sim.core.reload.source_files import reading_from
-    from snr_sim.recording.folder import remarks
-    from snr_sim.recording.outside import watching
-    from snr_sim.recording.reloads import reload_sources, reloads_in_words
+    from snr_sim.recording.folder import trace_warnings
+    from snr_sim.recording.nondeterminism import detect_nondeterminism
+    from snr_sim.recording.reloads import describe_reloads, reload_sources
     from snr_sim.recording.replay import replay_node
 
     roles = [node.removesuffix("_node") for node in trace.header.nodes]
     with ExitStack() as stack:
-        found = stack.enter_context(watching()) if is_checking else {}
+        found = stack.enter_context(detect_nondeterminism()) if is_checking else {}
         stack.enter_context(reading_from(plan.files))
         config, notes = _config(trace, plan, with_file)
         replays: list[NodeReplay] = []
@@ -100,8 +100,8 @@ def _replay(
                 config, _ = _config(trace, plan, with_file)
             replays.append(replay_node(trace, role, config, tolerances, plan.files.begin_task))
     if with_file or not plan.is_recorded:
-        notes.extend(reloads_in_words(trace, [record for replay in replays for record in replay.records]))
-    notes.extend(remarks(trace))
+        notes.extend(describe_reloads(trace, [record for replay in replays for record in replay.records]))
+    notes.extend(trace_warnings(trace))
     return replays, list(found.values()), notes
 
 
@@ -112,12 +112,12 @@ def _config(trace: Trace, plan: ReplayFiles, with_file: str) -> tuple[Any, list[
     from snr_sim.scenario.library import OPTION_FILE, hashes_of_files
     from snr_sim.scenario.simulation import prepare, request_of, wiring_of_file
 
-    header, opening = trace.header, trace.opening
+    header, trace_info = trace.header, trace.trace_info
     if not header.scenario:
-        config = wiring_of_file(with_file or opening.controller)
-        now = {} if with_file else hashes_of_files([("program", Path(opening.controller))])
+        config = wiring_of_file(with_file or trace_info.controller)
+        now = {} if with_file else hashes_of_files([("program", Path(trace_info.controller))])
     else:
-        simulation = prepare(replace(request_of(opening, header, with_file), options=plan.options))
+        simulation = prepare(replace(request_of(trace_info, header, with_file), options=plan.options))
         config = simulation.config(None)
         now = simulation.sources()
     changed = _changed(header.sources, now)
@@ -153,7 +153,7 @@ def environment_note(trace: Trace) -> list[str]:
 
 
 def _write_comparison(trace: Trace, replays: list[NodeReplay], folder: Path) -> list[str]:
-    from snr_sim.prelude.errors import MissingExtra, SnrError
+    from snr_sim.prelude.errors import MissingExtraError, SnrError
 
     marks = [(one.seq, one.t, _sentence(one)) for replay in replays for one in replay.divergences]
     records = [record for replay in replays for record in replay.records]
@@ -162,7 +162,7 @@ def _write_comparison(trace: Trace, replays: list[NodeReplay], folder: Path) -> 
 
         path = folder / "replayed.rrd"
         write_comparison(trace.header, trace.records, records, marks, path, 2 * trace.path.stat().st_size)
-    except MissingExtra as error:
+    except MissingExtraError as error:
         return [f"Both runs side by side: {error.message} {error.fix}"]
     except (OSError, SnrError) as error:
         return [f"Both runs side by side could not be written: {error}"]
@@ -184,11 +184,11 @@ def _sentence(one: Divergence) -> str:
     )
 
 
-def _say(
+def _print_comparison(
     trace: Trace,
     replays: list[NodeReplay],
     divergences: list[Divergence],
-    calls: list[OutsideCall],
+    calls: list[NondeterministicCall],
     notes: list[str],
 ) -> None:
     for note in notes:
@@ -219,7 +219,7 @@ def _hash_seeds(trace: Trace) -> str:
     """Return a text about the hash seeds of the run and the replay, which determine the order of sets."""
     from snr_sim.recording.records import hash_seed
 
-    then, now = trace.opening.hash_seed, hash_seed()
+    then, now = trace.trace_info.hash_seed, hash_seed()
     return f" PYTHONHASHSEED was {then} then, and is {now} now."
 
 
@@ -238,7 +238,7 @@ def _fields(
     trace: Trace,
     replays: list[NodeReplay],
     divergences: list[Divergence],
-    calls: list[OutsideCall],
+    calls: list[NondeterministicCall],
     notes: list[str],
 ) -> dict[str, Any]:
     from dataclasses import asdict

@@ -11,7 +11,7 @@ import typer
 
 from snr_sim.cli.arguments import AsJson, Out, RecordedRun, WithRrd
 from snr_sim.cli.newest import trace_of
-from snr_sim.cli.output import print_json, print_note, print_remarks
+from snr_sim.cli.output import print_json, print_note, print_warnings
 from snr_sim.cli.trust import Trust, ask
 
 if TYPE_CHECKING:
@@ -44,9 +44,9 @@ def resim(
 
     trace = trace_of(run)
     ask(trace.path.parent, files_of_resim(trace, with_file), trust)
-    print_remarks(trace)
-    request = with_devices(request_of(trace.opening, trace.header, with_file), io)
-    fields, status = record_run(request, out, None, is_viewed=rrd, live="", is_quiet=as_json)
+    print_warnings(trace)
+    request = with_devices(request_of(trace.trace_info, trace.header, with_file), io)
+    fields, status = record_run(request, out, None, is_viewed=rrd, live="", is_json=as_json)
     fields["resim_of"] = str(trace.path.parent)
     fields["identical"] = fields["trace_digest"] == trace.digest
     if not fields["identical"]:
@@ -77,9 +77,9 @@ def with_devices(request: Request, io: str) -> Request:
         is_whole = parse_io(request.io).kind == "pi" and parse_io(io).kind != "pi"
         # With --io pi each role had to run by itself; in simulation it needs the other roles.
         return replace(request, io=io, role=None if is_whole else request.role)
-    if parse_io(request.io).has_wires:
+    if parse_io(request.io).is_hardware:
         raise ParameterError(
             f"This run was recorded with --io {request.io}: real outputs, which would move again.",
-            fix=f"simulate it with --io sim; if they shall move: --io {request.io}.",
+            fix=f"simulate it with --io sim, or let them move: --io {request.io}.",
         )
     return request

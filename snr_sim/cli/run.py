@@ -16,10 +16,10 @@ from snr_sim.cli.recorded_run import Shown, record_run
 def run(
     context: typer.Context,
     scenario: Annotated[str, typer.Argument(help="A scenario's name, or its file; `snr list scenarios`.")],
-    seed: Annotated[int, typer.Option(help="Of all chance in the run. Every seed is another start.")] = 0,
+    seed: Annotated[int, typer.Option(help="Of all random numbers in the run; each seed is another start.")] = 0,
     engine: Annotated[str, typer.Option(help="Physics engine; the scenario's first if not given.")] = "",
     controller: Annotated[str, typer.Option(help="One of the robot's by name, or a file: ./mine.py.")] = "",
-    role: Annotated[str, typer.Option(help="Runs one role only: in real time, beside the others.")] = "",
+    role: Annotated[str, typer.Option(help="Runs one role only, in real time; start the others too.")] = "",
     io: Io = "sim",
     speed: Annotated[str, typer.Option(help="'fast', 'real', or a multiple of real time such as 4.")] = "fast",
     option: Annotated[list[str], typer.Option(help="KEY=VALUE, see `snr list robots`; may be repeated.")] = [],  # noqa: B006
@@ -59,8 +59,10 @@ def run(
     if watch and pace is None:
         from snr_sim.prelude.errors import ParameterError
 
-        raise ParameterError("A fast run is over before a file is saved.", fix="--watch with --speed real.")
-    _say_whence(context, io)
+        raise ParameterError(
+            "--watch needs --speed: a fast run ends before a file is saved.", fix="--watch --speed real."
+        )
+    _print_sources(context, io)
     if show and not show_web:
         from snr_sim.view.view_server import check_display
 
@@ -73,7 +75,7 @@ def run(
         pace,
         is_viewed=rrd,
         live=shown if is_live else "",
-        is_quiet=as_json,
+        is_json=as_json,
         is_watched=watch,
         console_port=console,
         stall_limit_s=stall_limit,
@@ -85,12 +87,12 @@ def run(
     sys.exit(status)
 
 
-def _say_whence(context: typer.Context, io: str) -> None:
+def _print_sources(context: typer.Context, io: str) -> None:
     """Warn that real outputs will move if `--io` was not typed: the variable may have been set days ago."""
     from snr_sim.prelude.io import ENVIRONMENT, parse_io
 
     source = context.get_parameter_source("io")
-    if source is not None and source.name == "ENVIRONMENT" and parse_io(io).has_wires:
+    if source is not None and source.name == "ENVIRONMENT" and parse_io(io).is_hardware:
         print(f"real outputs: {io}, from {ENVIRONMENT}", file=sys.stderr, flush=True)
 
 

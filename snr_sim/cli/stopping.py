@@ -45,12 +45,12 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def _end_if_stuck(number: int, frame: FrameType | None) -> None:
-    from snr_sim.core.blame import LET_INTERRUPTS_PASS, place_now
+    from snr_sim.core.source_location import INTERRUPT_FIX, current_location
 
-    place = None if frame is None else place_now(frame)
+    place = None if frame is None else current_location(frame)
     if place is None:  # snr_sim itself is still working, or waits for an answer
         return
     name = signal.Signals(stopped_by[0]).name
     print(f"{place}\n  {name}: this did not return, although it was interrupted.", file=sys.stderr)
-    print(f"  After {STUCK_S:g} s the process was ended.\n  Try: {LET_INTERRUPTS_PASS}", file=sys.stderr, flush=True)
+    print(f"  After {STUCK_S:g} s the process was ended.\n  Try: {INTERRUPT_FIX}", file=sys.stderr, flush=True)
     os._exit(128 + stopped_by[0])

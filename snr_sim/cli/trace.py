@@ -9,7 +9,7 @@ import typer
 
 from snr_sim.cli.arguments import RecordedRun
 from snr_sim.cli.newest import trace_of
-from snr_sim.cli.output import print_remarks
+from snr_sim.cli.output import print_warnings
 
 if TYPE_CHECKING:
     from snr_sim.recording.records import Record
@@ -25,16 +25,16 @@ def trace(
     as_json: Annotated[bool, typer.Option("--json", help="Print the lines of the file.")] = False,
 ) -> None:
     """Print the records of a run."""
-    from snr_sim.prelude.errors import UnknownName, nearest
+    from snr_sim.prelude.errors import UnknownNameError, suggest
     from snr_sim.recording.records import encode_record
 
     if kind and kind not in KINDS:
-        raise UnknownName(f"There are no records of kind '{kind}'.", fix=nearest(kind, KINDS))
+        raise UnknownNameError(f"There are no records of kind '{kind}'.", fix=suggest(kind, KINDS))
     recorded = trace_of(run)
-    print_remarks(recorded)
+    print_warnings(recorded)
     nodes = recorded.header.nodes
     if node and node not in nodes and f"{node}_node" not in nodes:
-        raise UnknownName(f"This run has no node '{node}'.", fix=nearest(node, nodes))
+        raise UnknownNameError(f"This run has no node '{node}'.", fix=suggest(node, nodes))
     for record in recorded.records:
         config: Any = record.__struct_config__
         if kind and config.tag != kind:
@@ -47,23 +47,23 @@ def trace(
 
 
 def _line(record: Record, kind: str) -> str:
-    from snr_sim.recording.records import BeginRecord, EndRecord, ErrorRecord, InputRecord, SaidRecord, TruthRecord
+    from snr_sim.recording.records import BeginRecord, EndRecord, ErrorRecord, InputRecord, LogLineRecord, TruthRecord
 
     head = f"{record.seq:>7} {record.t:>10.4f} {kind:<6}"
     if isinstance(record, TruthRecord):
         return f"{head} " + " ".join(f"{key}={value:.6g}" for key, value in record.values.items())
     if isinstance(record, ErrorRecord):
         return f"{head} {record.node} {record.component}: {record.message}"
-    if isinstance(record, SaidRecord):
+    if isinstance(record, LogLineRecord):
         return f"{head} {record.node} {record.component} {record.level}: {record.text}"
     if isinstance(record, EndRecord):
         return f"{head} {record.node} {record.reason} {record.summary}"
     if isinstance(record, BeginRecord):
-        return f"{head} {record.node} {record.by} {_returned(record.returned)}"
+        return f"{head} {record.node} {record.component} {_returned(record.returned)}"
     values = bytes(record.values).decode()
     if isinstance(record, InputRecord):
         return f"{head} {record.node} {record.source} -> {record.type} {record.name} {values}"
-    by = "; ".join(f"{one.by}.{one.handler} -> {_returned(one.returned)}" for one in record.handled) or "nobody"
+    by = "; ".join(f"{one.component}.{one.handler} -> {_returned(one.returned)}" for one in record.handled) or "nobody"
     return f"{head} {record.node} {record.type} {record.name} {values} (from {record.cause}) {by}"
 
 

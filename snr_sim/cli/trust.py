@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 Trust = Annotated[
-    bool, typer.Option("--trust", help="Execute the run's files, also those that somebody else may have written.")
+    bool, typer.Option("--trust", help="Execute the run's files, also those that another user may have written.")
 ]
 
 
@@ -29,11 +29,11 @@ def ask(run: object, unknown: Sequence[str], is_trusted: bool) -> None:
     if is_trusted or not unknown:
         return
     listed = "\n".join(f"  {name}" for name in unknown)
-    said = f"{run} was not recorded by you on this computer, as far as is known. It would execute:\n{listed}"
+    message = f"{run} was not recorded by you on this computer, as far as is known. It would execute:\n{listed}"
     if sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty():
-        if typer.confirm(f"{said}\nExecute them, with all that you may do here?", err=True):
+        if typer.confirm(f"{message}\nExecute them, with all that you may do here?", err=True):
             return
         raise ParameterError("Nothing was executed.", fix="snr trace and snr view show a run without executing it.")
     raise ParameterError(
-        f"{said}\nNothing was executed.", fix="read them; then --trust, or --with FILE for code of your own."
+        f"{message}\nNothing was executed.", fix="read them; then --trust, or --with FILE for code of your own."
     )

@@ -42,8 +42,12 @@ VERBS = {
     "compare": Verb("Compare two runs of one robot.", ("snr compare", "snr compare runs/sim runs/real --shift auto")),
     "list": Verb("List what there is to run.", ("snr list scenarios",), module="listing"),
     "new": Verb(
-        "Begin a robot, a scenario or a lab of your own.",
-        ("snr new lab depth_hold", "snr new robot mine --from lander"),
+        "Begin a controller, a robot, a scenario or a lab of your own.",
+        (
+            "snr new controller mine --scenario lander_vertical",
+            "snr new lab depth_hold",
+            "snr new robot mine --from lander",
+        ),
     ),
     "check": Verb("Try the visible checks of a lab on your files.", ("snr check depth_hold depth_hold",)),
     "grade": Verb(
@@ -52,7 +56,9 @@ VERBS = {
     ),
     "io": Verb("Show every channel and reading.", ("snr io --io mcu:/dev/ttyUSB0 --move pwm4",)),
     "doctor": Verb("Check this machine.", ("snr doctor --io mcu:/dev/ttyUSB0",)),
-    "bench": Verb("Measure speed on this machine, beside the targets.", ("snr bench dispatch lander --quick",)),
+    "bench": Verb(
+        "Measure speed on this machine and compare it with the targets.", ("snr bench dispatch lander --quick",)
+    ),
     "console": Verb(
         "Give commands to a running node.",
         ("snr console 54321", "snr console 54321 store engine '{\"throttle\": 0.3}'"),

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from snr_sim.cli.newest import run_or_newest, trace_of
-from snr_sim.cli.output import print_remarks
+from snr_sim.cli.output import print_warnings
 
 
 def view(
@@ -37,7 +37,7 @@ def view(
 
 def _draw(run: Path, png: Path) -> None:
     from snr_sim.prelude.errors import TraceError
-    from snr_sim.recording.folder import measured, read_result, why
+    from snr_sim.recording.folder import outcome_reason, read_result, scenario_metrics
     from snr_sim.recording.records import TruthRecord
     from snr_sim.view.picture import draw_run
 
@@ -49,15 +49,22 @@ def _draw(run: Path, png: Path) -> None:
     trace = trace_of(run)
     if not any(isinstance(record, TruthRecord) for record in trace.records):
         raise TraceError(
-            f"{run} has no true states of a body to draw: only simulated scenarios have.",
+            f"{run} contains no true states of a body to draw: only simulated runs do.",
             fix=f"snr view {run} shows its pages as plots.",
         )
-    print_remarks(trace)
+    print_warnings(trace)
     try:
         result = read_result(trace.path.parent)
         outcome, success = result.get("outcome", ""), result.get("success")
         draw_run(
-            trace.header, trace.records, png, outcome, result.get("touchdown"), success, measured(result), why(result)
+            trace.header,
+            trace.records,
+            png,
+            outcome,
+            result.get("touchdown"),
+            success,
+            scenario_metrics(result),
+            outcome_reason(result),
         )
     except OSError as error:
         raise TraceError(f"The picture {png} cannot be written: {error.strerror}.", fix="name another file.") from error

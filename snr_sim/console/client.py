@@ -9,27 +9,27 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
-from snr_sim.console.table import Answer
+from snr_sim.console.parsing import MAX_LINE_CHARS
+from snr_sim.console.table import CommandResult
 from snr_sim.console.wire import (
     PURPOSE,
     SECRET_IS,
-    Command,
-    Complete,
+    CommandMessage,
+    CompleteMessage,
+    CompletionsMessage,
     Reply,
-    Words,
-    answer_of,
-    asked,
-    decode_answered,
+    decode_response,
+    encode_request,
     read_for,
+    result_from_reply,
 )
-from snr_sim.console.words import LINE_MAX_CHARS
 from snr_sim.links.security import as_secret
-from snr_sim.links.session import Session, Terms
+from snr_sim.links.session import Session, SessionConfig
 from snr_sim.prelude.errors import LinkError, ValueEncodingError
 
 CONNECT_TIMEOUT_S = 3.0
 ANSWER_TIMEOUT_S = 10.0
-TEND_EVERY_S = 0.1
+HOUSEKEEPING_PERIOD_S = 0.1
 LINGER_S = 0.3  # maximum time in which a closing client sends its last messages
 
 
@@ -56,37 +56,37 @@ class ConsoleClient:
         server_tuple: tuple[str, int],
         token: str | bytes | None = None,
         retry_wait_s: float = 0.5,
-        on_change: Callable[[Answer], None] = lambda answer: None,
+        on_change: Callable[[CommandResult], None] = lambda answer: None,
         on_state: Callable[[str], None] = lambda sentence: None,
     ) -> None:
         self.host, self.port = server_tuple
-        self.reason = "nobody has been called yet."  # why there is no connection
+        self.reason = "no connection has been tried yet."  # why there is no connection
         self.was_refused = False  # the node rejects this client: a retry is of no use
         self.node = ""  # name of the node at the other end
-        self._terms = Terms(
+        self._config = SessionConfig(
             "console", is_server=False, secret=as_secret(token, "token="), purpose=PURPOSE, secret_is=SECRET_IS
         )
         self._retry_wait_s = retry_wait_s
         self._on_change = on_change
         self._on_state = on_state
         self._changed = threading.Condition()  # guards the attributes below, and is notified of their changes
-        self._asked: set[int] = set()
-        self._answers: dict[int, Reply | Words] = {}
+        self._pending_numbers: set[int] = set()
+        self._answers: dict[int, Reply | CompletionsMessage] = {}
         self._number = 0
         self._is_up = False
-        self._has_met = False  # the other end is known to be a console, whichever end rejected the other
-        self._calls = 0  # number of connections and attempts that have ended
-        self._line = 0  # value of `_calls` when `wait_until_up` returned
+        self._is_console = False  # the other end is known to be a console, whichever end rejected the other
+        self._end_count = 0  # number of connections and attempts that have ended
+        self._end_count_when_up = 0  # value of `_end_count` when `wait_until_up` returned
         self._thread = threading.Thread(target=self._run, name="console client", daemon=True)
 
     def __enter__(self) -> ConsoleClient:
         self._events = asyncio.new_event_loop()
-        self._calling = self._events.create_task(self._call_again_and_again())
+        self._calling = self._events.create_task(self._keep_connected())
         self._thread.start()
         return self
 
     def __exit__(self, *about: object) -> None:
-        self._soon(self._calling.cancel)
+        self._call_soon(self._calling.cancel)
         self._thread.join(CONNECT_TIMEOUT_S)
 
     def wait_until_up(self, timeout_s: float) -> None:
@@ -97,61 +97,63 @@ class ConsoleClient:
         """
         with self._changed:
             self._changed.wait_for(lambda: self._is_up or self.was_refused, timeout_s)
-            if not self._is_up and self._has_met:
+            if not self._is_up and self._is_console:
                 raise LinkError(f"The console at {self.host}:{self.port} cannot be used: {self.reason}")
             if not self._is_up:
                 raise LinkError(
                     f"No console at {self.host}:{self.port}: {self.reason}",
-                    fix="does the node run, with CommandReceiverFactory(port)? The same port?",
+                    fix="check that the node runs, with CommandReceiverFactory(port) and the same port.",
                 )
-            self._line = self._calls
+            self._end_count_when_up = self._end_count
 
     def wait_until_lost(self) -> None:
         """Return once the connection that `wait_until_up` waited for is lost, even if there is a new one by now."""
         with self._changed:
-            self._changed.wait_for(lambda: self._calls != self._line)
+            self._changed.wait_for(lambda: self._end_count != self._end_count_when_up)
 
-    def ask(self, line: str, timeout_s: float = ANSWER_TIMEOUT_S) -> Answer:
+    def ask(self, line: str, timeout_s: float = ANSWER_TIMEOUT_S) -> CommandResult:
         """Send a command line to the node, and return the answer.
 
         Raises:
             LinkError: there is no connection, it broke, or no answer arrived in time. The command may still have run.
         """
-        if len(line) > LINE_MAX_CHARS:
-            return Answer(f"This line has {len(line)} characters; {LINE_MAX_CHARS} is the most.", is_error=True)
+        if len(line) > MAX_LINE_CHARS:
+            return CommandResult(f"This line has {len(line)} characters; {MAX_LINE_CHARS} is the most.", is_error=True)
         try:
             line.encode()
         except UnicodeEncodeError:
-            return Answer("This line holds text that UTF-8 cannot carry.", is_error=True)
-        reply = self._exchange(lambda number: asked(Command(number, line)), timeout_s)
+            return CommandResult("This line holds text that UTF-8 cannot carry.", is_error=True)
+        reply = self._exchange(lambda number: encode_request(CommandMessage(number, line)), timeout_s)
         assert isinstance(reply, Reply)
-        return answer_of(reply)
+        return result_from_reply(reply)
 
     def complete(self, line: str, timeout_s: float = 1.0) -> list[str]:
         """Return the words that can follow at the end of the line; none without a connection to the node."""
         try:
-            words = self._exchange(lambda number: asked(Complete(number, line[:LINE_MAX_CHARS])), timeout_s)
+            words = self._exchange(
+                lambda number: encode_request(CompleteMessage(number, line[:MAX_LINE_CHARS])), timeout_s
+            )
         except (LinkError, UnicodeEncodeError):
             return []
-        return words.words if isinstance(words, Words) else []
+        return words.words if isinstance(words, CompletionsMessage) else []
 
-    def _exchange(self, frame_of: Callable[[int], bytes], timeout_s: float) -> Reply | Words:
+    def _exchange(self, frame_of: Callable[[int], bytes], timeout_s: float) -> Reply | CompletionsMessage:
         with self._changed:
             if not self._is_up:
-                raise LinkError(f"There is no line to {self.host}:{self.port}: {self.reason}")
+                raise LinkError(f"There is no connection to {self.host}:{self.port}: {self.reason}")
             self._number += 1
-            number, calls = self._number, self._calls
+            number, end_count = self._number, self._end_count
             frame = frame_of(number)
-            self._asked.add(number)
-            self._soon(self._send, frame, calls)
-            self._changed.wait_for(lambda: number in self._answers or self._calls != calls, timeout_s)
-            self._asked.discard(number)
+            self._pending_numbers.add(number)
+            self._call_soon(self._send, frame, end_count)
+            self._changed.wait_for(lambda: number in self._answers or self._end_count != end_count, timeout_s)
+            self._pending_numbers.discard(number)
             if number in self._answers:
                 return self._answers.pop(number)
-            why = self.reason if self._calls != calls else f"no answer came within {timeout_s:g} s."
-            raise LinkError(f"The line to {self.host}:{self.port} was lost before the answer: {why}")
+            reason = self.reason if self._end_count != end_count else f"no answer came within {timeout_s:g} s."
+            raise LinkError(f"The connection to {self.host}:{self.port} was lost before the answer: {reason}")
 
-    def _soon(self, step: Callable[..., object], *args: object) -> None:
+    def _call_soon(self, step: Callable[..., object], *args: object) -> None:
         """Schedule a call on the client's own thread, if it still runs."""
         with suppress(RuntimeError):
             self._events.call_soon_threadsafe(step, *args)
@@ -166,9 +168,9 @@ class ConsoleClient:
         finally:
             self._events.close()
 
-    async def _call_again_and_again(self) -> None:
+    async def _keep_connected(self) -> None:
         while True:
-            was_up = self._note_end(await self._call())
+            was_up = self._note_end(await self._connect_once())
             if was_up:
                 self._on_state(f"lost {self.host}:{self.port}: {self.reason}")
             if self.was_refused:
@@ -179,12 +181,12 @@ class ConsoleClient:
         """Record why a connection or attempt ended; return whether the connection was up."""
         with self._changed:
             was_up, self._is_up = self._is_up, False
-            self._calls += 1  # answers are kept: their callers may not have read them yet
+            self._end_count += 1  # answers are kept: their callers may not have read them yet
             self.reason = sentence
             self._changed.notify_all()
         return was_up
 
-    async def _call(self) -> str:
+    async def _connect_once(self) -> str:
         """Connect once and serve the connection while it lasts; return why it ended."""
         try:
             # Blocks this thread, which is idle: asyncio would resolve names on a thread that cannot be left.
@@ -192,31 +194,31 @@ class ConsoleClient:
             reader, self._writer = await asyncio.open_connection(sock=sock)
         except (OSError, UnicodeError) as error:
             return f"{getattr(error, 'strerror', None) or error}."
-        session = self._session = Session(self._terms, time.monotonic(), decode_answered)
+        session = self._session = Session(self._config, time.monotonic(), decode_response)
         try:
             await self._serve(reader)
         except OSError as error:
-            session.lost(f"{error.strerror or error}.")
+            session.mark_lost(f"{error.strerror or error}.")
         except asyncio.CancelledError:
             session.bye("the console was closed.")
             raise
         finally:
-            await self._hang_up()
-        self.was_refused, self._has_met = session.was_refused, session.was_refused and session.peer is not None
+            await self._close()
+        self.was_refused, self._is_console = session.was_refused, session.was_refused and session.peer is not None
         return session.reason
 
     async def _serve(self, reader: asyncio.StreamReader) -> None:
         session = self._session
         while not session.is_closed:
             self._flush()
-            data = await read_for(reader, TEND_EVERY_S)
+            data = await read_for(reader, HOUSEKEEPING_PERIOD_S)
             if data:
                 self._receive(data)
             elif data is not None:
-                session.lost("the node closed it.")
+                session.mark_lost("the node closed it.")
             session.tick(time.monotonic())
 
-    async def _hang_up(self) -> None:
+    async def _close(self) -> None:
         """Send the last messages, and close."""
         self._flush()
         self._writer.close()
@@ -228,8 +230,8 @@ class ConsoleClient:
     def _flush(self) -> None:
         self._writer.write(b"".join(map(self._session.seal, self._session.take_output())))
 
-    def _send(self, frame: bytes, calls: int) -> None:
-        if self._is_up and self._calls == calls:  # still the connection on which it was asked
+    def _send(self, frame: bytes, end_count: int) -> None:
+        if self._is_up and self._end_count == end_count:  # still the connection on which it was asked
             self._writer.write(self._session.seal(frame))
 
     def _receive(self, data: bytes) -> None:
@@ -246,11 +248,11 @@ class ConsoleClient:
                 self._changed.notify_all()
             self._on_state(f"connected to {self.node} at {self.host}:{self.port}")
 
-    def _take(self, message: Reply | Words) -> None:
+    def _take(self, message: Reply | CompletionsMessage) -> None:
         if isinstance(message, Reply) and not message.number:
-            self._on_change(answer_of(message))
+            self._on_change(result_from_reply(message))
             return
         with self._changed:
-            if message.number in self._asked:  # and its caller still waits
+            if message.number in self._pending_numbers:  # and its caller still waits
                 self._answers[message.number] = message
                 self._changed.notify_all()

@@ -1,4 +1,9 @@
-"""CommandReceiver: serves consoles over TCP, several at a time, on a thread of the node."""
+"""CommandReceiver: serves consoles over TCP, several at a time, on a thread of the node.
+
+It speaks the links' protocol with another purpose, in asyncio streams on a separate thread, and is not a link: it uses
+wall time in lock step too, because a person does not type in virtual time, so it adds no moments to a run; and the
+node's thread does not read commands.
+"""
 
 from __future__ import annotations
 
@@ -8,28 +13,28 @@ from contextlib import ExitStack, suppress
 from typing import NamedTuple
 
 from snr_sim.console.commands import TABLE
-from snr_sim.console.conversation import LINES_AT_ONCE, LINES_PER_S, Conversation
-from snr_sim.console.session import Session
-from snr_sim.console.wire import DEFAULT_PORT, LINE_FRAME_MAX_BYTES, PURPOSE, READ_BYTES, SECRET_IS, read_for
+from snr_sim.console.protocol import LINES_AT_ONCE, LINES_PER_S, ConsoleProtocol
+from snr_sim.console.session import ConsoleSession
+from snr_sim.console.wire import DEFAULT_PORT, MAX_LINE_FRAME_BYTES, PURPOSE, READ_BYTES, SECRET_IS, read_for
 from snr_sim.core.node import Node
-from snr_sim.links.allowance import Allowance
-from snr_sim.links.newcomers import Newcomers, crowd, source_of
+from snr_sim.links.newcomers import Newcomers, largest_group, source_of
 from snr_sim.links.restarting import RestartingLoop
 from snr_sim.links.security import as_secret, is_loopback
-from snr_sim.links.session import Terms
+from snr_sim.links.session import SessionConfig
 from snr_sim.links.socket_port import Address, ListenerFactory
+from snr_sim.links.token_bucket import TokenBucket
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.node_api import NodeApi
 
-CONSOLES_MAX = 8
-STRANGERS_MAX = 16  # connections that are not authenticated as consoles yet
+MAX_CONSOLES = 8
+MAX_UNAUTHENTICATED = 16  # connections that are not authenticated as consoles yet
 # A client that sends without end is read so slowly that it costs the node a few per cent of a core.
 BYTES_PER_S = 1 << 18
 READS_PER_S = 1000.0
-TEND_EVERY_S = 0.1  # time-outs, keep-alives
-WATCH_EVERY_S = 0.05
-BUSY_EVERY_S = 0.01
-OUTCOME_EVERY_S = 0.002  # the node usually carries out a command at once
+HOUSEKEEPING_PERIOD_S = 0.1  # time-outs, keep-alives
+WATCH_POLL_PERIOD_S = 0.05
+BUSY_POLL_PERIOD_S = 0.01
+OUTCOME_POLL_PERIOD_S = 0.002  # the node usually carries out a command at once
 LINGER_S = 0.2  # maximum time in which a closing node sends the last answers
 HANG_UP_S = 0.5  # maximum wait for the other end to close a connection that is over
 
@@ -57,11 +62,14 @@ class CommandReceiverFactory(ListenerFactory):
     ) -> None:
         super().__init__(Address(host, port), "A console")
         if not (isinstance(port, int) and 0 <= port < 1 << 16):
-            raise ConfigError(f"A console's port is {port!r}.", fix="a number from 1024 to 65535, or 0 for a free one.")
+            raise ConfigError(
+                f"{port!r} is not a valid port of a console.",
+                fix="use a number from 1024 to 65535, or 0 for a free one.",
+            )
         self.token = as_secret(token, "token=")
         if self.token is None and not is_loopback(host):
             raise ConfigError(
-                f"A console on {host} without a token would let anybody in that network steer this node.",
+                f"A console on {host} needs a token: without it, any computer in that network could steer this node.",
                 fix='token=secret_from_file("token.txt") here, and --token-file token.txt for `snr console`.',
             )
         self.name = name
@@ -71,10 +79,10 @@ class CommandReceiverFactory(ListenerFactory):
         return CommandReceiver(self, parent, self.name)
 
 
-class Line(NamedTuple):
+class ConsoleConnection(NamedTuple):
     """A connection to a console, and its state."""
 
-    conversation: Conversation
+    protocol: ConsoleProtocol
     writer: asyncio.StreamWriter
     host: str  # address of the client
     task: asyncio.Task[None] | None
@@ -82,11 +90,11 @@ class Line(NamedTuple):
     @property
     def is_known(self) -> bool:
         """Whether the client is known to be a console."""
-        return self.conversation.wire.is_up
+        return self.protocol.wire.is_up
 
     def flush(self) -> None:
         """Send what waits, once the client has accepted what was sent before: so what waits is bounded."""
-        output = self.conversation.output
+        output = self.protocol.output
         if output and not self.writer.transport.get_write_buffer_size():
             self.writer.write(bytes(output))
             output.clear()
@@ -100,20 +108,20 @@ class CommandReceiver(RestartingLoop):
     is_reloaded_with_all = False
 
     def __init__(self, factory: CommandReceiverFactory, parent: NodeApi, name: str) -> None:
-        assert isinstance(parent, Node)  # never in a loop's process, since its backing is a thread
+        assert isinstance(parent, Node)  # never in a loop's process, since its executor is a thread
         super().__init__(factory, parent, name, max_tick_rate_hz=0)
-        self._terms = Terms(
+        self._config = SessionConfig(
             parent.name,
             is_server=True,
             secret=factory.token,
             purpose=PURPOSE,
-            max_frame_bytes=LINE_FRAME_MAX_BYTES,
+            max_frame_bytes=MAX_LINE_FRAME_BYTES,
             secret_is=SECRET_IS,
         )
         self._new_names: set[str] = set()
-        self._allowance = Allowance(LINES_PER_S, LINES_AT_ONCE)
+        self._token_bucket = TokenBucket(LINES_PER_S, LINES_AT_ONCE)
         self._newcomers = Newcomers()
-        self._lines: list[Line] = []
+        self._connections: list[ConsoleConnection] = []
         self._ending = asyncio.Event()  # set when consoles are no longer to be served
         self._events: asyncio.AbstractEventLoop | None = None
         self.forged = 0  # connections whose data was changed between the two ends
@@ -156,99 +164,99 @@ class CommandReceiver(RestartingLoop):
         )
         if self.is_terminated():  # before there was a task to cancel
             return
-        server = await asyncio.start_server(self._connected, sock=self._sock, limit=READ_BYTES)
+        server = await asyncio.start_server(self._on_connection, sock=self._sock, limit=READ_BYTES)
         await self._ending.wait()
         server.close()
-        tasks = [line.task for line in self._lines if line.task is not None]
+        tasks = [connection.task for connection in self._connections if connection.task is not None]
         for task in tasks:
             task.cancel()
         if tasks:
             await asyncio.wait(tasks, timeout=LINGER_S)
 
-    async def _connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def _on_connection(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Serve one connection. An error ends that connection, and never the node."""
         host, now_s = writer.get_extra_info("peername")[0], time.monotonic()
         if not self._newcomers.may_greet(host, now_s):
             writer.transport.abort()
             return
-        strangers = [line for line in self._lines if not line.is_known]
-        if len(strangers) >= STRANGERS_MAX:
-            self._drop(crowd(strangers, lambda line: source_of(line.host))[0])
-        session = Session(self.parent, TABLE, self.name, self._new_names)
-        conversation = Conversation(self._terms, session, now_s, self._allowance)
-        line = Line(conversation, writer, host, asyncio.current_task())
-        self._lines.append(line)
+        unauthenticated = [connection for connection in self._connections if not connection.is_known]
+        if len(unauthenticated) >= MAX_UNAUTHENTICATED:
+            self._drop(largest_group(unauthenticated, lambda connection: source_of(connection.host))[0])
+        session = ConsoleSession(self.parent, TABLE, self.name, self._new_names)
+        protocol = ConsoleProtocol(self._config, session, now_s, self._token_bucket)
+        connection = ConsoleConnection(protocol, writer, host, asyncio.current_task())
+        self._connections.append(connection)
         try:
-            await self._talk(line, reader)
+            await self._serve_connection(connection, reader)
         except asyncio.CancelledError:
-            conversation.end(self._farewell())
-            await _hang_up(line, reader)
+            protocol.end(self._bye_reason())
+            await _close(connection, reader)
         except OSError:
             pass  # the console is gone
         except Exception:
             self.log.exception("a console's line failed")
         finally:
-            self._drop(line)
+            self._drop(connection)
 
-    async def _talk(self, line: Line, reader: asyncio.StreamReader) -> None:
+    async def _serve_connection(self, connection: ConsoleConnection, reader: asyncio.StreamReader) -> None:
         """Handle and answer messages until one end closes the connection."""
-        conversation, resume_s = line.conversation, 0.0
-        while not conversation.is_over:
-            patience_s = _patience_s(conversation)
+        protocol, resume_s = connection.protocol, 0.0
+        while not protocol.is_over:
+            poll_timeout_s = _poll_timeout_s(protocol)
             rest_s = resume_s - time.monotonic()
-            if rest_s > 0 or not conversation.wants_bytes:
-                await asyncio.sleep(min(patience_s, rest_s) if rest_s > 0 else patience_s)
-            elif data := await read_for(reader, patience_s):
+            if rest_s > 0 or not protocol.wants_bytes:
+                await asyncio.sleep(min(poll_timeout_s, rest_s) if rest_s > 0 else poll_timeout_s)
+            elif data := await read_for(reader, poll_timeout_s):
                 resume_s = time.monotonic() + max(len(data) / BYTES_PER_S, 1 / READS_PER_S)
-                self._take(line, data)
+                self._take(connection, data)
             elif data is not None:
                 return
-            conversation.work(time.monotonic())
-            line.flush()
-        await _hang_up(line, reader)
+            protocol.work(time.monotonic())
+            connection.flush()
+        await _close(connection, reader)
 
-    def _take(self, line: Line, data: bytes) -> None:
-        was_known = line.is_known
-        line.conversation.receive(data, time.monotonic())
-        if not line.is_known or was_known:
+    def _take(self, connection: ConsoleConnection, data: bytes) -> None:
+        was_known = connection.is_known
+        connection.protocol.receive(data, time.monotonic())
+        if not connection.is_known or was_known:
             return
-        if sum(other.is_known for other in self._lines) > CONSOLES_MAX:
-            line.conversation.refuse(f"{CONSOLES_MAX} consoles are connected to this node, which is the most.")
+        if sum(other.is_known for other in self._connections) > MAX_CONSOLES:
+            connection.protocol.refuse(f"{MAX_CONSOLES} consoles are connected to this node, the maximum.")
         else:
-            self._newcomers.know(line.host)
+            self._newcomers.remember(connection.host)
             self.log.info("a console has connected")
 
-    def _drop(self, line: Line) -> None:
-        line.writer.transport.abort()
-        if line not in self._lines:
+    def _drop(self, connection: ConsoleConnection) -> None:
+        connection.writer.transport.abort()
+        if connection not in self._connections:
             return
-        self._lines.remove(line)
-        if line.conversation.wire.was_forged:
+        self._connections.remove(connection)
+        if connection.protocol.wire.was_forged:
             self.forged += 1
             if self.forged == 1:  # logged once: it can happen again and again
-                self.log.warning("a console's line was closed: %s", line.conversation.wire.reason)
+                self.log.warning("a console's connection was closed: %s", connection.protocol.wire.reason)
 
-    def _farewell(self) -> str:
+    def _bye_reason(self) -> str:
         node = self.parent
-        if node.is_over:
+        if node.is_finished:
             return f"node '{node.name}' ended: {node.exit_reason or 'no reason given'}."
-        return f"node '{node.name}' makes its console anew, or takes it out."
+        return f"node '{node.name}' reloads or removes its console."
 
 
-def _patience_s(conversation: Conversation) -> float:
+def _poll_timeout_s(protocol: ConsoleProtocol) -> float:
     """Return how long the connection can wait for data before the next work is due."""
-    if conversation.session.is_waiting:
-        return OUTCOME_EVERY_S
-    if conversation.is_busy or conversation.output:
-        return BUSY_EVERY_S
-    return WATCH_EVERY_S if conversation.session.is_watching else TEND_EVERY_S
+    if protocol.session.is_waiting:
+        return OUTCOME_POLL_PERIOD_S
+    if protocol.is_busy or protocol.output:
+        return BUSY_POLL_PERIOD_S
+    return WATCH_POLL_PERIOD_S if protocol.session.is_watching else HOUSEKEEPING_PERIOD_S
 
 
-async def _hang_up(line: Line, reader: asyncio.StreamReader) -> None:
+async def _close(connection: ConsoleConnection, reader: asyncio.StreamReader) -> None:
     """Send the rest and wait for the other end to close: closing first could discard what was sent."""
     with suppress(TimeoutError, OSError):
         async with asyncio.timeout(HANG_UP_S):
-            line.writer.write(bytes(line.conversation.output))
-            line.writer.write_eof()
+            connection.writer.write(bytes(connection.protocol.output))
+            connection.writer.write_eof()
             while await reader.read(READ_BYTES):
                 pass

@@ -1,6 +1,6 @@
 """The commands of the console: their table and functions. A console can do nothing that is not in this module.
 
-A command that changes something sends a task to the node's inbox (`Door`), like any other input: it is recorded and
+A command that changes something sends a task to the node's inbox, like any other input: it is recorded and
 replayed. Commands that only read use copies and change nothing. The effect of a task or a page depends on the robot's
 own code: a handler that fails on a value fails as with any other input.
 """
@@ -10,14 +10,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from snr_sim.console import introspection
-from snr_sim.console.readable import bounded, cut_text, short
-from snr_sim.console.session import Session
-from snr_sim.console.table import Answer, Argument, Command, Given, help_text
-from snr_sim.console.words import CommandRefused, shown
+from snr_sim.console.formatting import format_short, truncate, truncate_value
+from snr_sim.console.parsing import ConsoleCommandError, quote
+from snr_sim.console.session import ConsoleSession
+from snr_sim.console.table import Argument, CommandResult, CommandSpec, Given, help_text
 from snr_sim.core.component import CORE_NAME
 from snr_sim.core.node import Node
 from snr_sim.prelude import tasks
-from snr_sim.prelude.errors import nearest
+from snr_sim.prelude.errors import suggest
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.prelude.text import printable
@@ -28,109 +28,115 @@ ALSO_LISTED = ("commands", "endpoints")  # the names in the thesis for `help` an
 DUMPS = ("profiler", "datastore", "links", "loops")
 
 
-def _exit(session: Session, given: Given) -> Answer:
+def _exit(session: ConsoleSession, given: Given) -> CommandResult:
     reason = given["REASON"] or session.source
-    session.bring(tasks.terminate(reason))
-    return Answer(f"{session.node.name} is asked to end: {reason}", {"exit": reason})
+    session.enqueue(tasks.terminate(reason))
+    return CommandResult(f"{session.node.name} is asked to end: {reason}", {"exit": reason})
 
 
-def _task(session: Session, given: Given) -> Answer:
+def _task(session: ConsoleSession, given: Given) -> CommandResult:
     kind, name, values = TaskType(given.get("TYPE", TaskType.event)), given["NAME"], given["JSON"]
     if kind is TaskType.event:
         return _event(session, name, values)
     if kind is TaskType.store_page:
         if len(values) != 1:
-            raise CommandRefused(f"store_page takes one value, not {len(values)}.", fix="store KEY JSON.")
+            raise ConsoleCommandError(f"store_page takes one value, not {len(values)}.", fix="store KEY JSON.")
         return _store(session, {"KEY": name, "JSON": values[0]})
     if values:
-        raise CommandRefused(f"A {kind.value} task carries no values.", fix=f"task {kind.value} {name}")
+        raise ConsoleCommandError(f"A {kind.value} task carries no values.", fix=f"task {kind.value} {name}")
     if kind is TaskType.terminate:
         return _exit(session, {"REASON": name})
     if kind is TaskType.reload:
         return _reload(session, {"NAME": name})
     _page_of(session.node, name)
-    session.bring(Task(kind, name))
-    return Answer(f"process_data '{name}' is queued.", {"task": [kind.value, name]})
+    session.enqueue(Task(kind, name))
+    return CommandResult(f"process_data '{name}' is queued.", {"task": [kind.value, name]})
 
 
-def _event(session: Session, name: str, values: list[object]) -> Answer:
+def _event(session: ConsoleSession, name: str, values: list[object]) -> CommandResult:
     known = events_of(session.node)
     if (TaskType.event, name) in session.node.components[CORE_NAME].task_handlers:
-        raise CommandRefused(f"The event '{name}' is the node's own.", fix=nearest(name, known))
-    if name not in known and not _takes_every_event(session.node):
-        fix = nearest(name, known) if known else "list, which shows who is here."
-        raise CommandRefused(f"Nobody here handles an event '{name}'.", fix=fix)
+        raise ConsoleCommandError(f"The event '{name}' is the node's own.", fix=suggest(name, known))
+    if name not in known and not _handles_every_event(session.node):
+        fix = suggest(name, known) if known else "list, which shows the components."
+        raise ConsoleCommandError(f"No component of this node handles an event '{name}'.", fix=fix)
     session.admit_name(f"event {name}", name in known)
-    session.bring(tasks.event(name, values))
-    return Answer(f"event '{name}' is queued.", {"task": ["event", name, values]})
+    session.enqueue(tasks.event(name, values))
+    return CommandResult(f"event '{name}' is queued.", {"task": ["event", name, values]})
 
 
-def _store(session: Session, given: Given) -> Answer:
+def _store(session: ConsoleSession, given: Given) -> CommandResult:
     key, value = given["KEY"], given["JSON"]
     session.admit_name(f"page {key}", key in session.node.datastore.pages)
     pages = session.node.datastore.pages
     before = pages.get(key)
 
-    def stored() -> Answer | None:
-        return None if pages.get(key) is before else Answer(f"{key} = {short(value)} is stored.", {"store": key})
+    def poll_stored() -> CommandResult | None:
+        return (
+            None
+            if pages.get(key) is before
+            else CommandResult(f"{key} = {format_short(value)} is stored.", {"store": key})
+        )
 
-    session.expect(session.node.store_data_task(key, value), f"{key} = {short(value)}", stored)
-    return Answer(f"{key} = {short(value)} is queued.", {"store": key})
+    session.expect(session.node.store_data_task(key, value), f"{key} = {format_short(value)}", poll_stored)
+    return CommandResult(f"{key} = {format_short(value)} is queued.", {"store": key})
 
 
-def _reload(session: Session, given: Given) -> Answer:
+def _reload(session: ConsoleSession, given: Given) -> CommandResult:
     name, known = given["NAME"], components_of(session.node)
     if name not in (ALL, *known):
-        raise CommandRefused(f"There is no component '{name}' to reload.", fix=nearest(name, [ALL, *known]))
+        raise ConsoleCommandError(f"There is no component '{name}' to reload.", fix=suggest(name, [ALL, *known]))
     pages, key = session.node.datastore.pages, TaskType.reload.value
     before = pages.get(key)
 
-    def reloaded() -> Answer | None:
+    def poll_reloaded() -> CommandResult | None:
         page = pages.get(key)
-        told = page.data if page is not None and page is not before else None
-        if not isinstance(told, dict) or told.get("component") != name:
+        report = page.data if page is not None and page is not before else None
+        if not isinstance(report, dict) or report.get("component") != name:
             return None
-        return Answer(cut_text(printable(str(told.get("message")))), bounded(told), is_error=not told.get("ok"))
+        return CommandResult(
+            truncate(printable(str(report.get("message")))), truncate_value(report), is_error=not report.get("ok")
+        )
 
-    session.expect(tasks.reload_component(name), f"reload of '{name}'", reloaded)
-    return Answer(f"reload of '{name}' is queued.", {"reload": name})
+    session.expect(tasks.reload_component(name), f"reload of '{name}'", poll_reloaded)
+    return CommandResult(f"reload of '{name}' is queued.", {"reload": name})
 
 
-def _list(session: Session, given: Given) -> Answer:
+def _list(session: ConsoleSession, given: Given) -> CommandResult:
     if given.get("WHAT") == "commands":
         return _help(session, {})
-    return Answer(*introspection.views(session.node, (given["WHAT"],) if "WHAT" in given else LISTS))
+    return CommandResult(*introspection.views(session.node, (given["WHAT"],) if "WHAT" in given else LISTS))
 
 
-def _dump(session: Session, given: Given) -> Answer:
+def _dump(session: ConsoleSession, given: Given) -> CommandResult:
     what = given.get("WHAT")
     if what is None or what in DUMPS:
-        return Answer(*introspection.views(session.node, DUMPS if what is None else (what,)))
-    return Answer(*introspection.page(session.node, _page_of(session.node, what)))
+        return CommandResult(*introspection.views(session.node, DUMPS if what is None else (what,)))
+    return CommandResult(*introspection.page(session.node, _page_of(session.node, what)))
 
 
-def _watch(session: Session, given: Given) -> Answer:
+def _watch(session: ConsoleSession, given: Given) -> CommandResult:
     return session.watch(given["KEY"])
 
 
-def _unwatch(session: Session, given: Given) -> Answer:
+def _unwatch(session: ConsoleSession, given: Given) -> CommandResult:
     return session.unwatch(given.get("KEY"))
 
 
-def _help(session: Session, given: Given) -> Answer:
+def _help(session: ConsoleSession, given: Given) -> CommandResult:
     name = given.get("COMMAND")
     if name is None:
-        return Answer(help_text(TABLE), sorted(TABLE))
+        return CommandResult(help_text(TABLE), sorted(TABLE))
     if name not in TABLE:
-        raise CommandRefused(f"There is no command {shown(name)}.", fix=nearest(name, TABLE))
-    return Answer(help_text({name: TABLE[name]}), [name])
+        raise ConsoleCommandError(f"There is no command {quote(name)}.", fix=suggest(name, TABLE))
+    return CommandResult(help_text({name: TABLE[name]}), [name])
 
 
 def _page_of(node: Node, key: str) -> Page:
     pages = node.datastore.pages.copy()
     found = pages.get(key)
     if found is None:
-        raise CommandRefused(f"Nothing has stored a page '{key}' (yet).", fix=nearest(key, [*pages, *DUMPS]))
+        raise ConsoleCommandError(f"Nothing has stored a page '{key}' (yet).", fix=suggest(key, [*pages, *DUMPS]))
     return found
 
 
@@ -158,7 +164,7 @@ def events_of(node: Node) -> set[str]:
     }
 
 
-def _takes_every_event(node: Node) -> bool:
+def _handles_every_event(node: Node) -> bool:
     return any(TaskType.event in component.task_handlers for component in node.components.copy().values())
 
 
@@ -174,32 +180,32 @@ TYPE = Argument("TYPE", is_optional=True, choices=tuple(kind.value for kind in T
 KEY = Argument("KEY", known=pages_of)
 VALUE = Argument("JSON", "value")
 
-TABLE: dict[str, Command] = {
+TABLE: dict[str, CommandSpec] = {
     command.name: command
     for command in (
-        Command("exit", (Argument("REASON", "text", is_optional=True),), "ends the node, in order", _exit),
-        Command(
+        CommandSpec("exit", (Argument("REASON", "text", is_optional=True),), "ends the node, in order", _exit),
+        CommandSpec(
             "task",
             (TYPE, Argument("NAME", known=events_of), Argument("JSON", "value", is_optional=True, is_many=True)),
             "queues a task, an event if no type is given; values are JSON",
             _task,
         ),
-        Command("store", (KEY, VALUE), "stores a page", _store),
-        Command("reload", (Argument("NAME", known=_reloadable),), "makes a component anew from its file", _reload),
-        Command(
+        CommandSpec("store", (KEY, VALUE), "stores a page", _store),
+        CommandSpec("reload", (Argument("NAME", known=_reloadable),), "recreates a component from its file", _reload),
+        CommandSpec(
             "list",
             (Argument("WHAT", is_optional=True, choices=(*LISTS, *ALSO_LISTED)),),
-            "what there is: " + ", ".join(LISTS),
+            "lists what the node has: " + ", ".join(LISTS),
             _list,
         ),
-        Command(
+        CommandSpec(
             "dump",
             (Argument("WHAT", is_optional=True, known=lambda node: [*DUMPS, *pages_of(node)]),),
             f"how it does: {', '.join(DUMPS)}, or all of a page",
             _dump,
         ),
-        Command("watch", (KEY,), "shows a page whenever it changes", _watch),
-        Command("unwatch", (Argument("KEY", is_optional=True),), "no longer shows a page, or any", _unwatch),
-        Command("help", (Argument("COMMAND", is_optional=True, known=_commands),), "says what there is", _help),
+        CommandSpec("watch", (KEY,), "shows a page whenever it changes", _watch),
+        CommandSpec("unwatch", (Argument("KEY", is_optional=True),), "no longer shows a page, or any", _unwatch),
+        CommandSpec("help", (Argument("COMMAND", is_optional=True, known=_commands),), "lists the commands", _help),
     )
 }

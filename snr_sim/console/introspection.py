@@ -11,14 +11,14 @@ from collections.abc import Callable
 from itertools import islice
 from typing import Any
 
-from snr_sim.console.readable import ITEMS_MAX, bounded, in_words, name, short, table
-from snr_sim.core.ages import LINK_PREFIX, age_s
+from snr_sim.console.formatting import MAX_ITEMS, format_short, format_value, name, table, truncate_value
 from snr_sim.core.loop import Loop
 from snr_sim.core.node import Node
+from snr_sim.core.page_age import LINK_PREFIX, page_age_s
 from snr_sim.core.profiler import Profiler
 from snr_sim.prelude.page import Page
 
-ROWS_MAX = 500
+MAX_ROWS = 500
 
 Rows = list[dict[str, Any]]
 View = tuple[str, Any]  # text for a user, plain data for a program
@@ -30,7 +30,7 @@ def components(node: Node) -> View:
     for key, component in node.components.copy().items():
         row: dict[str, Any] = {"component": name(key), "class": type(component).__name__}
         if isinstance(component, Loop):
-            row |= {"kind": "loop", "rate_hz": component.max_tick_rate_hz, **_pulse(component)}
+            row |= {"kind": "loop", "rate_hz": component.max_tick_rate_hz, **_loop_state(component)}
         else:
             row |= {"kind": "endpoint", "handlers": len(component.task_handlers)}
         rows.append(row)
@@ -43,7 +43,7 @@ def loops(node: Node) -> View:
         {
             "loop": name(key),
             "rate_hz": loop.max_tick_rate_hz,
-            **_pulse(loop),
+            **_loop_state(loop),
             "runs": "no" if loop.is_terminated() else "yes",
         }
         for key, loop in node.components.copy().items()
@@ -52,12 +52,12 @@ def loops(node: Node) -> View:
     return _rows(rows, ("loop", "rate_hz", "ticks", "late_s", "skipped", "runs"), "loops")
 
 
-def _pulse(loop: Loop) -> dict[str, Any]:
-    backing = loop.caller
-    if backing is None:
+def _loop_state(loop: Loop) -> dict[str, Any]:
+    executor = loop.caller
+    if executor is None:
         return {}
-    skipped = {"skipped": backing.skipped} if hasattr(backing, "skipped") else {}
-    return {"ticks": backing.ticks, "late_s": backing.late_s, **skipped}
+    skipped = {"skipped": executor.skipped} if hasattr(executor, "skipped") else {}
+    return {"ticks": executor.ticks, "late_s": executor.late_s, **skipped}
 
 
 def pages(node: Node) -> View:
@@ -67,9 +67,9 @@ def pages(node: Node) -> View:
             "page": name(key),
             "age_s": _age_s(node, page),
             "origin": name(str(page.origin)),
-            "holds": short(page.data),
+            "holds": format_short(page.data),
         }
-        for key, page in islice(node.datastore.pages.copy().items(), ROWS_MAX)
+        for key, page in islice(node.datastore.pages.copy().items(), MAX_ROWS)
         if type(page) is Page
     ]
     return _rows(rows, ("page", "age_s", "origin", "holds"), "pages", len(node.datastore.pages))
@@ -82,7 +82,9 @@ def links(node: Node) -> View:
     for key, page in node.datastore.pages.copy().items():
         if key.startswith(LINK_PREFIX):
             state = page.data if isinstance(page.data, dict) else {}
-            rows.append({"link": name(key.removeprefix(LINK_PREFIX)), **{f: bounded(state.get(f), 4) for f in fields}})
+            rows.append(
+                {"link": name(key.removeprefix(LINK_PREFIX)), **{f: truncate_value(state.get(f), 4) for f in fields}}
+            )
     return _rows(rows, ("link", *fields), "links")
 
 
@@ -97,17 +99,22 @@ def profile(node: Node) -> View:
 
 def page(node: Node, page: Page) -> View:
     """Return all of a page, with long data truncated."""
-    data = bounded(page.data, ITEMS_MAX)
-    fields = {"key": page.key, "data": data, "origin": bounded(page.origin), "created_at_s": bounded(page.created_at_s)}
+    data = truncate_value(page.data, MAX_ITEMS)
+    fields = {
+        "key": page.key,
+        "data": data,
+        "origin": truncate_value(page.origin),
+        "created_at_s": truncate_value(page.created_at_s),
+    }
     seconds = _age_s(node, page)
-    when = f"{seconds:.2f} s ago" if seconds is not None else "nobody knows when"
-    return f"{name(page.key)} = {in_words(data)}  ({when}, from {short(page.origin)})", fields
+    when = f"{seconds:.2f} s ago" if seconds is not None else "time unknown"
+    return f"{name(page.key)} = {format_value(data)}  ({when}, from {format_short(page.origin)})", fields
 
 
 def _age_s(node: Node, page: Page) -> float | None:
     if type(page.created_at_s) not in (int, float):
         return None
-    seconds = age_s(node, page)
+    seconds = page_age_s(node, page)
     return seconds if math.isfinite(seconds) else None
 
 
@@ -132,5 +139,5 @@ def views(node: Node, names: tuple[str, ...]) -> View:
 def _rows(rows: Rows, columns: tuple[str, ...], what: str, count: int | None = None) -> View:
     if not rows:
         return f"no {what}", rows
-    hidden = (len(rows) if count is None else count) - len(rows[:ROWS_MAX])
-    return table(rows[:ROWS_MAX], columns) + (f"\n... {hidden} more" if hidden > 0 else ""), rows[:ROWS_MAX]
+    hidden = (len(rows) if count is None else count) - len(rows[:MAX_ROWS])
+    return table(rows[:MAX_ROWS], columns) + (f"\n... {hidden} more" if hidden > 0 else ""), rows[:MAX_ROWS]

@@ -14,15 +14,15 @@ from queue import Empty, SimpleQueue
 from typing import TextIO
 
 from snr_sim.console.commands import TABLE
-from snr_sim.console.session import Session
-from snr_sim.console.table import Answer
-from snr_sim.console.words import LINE_MAX_CHARS
+from snr_sim.console.parsing import MAX_LINE_CHARS
+from snr_sim.console.session import ConsoleSession
+from snr_sim.console.table import CommandResult
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.node_api import NodeApi
 
-LOOK_S = 0.05  # maximum time that a closing node waits for this loop
+POLL_PERIOD_S = 0.05  # maximum time that a closing node waits for this loop
 SOON_S = 0.005
 _READ_BYTES = 4096
 
@@ -71,7 +71,7 @@ class LocalConsole(Loop):
                 fix="RemoteConsole(('127.0.0.1', port), commands).run(), or `snr console PORT`.",
             )
         super().__init__(factory, parent, name, max_tick_rate_hz=0)
-        self._session = Session(parent, TABLE, name)
+        self._session = ConsoleSession(parent, TABLE, name)
         self._rest = b""
         self._lines: deque[str] = deque()
         self._is_at_end = False
@@ -99,7 +99,7 @@ class LocalConsole(Loop):
         if (outcome := self._session.outcome(now_s)) is not None:
             self._show(outcome)
         while self._lines and not self._session.is_waiting:
-            answer = self._session.answer(self._lines.popleft())
+            answer = self._session.execute(self._lines.popleft())
             if not self._session.is_waiting:
                 self._show(answer)
         if self._is_at_end and not (self._lines or self._session.is_waiting):
@@ -112,10 +112,10 @@ class LocalConsole(Loop):
         *lines, self._rest = (self._rest + (data or b"")).split(b"\n")
         if self._is_at_end:
             lines.append(self._rest)
-        self._rest = self._rest[: LINE_MAX_CHARS + 1]  # one character too many is enough for the error
+        self._rest = self._rest[: MAX_LINE_CHARS + 1]  # one character too many is enough for the error
         self._lines += [line.decode(errors="replace") for line in lines if line.strip()]
 
-    def _show(self, answer: Answer) -> None:
+    def _show(self, answer: CommandResult) -> None:
         try:
             print(answer.text, file=self.factory.prints or sys.stdout, flush=True)
         except (OSError, ValueError):
@@ -125,7 +125,7 @@ class LocalConsole(Loop):
 def _select_and_read(descriptor: int) -> bytes | None:
     """Wait briefly for bytes; return None if none arrived, and b"" at the end."""
     try:
-        is_ready, _, _ = select.select([descriptor], [], [], LOOK_S)
+        is_ready, _, _ = select.select([descriptor], [], [], POLL_PERIOD_S)
         return os.read(descriptor, _READ_BYTES) if is_ready else None
     except OSError:  # the terminal was closed
         return b""
@@ -138,7 +138,7 @@ class _ThreadReader:
     """
 
     def __init__(self, descriptor: int) -> None:
-        self._came: SimpleQueue[bytes] = SimpleQueue()
+        self._received: SimpleQueue[bytes] = SimpleQueue()
         threading.Thread(target=self._run, args=(descriptor,), name="stdin", daemon=True).start()
 
     def _run(self, descriptor: int) -> None:
@@ -148,11 +148,11 @@ class _ThreadReader:
                 data = os.read(descriptor, _READ_BYTES)
             except OSError:
                 data = b""
-            self._came.put(data)
+            self._received.put(data)
 
     def __call__(self) -> bytes | None:
         try:
-            return self._came.get(timeout=LOOK_S)
+            return self._received.get(timeout=POLL_PERIOD_S)
         except Empty:
             return None
 

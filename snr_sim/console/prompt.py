@@ -16,8 +16,8 @@ from prompt_toolkit.patch_stdout import patch_stdout
 from snr_sim.console.client import ConsoleClient
 from snr_sim.prelude.user_folder import user_folder
 
-HISTORY_MAX_LINES = 1000
-WELCOME = "help says what there is, Tab completes, Ctrl-D leaves. (The command exit ends the node.)"
+MAX_HISTORY_LINES = 1000
+WELCOME = "help lists the commands, Tab completes, Ctrl-D leaves. (The command exit ends the node.)"
 
 
 class Prompt:
@@ -31,7 +31,7 @@ class Prompt:
     def __init__(self, client: ConsoleClient, history: Path | None = None) -> None:
         self._client = client
         self._session: PromptSession[str] = PromptSession(
-            history=FileOfLines(history or history_file()),
+            history=BoundedFileHistory(history or history_file()),
             completer=NodeCompleter(client),
             complete_while_typing=False,
             complete_in_thread=True,
@@ -72,7 +72,7 @@ class NodeCompleter(Completer):
             yield Completion(word, start_position=-len(begun))
 
 
-class FileOfLines(History):
+class BoundedFileHistory(History):
     """History in a file, one line each, readable by its owner only, with a bounded number of lines.
 
     Args:
@@ -89,8 +89,8 @@ class FileOfLines(History):
             lines = self._path.read_text(encoding="utf-8", errors="replace").splitlines()
         except OSError:
             return []
-        if len(lines) > HISTORY_MAX_LINES:
-            lines = lines[-HISTORY_MAX_LINES:]
+        if len(lines) > MAX_HISTORY_LINES:
+            lines = lines[-MAX_HISTORY_LINES:]
             with suppress(OSError):
                 self._path.write_text("\n".join(lines) + "\n", encoding="utf-8")
         return reversed(lines)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from snr_sim.console.client import ConsoleClient
-from snr_sim.console.table import Answer
+from snr_sim.console.table import CommandResult
 from snr_sim.prelude.errors import LinkError
 
 WAIT_S = 5.0  # a node may only just be starting
@@ -37,10 +37,10 @@ class RemoteConsole:
         wait_s: float = WAIT_S,
     ) -> None:
         self.commands = commands
-        self.client = ConsoleClient(server_tuple, token, retry_wait_s, self.show, self.tell)
+        self.client = ConsoleClient(server_tuple, token, retry_wait_s, self.show, self.print_line)
         self._wait_s = wait_s
 
-    def run(self) -> Sequence[Answer]:
+    def run(self) -> Sequence[CommandResult]:
         """Return the answers to `commands`; without them, prompt the user until they leave.
 
         Raises:
@@ -48,21 +48,21 @@ class RemoteConsole:
         """
         with self.client:
             if self.commands is None:
-                self._talk()
+                self._prompt_user()
                 return []
             self.client.wait_until_up(self._wait_s)
             return [self.client.ask(line) for line in self.commands if line.strip()]
 
-    def show(self, answer: Answer) -> None:
+    def show(self, answer: CommandResult) -> None:
         """Print an answer; those of watched pages arrive without a command."""
         print(answer.text, flush=True)
 
-    def tell(self, sentence: str) -> None:
+    def print_line(self, sentence: str) -> None:
         """Print the state of the connection for a user; a script gets an error instead."""
         if self.commands is None:
             print(f"-- {sentence}", flush=True)
 
-    def _talk(self) -> None:
+    def _prompt_user(self) -> None:
         from snr_sim.console.prompt import Prompt  # takes 0.1 s to import, and only users need it
 
         with Prompt(self.client) as lines:
@@ -70,6 +70,6 @@ class RemoteConsole:
                 try:
                     self.show(self.client.ask(line))
                 except LinkError as error:
-                    self.tell(str(error))
+                    self.print_line(str(error))
                 if self.client.was_refused:
                     raise LinkError(f"The node at {self.client.host}:{self.client.port}: {self.client.reason}")

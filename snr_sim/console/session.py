@@ -1,4 +1,4 @@
-"""Session: one console at a node. A line of text in, an answer out; owns no port, so a test needs none."""
+"""ConsoleSession: one console at a node. A line of text in, an answer out; owns no port, so a test needs none."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from snr_sim.console import introspection
-from snr_sim.console.readable import cut_text
-from snr_sim.console.table import Answer, Table, completions, parse
-from snr_sim.console.words import LINE_MAX_CHARS, CommandRefused
+from snr_sim.console.formatting import truncate
+from snr_sim.console.parsing import MAX_LINE_CHARS, ConsoleCommandError
+from snr_sim.console.table import CommandResult, Table, completions, parse
 from snr_sim.core.node import Node
-from snr_sim.prelude.errors import SnrError, nearest
+from snr_sim.prelude.errors import SnrError, suggest
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.task import Task
 
 # The node keeps every name that it receives (a page, a looked-up handler), so the number from consoles is limited.
-NEW_NAMES_MAX = 1000
-WAITING_MAX = 1000  # with more tasks in the inbox, those of a console are rejected: the node does not keep up
-WATCHES_MAX = 16
+MAX_NEW_NAMES = 1000
+MAX_WAITING_TASKS = 1000  # with more tasks in the inbox, those of a console are rejected: the node does not keep up
+MAX_WATCHES = 16
 WATCH_PERIOD_S = 0.1
 OUTCOME_WAIT_S = 5.0  # time limit for a command's result, after which the console is sent a message without one
 
@@ -26,7 +26,7 @@ log = logging.getLogger("snr.console")
 
 
 @dataclass
-class _Watch:
+class _PageWatch:
     """A watched page: the version shown last, and when it may be shown next."""
 
     shown: Page | None
@@ -34,15 +34,15 @@ class _Watch:
 
 
 @dataclass
-class _Awaited:
+class _PendingResult:
     """A command whose result is pending: how to detect the result, and until when."""
 
     what: str
-    look: Callable[[], Answer | None]
+    poll: Callable[[], CommandResult | None]
     until_s: float | None = None
 
 
-class Session:
+class ConsoleSession:
     """Executes one console's lines on a node, from any thread, and shows the pages it watches.
 
     Args:
@@ -57,8 +57,8 @@ class Session:
         self.source = source
         self.new_names = set() if new_names is None else new_names
         self._table = table
-        self._watches: dict[str, _Watch] = {}
-        self._awaited: _Awaited | None = None
+        self._watches: dict[str, _PageWatch] = {}
+        self._pending: _PendingResult | None = None
 
     @property
     def is_watching(self) -> bool:
@@ -68,24 +68,26 @@ class Session:
     @property
     def is_waiting(self) -> bool:
         """Whether the last command has only a first answer: `outcome` returns the rest."""
-        return self._awaited is not None
+        return self._pending is not None
 
-    def answer(self, line: str) -> Answer:
+    def execute(self, line: str) -> CommandResult:
         """Execute a line. Never raises: a console must not end the node it inspects."""
         try:
             command, given = parse(self._table, line)
             answer = command.run(self, given)
-            return Answer(cut_text(answer.text), answer.data)
+            return CommandResult(truncate(answer.text), answer.data)
         except SnrError as error:
-            return Answer(cut_text(str(error)), is_error=True)
+            return CommandResult(truncate(str(error)), is_error=True)
         except Exception as error:
             log.exception("a console's command failed")
-            return Answer(f"The command failed, which is a mistake in snr_sim: {type(error).__name__}.", is_error=True)
+            return CommandResult(
+                f"The command failed, which is a mistake in snr_sim: {type(error).__name__}.", is_error=True
+            )
 
     def complete(self, line: str) -> list[str]:
         """Return the words that can follow at the end of the line."""
         try:
-            return completions(self._table, line[-LINE_MAX_CHARS:], self.node)
+            return completions(self._table, line[-MAX_LINE_CHARS:], self.node)
         except Exception:
             log.exception("a console's completion failed")
             return []
@@ -94,58 +96,60 @@ class Session:
         """Count a name that is new to the node.
 
         Raises:
-            CommandRefused: consoles have introduced too many.
+            ConsoleCommandError: consoles have introduced too many.
         """
         if is_known or name in self.new_names:
             return
-        if len(self.new_names) >= NEW_NAMES_MAX:
-            raise CommandRefused(f"Consoles have brought {NEW_NAMES_MAX} new names, which is enough.")
+        if len(self.new_names) >= MAX_NEW_NAMES:
+            raise ConsoleCommandError(f"Consoles have added {MAX_NEW_NAMES} new names, the maximum.")
         self.new_names.add(name)
 
-    def bring(self, task: Task) -> None:
+    def enqueue(self, task: Task) -> None:
         """Put a task into the node's inbox.
 
         Raises:
-            CommandRefused: the node has ended, or too many tasks wait.
+            ConsoleCommandError: the node has ended, or too many tasks wait.
         """
-        if self.node.is_over:
-            raise CommandRefused(f"Node '{self.node.name}' has ended.")
-        waiting = len(self.node.door.waiting)
-        if waiting >= WAITING_MAX:
-            raise CommandRefused(f"{waiting} tasks wait at the node's door: it does not keep up.", fix="again, later.")
-        self.node.enter(task, self.source)
+        if self.node.is_finished:
+            raise ConsoleCommandError(f"Node '{self.node.name}' has ended.")
+        waiting = len(self.node.inbox.waiting)
+        if waiting >= MAX_WAITING_TASKS:
+            raise ConsoleCommandError(
+                f"{waiting} tasks wait in the node's inbox: it does not keep up.", fix="send the command again later."
+            )
+        self.node.enqueue_input(task, self.source)
 
-    def expect(self, task: Task, what: str, look: Callable[[], Answer | None]) -> None:
+    def expect(self, task: Task, what: str, poll: Callable[[], CommandResult | None]) -> None:
         """Put a task into the inbox whose result can be detected.
 
         Args:
             task: the task.
             what: description of the request.
-            look: returns the result, or None as long as there is none.
+            poll: returns the result, or None as long as there is none.
         """
-        self.bring(task)
-        self._awaited = _Awaited(what, look)
+        self.enqueue(task)
+        self._pending = _PendingResult(what, poll)
 
-    def outcome(self, now_s: float) -> Answer | None:
+    def outcome(self, now_s: float) -> CommandResult | None:
         """Return the result of the last command, once known, or a message that there is none within the time limit.
 
         Args:
             now_s: as of `changes`.
         """
-        awaited = self._awaited
-        if awaited is None:
+        pending = self._pending
+        if pending is None:
             return None
-        if awaited.until_s is None:
-            awaited.until_s = now_s + OUTCOME_WAIT_S
-        answer = awaited.look()
-        if answer is None and now_s >= awaited.until_s:
-            text = f"{awaited.what} is queued, and nothing has come of it in {OUTCOME_WAIT_S:g} s."
-            answer = Answer(text, is_error=True)
+        if pending.until_s is None:
+            pending.until_s = now_s + OUTCOME_WAIT_S
+        answer = pending.poll()
+        if answer is None and now_s >= pending.until_s:
+            text = f"{pending.what} is queued, but has no result after {OUTCOME_WAIT_S:g} s."
+            answer = CommandResult(text, is_error=True)
         if answer is not None:
-            self._awaited = None
+            self._pending = None
         return answer
 
-    def changes(self, now_s: float) -> list[Answer]:
+    def changes(self, now_s: float) -> list[CommandResult]:
         """Return an answer for each watched page that has changed since it was last shown.
 
         Args:
@@ -156,36 +160,36 @@ class Session:
             page = self.node.datastore.pages.get(key)
             if page is not None and page is not watch.shown and now_s >= watch.next_s:
                 watch.shown, watch.next_s = page, now_s + WATCH_PERIOD_S
-                answers.append(self._shown(page))
+                answers.append(self._page_result(page))
         return answers
 
-    def _shown(self, page: Page) -> Answer:
+    def _page_result(self, page: Page) -> CommandResult:
         text, data = introspection.page(self.node, page)
-        return Answer(cut_text(text), data, about=page.key)
+        return CommandResult(truncate(text), data, about=page.key)
 
-    def watch(self, key: str) -> Answer:
+    def watch(self, key: str) -> CommandResult:
         """Start to show a page, beginning with its current data.
 
         Raises:
-            CommandRefused: too many are watched.
+            ConsoleCommandError: too many are watched.
         """
-        if key not in self._watches and len(self._watches) >= WATCHES_MAX:
-            raise CommandRefused(f"This console watches {WATCHES_MAX} pages, which is the most.", fix="unwatch KEY.")
+        if key not in self._watches and len(self._watches) >= MAX_WATCHES:
+            raise ConsoleCommandError(f"This console watches {MAX_WATCHES} pages, the maximum.", fix="unwatch KEY.")
         pages = self.node.datastore.pages.copy()
         page = pages.get(key)
-        self._watches[key] = _Watch(page)
+        self._watches[key] = _PageWatch(page)
         if page is None:
-            return Answer(f"Nothing has stored a page '{key}' (yet): {nearest(key, pages)}", {"watch": key})
-        return self._shown(page)
+            return CommandResult(f"Nothing has stored a page '{key}' (yet): {suggest(key, pages)}", {"watch": key})
+        return self._page_result(page)
 
-    def unwatch(self, key: str | None) -> Answer:
+    def unwatch(self, key: str | None) -> CommandResult:
         """Stop showing one page, or all.
 
         Raises:
-            CommandRefused: that page is not watched.
+            ConsoleCommandError: that page is not watched.
         """
         if key is None:
             self._watches.clear()
         elif self._watches.pop(key, None) is None:
-            raise CommandRefused(f"Page '{key}' is not watched.", fix=nearest(key, self._watches))
-        return Answer(f"watched: {', '.join(self._watches) or 'nothing'}", {"watched": list(self._watches)})
+            raise ConsoleCommandError(f"Page '{key}' is not watched.", fix=suggest(key, self._watches))
+        return CommandResult(f"watched: {', '.join(self._watches) or 'nothing'}", {"watched": list(self._watches)})

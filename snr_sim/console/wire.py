@@ -11,39 +11,39 @@ from typing import Annotated, Any, TypeAlias
 
 import msgspec
 
-from snr_sim.console.table import Answer
-from snr_sim.console.words import LINE_MAX_CHARS
+from snr_sim.console.parsing import MAX_LINE_CHARS
+from snr_sim.console.table import CommandResult
 from snr_sim.links.frames import MAX_FRAME_BYTES, encode_frame
 from snr_sim.links.messages import decoder_of
 from snr_sim.links.wire_bounds import WIRE_KINDS, check_bounds
-from snr_sim.prelude.values import MARK, decode_value, encode_value
+from snr_sim.prelude.values import TAG, decode_value, encode_value
 
 SECRET_IS = ("token", "the node's token, by --token-file FILE or the variable SNR_TOKEN; in a program by token=")
 PURPOSE = "console"
 DEFAULT_PORT = 54321
 READ_BYTES = 1 << 14
-LINE_FRAME_MAX_BYTES = 8 * LINE_MAX_CHARS  # six bytes at most for a character in JSON, plus the message around them
+MAX_LINE_FRAME_BYTES = 8 * MAX_LINE_CHARS  # six bytes at most for a character in JSON, plus the message around them
 
 Number: TypeAlias = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
-Line: TypeAlias = Annotated[str, msgspec.Meta(max_length=LINE_MAX_CHARS)]
+Line: TypeAlias = Annotated[str, msgspec.Meta(max_length=MAX_LINE_CHARS)]
 Value: TypeAlias = Annotated[msgspec.Raw, msgspec.Meta(extra_json_schema={"$ref": "value.schema.json"})]
 
 
-class Command(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="command"):
+class CommandMessage(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=TAG, tag="command"):
     """A line to execute; a Reply with the same number follows."""
 
     number: Number
     line: Line
 
 
-class Complete(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="complete"):
-    """A line to complete; Words with the same number follow."""
+class CompleteMessage(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=TAG, tag="complete"):
+    """A line to complete; CompletionsMessage with the same number follows."""
 
     number: Number
     line: Line
 
 
-class Reply(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="reply"):
+class Reply(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=TAG, tag="reply"):
     """An answer; number 0 marks that of a watched page, sent without a request."""
 
     number: Number
@@ -53,24 +53,24 @@ class Reply(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=M
     about: str
 
 
-class Words(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="words"):
-    """Words that can follow at the end of a line."""
+class CompletionsMessage(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=TAG, tag="words"):
+    """CompletionsMessage that can follow at the end of a line."""
 
     number: Number
     words: list[str]
 
 
-decode_asked = decoder_of(Command, Complete)
-decode_answered = decoder_of(Reply, Words)
+decode_request = decoder_of(CommandMessage, CompleteMessage)
+decode_response = decoder_of(Reply, CompletionsMessage)
 _encode = msgspec.json.Encoder().encode
 
 
-def asked(message: Command | Complete) -> bytes:
+def encode_request(message: CommandMessage | CompleteMessage) -> bytes:
     """Return the frame of a request."""
-    return encode_frame(_encode(message), LINE_FRAME_MAX_BYTES)
+    return encode_frame(_encode(message), MAX_LINE_FRAME_BYTES)
 
 
-def replied(number: int, answer: Answer) -> bytes:
+def encode_reply(number: int, answer: CommandResult) -> bytes:
     """Return the frame of an answer; without its data if both together exceed the size of a frame."""
     for data in (answer.data, None):
         reply = Reply(number, answer.text, msgspec.Raw(encode_value(data)), answer.is_error, answer.about)
@@ -80,12 +80,12 @@ def replied(number: int, answer: Answer) -> bytes:
     return encode_frame(payload)
 
 
-def completed(number: int, words: list[str]) -> bytes:
+def encode_completions(number: int, words: list[str]) -> bytes:
     """Return the frame of a completion."""
-    return encode_frame(_encode(Words(number, words)))
+    return encode_frame(_encode(CompletionsMessage(number, words)))
 
 
-def answer_of(reply: Reply) -> Answer:
+def result_from_reply(reply: Reply) -> CommandResult:
     """Return the answer in a reply.
 
     Raises:
@@ -94,7 +94,7 @@ def answer_of(reply: Reply) -> Answer:
     raw = bytes(reply.data)
     data: Any = decode_value(raw, WIRE_KINDS)
     check_bounds(raw)
-    return Answer(reply.text, data, reply.is_error, reply.about)
+    return CommandResult(reply.text, data, reply.is_error, reply.about)
 
 
 async def read_for(reader: asyncio.StreamReader, timeout_s: float) -> bytes | None:

@@ -1,4 +1,4 @@
-"""Runtime: the event machine, its inbox (`Door`), components, clocks and runners.
+"""Runtime: the event machine, its inbox, components, clocks and runners.
 
 `from snr_sim.core import *`, as the thesis' listings have it, gives what `from snr_sim import *` gives.
 """

@@ -6,11 +6,18 @@ import inspect
 from collections.abc import Iterable
 from typing import Any
 
-from snr_sim.core.blame import describe_error, place_of, place_of_class, put_place_first, without_addresses
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.handlers import check_returns
+from snr_sim.core.handles import is_decorated
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node_parts import NodeParts
+from snr_sim.core.source_location import (
+    class_location,
+    describe_error,
+    location_of,
+    prepend_location,
+    without_addresses,
+)
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ConfigError, SnrError
 
@@ -30,8 +37,8 @@ class ComponentRegistry:
     def __init__(self, node: NodeParts) -> None:
         self.components: dict[str, Component] = {}
         self._node = node
-        self._places: dict[str, int] = {}
-        self._last_place = 0
+        self._indices: dict[str, int] = {}
+        self._last_index = 0
 
     def add_all(self, factories: Iterable[Any], is_replay: bool) -> None:
         """Create and append a component of each factory; in a replay leave out loops.
@@ -39,9 +46,9 @@ class ComponentRegistry:
         Raises:
             ConfigError: a factory does not return a component, or two have the same name.
         """
-        for self._last_place, factory in enumerate(factories, 1):
+        for self._last_index, factory in enumerate(factories, 1):
             if not (is_replay and isinstance(factory, LoopFactory)):
-                self.add(self.make(factory), self._last_place)
+                self.add(self.make(factory), self._last_index)
 
     def make(self, factory: Any) -> Endpoint | Loop:
         """Return a factory's component, checked; it is not yet added to the node.
@@ -57,7 +64,12 @@ class ComponentRegistry:
                     f"Role '{node.role}' lists {type(owner).__name__}.{factory.__name__} where a factory belongs.",
                     fix=f'call it: .{factory.__name__}(...), as in tether.server("depth").',
                 )
-            if hasattr(factory, "attach"):  # runners.Link
+            if isinstance(factory, type) and issubclass(factory, (Endpoint, Loop)):
+                raise ConfigError(
+                    f"Role '{node.role}' lists the class {factory.__name__} where a factory belongs.",
+                    fix=f"{factory.__name__}.factory().",
+                )
+            if hasattr(factory, "attach"):  # runners.NodeLink
                 raise ConfigError(
                     f"Role '{node.role}' lists a {name}, which links roles of one simulation, where a factory belongs.",
                     fix="SimRunner(config, links=[link]); between processes a SocketsPair or a PipesPair.",
@@ -69,20 +81,20 @@ class ComponentRegistry:
         try:
             component = factory.get(node)
         except SnrError as error:
-            put_place_first(error)
+            prepend_location(error)
             raise
         except (Exception, SystemExit) as error:
             what = f"while {name}.get() made a component of role '{node.role}'"
-            raise ConfigError(describe_error(error, what, place_of_class(type(factory)))) from error
-        wanted: type[Endpoint | Loop] = Endpoint if isinstance(factory, EndpointFactory) else Loop
-        a_wanted = f"{'an' if wanted is Endpoint else 'a'} {wanted.__name__}"
-        if not isinstance(component, wanted):
-            place = place_of(factory.get)
-            where = f"{place}\n  " if place is not None else ""
+            raise ConfigError(describe_error(error, what, class_location(type(factory)))) from error
+        expected: type[Endpoint | Loop] = Endpoint if isinstance(factory, EndpointFactory) else Loop
+        an_expected = f"{'an' if expected is Endpoint else 'a'} {expected.__name__}"
+        if not isinstance(component, expected):
+            location = location_of(factory.get)
+            where = f"{location}\n  " if location is not None else ""
             raise ConfigError(
                 f"{where}{name}.get() of role '{node.role}' returned {without_addresses(repr(component))}, "
-                f"but should return {a_wanted}.",
-                fix=f"end get(self, parent) with: return My{wanted.__name__}(self, parent, 'its_name').",
+                f"but should return {an_expected}.",
+                fix=f"end get(self, parent) with: return My{expected.__name__}(self, parent, 'its_name').",
             )
         if not hasattr(component, "name"):
             raise ConfigError(
@@ -92,16 +104,18 @@ class ComponentRegistry:
         for step in _STEPS:
             check_returns(f"{step}() of component '{component.name}'", getattr(component, step, None))
         if isinstance(component, Endpoint) and hasattr(component, "task_source"):
-            node.note(f"'{component.name}' has a task_source(), which nothing calls: a Loop brings in what is outside.")
-        if isinstance(component, Loop) and component.task_handlers:
+            node.add_note(
+                f"'{component.name}' has a task_source(), which nothing calls: a Loop brings in what is outside."
+            )
+        if isinstance(component, Loop) and (component.task_handlers or is_decorated(type(component))):
             raise ConfigError(
                 f"Loop '{component.name}' of role '{node.role}' registers handlers, but a loop only brings tasks in.",
-                fix="put the handlers into an endpoint beside it: loops are not there in a replay, endpoints are.",
+                fix="put the handlers into an endpoint: a replay runs endpoints, but no loops.",
             )
         return component
 
-    def add(self, component: Component, place: int) -> None:
-        """Add a component that `make` has returned, at index `place` in the order.
+    def add(self, component: Component, index: int) -> None:
+        """Add a component that `make` has returned, at `index` in the order.
 
         Raises:
             ConfigError: a component of that name exists.
@@ -114,31 +128,31 @@ class ComponentRegistry:
                 fix="give each component a name of its own in its factory.",
             )
         self.components[component.name] = component
-        self._places[component.name] = place
-        self._node.machine.lookup.forget()
+        self._indices[component.name] = index
+        self._node.machine.lookup.invalidate()
 
-    def exchange(self, old: Component | None, new: Component | None) -> None:
+    def replace_component(self, old: Component | None, new: Component | None) -> None:
         """Replace a component by one of the same name; `old` None: append, `new` None: remove."""
         lookup = self._node.machine.lookup
         if old is None and new is not None:
             components = self.components.copy()  # faster than to insert 1000 items into a new dict
             components[new.name] = new
             self.components = components
-            self.give_place(new.name)
+            self.set_order(new.name)
             lookup.components = self.components
-            lookup.added(new)
+            lookup.add(new)
             return
         items = [(name, new if one is old else one) for name, one in self.components.items()]
         self.components = {name: one for name, one in items if one is not None}
         lookup.components = self.components
-        lookup.forget()
+        lookup.invalidate()
 
     def order_of(self, component_name: str) -> int:
         """Return a component's index in the order of the node's components; a reload keeps it."""
-        return self._places[component_name]
+        return self._indices[component_name]
 
-    def give_place(self, component_name: str, place: int | None = None) -> None:
-        """Set a component's index in the order; without `place`, the last."""
-        if place is None:
-            place = self._last_place = self._last_place + 1
-        self._places[component_name] = place
+    def set_order(self, component_name: str, index: int | None = None) -> None:
+        """Set a component's index in the order; without `index`, the last."""
+        if index is None:
+            index = self._last_index = self._last_index + 1
+        self._indices[component_name] = index

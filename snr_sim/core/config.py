@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from snr_sim.core.profiler import Profiler
 from snr_sim.prelude.component import RoleName
-from snr_sim.prelude.errors import ConfigError, UnknownName, nearest
+from snr_sim.prelude.errors import ConfigError, UnknownNameError, suggest
 
 if TYPE_CHECKING:
     from snr_sim.core.endpoint import EndpointFactory
@@ -58,7 +58,7 @@ class Config:
             )
         if mode not in list(Mode):
             raise ConfigError(
-                f"A Config with the mode {mode!r}.", fix=nearest(str(mode), [*Mode], "Mode.DEBUG, DEPLOYED or TEST")
+                f"A Config with the mode {mode!r}.", fix=suggest(str(mode), [*Mode], "Mode.DEBUG, DEPLOYED or TEST")
             )
         if factories is not None and not isinstance(factories, Mapping):
             raise ConfigError(
@@ -97,12 +97,12 @@ class Config:
         """Return the factories of a role.
 
         Raises:
-            UnknownName: there is no such role.
+            UnknownNameError: there is no such role.
         """
         if not isinstance(role, str):
-            raise UnknownName(f"{role!r} is no name of a role.", fix=f"one of {', '.join(self.factories)}.")
+            raise UnknownNameError(f"{role!r} is not the name of a role.", fix=f"one of {', '.join(self.factories)}.")
         if role not in self.factories:
-            raise UnknownName(f"This Config has no role '{role}'.", fix=nearest(role, self.factories))
+            raise UnknownNameError(f"This Config has no role '{role}'.", fix=suggest(role, self.factories))
         return self.factories[role]
 
     def get_profiler(self) -> Profiler | None:

@@ -9,8 +9,8 @@ from functools import lru_cache
 from types import FrameType
 from typing import Any, NamedTuple
 
-from snr_sim.core.blame import Place, is_student_file, place_now
 from snr_sim.core.machine import EventMachine
+from snr_sim.core.source_location import SourceLocation, current_location, is_student_file
 from snr_sim.prelude.task import Task
 
 _DEBUGGERS = ("bdb", "pdb")
@@ -42,9 +42,9 @@ class CurrentCall(NamedTuple):
         return None if self.frame is None else (self.frame.f_code.co_filename, self.frame.f_lineno)
 
     @property
-    def place(self) -> Place | None:
+    def location(self) -> SourceLocation | None:
         """The student's line, to be shown."""
-        return None if self.frame is None else place_now(self.frame)
+        return None if self.frame is None else current_location(self.frame)
 
 
 def current_call(newest: FrameType | None, base: FrameType | None, with_task: bool = False) -> CurrentCall:

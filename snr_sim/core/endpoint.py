@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from types import FunctionType, MethodType
 from typing import Any, ClassVar
 
-from snr_sim.core.component import ComponentFactory, NodeComponent
-from snr_sim.core.handlers import HandlerMap, check_handlers
+from snr_sim.core.component import ComponentFactory, FactoryMaker, NodeComponent
+from snr_sim.core.handlers import HandlerMap, check_handlers, describe
+from snr_sim.core.handles import decorated_handlers
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import SomeTasks, TaskHandler, TaskHandlerMap, TaskId
@@ -18,15 +19,16 @@ class EndpointFactory(ComponentFactory):
 
     def get(self, parent: NodeApi) -> Endpoint:
         """Return a new endpoint that belongs to the node `parent`."""
-        raise NotImplementedError(f"{type(self).__name__} needs a method get(self, parent) that returns its endpoint")
+        endpoint: Endpoint = self._create(parent, "endpoint")
+        return endpoint
 
 
 class Endpoint(NodeComponent):
     """A component that handles tasks, all of them on the node's one thread.
 
-    Set `self.task_handlers` in `__init__`; a handler is called with (task, task_id) and returns None, a task, or a
-    list of tasks. Take random numbers from `self.rng`, time from `self.get_time_s()`, and nothing else from outside:
-    that makes a run repeatable.
+    Decorate methods with `@handles`, or set `self.task_handlers` in `__init__`: such a handler is called with
+    (task, task_id). Each returns None, a task, or a list of tasks. Take random numbers from `self.rng`, time from
+    `self.get_time_s()`, and nothing else from outside: that makes a run repeatable.
 
     Args:
         factory: its factory.
@@ -35,19 +37,23 @@ class Endpoint(NodeComponent):
     """
 
     _of_class: ClassVar[Mapping[TaskId, TaskHandler]] = {}
+    _decorated: ClassVar[Mapping[TaskId, FunctionType]] = {}
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Keep the class's table `task_handlers` as the initial table of each object; its functions become methods."""
+        """Keep the class's handlers, in `task_handlers` or with `@handles`, as the initial ones of each object."""
         super().__init_subclass__(**options)
+        cls._decorated = decorated_handlers(cls)
         table = cls.__dict__.get("task_handlers")
         if isinstance(table, Mapping):
             cls._of_class = table
             del cls.task_handlers  # or it would hide the property below, and all objects would share one map
 
+    factory = FactoryMaker(EndpointFactory)
+
     def __init__(self, factory: EndpointFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         self._handlers = HandlerMap({}, self._handlers_changed)
-        if self._of_class:
+        if self._of_class or self._decorated:
             self.task_handlers = {
                 task_id: MethodType(handler, self) if isinstance(handler, FunctionType) else handler
                 for task_id, handler in self._of_class.items()
@@ -55,7 +61,7 @@ class Endpoint(NodeComponent):
 
     @property
     def task_handlers(self) -> TaskHandlerMap:
-        """Handlers by task id. May be changed while the node runs."""
+        """Handlers by task id. May be changed while the node runs; those with `@handles` stay when a table is set."""
         return self._handlers
 
     @task_handlers.setter
@@ -66,14 +72,21 @@ class Endpoint(NodeComponent):
                 fix="begin its __init__ with: super().__init__(factory, parent, name).",
             )
         check_handlers(self.name, handlers)
-        self._handlers = HandlerMap(handlers, self._handlers_changed)
-        self._tell_node()
+        decorated = {task_id: MethodType(function, self) for task_id, function in self._decorated.items()}
+        for task_id in decorated.keys() & handlers.keys():
+            raise ConfigError(
+                f"Component '{self.name}' handles {describe(task_id)} twice: in task_handlers, and with @handles in "
+                f"{decorated[task_id].__name__}.",
+                fix="one handler for each task; it may call others.",
+            )
+        self._handlers = HandlerMap({**decorated, **handlers}, self._handlers_changed)
+        self._notify_node()
 
     def _handlers_changed(self) -> None:
         check_handlers(self.name, self._handlers)
-        self._tell_node()
+        self._notify_node()
 
-    def _tell_node(self) -> None:
+    def _notify_node(self) -> None:
         if self.parent.components.get(self.name) is self:  # else the node reads them when it is added
             self.parent.handlers_changed()
 

@@ -11,7 +11,7 @@ from weakref import WeakSet
 from snr_sim.core.profiler import Profiler
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
-from snr_sim.prelude.errors import ConfigError, TaskError, nearest
+from snr_sim.prelude.errors import ConfigError, TaskError, suggest
 from snr_sim.prelude.task import Task, TaskHandler, TaskId, TaskName, TaskType
 
 # One handler to call: its component, the function, the id it was registered for, and the names of both for the trace.
@@ -32,7 +32,7 @@ class HandlerMap(dict[TaskId, TaskHandler]):
         self.on_change = on_change
 
 
-def _telling(name: str) -> Callable[..., Any]:
+def _notifying(name: str) -> Callable[..., Any]:
     mutate = getattr(dict, name)
 
     def method(self: HandlerMap, *args: Any, **kwargs: Any) -> Any:
@@ -45,10 +45,10 @@ def _telling(name: str) -> Callable[..., Any]:
 
 
 for _name in _MUTATORS:
-    setattr(HandlerMap, _name, _telling(_name))
+    setattr(HandlerMap, _name, _notifying(_name))
 
 
-class Lookup:
+class HandlerLookup:
     """Cached lookup of a task's handlers, in time that does not grow with the number of components.
 
     Args:
@@ -60,17 +60,17 @@ class Lookup:
         self.components = components
         self._profiler = profiler
         # Wraps a handler while new code is on probation (core/reload/rollback.py).
-        self.watched: Callable[[Component, TaskHandler], TaskHandler] | None = None
+        self.wrap_handler: Callable[[Component, TaskHandler], TaskHandler] | None = None
         self.cache: dict[TaskType, dict[TaskName, tuple[Entry, ...]]] = {kind: {} for kind in TaskType}
         self._seen: dict[TaskType, dict[TaskName, tuple[Entry, ...]]] = {kind: {} for kind in TaskType}
 
-    def forget(self) -> None:
+    def invalidate(self) -> None:
         """Clear the cache: a component was added, was removed or changed its handlers."""
-        self.seen()  # keeps what the cache knows of the run so far
+        self.seen_tasks()  # keeps what the cache knows of the run so far
         for by_name in self.cache.values():
             by_name.clear()
 
-    def added(self, component: Component) -> None:
+    def add(self, component: Component) -> None:
         """Append the handlers of an added component to the cached entries."""
         handlers = component.task_handlers
         for task_id in handlers:
@@ -84,7 +84,7 @@ class Lookup:
                 else:
                     by_name[one] += (self._entry(component, task_id),)
 
-    def seen(self) -> dict[TaskType, dict[TaskName, tuple[Entry, ...]]]:
+    def seen_tasks(self) -> dict[TaskType, dict[TaskName, tuple[Entry, ...]]]:
         """Return every task id of this run so far, with its handlers; an empty tuple if it was never handled."""
         for kind, by_name in self.cache.items():
             seen = self._seen[kind]
@@ -99,7 +99,7 @@ class Lookup:
             TaskError: its type is not a TaskType, or its name is not a str.
         """
         if task.type not in self.cache:
-            raise TaskError(f"A task has the type {task.type!r}.", fix=nearest(str(task.type), TaskType.__members__))
+            raise TaskError(f"A task has the type {task.type!r}.", fix=suggest(str(task.type), TaskType.__members__))
         if not isinstance(task.name, str):
             raise TaskError(f"A task has the name {task.name!r}, which is not text.", fix="values go into val_list.")
         by_name = self.cache[task.type]
@@ -122,8 +122,8 @@ class Lookup:
     def _entry(self, component: Component, task_id: TaskId) -> Entry:
         handler = component.task_handlers[task_id]
         label = (component.name, handler_name(handler))
-        if self.watched is not None:
-            handler = self.watched(component, handler)
+        if self.wrap_handler is not None:
+            handler = self.wrap_handler(component, handler)
         if self._profiler is not None:
             handler = self._profiler.timed(".".join(label), handler)
         return component, handler, task_id, label
@@ -214,8 +214,8 @@ def check_returns(what: str, function: Any) -> None:
         )
     if inspect.iscoroutinefunction(function):
         raise ConfigError(
-            f"{what} is an async function, and nobody awaits it.",
-            fix="write def without async; what has to be waited for is the work of a Loop.",
+            f"{what} is an async function, but handlers are not awaited.",
+            fix="write def without async; a Loop does the work that has to wait.",
         )
 
 

@@ -18,11 +18,11 @@ from enum import EnumMeta
 from types import FrameType, ModuleType, TracebackType
 from typing import Any
 
-from snr_sim.prelude.errors import nearest
+from snr_sim.prelude.errors import suggest
 
 _UNKNOWN = object()
 _PACKAGES = ("snr_sim", "numpy", "scipy", "matplotlib", "pymunk", "mujoco", "gymnasium")
-_NONE = "a page that nobody has stored yet is None"
+_NONE = "a page that was never stored is None"
 
 
 def hint(error: BaseException, trace: TracebackType | None) -> str:
@@ -41,10 +41,10 @@ def hint(error: BaseException, trace: TracebackType | None) -> str:
         return ""
 
 
-def shown(error: BaseException) -> str:
+def error_message(error: BaseException) -> str:
     """Return an error's message without paths of installed files.
 
-    >>> shown(ImportError("cannot import name 'x' from 'y' (/usr/lib/y.py)"))
+    >>> error_message(ImportError("cannot import name 'x' from 'y' (/usr/lib/y.py)"))
     "cannot import name 'x' from 'y'"
     """
     if isinstance(error, SyntaxError):
@@ -53,14 +53,14 @@ def shown(error: BaseException) -> str:
 
 
 def _of_syntax(error: Any, trace: object) -> str:
-    said = error.msg or ""
+    message = error.msg or ""
     if isinstance(error, IndentationError):
         return "give it as many spaces as the other lines of its block have; four more after a line that ends in ':'."
-    if "expected ':'" in said:
+    if "expected ':'" in message:
         return "end the line with a colon: def, class, if, else, for, while, try and with need one."
-    if "never closed" in said or "unmatched" in said or "does not match" in said:
+    if "never closed" in message or "unmatched" in message or "does not match" in message:
         return "count the brackets: each one that is opened is closed, by one of its kind."
-    if "unterminated" in said:
+    if "unterminated" in message:
         return "end the text with the same quotes that it begins with."
     return "look at this line and at the end of the one before: a missing bracket, comma, colon or quote."
 
@@ -108,7 +108,7 @@ def _of_attribute(error: Any, trace: TracebackType | None) -> str:
     if isinstance(owner, Mapping) and node.attr in owner:
         return f'a page is a dict: {ast.unparse(node.value)}["{node.attr}"].'
     if isinstance(owner, EnumMeta):
-        return nearest(node.attr, owner.__members__)
+        return suggest(node.attr, owner.__members__)
     close = near(node.attr, _public(owner))
     if close:
         return close
@@ -116,7 +116,7 @@ def _of_attribute(error: Any, trace: TracebackType | None) -> str:
         if "TaskType." in _source(trace):
             return f"define it in the class: def {node.attr}(self, task, task_id): ..."
         return f"set it in __init__, before it is used: {ast.unparse(node)} = ..."
-    return nearest(node.attr, _public(owner), "it has")
+    return suggest(node.attr, _public(owner), "it has")
 
 
 def _of_key(error: Any, trace: TracebackType | None) -> str:
@@ -124,7 +124,7 @@ def _of_key(error: Any, trace: TracebackType | None) -> str:
     owner = _value(node.value, trace) if isinstance(node, ast.Subscript) else _UNKNOWN
     key = error.args[0] if error.args else ""
     if isinstance(owner, Mapping):
-        return nearest(str(key), map(str, owner), "its keys are")
+        return suggest(str(key), map(str, owner), "its keys are")
     return "look up what keys it has: print(list(...)); or ask with .get(key), which gives None."
 
 
@@ -138,27 +138,27 @@ def _of_index(error: Any, trace: TracebackType | None) -> str:
 
 
 def _of_type(error: Any, trace: TracebackType | None) -> str:
-    said, node = str(error), _node(trace)
-    if "NoneType" in said:
+    message, node = str(error), _node(trace)
+    if "NoneType" in message:
         return _about_none(node)
-    if "missing" in said and "required positional argument" in said and isinstance(node, ast.Call):
+    if "missing" in message and "required positional argument" in message and isinstance(node, ast.Call):
         line = _source(trace)
         if "task_handlers" in line or "TaskType." in line:
             name = ast.unparse(node.func)
             return f"leave out the brackets: {name}, not {ast.unparse(node)}; the node calls the handler itself."
-        if "Endpoint.__init__" in said or "Loop.__init__" in said:
+        if "Endpoint.__init__" in message or "Loop.__init__" in message:
             return "super().__init__(factory, parent, name)."
         return f"give them: {ast.unparse(node.func)}{_signature(_value(node.func, trace))}."
-    if "object.__init__() takes" in said:
+    if "object.__init__() takes" in message:
         return "name the class that it builds on: class Mine(Endpoint), class MyFactory(EndpointFactory)."
-    if "method' object is not subscriptable" in said and isinstance(node, ast.Subscript):
+    if "method' object is not subscriptable" in message and isinstance(node, ast.Subscript):
         return f"call it, with round brackets: {ast.unparse(node.value)}({ast.unparse(node.slice)})."
-    if "positional argument" in said or "keyword argument" in said:
+    if "positional argument" in message or "keyword argument" in message:
         return "compare the call with the def: as many arguments, in this order, after self."
-    if "not callable" in said:
+    if "not callable" in message:
         return "leave out the brackets behind it, or look whether its name has been given to something else."
-    if "unsupported operand" in said or "not supported between" in said or "must be real number" in said:
-        return "look at both sides: numbers can be reckoned with; a text from outside needs float(...) first."
+    if "unsupported operand" in message or "not supported between" in message or "must be real number" in message:
+        return "check the types of both sides; convert text from outside with float(...) first."
     return ""
 
 
@@ -216,7 +216,7 @@ def _signature(function: Any) -> str:
     try:
         return str(inspect.signature(function))
     except (TypeError, ValueError):
-        return "(...) needs what stands in its def"
+        return "(...) takes the arguments in its def"
 
 
 def _public(owner: object) -> list[str]:

@@ -1,7 +1,7 @@
 """Graceful shutdown at Ctrl-C and SIGTERM: a terminate task, components halted, actuators neutral, trace closed.
 
 A signal handler here never raises into the machine. It puts a terminate task in the inbox, like any other input. If
-student code is still running after `PATIENCE_S` (a `while True`, a `sleep(60)`), it is interrupted. A second signal
+student code is still running after `GRACE_PERIOD_S` (a `while True`, a `sleep(60)`), it is interrupted. A second signal
 interrupts it at once. A `halt` that has just begun, and snr_sim's own steps at the end of a run, are not interrupted:
 repeated Ctrl-C must not prevent the motors from being stopped. If the code swallows the interrupts too, the process
 is ended: see `core/last_resort.py`.
@@ -18,30 +18,30 @@ from typing import Any
 
 from snr_sim.core.last_resort import LastResort
 from snr_sim.core.node_parts import NodeParts
-from snr_sim.core.wake_up import woken_by
+from snr_sim.core.wake_up import wake_on_signals
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
 
-PATIENCE_S = 0.3
-LAST_RING = 3  # timer rings after the signal without a running component: something other than a component hangs
+GRACE_PERIOD_S = 0.3
+FINAL_ESCALATION = 3  # timer rings after the signal without a running component: something other than a component hangs
 
 
-_entered: list[int] = []  # thread of each active `orderly`: the main one only; they can be nested
+_entered: list[int] = []  # thread of each active `graceful_shutdown`: the main one only; they can be nested
 
 
-class Interrupted(KeyboardInterrupt):
+class RunInterrupted(KeyboardInterrupt):
     """Interrupt raised inside code that does not return although the run is to end."""
 
 
 @contextmanager
-def orderly(nodes: Sequence[NodeParts]) -> Iterator[list[str]]:
+def graceful_shutdown(nodes: Sequence[NodeParts]) -> Iterator[list[str]]:
     """Turn signals into terminate tasks while active; yield a list that collects the signals' names.
 
     Python runs signal handlers in the main thread only; in another thread this does nothing.
     """
     caught: list[str] = []
-    rings: list[int] = []
-    at_last_ring: dict[str, Component | None] = {}
+    escalations: list[int] = []
+    running_before: dict[str, Component | None] = {}
     if threading.current_thread() is not threading.main_thread():
         yield caught
         return
@@ -50,41 +50,41 @@ def orderly(nodes: Sequence[NodeParts]) -> Iterator[list[str]]:
         caught.append(signal.Signals(number).name)
         if len(caught) > 1:
             for node in nodes:
-                if not node.is_over:
+                if not node.is_finished:
                     interrupt(node)
             return
         for node in nodes:
-            node.enter(tasks.terminate(caught[0]), "signal")
+            node.enqueue_input(tasks.terminate(caught[0]), "signal")
         if hasattr(signal, "setitimer"):
-            signal.setitimer(signal.ITIMER_REAL, PATIENCE_S, PATIENCE_S)
+            signal.setitimer(signal.ITIMER_REAL, GRACE_PERIOD_S, GRACE_PERIOD_S)
 
-    def on_impatience(number: int, frame: FrameType | None) -> None:
-        rings.append(number)
+    def on_timer(number: int, frame: FrameType | None) -> None:
+        escalations.append(number)
         for node in nodes:
-            before, running = at_last_ring.get(node.name), node.machine.running
-            at_last_ring[node.name] = running
+            before, running = running_before.get(node.name), node.machine.running
+            running_before[node.name] = running
             # Before the shutdown, code that runs now has run since the signal. In it, each component has its own time.
-            if not node.is_over or running is before:
+            if not node.is_finished or running is before:
                 interrupt(node)
-        if len(rings) == LAST_RING and not any(node.is_over for node in nodes):
-            raise Interrupted("the run did not come to an end: the plant, or what else is stepped, did not return")
+        if len(escalations) == FINAL_ESCALATION and not any(node.is_finished for node in nodes):
+            raise RunInterrupted("the run did not come to an end: the plant, or what else is stepped, did not return")
 
     def interrupt(node: NodeParts) -> None:
         if node.machine.running is not None:
-            raise Interrupted(f"component '{node.machine.running.name}' did not return")
+            raise RunInterrupted(f"component '{node.machine.running.name}' did not return")
 
     last_resort = LastResort(nodes, threading.get_ident())
 
-    def look(number: int) -> None:
-        last_resort.look(signal.Signals(number).name, 128 + number)
+    def check(number: int) -> None:
+        last_resort.check(signal.Signals(number).name, 128 + number)
 
     handlers: dict[int, Any] = {signal.SIGINT: on_signal, signal.SIGTERM: on_signal}
     if hasattr(signal, "SIGALRM"):
-        handlers[signal.SIGALRM] = on_impatience
+        handlers[signal.SIGALRM] = on_timer
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     _entered.append(threading.get_ident())
     try:
-        with woken_by((signal.SIGINT, signal.SIGTERM), caught, look):
+        with wake_on_signals((signal.SIGINT, signal.SIGTERM), caught, check):
             yield caught
     finally:
         _entered.pop()
@@ -94,10 +94,10 @@ def orderly(nodes: Sequence[NodeParts]) -> Iterator[list[str]]:
             signal.signal(number, handler)
 
 
-def interrupt_what_runs() -> None:
+def interrupt_main_thread() -> None:
     """Interrupt the main thread's code as after a signal, and again if it does not return; from any thread.
 
-    Does nothing outside of `orderly`, and on systems without interval timers.
+    Does nothing outside of `graceful_shutdown`, and on systems without interval timers.
     """
     if _entered and hasattr(signal, "setitimer"):
-        signal.setitimer(signal.ITIMER_REAL, 1e-6, PATIENCE_S)
+        signal.setitimer(signal.ITIMER_REAL, 1e-6, GRACE_PERIOD_S)

@@ -2,6 +2,9 @@
 
 Called from the thread of `core/wake_up.py` or of `core/watchdog.py`, since the node's own thread is the stuck one.
 Loops are halted first, so that actuators are neutral.
+
+C code that holds the interpreter lock stops all threads, this one too: then only the runner of a role in a process, or
+SIGKILL, ends the process. Boards disarm by themselves after 0.2 s without a command.
 """
 
 from __future__ import annotations
@@ -14,9 +17,9 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any
 
-from snr_sim.core.blame import LET_INTERRUPTS_PASS, place_now
 from snr_sim.core.loop import Loop
 from snr_sim.core.node_parts import NodeParts
+from snr_sim.core.source_location import INTERRUPT_FIX, current_location
 
 # A run without any change for this time after a signal is stuck. Longer than each component's time at the end.
 STUCK_S = 2.0
@@ -38,28 +41,28 @@ class LastResort:
         self._state: list[Any] | None = None
         self._since_s = 0.0
 
-    def look(self, why: str, status: int) -> None:
+    def check(self, reason: str, status: int) -> None:
         """End the process if nothing has changed for too long.
 
         Args:
-            why: why the run is to end.
+            reason: why the run is to end.
             status: exit status of the process.
         """
         running = [node.machine.running for node in self._nodes]
-        state = [*map(id, running), *((node.is_over, node.machine.executed) for node in self._nodes)]
+        state = [*map(id, running), *((node.is_finished, node.machine.executed) for node in self._nodes)]
         now_s = time.monotonic()
         if state != self._state:
             self._state, self._since_s = state, now_s
-        is_with_files = all(node.is_over for node in self._nodes) and all(one is None for one in running)
-        if now_s - self._since_s >= (FILES_S if is_with_files else STUCK_S):
-            self._end_process(why, status)
+        is_writing_files = all(node.is_finished for node in self._nodes) and all(one is None for one in running)
+        if now_s - self._since_s >= (FILES_S if is_writing_files else STUCK_S):
+            self._end_process(reason, status)
 
-    def _end_process(self, why: str, status: int) -> None:
+    def _end_process(self, reason: str, status: int) -> None:
         stuck = next((node for node in self._nodes if node.machine.running is not None), None)
         name = "" if stuck is None or stuck.machine.running is None else stuck.machine.running.name
         what = f"component '{name}'" if name else "the run"
         frame = sys._current_frames().get(self._main)
-        place = None if frame is None else place_now(frame)
+        location = None if frame is None else current_location(frame)
         because = f"{what} did not return, although it was interrupted"
         loops = [
             loop
@@ -69,27 +72,27 @@ class LastResort:
         ]
         for loop in loops:
             loop.stop()
-        at_once([*(loop.join for loop in loops), *([sys.stdout.flush] if sys.stdout else [])], HALT_S)
-        at_once([loop.terminate for loop in loops], HALT_S)
+        run_in_parallel([*(loop.join for loop in loops), *([sys.stdout.flush] if sys.stdout else [])], HALT_S)
+        run_in_parallel([loop.terminate for loop in loops], HALT_S)
         if stuck is not None:
-            stuck.record_interrupt(name, because if place is None else f"{place}\n  {because}")
+            stuck.record_interrupt(name, because if location is None else f"{location}\n  {because}")
             time.sleep(2 * 0.05)  # two periods of the trace's flusher
-        where = "" if place is None else f"{place}\n  "
+        where = "" if location is None else f"{location}\n  "
         halted = f" Halted: {', '.join(loop.name for loop in loops)}." if loops else ""
-        say(
-            f"{where}{why}: {because}. After {STUCK_S:g} s the process was ended.{halted}\n  Try: {LET_INTERRUPTS_PASS}"
+        write_stderr(
+            f"{where}{reason}: {because}. After {STUCK_S:g} s the process was ended.{halted}\n  Try: {INTERRUPT_FIX}"
         )
         os._exit(status)
 
 
-def at_once(steps: Sequence[Callable[[], object]], timeout_s: float) -> None:
+def run_in_parallel(steps: Sequence[Callable[[], object]], timeout_s: float) -> None:
     """Run each step on its own thread; wait at most the timeout for all of them together."""
 
-    def take(step: Callable[[], object]) -> None:
+    def run(step: Callable[[], object]) -> None:
         with suppress(BaseException):  # the other steps must still run, and there is no run left that could fail
             step()
 
-    threads = [threading.Thread(target=take, args=(step,), daemon=True) for step in steps]
+    threads = [threading.Thread(target=run, args=(step,), daemon=True) for step in steps]
     for thread in threads:
         thread.start()
     give_up_s = time.monotonic() + timeout_s
@@ -97,7 +100,7 @@ def at_once(steps: Sequence[Callable[[], object]], timeout_s: float) -> None:
         thread.join(max(give_up_s - time.monotonic(), 0.0))
 
 
-def say(text: str) -> None:
+def write_stderr(text: str) -> None:
     """Write to stderr without its lock, which the stuck thread may hold."""
     with suppress(OSError):
         os.write(2, f"{text}\n".encode(errors="backslashreplace"))

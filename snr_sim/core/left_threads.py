@@ -6,7 +6,7 @@ import sys
 import threading
 from collections.abc import Collection
 
-from snr_sim.core.blame import place_now
+from snr_sim.core.source_location import current_location
 
 _POOLS = "concurrent.futures.thread"  # Python ends a pool's idle threads itself
 
@@ -22,10 +22,10 @@ def notes_on_threads(before: Collection[threading.Thread] = ()) -> list[str]:
         if thread.daemon or thread is threading.main_thread() or thread in before or thread.ident is None:
             continue
         frame = frames.get(thread.ident)
-        place = None if frame is None else place_now(frame)
-        if place is None and getattr(getattr(thread, "_target", None), "__module__", "") == _POOLS:
+        location = None if frame is None else current_location(frame)
+        if location is None and getattr(getattr(thread, "_target", None), "__module__", "") == _POOLS:
             continue
-        where = "" if place is None else f" ({place})"
+        where = "" if location is None else f" ({location})"
         notes.append(
             f"Thread '{thread.name}'{where} still runs, and keeps the program alive until it returns. "
             "Start it with daemon=True, and end it in halt()."

@@ -7,19 +7,19 @@ from collections.abc import Callable, Sequence
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.node_parts import NodeParts
-from snr_sim.core.runaway import Moments
+from snr_sim.core.runaway import TaskLimit
 from snr_sim.core.watchdog import Watchdog
-from snr_sim.prelude.errors import ComponentFailed
+from snr_sim.prelude.errors import ComponentFailedError
 
-NOTHING_LEFT = "nothing left to do"
+NO_MORE_EVENTS = "nothing left to do"
 TIME_LIMIT = "time limit"
 
 
-def run_alone(node: NodeParts) -> None:
+def run_node(node: NodeParts) -> None:
     """Run one node until it ends, on the clock it has.
 
     Raises:
-        ComponentFailed: a handler or a loop raised; everything has been halted.
+        ComponentFailedError: a handler or a loop raised; everything has been halted.
     """
     if isinstance(node.clock, SimClock):
         LockStep([node], node.clock).run()
@@ -30,7 +30,7 @@ def run_alone(node: NodeParts) -> None:
         while not node.is_terminated:
             node.run_ready()
             if not node.is_terminated:
-                node.door.wait()
+                node.inbox.wait()
         return ""
 
     _run_watched([node], run)
@@ -54,13 +54,13 @@ class LockStep:
         self._pace = pace
         self._until_s = float("inf") if until_s is None else until_s
         self._wall_start_s = 0.0
-        self._moments = Moments(self._nodes, clock)
+        self._task_limit = TaskLimit(self._nodes, clock)
 
     def run(self) -> None:
         """Run until every node has ended, nothing is due any more, or the time limit is reached.
 
         Raises:
-            ComponentFailed: a handler or a loop raised; every node has been halted.
+            ComponentFailedError: a handler or a loop raised; every node has been halted.
         """
         _run_watched(self._nodes, self._run)
 
@@ -69,10 +69,10 @@ class LockStep:
             node.begin()
         self._wall_start_s = time.monotonic()
         if not self._nodes:
-            return NOTHING_LEFT
+            return NO_MORE_EVENTS
         clock, only = self._clock, self._nodes[0] if len(self._nodes) == 1 else None
-        moments, moment_s = self._moments, clock.now_s()
-        moments.begin()
+        task_limit, moment_s = self._task_limit, clock.now_s()
+        task_limit.begin()
         self._settle()
         running = [node.machine for node in self._nodes]
         alone, at_most = running[0], self._nodes[0].config.max_tasks_per_moment
@@ -82,7 +82,7 @@ class LockStep:
                 continue
             next_s = clock.next_s
             if next_s is None:
-                return NOTHING_LEFT
+                return NO_MORE_EVENTS
             if next_s > self._until_s:
                 return TIME_LIMIT
             if self._pace is not None and not self._wait_for(next_s):
@@ -91,17 +91,17 @@ class LockStep:
             if next_s > moment_s:
                 moment_s = next_s
                 if only is None:
-                    moments.begin()
+                    task_limit.begin()
                 else:
-                    alone.most_executed = alone.executed + at_most
+                    alone.max_executed = alone.executed + at_most
             clock.run_next()
             if only is None:
                 self._settle()
-            elif only.door.waiting:  # all work of an idle node arrives in its inbox
+            elif only.inbox.waiting:  # all work of an idle node arrives in its inbox
                 alone.now_s = next_s
                 only.run_ready()
-                if alone.executed >= alone.most_executed:
-                    moments.check()
+                if alone.executed >= alone.max_executed:
+                    task_limit.check()
         return ""
 
     def _settle(self) -> None:
@@ -112,22 +112,22 @@ class LockStep:
             for node in self._nodes:
                 if node.is_terminated:
                     node.end()
-                elif node.machine.queued or node.door.failure is not None:
+                elif node.machine.queued or node.inbox.failure is not None:
                     node.machine.now_s = self._clock.now_s()
                     node.run_ready()
                     busy = True
-            self._moments.check()
+            self._task_limit.check()
 
     def _wait_for(self, time_s: float) -> bool:
         """Wait until the wall clock reaches this time; return False if a node gets work before."""
         assert self._pace is not None
-        door = self._nodes[0].door
+        inbox = self._nodes[0].inbox
         while True:
             spare_s = self._wall_start_s + time_s / self._pace - time.monotonic()
             if spare_s <= 0:
                 return True
-            door.wait(min(spare_s, 0.05 if len(self._nodes) > 1 else spare_s))
-            if any(node.machine.queued or node.door.failure is not None for node in self._nodes):
+            inbox.wait(min(spare_s, 0.05 if len(self._nodes) > 1 else spare_s))
+            if any(node.machine.queued or node.inbox.failure is not None for node in self._nodes):
                 return False
 
 
@@ -145,22 +145,22 @@ def _run_watched(nodes: Sequence[NodeParts], run: Callable[[], str]) -> None:
         _end_all(nodes, reason)
 
 
-def _end_all(nodes: Sequence[NodeParts], why: str | BaseException) -> None:
+def _end_all(nodes: Sequence[NodeParts], cause: str | BaseException) -> None:
     """End every node; raise the first failure to do so, unless another one is already on its way."""
     failure: Exception | None = None
-    error = why if isinstance(why, Exception) else None
-    if isinstance(why, str):
-        reason = why
+    error = cause if isinstance(cause, Exception) else None
+    if isinstance(cause, str):
+        reason = cause
     else:
-        reason = "interrupted" if isinstance(why, KeyboardInterrupt) else f"error: {type(why).__name__}"
+        reason = "interrupted" if isinstance(cause, KeyboardInterrupt) else f"error: {type(cause).__name__}"
     for node in nodes:
         try:
-            if isinstance(why, ComponentFailed):
-                node.record_failure(why)
+            if isinstance(cause, ComponentFailedError):
+                node.record_failure(cause)
             node.end(reason, error)
         except Exception as another:
-            if failure is not None or not isinstance(why, str):  # another one is raised
+            if failure is not None or not isinstance(cause, str):  # another one is raised
                 node.notes.append(str(another))
             failure = failure or another
-    if failure is not None and isinstance(why, str):
+    if failure is not None and isinstance(cause, str):
         raise failure

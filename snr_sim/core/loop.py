@@ -1,31 +1,32 @@
 """Loops: components that are the sources of a node's inputs. Every other task is the result of an input.
 
-The author writes `setup`, `loop`, `halt` and `terminate`; the backing (`core/backing.py`) calls them: the virtual
+The author writes `setup`, `loop`, `halt` and `terminate`; the executor (`core/executors.py`) calls them: the virtual
 clock in lock step; on the wall clock a thread of the loop's own, or a process.
 """
 
 from __future__ import annotations
 
 from numbers import Real
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
-from snr_sim.core.component import ComponentFactory, NodeComponent
-from snr_sim.core.reload.trial import Trial
+from snr_sim.core.component import ComponentFactory, FactoryMaker, NodeComponent
+from snr_sim.core.reload.setup_result import SetupResult
 from snr_sim.core.thesis_members import LoopMembers
-from snr_sim.prelude.errors import ParameterError, nearest
+from snr_sim.prelude.errors import ParameterError, suggest
 from snr_sim.prelude.node_api import NodeApi
+from snr_sim.prelude.renamed import warn_renamed
 from snr_sim.prelude.task import SomeTasks, TaskHandlerMap
 
-_BACKINGS = ("thread", "process")
+_EXECUTORS = ("thread", "process")
 
 
-class Backing(Protocol):
+class LoopExecutor(Protocol):
     """Interface that starts, calls and ends one loop."""
 
     ticks: int
     late_s: float  # the largest delay of a tick behind its deadline
     # How long the caller that adds the loop to a running node waits for the result of `setup`; then success is assumed.
-    setup_patience_s: float
+    setup_timeout_s: float
 
     @property
     def is_stopped(self) -> bool:
@@ -36,7 +37,7 @@ class Backing(Protocol):
         """Begin calling."""
         ...
 
-    def hurry(self) -> None:
+    def wake(self) -> None:
         """Request the next call now; no effect in lock step and in a process."""
         ...
 
@@ -58,7 +59,8 @@ class LoopFactory(ComponentFactory):
 
     def get(self, parent: NodeApi) -> Loop:
         """Return a new loop that belongs to the node `parent`."""
-        raise NotImplementedError(f"{type(self).__name__} needs a method get(self, parent) that returns its loop")
+        loop: Loop = self._create(parent, "loop")
+        return loop
 
 
 class Loop(LoopMembers, NodeComponent):
@@ -73,31 +75,40 @@ class Loop(LoopMembers, NodeComponent):
             class attribute.
 
     Raises:
-        ParameterError: the rate is negative or not a number, or the backing is unknown.
+        ParameterError: the rate is negative or not a number, or the executor is unknown.
     """
 
     # What calls the loop on the wall clock. "process" is for heavy work, such as vision: in a thread it would hold the
     # interpreter lock and block the rest of the node. In lock step the virtual clock calls all loops.
-    backing: Literal["thread", "process"] = "thread"
+    executor: Literal["thread", "process"] = "thread"
     max_tick_rate_hz: float = 1000.0
     first_tick_after_s: float = 0.0  # delay from `begin` to the first `loop`; a loop may set its own
     # Node time of the next `loop`, for a loop that is not periodic; it sets a new value in each `loop`. A time in the
     # past means at once.
     next_tick_at_s: float | None = None
 
+    factory = FactoryMaker(LoopFactory)
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Accept `backing`, the former name of `executor`."""
+        super().__init_subclass__(**options)
+        if "backing" in cls.__dict__:
+            warn_renamed(f"{cls.__name__}.backing", "executor")
+            cls.executor = cls.__dict__["backing"]
+
     def __init__(self, factory: LoopFactory, parent: NodeApi, name: str, max_tick_rate_hz: float | None = None) -> None:
+        super().__init__(factory, parent, name)
         rate_hz = self.max_tick_rate_hz if max_tick_rate_hz is None else max_tick_rate_hz
         if not _is_rate(rate_hz):
             raise ParameterError(
                 f"Loop '{name}' has max_tick_rate_hz={rate_hz!r}.", fix="a rate of 0 or more, such as 50."
             )
-        super().__init__(factory, parent, name)
-        self._check_backing()
+        self._check_executor()
         self.max_tick_rate_hz = rate_hz
         self.task_handlers: TaskHandlerMap = {}  # a loop only sends tasks; endpoints handle them
-        self._backing: Backing | None = None
-        self.trial: Trial | None = None  # receives the result of `setup` from a thread, if a caller waits for it
-        self.is_taken_out = False  # removed: its node continues, whatever its `halt` raises
+        self._executor: LoopExecutor | None = None
+        self.setup_result: SetupResult | None = None  # of `setup` on a thread, if a caller waits
+        self.is_removed = False  # removed: its node continues, whatever its `halt` raises
 
     def setup(self) -> None:
         """Prepare; called once before the first `loop`, on the same thread."""
@@ -115,32 +126,32 @@ class Loop(LoopMembers, NodeComponent):
         Raises:
             ConfigError: the loop is to run in a process, and its factory cannot be sent there.
         """
-        self._check_backing()  # again: it may have been set after __init__
+        self._check_executor()  # again: it may have been set after __init__
         self.parent.start_loop(self)
 
-    def _check_backing(self) -> None:
-        if self.backing not in _BACKINGS:
+    def _check_executor(self) -> None:
+        if self.executor not in _EXECUTORS:
             raise ParameterError(
-                f"Loop '{self.name}' has backing = {self.backing!r}.", fix=nearest(str(self.backing), _BACKINGS)
+                f"Loop '{self.name}' has executor = {self.executor!r}.", fix=suggest(str(self.executor), _EXECUTORS)
             )
 
-    def begin_on(self, backing: Backing) -> None:
-        """Start ticking on a given backing: in a process that process' own; elsewhere `begin` chooses it."""
-        self._backing = backing
-        backing.start()
+    def begin_with(self, executor: LoopExecutor) -> None:
+        """Start ticking with a given executor: in a process that process' own; elsewhere `begin` chooses it."""
+        self._executor = executor
+        executor.start()
 
-    def hurry(self) -> None:
+    def wake(self) -> None:
         """Request the next tick now instead of when it is due, because new data arrived. From any thread.
 
         Affects loops on a thread only. A loop ticks at most at twice its rate, however often this is called.
         """
-        if self._backing is not None:
-            self._backing.hurry()
+        if self._executor is not None:
+            self._executor.wake()
 
     def stop(self) -> None:
         """Request no more ticks; a loop that has no more input calls this itself."""
-        if self._backing is not None:
-            self._backing.stop()
+        if self._executor is not None:
+            self._executor.stop()
 
     def set_terminate_flag(self) -> None:
         """Request no more ticks: the thesis' name for `stop`."""
@@ -148,21 +159,21 @@ class Loop(LoopMembers, NodeComponent):
 
     def join(self) -> None:
         """End ticking and return once `halt` has been called."""
-        if self._backing is not None:
-            self._backing.join()
+        if self._executor is not None:
+            self._executor.join()
 
     def is_terminated(self) -> bool:
         """Return whether no more ticks will follow."""
-        return self._backing is not None and self._backing.is_stopped
+        return self._executor is not None and self._executor.is_stopped
 
     @property
-    def caller(self) -> Backing | None:
-        """The loop's backing, once it has begun; counts its ticks and measures their delay."""
-        return self._backing
+    def caller(self) -> LoopExecutor | None:
+        """The loop's executor, once it has begun; counts its ticks and measures their delay."""
+        return self._executor
 
     def schedule(self, tasks: SomeTasks) -> None:
         """Send tasks to the node as its inputs."""
-        self.parent.enter(tasks, self.name)
+        self.parent.enqueue_input(tasks, self.name)
 
     def get_time_s(self) -> float:
         """Return the clock's time."""

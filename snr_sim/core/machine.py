@@ -2,8 +2,10 @@
 
 One step: tasks in the inbox are queued; a task is taken, oldest first, `terminate` before all others; `now_s` is
 latched; all handlers of the task run, in component order; the tasks they returned are queued, in order. With a
-recorder every step is recorded, and the queue holds tickets instead of tasks: a ticket refers to the record that
+recorder every step is recorded, and the queue holds references instead of tasks: each names the record that
 scheduled its task.
+
+Nodes without a recorder have an inner loop of their own in `run_ready`, so they pay for the recorder once per call.
 """
 
 from __future__ import annotations
@@ -15,21 +17,21 @@ from itertools import islice
 from types import AsyncGeneratorType, CoroutineType, GeneratorType
 from typing import Any
 
-from snr_sim.core.door import Door
-from snr_sim.core.handlers import Lookup, handler_name
+from snr_sim.core.handlers import HandlerLookup, handler_name
+from snr_sim.core.inbox import Inbox
 from snr_sim.prelude.component import Component
-from snr_sim.prelude.errors import ComponentFailed, TaskError
-from snr_sim.prelude.recorder import Handled, NodeRecorder, Ticket
+from snr_sim.prelude.errors import ComponentFailedError, TaskError
+from snr_sim.prelude.recorder import Handled, NodeRecorder, TaskRef
 from snr_sim.prelude.task import SomeTasks, Task, TaskType
 
 # At its end a run executes the queued tasks, and the tasks they return, this many generations deep: the last page is
 # stored and processed, and the resulting page is stored. A task that reschedules itself endlessly is cut off here.
 DRAIN_GENERATIONS = 10
 # On the wall clock it also takes no longer than this: shutdown of a robot must not wait for a long queue.
-DRAIN_MAX_S = 0.3
+MAX_DRAIN_S = 0.3
 
 
-class HandlerFailed(Exception):
+class HandlerError(Exception):
     """Failure in a handler, with the component and the task. The original exception is its cause."""
 
     def __init__(self, component: Component | None, task: Task) -> None:
@@ -43,19 +45,23 @@ class EventMachine:
 
     Args:
         lookup: finds the handlers of a task.
-        door: inbox of the node.
+        inbox: receives tasks from outside the node.
         latch: returns the time for the next task; None if `now_s` is set from outside, as in lock step.
         recorder: gets every input and every executed task, if there is one.
     """
 
     def __init__(
-        self, lookup: Lookup, door: Door, latch: Callable[[], float] | None, recorder: NodeRecorder | None = None
+        self,
+        lookup: HandlerLookup,
+        inbox: Inbox,
+        latch: Callable[[], float] | None,
+        recorder: NodeRecorder | None = None,
     ) -> None:
         self.lookup = lookup
-        self.door = door
+        self.inbox = inbox
         self.now_s = 0.0
         self.executed = 0
-        self.most_executed = sys.maxsize  # limit of `run_ready`: see core/runaway.py
+        self.max_executed = sys.maxsize  # limit of `run_ready`: see core/runaway.py
         self.longest_queue = 0  # right after inputs were queued: there it grows if inputs arrive too fast
         self.running: Component | None = None  # the component whose code runs now
         self.task: Task | None = None  # the task whose handlers run now
@@ -69,15 +75,15 @@ class EventMachine:
     @property
     def queued(self) -> int:
         """Number of waiting tasks, in the inbox or queued."""
-        return len(self.queue) + len(self._urgent) + len(self.door.waiting)
+        return len(self.queue) + len(self._urgent) + len(self.inbox.waiting)
 
     @property
-    def inside(self) -> int:
+    def queue_length(self) -> int:
         """Number of queued tasks, without those in the inbox."""
         return len(self.queue) + len(self._urgent)
 
     @property
-    def next_ticket(self) -> Any:
+    def next_task_ref(self) -> Any:
         """The ticket that `execute_next` will take (the task, without a recorder); None if the queue is empty."""
         waiting = self._urgent or self.queue
         return waiting[0] if waiting else None
@@ -85,34 +91,34 @@ class EventMachine:
     @property
     def next_task(self) -> Task | None:
         """The task that `execute_next` will take."""
-        first = self.next_ticket
+        first = self.next_task_ref
         task: Task | None = first if first is None or self._recorder is None else first[0]
         return task
 
     def waiting_tasks(self, at_most: int) -> list[Task]:
         """Return the oldest queued tasks. Safe from another thread, since the queue is copied atomically."""
         oldest = list(islice(self.queue, at_most))
-        return oldest if self._recorder is None else [ticket[0] for ticket in oldest]
+        return oldest if self._recorder is None else [task_ref[0] for task_ref in oldest]
 
     def run_ready(self) -> None:
-        """Execute tasks until none is left, the machine has ended, or it has executed `most_executed` tasks.
+        """Execute tasks until none is left, the machine has ended, or it has executed `max_executed` tasks.
 
         Raises:
-            HandlerFailed: a handler raised, or returned a value that is not tasks.
-            ComponentFailed: a loop failed on its own thread.
+            HandlerError: a handler raised, or returned a value that is not tasks.
+            ComponentFailedError: a loop failed on its own thread.
         """
         if self._recorder is not None:
             self._run_recorded()
             return
         # The hot loop: local names, and no calls other than the handlers'.
-        queue, urgent, waiting = self.queue, self._urgent, self.door.waiting
+        queue, urgent, waiting = self.queue, self._urgent, self.inbox.waiting
         take, put, cache, latch, terminate = queue.popleft, queue.append, self.lookup.cache, self._latch, _TERMINATE
-        executed, most = 0, self.most_executed - self.executed
+        executed, limit = 0, self.max_executed - self.executed
         task: Task | None = None
         try:
-            while executed < most:
+            while executed < limit:
                 if waiting:
-                    self.let_in()
+                    self.accept_inputs()
                 if urgent:
                     self.execute_next()
                     if self.is_ended:
@@ -137,21 +143,21 @@ class EventMachine:
                         put(returned)
                     else:
                         self._queue_all(as_tasks(returned, self.running, handler))
-        except (HandlerFailed, ComponentFailed):
+        except (HandlerError, ComponentFailedError):
             raise
         except BaseException as error:
             if task is None:
                 raise
-            raise HandlerFailed(self.running, task) from error
+            raise HandlerError(self.running, task) from error
         finally:
             self.executed += executed
             self.running = self.task = None
 
     def _run_recorded(self) -> None:
-        queue, urgent, waiting = self.queue, self._urgent, self.door.waiting
-        while self.executed < self.most_executed:
+        queue, urgent, waiting = self.queue, self._urgent, self.inbox.waiting
+        while self.executed < self.max_executed:
             if waiting:
-                self.let_in()
+                self.accept_inputs()
             if not (queue or urgent):
                 return
             self.execute_next()
@@ -162,11 +168,11 @@ class EventMachine:
         """Execute one task; the queue must not be empty. It is recorded even if a handler raises.
 
         Raises:
-            HandlerFailed: as above.
+            HandlerError: as above.
         """
-        ticket = (self._urgent or self.queue).popleft()
+        task_ref = (self._urgent or self.queue).popleft()
         recorder, scheduled = self._recorder, self._scheduled
-        task = self.task = ticket if recorder is None else ticket[0]
+        task = self.task = task_ref if recorder is None else task_ref[0]
         if self._latch is not None:
             self.now_s = self._latch()
         self.executed += 1
@@ -184,48 +190,48 @@ class EventMachine:
                     handled.append((label, outputs))
                 else:
                     handled.append((label, (returned,)))
-        except (ComponentFailed, HandlerFailed):
+        except (ComponentFailedError, HandlerError):
             raise
         except BaseException as error:
             culprit, self.running = self.running, None  # so that no interrupt is raised in the recorder
-            self._queue_handled(ticket, handled)
-            raise HandlerFailed(culprit, task) from error
+            self._queue_handled(task_ref, handled)
+            raise HandlerError(culprit, task) from error
         finally:
             self.running = self.task = None
             if scheduled:
                 scheduled.clear()
         if recorder is None:
-            self._queue_handled(ticket, handled)
-        elif tickets := recorder.task(self.now_s, ticket, handled):
-            self._queue_tickets(tickets)
+            self._queue_handled(task_ref, handled)
+        elif task_refs := recorder.task(self.now_s, task_ref, handled):
+            self._queue_task_refs(task_refs)
 
     def drain(self) -> int:
         """Execute the queued tasks after the machine has ended; return how many were cut off."""
-        self.let_in()
-        give_up_s = None if self._latch is None else self._latch() + DRAIN_MAX_S
+        self.accept_inputs()
+        give_up_s = None if self._latch is None else self._latch() + MAX_DRAIN_S
         for _ in range(DRAIN_GENERATIONS):
-            for _ in range(self.inside):
+            for _ in range(self.queue_length):
                 if give_up_s is not None and self.now_s > give_up_s:
-                    return self.inside
+                    return self.queue_length
                 self.execute_next()
-            if not self.inside:
+            if not self.queue_length:
                 return 0
-        return self.inside
+        return self.queue_length
 
-    def let_in(self) -> None:
+    def accept_inputs(self) -> None:
         """Queue the tasks in the inbox. This fixes their order, which a replay repeats.
 
         Raises:
-            ComponentFailed: a loop failed on its own thread.
+            ComponentFailedError: a loop failed on its own thread.
         """
-        if self.door.failure is not None:
-            raise self.door.failure
-        waiting, enter = self.door.waiting, self._enter
+        if self.inbox.failure is not None:
+            raise self.inbox.failure
+        waiting, enqueue = self.inbox.waiting, self._enqueue
         while waiting:
-            enter(*waiting.popleft())
-        inside = self.inside
-        if inside > self.longest_queue:
-            self.longest_queue = inside
+            enqueue(*waiting.popleft())
+        queue_length = self.queue_length
+        if queue_length > self.longest_queue:
+            self.longest_queue = queue_length
 
     def begin_component(self, component: Component) -> None:
         """Call a component's `begin`; tasks it schedules are queued as results, not as inputs."""
@@ -235,9 +241,9 @@ class EventMachine:
         finally:
             self.running = None
         if self._recorder is not None and self._scheduled:
-            tickets = self._recorder.begun(self.now_s, component.name, tuple(self._scheduled))
+            task_refs = self._recorder.begun(self.now_s, component.name, tuple(self._scheduled))
             self._scheduled.clear()
-            self._queue_tickets(tickets)
+            self._queue_task_refs(task_refs)
 
     def schedule(self, tasks: Sequence[Task]) -> None:
         """Queue tasks of the running component, before those it will return; the recorder counts them as returned."""
@@ -246,27 +252,27 @@ class EventMachine:
         else:
             self._scheduled.extend(tasks)
 
-    def forget_queued(self) -> None:
+    def discard_queued(self) -> None:
         """Drop all waiting tasks, queued or in the inbox: a replay does not execute what the recorded run left."""
-        self.door.waiting.clear()
+        self.inbox.waiting.clear()
         self.queue.clear()
         self._urgent.clear()
 
-    def admit(self, task: Task, source: str) -> None:
+    def enqueue_replayed(self, task: Task, source: str) -> None:
         """Queue an input directly, as a replay does."""
-        self._enter(task, source)
+        self._enqueue(task, source)
 
-    def _enter(self, task: Task, source: str) -> None:
+    def _enqueue(self, task: Task, source: str) -> None:
         if self._recorder is None:
             (self._urgent if task.type is _TERMINATE else self.queue).append(task)
             return
         if self._latch is not None:
             self.now_s = self._latch()
-        self._queue_tickets((self._recorder.input(self.now_s, source, task),))
+        self._queue_task_refs((self._recorder.input(self.now_s, source, task),))
 
-    def _queue_handled(self, ticket: Any, handled: list[Handled]) -> None:
+    def _queue_handled(self, task_ref: Any, handled: list[Handled]) -> None:
         if self._recorder is not None:
-            self._queue_tickets(self._recorder.task(self.now_s, ticket, handled))
+            self._queue_task_refs(self._recorder.task(self.now_s, task_ref, handled))
             return
         for _, outputs in handled:
             self._queue_all(outputs)
@@ -275,9 +281,9 @@ class EventMachine:
         for task in tasks:
             (self._urgent if task.type is _TERMINATE else self.queue).append(task)
 
-    def _queue_tickets(self, tickets: Sequence[Ticket]) -> None:
-        for ticket in tickets:
-            (self._urgent if ticket[0].type is _TERMINATE else self.queue).append(ticket)
+    def _queue_task_refs(self, task_refs: Sequence[TaskRef]) -> None:
+        for task_ref in task_refs:
+            (self._urgent if task_ref[0].type is _TERMINATE else self.queue).append(task_ref)
 
 
 _TERMINATE = TaskType.terminate

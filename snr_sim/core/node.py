@@ -1,4 +1,4 @@
-"""Node: one running role of a robot. It has components, an event machine, a datastore, and one inbox (`Door`).
+"""Node: one running role of a robot. It has components, an event machine, a datastore, and one inbox.
 
 This module has what components use of their node: tasks, data, time, random numbers. `component_registry.py` creates
 and orders components, `node_life.py` begins and ends them, `node_report.py` collects the notes of a run.
@@ -12,30 +12,30 @@ from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from snr_sim.core.ages import age_s
-from snr_sim.core.backing import ClockBacking, ThreadBacking
 from snr_sim.core.clocks import SimClock, WallClock
 from snr_sim.core.component_registry import ComponentRegistry
 from snr_sim.core.config import Config
 from snr_sim.core.datastore import PREVIOUS, Datastore
-from snr_sim.core.door import Door
 from snr_sim.core.endpoint import Endpoint
-from snr_sim.core.handlers import Lookup
-from snr_sim.core.lockstep import run_alone
-from snr_sim.core.loop import Backing, Loop
+from snr_sim.core.executors import ClockExecutor, ThreadExecutor
+from snr_sim.core.handlers import HandlerLookup
+from snr_sim.core.inbox import Inbox
+from snr_sim.core.lockstep import run_node
+from snr_sim.core.loop import Loop, LoopExecutor
 from snr_sim.core.machine import EventMachine, as_tasks
 from snr_sim.core.node_core import NodeCore
 from snr_sim.core.node_life import NodeLife
 from snr_sim.core.node_report import NodeReport
+from snr_sim.core.page_age import page_age_s
 from snr_sim.core.page_data import data_of_page
-from snr_sim.core.reload.sources import being_read
+from snr_sim.core.reload.sources import reloading_file
 from snr_sim.core.thesis_members import NodeMembers
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import Component, RoleName
-from snr_sim.prelude.errors import ComponentFailed, ConfigError, TaskError
+from snr_sim.prelude.errors import ComponentFailedError, ConfigError, TaskError
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.recorder import Recorder
-from snr_sim.prelude.rng import chance_of, rng_for
+from snr_sim.prelude.rng import component_seed, rng_for
 from snr_sim.prelude.task import SomeTasks, Task, TaskName, TaskType
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class Node(NodeMembers):
         is_replay: loops are not created; their tasks come from the trace.
 
     Raises:
-        UnknownName: the config has no such role.
+        UnknownNameError: the config has no such role.
         ConfigError: a factory does not return a component, two components have the same name, or the file that
             creates the node is being read again for a reload.
     """
@@ -71,9 +71,9 @@ class Node(NodeMembers):
         seed: int = 0,
         is_replay: bool = False,
     ) -> None:
-        if being_read.get():
+        if reloading_file.get():
             raise ConfigError(
-                f"{being_read.get()} makes a node while it is read again for a reload.",
+                f"{reloading_file.get()} makes a node while it is read again for a reload.",
                 fix="put what starts the robot under: if __name__ == '__main__':",
             )
         if not isinstance(config, Config):
@@ -88,17 +88,17 @@ class Node(NodeMembers):
         self.clock = clock or WallClock()
         self.is_in_lock_step = isinstance(self.clock, SimClock)  # then all nodes have one clock
         self.seed = seed
-        self.chance = chance_of(seed)  # seed of its components' generators
+        self.component_seed = component_seed(seed)  # seed of its components' generators
         self.is_replay = is_replay  # then without effects outside: no files written, no pages sent
-        self.door = Door()
+        self.inbox = Inbox()
         self.datastore = Datastore()
         self.profiler = config.get_profiler()
         self.exit_reason: str | None = None
         self.registry = ComponentRegistry(self)
         latch = None if isinstance(self.clock, SimClock) else self.clock.now_s
-        lookup = Lookup(self.registry.components, self.profiler)
+        lookup = HandlerLookup(self.registry.components, self.profiler)
         self._recorder = recorder.for_node(self.name) if recorder is not None else None
-        self.machine = EventMachine(lookup, self.door, latch, self._recorder)
+        self.machine = EventMachine(lookup, self.inbox, latch, self._recorder)
         self.thread_id = threading.get_ident()
         self.never_ran = False  # an error ended it at its start, so do not report missing pages
         self.report = NodeReport(self, self._recorder)
@@ -123,9 +123,9 @@ class Node(NodeMembers):
         """Run until a terminate task has been executed.
 
         Raises:
-            ComponentFailed: a handler or a loop raised; everything has been halted.
+            ComponentFailedError: a handler or a loop raised; everything has been halted.
         """
-        run_alone(self)
+        run_node(self)
 
     def begin(self) -> None:
         """Begin each component, in order; from now on this thread is the node's: see `NodeLife.begin`."""
@@ -140,9 +140,9 @@ class Node(NodeMembers):
         self.life.end(reason, error)
 
     @property
-    def is_over(self) -> bool:
+    def is_finished(self) -> bool:
         """Whether the end of the run has begun: components are being halted, or have been."""
-        return self.life.is_over
+        return self.life.is_finished
 
     @property
     def queued_task_count(self) -> int:
@@ -179,22 +179,22 @@ class Node(NodeMembers):
         """
         running = self.machine.running
         if running is None or threading.get_ident() != self.thread_id:
-            self.enter(tasks, source)
+            self.enqueue_input(tasks, source)
         elif isinstance(running, Loop):
-            self.enter(tasks, running.name)
+            self.enqueue_input(tasks, running.name)
         elif self.life.is_halting:
             self.life.note_too_late(running, tasks)
         else:
             self.machine.schedule([tasks] if type(tasks) is Task else as_tasks(tasks, running, self.schedule))
 
-    def enter(self, tasks: SomeTasks, source: str) -> None:
+    def enqueue_input(self, tasks: SomeTasks, source: str) -> None:
         """Put tasks in the inbox, from any thread; `source` names the sender.
 
         Raises:
             TaskError: something is not a task.
         """
         if type(tasks) is Task:
-            self.door.put(tasks, source)
+            self.inbox.put(tasks, source)
             return
         for task in tasks if isinstance(tasks, (list, tuple)) else [tasks]:
             if type(task) is not Task:
@@ -203,28 +203,28 @@ class Node(NodeMembers):
                 raise TaskError(
                     f"'{source}' scheduled {task!r}, which is not a task.", fix="tasks.event('name') makes one."
                 )
-            self.door.put(task, source)
+            self.inbox.put(task, source)
 
     def seen_tasks(self) -> Mapping[TaskType, Mapping[TaskName, Any]]:
         """Return all executed tasks by type and name, with their handlers."""
-        return self.machine.lookup.seen()
+        return self.machine.lookup.seen_tasks()
 
     def handlers_changed(self) -> None:
         """Clear the handler cache; components call it when their handlers change."""
-        self.machine.lookup.forget()
+        self.machine.lookup.invalidate()
 
     def start_loop(self, loop: Loop, on_thread: bool = False) -> None:
         """Start a loop's ticks: on the virtual clock, on a thread, or in a process; see `NodeApi.start_loop`."""
-        backing: Backing
+        executor: LoopExecutor
         if self.is_in_lock_step and not on_thread:
-            backing = ClockBacking(loop, self.life)
-        elif loop.backing == "process" and not on_thread:
-            from snr_sim.core.process.process_backing import ProcessBacking  # slow to import, and few robots need it
+            executor = ClockExecutor(loop, self.life)
+        elif loop.executor == "process" and not on_thread:
+            from snr_sim.core.process.process_executor import ProcessExecutor  # slow to import, and few robots need it
 
-            backing = ProcessBacking(loop, self.life)
+            executor = ProcessExecutor(loop, self.life)
         else:
-            backing = ThreadBacking(loop, self.life)
-        loop.begin_on(backing)
+            executor = ThreadExecutor(loop, self.life)
+        loop.begin_with(executor)
 
     # Data
 
@@ -280,25 +280,25 @@ class Node(NodeMembers):
         """Return the age of the page of `get_page` [s], also if another node made it; infinite if there is none.
 
         On the wall clock, the age of another node's page is known only if a link to that node knows its clock: see
-        core/ages.py. Otherwise it is infinite, since a command of unknown age must not count as fresh.
+        core/page_age.py. Otherwise it is infinite, since a command of unknown age must not count as fresh.
         """
         page = self.get_page(key)
-        return float("inf") if page is None else age_s(self, page)
+        return float("inf") if page is None else page_age_s(self, page)
 
-    def came_at_s(self, key: DataKey) -> float:
+    def received_at_s(self, key: DataKey) -> float:
         """Return when the newest page of a key from another node arrived here [s]; -inf if none did."""
-        return self._core.came_s.get(key, float("-inf"))
+        return self._core.received_s.get(key, float("-inf"))
 
-    def tap(self, key: DataKey, way_out: Callable[[Page], None]) -> None:
-        """Call `way_out` with every page of a key right after it was stored, on the node's thread.
+    def add_store_listener(self, key: DataKey, callback: Callable[[Page], None]) -> None:
+        """Call `callback` with every page of a key right after it was stored, on the node's thread.
 
-        Links send pages this way. Taps are not part of the machine: a replay has none and gives the same results.
+        Links send pages this way. Listeners are not part of the machine: a replay has none and gives the same results.
         """
-        self._core.taps.setdefault(key, []).append(way_out)
+        self._core.store_listeners.setdefault(key, []).append(callback)
 
-    def untap(self, key: DataKey, way_out: Callable[[Page], None]) -> None:
-        """End what `tap` began."""
-        self._core.taps[key].remove(way_out)
+    def remove_store_listener(self, key: DataKey, callback: Callable[[Page], None]) -> None:
+        """End what `add_store_listener` began."""
+        self._core.store_listeners[key].remove(callback)
 
     # Time and random numbers
 
@@ -319,7 +319,7 @@ class Node(NodeMembers):
         if isinstance(running, (Endpoint, Loop)) and threading.get_ident() == self.thread_id:
             return running.rng
         if "_rng" not in self.__dict__:
-            self._rng = rng_for(self.chance, self.name)
+            self._rng = rng_for(self.component_seed, self.name)
         return self._rng
 
     # Report
@@ -329,9 +329,9 @@ class Node(NodeMembers):
         """Remarks for the end of the run."""
         return self.report.notes
 
-    def note(self, text: str, lines: str = "") -> None:
-        """Keep a remark for the end of the run, once: see `NodeReport.note`."""
-        self.report.note(text, lines)
+    def add_note(self, text: str, lines: str = "") -> None:
+        """Keep a remark for the end of the run, once: see `NodeReport.add_note`."""
+        self.report.add_note(text, lines)
 
     def note_object(self, key: DataKey, kind: type) -> bool:
         """Return whether a page of this key held an object of this class for the first time."""
@@ -341,7 +341,7 @@ class Node(NodeMembers):
         """Return whether a component has begun and has not been terminated."""
         return self.life.has_begun(component)
 
-    def record_failure(self, failure: ComponentFailed) -> None:
+    def record_failure(self, failure: ComponentFailedError) -> None:
         """Write a failure of this node into the trace, once."""
         self.report.record_failure(failure)
 
@@ -349,7 +349,7 @@ class Node(NodeMembers):
         """Record in the trace which handler was interrupted: a replay must not run it again and hang."""
         self.report.record_interrupt(component_name, message)
 
-    def said(self, component: str, level: str, text: str) -> None:
+    def record_text(self, component: str, level: str, text: str) -> None:
         """Record a text that a component has printed or logged; from any thread.
 
         Args:
@@ -358,4 +358,4 @@ class Node(NodeMembers):
             text: with its line ends; text after the last one is kept until its line is complete.
         """
         if self._recorder is not None:
-            self._recorder.said(self.get_time_s(), component, level, text)
+            self._recorder.record_text(self.get_time_s(), component, level, text)

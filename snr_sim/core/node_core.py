@@ -9,7 +9,7 @@ from snr_sim.core.component import CORE_NAME
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.node_life import NodeLife
 from snr_sim.core.node_parts import NodeParts
-from snr_sim.core.reload.reload import Changes, Outcome
+from snr_sim.core.reload.reload import ChangeResult, ComponentManager
 from snr_sim.core.reload.rollback import Probations
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import TaskError
@@ -25,7 +25,7 @@ class NodeCore(Endpoint):
     The page `reload`, `add_component` or `remove_component` has the outcome of such a task.
     """
 
-    is_of_robot = False
+    is_robot_component = False
 
     def __init__(self, parent: NodeParts, life: NodeLife) -> None:
         super().__init__(EndpointFactory(), parent, CORE_NAME)
@@ -34,14 +34,14 @@ class NodeCore(Endpoint):
         # Pages whose `process_data` task waits behind others, oldest first, each with the page of its key before it.
         # Tasks are executed in queue order, so entries in excess of the queue's length have been processed.
         self._waiting: deque[tuple[Page, Page | None]] = deque()
-        self._mine = parent.name
-        self.came_s: dict[DataKey, float] = {}  # arrival time of the newest page of a key from other nodes
+        self._own_name = parent.name
+        self.received_s: dict[DataKey, float] = {}  # arrival time of the newest page of a key from other nodes
         # Callbacks by key: links send these pages on. Not part of the machine, so a replay has none.
-        self.taps: dict[DataKey, list[Callable[[Page], None]]] = {}
-        self._changes = Changes(life)
-        self._probations = Probations(self._changes, self._tell_rollback)
-        self._changes.put_on_probation = self._probations.begin
-        life.takes_failure = self._probations.has_taken
+        self.store_listeners: dict[DataKey, list[Callable[[Page], None]]] = {}
+        self._manager = ComponentManager(life)
+        self._probations = Probations(self._manager, self._report_rollback)
+        self._manager.put_on_probation = self._probations.begin
+        life.handle_failure = self._probations.handle_failure
         self.task_handlers = {
             TaskType.store_page: self.store,
             TaskType.terminate: self.end_node,
@@ -63,11 +63,11 @@ class NodeCore(Endpoint):
             )
         page = values[0]
         before = self._put(page)
-        if page.origin != self._mine:
-            self.came_s[page.key] = self._node.machine.now_s
-        if self.taps:
-            for tap in self.taps.get(page.key, ()):
-                tap(page)
+        if page.origin != self._own_name:
+            self.received_s[page.key] = self._node.machine.now_s
+        if self.store_listeners:
+            for listener in self.store_listeners.get(page.key, ()):
+                listener(page)
         if not page.process:
             return None
         if self._node.machine.queue:  # else it is processed next, while it is still the newest
@@ -99,18 +99,18 @@ class NodeCore(Endpoint):
 
     def reload(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Reload the component of that name, or all; the values can contain further names."""
-        return self._tell(TaskType.reload.value, self._changes.reload(task.name, task.val_list))
+        return self._report(TaskType.reload.value, self._manager.reload(task.name, task.val_list))
 
     def add_component(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Add a factory's component."""
         factory = task.val_list[0] if task.val_list else None
         is_started = len(task.val_list) < 2 or bool(task.val_list[1])
-        return self._tell(tasks.ADD_COMPONENT_TASK_NAME, self._changes.add(factory, is_started))
+        return self._report(tasks.ADD_COMPONENT_TASK_NAME, self._manager.add(factory, is_started))
 
     def remove_component(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Remove the component of that name."""
         name = task.val_list[0] if task.val_list else ""
-        return self._tell(tasks.REMOVE_COMPONENT_TASK_NAME, self._changes.remove(name))
+        return self._report(tasks.REMOVE_COMPONENT_TASK_NAME, self._manager.remove(name))
 
     def roll_back(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Roll back the reload that created a loop which failed."""
@@ -119,14 +119,14 @@ class NodeCore(Endpoint):
                 return self._probations.roll_back(name, number, message)
         return None
 
-    def _tell_rollback(self, name: str, message: str) -> Sequence[Task]:
-        return [self._tell(TaskType.reload.value, Outcome(name, False, message))]
+    def _report_rollback(self, name: str, message: str) -> Sequence[Task]:
+        return [self._report(TaskType.reload.value, ChangeResult(name, False, message))]
 
-    def _tell(self, key: DataKey, outcome: Outcome) -> Task:
+    def _report(self, key: DataKey, outcome: ChangeResult) -> Task:
         """Report the outcome of a change in the log and in a page, and a failure also at the end of the run."""
         if outcome.ok:
             self.log.info("%s", outcome.message)
         else:
             self.log.warning("%s", outcome.message)
-            self._node.note(outcome.message)
+            self._node.add_note(outcome.message)
         return self.store_data_task(key, {**vars(outcome)})

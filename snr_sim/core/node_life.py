@@ -8,13 +8,13 @@ from collections.abc import Callable
 from snr_sim.core.component_registry import ComponentRegistry
 from snr_sim.core.handlers import describe
 from snr_sim.core.loop import Loop
-from snr_sim.core.loose_ends import loose_ends, nobody
-from snr_sim.core.machine import HandlerFailed, as_tasks
+from snr_sim.core.machine import HandlerError, as_tasks
 from snr_sim.core.node_parts import NodeParts
 from snr_sim.core.node_report import NodeReport
-from snr_sim.core.reload.trial import Trial
+from snr_sim.core.reload.setup_result import SetupResult
+from snr_sim.core.run_diagnostics import no_writers, run_diagnostics
 from snr_sim.prelude.component import Component
-from snr_sim.prelude.errors import ComponentFailed, ConfigError, TraceError
+from snr_sim.prelude.errors import ComponentFailedError, ConfigError, TraceError
 from snr_sim.prelude.recorder import NodeRecorder
 from snr_sim.prelude.task import SomeTasks
 
@@ -32,20 +32,20 @@ class NodeLife:
         recorder: of the node, if the run is recorded.
 
     Attributes:
-        is_over: whether the end of the run has begun: components are being halted, or have been.
+        is_finished: whether the end of the run has begun: components are being halted, or have been.
         is_halting: whether it is too late for components to schedule tasks.
-        takes_failure: returns whether the failure of a loop is handled without ending the run.
+        handle_failure: handles the failure of a loop without ending the run if it can, and returns whether it did.
     """
 
     def __init__(
         self, node: NodeParts, registry: ComponentRegistry, report: NodeReport, recorder: NodeRecorder | None
     ) -> None:
-        self.is_over = False
+        self.is_finished = False
         self.is_halting = False
         self.node = node
         self.registry = registry
         self.report = report
-        self.takes_failure: Callable[[Loop, ComponentFailed], bool] = lambda loop, failure: False
+        self.handle_failure: Callable[[Loop, ComponentFailedError], bool] = lambda loop, failure: False
         self._recorder = recorder
         self._begun: list[Component] = []
 
@@ -53,10 +53,10 @@ class NodeLife:
         """Begin each component, in order; from now on this thread is the node's.
 
         Raises:
-            ComponentFailed: a component could not begin.
+            ComponentFailedError: a component could not begin.
             ConfigError: the node has run before.
         """
-        if self._begun or self.is_over:
+        if self._begun or self.is_finished:
             raise ConfigError(f"Node '{self.node.name}' has already run.", fix="make a new Node for a new run.")
         self.node.thread_id = threading.get_ident()
         now_s = self.node.machine.now_s = self.node.clock.now_s()
@@ -69,7 +69,7 @@ class NodeLife:
         self._begun.append(component)
         try:
             begin(component)
-        except (ComponentFailed, TraceError):
+        except (ComponentFailedError, TraceError):
             raise
         except (Exception, SystemExit) as error:
             raise self.report.failure_of(component, error, "begin") from error
@@ -78,17 +78,17 @@ class NodeLife:
         """Begin a component while a task is handled; what it schedules follows from that task.
 
         Raises:
-            ComponentFailed: it raised, or a loop's `setup` on a thread or in a process raised within its timeout.
+            ComponentFailedError: it raised, or a loop's `setup` on a thread or in a process raised within its timeout.
         """
         running = self.node.machine.running
         self.node.machine.running = component
-        trial = Trial()
+        setup_result = SetupResult()
         if isinstance(component, Loop):
-            component.trial, component.is_taken_out = trial, False
+            component.setup_result, component.is_removed = setup_result, False
         try:
             self._begin(component, lambda one: one.begin())
-            if isinstance(component, Loop) and component.caller is not None and component.caller.setup_patience_s:
-                failure = trial.wait(component.caller.setup_patience_s)
+            if isinstance(component, Loop) and component.caller is not None and component.caller.setup_timeout_s:
+                failure = setup_result.wait(component.caller.setup_timeout_s)
                 if failure is not None:
                     raise failure
         finally:
@@ -97,14 +97,14 @@ class NodeLife:
                 self._begun.sort(key=lambda one: order_of(one.name))
             self.node.machine.running = running
 
-    def end_removed(self, component: Component) -> list[ComponentFailed]:
+    def end_removed(self, component: Component) -> list[ComponentFailedError]:
         """Halt and terminate a component before the node ends; return its failures. A second call does nothing."""
         if not self.has_begun(component):
             return []
         self._begun = [one for one in self._begun if one is not component]
-        running, failures = self.node.machine.running, list[ComponentFailed]()
+        running, failures = self.node.machine.running, list[ComponentFailedError]()
         if isinstance(component, Loop):
-            component.is_taken_out = True
+            component.is_removed = True
         self._call_last(component, "halt", component.join, failures)
         self._call_last(component, "terminate", component.terminate, failures)
         self.node.machine.running = running
@@ -118,11 +118,11 @@ class NodeLife:
         """Execute tasks until none is left or the node has ended.
 
         Raises:
-            ComponentFailed: a handler or a loop raised.
+            ComponentFailedError: a handler or a loop raised.
         """
         try:
             self.node.machine.run_ready()
-        except HandlerFailed as failed:
+        except HandlerError as failed:
             cause = failed.__cause__
             assert cause is not None
             if isinstance(cause, KeyboardInterrupt):
@@ -139,15 +139,15 @@ class NodeLife:
             error: the error that ended it, if any, here or in another node.
 
         Raises:
-            ComponentFailed: a component could not be halted or terminated; all others have been. Further failures
+            ComponentFailedError: a component could not be halted or terminated; all others have been. Further failures
                 are in the notes.
         """
-        if self.is_over:
+        if self.is_finished:
             return
-        self.is_over = True
-        is_of_start = isinstance(error, ComponentFailed) and error.step in ("begin", "setup")
+        self.is_finished = True
+        is_of_start = isinstance(error, ComponentFailedError) and error.step in ("begin", "setup")
         self.node.never_ran = is_of_start or (error is not None and not self.node.datastore.stored)
-        failures: list[ComponentFailed] = []
+        failures: list[ComponentFailedError] = []
         if self.node.exit_reason is not None:
             self._drain(failures)
         self.node.exit_reason = self.node.exit_reason or reason
@@ -158,23 +158,25 @@ class NodeLife:
         for component in self._begun:
             self._call_last(component, "halt", component.join, failures)
             self._call_last(component, "terminate", component.terminate, failures)
-        self.node.door.close()
-        failure = self.node.door.failure
-        if isinstance(failure, ComponentFailed) and failure is not error:  # from a loop's thread, perhaps in its halt
+        self.node.inbox.close()
+        failure = self.node.inbox.failure
+        if (
+            isinstance(failure, ComponentFailedError) and failure is not error
+        ):  # from a loop's thread, perhaps in its halt
             failures.append(failure)
         self._note_overload()
-        of_the_run, told = len(self.report.notes), list[str]()
+        first_added, lines = len(self.report.notes), list[str]()
         if not self.node.never_ran:
-            ends = self.node.components, self.node.machine.lookup.seen(), self.node.datastore
-            self.report.notes.extend(loose_ends(*ends, nobody))
-            told = loose_ends(*ends)
+            ends = self.node.components, self.node.machine.lookup.seen_tasks(), self.node.datastore
+            self.report.notes.extend(run_diagnostics(*ends, no_writers))
+            lines = run_diagnostics(*ends)
         for failure in failures:
             self.report.record_failure(failure)
         self.report.notes.extend(failure.message for failure in failures[1:])  # the first is raised
         if self._recorder is not None:
             self._recorder.end(self.node.machine.now_s, self.node.exit_reason or "", self.node.summary())
         # With the student's lines, which a trace does not contain.
-        self.report.notes[of_the_run : of_the_run + len(told)] = told
+        self.report.notes[first_added : first_added + len(lines)] = lines
         self.report.notes = self.report.finished_notes()
         if failures:
             raise failures[0]
@@ -182,7 +184,7 @@ class NodeLife:
     def note_too_late(self, component: Component, tasks: SomeTasks) -> None:
         """Note the tasks that a component has scheduled while it was halted."""
         for task in as_tasks(tasks, component, self.node.schedule):
-            self.node.note(
+            self.node.add_note(
                 f"'{component.name}' scheduled {describe(task.id())} while it was halted, and no task comes "
                 "after that. A handler of TaskType.terminate is called in time."
             )
@@ -195,27 +197,27 @@ class NodeLife:
                 "work, so handlers see old data. Lower a loop's max_tick_rate_hz, or do less in a handler."
             )
 
-    def _drain(self, failures: list[ComponentFailed]) -> None:
+    def _drain(self, failures: list[ComponentFailedError]) -> None:
         try:
             cut_off = self.node.machine.drain()
-        except HandlerFailed as failed:
+        except HandlerError as failed:
             cause = failed.__cause__
             if cause is not None and not isinstance(cause, KeyboardInterrupt):
                 failures.append(self.report.failure_of_handling(failed, cause))
             elif cause is not None:
                 interrupt = self.report.failure_of_handling(failed, cause)
                 self.report.record_interrupt(interrupt.component, interrupt.message)
-        except ComponentFailed as failure:
+        except ComponentFailedError as failure:
             failures.append(failure)
         else:
             if cut_off:
-                self.node.note(
+                self.node.add_note(
                     f"The node ended with {cut_off} tasks undone: there was no end to them, "
                     "or they would have taken too long."
                 )
 
     def _call_last(
-        self, component: Component, step: str, function: Callable[[], None], failures: list[ComponentFailed]
+        self, component: Component, step: str, function: Callable[[], None], failures: list[ComponentFailedError]
     ) -> None:
         self.node.machine.running = component
         try:
@@ -230,7 +232,7 @@ class NodeLife:
         """Call a loop's `setup` or `loop`: on the node's thread in lock step, on the loop's own otherwise.
 
         Raises:
-            ComponentFailed: it raised.
+            ComponentFailedError: it raised.
         """
         is_ours = threading.get_ident() == self.node.thread_id
         if is_ours:

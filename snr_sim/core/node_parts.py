@@ -6,11 +6,11 @@ from typing import Any, Protocol
 
 from snr_sim.core.config import Config, Mode
 from snr_sim.core.datastore import Datastore
-from snr_sim.core.door import Door
+from snr_sim.core.inbox import Inbox
 from snr_sim.core.machine import EventMachine
 from snr_sim.core.profiler import Profiler
 from snr_sim.prelude.component import Component
-from snr_sim.prelude.errors import ComponentFailed
+from snr_sim.prelude.errors import ComponentFailedError
 from snr_sim.prelude.node_api import NodeApi
 
 
@@ -32,7 +32,7 @@ class NodeParts(NodeApi, Protocol):
     thread_id: int
 
     @property
-    def door(self) -> Door:
+    def inbox(self) -> Inbox:
         """Inbox for inputs."""
         ...
 
@@ -66,7 +66,7 @@ class NodeParts(NodeApi, Protocol):
         """Keep the reason of the first terminate task, and end the machine."""
         ...
 
-    def record_failure(self, failure: ComponentFailed) -> None:
+    def record_failure(self, failure: ComponentFailedError) -> None:
         """Write a failure of this node into the trace, once."""
         ...
 

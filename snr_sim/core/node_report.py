@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from snr_sim.core.blame import describe_error, place_of, without_addresses
-from snr_sim.core.machine import HandlerFailed
+from snr_sim.core.machine import HandlerError
 from snr_sim.core.node_parts import NodeParts
+from snr_sim.core.source_location import describe_error, location_of, without_addresses
 from snr_sim.prelude.component import Component
-from snr_sim.prelude.errors import ComponentFailed
+from snr_sim.prelude.errors import ComponentFailedError
 from snr_sim.prelude.page import DataKey
 from snr_sim.prelude.recorder import NodeRecorder
 from snr_sim.prelude.task import Task
@@ -32,36 +32,36 @@ class NodeReport:
         self._recorder = recorder
         self._lines: dict[str, str] = {}  # by note: the student's lines that it is about
         self._objects: set[tuple[DataKey, type]] = set()  # non-data objects in pages, each noted once
-        self._failures: list[ComponentFailed] = []  # those that are in the trace
+        self._failures: list[ComponentFailedError] = []  # those that are in the trace
 
-    def failure_of(self, component: Component, error: BaseException, step: str) -> ComponentFailed:
+    def failure_of(self, component: Component, error: BaseException, step: str) -> ComponentFailedError:
         """Return an error in `begin`, `setup`, `loop`, `halt` or `terminate` as a failure with a message."""
-        if isinstance(error, ComponentFailed):
+        if isinstance(error, ComponentFailedError):
             return error
         where = f"in {step}() of component '{component.name}' at t = {self._node.clock.now_s():.3f} s"
-        return ComponentFailed(describe_error(error, where), self._node.name, component.name, step)
+        return ComponentFailedError(describe_error(error, where), self._node.name, component.name, step)
 
-    def failure_of_handling(self, failed: HandlerFailed, error: BaseException) -> ComponentFailed:
+    def failure_of_handling(self, failed: HandlerError, error: BaseException) -> ComponentFailedError:
         """Return an error that the machine has raised as a failure with a message."""
         if failed.component is not None:
             return self.failure_in_handler(failed.component, failed.task, error)
-        where = f"in node '{self._node.name}', while it looked for handlers of {self._shown(failed.task)}"
-        return ComponentFailed(describe_error(error, where), self._node.name)
+        where = f"in node '{self._node.name}', while it looked for handlers of {self._describe_task(failed.task)}"
+        return ComponentFailedError(describe_error(error, where), self._node.name)
 
-    def failure_in_handler(self, component: Component, task: Task, error: BaseException) -> ComponentFailed:
+    def failure_in_handler(self, component: Component, task: Task, error: BaseException) -> ComponentFailedError:
         """Return an error in a component's handler of a task as a failure with a message."""
         name = component.name
         entries = self._node.machine.lookup.find(task)
         called = [entry for entry in entries if entry[0] is component]
         labels = [f"{label[1]}(), " for _, _, _, label in called]
-        begins = place_of(called[0][1]) if called else None  # a wrong return value: no line of the handler raised
-        where = f"in {''.join(labels)}component '{name}', while it handled {self._shown(task)}"
-        return ComponentFailed(describe_error(error, where, begins), self._node.name, name)
+        begins = location_of(called[0][1]) if called else None  # a wrong return value: no line of the handler raised
+        where = f"in {''.join(labels)}component '{name}', while it handled {self._describe_task(task)}"
+        return ComponentFailedError(describe_error(error, where, begins), self._node.name, name)
 
-    def _shown(self, task: Task) -> str:
+    def _describe_task(self, task: Task) -> str:
         return f"{task.type} '{task.name}' at t = {self._node.machine.now_s:.3f} s"
 
-    def record_failure(self, failure: ComponentFailed) -> None:
+    def record_failure(self, failure: ComponentFailedError) -> None:
         """Write a failure of this node into the trace, once."""
         if failure.node != self._node.name or any(failure is other for other in self._failures):
             return
@@ -74,7 +74,7 @@ class NodeReport:
         if self._recorder is not None:
             self._recorder.error(self._node.machine.now_s, component_name, f"{INTERRUPTED}: {message}")
 
-    def note(self, text: str, lines: str = "") -> None:
+    def add_note(self, text: str, lines: str = "") -> None:
         """Keep a note for the end of the run, once: repeated failures must not fill the memory.
 
         Args:

@@ -8,7 +8,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from snr_sim.core.blame import Place, is_student_file, place_now
+from snr_sim.core.page_types import is_declared, to_page
+from snr_sim.core.source_location import SourceLocation, current_location, is_student_file
 from snr_sim.prelude.errors import TaskError
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey
@@ -22,13 +23,16 @@ _FIX = "store numbers, text, lists, dicts, numpy arrays, or dataclasses of these
 def data_of_page(node: NodeApi, key: DataKey, data: Any) -> Any:
     """Return a copy of data for a page of a node; later changes of the original do not affect it.
 
+    An object of a class that `@page` declares becomes a dict.
     An object of another class is not copied, and is noted once with the line that stores it.
 
     Raises:
-        TaskError: the data contain a part of the program, such as an endpoint.
+        TaskError: the data contain a part of the program, such as an endpoint, or do not fit their declared class.
     """
     if type(data) in IMMUTABLE:
         return data
+    if is_declared(data):
+        data = to_page(key, data)
     objects: list[Any] = []
     try:
         kept = snapshot(data, objects)
@@ -40,11 +44,11 @@ def data_of_page(node: NodeApi, key: DataKey, data: Any) -> Any:
 
 
 def _check(node: NodeApi, key: DataKey, data: Any, found: Any) -> None:
-    kind, is_refused = type(found), is_of_program(found)
-    named = f"'{found.name}' of class" if is_refused and hasattr(found, "name") else "an object of class"
+    kind, is_rejected = type(found), is_of_program(found)
+    named = f"'{found.name}' of class" if is_rejected and hasattr(found, "name") else "an object of class"
     where = next(_paths_to(found, data, "data"), "data")
     what = f"Page '{key}' holds {named} {kind.__qualname__} ({where})"
-    if is_refused:
+    if is_rejected:
         raise TaskError(f"{what}, which is a part of the program and not data.", fix=_FIX)
     if not node.note_object(key, kind):
         return
@@ -54,17 +58,17 @@ def _check(node: NodeApi, key: DataKey, data: Any, found: Any) -> None:
         else "it is recorded for people to read, a later change of it changes the page, and it can neither cross a "
         "link nor be an input of a replay"
     )
-    place = _storing_line()
-    if place is not None:  # no line: snr_sim stores it for a caller who does not handle pages
-        node.note(f"{place}\n  {what}: {trouble}.\n  Try: {_FIX}")
+    location = _storing_line()
+    if location is not None:  # no line: snr_sim stores it for a caller who does not handle pages
+        node.add_note(f"{location}\n  {what}: {trouble}.\n  Try: {_FIX}")
 
 
-def _storing_line() -> Place | None:
+def _storing_line() -> SourceLocation | None:
     """Return the student's line that stores a page, or None if snr_sim's own code does."""
     frame: FrameType | None = sys._getframe()
     while frame is not None and _CORE in Path(frame.f_code.co_filename).parents:
         frame = frame.f_back
-    return place_now(frame) if frame is not None and is_student_file(frame.f_code.co_filename) else None
+    return current_location(frame) if frame is not None and is_student_file(frame.f_code.co_filename) else None
 
 
 def _paths_to(found: Any, value: Any, path: str) -> Iterator[str]:

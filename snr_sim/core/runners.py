@@ -11,15 +11,15 @@ from typing import Protocol
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import ComponentsByRole, Config, Mode
-from snr_sim.core.interrupts import Interrupted, orderly
+from snr_sim.core.interrupts import RunInterrupted, graceful_shutdown
 from snr_sim.core.left_threads import notes_on_threads
 from snr_sim.core.lockstep import LockStep
 from snr_sim.core.node import Node
-from snr_sim.core.reload.sources import being_read
-from snr_sim.core.reload.watch import watched
+from snr_sim.core.reload.sources import reloading_file
+from snr_sim.core.reload.watch import with_watch
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import RoleName
-from snr_sim.prelude.errors import ConfigError, SnrError, nearest
+from snr_sim.prelude.errors import ConfigError, SnrError, suggest
 from snr_sim.prelude.recorder import Recorder
 
 TEST_ROLE = "test"
@@ -31,7 +31,7 @@ _OPTIONS = {  # of a program with a CliRunner
 }
 
 
-class Link(Protocol):
+class NodeLink(Protocol):
     """Interface of a link that carries pages between nodes of one process."""
 
     def attach(self, nodes: dict[RoleName, Node], clock: SimClock) -> None:
@@ -65,25 +65,25 @@ class SynchronousRunner:
         """Run until a terminate task, or a signal, ends it.
 
         Raises:
-            ComponentFailed: a handler or a loop raised.
+            ComponentFailedError: a handler or a loop raised.
         """
         threads = threading.enumerate()
         try:
-            with orderly([self.node]) as signals:
+            with graceful_shutdown([self.node]) as signals:
                 self._loop(signals)
         finally:
-            _tell_notes([self.node], threads)
+            _log_notes([self.node], threads)
 
     def _loop(self, signals: Sequence[str]) -> None:
         try:
             self.node.loop()
-        except Interrupted as interrupted:
+        except RunInterrupted as interrupted:
             if not signals:
                 raise
-            self.node.note(f"{signals[0]}: {interrupted}, and was interrupted.")
+            self.node.add_note(f"{signals[0]}: {interrupted}, and was interrupted.")
 
 
-def _tell_notes(nodes: Sequence[Node], threads_before: Sequence[threading.Thread]) -> None:
+def _log_notes(nodes: Sequence[Node], threads_before: Sequence[threading.Thread]) -> None:
     """Print the nodes' notes on stderr, with the node's name if there are several, and notes on running threads."""
     for node in nodes:
         whose = f"{node.name}: " if len(nodes) > 1 else ""
@@ -95,7 +95,7 @@ def _tell_notes(nodes: Sequence[Node], threads_before: Sequence[threading.Thread
 
 
 class CliRunner:
-    """Runner of the role that the command line names: `python robot.py ROLE`.
+    """Runner of the role that the command line names: `python robot.py ROLE`; of the only one, if there is one.
 
     `-d` is for DEBUG mode; with `--watch` a component whose file is saved is reloaded while the robot runs.
 
@@ -126,14 +126,16 @@ class CliRunner:
         if "--help" in words or "-h" in words:
             print(self._usage(list(config.factories)))
             raise SystemExit(0)
+        if not roles and len(config.factories) == 1:
+            roles = list(config.factories)
         if unknown or len(roles) != 1 or roles[0] not in config.factories:
             self._explain(unknown, roles, list(config.factories))
             raise SystemExit(2)
         try:
-            runner = SynchronousRunner(roles[0], watched(config) if is_watched else config)
+            runner = SynchronousRunner(roles[0], with_watch(config) if is_watched else config)
             runner.run()
         except SnrError as error:
-            if mode is Mode.DEBUG or being_read.get():  # a reload reports errors itself
+            if mode is Mode.DEBUG or reloading_file.get():  # a reload reports errors itself
                 raise
             print(error, file=sys.stderr)
             raise SystemExit(1) from error
@@ -142,19 +144,20 @@ class CliRunner:
 
     def _explain(self, unknown: list[str], given: list[str], known: list[str]) -> None:
         if unknown:
-            print(f"There is no option {unknown[0]}.\n  Try: {nearest(unknown[0], _OPTIONS)}", file=sys.stderr)
+            print(f"There is no option {unknown[0]}.\n  Try: {suggest(unknown[0], _OPTIONS)}", file=sys.stderr)
         elif not given:
             print("Which role? None was given.", file=sys.stderr)
         elif len(given) > 1:
             print(f"One role at a time, not {len(given)}: {' '.join(given)}.", file=sys.stderr)
         else:
-            print(f"There is no role '{given[0]}'.\n  Try: {nearest(given[0], known)}", file=sys.stderr)
+            print(f"There is no role '{given[0]}'.\n  Try: {suggest(given[0], known)}", file=sys.stderr)
         print(self._usage(known), file=sys.stderr)
 
     def _usage(self, roles: list[str]) -> str:
         options = "".join(f"\n  {option:<8} {what}" for option, what in _OPTIONS.items())
         program = self._argv[0] if self._argv else "robot.py"
-        return f"usage: {program} [-d] [--watch] ROLE{options}\nroles: {', '.join(roles)}"
+        role = "[ROLE]" if len(roles) == 1 else "ROLE"
+        return f"usage: {program} [-d] [--watch] {role}{options}\nroles: {', '.join(roles)}"
 
 
 def show_log(level: int) -> None:
@@ -201,9 +204,9 @@ class TestRunner:
         """Run until a terminate task, or until nothing is due any more.
 
         Raises:
-            ComponentFailed: a handler or a loop raised.
+            ComponentFailedError: a handler or a loop raised.
         """
-        with orderly([self.node]):
+        with graceful_shutdown([self.node]):
             LockStep([self.node], self.clock, until_s=self._until_s).run()
 
 
@@ -219,7 +222,7 @@ class SimRunner:
         seed: of the run.
         pace: virtual seconds per wall second; None is as fast as possible.
         until_s: the longest virtual time.
-        tells_notes: whether the nodes' notes are printed on stderr at the end.
+        log_notes: whether the nodes' notes are printed on stderr at the end.
 
     Raises:
         ConfigError: a role is named twice.
@@ -230,13 +233,13 @@ class SimRunner:
         config: Config,
         roles: Sequence[RoleName] | None = None,
         *,
-        links: Sequence[Link] = (),
+        links: Sequence[NodeLink] = (),
         clock: SimClock | None = None,
         recorder: Recorder | None = None,
         seed: int = 0,
         pace: float | None = None,
         until_s: float | None = None,
-        tells_notes: bool = True,
+        log_notes: bool = True,
     ) -> None:
         names = list(roles if roles is not None else config.factories)
         if len(set(names)) != len(names):
@@ -246,19 +249,19 @@ class SimRunner:
         for link in links:
             link.attach(self.nodes, self.clock)
         self._lock_step = LockStep(list(self.nodes.values()), self.clock, pace, until_s)
-        self._tells_notes = tells_notes
+        self._log_notes = log_notes
         self.signals: list[str] = []
 
     def run(self) -> None:
         """Run until every node has ended, nothing is due any more, or the time limit is reached.
 
         Raises:
-            ComponentFailed: a handler or a loop raised; every node has been halted.
+            ComponentFailedError: a handler or a loop raised; every node has been halted.
         """
         nodes, threads = list(self.nodes.values()), threading.enumerate()
         try:
-            with orderly(nodes) as self.signals:
+            with graceful_shutdown(nodes) as self.signals:
                 self._lock_step.run()
         finally:
-            if self._tells_notes:
-                _tell_notes(nodes, threads)
+            if self._log_notes:
+                _log_notes(nodes, threads)

@@ -13,12 +13,12 @@ from typing import Any
 from snr_sim.core.current_call import CurrentCall
 from snr_sim.core.handlers import describe
 from snr_sim.core.node_parts import NodeParts
-from snr_sim.prelude.errors import ComponentFailed
+from snr_sim.prelude.errors import ComponentFailedError
 
-TOLD_AFTER_S = 2.0
-TOLD_AGAIN_S = 10.0
+REPORT_AFTER_S = 2.0
+REPORT_PERIOD_S = 10.0
 WITHOUT_LINE_S = 10.0  # without a line of student code, report later: a device may take seconds to start
-SLOW_LOOKS = 10  # consecutive checks that find the same line: the run spends its time there
+SLOW_CHECKS = 10  # consecutive checks that find the same line: the run spends its time there
 
 _FIX = (
     "a handler, and a loop's loop(), does its work once and returns. What is to happen again is a Loop's work, at its "
@@ -40,11 +40,11 @@ class Standstill:
         self._call = call
         self._state: list[Any] = []
         self._executed = -1  # tasks that the machine has not counted yet; -1 if not read
-        self._tell_at_s = TOLD_AFTER_S
-        self._lines: deque[tuple[str, int] | None] = deque(maxlen=SLOW_LOOKS)
-        self._told_lines: set[tuple[str, int]] = set()
+        self._report_at_s = REPORT_AFTER_S
+        self._lines: deque[tuple[str, int] | None] = deque(maxlen=SLOW_CHECKS)
+        self._reported_lines: set[tuple[str, int]] = set()
 
-    def look(self, passed_s: float) -> str | None:
+    def check(self, passed_s: float) -> str | None:
         """Return a report if one is due, else None.
 
         Args:
@@ -57,21 +57,21 @@ class Standstill:
         self._state, self._executed = state, call.executed if is_same else -1
         self._lines.append(call.line if self.running is not None else None)
         if not is_same or call.is_debugged:
-            self.stalled_s, self._tell_at_s = 0.0, TOLD_AFTER_S
+            self.stalled_s, self._report_at_s = 0.0, REPORT_AFTER_S
             return self._slow(call)
         self.stalled_s += passed_s
-        if self.stalled_s < (self._tell_at_s if call.frame is not None else max(self._tell_at_s, WITHOUT_LINE_S)):
+        if self.stalled_s < (self._report_at_s if call.frame is not None else max(self._report_at_s, WITHOUT_LINE_S)):
             return None
-        self._tell_at_s = self.stalled_s + TOLD_AGAIN_S
+        self._report_at_s = self.stalled_s + REPORT_PERIOD_S
         if call.line is not None:
-            self._told_lines.add(call.line)
-        return f"{self._words(call)}, and nothing else runs meanwhile.\n  Try: {_FIX} Ctrl-C ends the run in order."
+            self._reported_lines.add(call.line)
+        return f"{self._describe(call)}, and nothing else runs meanwhile.\n  Try: {_FIX} Ctrl-C ends the run in order."
 
-    def failure(self) -> ComponentFailed:
+    def failure(self) -> ComponentFailedError:
         """Return the error of a run that is ended for a standstill."""
         running = self.running
-        what = f"{self._words(self._call(True))}: the run was ended."
-        return ComponentFailed(f"{what}\n  Try: {_FIX}", self.node.name, "" if running is None else running.name)
+        what = f"{self._describe(self._call(True))}: the run was ended."
+        return ComponentFailedError(f"{what}\n  Try: {_FIX}", self.node.name, "" if running is None else running.name)
 
     @property
     def node(self) -> NodeParts:
@@ -89,13 +89,19 @@ class Standstill:
         return [
             first.clock.now_s() if first.is_in_lock_step else None,
             *(
-                (id(node.machine.running), node.machine.now_s, node.machine.executed, node.door.visits, node.is_over)
+                (
+                    id(node.machine.running),
+                    node.machine.now_s,
+                    node.machine.executed,
+                    node.inbox.wait_count,
+                    node.is_finished,
+                )
                 for node in self._nodes
             ),
         ]
 
-    def _words(self, call: CurrentCall) -> str:
-        where = "" if call.place is None else f"{call.place}\n  "
+    def _describe(self, call: CurrentCall) -> str:
+        where = "" if call.location is None else f"{call.location}\n  "
         task = "" if call.task is None else f", which handles {describe(call.task.id())},"
         at = f"at t = {self.node.machine.now_s:.3f} s"
         return f"{where}{self._who(call)}{task} has not returned for {self.stalled_s:.0f} s {at}"
@@ -109,10 +115,10 @@ class Standstill:
     def _slow(self, call: CurrentCall) -> str | None:
         """Return, once, a report on a line at which many checks find the run although it makes progress."""
         line = call.line
-        if line is None or line in self._told_lines or list(self._lines) != [line] * SLOW_LOOKS:
+        if line is None or line in self._reported_lines or list(self._lines) != [line] * SLOW_CHECKS:
             return None
-        self._told_lines.add(line)
+        self._reported_lines.add(line)
         return (
-            f"{call.place}\n  {self._who(call)} was in this line whenever the run was looked at, {SLOW_LOOKS} times in "
-            f"a row: the run spends its time there.\n  Try: {_FIX} In time.sleep() a whole run waits."
+            f"{call.location}\n  {self._who(call)} was in this line whenever the run was looked at, {SLOW_CHECKS} "
+            f"times in a row: the run spends its time there.\n  Try: {_FIX} In time.sleep() a whole run waits."
         )

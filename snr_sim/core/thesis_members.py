@@ -40,7 +40,7 @@ class LoggingMembers:
         self.log.error(message, *args)
 
     def fatal(self, message: str, *args: object) -> None:
-        """Log at level CRITICAL. It does not end the node: a handler that returns `tasks.terminate("why")` does."""
+        """Log at level CRITICAL. It does not end the node: a handler that returns `tasks.terminate("reason")` does."""
         self.log.critical(message, *args)
 
     profile: Any = Retired("profile", _PROFILE)

@@ -20,49 +20,49 @@ _watched: list[int] = []  # file descriptors; a forked child must not write its 
 
 
 @contextmanager
-def woken_by(numbers: Sequence[int], taken: Sequence[object], look: Callable[[int], None]) -> Iterator[None]:
+def wake_on_signals(numbers: Sequence[int], handled: Sequence[object], check: Callable[[int], None]) -> Iterator[None]:
     """Wake the main thread at the first of these signals, while active. Call it from the main thread only.
 
     Args:
         numbers: of signals that have Python handlers.
-        taken: is no longer empty once a handler has run.
-        look: called periodically with the signal's number from then on, on a thread.
+        handled: is no longer empty once a handler has run.
+        check: called periodically with the signal's number from then on, on a thread.
     """
     if not hasattr(signal, "pthread_kill"):  # Windows, where Ctrl-C ends a sleep by another mechanism
         yield
         return
-    heard, noted = os.pipe()
-    os.set_blocking(noted, False)
-    main, is_over = threading.get_ident(), threading.Event()
+    read_end, write_end = os.pipe()
+    os.set_blocking(write_end, False)
+    main, is_finished = threading.get_ident(), threading.Event()
 
     def watch() -> None:
-        while (number := os.read(heard, 1)) != _NO_SIGNAL:
-            while number[0] in numbers and not is_over.wait(WAKE_S):
-                if not taken:
+        while (number := os.read(read_end, 1)) != _NO_SIGNAL:
+            while number[0] in numbers and not is_finished.wait(WAKE_S):
+                if not handled:
                     signal.pthread_kill(main, number[0])
-                look(number[0])
+                check(number[0])
 
     watcher = threading.Thread(target=watch, name="wake_up", daemon=True)
-    before = signal.set_wakeup_fd(noted, warn_on_full_buffer=False)
-    _watched.append(noted)
+    before = signal.set_wakeup_fd(write_end, warn_on_full_buffer=False)
+    _watched.append(write_end)
     watcher.start()
     try:
         yield
     finally:
         signal.set_wakeup_fd(before)
-        _watched.remove(noted)
-        is_over.set()
-        os.write(noted, _NO_SIGNAL)
+        _watched.remove(write_end)
+        is_finished.set()
+        os.write(write_end, _NO_SIGNAL)
         watcher.join()
-        os.close(noted)
-        os.close(heard)
+        os.close(write_end)
+        os.close(read_end)
 
 
-def _is_a_copy() -> None:
+def _reset_after_fork() -> None:
     if _watched:
         with suppress(ValueError):
             signal.set_wakeup_fd(-1)
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_is_a_copy)
+    os.register_at_fork(after_in_child=_reset_after_fork)

@@ -1,1 +1,91 @@
 """Simulated and real devices behind the same interfaces, and the loops that drive them."""
+
+from typing import TYPE_CHECKING
+
+from snr_sim.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from snr_sim.devices.device_strings import check_table as check_table
+    from snr_sim.devices.device_strings import open_pwm as open_pwm
+    from snr_sim.devices.device_strings import open_sensor as open_sensor
+    from snr_sim.devices.gamepad import GamepadLoopFactory as GamepadLoopFactory
+    from snr_sim.devices.loops import ActuatorLoopFactory as ActuatorLoopFactory
+    from snr_sim.devices.loops import SensorLoopFactory as SensorLoopFactory
+    from snr_sim.devices.mcu.mcu import McuPower as McuPower
+    from snr_sim.devices.mcu.mcu import McuPwm as McuPwm
+    from snr_sim.devices.mcu.mcu_board import McuBoard as McuBoard
+    from snr_sim.devices.pwm.engine_pwm import EnginePwmLoopFactory as EnginePwmLoopFactory
+    from snr_sim.devices.pwm.engine_pwm import EngineServos as EngineServos
+    from snr_sim.devices.pwm.loopback import LoopbackPwm as LoopbackPwm
+    from snr_sim.devices.pwm.maestro import Maestro as Maestro
+    from snr_sim.devices.pwm.passive_pwm import PassivePwm as PassivePwm
+    from snr_sim.devices.pwm.pca9685 import Pca9685 as Pca9685
+    from snr_sim.devices.pwm.pwm_backend import PwmBackend as PwmBackend
+    from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory as PwmLoopFactory
+    from snr_sim.devices.pwm.sim_pwm import SimPwm as SimPwm
+    from snr_sim.devices.pwm.sim_pwm import drive_plant as drive_plant
+    from snr_sim.devices.pwm.supervised_pwm import SupervisedPwm as SupervisedPwm
+    from snr_sim.devices.pwm.sysfs_pwm import SysfsPins as SysfsPins
+    from snr_sim.devices.pygame_gamepad import PygameGamepad as PygameGamepad
+    from snr_sim.devices.replayed import ReplayedSensor as ReplayedSensor
+    from snr_sim.devices.sensors.camera import Camera as Camera
+    from snr_sim.devices.sensors.camera import CameraLoopFactory as CameraLoopFactory
+    from snr_sim.devices.sensors.echo_sounder import EchoSounder as EchoSounder
+    from snr_sim.devices.sensors.gps import Gps as Gps
+    from snr_sim.devices.sensors.hull_sensors import LeakProbe as LeakProbe
+    from snr_sim.devices.sensors.hull_sensors import PowerModule as PowerModule
+    from snr_sim.devices.sensors.icm20948 import Icm20948 as Icm20948
+    from snr_sim.devices.sensors.imu import InertialUnit as InertialUnit
+    from snr_sim.devices.sensors.ms5837 import Ms5837 as Ms5837
+    from snr_sim.devices.sensors.ms5837_i2c import Ms5837I2c as Ms5837I2c
+    from snr_sim.devices.sensors.position_fix import POSITION_FIX_ERRORS as POSITION_FIX_ERRORS
+    from snr_sim.devices.sensors.position_fix import PositionFix as PositionFix
+    from snr_sim.devices.sensors.position_fix import position_fix_of as position_fix_of
+    from snr_sim.devices.sensors.sensor_errors import BiasDrift as BiasDrift
+    from snr_sim.devices.sensors.sensor_errors import SensorErrors as SensorErrors
+    from snr_sim.devices.simulated import SimActuator as SimActuator
+    from snr_sim.devices.simulated import SimSensor as SimSensor
+    from snr_sim.prelude.device import Actuator as Actuator
+    from snr_sim.prelude.device import Device as Device
+    from snr_sim.prelude.device import Health as Health
+    from snr_sim.prelude.device import PwmOut as PwmOut
+    from snr_sim.prelude.device import Sensor as Sensor
+    from snr_sim.prelude.device import Stale as Stale
+    from snr_sim.prelude.life_cycle import LifeCycle as LifeCycle
+    from snr_sim.prelude.life_cycle import LifeCycleSensor as LifeCycleSensor
+else:
+    __all__, __getattr__, __dir__ = lazy_names(
+        __name__,
+        {
+            "snr_sim.prelude.device": "Device Sensor Actuator PwmOut Health Stale",
+            "snr_sim.prelude.life_cycle": "LifeCycle LifeCycleSensor",
+            "snr_sim.devices.sensors.sensor_errors": "SensorErrors BiasDrift",
+            "snr_sim.devices.simulated": "SimSensor SimActuator",
+            "snr_sim.devices.replayed": "ReplayedSensor",
+            "snr_sim.devices.loops": "SensorLoopFactory ActuatorLoopFactory",
+            "snr_sim.devices.pwm.pwm_loop": "PwmLoopFactory",
+            "snr_sim.devices.pwm.engine_pwm": "EnginePwmLoopFactory EngineServos",
+            "snr_sim.devices.gamepad": "GamepadLoopFactory",
+            "snr_sim.devices.sensors.camera": "CameraLoopFactory Camera",
+            "snr_sim.devices.sensors.echo_sounder": "EchoSounder",
+            "snr_sim.devices.sensors.imu": "InertialUnit",
+            "snr_sim.devices.sensors.ms5837": "Ms5837",
+            "snr_sim.devices.sensors.hull_sensors": "PowerModule LeakProbe",
+            "snr_sim.devices.sensors.position_fix": "PositionFix position_fix_of POSITION_FIX_ERRORS",
+            "snr_sim.devices.pwm.pwm_backend": "PwmBackend",
+            "snr_sim.devices.pwm.passive_pwm": "PassivePwm",
+            "snr_sim.devices.pwm.supervised_pwm": "SupervisedPwm",
+            "snr_sim.devices.pwm.sim_pwm": "SimPwm drive_plant",
+            "snr_sim.devices.pwm.loopback": "LoopbackPwm",
+            "snr_sim.devices.mcu.mcu_board": "McuBoard",
+            "snr_sim.devices.mcu.mcu": "McuPwm McuPower",
+            "snr_sim.devices.pwm.maestro": "Maestro",
+            "snr_sim.devices.pwm.pca9685": "Pca9685",
+            "snr_sim.devices.pwm.sysfs_pwm": "SysfsPins",
+            "snr_sim.devices.sensors.ms5837_i2c": "Ms5837I2c",
+            "snr_sim.devices.sensors.icm20948": "Icm20948",
+            "snr_sim.devices.sensors.gps": "Gps",
+            "snr_sim.devices.pygame_gamepad": "PygameGamepad",
+            "snr_sim.devices.device_strings": "open_pwm open_sensor check_table",
+        },
+    )

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from snr_sim.core.ages import age_s
-from snr_sim.core.authors import who_stored
 from snr_sim.core.loop import Loop
-from snr_sim.devices.commands import in_words
+from snr_sim.core.page_age import page_age_s
+from snr_sim.core.page_writers import find_writer
+from snr_sim.devices.commands import describe_value
 from snr_sim.prelude.errors import CommandError
 from snr_sim.prelude.page import Page
 
@@ -34,33 +34,33 @@ class CommandInput:
         """Receive pages from now on."""
         self._page = None  # an older page may be invalid: the loop may have been out of the node meanwhile
         self._is_tapped = True
-        self._loop.parent.tap(self._key, self._receive)
+        self._loop.parent.add_store_listener(self._key, self._receive)
 
     def end(self) -> None:
         """Stop receiving. Safe to call twice."""
         if self._is_tapped:
             self._is_tapped = False
-            self._loop.parent.untap(self._key, self._receive)
+            self._loop.parent.remove_store_listener(self._key, self._receive)
 
     def _receive(self, page: Page) -> None:
         self._page = page
-        self._loop.hurry()
+        self._loop.wake()
 
     def newest(self) -> tuple[Page | None, float]:
         """Return the newest page and its age [s]; None and infinity before the first."""
         # The node's own page: from before `begin`, or in another process. The query also reports an unknown key.
         page = self._page or self._loop.parent.get_page(self._key)
-        return (None, math.inf) if page is None else (page, age_s(self._loop.parent, page))
+        return (None, math.inf) if page is None else (page, page_age_s(self._loop.parent, page))
 
-    def blamed(self, page: Page, error: CommandError) -> CommandError:
+    def error_with_source(self, page: Page, error: CommandError) -> CommandError:
         """Return the error with the component that stored the page, whose line comes first if it is known."""
-        what = f"Page '{page.key}' is no command: {error.message}"
+        what = f"Page '{page.key}' is not a valid command: {error.message}"
         if isinstance(page.data, dict):
-            what += f"\n  It holds {in_words(page.data)}."
+            what += f"\n  It holds {describe_value(page.data)}."
         when = f"at t = {page.created_at_s:.3f} s"
         if page.origin != self._loop.parent.name:
             return CommandError(f"{what}\n  It was made {when} by node '{page.origin}'.", fix=error.fix)
-        lines, who = self._who_stored()
+        lines, who = self._find_writer()
         return CommandError(f"{lines}{what}\n  It was stored {when} by {who}.", fix=error.fix)
 
     def note_clamped(self, command: Any, applied: Any, limits: dict[str, tuple[float, float]]) -> None:
@@ -70,16 +70,16 @@ class CommandInput:
             if asked != got and field not in self._clamped:
                 self._clamped.add(field)
                 low, high = limits[field]
-                self._loop.parent.note(
+                self._loop.parent.add_note(
                     f"Command '{self._key}.{field}' = {_shown(asked)} is outside {limits[field]} "
-                    f"and was clamped to {_shown(got)} (said once; t = {self._loop.get_time_s():.2f} s). "
-                    f"Store what is from {low:g} to {high:g}.",
-                    self._who_stored()[0],
+                    f"and was clamped to {_shown(got)} (reported once; t = {self._loop.get_time_s():.2f} s). "
+                    f"Store a value from {low:g} to {high:g}.",
+                    self._find_writer()[0],
                 )
 
-    def _who_stored(self) -> tuple[str, str]:
+    def _find_writer(self) -> tuple[str, str]:
         others = [component for component in self._loop.parent.components.values() if component is not self._loop]
-        return who_stored(self._key, others)
+        return find_writer(self._key, others)
 
 
 def _shown(value: Any) -> str:

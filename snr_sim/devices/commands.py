@@ -7,35 +7,35 @@ from typing import Any, get_args, get_origin
 
 import msgspec
 
-from snr_sim.prelude.errors import CommandError, nearest
-from snr_sim.prelude.structs import learned
+from snr_sim.prelude.errors import CommandError, suggest
+from snr_sim.prelude.structs import ensure_type_info
 
 Limits = dict[str, tuple[float, float]]
 
 _SHOWN_LENGTH = 80
 
 
-def command_of(data: Any, wanted: type[Any], limits: Limits) -> Any:
+def command_of(data: Any, command_type: type[Any], limits: Limits) -> Any:
     """Return the command in a page.
 
     Args:
         data: of the page: the command itself, or a dict of its fields.
-        wanted: struct of the actuator's commands.
+        command_type: struct of the actuator's commands.
         limits: lowest and highest value of its fields.
 
     Raises:
         CommandError: it is not such a command; names the field, its value and what it must be.
     """
-    if type(data) is wanted:
+    if type(data) is command_type:
         return data
     try:
-        return msgspec.convert(data, learned(wanted))
+        return msgspec.convert(data, ensure_type_info(command_type))
     except msgspec.ValidationError:
         pass
     try:
-        return msgspec.convert(_plain(data), learned(wanted))
+        return msgspec.convert(_plain(data), ensure_type_info(command_type))
     except msgspec.ValidationError as error:
-        raise _what_is_wrong(data, wanted, limits) from error
+        raise _command_error(data, command_type, limits) from error
 
 
 def check_finite(name: str, value: float, limits: tuple[float, float]) -> None:
@@ -46,8 +46,9 @@ def check_finite(name: str, value: float, limits: tuple[float, float]) -> None:
     """
     if not math.isfinite(value):
         raise CommandError(
-            f"{name} = {value!r} is no finite number.",
-            fix=f"a number from {limits[0]:g} to {limits[1]:g}; look for a division by zero or an overflow before it.",
+            f"{name} must be finite, not {value!r}.",
+            fix=f"send a number from {limits[0]:g} to {limits[1]:g}; "
+            "look for a division by zero or an overflow before it.",
         )
 
 
@@ -60,17 +61,17 @@ def _plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value
 
 
-def _what_is_wrong(data: Any, wanted: type[Any], limits: Limits) -> CommandError:
-    fields = msgspec.structs.fields(wanted)
+def _command_error(data: Any, command_type: type[Any], limits: Limits) -> CommandError:
+    fields = msgspec.structs.fields(command_type)
     names = [field.name for field in fields]
     example = ", ".join(f'"{field.name}": {_default(field)}' for field in fields)
     fix = f"store a dict with these fields: {{{example}}}."
     if not isinstance(data, dict):
-        return CommandError(f"it is {in_words(data)}, but must be a dict.", fix)
+        return CommandError(f"it is {describe_value(data)}, but must be a dict.", fix)
     for name in data:
         if name not in names:
             return CommandError(
-                f"it has the field {name!r}, which this actuator does not know.", nearest(str(name), names)
+                f"it has the field {name!r}, which this actuator does not know.", suggest(str(name), names)
             )
     for field in fields:
         if field.name not in data:
@@ -79,27 +80,29 @@ def _what_is_wrong(data: Any, wanted: type[Any], limits: Limits) -> CommandError
             continue
         found = _wrong_value(field.name, data[field.name], field.type)
         if found is not None:
-            place, value = found
-            must_be = _must_be(field.type if place == field.name else get_args(field.type)[0], limits.get(field.name))
-            return CommandError(f"{place} is {in_words(value)}, but must be {must_be}.", fix)
-    return CommandError(f"it is {in_words(data)}.", fix)
+            location, value = found
+            must_be = _requirement(
+                field.type if location == field.name else get_args(field.type)[0], limits.get(field.name)
+            )
+            return CommandError(f"{location} is {describe_value(value)}, but must be {must_be}.", fix)
+    return CommandError(f"it is {describe_value(data)}.", fix)
 
 
-def _wrong_value(place: str, value: Any, kind: Any) -> tuple[str, Any] | None:
+def _wrong_value(location: str, value: Any, kind: Any) -> tuple[str, Any] | None:
     """Return position and value of the first wrong type in a field; None if it is valid."""
     if get_origin(kind) is list and isinstance(value, (list, tuple)):
-        inside = (_wrong_value(f"{place}[{i}]", one, get_args(kind)[0]) for i, one in enumerate(value))
+        inside = (_wrong_value(f"{location}[{i}]", one, get_args(kind)[0]) for i, one in enumerate(value))
         return next((found for found in inside if found is not None), None)
     try:
-        msgspec.convert(_plain(value), learned(kind))
+        msgspec.convert(_plain(value), ensure_type_info(kind))
     except msgspec.ValidationError:
-        return place, value
+        return location, value
     return None
 
 
-def _must_be(kind: Any, limits: tuple[float, float] | None) -> str:
+def _requirement(kind: Any, limits: tuple[float, float] | None) -> str:
     if get_origin(kind) is list:
-        inside = _must_be(get_args(kind)[0], limits)
+        inside = _requirement(get_args(kind)[0], limits)
         return f"a list, each {inside}"
     if kind not in (int, float):
         return f"a {getattr(kind, '__name__', kind)}"
@@ -111,10 +114,10 @@ def _default(field: Any) -> str:
     return "..." if field.default is msgspec.NODEFAULT else repr(field.default)
 
 
-def in_words(value: Any) -> str:
+def describe_value(value: Any) -> str:
     """Return the type and value of a value as text for a student.
 
-    >>> in_words("full"), in_words([0.5]), in_words(None)
+    >>> describe_value("full"), describe_value([0.5]), describe_value(None)
     ("the text 'full'", 'the list [0.5]', 'None')
     """
     try:

@@ -15,21 +15,21 @@ from snr_sim.devices.command_input import CommandInput
 from snr_sim.devices.commands import command_of
 from snr_sim.prelude.device import Device, Sensor, Stale
 from snr_sim.prelude.errors import CommandError, DeviceError
+from snr_sim.prelude.interfaces import implements
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import Page
-from snr_sim.prelude.promises import keeps
 from snr_sim.prelude.task import Task
 
-STALE_NOTES = 5  # a loose plug is not logged indefinitely
+MAX_STALE_NOTES = 5  # a loose plug is not logged indefinitely
 
 
-def configured(device: Any, what: str) -> Any:
+def configure_device(device: Any, what: str) -> Any:
     """Configure a device that has just been opened, and return it.
 
     Raises:
         DeviceError: it is not a device; or an error of its `configure`.
     """
-    if not keeps(device, Device):
+    if not implements(device, Device):
         raise DeviceError(
             f"What was opened as {what} is {device!r}, which lacks one of configure, activate, deactivate, health "
             "and close.",
@@ -39,13 +39,13 @@ def configured(device: Any, what: str) -> Any:
     return device
 
 
-def started(device: Any, what: str) -> Any:
+def start_device(device: Any, what: str) -> Any:
     """Configure and activate a device that has just been opened, and return it.
 
     Raises:
         DeviceError: it is not a device; or an error of its `configure` or `activate`.
     """
-    device = configured(device, what)
+    device = configure_device(device, what)
     device.activate()
     return device
 
@@ -105,33 +105,33 @@ class SensorLoop(DeviceLoop):
         """Open the sensor."""
         self._stale_times = 0
         self._is_stale = False
-        self.device = started(self.factory.open_device(), f"the sensor '{self.factory.key}'")
+        self.device = start_device(self.factory.open_device(), f"the sensor '{self.factory.key}'")
 
     def loop(self) -> None:
         """Read once."""
         factory = self.factory
         reading = self.device.read()
         if type(reading) is Stale:
-            self._say_stale(reading)
+            self._log_stale(reading)
             return
         if self._is_stale:
             self._is_stale = False
-            self._say("answers again")
+            self._log_state("answers again")
         data = factory.data_of(reading)  # made here, so no snapshot is needed
         self.schedule(Task.store_page(Page(factory.key, data, self.parent.name, self.get_time_s(), factory.process)))
 
-    def _say_stale(self, stale: Stale) -> None:
+    def _log_stale(self, stale: Stale) -> None:
         if not self._is_stale:
             self._is_stale = True
             self._stale_times += 1
-            self._say(f"has no reading: {stale.why}")
+            self._log_state(f"has no reading: {stale.reason}")
 
-    def _say(self, what: str) -> None:
+    def _log_state(self, what: str) -> None:
         text = f"Sensor '{self.factory.key}', t = {self.get_time_s():.2f} s: it {what}"
-        if self._stale_times < STALE_NOTES:
-            self.parent.note(text)
-        elif self._stale_times == STALE_NOTES:
-            self.parent.note(f"{text} (no more is said of that)")
+        if self._stale_times < MAX_STALE_NOTES:
+            self.parent.add_note(text)
+        elif self._stale_times == MAX_STALE_NOTES:
+            self.parent.add_note(f"{text} (not reported again)")
 
 
 class ActuatorLoopFactory(LoopFactory):
@@ -181,7 +181,7 @@ class ActuatorLoop(CommandLoop):
 
     def setup(self) -> None:
         """Open the actuator and go to neutral."""
-        self.device = started(self.factory.open_device(), f"the actuator '{self.factory.key}'")
+        self.device = start_device(self.factory.open_device(), f"the actuator '{self.factory.key}'")
         self.device.neutral()
         self._written: Page | None = None
 
@@ -203,7 +203,7 @@ class ActuatorLoop(CommandLoop):
             applied = actuator.write(command)
         except CommandError as error:
             actuator.neutral()
-            raise self.commands.blamed(page, error) from error
+            raise self.commands.error_with_source(page, error) from error
         if applied != command:
             self.commands.note_clamped(command, applied, actuator.limits)
 

@@ -8,10 +8,10 @@ from typing import Any
 import msgspec
 
 from snr_sim.prelude.device import Stale
-from snr_sim.prelude.errors import DeviceError, SensorLost
+from snr_sim.prelude.errors import DeviceError, SensorLostError
 from snr_sim.prelude.life_cycle import LifeCycle
 from snr_sim.prelude.page import Page
-from snr_sim.prelude.structs import learned
+from snr_sim.prelude.structs import ensure_type_info
 
 _ROUNDING_S = 1e-6
 
@@ -39,11 +39,11 @@ class ReplayedSensor(LifeCycle):
         """Return the newest reading, or `Stale` where there was none.
 
         Raises:
-            SensorLost: it was closed.
+            SensorLostError: it was closed.
             DeviceError: the data of a page are not such a reading.
         """
         if self.state == "closed":
-            raise SensorLost(f"{self.title} was closed.", fix="open another.")
+            raise SensorLostError(f"{self.title} was closed.", fix="open another.")
         now_s, before = self._now_s() + _ROUNDING_S, self._next
         while self._next < len(self._pages) and self._pages[self._next].created_at_s <= now_s:
             self._next += 1
@@ -56,9 +56,9 @@ class ReplayedSensor(LifeCycle):
 
     def _reading(self, page: Page) -> Any:
         try:
-            return msgspec.convert(page.data, learned(self._type))
+            return msgspec.convert(page.data, ensure_type_info(self._type))
         except msgspec.ValidationError as error:
             raise DeviceError(
                 f"{self.title}: the page of {page.created_at_s:g} s holds no {self._type.__name__}: {error}.",
-                fix="was the run recorded with another version of the robot?",
+                fix="replay with the version of the robot that recorded the run.",
             ) from error

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import msgspec
 
-from snr_sim.devices.sensors.sensor_errors import SensorErrors, Spoiler
-from snr_sim.prelude.errors import CommandError, DeviceError, ParameterError, SensorLost, nearest
+from snr_sim.devices.sensors.sensor_errors import SensorErrorModel, SensorErrors
+from snr_sim.prelude.errors import CommandError, DeviceError, ParameterError, SensorLostError, suggest
 from snr_sim.prelude.life_cycle import LifeCycle
 from snr_sim.prelude.plant import Plant
 
@@ -34,8 +34,8 @@ class SimSensor(LifeCycle):
         output: name of the output.
         errors: of the reading.
         rng: random generator of the errors.
-        senses: converts the plant's output to the measured quantity, to which the errors apply. None: as it is.
-        tells: converts the measured quantity to the part's reading. None: as it is.
+        measure: converts the plant's output to the measured quantity, to which the errors apply. None: as it is.
+        convert: converts the measured quantity to the part's reading. None: as it is.
 
     Raises:
         ParameterError: the errors name a field that does not exist.
@@ -50,14 +50,14 @@ class SimSensor(LifeCycle):
         output: str,
         errors: SensorErrors,
         rng: np.random.Generator,
-        senses: Callable[[Any], Any] | None = None,
-        tells: Callable[[Any], Any] | None = None,
+        measure: Callable[[Any], Any] | None = None,
+        convert: Callable[[Any], Any] | None = None,
     ) -> None:
         self._plant, self._output = plant, output
-        self._senses, self._tells = senses, tells
+        self._measure, self._convert = measure, convert
         truth = plant.read(output)
-        spoiler = Spoiler(truth if senses is None else senses(truth), errors, rng, output)
-        self._spoiler = spoiler if errors.fields else None
+        error_model = SensorErrorModel(truth if measure is None else measure(truth), errors, rng, output)
+        self._error_model = error_model if errors.fields else None
         self._delay_s, self._period_s = errors.delay_s, errors.period_s
         self._past: deque[Any] = deque()
         self._newest: Any = None
@@ -68,29 +68,29 @@ class SimSensor(LifeCycle):
         """Return the newest reading.
 
         Raises:
-            SensorLost: the sensor was closed.
+            SensorLostError: the sensor was closed.
         """
         if self.state == "closed":
-            raise SensorLost(f"The simulated sensor '{self._output}' was closed.")
+            raise SensorLostError(f"The simulated sensor '{self._output}' was closed.")
         if self._period_s == 0.0:
-            return self._measured()
+            return self._new_reading()
         time_s = self._plant.time_s + SAME_TIME_S
         if time_s >= self._due_s:
             self._due_s += self._period_s * (1 + (time_s - self._due_s) // self._period_s)
-            self._newest = self._measured()
+            self._newest = self._new_reading()
         return self._newest
 
-    def _measured(self) -> Any:
+    def _new_reading(self) -> Any:
         reading = self._plant.read(self._output)
         if self._delay_s > 0.0:
-            reading = self._delayed(reading)
-        if self._senses is not None:
-            reading = self._senses(reading)
-        if self._spoiler is not None:
-            reading = self._spoiler.spoil(reading)
-        return reading if self._tells is None else self._tells(reading)
+            reading = self._apply_delay(reading)
+        if self._measure is not None:
+            reading = self._measure(reading)
+        if self._error_model is not None:
+            reading = self._error_model.apply(reading)
+        return reading if self._convert is None else self._convert(reading)
 
-    def _delayed(self, reading: Any) -> Any:
+    def _apply_delay(self, reading: Any) -> Any:
         past = self._past
         past.append(reading)
         newest_s = self._plant.time_s - self._delay_s + SAME_TIME_S
@@ -115,7 +115,7 @@ class SimActuator(LifeCycle, Generic[CommandT]):
         for name in limits:
             if name not in command_type.__struct_fields__:
                 raise ParameterError(
-                    f"{command_type.__name__} has no field '{name}'.", fix=nearest(name, command_type.__struct_fields__)
+                    f"{command_type.__name__} has no field '{name}'.", fix=suggest(name, command_type.__struct_fields__)
                 )
         self._plant, self._input = plant, input_name
         self._type, self._limits = command_type, dict(limits)
@@ -152,7 +152,7 @@ class SimActuator(LifeCycle, Generic[CommandT]):
             if type(value) is list and all(type(one) is float and low <= one <= high for one in value):
                 continue  # the usual case
             if type(value) is not float or not low <= value <= high:
-                limited = self._limited(name, value, low, high)
+                limited = self._clamp(name, value, low, high)
                 if limited is not value:
                     changed[name] = limited
         if changed:
@@ -160,12 +160,12 @@ class SimActuator(LifeCycle, Generic[CommandT]):
         self._plant.write(self._input, command)
         return command
 
-    def _limited(self, name: str, value: Any, low: float, high: float) -> Any:
+    def _clamp(self, name: str, value: Any, low: float, high: float) -> Any:
         if isinstance(value, (list, tuple)):
-            return [self._limited(f"{name}[{i}]", one, low, high) for i, one in enumerate(value)]
+            return [self._clamp(f"{name}[{i}]", one, low, high) for i, one in enumerate(value)]
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
             raise CommandError(
-                f"'{self._input}' was told {name} = {value!r}, which is no finite number.",
+                f"{self._input}.{name} must be a finite number, not {value!r}.",
                 fix=f"send a number from {low:g} to {high:g}; look for a division by zero or an overflow before it.",
             )
         return min(high, max(low, value))

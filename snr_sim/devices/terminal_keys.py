@@ -9,7 +9,7 @@ import time
 from typing import Any
 
 _READ_BYTES = 1024
-_LOOK_S = 0.02  # polling period of a Windows console, which has no blocking wait
+_POLL_PERIOD_S = 0.02  # polling period of a Windows console, which has no blocking wait
 _IS_WINDOWS = sys.platform == "win32"
 
 
@@ -64,11 +64,11 @@ class TerminalKeys:
             return False
         if not _IS_WINDOWS:
             return bool(select.select([sys.stdin], [], [], seconds)[0])
-        give_up_s = time.monotonic() + seconds
+        deadline_s = time.monotonic() + seconds
         while not _console().kbhit():
-            if time.monotonic() >= give_up_s:
+            if time.monotonic() >= deadline_s:
                 return False
-            time.sleep(_LOOK_S)
+            time.sleep(_POLL_PERIOD_S)
         return True
 
     def _read(self) -> bytes:

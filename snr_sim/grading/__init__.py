@@ -1,46 +1,35 @@
 """The grader: determines the points of a submission in a way that the submission cannot change."""
 
-from __future__ import annotations
+from typing import TYPE_CHECKING, TypeAlias
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from snr_sim.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from snr_sim.grading.lab.feed import Given, Produced
-    from snr_sim.grading.lab.fields import field_of, page_of
-    from snr_sim.grading.lab.fly import Flown
-    from snr_sim.grading.lab.lab import Lab, check
-    from snr_sim.grading.lab.student import Student
-    from snr_sim.grading.lab.verdicts import Verdict, failed, partly, passed
+    from snr_sim.grading.lab.fields import require_field as require_field
+    from snr_sim.grading.lab.fields import require_page as require_page
+    from snr_sim.grading.lab.lab import Lab as Lab
+    from snr_sim.grading.lab.lab import check as check
+    from snr_sim.grading.lab.scenario_run import ScenarioRun as ScenarioRun
+    from snr_sim.grading.lab.stimulus import Output as Output
+    from snr_sim.grading.lab.stimulus import Stimulus as Stimulus
+    from snr_sim.grading.lab.student import Student as Student
+    from snr_sim.grading.lab.verdicts import CheckVerdict as _CheckVerdict
+    from snr_sim.grading.lab.verdicts import SubmissionError as SubmissionError
+    from snr_sim.grading.lab.verdicts import failed as failed
+    from snr_sim.grading.lab.verdicts import partial_credit as partial_credit
+    from snr_sim.grading.lab.verdicts import passed as passed
 
-# Imported when they are first used: the process of a student's program imports this package, too, and needs none of it.
-_PLACES = {
-    "snr_sim.grading.lab.feed": ("Given", "Produced"),
-    "snr_sim.grading.lab.fields": ("field_of", "page_of"),
-    "snr_sim.grading.lab.fly": ("Flown",),
-    "snr_sim.grading.lab.lab": ("Lab", "check"),
-    "snr_sim.grading.lab.student": ("Student",),
-    "snr_sim.grading.lab.verdicts": ("Verdict", "failed", "partly", "passed"),
-}
-_MODULE_OF = {name: module for module, names in _PLACES.items() for name in names}
-__all__ = [
-    "Flown",
-    "Given",
-    "Lab",
-    "Produced",
-    "Student",
-    "Verdict",
-    "check",
-    "failed",
-    "field_of",
-    "page_of",
-    "partly",
-    "passed",
-]
-
-
-def __getattr__(name: str) -> Any:
-    module = _MODULE_OF.get(name)
-    if module is None:
-        raise AttributeError(f"module 'snr_sim.grading' has no attribute {name!r}")
-    return getattr(importlib.import_module(module), name)
+    Verdict: TypeAlias = _CheckVerdict  # the scenario's verdict is another class
+else:
+    # The process of a student's program imports this package, too, and needs none of it.
+    __all__, __getattr__, __dir__ = lazy_names(
+        __name__,
+        {
+            "snr_sim.grading.lab.lab": "Lab check",
+            "snr_sim.grading.lab.student": "Student",
+            "snr_sim.grading.lab.scenario_run": "ScenarioRun",
+            "snr_sim.grading.lab.stimulus": "Stimulus Output",
+            "snr_sim.grading.lab.verdicts": "Verdict=CheckVerdict passed failed partial_credit SubmissionError",
+            "snr_sim.grading.lab.fields": "require_page require_field",
+        },
+    )

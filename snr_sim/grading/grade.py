@@ -11,31 +11,31 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from snr_sim import __version__
-from snr_sim.core.blame import describe_error, without_addresses
+from snr_sim.core.source_location import describe_error, without_addresses
 from snr_sim.grading.lab.lab import Case, Check, Lab
 from snr_sim.grading.lab.student import Student
-from snr_sim.grading.lab.verdicts import LabFault, Misbehaved, Unjudged, Verdict
+from snr_sim.grading.lab.verdicts import CheckVerdict, GraderError, InconclusiveError, SubmissionError
+from snr_sim.grading.remote.fork_server import ForkServer
 from snr_sim.grading.remote.isolation import find_isolation
-from snr_sim.grading.remote.launch import lent
-from snr_sim.grading.remote.nursery import Nursery
-from snr_sim.grading.reports.results import CaseResult, CheckResult, Demanded, Graded, Isolation, Status
+from snr_sim.grading.remote.launch import readable_copy
+from snr_sim.grading.reports.results import CaseResult, CheckResult, Graded, Isolation, RequestedIsolation, Status
 from snr_sim.grading.sandbox.sandbox import Limits
 
 OnCase = Callable[[str, str], None]
-_MOST_STEPS = 10
+_MAX_STEPS = 10
 
 
 def grade_submission(
     lab: Lab,
     folder: Path,
     secret: bytes | None = None,
-    isolation: Demanded = "required",
+    isolation: RequestedIsolation = "required",
     *,
     name: str = "",
     out: Path | None = None,
     limits: Limits | None = None,
     on_case: OnCase | None = None,
-    nursery: Nursery | None = None,
+    fork_server: ForkServer | None = None,
 ) -> Graded:
     """Return the result of a submission. The same submission, lab and secret give the same result.
 
@@ -49,43 +49,43 @@ def grade_submission(
         out: folder for recorded runs of visible cases that failed, each a folder; not stored if not given.
         limits: of each of the student's processes.
         on_case: called before each case with the check's title and the case's label.
-        nursery: fork server for several submissions with this isolation and limits; a new one if not given.
+        fork_server: fork server for several submissions with this isolation and limits; a new one if not given.
 
     Raises:
-        IsolationMissing: isolation is required, and cannot be had here.
+        IsolationMissingError: isolation is required, and cannot be had here.
     """
-    sort = sandboxed(isolation)
+    mode = resolve_isolation(isolation)
     status: Status = "graded"
     error = ""
     checks: tuple[CheckResult, ...] = ()
     with ExitStack() as stack:
-        stack.enter_context(_unwarned())
-        readable = stack.enter_context(lent(folder.resolve(), sort))
-        kept = nursery or stack.enter_context(Nursery(sort, limits or Limits()))
-        stack.enter_context(kept.holding(readable))
+        stack.enter_context(_silence_warnings())
+        readable = stack.enter_context(readable_copy(folder.resolve(), mode))
+        server = fork_server or stack.enter_context(ForkServer(mode, limits or Limits()))
+        stack.enter_context(server.with_submission(readable))
         try:
-            checks = _Grading(lab, readable, secret, sort, out, limits, on_case, kept).checks()
-        except LabFault as fault:
-            status, error = "fault", str(fault)
+            checks = _Grading(lab, readable, secret, mode, out, limits, on_case, server).checks()
+        except GraderError as fault:
+            status, error = "grader_error", str(fault)
     return Graded(
         submission=name or folder.resolve().name,
         lab=lab.name,
         title=lab.title,
         checks=checks,
-        isolation=sort,
-        is_hidden_included=secret is not None,
-        kit=__version__,
+        isolation=mode,
+        includes_hidden=secret is not None,
+        version=__version__,
         status=status,
         error=error,
         leaderboard=lab.leaderboard,
     )
 
 
-def sandboxed(isolation: Demanded) -> Isolation:
+def resolve_isolation(isolation: RequestedIsolation) -> Isolation:
     """Return the isolation of a student's process, as in reports.
 
     Raises:
-        IsolationMissing: isolation is required, and cannot be had here.
+        IsolationMissingError: isolation is required, and cannot be had here.
     """
     if isolation == "none":
         return "none"
@@ -93,7 +93,7 @@ def sandboxed(isolation: Demanded) -> Isolation:
 
 
 @contextmanager
-def _unwarned() -> Iterator[None]:
+def _silence_warnings() -> Iterator[None]:
     """Suppress warnings of components: a dropped link may be the subject of a run, and no user watches it here."""
     logger = logging.getLogger("snr")
     level = logger.level
@@ -115,7 +115,7 @@ class _Grading:
     out: Path | None
     limits: Limits | None
     on_case: OnCase | None
-    nursery: Nursery
+    fork_server: ForkServer
 
     def checks(self) -> tuple[CheckResult, ...]:
         """Return the result of each check, in order; in practice without those that have hidden cases only."""
@@ -125,25 +125,27 @@ class _Grading:
             if not cases and self.secret is None:
                 continue  # it has hidden cases only
             missing = [need for need in check.needs if need in done and not done[need].is_passed]
-            done[check.name] = self._skipped(check, done[missing[0]]) if missing else self._tried(check, cases)
+            done[check.name] = self._skip_check(check, done[missing[0]]) if missing else self._run_check(check, cases)
         return tuple(done.values())
 
-    def _skipped(self, check: Check, need: CheckResult) -> CheckResult:
+    def _skip_check(self, check: Check, need: CheckResult) -> CheckResult:
         return CheckResult(
             name=check.name,
             title=check.title,
             points=0.0,
-            of=check.points,
+            max_points=check.points,
             skipped_because=f"'{need.title.rstrip('.')}' comes first, and did not get all its points.",
         )
 
-    def _tried(self, check: Check, cases: Sequence[Case]) -> CheckResult:
+    def _run_check(self, check: Check, cases: Sequence[Case]) -> CheckResult:
         results = [self._case(check, case, number) for number, case in enumerate(cases)]
         fraction = sum(one.fraction for one in results) / len(results)
         if check.all_or_nothing and fraction < 1.0:
             fraction = 0.0
         points = round(check.points * fraction, 6)
-        return CheckResult(name=check.name, title=check.title, points=points, of=check.points, cases=tuple(results))
+        return CheckResult(
+            name=check.name, title=check.title, points=points, max_points=check.points, cases=tuple(results)
+        )
 
     def _case(self, check: Check, case: Case, number: int) -> CaseResult:
         if self.on_case is not None:
@@ -152,22 +154,25 @@ class _Grading:
         if run is not None:
             shutil.rmtree(run, ignore_errors=True)
         lab = self.lab
-        student = Student(self.folder, self.isolation, lab.may_import, self.limits, run, self.nursery, lab.refused)
+        student = Student(self.folder, self.isolation, lab.may_import, self.limits, run, self.fork_server, lab.refused)
         error = given_up = ""
         try:
             with student:
-                verdict = check.judge(student, case)
-        except Misbehaved as wrong:
+                verdict = check.evaluate(student, case)
+        except SubmissionError as wrong:
             error = wrong.message
-            verdict = Verdict(0.0, wrong.hint, wrong.expected, wrong.actual)
+            verdict = CheckVerdict(0.0, wrong.hint, wrong.expected, wrong.actual)
         except Exception as fault:
-            if isinstance(fault, LabFault) and not isinstance(fault, Unjudged):
+            if isinstance(fault, GraderError) and not isinstance(fault, InconclusiveError):
                 raise
             what = describe_error(fault, f"while the check '{check.name}' was tried on the case '{case.label}'")
-            if not student.met or isinstance(fault, (OSError, MemoryError)):
-                raise LabFault(what) from fault
+            if not student.last_file or isinstance(fault, (OSError, MemoryError)):
+                raise GraderError(what) from fault
             # From here on the program's result may be the cause, and a nonsensical result must not avoid a grade.
-            verdict, given_up = Verdict(0.0, could_not_be_judged(student.met)), f"{what}\n{steps_to(fault)}"
+            verdict, given_up = (
+                CheckVerdict(0.0, inconclusive_hint(student.last_file)),
+                f"{what}\n{format_steps(fault)}",
+            )
             error = f"It stopped the check: {without_addresses(f'{type(fault).__name__}: {fault}')}"
         return CaseResult(
             label=case.label,
@@ -180,10 +185,10 @@ class _Grading:
             printed=student.printed,
             metrics={name: float(value) for name, value in verdict.metrics.items()},
             fault=given_up,
-            run_folder=self._kept(student, run, verdict),
+            run_folder=self._keep_failed_run(student, run, verdict),
         )
 
-    def _kept(self, student: Student, run: Path | None, verdict: Verdict) -> str:
+    def _keep_failed_run(self, student: Student, run: Path | None, verdict: CheckVerdict) -> str:
         """Return the recorded run of a case, if it failed; runs of passed cases are not stored."""
         if run is None or student.run_folder is None:
             return ""
@@ -194,7 +199,7 @@ class _Grading:
         return student.run_folder.relative_to(self.out).as_posix()
 
 
-def could_not_be_judged(file: str) -> str:
+def inconclusive_hint(file: str) -> str:
     """Return the hint where a check gave up; it contains nothing of the program's, and nothing of the case."""
     return (
         f"What {file} gave could not be judged. Has each page, and each answer, the form that the README asks for: all "
@@ -202,7 +207,7 @@ def could_not_be_judged(file: str) -> str:
     )
 
 
-def steps_to(fault: BaseException) -> str:
+def format_steps(fault: BaseException) -> str:
     """Return the grader's calls to where an error was raised, a line for each; the same on every computer."""
-    frames = traceback.extract_tb(fault.__traceback__)[-_MOST_STEPS:]
+    frames = traceback.extract_tb(fault.__traceback__)[-_MAX_STEPS:]
     return "\n".join(f"  {Path(one.filename).name}, line {one.lineno}, in {one.name}: {one.line}" for one in frames)

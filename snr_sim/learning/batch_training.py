@@ -26,10 +26,10 @@ from snr_sim.learning.lander_envs import (
     VERTICAL_NAMES,
     VERTICAL_THROTTLES,
     LanderVertical,
-    suitable_speeds_mps,
+    reference_speeds_mps,
 )
 from snr_sim.learning.q_table import QTable
-from snr_sim.learning.settings import check_batch, check_learned
+from snr_sim.learning.settings import check_batch, check_finite
 from snr_sim.learning.vertical_batch import Bools, Floats, Landers, step
 from snr_sim.plants.lander.descent import Engine
 from snr_sim.plants.lander.gear import APOLLO_GEAR
@@ -37,10 +37,10 @@ from snr_sim.prelude.errors import ParameterError
 
 ENVIRONMENT = "snr_sim/LanderVertical-v0"
 STEP_S = 0.2
-CEILING_M, MOST_STEPS = 2000.0, 600  # a lander that climbs, or hovers for two minutes, restarts
-MEAN_EVERY = 10  # steps
+CEILING_M, MAX_STEPS = 2000.0, 600  # a lander that climbs, or hovers for two minutes, restarts
+MEAN_INTERVAL = 10  # steps
 MEAN_SHARE = 0.1  # of all steps: how far back the running mean reaches
-EXAM, SURE = 5, 0.9995  # a table that lands 995 of 1000 lands 2 times 400 every 50th time
+FINAL_EVAL_FACTOR, MIN_FINAL_SUCCESS = 5, 0.9995  # a table that lands 995 of 1000 lands 2 times 400 every 50th time
 
 
 @dataclass(frozen=True)
@@ -52,12 +52,13 @@ class BatchTraining:
         steps: total number of steps, for all landers together.
         seed: of all random numbers.
         epsilon: probability of a random action: at first, and the minimum.
-        least_step: minimum step size of an update. The first visit of a cell takes the whole difference; the step size
-            falls with each visit.
-        tried: number of landers in a trial, which is without exploration.
-        try_every: steps between two trials; there is also one before the first step and one after the last.
-        enough: the training ends early after this number of consecutive trials in which all landers land, provided
-            that at least the fraction `SURE` of `EXAM` times as many new landers then lands.
+        min_step_size: minimum step size of an update. The first visit of a cell takes the whole difference; the step
+            size falls with each visit.
+        eval_episodes: number of landers in a trial, which is without exploration.
+        eval_interval: steps between two trials; there is also one before the first step and one after the last.
+        solved_streak: the training ends early after this number of consecutive trials in which all landers land,
+            provided that at least the fraction `MIN_FINAL_SUCCESS` of `FINAL_EVAL_FACTOR` times as many new landers
+            then lands.
 
     Raises:
         ParameterError: a number is out of range.
@@ -67,16 +68,16 @@ class BatchTraining:
     steps: int = 3000
     seed: int = 0
     epsilon: tuple[float, float] = (0.5, 0.05)
-    least_step: float = 0.02
-    tried: int = 400
-    try_every: int = 200
-    enough: int = 2
+    min_step_size: float = 0.02
+    eval_episodes: int = 400
+    eval_interval: int = 200
+    solved_streak: int = 2
 
     def __post_init__(self) -> None:
-        check_batch(self, ("landers", "steps", "tried", "try_every", "enough"))
+        check_batch(self, ("landers", "steps", "eval_episodes", "eval_interval", "solved_streak"))
 
 
-class Trial(NamedTuple):
+class EvaluationResult(NamedTuple):
     """Result of a trial: fraction of landers that landed, and the propellant that they burned on average."""
 
     landed: float
@@ -102,7 +103,7 @@ def new_table(grid: Discretiser | None = None) -> QTable:
     return QTable(fine_grid() if grid is None else grid, VERTICAL_ACTIONS, ENVIRONMENT)
 
 
-class Course:
+class VerticalBatchTask:
     """Quantities that all landers share.
 
     Args:
@@ -123,40 +124,40 @@ class Course:
         self.engine, self.tank_kg, self.dry_kg = engine, tank_kg, dry_kg
         self.noise = np.array(noise)
 
-    def exploring(self, count: int, rng: np.random.Generator) -> Floats:
+    def exploring_starts(self, count: int, rng: np.random.Generator) -> Floats:
         """Return random starts within a descent, shape (4, count), rows as in `Landers`."""
         height = 1500.0 * rng.random(count) ** 2
-        speed = self.suitable(height) + rng.uniform(-25.0, 25.0, count) * np.minimum(1.0, 0.2 + height / 200.0)
+        speed = self.reference_speed(height) + rng.uniform(-25.0, 25.0, count) * np.minimum(1.0, 0.2 + height / 200.0)
         mass = rng.uniform(7000.0, 8500.0, count)
         return np.stack([height, speed, mass, mass - self.dry_kg])
 
-    def proper(self, count: int, rng: np.random.Generator) -> Floats:
+    def scenario_starts(self, count: int, rng: np.random.Generator) -> Floats:
         """Return starts as the scenario draws them."""
         mass = rng.uniform(7500.0, 8500.0, count)
         height, speed = rng.uniform(600.0, 1500.0, count), rng.uniform(-25.0, 5.0, count)
         return np.stack([height, speed, mass, mass - self.dry_kg])
 
-    def told(self, heights: Floats, speeds: Floats, rng: np.random.Generator) -> Floats:
+    def observe(self, heights: Floats, speeds: Floats, rng: np.random.Generator) -> Floats:
         """Return noisy radar readings of heights and speeds, shape (count, 2)."""
         truth: Floats = np.stack([heights, speeds], axis=1)
         truth += rng.normal(size=truth.shape) * self.noise
         return truth
 
-    def suitable(self, height: Floats) -> Floats:
+    def reference_speed(self, height: Floats) -> Floats:
         """Return the suitable speed for each height, as defined by the reward."""
-        return suitable_speeds_mps(height, self.engine.gravity_mps2)
+        return reference_speeds_mps(height, self.engine.gravity_mps2)
 
     def rewards(self, before: Landers, after: Landers, touches: Bools, landed: Bools) -> Floats:
         """Return what a step was worth to each, as in `LanderEnv.reward`."""
-        potential = -SPEED_WEIGHT * np.abs(before.velocity_mps - self.suitable(before.height_m))
-        then = -SPEED_WEIGHT * np.abs(after.velocity_mps - self.suitable(after.height_m))
+        potential = -SPEED_WEIGHT * np.abs(before.velocity_mps - self.reference_speed(before.height_m))
+        then = -SPEED_WEIGHT * np.abs(after.velocity_mps - self.reference_speed(after.height_m))
         ends = np.where(landed, LANDED, NOT_LANDED)
         burned: Floats = (before.fuel_kg - after.fuel_kg) / self.tank_kg
-        worth: Floats = np.where(touches, ends, then) - potential - FUEL_WEIGHT * burned
-        return worth
+        reward: Floats = np.where(touches, ends, then) - potential - FUEL_WEIGHT * burned
+        return reward
 
 
-def course_of(env: LanderVertical, start: int = 0) -> Course:
+def vertical_batch_task(env: LanderVertical, start: int = 0) -> VerticalBatchTask:
     """Return what an environment's landers share: engine, masses and radar noise.
 
     The values are read from the scenario and not from the current plant, which may have burned propellant already.
@@ -168,24 +169,26 @@ def course_of(env: LanderVertical, start: int = 0) -> Course:
     parameters: Any = env.run.with_seed(start).robot.parameters
     noise = parameters.radar.errors.noise
     dry_kg = parameters.mass_kg - parameters.fuel_kg
-    return Course(parameters.engine, parameters.fuel_kg, dry_kg, (noise["altitude_m"], noise["velocity_mps"]))
+    return VerticalBatchTask(
+        parameters.engine, parameters.fuel_kg, dry_kg, (noise["altitude_m"], noise["velocity_mps"])
+    )
 
 
 def train_vertical(
     table: QTable,
-    course: Course,
+    task: VerticalBatchTask,
     training: BatchTraining | None = None,
-    on_trial: Callable[[int, Trial], None] | None = None,
-) -> list[Trial]:
+    on_evaluation: Callable[[int, EvaluationResult], None] | None = None,
+) -> list[EvaluationResult]:
     """Learn a table of the vertical landing; return the trials, which are the learning curve.
 
     Each trial has its own starts. With the same starts every time, a table that suits only those would score best.
 
     Args:
         table: is changed; afterwards it is the best table of all trials, the latest of several.
-        course: quantities of all landers.
+        task: quantities of all landers.
         training: settings.
-        on_trial: is called with the step and the result of the trial.
+        on_evaluation: is called with the step and the result of the trial.
 
     Raises:
         ParameterError: a value would become infinite or NaN. Then the table is as it was before that step.
@@ -195,82 +198,85 @@ def train_vertical(
     throttles, cells_of = np.array(VERTICAL_THROTTLES), table.discretiser.cells
     values, visits = table.values.reshape(-1), table.visits.reshape(-1)
     count = len(VERTICAL_THROTTLES)
-    landers = course.exploring(how.landers, rng)
-    flown = np.zeros(how.landers, np.int64)
-    cells = cells_of(course.told(landers[0], landers[1], rng))
+    landers = task.exploring_starts(how.landers, rng)
+    episode_steps = np.zeros(how.landers, np.int64)
+    cells = cells_of(task.observe(landers[0], landers[1], rng))
     mean = QTable(table.discretiser, table.actions, table.environment)
     mean.values[:], mean.visits = table.values, table.visits
-    follows = min(1.0, MEAN_EVERY / (MEAN_SHARE * how.steps))
-    trials, best, kept = list[Trial](), -1.0, (table.values, table.visits)
+    follows = min(1.0, MEAN_INTERVAL / (MEAN_SHARE * how.steps))
+    results, best, kept = list[EvaluationResult](), -1.0, (table.values, table.visits)
 
-    def tried(steps: int) -> bool:
+    def evaluate(steps: int) -> bool:
         """Try the mean, and keep it if it is the best; return whether that is enough."""
         nonlocal best, kept
-        trials.append(trial := try_table(mean, course, how.tried, [how.seed, steps]))
-        if trial.landed >= best:
-            best, kept = trial.landed, (mean.values.copy(), mean.visits.copy())
-        if on_trial is not None:
-            on_trial(steps, trial)
-        if len(trials) < how.enough or any(one.landed < 1.0 for one in trials[-how.enough :]):
+        results.append(result := evaluate_table(mean, task, how.eval_episodes, [how.seed, steps]))
+        if result.landed >= best:
+            best, kept = result.landed, (mean.values.copy(), mean.visits.copy())
+        if on_evaluation is not None:
+            on_evaluation(steps, result)
+        if len(results) < how.solved_streak or any(one.landed < 1.0 for one in results[-how.solved_streak :]):
             return False
-        return try_table(mean, course, EXAM * how.tried, [how.seed, steps, 1]).landed >= SURE
+        return (
+            evaluate_table(mean, task, FINAL_EVAL_FACTOR * how.eval_episodes, [how.seed, steps, 1]).landed
+            >= MIN_FINAL_SUCCESS
+        )
 
-    tried(0)
+    evaluate(0)
     for i in range(how.steps):
         epsilon = max(how.epsilon[1], how.epsilon[0] * (1.0 - i / (0.7 * how.steps)))
         actions = np.argmax(table.values[cells], axis=1)
         explores = rng.random(how.landers) < epsilon
         actions[explores] = rng.integers(0, count, int(explores.sum()))
         before = Landers(*landers)
-        after, touches, speeds = step(before, throttles[actions], course.engine, STEP_S)
-        rewards = course.rewards(before, after, touches, touches & APOLLO_GEAR.kept(speeds)[0])
-        next_cells = cells_of(course.told(before.height_m, before.velocity_mps, rng))  # radar readings are a step late
+        after, touches, speeds = step(before, throttles[actions], task.engine, STEP_S)
+        rewards = task.rewards(before, after, touches, touches & APOLLO_GEAR.is_within(speeds)[0])
+        next_cells = cells_of(task.observe(before.height_m, before.velocity_mps, rng))  # radar readings are a step late
         targets = rewards + np.where(touches, 0.0, table.values[next_cells].max(axis=1))
-        check_learned(float(targets.sum()), f"step {i + 1}")
-        _learn(values, visits, cells * count + actions, targets, how.least_step)
-        flown += 1
-        over = touches | (after.height_m > CEILING_M) | (flown > MOST_STEPS)
+        check_finite(float(targets.sum()), f"step {i + 1}")
+        _update_values(values, visits, cells * count + actions, targets, how.min_step_size)
+        episode_steps += 1
+        over = touches | (after.height_m > CEILING_M) | (episode_steps > MAX_STEPS)
         landers, cells = np.stack(after), next_cells
         if over.any():
-            fresh = course.exploring(int(over.sum()), rng)
-            landers[:, over], flown[over] = fresh, 0
-            cells[over] = cells_of(course.told(fresh[0], fresh[1], rng))
+            fresh = task.exploring_starts(int(over.sum()), rng)
+            landers[:, over], episode_steps[over] = fresh, 0
+            cells[over] = cells_of(task.observe(fresh[0], fresh[1], rng))
         is_last = i + 1 == how.steps
-        if (i + 1) % MEAN_EVERY == 0 or is_last:
+        if (i + 1) % MEAN_INTERVAL == 0 or is_last:
             mean.values += follows * (table.values - mean.values)
-        if ((i + 1) % how.try_every == 0 or is_last) and tried(i + 1):
+        if ((i + 1) % how.eval_interval == 0 or is_last) and evaluate(i + 1):
             break
     table.values[:], table.visits[:] = kept
     table.made_by = repr(how)
-    return trials
+    return results
 
 
-def try_table(table: QTable, course: Course, count: int, seed: int | Sequence[int]) -> Trial:
-    """Return the result of landing by a table from random starts, without exploring and without learning."""
+def evaluate_table(table: QTable, task: VerticalBatchTask, count: int, seed: int | Sequence[int]) -> EvaluationResult:
+    """Return the result of landing by a table from random starts, without exploration and without learning."""
     rng = np.random.default_rng([*np.atleast_1d(seed).tolist(), 1])
-    landers = course.proper(count, rng)
+    landers = task.scenario_starts(count, rng)
     greedy = np.argmax(np.where(table.visits > 0, table.values, -np.inf), axis=1)  # 0 where nothing was tried
     throttles, cells_of = np.array(VERTICAL_THROTTLES), table.discretiser.cells
-    told = course.told(landers[0], landers[1], rng)
-    landed, burned_kg, flies = 0, 0.0, np.ones(count, bool)
-    for _ in range(MOST_STEPS):
+    observed = task.observe(landers[0], landers[1], rng)
+    landed, burned_kg, is_flying = 0, 0.0, np.ones(count, bool)
+    for _ in range(MAX_STEPS):
         before = Landers(*landers)
-        after, touches, speeds = step(before, throttles[greedy[cells_of(told)]], course.engine, STEP_S)
-        told = course.told(before.height_m, before.velocity_mps, rng)
-        landed += int((touches & APOLLO_GEAR.kept(speeds)[0]).sum())
+        after, touches, speeds = step(before, throttles[greedy[cells_of(observed)]], task.engine, STEP_S)
+        observed = task.observe(before.height_m, before.velocity_mps, rng)
+        landed += int((touches & APOLLO_GEAR.is_within(speeds)[0]).sum())
         burned_kg += float((before.fuel_kg - after.fuel_kg).sum())
-        flies = ~touches
-        if not flies.any():
+        is_flying = ~touches
+        if not is_flying.any():
             break
-        landers, told = np.stack(after)[:, flies], told[flies]
-    return Trial(landed / count, burned_kg / count)
+        landers, observed = np.stack(after)[:, is_flying], observed[is_flying]
+    return EvaluationResult(landed / count, burned_kg / count)
 
 
-def _learn(
-    values: Floats, visits: NDArray[np.int64], places: NDArray[np.int64], targets: Floats, least_step: float
+def _update_values(
+    values: Floats, visits: NDArray[np.int64], places: NDArray[np.int64], targets: Floats, min_step_size: float
 ) -> None:
     """Move the values at some indices towards targets; of several for one index, towards their mean."""
     hit, which, counts = np.unique(places, return_inverse=True, return_counts=True)
     visits[hit] += counts
-    steps = np.maximum(least_step, (1.0 + visits[hit] / 30.0) ** -0.7)
+    steps = np.maximum(min_step_size, (1.0 + visits[hit] / 30.0) ** -0.7)
     values[hit] += steps * (np.bincount(which, targets) / counts - values[hit])

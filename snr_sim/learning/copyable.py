@@ -13,19 +13,19 @@ from typing import Any, NamedTuple
 from snr_sim.learning.gym import Env
 
 # State that is set from outside after construction: copied as it is, random generators included.
-KEPT = ("spec", "action_space", "observation_space", "_np_random", "_np_random_seed")
+PRESERVED_ATTRIBUTES = ("spec", "action_space", "observation_space", "_np_random", "_np_random_seed")
 
 
 class Episode(NamedTuple):
     """What determines an episode.
 
     Args:
-        chance: state of the random generator when it began.
+        rng_state: state of the random generator when it began.
         options: of the reset.
         actions: since then.
     """
 
-    chance: Any
+    rng_state: Any
     options: dict[str, Any] | None
     actions: list[Any]
 
@@ -36,19 +36,19 @@ class CopyableEnv(Env[Any, Any]):
     Attributes that were set on it by hand are not copied.
     """
 
-    _made_with: tuple[tuple[Any, ...], dict[str, Any]]
+    _init_args: tuple[tuple[Any, ...], dict[str, Any]]
     _episode: Episode | None = None
 
     def __new__(cls, *args: Any, **kwargs: Any) -> CopyableEnv:
         """Remember how it is made."""
         env = super().__new__(cls)
-        env._made_with = args, kwargs
+        env._init_args = args, kwargs
         return env
 
     def __reduce__(self) -> Any:
         """Return how to make it again."""
-        kept = {name: self.__dict__[name] for name in KEPT if name in self.__dict__}
-        return made_again, (type(self), self._made_with, kept, self._episode)
+        attributes = {name: self.__dict__[name] for name in PRESERVED_ATTRIBUTES if name in self.__dict__}
+        return rebuild, (type(self), self._init_args, attributes, self._episode)
 
     def _note_reset(self, options: dict[str, Any] | None) -> None:
         """Store how an episode begins; called when the random generator is seeded, before the first draw."""
@@ -60,27 +60,27 @@ class CopyableEnv(Env[Any, Any]):
         self._episode.actions.append(action)
 
 
-def made_again(
+def rebuild(
     env_type: type[CopyableEnv],
-    made_with: tuple[tuple[Any, ...], dict[str, Any]],
-    kept: dict[str, Any],
+    init_args: tuple[tuple[Any, ...], dict[str, Any]],
+    attributes: dict[str, Any],
     episode: Episode | None,
 ) -> CopyableEnv:
     """Return an environment in the same state as another one.
 
     Args:
         env_type: its class.
-        made_with: its constructor's arguments.
-        kept: those of its attributes that `KEPT` names.
+        init_args: its constructor's arguments.
+        attributes: those of its attributes that `PRESERVED_ATTRIBUTES` names.
         episode: the episode to repeat; None before the first reset.
     """
-    args, kwargs = made_with
+    args, kwargs = init_args
     env = env_type(*args, **kwargs)
-    env.__dict__.update(kept)
+    env.__dict__.update(attributes)
     if episode is not None:
         generator = env.np_random.bit_generator
         newest = generator.state
-        generator.state = episode.chance
+        generator.state = episode.rng_state
         env.reset(options=episode.options)
         for action in episode.actions:
             env.step(action)

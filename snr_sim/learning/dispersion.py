@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
+from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 
 MIN_FACTOR, MAX_FACTOR = 0.5, 2.0
 MAX_DISPERSION = 0.5  # so that no factor is less than the least
@@ -28,7 +28,7 @@ def factors_of(options: Mapping[str, Any], names: Sequence[str], rng: np.random.
         rng: what draws; in the order of `names`, whatever order they are given in.
 
     Raises:
-        UnknownName: the plant has no such number.
+        UnknownNameError: the plant has no such number.
         ParameterError: a factor is not a number from 0.5 to 2, a dispersion not one from 0 to 0.5, or a name has both.
 
     >>> factors_of({"factors": {"thrust_n": 0.9}}, ("thrust_n", "gravity_mps2"), np.random.default_rng(1))
@@ -44,19 +44,20 @@ def factors_of(options: Mapping[str, Any], names: Sequence[str], rng: np.random.
 
 
 def _checked(
-    options: Mapping[str, Any], option: str, names: Sequence[str], least: float, most: float
+    options: Mapping[str, Any], option: str, names: Sequence[str], min_value: float, max_value: float
 ) -> dict[str, float]:
     """Return an option's numbers by name."""
     numbers = options.get(option, {})
     example = f'options={{"{option}": {{"{names[0]}": {0.95 if option == "factors" else 0.05}}}}}' if names else "none"
     if not isinstance(numbers, Mapping):
-        raise ParameterError(f"reset() was given {option}={numbers!r}, which is no dict.", fix=f"{example}.")
+        raise ParameterError(f"reset() was given {option}={numbers!r}, which is not a dict.", fix=f"{example}.")
     for name, value in numbers.items():
         if name not in names:
-            raise UnknownName(f"This plant has no '{name}' to scale by {option}.", fix=nearest(str(name), names))
+            raise UnknownNameError(f"This plant has no '{name}' to scale by {option}.", fix=suggest(str(name), names))
         is_number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool) and math.isfinite(value)
-        if not (is_number and least <= value <= most):
+        if not (is_number and min_value <= value <= max_value):
             raise ParameterError(
-                f"reset() was given {option} with '{name}': {value!r}.", fix=f"a number from {least:g} to {most:g}."
+                f"reset() was given {option} with '{name}': {value!r}.",
+                fix=f"a number from {min_value:g} to {max_value:g}.",
             )
     return {name: float(value) for name, value in numbers.items()}

@@ -1,7 +1,7 @@
 """Interface to gymnasium: the only module that imports it; registers the environments.
 
 gymnasium does not discover plug-ins. `gymnasium.make("snr_sim.learning:snr_sim/LanderPad-v0")` imports the module
-before the colon first; `import snr_sim.learning` has the same effect.
+before the colon first; `import snr_sim.learning` has the same effect. Both import this module once gymnasium is there.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from snr_sim.prelude.errors import MissingExtra
+from snr_sim.prelude.errors import MissingExtraError
 
 try:
     from gymnasium import Env, spaces
@@ -20,9 +20,9 @@ try:
     from gymnasium.vector import AutoresetMode, VectorEnv
     from gymnasium.vector.utils import batch_space
 except ImportError:
-    raise MissingExtra("gymnasium", "sim") from None
+    raise MissingExtraError("gymnasium", "sim") from None
 
-__all__ = ["AutoresetMode", "Env", "VectorEnv", "batch_space", "box", "make_known", "np_random", "spaces"]
+__all__ = ["AutoresetMode", "Env", "VectorEnv", "batch_space", "box", "np_random", "register_environments", "spaces"]
 
 LANDERS, UROVS = "snr_sim.learning.lander_envs", "snr_sim.learning.urov_envs"
 # Steps are the scenario's time limit at the environment's rate. A threshold is what a policy has in the mean that meets
@@ -70,8 +70,11 @@ def box(low: Sequence[float], high: Sequence[float]) -> spaces.Box[np.float32]:
     return spaces.Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)
 
 
-def make_known() -> None:
+def register_environments() -> None:
     """Register our environments, once."""
     for name, definition in {**ENVIRONMENTS, COMPATIBLE: COMPATIBLE_ENTRY}.items():
         if name not in registry:
             register(id=name, **definition)
+
+
+register_environments()

@@ -54,38 +54,39 @@ class LanderEnv(ScenarioEnv):
     def reward(self, verdict: Verdict | None) -> float:
         """Return what the last step was worth."""
         fuel_kg = self._values()["fuel_kg"]
-        worth = -FUEL_WEIGHT * (self._fuel_kg - fuel_kg) / self._tank_kg
+        reward = -FUEL_WEIGHT * (self._fuel_kg - fuel_kg) / self._tank_kg
         self._fuel_kg = fuel_kg
         potential = self.potential() if verdict is None else 0.0
-        worth += potential - self._potential
+        reward += potential - self._potential
         self._potential = potential
         if verdict is not None:
-            worth += LANDED if verdict.success else NOT_LANDED
-        return worth
+            reward += LANDED if verdict.success else NOT_LANDED
+        return reward
 
     def potential(self) -> float:
         """Return how well placed the module is: 0 at best."""
         values = self._values()
-        return -SPEED_WEIGHT * abs(values["vertical_mps"] - suitable_mps(values["altitude_m"]))
+        return -SPEED_WEIGHT * abs(values["vertical_mps"] - reference_speed_mps(values["altitude_m"]))
 
     def _values(self) -> dict[str, float]:
         values: dict[str, float] = self.plant.truth()["values"]
         return values
 
 
-def suitable_mps(altitude_m: float, gravity_mps2: float = MOON_GRAVITY_MPS2) -> float:
+def reference_speed_mps(altitude_m: float, gravity_mps2: float = MOON_GRAVITY_MPS2) -> float:
     """Return the vertical speed that suits a height [m/s], negative down: what gentle braking takes to touch down.
 
-    >>> round(suitable_mps(0.0), 2), round(suitable_mps(100.0), 1)
+    >>> round(reference_speed_mps(0.0), 2), round(reference_speed_mps(100.0), 1)
     (-1.0, -18.0)
     """
     return -math.sqrt(TOUCHDOWN_MPS**2 + 2.0 * BRAKING_G * gravity_mps2 * max(0.0, altitude_m))
 
 
-def suitable_speeds_mps(altitudes_m: Floats, gravity_mps2: float) -> Floats:
+def reference_speeds_mps(altitudes_m: Floats, gravity_mps2: float) -> Floats:
     """Return the same for many heights at once, bitwise; for a single one it would take seven times as long.
 
-    >>> suitable_speeds_mps(np.array([-1.0, 100.0]), 1.62).tolist() == [suitable_mps(-1.0), suitable_mps(100.0)]
+    >>> speeds = reference_speeds_mps(np.array([-1.0, 100.0]), 1.62).tolist()
+    >>> speeds == [reference_speed_mps(-1.0), reference_speed_mps(100.0)]
     True
     """
     speeds: Floats = -np.sqrt(TOUCHDOWN_MPS**2 + 2.0 * BRAKING_G * gravity_mps2 * np.maximum(0.0, altitudes_m))
@@ -98,14 +99,14 @@ def vertical_potentials(altitudes_m: Floats, speeds_mps: Floats) -> Floats:
     >>> vertical_potentials(np.array([0.0]), np.array([-3.0])).tolist()
     [-0.4]
     """
-    potentials: Floats = -SPEED_WEIGHT * np.abs(speeds_mps - suitable_speeds_mps(altitudes_m, MOON_GRAVITY_MPS2))
+    potentials: Floats = -SPEED_WEIGHT * np.abs(speeds_mps - reference_speeds_mps(altitudes_m, MOON_GRAVITY_MPS2))
     return potentials
 
 
-def seen_by_radar(radar: RadarReading) -> list[float]:
+def radar_observation(radar: RadarReading) -> list[float]:
     """Return what `LanderVertical` observes of a reading, to the last bit: a policy in a node uses it, too.
 
-    >>> seen_by_radar(RadarReading(altitude_m=0.1, velocity_mps=-300.0, stamp_s=0.0))
+    >>> radar_observation(RadarReading(altitude_m=0.1, velocity_mps=-300.0, stamp_s=0.0))
     [0.10000000149011612, -250.0]
     """
     height, speed = np.clip(np.array([radar.altitude_m, radar.velocity_mps], np.float32), VERTICAL_LOW, VERTICAL_HIGH)
@@ -136,7 +137,7 @@ class LanderVertical(LanderEnv):
 
     def observe(self) -> list[float]:
         """Return what the radar reads."""
-        return seen_by_radar(self.sensors["radar"].read())
+        return radar_observation(self.sensors["radar"].read())
 
     def act(self, action: Any) -> None:
         """Set the throttle."""
@@ -144,7 +145,7 @@ class LanderVertical(LanderEnv):
         self.actuators["engine"].write(EngineCommand(throttle))
 
 
-def seen_in_the_plane(radar: RadarReading, inertial: InertialReading) -> list[float]:
+def pad_observation(radar: RadarReading, inertial: InertialReading) -> list[float]:
     """Return what `LanderPad` observes of readings, to the last bit: a policy in a node uses it, too."""
     left, right = inertial.contact
     seen = [
@@ -171,10 +172,10 @@ def pad_command(action: int) -> EngineCommand:
     return EngineCommand(PAD_THROTTLES[throttle], 0.0, PAD_TURNS[turn])
 
 
-def cost_aside(x_m: Any, lateral_mps: Any, attitude_deg: Any) -> Any:
+def lateral_cost(x_m: Any, lateral_mps: Any, attitude_deg: Any) -> Any:
     """Return how much distance from the pad, sideways speed and tilt lower the potential of `LanderPad`.
 
-    >>> cost_aside(np.array([-10.0]), np.array([0.0]), np.array([4.0])).tolist()
+    >>> lateral_cost(np.array([-10.0]), np.array([0.0]), np.array([4.0])).tolist()
     [4.0]
     """
     return 0.2 * (abs(x_m) + abs(lateral_mps)) + 0.5 * abs(attitude_deg)
@@ -219,14 +220,14 @@ class LanderPad(LanderEnv):
 
     def observe(self) -> list[float]:
         """Return what the sensors read."""
-        return seen_in_the_plane(self.sensors["radar"].read(), self.sensors["inertial"].read())
+        return pad_observation(self.sensors["radar"].read(), self.sensors["inertial"].read())
 
     def act(self, action: Any) -> None:
         """Set throttle, gimbal and jets."""
         if self.is_continuous:
             throttle, gimbal, turn = (float(one) for one in action)
-            _, most_rad = self.actuators["engine"].limits["gimbal_rad"]
-            command = EngineCommand(throttle, gimbal * most_rad, turn)
+            _, max_rad = self.actuators["engine"].limits["gimbal_rad"]
+            command = EngineCommand(throttle, gimbal * max_rad, turn)
         else:
             command = pad_command(int(action))
         self.actuators["engine"].write(command)
@@ -235,5 +236,5 @@ class LanderPad(LanderEnv):
         """Return how well placed the module is, also sideways and upright."""
         values = self._values()
         x_m: float = self.plant.truth()["poses"]["module"][0]
-        aside: float = cost_aside(x_m, values["lateral_mps"], values["attitude_deg"])
+        aside: float = lateral_cost(x_m, values["lateral_mps"], values["attitude_deg"])
         return super().potential() - aside

@@ -25,11 +25,11 @@ from snr_sim.learning.lander_envs import (
     LanderVertical,
     vertical_potentials,
 )
-from snr_sim.learning.scenario_env import checked_start, drawn_start, end_info
+from snr_sim.learning.scenario_env import check_start, draw_start, end_info
 from snr_sim.learning.sensor_batch import SensorBatch
 from snr_sim.learning.vertical_batch import Landers, step
 from snr_sim.plants.lander.descent import Engine
-from snr_sim.plants.lander.lander_1d import Lander1D, State
+from snr_sim.plants.lander.lander_1d import Lander1D, Lander1DState
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.scenario import Verdict
 from snr_sim.prelude.signals import EngineCommand
@@ -85,8 +85,8 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
         self._limit_steps = round(single.limit_s * single.rate_hz)
         self._max_steps = min(self._limit_steps, max_episode_steps or self._limit_steps)
         self._is_same_step = mode is AutoresetMode.SAME_STEP
-        self._everybody = np.arange(num_envs)
-        self._all_told = np.ones(num_envs, bool)
+        self._all_indices = np.arange(num_envs)
+        self._all_true = np.ones(num_envs, bool)
         self._generators: list[np.random.Generator] = []
         self._starts, self._steps = np.zeros(num_envs, np.int64), np.zeros(num_envs, np.int64)
         self._tanks_kg, self._fuels_kg, self._potentials = np.ones(num_envs), np.zeros(num_envs), np.zeros(num_envs)
@@ -115,14 +115,14 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
         given = [given] * count if given is None or not isinstance(given, (list, tuple, np.ndarray)) else list(given)
         if len(given) != count:
             raise ParameterError(f"reset() was given {len(given)} starts for {count} landers.", fix="one for each.")
-        checked = [None if one is None else checked_start(one) for one in given]
+        checked = [None if one is None else check_start(one) for one in given]
         first = not self._generators
         old = [None] * count if first else self._generators
         self._generators = [
             np_random(one)[0] if one is not None or before is None else before
             for one, before in zip(seeds, old, strict=True)
         ]
-        self._begin(self._everybody, checked)
+        self._begin(self._all_indices, checked)
         self._ended = np.zeros(count, bool)
         return self._observed(), self._infos()
 
@@ -135,7 +135,7 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
         again = self._ended
         if again is None:
             raise ParameterError("step() before the first reset().", fix="call reset().")
-        verdicts = self._fly(self._checked(actions), ~again)
+        verdicts = self._advance(self._checked(actions), ~again)
         self._steps += 1
         terminated, landed = np.zeros(self.num_envs, bool), np.zeros(self.num_envs, bool)
         for i, verdict in verdicts.items():
@@ -157,8 +157,8 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
         for i in ends.tolist():
             end = self._end(i, verdicts.get(i))
             if self._is_same_step:
-                told = {"start": int(self._starts[i]), "time_s": float(self._steps[i] / self._rate_hz), **end}
-                end = {"final_obs": observations[i].copy(), "final_info": told}
+                info = {"start": int(self._starts[i]), "time_s": float(self._steps[i] / self._rate_hz), **end}
+                end = {"final_obs": observations[i].copy(), "final_info": info}
             infos = self._add_info(infos, end, i)
         if self._is_same_step:
             if len(ends):
@@ -180,7 +180,7 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
         """Put some landers at the starts of seeds, and begin the episodes of their sensors."""
 
     @abstractmethod
-    def _fly(self, actions: Any, flies: Bools) -> dict[int, Verdict]:
+    def _advance(self, actions: Any, is_flying: Bools) -> dict[int, Verdict]:
         """Move all on by one period; return the verdict of each that flew and ended. The others do not matter."""
 
     @abstractmethod
@@ -199,7 +199,7 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
 
     def _begin(self, which: Indices, given: Sequence[int | None]) -> None:
         pairs = zip(which.tolist(), given, strict=True)
-        starts = [drawn_start(self._generators[i]) if start is None else start for i, start in pairs]
+        starts = [draw_start(self._generators[i]) if start is None else start for i, start in pairs]
         self._starts[which], self._steps[which] = starts, 0
         self._put(which, starts)
         self._tanks_kg[which] = self._fuels_kg[which] = self._fuels()[which]
@@ -215,7 +215,7 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
             if bool(((given >= low) & (given <= high)).all()):
                 return given
         raise ParameterError(
-            f"Actions of shape {given.shape}, {given.dtype}, are none of {space}.",
+            f"Actions of shape {given.shape}, {given.dtype}, are not in {space}.",
             fix=f"one for each of {self.num_envs} landers, as envs.action_space.sample().",
         )
 
@@ -224,9 +224,9 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
         return end_info(verdict, self._single.limit_s) if verdict is not None or is_late else {}
 
     def _infos(self) -> dict[str, Any]:
-        told = self._all_told
+        mask = self._all_true
         times_s = self._steps / self._rate_hz
-        return {"start": self._starts.copy(), "_start": told.copy(), "time_s": times_s, "_time_s": told.copy()}
+        return {"start": self._starts.copy(), "_start": mask.copy(), "time_s": times_s, "_time_s": mask.copy()}
 
 
 class LanderVerticalVector(LanderVectorEnv):
@@ -253,7 +253,7 @@ class LanderVerticalVector(LanderVectorEnv):
         self._landers[:, which] = rows
         self._radar.begin(which, starts, rows[:2])
 
-    def _fly(self, actions: Any, flies: Bools) -> dict[int, Verdict]:
+    def _advance(self, actions: Any, is_flying: Bools) -> dict[int, Verdict]:
         throttles = actions[:, 0].astype(np.float64) if self._throttles is None else self._throttles[actions]
         before = self._landers
         after, _, _ = step(Landers(*before), throttles, self._engine, self._step_s)
@@ -262,7 +262,7 @@ class LanderVerticalVector(LanderVectorEnv):
         # One that reverses within the step may have touched in between.
         dips = (velocity < 0.0) & (after.velocity_mps > 0.0)
         dips &= height + (velocity - gravity * self._step_s) * self._step_s <= 0.0
-        met = flies & ((after.height_m <= 0.0) | dips | (after.height_m > self._plant.ceiling_m))
+        met = is_flying & ((after.height_m <= 0.0) | dips | (after.height_m > self._plant.ceiling_m))
         verdicts = {}
         for i in np.flatnonzero(met).tolist():
             verdict = self._take_over(before[:, i], float(throttles[i]))
@@ -278,7 +278,7 @@ class LanderVerticalVector(LanderVectorEnv):
         """Let the plant fly a step of one lander; return its verdict."""
         plant = self._plant
         height_m, velocity_mps, mass_kg, fuel_kg = lander.tolist()
-        plant.restore(State(0.0, height_m, velocity_mps, mass_kg, fuel_kg, throttle, None, None))
+        plant.restore(Lander1DState(0.0, height_m, velocity_mps, mass_kg, fuel_kg, throttle, None, None))
         plant.write("engine", EngineCommand(throttle))
         plant.step(self._step_s)
         verdict: Verdict | None = self._scenario.verdict(plant)
@@ -293,9 +293,9 @@ class LanderVerticalVector(LanderVectorEnv):
         return vertical_potentials(height, velocity)
 
     def _observed(self, which: Indices | None = None) -> NDArray[np.float32]:
-        told = self._radar.read(which).T.astype(np.float32)
+        readings = self._radar.read(which).T.astype(np.float32)
         if which is None:
-            self._radar.look(self._landers[:2].copy())
+            self._radar.sample(self._landers[:2].copy())
         space = self.single_observation_space
-        observed: NDArray[np.float32] = np.clip(told, space.low, space.high)
+        observed: NDArray[np.float32] = np.clip(readings, space.low, space.high)
         return observed

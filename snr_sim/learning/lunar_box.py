@@ -25,7 +25,7 @@ from snr_sim.learning.lunar_box_world import (
 from snr_sim.prelude.errors import ParameterError
 
 POWERS = {0: (0.0, 0.0), 1: (0.0, -1.0), 2: (1.0, 0.0), 3: (0.0, 1.0)}  # of the main and the orientation engines
-PUSH_MOST = 1000.0  # of the impulse at the start, in each direction
+MAX_PUSH = 1000.0  # of the impulse at the start, in each direction
 MAIN_COST, SIDE_COST = 0.30, 0.03  # of an engine at full power for a step
 LANDED, CRASHED = 100.0, -100.0  # in place of the last step's reward
 LIMITS = np.array([2.5, 2.5, 10.0, 10.0, 2.0 * math.pi, 10.0, 1.0, 1.0], np.float32)
@@ -81,9 +81,9 @@ class LunarLanderBox(CopyableEnv):
             raise ParameterError(f"render_mode={render_mode!r}.", fix="None or 'rgb_array'.")
         if not -12.0 < gravity < 0.0:
             raise ParameterError(f"gravity={gravity!r}.", fix="more than -12 and less than 0, such as -10.")
-        for name, power, most in (("wind_power", wind_power, 20.0), ("turbulence_power", turbulence_power, 2.0)):
-            if not 0.0 <= power <= most:
-                raise ParameterError(f"{name}={power!r}.", fix=f"0 to {most:g}.")
+        for name, power, max_power in (("wind_power", wind_power, 20.0), ("turbulence_power", turbulence_power, 2.0)):
+            if not 0.0 <= power <= max_power:
+                raise ParameterError(f"{name}={power!r}.", fix=f"0 to {max_power:g}.")
         self.render_mode = render_mode
         self.continuous = continuous
         self._gravity = gravity
@@ -114,14 +114,14 @@ class LunarLanderBox(CopyableEnv):
         if self.world is None:
             self.world = LunarBoxWorld(self._gravity)
         self.world.begin(around)
-        self.world.kick((draw(-PUSH_MOST, PUSH_MOST), draw(-PUSH_MOST, PUSH_MOST)), arm=START_ARM)
+        self.world.kick((draw(-MAX_PUSH, MAX_PUSH), draw(-MAX_PUSH, MAX_PUSH)), arm=START_ARM)
         if self._wind is not None:
             self._moments = [int(self.np_random.integers(-9999, 9999)) for _ in range(2)]
         self._is_over, self._power = False, (0.0, 0.0)
         self._move(0.0, 0.0)
         state = self._state()
         self._potential = potential(state)
-        return self._seen(state), {}
+        return self._observation(state), {}
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Act, advance by 0.02 s, and observe.
@@ -142,7 +142,7 @@ class LunarLanderBox(CopyableEnv):
             self._is_over, reward = True, LANDED
         elif self.world.is_crashed or abs(state[0]) >= 1.0:
             self._is_over, reward = True, CRASHED
-        return self._seen(state), reward, self._is_over, False, {}
+        return self._observation(state), reward, self._is_over, False, {}
 
     def render(self) -> Any:
         """Return the current scene, shape (height, width, 3), dtype uint8; needs no screen and no GPU."""
@@ -158,13 +158,15 @@ class LunarLanderBox(CopyableEnv):
             try:
                 return POWERS[operator.index(given)]  # takes what Discrete.contains() takes, in a tenth of its time
             except (TypeError, KeyError):
-                raise ParameterError(f"{given!r} is no action: {self.action_space}.", fix="0, 1, 2 or 3.") from None
+                raise ParameterError(
+                    f"{given!r} is not an action of {self.action_space}.", fix="0, 1, 2 or 3."
+                ) from None
         try:
             throttle, turn = map(float, given)
         except (TypeError, ValueError):
             throttle = turn = math.nan
         if not (math.isfinite(throttle) and math.isfinite(turn)):
-            raise ParameterError(f"{given!r} is no action: {self.action_space}.", fix="two numbers from -1 to 1.")
+            raise ParameterError(f"{given!r} is not an action of {self.action_space}.", fix="two numbers from -1 to 1.")
         main = 0.5 + 0.5 * min(throttle, 1.0) if throttle > 0.0 else 0.0
         return main, math.copysign(min(abs(turn), 1.0), turn) if abs(turn) > 0.5 else 0.0
 
@@ -199,7 +201,7 @@ class LunarLanderBox(CopyableEnv):
         )
 
     @staticmethod
-    def _seen(state: tuple[float, ...]) -> NDArray[np.float32]:
+    def _observation(state: tuple[float, ...]) -> NDArray[np.float32]:
         seen = np.array(state, np.float32)
         x, y, vx, vy, angle, turn, _, _ = map(abs, state)
         if x > 2.5 or y > 2.5 or vx > 10.0 or vy > 10.0 or angle > 6.28 or turn > 10.0:

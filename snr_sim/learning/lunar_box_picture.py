@@ -12,7 +12,7 @@ from snr_sim.view.picture_bodies import FLAME
 from snr_sim.view.picture_sheet import PIXELS_PER_POINT, Part, Point, Rgb, Sheet
 
 WIDTH_PX, HEIGHT_PX = 600, 400
-SKY: Rgb = (24, 27, 38)
+BACKGROUND: Rgb = (24, 27, 38)
 GROUND: Rgb = (128, 125, 120)
 BODY: Rgb = (150, 140, 220)
 LEG_RGB: Rgb = (104, 98, 160)
@@ -56,6 +56,6 @@ def frame_of(world: LunarBoxWorld, power: tuple[float, float]) -> NDArray[np.uin
         x = WIDTH / (CHUNKS - 1) * i
         parts.append(Part(np.array([at(x, PAD_Y), at(x, PAD_Y + 1.6)]), POLE, 1.0))
         parts.append(Part(np.array([at(x, PAD_Y + 1.6), at(x, PAD_Y + 1.2), at(x + 0.8, PAD_Y + 1.4)]), FLAG))
-    sheet = Sheet(width, height, SKY)
+    sheet = Sheet(width, height, BACKGROUND)
     sheet.paint(parts)
     return sheet.pixels()

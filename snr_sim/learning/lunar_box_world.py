@@ -132,11 +132,11 @@ class LunarBoxWorld:
         for line in lines:
             line.friction = 1.0
         self._space.add(*lines, self.hull, *self.legs, *self._outlines)
-        self._motors = [self._joined(leg, side) for leg, side in zip(self.legs, SIDES, strict=True)]
+        self._motors = [self._join_leg(leg, side) for leg, side in zip(self.legs, SIDES, strict=True)]
         self._rates_radps = [0.0, 0.0]
         self.steps_still = 0
         self._touching = list(NOTHING)  # how many pieces of the ground hull and legs touch
-        self._look()
+        self._read_state()
 
     def _empty_space(self) -> Any:
         space = self._pymunk.Space()
@@ -151,7 +151,7 @@ class LunarBoxWorld:
         body.angle, body.position = angle_rad, position
         body.velocity, body.angular_velocity = (0.0, self._pull_mps), 0.0
 
-    def _joined(self, leg: Any, side: int) -> Any:
+    def _join_leg(self, leg: Any, side: int) -> Any:
         """Join a leg to the hull; return the motor."""
         pymunk = self._pymunk
         low, high = sorted((-side * LEG_OUT_RAD, -side * LEG_IN_RAD))
@@ -243,16 +243,16 @@ class LunarBoxWorld:
         """Advance by 0.02 s, and read the hull's pose."""
         if self._touching == NOTHING:
             self._space.step(STEP_S)
-            self._look()
+            self._read_state()
             self.steps_still = 0
             return
         self._drive_legs()
         self._space.step(STEP_S)
-        self._look()
+        self._read_state()
         is_still = _is_still(self.vx, self.vy, self.turn_radps) and all(map(_is_body_still, self.legs))
         self.steps_still = self.steps_still + 1 if is_still else 0
 
-    def _look(self) -> None:
+    def _read_state(self) -> None:
         hull = self.hull
         _, left, right = self._touching
         self.contacts = left > 0, right > 0

@@ -32,6 +32,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from snr_sim.learning.array_file import check_memory, read_arrays, write_arrays
 from snr_sim.learning.lander_envs import (
     FUEL_WEIGHT,
     LANDED,
@@ -40,9 +41,8 @@ from snr_sim.learning.lander_envs import (
     PAD_TURNS,
     SPEED_WEIGHT,
     LanderPad,
-    suitable_speeds_mps,
+    reference_speeds_mps,
 )
-from snr_sim.learning.number_file import check_room, read_numbers, write_numbers
 from snr_sim.learning.plane_batch import Bools, Floats, PlaneLanders, step, touches
 from snr_sim.learning.settings import check_batch
 from snr_sim.learning.tile_coding import Axis, Ints, TileCoder, TiledValues
@@ -58,16 +58,16 @@ LEAN_AXES = (Axis("vx_mps", -12.0, 12.0, 16), Axis("attitude_rad", -0.4, 0.4, 14
 ALTITUDE, VX, VZ, ATTITUDE, RATE, LEFT, RIGHT = range(1, 8)  # indices in LanderPad's observation
 ALL_OFF = PAD_THROTTLES.index(0.0) * len(PAD_TURNS) + PAD_TURNS.index(0.0)
 
-FORESIGHT_BURN, FORESIGHT_LEAN = 0.99, 0.985  # discount of a step: 10 s and 7 s
+DISCOUNT_BURN, DISCOUNT_LEAN = 0.99, 0.985  # discount of a step: 10 s and 7 s
 LEAN_COST = (0.1, 0.3, 0.2)  # of a step, for each m/s, rad and rad/s
 STRAIGHT = 20.0
 MARGIN = 0.8  # of the gear's limits: the learned policy keeps this distance from them
-CEILING_M, FAST_MPS, LEANING_RAD, MOST_STEPS = 250.0, 14.0, 0.6, 400  # beyond these a lander restarts
-MEAN_EVERY = 10  # steps
+CEILING_M, FAST_MPS, LEANING_RAD, MAX_STEPS = 250.0, 14.0, 0.6, 400  # beyond these a lander restarts
+MEAN_INTERVAL = 10  # steps
 MAKER = "PadPolicy.save"
 
 
-class About(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class PolicyMetadata(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What a policy's file contains in addition to its numbers.
 
     Args:
@@ -120,8 +120,8 @@ class PadPolicy:
             RecordingError: it cannot be written there.
         """
         burn, lean = self.burn.coder, self.lean.coder
-        about = About(ENVIRONMENT, burn.axes, lean.axes, burn.tilings, self.made_by)
-        write_numbers(path, about, {"burn": self.burn.weights, "lean": self.lean.weights})
+        about = PolicyMetadata(ENVIRONMENT, burn.axes, lean.axes, burn.tilings, self.made_by)
+        write_arrays(path, about, {"burn": self.burn.weights, "lean": self.lean.weights})
 
     @classmethod
     def load(cls, path: str | Path) -> PadPolicy:
@@ -131,25 +131,25 @@ class PadPolicy:
             RecordingError: the file is missing, of another kind, truncated or damaged, or for something else.
         """
 
-        def empty(about: About) -> tuple[PadPolicy, dict[str, NDArray[Any]]]:
+        def empty(about: PolicyMetadata) -> tuple[PadPolicy, dict[str, NDArray[Any]]]:
             if about.version != FORMAT:
                 raise RecordingError(
                     f"{path} has version {about.version}; this kit reads {FORMAT}.", fix="train it again."
                 )
-            for question, found, wanted in (("burn", about.burn, BURN_AXES), ("lean", about.lean, LEAN_AXES)):
-                ours, theirs = ([axis.name for axis in axes] for axes in (wanted, found))
+            for question, found, expected in (("burn", about.burn, BURN_AXES), ("lean", about.lean, LEAN_AXES)):
+                ours, theirs = ([axis.name for axis in axes] for axes in (expected, found))
                 if theirs != ours:
                     raise RecordingError(
                         f"{path} decides how to {question} by {', '.join(theirs) or 'nothing'}; what flies looks at "
                         f"{', '.join(ours)}.",
                         fix="a policy with those axes, in that order.",
                     )
-                check_room(2 * about.tilings * math.prod(axis.intervals + 1 for axis in found) * len(PAD_THROTTLES))
+                check_memory(2 * about.tilings * math.prod(axis.intervals + 1 for axis in found) * len(PAD_THROTTLES))
             policy = cls(about.burn, about.lean, about.tilings)
             policy.made_by = about.made_by
             return policy, {"burn": policy.burn.weights, "lean": policy.lean.weights}
 
-        _, policy, arrays = read_numbers(path, About, empty, "policy of tiles", MAKER, ENVIRONMENT)
+        _, policy, arrays = read_arrays(path, PolicyMetadata, empty, "policy of tiles", MAKER, ENVIRONMENT)
         policy.burn.weights, policy.lean.weights = arrays["burn"], arrays["lean"]
         return policy
 
@@ -163,9 +163,9 @@ class PadTraining:
         steps: total number of steps, for all landers together.
         seed: of all random numbers.
         epsilon: probability of a random action: at first, and the minimum.
-        least_step: step size of an update: at first, and at the end.
-        tried: number of landers in a trial, which is without exploration.
-        try_every: steps between two trials, in the second half of the training.
+        min_step_size: step size of an update: at first, and at the end.
+        eval_episodes: number of landers in a trial, which is without exploration.
+        eval_interval: steps between two trials, in the second half of the training.
 
     Raises:
         ParameterError: a number is out of range.
@@ -175,15 +175,15 @@ class PadTraining:
     steps: int = 9_000
     seed: int = 0
     epsilon: tuple[float, float] = (0.4, 0.05)
-    least_step: tuple[float, float] = (0.05, 0.004)
-    tried: int = 400
-    try_every: int = 250
+    min_step_size: tuple[float, float] = (0.05, 0.004)
+    eval_episodes: int = 400
+    eval_interval: int = 250
 
     def __post_init__(self) -> None:
-        check_batch(self, ("landers", "steps", "tried", "try_every"))
+        check_batch(self, ("landers", "steps", "eval_episodes", "eval_interval"))
 
 
-class Trial(NamedTuple):
+class EvaluationResult(NamedTuple):
     """Result of a trial in the batch: fractions of all landers.
 
     Args:
@@ -197,7 +197,7 @@ class Trial(NamedTuple):
     landed: float
 
 
-class Sky:
+class PadBatchTask:
     """Simulation of a batch of landers: the module, its starts and its sensors.
 
     Args:
@@ -214,18 +214,18 @@ class Sky:
         self._noise = np.array([height, speed, speed, inertial["attitude_rad"], inertial["rate_radps"]])
         self.rng = np.random.default_rng(seed)
 
-    def exploring(self, count: int) -> PlaneLanders:
+    def exploring_starts(self, count: int) -> PlaneLanders:
         """Return random starts within a descent, most of them low, and most of them nearly straight."""
         draw = self.rng.uniform
         height = 180.0 * self.rng.random(count) ** 2
         near = np.minimum(1.0, 0.2 + height / 50.0)
         fuel, throttle = draw(200.0, 700.0, count), self.rng.choice(np.array(PAD_THROTTLES), count)
-        vz = self.suitable(height) + draw(-8.0, 8.0, count) * near
-        attitude, rate = (most * draw(-1.0, 1.0, count) ** 3 for most in (0.35, 0.15))
+        vz = self.reference_speed(height) + draw(-8.0, 8.0, count) * near
+        attitude, rate = (limit * draw(-1.0, 1.0, count) ** 3 for limit in (0.35, 0.15))
         vx = draw(-9.0, 9.0, count) * self.rng.random(count)
         return PlaneLanders(height, vz, vx, attitude, rate, self.dry_kg + fuel, fuel, throttle)
 
-    def proper(self, count: int) -> PlaneLanders:
+    def scenario_starts(self, count: int) -> PlaneLanders:
         """Return starts as the scenario draws them."""
         draw = self.rng.uniform
         height, vz, vx = draw(116.0, 178.0, count), draw(-8.0, -2.0, count), draw(-6.0, 6.0, count)
@@ -233,17 +233,17 @@ class Sky:
         fuel = draw(500.0, 700.0, count)
         return PlaneLanders(height, vz, vx, attitude, rate, self.dry_kg + fuel, fuel, np.zeros(count))
 
-    def suitable(self, height: Floats) -> Floats:
+    def reference_speed(self, height: Floats) -> Floats:
         """Return the suitable speed for each height, as the environment defines it."""
-        return suitable_speeds_mps(height, self.module.gravity_mps2)
+        return reference_speeds_mps(height, self.module.gravity_mps2)
 
-    def told(self, landers: PlaneLanders) -> tuple[Floats, Floats]:
-        """Return what the sensors tell: height and vz, shape (n, 2); vx, attitude and rate, shape (n, 3)."""
+    def observe(self, landers: PlaneLanders) -> tuple[Floats, Floats]:
+        """Return what the sensors measure: height and vz, shape (n, 2); vx, attitude and rate, shape (n, 3)."""
         truth = np.stack(landers[:5], axis=1)
         truth += self.rng.normal(size=truth.shape) * self._noise
         return truth[:, :2], truth[:, 2:]
 
-    def kept(self, landers: PlaneLanders, share: float = 1.0) -> tuple[Bools, Bools]:
+    def is_within(self, landers: PlaneLanders, share: float = 1.0) -> tuple[Bools, Bools]:
         """Return whether the gear would take the vertical speed of each, and whether the rest of its motion.
 
         Args:
@@ -251,26 +251,26 @@ class Sky:
             share: of each limit.
         """
         motion = -landers.vz_mps, landers.vx_mps, landers.attitude_rad, landers.rate_radps
-        slow, lateral, attitude, rate, _ = self.module.gear.kept(*motion, share=share)
+        slow, lateral, attitude, rate, _ = self.module.gear.is_within(*motion, share=share)
         return slow, lateral & attitude & rate
 
     def burn_rewards(self, before: PlaneLanders, after: PlaneLanders, down: Bools) -> Floats:
         """Return the reward of a step for the policy of the throttle."""
         tank_kg = 600.0  # about what they start with
-        was = -SPEED_WEIGHT * np.abs(before.vz_mps - self.suitable(before.height_m))
-        then = -SPEED_WEIGHT * np.abs(after.vz_mps - self.suitable(after.height_m))
-        ends = np.where(self.kept(after, MARGIN)[0], LANDED, NOT_LANDED)
+        was = -SPEED_WEIGHT * np.abs(before.vz_mps - self.reference_speed(before.height_m))
+        then = -SPEED_WEIGHT * np.abs(after.vz_mps - self.reference_speed(after.height_m))
+        ends = np.where(self.is_within(after, MARGIN)[0], LANDED, NOT_LANDED)
         burned: Floats = (before.fuel_kg - after.fuel_kg) / tank_kg
-        worth: Floats = np.where(down, ends, FORESIGHT_BURN * then) - was - FUEL_WEIGHT * burned
-        return worth
+        reward: Floats = np.where(down, ends, DISCOUNT_BURN * then) - was - FUEL_WEIGHT * burned
+        return reward
 
     def lean_rewards(self, after: PlaneLanders, down: Bools) -> Floats:
         """Return the reward of a step for the policy of the attitude."""
         motion = (after.vx_mps, after.attitude_rad, after.rate_radps)
         cost = sum(weight * np.abs(one) for weight, one in zip(LEAN_COST, motion, strict=True))
-        ends = np.where(self.kept(after, MARGIN)[1], STRAIGHT, -STRAIGHT)
-        worth: Floats = np.where(down, ends, 0.0) - cost
-        return worth
+        ends = np.where(self.is_within(after, MARGIN)[1], STRAIGHT, -STRAIGHT)
+        reward: Floats = np.where(down, ends, 0.0) - cost
+        return reward
 
 
 def train_pad(
@@ -278,7 +278,7 @@ def train_pad(
     env: LanderPad,
     training: PadTraining | None = None,
     on_step: Callable[[], None] = lambda: None,
-) -> list[Trial]:
+) -> list[EvaluationResult]:
     """Learn to land in the plane; return the trials on the way, which are the learning curve.
 
     Args:
@@ -288,75 +288,78 @@ def train_pad(
         on_step: is called after each step.
     """
     how = training or PadTraining()
-    sky = Sky(env, how.seed)
-    rng, burn, lean = sky.rng, policy.burn, policy.lean
+    task = PadBatchTask(env, how.seed)
+    rng, burn, lean = task.rng, policy.burn, policy.lean
     throttles, turns = np.array(PAD_THROTTLES), np.array(PAD_TURNS)
-    landers, flown = sky.exploring(how.landers), np.zeros(how.landers, np.int64)
-    burn_tiles, lean_tiles = _tiles(policy, sky, landers)
-    trials: list[Trial] = []
+    landers, episode_steps = task.exploring_starts(how.landers), np.zeros(how.landers, np.int64)
+    burn_tiles, lean_tiles = _tiles(policy, task, landers)
+    results: list[EvaluationResult] = []
     mean = PadPolicy(burn.coder.axes, lean.coder.axes, burn.coder.tilings)
     pairs, means = ((mean.burn, burn), (mean.lean, lean)), 0
     kept = [(-1.0, burn.weights), (-1.0, lean.weights)]
     for i in range(how.steps):
         epsilon = max(how.epsilon[1], how.epsilon[0] * (1.0 - i / (0.7 * how.steps)))
-        least_step = max(how.least_step[1], how.least_step[0] * (1.0 - i / (0.8 * how.steps)))
+        min_step_size = max(how.min_step_size[1], how.min_step_size[0] * (1.0 - i / (0.8 * how.steps)))
         throttle, turn = _explored(burn.of(burn_tiles), epsilon, rng), _explored(lean.of(lean_tiles), epsilon, rng)
-        after = step(landers, throttles[throttle], turns[turn], sky.module, STEP_S)
+        after = step(landers, throttles[throttle], turns[turn], task.module, STEP_S)
         down = touches(after)
-        next_burn, next_lean = _tiles(policy, sky, landers)  # sensor readings are a step late
-        burn_worth = np.where(down, 0.0, FORESIGHT_BURN * burn.of(next_burn).max(axis=1))
-        lean_worth = np.where(down, 0.0, FORESIGHT_LEAN * lean.of(next_lean).max(axis=1))
-        burn.learn(burn_tiles, throttle, sky.burn_rewards(landers, after, down) + burn_worth, least_step)
-        lean.learn(lean_tiles, turn, sky.lean_rewards(after, down) + lean_worth, least_step)
-        flown += 1
+        next_burn, next_lean = _tiles(policy, task, landers)  # sensor readings are a step late
+        burn_value = np.where(down, 0.0, DISCOUNT_BURN * burn.of(next_burn).max(axis=1))
+        lean_value = np.where(down, 0.0, DISCOUNT_LEAN * lean.of(next_lean).max(axis=1))
+        burn.learn(burn_tiles, throttle, task.burn_rewards(landers, after, down) + burn_value, min_step_size)
+        lean.learn(lean_tiles, turn, task.lean_rewards(after, down) + lean_value, min_step_size)
+        episode_steps += 1
         landers, burn_tiles, lean_tiles = after, next_burn, next_lean
-        over = down | _is_lost(after) | (flown > MOST_STEPS)
+        over = down | _is_lost(after) | (episode_steps > MAX_STEPS)
         if over.any():
-            fresh = sky.exploring(int(over.sum()))
+            fresh = task.exploring_starts(int(over.sum()))
             for array, begins in zip(landers, fresh, strict=True):
                 array[over] = begins
-            flown[over] = 0
-            burn_tiles[over], lean_tiles[over] = _tiles(policy, sky, fresh)
+            episode_steps[over] = 0
+            burn_tiles[over], lean_tiles[over] = _tiles(policy, task, fresh)
         on_step()
-        if i >= how.steps // 2 and i % MEAN_EVERY == 0:
+        if i >= how.steps // 2 and i % MEAN_INTERVAL == 0:
             means += 1
             for one, learned in pairs:
                 one.weights += (learned.weights - one.weights) / means
-        if means and ((i + 1) % how.try_every == 0 or i + 1 == how.steps):
-            trial = try_pad(mean, env, how.tried, seed=how.seed)
-            trials.append(trial)
-            for k, share in enumerate((trial.slow, trial.straight)):
+        if means and ((i + 1) % how.eval_interval == 0 or i + 1 == how.steps):
+            result = evaluate_policy(mean, env, how.eval_episodes, seed=how.seed)
+            results.append(result)
+            for k, share in enumerate((result.slow, result.straight)):
                 if share >= kept[k][0]:
                     kept[k] = share, pairs[k][0].weights.copy()
     burn.weights, lean.weights = kept[0][1], kept[1][1]
     policy.made_by = repr(how)
-    return trials
+    return results
 
 
-def try_pad(policy: PadPolicy, env: LanderPad, count: int, seed: int) -> Trial:
-    """Return the result of landing by a policy in the batch, without exploring and without learning."""
-    sky = Sky(env, [seed, 1])
+def evaluate_policy(policy: PadPolicy, env: LanderPad, count: int, seed: int) -> EvaluationResult:
+    """Return the result of landing by a policy in the batch, without exploration and without learning."""
+    task = PadBatchTask(env, [seed, 1])
     throttles, turns = np.array(PAD_THROTTLES), np.array(PAD_TURNS)
-    landers = sky.proper(count)
-    told = sky.told(landers)
+    landers = task.scenario_starts(count)
+    observed = task.observe(landers)
     found = np.zeros(3)
     for _ in range(int(env.limit_s / STEP_S)):
-        actions = throttles[policy.burn.best(told[0])], turns[policy.lean.best(told[1])]
-        told = sky.told(landers)
-        landers = step(landers, *actions, sky.module, STEP_S)
+        actions = throttles[policy.burn.best(observed[0])], turns[policy.lean.best(observed[1])]
+        observed = task.observe(landers)
+        landers = step(landers, *actions, task.module, STEP_S)
         down = touches(landers)
-        slow, straight = (down & one for one in sky.kept(landers))
+        slow, straight = (down & one for one in task.is_within(landers))
         found += slow.sum(), straight.sum(), (slow & straight).sum()
-        flies = ~(down | _is_lost(landers))
-        if not flies.any():
+        is_flying = ~(down | _is_lost(landers))
+        if not is_flying.any():
             break
-        landers, told = PlaneLanders(*(one[flies] for one in landers)), (told[0][flies], told[1][flies])
-    return Trial(*(found / count).tolist())
+        landers, observed = (
+            PlaneLanders(*(one[is_flying] for one in landers)),
+            (observed[0][is_flying], observed[1][is_flying]),
+        )
+    return EvaluationResult(*(found / count).tolist())
 
 
-def _tiles(policy: PadPolicy, sky: Sky, landers: PlaneLanders) -> tuple[Ints, Ints]:
+def _tiles(policy: PadPolicy, task: PadBatchTask, landers: PlaneLanders) -> tuple[Ints, Ints]:
     """Return the tiles of both questions where sensors see landers."""
-    burn, lean = sky.told(landers)
+    burn, lean = task.observe(landers)
     return policy.burn.coder.tiles(burn), policy.lean.coder.tiles(lean)
 
 

@@ -13,7 +13,7 @@ from snr_sim.learning.lander_envs import (
     PAD_THROTTLES,
     PAD_TURNS,
     LanderPad,
-    cost_aside,
+    lateral_cost,
     vertical_potentials,
 )
 from snr_sim.learning.lander_vector import Bools, Floats, Indices, LanderVectorEnv
@@ -74,11 +74,11 @@ class LanderPadVector(LanderVectorEnv):
         for i in which.tolist():
             self._plants.pop(i, None)
 
-    def _fly(self, actions: Any, flies: Bools) -> dict[int, Verdict]:
+    def _advance(self, actions: Any, is_flying: Bools) -> dict[int, Verdict]:
         throttles, gimbals, turns, goals = self._commands(actions)
         flight = self._flight
         before = flight.snapshot()
-        alone = flies.copy()  # in flight, and not in a plant of its own
+        alone = is_flying.copy()  # in flight, and not in a plant of its own
         alone[list(self._plants)] = False
         near = flight.near(self._step_s)
         near = near[alone[near]]
@@ -129,7 +129,7 @@ class LanderPadVector(LanderVectorEnv):
         judge.outcome = judge.touchdown = None
         judge.fuel_kg = float(self._flight.fuel[i])
         if is_lost:
-            judge._end("lost")
+            judge._end("out_of_bounds")
         else:
             judge._judge_contact(self._flight.midway(i))
         verdict: Verdict | None = self._scenario.verdict(judge)
@@ -154,7 +154,7 @@ class LanderPadVector(LanderVectorEnv):
     def _potentials_now(self, which: Indices | None = None) -> Floats:
         radar, inertial = self._truth if which is None else (truth[:, which] for truth in self._truth)
         (altitude, vz), (x, _, vx, _, attitude, *_) = radar, inertial
-        potentials: Floats = vertical_potentials(altitude, vz) - cost_aside(x, vx, np.degrees(attitude))
+        potentials: Floats = vertical_potentials(altitude, vz) - lateral_cost(x, vx, np.degrees(attitude))
         return potentials
 
     def _observed(self, which: Indices | None = None) -> NDArray[np.float32]:
@@ -162,11 +162,11 @@ class LanderPadVector(LanderVectorEnv):
         x, _, vx, vz, attitude, rate, fuel, left, right = self._inertial.read(which)
         if which is None:
             radar, inertial = self._truth
-            self._radar.look(radar)
-            self._inertial.look(inertial)
+            self._radar.sample(radar)
+            self._inertial.sample(inertial)
         for i in np.flatnonzero(np.abs(attitude) > np.pi).tolist():
             attitude[i] = wrap_rad(attitude[i])
-        told = np.stack([x, altitude, vx, vz, attitude, rate, left, right, fuel], axis=1).astype(np.float32)
+        readings = np.stack([x, altitude, vx, vz, attitude, rate, left, right, fuel], axis=1).astype(np.float32)
         space = self.single_observation_space
-        observed: NDArray[np.float32] = np.clip(told, space.low, space.high)
+        observed: NDArray[np.float32] = np.clip(readings, space.low, space.high)
         return observed

@@ -13,9 +13,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.plants.lander.lander import CEILING_M, EDGE_M, SAME
-from snr_sim.plants.lander.lander_2d import State
-from snr_sim.plants.lander.legs import FEET_M, REACH_M, Pose
+from snr_sim.plants.lander.lander import CEILING_M, EDGE_M, THROTTLE_TOLERANCE
+from snr_sim.plants.lander.lander_2d import Lander2DState
+from snr_sim.plants.lander.legs import FEET_M, MAX_CONTACT_RADIUS_M, BodyPose
 from snr_sim.plants.lander.module import LunarModule, PlaneStart
 from snr_sim.plants.lander.module_shapes import HULL_M, NOZZLE_BELOW_M
 from snr_sim.plants.lander.terrain import HALF_WIDTH_M, ROOF_REACH_M, SPACING_M, Terrain
@@ -86,13 +86,13 @@ class PlaneFlight:
         x, z = self.x - half_s * self.vx, self.z - half_s * vz
         return x, z, self.attitude - half_s * self.rate, self.vx, vz, self.rate
 
-    def midway(self, i: int) -> Pose:
+    def midway(self, i: int) -> BodyPose:
         """Return how one moves in the middle of the step that `push` began: where it is held, and before `move`."""
         cos, sin = math.cos(self.attitude[i]), math.sin(self.attitude[i])
         x, z, attitude, vx, vz, rate = self._numbers[:6, i].tolist()
         side, up, twist = float(self._side[i]), float(self._up[i]), float(self._twist[i])
         vx, vz = vx - 0.5 * (cos * side - sin * up), vz - 0.5 * (sin * side + cos * up - self._fall)
-        return Pose(x, z, attitude, vx, vz, rate - 0.5 * twist / self._module.gyration_m**2)
+        return BodyPose(x, z, attitude, vx, vz, rate - 0.5 * twist / self._module.gyration_m**2)
 
     def heights_m(self) -> Floats:
         """Return the height of the ground straight below each."""
@@ -103,14 +103,14 @@ class PlaneFlight:
         return self._numbers.copy()
 
     @staticmethod
-    def state_of(snapshot: Floats, i: int, terrain: Terrain, steps: int) -> State:
+    def state_of(snapshot: Floats, i: int, terrain: Terrain, steps: int) -> Lander2DState:
         """Return what the plant needs to fly one of them on."""
         *body, mass, fuel, throttle, gimbal = snapshot[:, i].tolist()
-        return State(Pose(*body), mass, fuel, terrain, steps=steps, throttle=throttle, gimbal_rad=gimbal)
+        return Lander2DState(BodyPose(*body), mass, fuel, terrain, steps=steps, throttle=throttle, gimbal_rad=gimbal)
 
     def near(self, period_s: float) -> Indices:
         """Return which landers may meet the ground within a time."""
-        over_m = self.z - REACH_M - self._roofs[self._all, self._fields(self.x)]
+        over_m = self.z - MAX_CONTACT_RADIUS_M - self._roofs[self._all, self._fields(self.x)]
         falls_m = np.minimum(0.0, self.vz - 10.0 * self._fall) * period_s
         return np.flatnonzero((over_m + falls_m < SPARE_M) | (np.abs(self.vx) > FAST_MPS))
 
@@ -141,14 +141,14 @@ class PlaneFlight:
         throttle -= throttle_goal
         throttle *= self._lag_left
         throttle += throttle_goal
-        np.copyto(throttle, throttle_goal, where=np.abs(throttle - throttle_goal) < SAME)
+        np.copyto(throttle, throttle_goal, where=np.abs(throttle - throttle_goal) < THROTTLE_TOLERANCE)
         mean -= throttle
         mean *= self._lag_steps
         mean += throttle_goal
-        most = module.gimbal_rate_radps * step_s
-        turned = np.minimum(most, np.maximum(-most, gimbal_goal - self.gimbal))
+        max_turn = module.gimbal_rate_radps * step_s
+        turned = np.minimum(max_turn, np.maximum(-max_turn, gimbal_goal - self.gimbal))
         self.gimbal += turned
-        gimbal = self.gimbal - 0.5 * turned * np.abs(turned) / most
+        gimbal = self.gimbal - 0.5 * turned * np.abs(turned) / max_turn
         burned = mean * (module.thrust_n / module.exhaust_mps * step_s)
         dry = burned >= fuel
         if dry.any():

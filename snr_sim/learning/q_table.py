@@ -10,15 +10,15 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from snr_sim.learning.array_file import check_memory, read_arrays, write_arrays
 from snr_sim.learning.discretiser import Discretiser
-from snr_sim.learning.number_file import check_room, read_numbers, write_numbers
 from snr_sim.prelude.errors import ParameterError, RecordingError
 
 FORMAT = 1
 MAKER = "QTable.save"
 
 
-class About(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class QTableMetadata(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Metadata in a table's file, in addition to its numbers.
 
     Args:
@@ -81,8 +81,8 @@ class QTable:
             RecordingError: it cannot be written there.
         """
         grid = self.discretiser
-        about = About(self.environment, grid.names, grid.edges, self.actions, self.made_by)
-        write_numbers(path, about, {"values": self.values, "visits": self.visits})
+        about = QTableMetadata(self.environment, grid.names, grid.edges, self.actions, self.made_by)
+        write_arrays(path, about, {"values": self.values, "visits": self.visits})
 
     @classmethod
     def load(
@@ -101,7 +101,7 @@ class QTable:
                 damaged, or for something else.
         """
 
-        def empty(about: About) -> tuple[QTable, dict[str, NDArray[Any]]]:
+        def empty(about: QTableMetadata) -> tuple[QTable, dict[str, NDArray[Any]]]:
             if about.version != FORMAT:
                 raise RecordingError(
                     f"{path} has version {about.version}; this kit reads {FORMAT}.", fix="train it again."
@@ -118,12 +118,12 @@ class QTable:
                     fix="a table with one action for each of them.",
                 )
             grid = Discretiser(about.names, about.edges)
-            check_room(2 * grid.count * len(about.actions))
+            check_memory(2 * grid.count * len(about.actions))
             table = cls(grid, about.actions, about.environment)
             table.made_by = about.made_by
             return table, {"values": table.values, "visits": table.visits}
 
-        _, table, arrays = read_numbers(path, About, empty, "table of action values", MAKER, environment)
+        _, table, arrays = read_arrays(path, QTableMetadata, empty, "table of action values", MAKER, environment)
         if (arrays["visits"] < 0).any():
             raise RecordingError(f"{path} has visits below 0.", fix=f"a file that {MAKER} has written.")
         table.values, table.visits = arrays["values"], arrays["visits"]

@@ -8,17 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snr_sim.recording.columns import Floats
-from snr_sim.recording.scene import points_of, turned
+from snr_sim.recording.scene import points_of, world_from_body
 from snr_sim.view.picture_bodies import FLAME, JET, body_parts, flame_parts, strongest_of
-from snr_sim.view.picture_layout import Place, feet_and_size
+from snr_sim.view.picture_layout import SheetPosition, feet_and_size
 from snr_sim.view.picture_scene import ground_cuts, ground_parts
 from snr_sim.view.picture_sheet import PIXELS_PER_POINT, Part, Rgb, Sheet
 from snr_sim.view.picture_water import SURFACE, WATER, rectangle
 
 WIDTH_PX, HEIGHT_PX = 320, 240
-SKY: Rgb = (24, 27, 38)
-LEAST_SHOWN_M = 8.0  # of height; a body is drawn at least so large that it can be seen
-LEAST_BODY = 0.12  # fraction of the frame's height
+BACKGROUND: Rgb = (24, 27, 38)
+MIN_SHOWN_M = 8.0  # of height; a body is drawn at least so large that it can be seen
+MIN_BODY_FRACTION = 0.12  # fraction of the frame's height
 
 
 class Frame:
@@ -42,11 +42,11 @@ class Frame:
         """Return the frame of a true state, shape (240, 320, 3)."""
         width, height = WIDTH_PX // PIXELS_PER_POINT, HEIGHT_PX // PIXELS_PER_POINT
         poses = truth["poses"]
-        feet = turned(next(iter(poses.values())), [0.0, 0.0, self._feet_m])
+        feet = world_from_body(next(iter(poses.values())), [0.0, 0.0, self._feet_m])
         near = self._ground[abs(self._ground[:, 0] - feet[0]) < 50.0, 1]
         low_m = min(feet[2], near.min(initial=np.inf))
         highest_m = max(feet[2] + self._size_m, self._surface_m if self._surface_m is not None else feet[2])
-        shown_m = max(LEAST_SHOWN_M, 1.35 * (highest_m - low_m), 2.5 * self._size_m)
+        shown_m = max(MIN_SHOWN_M, 1.35 * (highest_m - low_m), 2.5 * self._size_m)
         scale = height / shown_m
 
         def at(x: Floats | float, z: Floats | float) -> Floats:
@@ -60,14 +60,14 @@ class Frame:
                 Part(np.array([(-2, y0), (width + 2, y0)]), SURFACE, 1.0),
             ]
         across = feet[0] + 0.5 * width / scale * np.linspace(-1.02, 1.02, WIDTH_PX)
-        parts += ground_parts(self._cuts, at, across, height + 2, SKY, 1.0)
-        body_scale = max(scale, LEAST_BODY * height / self._size_m)
-        place = Place(at(feet[0], feet[2]), feet, body_scale)
-        self._strongest_n = max(self._strongest_n, strongest_of([truth["arrows"]]))
+        parts += ground_parts(self._cuts, at, across, height + 2, BACKGROUND, 1.0)
+        body_scale = max(scale, MIN_BODY_FRACTION * height / self._size_m)
+        place = SheetPosition(at(feet[0], feet[2]), feet, body_scale)
+        self._strongest_n = max(self._strongest_n, strongest_of([truth["vectors"]]))
         points_per_newton = 0.8 * self._size_m * body_scale / self._strongest_n
         colors = FLAME if self._surface_m is None else JET
-        parts += flame_parts(place, truth["arrows"], points_per_newton, colors)
+        parts += flame_parts(place, truth["vectors"], points_per_newton, colors)
         parts += body_parts(place, [(shape, poses[body]) for body in poses for shape in self._bodies[body]])
-        sheet = Sheet(width, height, SKY)
+        sheet = Sheet(width, height, BACKGROUND)
         sheet.paint(parts)
         return sheet.pixels()

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory, started
+from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory, start_device
 from snr_sim.learning.copyable import CopyableEnv
 from snr_sim.learning.dispersion import factors_of
 from snr_sim.learning.gym import spaces
@@ -24,7 +24,7 @@ from snr_sim.prelude.scenario import Verdict
 from snr_sim.scenario.controller import call_student
 from snr_sim.scenario.simulation import Request, Simulation, prepare
 
-MOST_STARTS = 2**31 - 1
+MAX_START = 2**31 - 1
 OPTIONS = {"start", "factors", "dispersion"}  # of `reset`
 
 
@@ -40,7 +40,7 @@ class ScenarioEnv(CopyableEnv):
     `reset(options={"start": n})` begins at the start that `snr run --seed n` has. `options={"dispersion": {"thrust_n":
     0.05}}` draws the plant's thrust within 5 % of the nominal one, `{"factors": {"thrust_n": 0.95}}` says which it is;
     `plant.SCALABLE` names what can be scaled. `info` holds `start` and `time_s`, and `factors` if there are any; at
-    the end also `outcome`, `success` and `why`, as the scenario judges.
+    the end also `outcome`, `success` and `reason`, as the scenario judges.
 
     An episode is terminated when the scenario has its verdict, and truncated at the scenario's time limit; or, if the
     verdict is given when the time is over (`ends_by_clock`), truncated then.
@@ -88,7 +88,7 @@ class ScenarioEnv(CopyableEnv):
 
         Raises:
             ParameterError: an option is unknown or not valid.
-            UnknownName: the plant does not have a number that is to be scaled.
+            UnknownNameError: the plant does not have a number that is to be scaled.
         """
         super().reset(seed=seed)
         self._note_reset(options)
@@ -173,7 +173,7 @@ class ScenarioEnv(CopyableEnv):
                 fix=f'of {", ".join(sorted(OPTIONS))}, such as options={{"start": 7}}.',
             )
         start = options.get("start")
-        return drawn_start(self.np_random) if start is None else checked_start(start)
+        return draw_start(self.np_random) if start is None else check_start(start)
 
     def _action(self, action: Any) -> Any:
         """Return an action as its space has it. Numbers of another kind are taken if they are within its bounds."""
@@ -194,15 +194,15 @@ class ScenarioEnv(CopyableEnv):
         else:
             example = "a whole number from 0 on"
         raise ParameterError(
-            f"{action!r} ({kind}) is no action: {space}.", fix=f"such as {example}, or env.action_space.sample()."
+            f"{action!r} ({kind}) is not an action of {space}.", fix=f"such as {example}, or env.action_space.sample()."
         )
 
     def _open(self) -> None:
         self.close()
-        roles = self.run.robot_file.roles(self.run.rig(self.plant), [])
+        roles = self.run.robot_file.roles(self.run.context(self.plant), [])
         factories = [factory for role in roles.values() for factory in role]
         self.sensors, self.actuators = (
-            {one.key: started(one.open_device(), one.key) for one in factories if isinstance(one, kind)}
+            {one.key: start_device(one.open_device(), one.key) for one in factories if isinstance(one, kind)}
             for kind in (SensorLoopFactory, ActuatorLoopFactory)
         )
 
@@ -218,12 +218,12 @@ class ScenarioEnv(CopyableEnv):
         return self._time_s >= self.limit_s - 1e-9
 
 
-def drawn_start(rng: np.random.Generator) -> int:
+def draw_start(rng: np.random.Generator) -> int:
     """Return the seed of the scenario that an episode begins at."""
-    return int(rng.integers(1, MOST_STARTS))
+    return int(rng.integers(1, MAX_START))
 
 
-def checked_start(start: Any) -> int:
+def check_start(start: Any) -> int:
     """Return the start that was requested.
 
     Raises:
@@ -237,5 +237,5 @@ def checked_start(start: Any) -> int:
 def end_info(verdict: Verdict | None, limit_s: float) -> dict[str, Any]:
     """Return the entries of `info` at the end of an episode: the scenario's verdict, or the time limit."""
     if verdict is None:
-        return {"outcome": "timeout", "success": False, "why": f"longer than {limit_s:g} s"}
-    return {"outcome": verdict.outcome, "success": verdict.success, "why": verdict.why}
+        return {"outcome": "timeout", "success": False, "reason": f"longer than {limit_s:g} s"}
+    return {"outcome": verdict.outcome, "success": verdict.success, "reason": verdict.reason}

@@ -58,7 +58,7 @@ class SensorBatch:
             self._draw(i)
         self._truth[:, which] = self._before[:, which] = truth
 
-    def look(self, truth: Floats) -> None:
+    def sample(self, truth: Floats) -> None:
         """Store what all sensors measure now, shape (fields, count); it is returned one reading later."""
         self._truth, self._before = truth, self._truth
 
@@ -68,20 +68,20 @@ class SensorBatch:
 
     def read(self, which: Indices | None = None) -> Floats:
         """Return the readings of some landers, or of all: shape (fields, number of them). Advances only the noise."""
-        everybody = which is None
-        asked = self._all if which is None else which
-        for i in asked[self._used[asked] == self._readings].tolist():
+        is_all = which is None
+        indices = self._all if which is None else which
+        for i in indices[self._used[indices] == self._readings].tolist():
             self._draw(i)
-        noise = self._noise.take(self._first[asked] + self._used[asked], axis=0)
-        self._used[asked] += 1
-        told = self._truth.copy() if everybody else self._truth[:, asked]
-        told[self._noisy] += self._sigma[self._noisy] * noise.T
+        noise = self._noise.take(self._first[indices] + self._used[indices], axis=0)
+        self._used[indices] += 1
+        values = self._truth.copy() if is_all else self._truth[:, indices]
+        values[self._noisy] += self._sigma[self._noisy] * noise.T
         step = self._step[self._coarse]
-        told[self._coarse] = np.rint(told[self._coarse] / step) * step
-        return told
+        values[self._coarse] = np.rint(values[self._coarse] / step) * step
+        return values
 
     def _draw(self, i: int) -> None:
-        """Draw noise for the next readings of a lander; each block is used from its end, as `Spoiler` does."""
+        """Draw noise for the next readings of a lander; each block is used from its end, as `SensorErrorModel` does."""
         generator = self._generators[i]
         assert generator is not None
         drawn = generator.standard_normal((self._blocks, NOISE_BLOCK))[:, ::-1]

@@ -11,16 +11,16 @@ import numpy as np
 from snr_sim.prelude.errors import ParameterError
 
 
-def check_whole(name: str, value: Any, least: int) -> None:
+def check_whole(name: str, value: Any, min_value: int) -> None:
     """Check that a setting is a whole number that is large enough.
 
     Raises:
         ParameterError: it is another kind of value, or less.
 
-    >>> check_whole("episodes", 10, least=0)
+    >>> check_whole("episodes", 10, min_value=0)
     """
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
-        raise ParameterError(f"A training with {name}={value!r}.", fix=f"a whole number, {least} or more.")
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < min_value:
+        raise ParameterError(f"A training with {name}={value!r}.", fix=f"a whole number, {min_value} or more.")
 
 
 def check_share(name: str, value: Any) -> None:
@@ -38,29 +38,29 @@ def check_batch(training: Any, counts: Sequence[str]) -> None:
     """Check the settings of a training in a batch.
 
     Args:
-        training: with a `seed`, and `epsilon` and `least_step`, which are in 0 to 1.
+        training: with a `seed`, and `epsilon` and `min_step_size`, which are in 0 to 1.
         counts: names of its other numbers, whole and 1 or more.
 
     Raises:
         ParameterError: one of them does not; names it.
     """
     for name in counts:
-        check_whole(name, getattr(training, name), least=1)
-    check_whole("seed", training.seed, least=0)
-    for name in ("epsilon", "least_step"):
+        check_whole(name, getattr(training, name), min_value=1)
+    check_whole("seed", training.seed, min_value=0)
+    for name in ("epsilon", "min_step_size"):
         value = getattr(training, name)
         for share in value if isinstance(value, (tuple, list)) else (value,):
             check_share(name, share)
 
 
-def check_learned(surprise: float, where: str) -> None:
+def check_finite(td_error: float, where: str) -> None:
     """Check that new values are finite numbers.
 
     Raises:
         ParameterError: it is infinite or NaN.
     """
-    if not math.isfinite(surprise):
+    if not math.isfinite(td_error):
         raise ParameterError(
-            f"At {where} a value is to become {surprise}, so nothing more can be learned.",
+            f"At {where} a value is to become {td_error}, so nothing more can be learned.",
             fix="look where the reward or the values of before are not finite.",
         )

@@ -18,17 +18,17 @@ from typing import Any
 import numpy as np
 
 from snr_sim.learning.q_table import QTable
-from snr_sim.learning.settings import check_learned, check_share, check_whole
-from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
+from snr_sim.learning.settings import check_finite, check_share, check_whole
+from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 
 METHODS = ("q_learning", "sarsa", "expected_sarsa")
 
 
 @dataclass(frozen=True)
-class Decay:
+class ExponentialSchedule:
     """A number that falls from one value to another, by a fixed factor per episode, and then stays.
 
-    >>> epsilon = Decay(1.0, 0.1, episodes=100)
+    >>> epsilon = ExponentialSchedule(1.0, 0.1, episodes=100)
     >>> epsilon.at(0), round(epsilon.at(50), 3), epsilon.at(100), epsilon.at(1000)
     (1.0, 0.316, 0.1, 0.1)
     """
@@ -69,21 +69,23 @@ class Training:
     method: str = "q_learning"
     episodes: int = 1000
     discount: float = 1.0
-    step: Decay = field(default_factory=lambda: Decay(0.2, 0.2, 1))
-    epsilon: Decay = field(default_factory=lambda: Decay(1.0, 0.02, 500))
+    step: ExponentialSchedule = field(default_factory=lambda: ExponentialSchedule(0.2, 0.2, 1))
+    epsilon: ExponentialSchedule = field(default_factory=lambda: ExponentialSchedule(1.0, 0.02, 500))
     seed: int = 0
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
-            raise UnknownName(f"There is no method '{self.method}'.", fix=nearest(self.method, METHODS))
-        check_whole("episodes", self.episodes, least=0)
-        check_whole("seed", self.seed, least=0)
+            raise UnknownNameError(f"There is no method '{self.method}'.", fix=suggest(self.method, METHODS))
+        check_whole("episodes", self.episodes, min_value=0)
+        check_whole("seed", self.seed, min_value=0)
         check_share("discount", self.discount)
         if self.step.last == 0.0:
-            raise ParameterError("A training with a step of 0, which learns nothing.", fix="Decay(0.2, 0.2, 1)")
+            raise ParameterError(
+                "A training with a step of 0, which learns nothing.", fix="ExponentialSchedule(0.2, 0.2, 1)"
+            )
 
 
-class Learner:
+class TabularLearner:
     """Updates a table, transition by transition.
 
     Args:
@@ -119,11 +121,11 @@ class Learner:
             ParameterError: the value is about to become infinite or NaN.
         """
         expected = 0.0 if is_terminated else self._expected(next_cell, next_action)
-        surprise = reward + self.training.discount * expected - float(self.table.values[cell, action])
-        check_learned(surprise, f"cell {cell}")
-        self.table.values[cell, action] += self.step * surprise
+        td_error = reward + self.training.discount * expected - float(self.table.values[cell, action])
+        check_finite(td_error, f"cell {cell}")
+        self.table.values[cell, action] += self.step * td_error
         self.table.visits[cell, action] += 1
-        return surprise
+        return td_error
 
     def _expected(self, cell: int, action: int | None) -> float:
         values = self.table.values[cell]
@@ -158,7 +160,7 @@ def train(
             f"The table has {len(table.actions)} actions, the environment has {env.action_space}.",
             fix="name one action for each of them.",
         )
-    learner, curve, cell_of = Learner(table, training), [], table.discretiser.cell
+    learner, curve, cell_of = TabularLearner(table, training), [], table.discretiser.cell
     for episode in range(training.episodes):
         learner.step, learner.epsilon = training.step.at(episode), training.epsilon.at(episode)
         observation, info = env.reset(seed=training.seed if episode == 0 else None)

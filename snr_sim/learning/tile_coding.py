@@ -18,7 +18,7 @@ from snr_sim.prelude.errors import ParameterError
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
-MOST_TILES = 10_000_000
+MAX_TILES = 10_000_000
 
 
 class Axis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -28,14 +28,14 @@ class Axis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         name: of the number.
         low, high: values outside are clipped.
         intervals: how many.
-        is_rooted: cut at equal steps of its square root, so finer near 0, on either side.
+        sqrt_spacing: cut at equal steps of its square root, so finer near 0, on either side.
     """
 
     name: str
     low: float
     high: float
     intervals: int
-    is_rooted: bool = True
+    sqrt_spacing: bool = msgspec.field(default=True, name="is_rooted")  # the name in saved policies
 
 
 class TileCoder:
@@ -64,16 +64,16 @@ class TileCoder:
         self.tilings = tilings
         sizes = [axis.intervals + 1 for axis in axes]  # one more, as all but the first grid are shifted
         self.count = tilings * math.prod(sizes)
-        if not axes or tilings < 1 or self.count > MOST_TILES:
+        if not axes or tilings < 1 or self.count > MAX_TILES:
             raise ParameterError(
                 f"{tilings} grids of {math.prod(sizes)} tiles.",
-                fix=f"1 to {MOST_TILES} tiles in all, of one number or more.",
+                fix=f"1 to {MAX_TILES} tiles in all, of one number or more.",
             )
         self._low, self._high = (
             np.array([_cut(axis, end) for axis, end in zip(axes, ends, strict=True)])
             for ends in ([axis.low for axis in axes], [axis.high for axis in axes])
         )
-        self._rooted = np.array([axis.is_rooted for axis in axes])
+        self._has_sqrt_spacing = np.array([axis.sqrt_spacing for axis in axes])
         self._intervals = np.array([axis.intervals for axis in axes])
         odd = 2 * np.arange(len(axes)) + 1
         self._shifts = (np.arange(tilings)[:, None] * odd % tilings) / tilings
@@ -82,7 +82,7 @@ class TileCoder:
 
     def tiles(self, observations: Floats) -> Ints:
         """Return the tiles of observations, shape (n, axes), as numbers of shape (n, tilings)."""
-        rooted = np.where(self._rooted, np.sign(observations) * np.sqrt(np.abs(observations)), observations)
+        rooted = np.where(self._has_sqrt_spacing, np.sign(observations) * np.sqrt(np.abs(observations)), observations)
         shares = np.clip((rooted - self._low) / (self._high - self._low), 0.0, 1.0 - 1e-9)
         places = (shares * self._intervals)[:, None, :] + self._shifts
         tiles: Ints = places.astype(np.int64) @ self._strides + self._firsts
@@ -117,14 +117,14 @@ class TiledValues:
         chosen: Ints = np.argmax(self.of(self.coder.tiles(observations)), axis=1)
         return chosen
 
-    def learn(self, tiles: Ints, actions: Ints, targets: Floats, least_step: float) -> None:
+    def learn(self, tiles: Ints, actions: Ints, targets: Floats, min_step_size: float) -> None:
         """Move values towards targets; of several for one weight, by their mean.
 
         Args:
             tiles: where, shape (n, tilings).
             actions: of which, shape (n,).
             targets: what they should have been, shape (n,).
-            least_step: minimum step size of an update; at first nearly 1, and less from visit to visit.
+            min_step_size: minimum step size of an update; at first nearly 1, and less from visit to visit.
         """
         places = tiles * self.actions + actions[:, None]
         weights, visits = self.weights.reshape(-1), self.visits.reshape(-1)
@@ -134,9 +134,9 @@ class TiledValues:
         sums = np.bincount(places, misses, minlength=len(weights))
         hit = np.flatnonzero(counts)
         visits[hit] += counts[hit]
-        steps = np.maximum(least_step, (1.0 + visits[hit] / 30.0) ** -0.7)
+        steps = np.maximum(min_step_size, (1.0 + visits[hit] / 30.0) ** -0.7)
         weights[hit] += steps * sums[hit] / counts[hit]
 
 
 def _cut(axis: Axis, value: float) -> float:
-    return math.copysign(math.sqrt(abs(value)), value) if axis.is_rooted else value
+    return math.copysign(math.sqrt(abs(value)), value) if axis.sqrt_spacing else value

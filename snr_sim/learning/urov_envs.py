@@ -61,7 +61,7 @@ class UrovEnv(ScenarioEnv):
 
     The first observation is two seconds after the start of the scenario, when speed controllers are armed. There is no
     early end: an episode is truncated when the scenario gives its verdict, which `info` then holds (`outcome`,
-    `success`, `why`). The reward of a step is less than or equal to 0: minus the true distance from the target [m],
+    `success`, `reason`). The reward of a step is less than or equal to 0: minus the true distance from the target [m],
     each metre counting 1 and at most three, and minus 0.05 times the mean square of the action.
     """
 
@@ -80,9 +80,9 @@ class UrovEnv(ScenarioEnv):
         parameters: Any = self.run.robot.parameters
         self._thruster = ThrustCurve(*curve(parameters.nominal_v)[:2])
         matrix = parameters.vehicle.thruster_matrix()
-        self._allocation = Allocation(matrix, self._thruster.limits_n, first=parameters.first)
-        most = [*parameters.holds.sticks_n, 0.0, 0.0, parameters.holds.yaw_nm]
-        self._most = [most[axis] for axis in self.AXES]
+        self._allocation = Allocation(matrix, self._thruster.limits_n, priority_axes=parameters.priority_axes)
+        limits = [*parameters.holds.sticks_n, 0.0, 0.0, parameters.holds.yaw_nm]
+        self._limits = [limits[axis] for axis in self.AXES]
         self._effort = 0.0
         self._sink = Rate()
         self._write([0.0] * 6)
@@ -92,8 +92,8 @@ class UrovEnv(ScenarioEnv):
         shares = [float(one) for one in action]
         self._effort = ordered_sum(one * one for one in shares) / len(shares)
         wrench = [0.0] * 6
-        for axis, share, most in zip(self.AXES, shares, self._most, strict=True):
-            wrench[axis] = share * most
+        for axis, share, limit in zip(self.AXES, shares, self._limits, strict=True):
+            wrench[axis] = share * limit
         self._write(wrench)
 
     def reward(self, verdict: Verdict | None) -> float:
@@ -140,7 +140,7 @@ class UrovDepthHold(UrovEnv):
         super().__init__("urov_depth_hold", engine, render_mode, limits)
 
     @property
-    def wanted_m(self) -> float:
+    def target_m(self) -> float:
         """The depth that the scenario's pilot asks for at this moment, as depth [m]."""
         script = self.run.robot.parameters.script
         asked = [cue.changes["depth_m"] for cue in script if cue.at_s <= self.plant.time_s + 1e-9]
@@ -150,7 +150,7 @@ class UrovDepthHold(UrovEnv):
         """Return what the sensors read."""
         depth, imu, power = (self.sensors[name].read() for name in ("depth", "imu", "power"))
         return [
-            self.wanted_m - depth.depth_m,
+            self.target_m - depth.depth_m,
             depth.depth_m,
             self.sink_mps(),
             imu.roll_rad,
@@ -161,7 +161,7 @@ class UrovDepthHold(UrovEnv):
     def error_m(self) -> float:
         """Return the error of the true depth [m]."""
         plant: Any = self.plant
-        return abs(self.wanted_m + float(plant.position_m[2]))
+        return abs(self.target_m + float(plant.position_m[2]))
 
 
 class UrovStation(UrovEnv):
@@ -196,26 +196,26 @@ class UrovStation(UrovEnv):
     def begin(self) -> None:
         """Store the target position."""
         super().begin()
-        self._place = self.run.robot.parameters.route[-1]
+        self._target = self.run.robot.parameters.route[-1]
         self._rates = Rate(), Rate()
 
     def observe(self) -> list[float]:
         """Return what the sensors read."""
-        depth, imu, power, seen = (self.sensors[name].read() for name in ("depth", "imu", "power", "place"))
+        depth, imu, power, seen = (self.sensors[name].read() for name in ("depth", "imu", "power", "position_fix"))
         x_m, y_m, _ = seen.position_m
-        ahead_m, left_m = _in_frame(self._place.x_m - x_m, self._place.y_m - y_m, imu.yaw_rad)
+        ahead_m, left_m = _in_frame(self._target.x_m - x_m, self._target.y_m - y_m, imu.yaw_rad)
         x_mps, y_mps = (rate.update(at, seen.stamp_s) for rate, at in zip(self._rates, (x_m, y_m), strict=True))
         ahead_mps, left_mps = _in_frame(x_mps, y_mps, imu.yaw_rad)
-        turn_rad = wrap_rad(self._place.heading_rad - imu.yaw_rad)
+        turn_rad = wrap_rad(self._target.heading_rad - imu.yaw_rad)
         motion = [ahead_mps, left_mps, self.sink_mps(), imu.rate_radps[2]]
-        down_m = self._place.depth_m - depth.depth_m
+        down_m = self._target.depth_m - depth.depth_m
         return [ahead_m, left_m, down_m, turn_rad, *motion, imu.roll_rad, imu.pitch_rad, power.voltage_v]
 
     def error_m(self) -> float:
         """Return the true distance from the target [m]."""
         plant: Any = self.plant
         x_m, y_m, z_m = (float(one) for one in plant.position_m)
-        return math.dist((x_m, y_m, -z_m), (self._place.x_m, self._place.y_m, self._place.depth_m))
+        return math.dist((x_m, y_m, -z_m), (self._target.x_m, self._target.y_m, self._target.depth_m))
 
 
 def _in_frame(x: float, y: float, yaw_rad: float) -> tuple[float, float]:

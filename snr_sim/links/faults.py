@@ -1,7 +1,7 @@
 """Faults of a link: effect of latency, jitter, loss, duplication, reordering, cuts and bandwidth on what is sent.
 
-A `Way` takes what is sent and when, and returns when it arrives: never, once, or twice. It has neither clock nor port,
-so the same class serves simulated links and real sockets.
+A `LossyChannel` takes what is sent and when, and returns when it arrives: never, once, or twice. It has
+neither clock nor port, so the same class serves simulated links and real sockets.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ MIN_BANDWIDTH_BPS = 1.0
 # Minimum transit time under a virtual clock, whatever the faults: no link is faster than one between two programs on
 # one computer, where a page takes 45 to 90 us one way (`snr bench links`). Without it, two nodes that reply to each
 # other would do so indefinitely at one instant.
-LEAST_TRANSIT_S = 50e-6
+MIN_TRANSIT_S = 50e-6
 DRAWN_AT_ONCE = 256
 
 
 @dataclass(frozen=True)
-class Faults:
+class LinkFaults:
     """Faults of a link. Loss, duplication and reordering affect pages only; the rest affects everything that is sent.
 
     Args:
@@ -55,19 +55,21 @@ class Faults:
 
     def __post_init__(self) -> None:
         bounds = {"latency_s": MAX_DELAY_S, "jitter_s": MAX_DELAY_S, "loss": 1, "duplication": 1, "reordering": 1}
-        for name, most in bounds.items():
+        for name, max_value in bounds.items():
             value = getattr(self, name)
-            if not (_is_number(value) and 0 <= value <= most):
-                raise _refused(name, value, f"a number from 0 to {most:g}.")
+            if not (_is_number(value) and 0 <= value <= max_value):
+                raise _parameter_error(name, value, f"use a number from 0 to {max_value:g}.")
         bandwidth_bps = self.bandwidth_bps
         if bandwidth_bps is not None and not (_is_number(bandwidth_bps) and bandwidth_bps >= MIN_BANDWIDTH_BPS):
-            raise _refused("bandwidth_bps", bandwidth_bps, "9600.0 or another number from 1 on, or None.")
+            raise _parameter_error(
+                "bandwidth_bps", bandwidth_bps, "use 9600.0 or another number of at least 1, or None."
+            )
         seed: Any = self.seed
         if seed is not None and (isinstance(seed, bool) or not isinstance(seed, Integral)):
-            raise _refused("seed", seed, "a whole number, or None for the run's.")
+            raise _parameter_error("seed", seed, "use an integer, or None for the run's seed.")
         if self.reordering and not self.latency_s + self.jitter_s:
             raise ParameterError(
-                f"A link with reordering={self.reordering!r} and no delay: nothing can overtake.", fix="latency_s=0.05."
+                f"reordering={self.reordering!r} has no effect on a link without delay.", fix="add latency_s=0.05."
             )
         _check_cut(self.cut)
 
@@ -75,12 +77,12 @@ class Faults:
 def _check_cut(cut: Any) -> None:
     fix = "cut=((start_s, end_s), ...), or () for none."
     if not isinstance(cut, (tuple, list)):
-        raise _refused("cut", cut, fix)
+        raise _parameter_error("cut", cut, fix)
     if _is_interval(cut):
-        raise _refused("cut", cut, f"did you mean cut=({tuple(cut)!r},)?")
+        raise _parameter_error("cut", cut, f"did you mean cut=({tuple(cut)!r},)?")
     for interval in cut:
         if not _is_interval(interval):
-            raise ParameterError(f"A link with a cut at {repr(interval)[:80]}.", fix=fix)
+            raise ParameterError(f"{repr(interval)[:80]} is not a valid cut of a link.", fix=fix)
 
 
 def _is_interval(value: Any) -> bool:
@@ -92,11 +94,11 @@ def _is_number(value: Any) -> TypeGuard[float]:
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
-def _refused(name: str, value: object, fix: str) -> ParameterError:
-    return ParameterError(f"A link with {name}={repr(value)[:80]}.", fix=fix)
+def _parameter_error(name: str, value: object, fix: str) -> ParameterError:
+    return ParameterError(f"{name}={repr(value)[:80]} is not valid for a link.", fix=fix)
 
 
-class Luck:
+class UniformStream:
     """Random numbers from 0 to 1, drawn in batches: the same as in pairs, in a tenth of the time.
 
     Args:
@@ -107,34 +109,36 @@ class Luck:
         self._rng = rng
         self._left: list[float] = []  # the next one last
 
-    def two(self) -> tuple[float, float]:
+    def next_pair(self) -> tuple[float, float]:
         """Return the next two."""
         if not self._left:
             self._left = self._rng.random(DRAWN_AT_ONCE).tolist()[::-1]
         return self._left.pop(), self._left.pop()
 
 
-class Way:
+class LossyChannel:
     """One direction of a link with faults; a lossy channel.
 
     Args:
         faults: of this direction.
         seed: of the run.
         name: of the direction; directions of different names have different random numbers.
-        least_s: minimum transit time; for a link without a real wire.
+        min_transit_s: minimum transit time; for a link without a real wire.
     """
 
-    def __init__(self, faults: Faults, seed: int, name: str, least_s: float = 0.0) -> None:
+    def __init__(self, faults: LinkFaults, seed: int, name: str, min_transit_s: float = 0.0) -> None:
         self.faults = faults
         self.free_s = 0.0  # when the last frame has been sent
         self.lost = 0  # pages
         self.duplicated = 0  # pages
-        self._least_s = least_s
+        self._min_transit_s = min_transit_s
         self._last_arrival_s = 0.0
         seed = seed if faults.seed is None else faults.seed
         # Two generators, and each draws for every page: so more of one fault does not change those of another.
-        self._luck = Luck(rng_for(seed, name)) if faults.jitter_s or faults.loss else None
-        self._odd_luck = Luck(rng_for(seed, f"{name}:odd")) if faults.duplication or faults.reordering else None
+        self._uniforms = UniformStream(rng_for(seed, name)) if faults.jitter_s or faults.loss else None
+        self._order_uniforms = (
+            UniformStream(rng_for(seed, f"{name}:odd")) if faults.duplication or faults.reordering else None
+        )
 
     def is_free(self, now_s: float) -> bool:
         """Return whether the next thing could leave now; if not, `free_s` says when."""
@@ -145,22 +149,22 @@ class Way:
         faults = self.faults
         start_s = max(now_s, self.free_s)
         self.free_s = start_s + (size_bytes * 8 / faults.bandwidth_bps if faults.bandwidth_bps is not None else 0.0)
-        for_loss, for_jitter = (1.0, 0.0) if self._luck is None else self._luck.two()
+        for_loss, for_jitter = (1.0, 0.0) if self._uniforms is None else self._uniforms.next_pair()
         is_cut = any(begin_s <= now_s < end_s for begin_s, end_s in faults.cut)
         if is_cut or (is_page and for_loss < faults.loss):
             self.lost += is_page
             return ()
-        delay_s = max(faults.latency_s + for_jitter * faults.jitter_s, self._least_s)
-        if is_page and self._odd_luck is not None:
-            return self._odd_arrivals_s(self._odd_luck, delay_s)
+        delay_s = max(faults.latency_s + for_jitter * faults.jitter_s, self._min_transit_s)
+        if is_page and self._order_uniforms is not None:
+            return self._unordered_arrivals_s(self._order_uniforms, delay_s)
         return (self._in_order_s(delay_s),)
 
-    def _odd_arrivals_s(self, luck: Luck, delay_s: float) -> tuple[float, ...]:
-        for_duplication, for_reordering = luck.two()
+    def _unordered_arrivals_s(self, uniforms: UniformStream, delay_s: float) -> tuple[float, ...]:
+        for_duplication, for_reordering = uniforms.next_pair()
         if for_reordering < self.faults.reordering:
             # The delay is derived from the same number, rescaled to a uniform distribution.
-            share = for_reordering / self.faults.reordering
-            arrival_s = self.free_s + delay_s + share * (self.faults.latency_s + self.faults.jitter_s)
+            fraction = for_reordering / self.faults.reordering
+            arrival_s = self.free_s + delay_s + fraction * (self.faults.latency_s + self.faults.jitter_s)
         else:
             arrival_s = self._in_order_s(delay_s)
         if for_duplication >= self.faults.duplication:

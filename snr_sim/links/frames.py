@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import struct
 
-from snr_sim.prelude.errors import FrameTooLarge
+from snr_sim.prelude.errors import FrameTooLargeError
 
 MAX_FRAME_BYTES = 1 << 20  # default limit of a payload
 MAC_BYTES = 16  # after the message in a payload, where both ends have a secret: see frame_mac.py
-MOST_FRAME_BYTES = (1 << 32) - 1 - MAC_BYTES  # limit of a message: the largest that the length field can hold
+FRAME_BYTES_LIMIT = (1 << 32) - 1 - MAC_BYTES  # limit of a message: the largest that the length field can hold
 _LENGTH = struct.Struct(">I")
 HEADER_BYTES = _LENGTH.size
 # First bytes of a TLS record: an alert or a handshake, and the version (RFC 8446, section 5.1).
@@ -22,20 +22,20 @@ def encode_frame(payload: bytes, max_bytes: int = MAX_FRAME_BYTES) -> bytes:
     """Return length and payload in one piece, so that one send suffices.
 
     Raises:
-        FrameTooLarge: the payload is longer than `max_bytes`.
+        FrameTooLargeError: the payload is longer than `max_bytes`.
 
     >>> encode_frame(b"hi")
     b'\\x00\\x00\\x00\\x02hi'
     """
     if len(payload) > max_bytes:
-        raise FrameTooLarge(
+        raise FrameTooLargeError(
             f"A message of {len(payload)} bytes is more than a frame of this link may hold ({max_bytes}).",
             fix=f"send less at a time, or raise max_frame_bytes on both ends to {len(payload)} or more.",
         )
     return _LENGTH.pack(len(payload)) + payload
 
 
-class FrameReader:
+class LengthPrefixedReader:
     """Reads payloads from bytes, however the bytes are split.
 
     Args:
@@ -50,17 +50,17 @@ class FrameReader:
         """Take bytes as they arrive; return the complete payloads, at most `at_most`.
 
         Raises:
-            FrameTooLarge: the next frame announces more than `max_bytes`. The reader cannot recover: the sender does
-                not use this protocol.
+            FrameTooLargeError: the next frame announces more than `max_bytes`. The reader cannot recover: the sender
+                does not use this protocol.
 
-        >>> reader = FrameReader()
+        >>> reader = LengthPrefixedReader()
         >>> reader.feed(b"\\x00\\x00\\x00\\x02h"), reader.feed(b"i\\x00")
         ([], [b'hi'])
         """
         rest = self._rest
         if rest:
             rest += data  # grows in place: a long frame in a thousand reads is copied twice, not a thousand times
-            if len(rest) < self._wanted():
+            if len(rest) < self._required_bytes():
                 return []
             data = bytes(rest)
             rest.clear()
@@ -85,27 +85,27 @@ class FrameReader:
     @property
     def missing_bytes(self) -> int:
         """Number of bytes of an incomplete frame that are still missing, as far as its length is known."""
-        return self._wanted() - len(self._rest) if self._rest else 0
+        return self._required_bytes() - len(self._rest) if self._rest else 0
 
-    def _wanted(self) -> int:
+    def _required_bytes(self) -> int:
         """Return the number of bytes required before the next attempt to decode."""
         if len(self._rest) < HEADER_BYTES:
             return HEADER_BYTES
         length: int = _LENGTH.unpack_from(self._rest)[0]
         return HEADER_BYTES if length > self.max_bytes else HEADER_BYTES + length
 
-    def _too_large(self, header: bytes, length: int) -> FrameTooLarge:
+    def _too_large(self, header: bytes, length: int) -> FrameTooLargeError:
         if header[0] in _TLS_RECORDS and header[1] == _TLS_MAJOR:
-            return FrameTooLarge(
+            return FrameTooLargeError(
                 "The other end speaks TLS, this one does not.",
                 fix="tls=Tls(...) on both ends.",
             )
         if header.isascii() and header.decode().isprintable():
-            return FrameTooLarge(
+            return FrameTooLargeError(
                 f"The other end began a message with the text {header.decode()!r}: it does not speak this protocol.",
                 fix="is that a browser, or another program's port? Both ends must be nodes.",
             )
-        return FrameTooLarge(
+        return FrameTooLargeError(
             f"The other end announced a message of {length} bytes; at most {self.max_bytes} are taken here.",
             fix="if it is a page that large, raise max_frame_bytes on both ends.",
         )

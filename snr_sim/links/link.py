@@ -1,8 +1,13 @@
 """Link: carries pages between this node and others, over one transport for each medium.
 
-Out: the node's core passes each page of one of the link's keys to `_out`, right after it was stored. In: pages of the
-remote peer enter through the node's inbox (`Door`), with the link's name as their source. So a replay, which makes no
-loops, needs no link. The link stores its own state as a page of its own name: {up, age_s, dropped, rtt_s, ...}.
+Out: the node's core passes each page of one of the link's keys to `_send_page`, right after it was stored. In: pages
+of the remote peer enter through the node's inbox, with the link's name as their source. So a replay, which
+makes no loops, needs no link. The link stores its own state as a page of its own name:
+{up, age_s, dropped, rtt_s, ...}.
+
+Errors of this node's own pages (not encodable, or longer than `max_frame_bytes`) end the node with the line that stored
+them. A page of another node that the next link cannot carry is dropped, counted and logged once: its sender must not
+end a node that forwards it. On the wall clock the node's thread sends a page itself if few tasks wait.
 """
 
 from __future__ import annotations
@@ -13,17 +18,17 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from typing import Any
 
-from snr_sim.core.ages import LINK_PREFIX
-from snr_sim.core.authors import who_stored
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.component import ComponentLog
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.page_age import LINK_PREFIX
+from snr_sim.core.page_writers import find_writer
 from snr_sim.links.frames import HEADER_BYTES, encode_frame
 from snr_sim.links.options import MAX_KEY_CHARS, LinkOptions
 from snr_sim.links.restarting import RestartingLoop
 from snr_sim.links.wire_bounds import encode_page
-from snr_sim.prelude.errors import SnrError, nearest
+from snr_sim.prelude.errors import SnrError, suggest
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.recorder import RECORDING_KEY
@@ -31,7 +36,7 @@ from snr_sim.prelude.task import Task, TaskType
 from snr_sim.prelude.tasks import ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME
 
 BEFORE_LOOPS = -1  # under a SimClock, pages due at the same time as loops arrive first, so that loops find them
-REPORT_EVERY_S = 1.0
+REPORT_PERIOD_S = 1.0
 HOUSEKEEPING_HZ = 10.0
 # From this many on, the link accepts nothing until the node has worked off half of them: a flood waits at its sender.
 MAX_TASKS_WAITING = 10_000
@@ -39,14 +44,14 @@ MAX_BYTES_WAITING = 1 << 26
 # With more tasks than this waiting, more pages are likely to follow: then one send for several is cheaper.
 FEW_TASKS = 32
 # Number of pages of other nodes whose forwarding is remembered, so that none circulates in a mesh indefinitely.
-_RELAYED_REMEMBERED = 4096
-KEPT_OUT_REMEMBERED = 20  # keys not in `accept` that the remote peer sent, for a note
+_MAX_RELAYED = 4096
+MAX_REJECTED_KEYS = 20  # keys not in `accept` that the remote peer sent, for a note
 # Keys with which this node reports on itself; a peer's page of such a key is accepted only if `accept` contains it.
-OUTCOMES = frozenset((TaskType.reload.value, ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME))
+LOCAL_KEYS = frozenset((TaskType.reload.value, ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME))
 _STORE_PAGE = TaskType.store_page
 
 
-class Misfits:
+class UnsendablePages:
     """Handler of pages that a link cannot send: an error for a page of its own node; those of other nodes are dropped.
 
     Args:
@@ -59,7 +64,7 @@ class Misfits:
         self._node = node
         self._link = link
         self._log = log
-        self._is_told = False
+        self._is_warned = False
 
     def drop(self, page: Page, error: SnrError) -> None:
         """Drop a page of another node, which must not end this node by an invalid page.
@@ -70,8 +75,8 @@ class Misfits:
         failure = self._failure(page, error)
         if page.origin == self._node.name:
             raise failure from error
-        if not self._is_told:
-            self._is_told = True
+        if not self._is_warned:
+            self._is_warned = True
             self._log.warning("%s Dropped, as will be all such pages.", failure)
 
     def _failure(self, page: Page, error: SnrError) -> SnrError:
@@ -81,8 +86,8 @@ class Misfits:
         if page.origin != self._node.name:
             return type(error)(f"{what}\n  It was made {when} by node '{page.origin}'.", fix=error.fix)
         components = self._node.components.values()
-        authors = [one for one in components if isinstance(one, (Endpoint, Loop)) and one.is_of_robot]
-        lines, who = who_stored(page.key, authors)
+        authors = [one for one in components if isinstance(one, (Endpoint, Loop)) and one.is_robot_component]
+        lines, who = find_writer(page.key, authors)
         return type(error)(f"{lines}{what}\n  It was stored {when} by {who}.", fix=error.fix)
 
 
@@ -92,13 +97,13 @@ def by_name(peers: Iterable[tuple[str, dict[str, Any]]]) -> dict[str, Any]:
     >>> by_name([("a", {"sent": 1}), ("a", {"sent": 2})])
     {'a': {'sent': 1}, 'a#2': {'sent': 2}}
     """
-    said: dict[str, Any] = {}
+    states: dict[str, Any] = {}
     for name, state in peers:
         label, count = name, 2
-        while label in said:
+        while label in states:
             label, count = f"{name}#{count}", count + 1
-        said[label] = state
-    return said
+        states[label] = state
+    return states
 
 
 class Transport:
@@ -126,8 +131,8 @@ class Transport:
     def wake(self) -> None:
         """End the wait of a round."""
 
-    def see_off(self) -> None:
-        """Say goodbye to all peers before everything is closed."""
+    def drain_and_close(self) -> None:
+        """Send the goodbye message to all peers before everything is closed."""
 
     def state(self, now_s: float) -> dict[str, Any]:
         """Return the state of the link: at least up, age_s, dropped, rtt_s, reason."""
@@ -165,17 +170,17 @@ class Link(RestartingLoop):
         self.dropped = 0  # pages known at this end not to have arrived
         self.sent = 0
         self.received = 0
-        self.unwanted = 0  # pages that arrived and were not accepted
+        self.rejected = 0  # pages that arrived and were not accepted
         self.reason = ""  # why it is down, as text, set by its transport
-        self._brought: dict[int, tuple[Page, object]] = {}  # arrived over this link and not stored yet: page and sender
+        self._unstored: dict[int, tuple[Page, object]] = {}  # arrived, not stored yet: page and sender
         self._relayed: dict[bytes | int, None] = {}
-        self._misfits = Misfits(parent, f"'{self.name}'", self.log)
+        self._unsendable = UnsendablePages(parent, f"'{self.name}'", self.log)
         self._largest_bytes = 1  # of recent pages
-        self.is_deaf = False  # paused: nothing more is read, because the node has too much to do
+        self.is_paused = False  # nothing more is read, because the node has too much to do
         self._accepted: set[DataKey] = set()  # keys of `accept` that arrived
-        self._kept_out: set[DataKey] = set()  # the first few keys that arrived and are not in it
-        self._told: tuple[Any, ...] = ()
-        self._told_s = float("-inf")
+        self._rejected_keys: set[DataKey] = set()  # the first few keys that arrived and are not in it
+        self._reported: tuple[Any, ...] = ()
+        self._reported_s = float("-inf")
         self._logged: tuple[Any, ...] = ()
         self.transport = simulated(self) if is_simulated else real(self)
         self._carry = self.transport.carry
@@ -184,40 +189,40 @@ class Link(RestartingLoop):
         """Open what is needed, and start to receive the node's pages."""
         self._open()
         for key in self.options.keys:
-            self.parent.tap(key, self._out)
+            self.parent.add_store_listener(key, self._send_page)
         super().begin()
 
     def join(self) -> None:
         """Take no more pages, send what waits, and close."""
         super().join()
-        if self._backing is not None:
+        if self._executor is not None:
             for key in self.options.keys:
-                self.parent.untap(key, self._out)
+                self.parent.remove_store_listener(key, self._send_page)
 
     def stop(self) -> None:
         """Request the end of the rounds, and end a round that waits."""
         super().stop()
-        if self._backing is not None:
+        if self._executor is not None:
             self.transport.wake()
 
     def terminate(self) -> None:
         """Report at the end of the run what was not sent, and which keys never occurred: they may be misspelt."""
         # If the link is only removed, its pages may still be stored later; and a node that never ran stored none.
-        if self.parent.is_over and not self.parent.never_ran:
+        if self.parent.is_finished and not self.parent.never_ran:
             self._note_missed_keys()
         for words in self.transport.notes():
-            self.parent.note(f"'{self.name}': {words}")
+            self.parent.add_note(f"'{self.name}': {words}")
 
     def _note_missed_keys(self) -> None:
         stored = self.parent.datastore.pages
         for key in self.options.keys:
             if key not in stored and key != RECORDING_KEY:  # that page exists only in case of an error
-                near = nearest(key, stored.keys() - {self.name}, "stored were")
-                self.parent.note(f"'{self.name}' waits for store_page '{key}', which nobody stored; {near}")
+                near = suggest(key, stored.keys() - {self.name}, "stored were")
+                self.parent.add_note(f"'{self.name}' sends '{key}', but no page with this key was stored; {near}")
         missed = (self.options.accept or frozenset()) - self._accepted - {RECORDING_KEY}
-        for key in sorted(missed) if self._kept_out else ():
-            near = nearest(key, self._kept_out, "kept out were")
-            self.parent.note(f"'{self.name}' accepts '{key}', of which no page came; {near}")
+        for key in sorted(missed) if self._rejected_keys else ():
+            near = suggest(key, self._rejected_keys, "kept out were")
+            self.parent.add_note(f"'{self.name}' accepts '{key}', of which no page came; {near}")
 
     # Methods of RestartingLoop
 
@@ -231,22 +236,22 @@ class Link(RestartingLoop):
         with self.transport.lock:
             super()._shut()
 
-    def _see_off(self) -> None:
-        self.transport.see_off()
+    def _drain_and_close(self) -> None:
+        self.transport.drain_and_close()
 
     def _show_down(self, reason: str) -> None:
-        self.reason, self._told = reason, ()
+        self.reason, self._reported = reason, ()
         self.report(self.get_time_s())
 
     # Out
 
-    def _out(self, page: Page) -> None:
-        _, by = self._brought.pop(id(page), (page, None))
+    def _send_page(self, page: Page) -> None:
+        _, by = self._unstored.pop(id(page), (page, None))
         try:
             raw = encode_page(page)
             frame = encode_frame(raw, self.options.max_frame_bytes)
         except SnrError as error:
-            self._misfits.drop(page, error)
+            self._unsendable.drop(page, error)
             self.dropped += 1
             return
         if page.origin == self.parent.name or not self._has_relayed(raw):
@@ -258,33 +263,33 @@ class Link(RestartingLoop):
         if fingerprint in self._relayed:
             return True
         self._relayed[fingerprint] = None
-        if len(self._relayed) > _RELAYED_REMEMBERED:
+        if len(self._relayed) > _MAX_RELAYED:
             del self._relayed[next(iter(self._relayed))]
         return False
 
     # In
 
-    def bring(self, pages: Sequence[Page], by: object, is_chosen: bool = False) -> None:
+    def accept_pages(self, pages: Sequence[Page], by: object, is_chosen: bool = False) -> None:
         """Store the pages of a peer that this node accepts; all if the transport has selected them."""
-        is_wanted, enter, name = self.is_wanted, self.parent.door.put, self.name
+        is_acceptable, enter, name = self.is_acceptable, self.parent.inbox.put, self.name
         for page in pages:
             key = page.key
-            if not (is_chosen or is_wanted(key, page.origin)):
-                self.unwanted += 1
+            if not (is_chosen or is_acceptable(key, page.origin)):
+                self.rejected += 1
                 continue
             if key in self.options.keys:
-                self._brought[id(page)] = (page, by)
+                self._unstored[id(page)] = (page, by)
             enter(Task(_STORE_PAGE, key, [page]), name)
         self.received += len(pages)
 
-    def is_wanted(self, key: DataKey, origin: str) -> bool:
+    def is_acceptable(self, key: DataKey, origin: str) -> bool:
         """Whether to accept a page of this key and origin, whatever its data."""
         if origin == self.parent.name:
             return False
         accept = self.options.accept
         if accept is not None:
             return self.is_accepted(key, accept)
-        is_own_state = key in OUTCOMES or (key.startswith(LINK_PREFIX) and key in self.parent.components)
+        is_own_state = key in LOCAL_KEYS or (key.startswith(LINK_PREFIX) and key in self.parent.components)
         return 0 < len(key) <= MAX_KEY_CHARS and not is_own_state
 
     def is_accepted(self, key: DataKey, accept: frozenset[DataKey]) -> bool:
@@ -292,8 +297,8 @@ class Link(RestartingLoop):
         if key in accept:
             self._accepted.add(key)
             return True
-        if len(self._kept_out) < KEPT_OUT_REMEMBERED and len(key) <= MAX_KEY_CHARS and key.isprintable():
-            self._kept_out.add(key)
+        if len(self._rejected_keys) < MAX_REJECTED_KEYS and len(key) <= MAX_KEY_CHARS and key.isprintable():
+            self._rejected_keys.add(key)
         return False
 
     def has_few_tasks(self) -> bool:
@@ -301,17 +306,17 @@ class Link(RestartingLoop):
         return self.parent.queued_task_count <= FEW_TASKS
 
     def note_size(self, page_bytes: int) -> None:
-        """Record the size of an arriving page; see `must_wait`."""
+        """Record the size of an arriving page; see `check_back_pressure`."""
         if page_bytes > self._largest_bytes:
             self._largest_bytes = page_bytes
 
-    def must_wait(self) -> bool:
+    def check_back_pressure(self) -> bool:
         """Whether the node has too many tasks waiting for the link to accept more."""
         tasks = self.parent.queued_task_count
-        if self.is_deaf:
+        if self.is_paused:
             tasks *= 2
-        self.is_deaf = tasks > MAX_TASKS_WAITING or tasks * (self._largest_bytes + HEADER_BYTES) > MAX_BYTES_WAITING
-        return self.is_deaf
+        self.is_paused = tasks > MAX_TASKS_WAITING or tasks * (self._largest_bytes + HEADER_BYTES) > MAX_BYTES_WAITING
+        return self.is_paused
 
     # State
 
@@ -320,12 +325,12 @@ class Link(RestartingLoop):
         state = self.transport.state(now_s)
         gist = (state["up"], *state.get("peers", ()))
         # Not at each change of the reason: unauthenticated clients that come and go could flood the node with reports.
-        if gist == self._told and now_s - self._told_s < REPORT_EVERY_S:
+        if gist == self._reported and now_s - self._reported_s < REPORT_PERIOD_S:
             return
         if (*gist, state["reason"]) != self._logged:
             self._log_change(state)
             self._logged = (*gist, state["reason"])
-        self._told, self._told_s = gist, now_s
+        self._reported, self._reported_s = gist, now_s
         self._largest_bytes = max(1, self._largest_bytes // 2)
         self.store_data(self.name, state)
 

@@ -54,7 +54,7 @@ class Listener:
             self._rests_until_s = now_s + PAUSE_S
             return None
 
-    def tend(self, now_s: float) -> None:
+    def resume(self, now_s: float) -> None:
         """Resume after a pause, if it is over."""
         if self._rests_until_s is not None and now_s >= self._rests_until_s:
             self._rests_until_s = None

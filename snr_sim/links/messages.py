@@ -1,6 +1,9 @@
 """Messages of a link: content of frames. UTF-8 JSON objects whose key "$" contains the type.
 
 A page is exactly what `Page.serialize` returns, so its encoding for a link costs no more than recording it.
+
+The head of a page is read first. Data of a page that is not accepted are scanned and not decoded, which would take 50
+ms for 1 MiB of empty lists.
 """
 
 from __future__ import annotations
@@ -12,8 +15,8 @@ import msgspec
 
 from snr_sim.links.wire_bounds import WIRE_KINDS, check_bounds
 from snr_sim.prelude.page import Page
-from snr_sim.prelude.structs import learned
-from snr_sim.prelude.values import MARK, may_have_marks
+from snr_sim.prelude.structs import ensure_type_info
+from snr_sim.prelude.values import TAG, may_have_tags
 
 PROTOCOL = "snr"
 VERSION = 2
@@ -27,7 +30,7 @@ Hex32: TypeAlias = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]*$", min_lengt
 Reason: TypeAlias = Annotated[str, msgspec.Meta(max_length=MAX_REASON_CHARS)]
 
 
-class Hello(msgspec.Struct, frozen=True, tag_field=MARK, tag="hello"):
+class HelloMessage(msgspec.Struct, frozen=True, tag_field=TAG, tag="hello"):
     """The first message of each end, sent at once. Fields that a version does not know are ignored.
 
     Args:
@@ -49,7 +52,7 @@ class Hello(msgspec.Struct, frozen=True, tag_field=MARK, tag="hello"):
     max_frame_bytes: Annotated[int, msgspec.Meta(ge=1, lt=2**32)]
 
 
-class Auth(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="auth"):
+class Auth(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=TAG, tag="auth"):
     """Proof that the sender knows the secret, which itself is never sent.
 
     Args:
@@ -59,7 +62,7 @@ class Auth(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MA
     proof: Hex32
 
 
-class Ping(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="ping"):
+class Ping(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=TAG, tag="ping"):
     """Keeps the link alive and requests a reply.
 
     Args:
@@ -69,7 +72,7 @@ class Ping(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MA
     stamp_s: float
 
 
-class Pong(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="pong"):
+class Pong(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=TAG, tag="pong"):
     """The answer to a ping.
 
     Args:
@@ -79,7 +82,7 @@ class Pong(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MA
     stamp_s: float
 
 
-class Bye(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="bye"):
+class Bye(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=TAG, tag="bye"):
     """The last message of an end that closes in good order.
 
     Args:
@@ -89,7 +92,7 @@ class Bye(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MAR
     reason: Reason
 
 
-class Refused(msgspec.Struct, frozen=True, tag_field=MARK, tag="refused"):
+class RefusedMessage(msgspec.Struct, frozen=True, tag_field=TAG, tag="refused"):
     """The last message of an end that rejects the other. Unknown fields are ignored.
 
     Args:
@@ -99,10 +102,10 @@ class Refused(msgspec.Struct, frozen=True, tag_field=MARK, tag="refused"):
     reason: Reason
 
 
-Control: TypeAlias = Hello | Auth | Ping | Pong | Bye | Refused
+Control: TypeAlias = HelloMessage | Auth | Ping | Pong | Bye | RefusedMessage
 
 
-class PageHead(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="page"):
+class PageHead(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=TAG, tag="page"):
     """A page whose data is checked but not decoded, which takes a fiftieth of the time.
 
     Args:
@@ -124,12 +127,12 @@ _decode: Callable[[bytes], Control | Page] = msgspec.json.Decoder(Control | Page
 _decode_head: Callable[[bytes], Control | PageHead] = msgspec.json.Decoder(Control | PageHead).decode
 
 
-def decode_message(raw: bytes, is_wanted: Callable[[str, str], bool] | None = None) -> Control | Page:
+def decode_message(raw: bytes, is_acceptable: Callable[[str, str], bool] | None = None) -> Control | Page:
     """Return the message in a frame.
 
     Args:
         raw: the message.
-        is_wanted: whether to accept a page of this key and origin; a long page that is not is returned with None as
+        is_acceptable: whether to accept a page of this key and origin; a long page that is not is returned with None as
             its data, and costs little. None accepts all.
 
     Raises:
@@ -137,14 +140,14 @@ def decode_message(raw: bytes, is_wanted: Callable[[str, str], bool] | None = No
         ValueEncodingError: it is a page with damaged data, or beyond the bounds of wire_bounds.py.
         RecursionError: it is nested too deeply.
     """
-    if is_wanted is not None and len(raw) > LONG_BYTES:
+    if is_acceptable is not None and len(raw) > LONG_BYTES:
         head = _decode_head(raw)
-        if type(head) is PageHead and not is_wanted(head.key, head.origin):
+        if type(head) is PageHead and not is_acceptable(head.key, head.origin):
             return Page(head.key, None, head.origin, head.created_at_s, head.process)
     message = _decode(raw)
     if type(message) is Page:
         check_bounds(raw)
-        if may_have_marks(raw, len(b'{"$')):  # other than its own, which usually comes first
+        if may_have_tags(raw, len(b'{"$')):  # other than its own, which usually comes first
             return Page.deserialize(raw, WIRE_KINDS)
     return message
 
@@ -154,5 +157,5 @@ def decoder_of(*others: Any) -> Callable[[bytes], Any]:
     kinds: Any = Control
     for other in others:
         kinds |= other
-    decode: Callable[[bytes], Any] = msgspec.json.Decoder(learned(kinds)).decode
+    decode: Callable[[bytes], Any] = msgspec.json.Decoder(ensure_type_info(kinds)).decode
     return decode

@@ -3,6 +3,9 @@
 Any client that can reach a port can open connections to it at any rate. So each address gets a few greetings a second.
 Exempt are this machine and addresses that had an accepted session before: an honest client there may have lost its
 connection and reconnect, and cannot be distinguished from an attacker until it has greeted.
+
+At most 64 connections may be not up, and 64 up (`tcp_server.py`). One more that is not up displaces one of the address
+with most of them; one more that is up displaces the newest of the address and name with most, if these have several.
 """
 
 from __future__ import annotations
@@ -13,8 +16,8 @@ from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import TypeVar
 
-from snr_sim.links.allowance import Allowance
 from snr_sim.links.security import as_host
+from snr_sim.links.token_bucket import TokenBucket
 
 GREETINGS_PER_S = 10.0  # per address
 GREETINGS_AT_ONCE = 40.0
@@ -28,7 +31,7 @@ class Newcomers:
     """Counts greetings by address."""
 
     def __init__(self) -> None:
-        self._greetings: OrderedDict[str, Allowance] = OrderedDict()
+        self._greetings: OrderedDict[str, TokenBucket] = OrderedDict()
         self._known: OrderedDict[str, None] = OrderedDict()
 
     def may_greet(self, address: str, now_s: float) -> bool:
@@ -36,11 +39,11 @@ class Newcomers:
         source = source_of(address)
         if source in self._known or source == LOOPBACK:
             return True
-        allowance = self._greetings.setdefault(source, Allowance(GREETINGS_PER_S, GREETINGS_AT_ONCE))
+        token_bucket = self._greetings.setdefault(source, TokenBucket(GREETINGS_PER_S, GREETINGS_AT_ONCE))
         _keep(self._greetings, source, MAX_ADDRESSES)
-        return allowance.take(now_s)
+        return token_bucket.take(now_s)
 
-    def know(self, address: str) -> None:
+    def remember(self, address: str) -> None:
         """Remember that a session from this address was accepted."""
         source = source_of(address)
         self._known[source] = None
@@ -67,20 +70,20 @@ def source_of(address: str) -> str:
     return str(host)
 
 
-def crowd(ones: Sequence[One], *traits: Callable[[One], str]) -> list[One]:
+def largest_group(ones: Sequence[One], *traits: Callable[[One], str]) -> list[One]:
     """Return the largest group with one trait in common; for several traits, narrow it down one by one.
 
-    >>> crowd(["ax", "bx", "by", "bx"], lambda one: one[0], lambda one: one[1])
+    >>> largest_group(["ax", "bx", "by", "bx"], lambda one: one[0], lambda one: one[1])
     ['bx', 'bx']
     """
     crowded = list(ones)
     for trait in traits:
-        ((most, _),) = Counter(map(trait, crowded)).most_common(1)
-        crowded = [one for one in crowded if trait(one) == most]
+        ((largest, _),) = Counter(map(trait, crowded)).most_common(1)
+        crowded = [one for one in crowded if trait(one) == largest]
     return crowded
 
 
-def _keep(table: OrderedDict[str, One], source: str, most: int) -> None:
+def _keep(table: OrderedDict[str, One], source: str, max_size: int) -> None:
     table.move_to_end(source)
-    if len(table) > most:
+    if len(table) > max_size:
         table.popitem(last=False)

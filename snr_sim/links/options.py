@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import get_args
 
-from snr_sim.links.faults import Faults
-from snr_sim.links.frames import MAX_FRAME_BYTES, MOST_FRAME_BYTES
+from snr_sim.links.faults import LinkFaults
+from snr_sim.links.frames import FRAME_BYTES_LIMIT, MAX_FRAME_BYTES
 from snr_sim.links.send_queue import Policy
 from snr_sim.prelude.errors import ConfigError, ParameterError
 from snr_sim.prelude.page import DataKey
@@ -42,34 +42,45 @@ class LinkOptions:
     policy: Policy = "drop_oldest"
     keep_alive_s: float = 0.5
     timeout_s: float = 3.0
-    faults: Faults | None = None
+    faults: LinkFaults | None = None
 
     def __post_init__(self) -> None:
         _check_count("queue_pages", self.queue_pages, None)
-        _check_count("max_frame_bytes", self.max_frame_bytes, MOST_FRAME_BYTES)
+        _check_count("max_frame_bytes", self.max_frame_bytes, FRAME_BYTES_LIMIT)
         if self.policy not in get_args(Policy):
-            raise ParameterError(f"A link with policy={self.policy!r}.", fix=f"one of {', '.join(get_args(Policy))}.")
+            raise ParameterError(
+                f"policy={self.policy!r} is not valid for a link.", fix=f"use one of {', '.join(get_args(Policy))}."
+            )
         for name, value in (("keep_alive_s", self.keep_alive_s), ("timeout_s", self.timeout_s)):
             if isinstance(value, bool) or not isinstance(value, (int, float)) or not value > 0.0:
-                raise ParameterError(f"A link with {name}={value!r}.", fix="a number of seconds above 0.")
+                raise ParameterError(
+                    f"{name}={value!r} is not valid for a link.", fix="use a number of seconds greater than 0."
+                )
         if not self.timeout_s >= 2 * self.keep_alive_s:
             raise ParameterError(
-                f"A link with timeout_s={self.timeout_s!r} and keep_alive_s={self.keep_alive_s!r}: the far end would "
-                "count as gone between two signs of it.",
-                fix=f"timeout_s={2 * self.keep_alive_s:g} or more, or a smaller keep_alive_s.",
+                f"timeout_s={self.timeout_s!r} is too short for keep_alive_s={self.keep_alive_s!r}: the other end "
+                "would time out between two messages.",
+                fix=f"use timeout_s={2 * self.keep_alive_s:g} or more, or a smaller keep_alive_s.",
             )
-        if self.faults is not None and not isinstance(self.faults, Faults):
-            raise ParameterError(f"A link with faults={self.faults!r}.", fix="Faults(loss=0.1), or None.")
+        if self.faults is not None and not isinstance(self.faults, LinkFaults):
+            raise ParameterError(
+                f"faults={self.faults!r} is not a LinkFaults.", fix="use LinkFaults(loss=0.1), or None."
+            )
 
     def for_end(self, keys: DataKey | Iterable[DataKey], accept: Iterable[DataKey] | None) -> LinkOptions:
         """Return the same for one end, which sends pages of `keys` and accepts those of `accept`; None accepts any."""
         return replace(self, keys=as_keys(keys), accept=None if accept is None else frozenset(as_keys(accept)))
 
 
-def _check_count(name: str, value: object, most: int | None) -> None:
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1 or (most is not None and value > most):
-        fix = "a whole number, 1 or more." if most is None else f"a whole number from 1 to {most}."
-        raise ParameterError(f"A link with {name}={value!r}.", fix=fix)
+def _check_count(name: str, value: object, max_value: int | None) -> None:
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int)
+        or value < 1
+        or (max_value is not None and value > max_value)
+    ):
+        fix = "use an integer of at least 1." if max_value is None else f"use an integer from 1 to {max_value}."
+        raise ParameterError(f"{name}={value!r} is not valid for a link.", fix=fix)
 
 
 def as_keys(keys: DataKey | Iterable[DataKey]) -> tuple[DataKey, ...]:
@@ -89,7 +100,7 @@ def as_keys(keys: DataKey | Iterable[DataKey]) -> tuple[DataKey, ...]:
     for key in listed:
         if not isinstance(key, str) or not 0 < len(key) <= MAX_KEY_CHARS:
             raise ConfigError(
-                f"A link's keys hold {repr(key)[:80]}, which is no key.",
-                fix=f"text of 1 to {MAX_KEY_CHARS} characters.",
+                f"{repr(key)[:80]} is not a valid key of a link.",
+                fix=f"use a string of 1 to {MAX_KEY_CHARS} characters.",
             )
     return tuple(dict.fromkeys(listed))

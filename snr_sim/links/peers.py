@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from snr_sim.links.faults import Faults, Way
+from snr_sim.links.faults import LinkFaults, LossyChannel
 from snr_sim.links.frames import HEADER_BYTES
 from snr_sim.links.link import Link, by_name
 from snr_sim.links.messages import decode_message
 from snr_sim.links.options import LinkOptions
 from snr_sim.links.send_queue import Policy, SendQueue
-from snr_sim.links.session import Session, Terms
+from snr_sim.links.session import Session, SessionConfig
 from snr_sim.prelude.page import DataKey, Page
 
 SHOWN_KEYS = 5
@@ -28,13 +28,13 @@ class Peer:
     Args:
         session: with it.
         options: of the link.
-        way: injects faults into what is sent to it, if any.
+        channel: injects faults into what is sent to it, if any.
     """
 
-    def __init__(self, session: Session, options: LinkOptions, way: Way | None) -> None:
+    def __init__(self, session: Session, options: LinkOptions, channel: LossyChannel | None) -> None:
         self.session = session
         self.queue: SendQueue[bytes] = SendQueue(options.queue_pages, options.policy)
-        self.way = way
+        self.channel = channel
         self.sent = 0
         self.dropped = 0  # in addition to those that its queue dropped
 
@@ -48,7 +48,7 @@ class Peer:
         """Number of pages that wait to be sent."""
         return len(self.queue)
 
-    def takes(self, frame: bytes) -> bool:
+    def accepts(self, frame: bytes) -> bool:
         """Whether the remote peer accepts a frame of this length; counts the page as dropped if not."""
         hello = self.session.peer
         if hello is not None and len(frame) - HEADER_BYTES <= hello.max_frame_bytes:
@@ -62,7 +62,7 @@ class Peer:
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class KeptPage:
     """A page and its frame. Its length is that of the frame."""
 
     page: Page
@@ -72,14 +72,14 @@ class Kept:
         return len(self.frame)
 
 
-class EarlyPages(SendQueue[Kept]):
+class EarlyPages(SendQueue[KeptPage]):
     """Pages stored before the link is first up, up to the queue's limit; counts the dropped ones per key."""
 
     def __init__(self, max_pages: int, policy: Policy) -> None:
         super().__init__(max_pages, policy)
         self.gone: Counter[DataKey] = Counter()
 
-    def _drop(self, frame: Kept) -> None:
+    def _drop(self, frame: KeptPage) -> None:
         super()._drop(frame)
         self.gone[frame.page.key] += 1
 
@@ -88,12 +88,12 @@ class EarlyPages(SendQueue[Kept]):
         """Return which pages were dropped, as text; empty if none were."""
         if not self.gone:
             return ""
-        most = ", ".join(f"{key} {count}" for key, count in self.gone.most_common(SHOWN_KEYS))
+        listed = ", ".join(f"{key} {count}" for key, count in self.gone.most_common(SHOWN_KEYS))
         more = f" and {len(self.gone) - SHOWN_KEYS} keys more" if len(self.gone) > SHOWN_KEYS else ""
         which = "oldest" if self.policy == "drop_oldest" else "newest"
         return (
-            f"the {which} {self.dropped} pages that were stored before anybody had connected were dropped "
-            f"({most}{more}); queue_pages={self.max_pages} keeps no more."
+            f"the {which} {self.dropped} pages that were stored before a node connected were dropped "
+            f"({listed}{more}); queue_pages={self.max_pages} keeps no more."
         )
 
 
@@ -105,27 +105,28 @@ class Peers:
 
     Args:
         link: the link they belong to.
-        terms: of its sessions.
-        least_transit_s: minimum transit time of what is sent, if simulated.
+        config: of its sessions.
+        min_transit_s: minimum transit time of what is sent, if simulated.
     """
 
-    def __init__(self, link: Link, terms: Terms, least_transit_s: float = 0.0) -> None:
-        self.terms = terms
+    def __init__(self, link: Link, config: SessionConfig, min_transit_s: float = 0.0) -> None:
+        self.config = config
         self.up: tuple[Peer, ...] = ()  # replaced and never changed, so any thread may read it
         self._link = link
-        link.reason = "nobody has connected yet."
+        # Recorded in the page of the link, so another text changes the digests of recorded runs.
+        link.reason = "nobody has connected yet."  # plain: nobody
         self._node = link.parent
         self._options = link.options
-        self._least_transit_s = least_transit_s
-        self._decode = partial(decode_message, is_wanted=link.is_wanted)
+        self._min_transit_s = min_transit_s
+        self._decode = partial(decode_message, is_acceptable=link.is_acceptable)
         self._was_left = False  # whether the last peer that left said goodbye
         self._lost = self._duplicated = 0  # by faults, on channels to peers that have left
         self._early = EarlyPages(link.options.queue_pages, link.options.policy)
         self._was_up = False
-        self._newest: dict[DataKey, Kept] = {}  # stored after all peers had left
+        self._newest: dict[DataKey, KeptPage] = {}  # stored after all peers had left
         self._numbers = itertools.count(1)
         self._warned: set[str] = set()  # of node names that two nodes have
-        self._meeting = threading.Lock()  # held while a page is queued for all, or a peer added or removed
+        self._membership_lock = threading.Lock()  # held while a page is queued for all, or a peer added or removed
 
     def notes(self) -> list[str]:
         """Return notes on pages lost before the first connection and on node names used twice."""
@@ -133,15 +134,15 @@ class Peers:
 
     def carry(self, page: Page, raw: bytes, frame: bytes, by: object) -> None:
         """Queue a page for all peers that are up except its sender, or keep it for the next peer; see Transport."""
-        with self._meeting:  # so that no page is put for a peer after its last count
+        with self._membership_lock:  # so that no page is put for a peer after its last count
             peers = self.up
             if not peers and by is None:
                 self._keep(page, frame)
             for peer in peers:
-                if peer is not by and self._is_for(peer, page, peers) and peer.takes(frame):
+                if peer is not by and self._is_addressed_to(peer, page, peers) and peer.accepts(frame):
                     peer.put(frame)
 
-    def _is_for(self, peer: Peer, page: Page, peers: Iterable[Peer]) -> bool:
+    def _is_addressed_to(self, peer: Peer, page: Page, peers: Iterable[Peer]) -> bool:
         """Whether a peer should get this page: not if it made the page, as far as node names are unique."""
         name = peer.session.peer_node
         if name != page.origin:
@@ -151,7 +152,7 @@ class Peers:
             return False
         return any(other is not peer and other.session.peer_node == name for other in peers)
 
-    def _names_meant_twice(self, peers: Iterable[Peer]) -> str:
+    def _duplicate_names(self, peers: Iterable[Peer]) -> str:
         """Return which node names of this end and the peers are used twice, as text."""
         sessions: dict[str, Session] = {}
         for session in (peer.session for peer in peers):
@@ -162,9 +163,10 @@ class Peers:
                     "give one of the roles another name."
                 )
             other = sessions.setdefault(name, session)
-            # No warning if one was silent since the other connected: then one node reconnected.
-            both_s = max(session.begun_s, other.begun_s) + self._options.keep_alive_s
-            if other is not session and min(session.heard_s, other.heard_s) > both_s:
+            # No warning if one is silent since the other connected: then one node reconnected. What it had sent before
+            # may be read after that, on a busy machine; a timeout later none is left.
+            both_s = max(session.begun_s, other.begun_s) + self._options.timeout_s
+            if other is not session and min(session.last_received_s, other.last_received_s) > both_s:
                 return (
                     f"two far ends are named '{name}': each takes the other's pages for its own; "
                     "give one of the roles another name."
@@ -177,7 +179,7 @@ class Peers:
         return len(self._early) + len(self._newest)
 
     def _keep(self, page: Page, frame: bytes) -> None:
-        kept = Kept(page, frame)
+        kept = KeptPage(page, frame)
         if not self._was_up:
             before = self._early.dropped
             self._early.put(kept)
@@ -189,47 +191,47 @@ class Peers:
 
     def admit(self, peer: Peer) -> None:
         """Start to send to a session that is up: waiting pages first, then each page as it is stored."""
-        with self._meeting:
+        with self._membership_lock:
             kept = [*self._early.take(), *self._newest.values()]
             self._newest.clear()
             for one in kept:
-                if self._is_for(peer, one.page, (*self.up, peer)) and peer.takes(one.frame):
+                if self._is_addressed_to(peer, one.page, (*self.up, peer)) and peer.accepts(one.frame):
                     peer.put(one.frame)
             self.up = (*self.up, peer)
             is_first, self._was_up = not self._was_up, True
         if is_first and self._early.loss:
             self._link.log.warning("%s: %s", self._link.name, self._early.loss)
 
-    def dismiss(self, peer: Peer) -> None:
+    def remove(self, peer: Peer) -> None:
         """Remove a session that is over, and drop the pages that wait for it."""
-        with self._meeting:
+        with self._membership_lock:
             self.up = tuple(other for other in self.up if other is not peer)
         self._link.dropped += peer.all_dropped + peer.waiting
         self._link.sent += peer.sent
-        if peer.way is not None:
-            self._lost += peer.way.lost
-            self._duplicated += peer.way.duplicated
+        if peer.channel is not None:
+            self._lost += peer.channel.lost
+            self._duplicated += peer.channel.duplicated
         self._link.reason = peer.session.reason
         self._was_left = peer.session.was_left
 
-    def farewell(self) -> str:
+    def bye_reason(self) -> str:
         """Return the goodbye message that peers get when this end closes in good order."""
-        why = (self._node.exit_reason or "").rstrip(".")
-        return f"node '{self._node.name}' ended{f': {why}' if why else ''}."
+        reason = (self._node.exit_reason or "").rstrip(".")
+        return f"node '{self._node.name}' ended{f': {reason}' if reason else ''}."
 
     def new_session(self, nonce: bytes | None = None) -> Session:
         """Return a session with a new peer; its nonce is random if not given."""
-        return Session(self.terms, self._link.get_time_s(), self._decode, nonce)
+        return Session(self.config, self._link.get_time_s(), self._decode, nonce)
 
-    def new_way(self) -> Way:
+    def new_channel(self) -> LossyChannel:
         """Return the outgoing channel of a new peer: each session has its own random numbers, the same in every run."""
         name = f"link:{self._link.name}:{self._node.role}:{next(self._numbers)}"
-        return Way(self._options.faults or Faults(), self._node.seed, name, self._least_transit_s)
+        return LossyChannel(self._options.faults or LinkFaults(), self._node.seed, name, self._min_transit_s)
 
     def state(self, now_s: float) -> dict[str, Any]:
         """Return the state of the link and of each peer; see `Transport.state`."""
         peers, link = self.up, self._link
-        words = self._names_meant_twice(peers)
+        words = self._duplicate_names(peers)
         if words and words not in self._warned:
             self._warned.add(words)
             link.log.warning("%s: %s", link.name, words)
@@ -237,7 +239,7 @@ class Peers:
             (
                 peer.session.peer_node,
                 {
-                    "age_s": max(0.0, now_s - peer.session.heard_s),
+                    "age_s": max(0.0, now_s - peer.session.last_received_s),
                     "rtt_s": peer.session.rtt_s,
                     "clock_offset_s": peer.session.clock_offset_s,
                     "dropped": peer.all_dropped,
@@ -247,22 +249,22 @@ class Peers:
             )
             for peer in peers
         )
-        ages_s = [now_s - peer.session.heard_s for peer in peers]
+        ages_s = [now_s - peer.session.last_received_s for peer in peers]
         trips_s = [peer.session.rtt_s for peer in peers if peer.session.rtt_s is not None]
         state = {
             "up": bool(peers),
-            "left": self._was_left and not peers,
+            "has_left": self._was_left and not peers,
             "age_s": max(0.0, *ages_s) if ages_s else None,
             "dropped": link.dropped + sum(peer.all_dropped for peer in peers),  # exact: integers
             "rtt_s": max(trips_s, default=None),
             "sent": link.sent + sum(peer.sent for peer in peers),  # exact: integers
             "received": link.received,
-            "unwanted": link.unwanted,
+            "rejected": link.rejected,
             "reason": words if peers else link.reason,
             "peers": each,
         }
         if self._options.faults is not None:
-            ways = [peer.way for peer in peers if peer.way is not None]
-            state["lost"] = self._lost + sum(way.lost for way in ways)  # exact: integers
-            state["duplicated"] = self._duplicated + sum(way.duplicated for way in ways)  # exact: integers
+            channels = [peer.channel for peer in peers if peer.channel is not None]
+            state["lost"] = self._lost + sum(channel.lost for channel in channels)  # exact: integers
+            state["duplicated"] = self._duplicated + sum(channel.duplicated for channel in channels)  # exact: integers
         return state

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.links.link import Link
 from snr_sim.links.options import LinkOptions
-from snr_sim.links.session import Terms
-from snr_sim.links.simulated import Meeting, SimulatedTransport
+from snr_sim.links.session import SessionConfig
+from snr_sim.links.simulated import Rendezvous, SimulatedTransport
 from snr_sim.links.socket_port import SocketPort
 from snr_sim.links.streams import Streams
 from snr_sim.prelude.errors import LinkError
@@ -33,7 +33,7 @@ def port_of(conn: Connection) -> SocketPort:
     if os.name == "nt":
         raise LinkError("Links over pipes need a POSIX system.", fix="SocketsPair(('127.0.0.1', 0)).")
     if not (conn.readable and conn.writable):
-        raise LinkError("A link over a pipe that goes one way only.", fix="multiprocessing.Pipe(), without False.")
+        raise LinkError("A link needs a pipe for both directions.", fix="use multiprocessing.Pipe() without False.")
     port = SocketPort(socket.socket(fileno=os.dup(conn.fileno())))
     conn.close()
     return port
@@ -48,7 +48,7 @@ class PipeLoopFactory(LoopFactory):
         accept: keys of the pages to accept; any if None.
         name: the link is component and page `link_<name>`.
         is_first: whether this end greets first; it does not matter which of them does.
-        meeting: where both ends meet under a SimClock; without it, the link is down there.
+        rendezvous: where both ends meet under a SimClock; without it, the link is down there.
         options: all other options.
     """
 
@@ -60,13 +60,13 @@ class PipeLoopFactory(LoopFactory):
         *,
         name: str = "pipe",
         is_first: bool = True,
-        meeting: Meeting[SimulatedTransport] | None = None,
+        rendezvous: Rendezvous[SimulatedTransport] | None = None,
         options: LinkOptions | None = None,
     ) -> None:
         super().__init__()
         self.conn = conn
         self.is_first = is_first
-        self.meeting: Meeting[SimulatedTransport] = meeting or Meeting()
+        self.rendezvous: Rendezvous[SimulatedTransport] = rendezvous or Rendezvous()
         self.options = (options or LinkOptions(name)).for_end(data_keys, accept)
 
     def claim(self) -> None:
@@ -78,7 +78,7 @@ class PipeLoopFactory(LoopFactory):
 
     def get(self, parent: NodeApi) -> Loop:
         """Return the link."""
-        terms = Terms(
+        config = SessionConfig(
             parent.name,
             is_server=not self.is_first,
             max_frame_bytes=self.options.max_frame_bytes,
@@ -90,8 +90,8 @@ class PipeLoopFactory(LoopFactory):
             self,
             parent,
             self.options,
-            real=lambda link: PipeEnd(link, terms, self.conn),
-            simulated=lambda link: SimulatedTransport(link, terms, self.meeting),
+            real=lambda link: PipeEnd(link, config, self.conn),
+            simulated=lambda link: SimulatedTransport(link, config, self.rendezvous),
         )
 
 
@@ -105,14 +105,14 @@ class PipesPair:
     def __init__(self, options: LinkOptions | None = None) -> None:
         self.options = options or LinkOptions("pipe")
         self.client_conn, self.server_conn = Pipe()
-        self.meeting: Meeting[SimulatedTransport] = Meeting()
+        self.rendezvous: Rendezvous[SimulatedTransport] = Rendezvous()
 
     def client(
         self, keys: DataKey | Iterable[DataKey] = (), *, accept: Iterable[DataKey] | None = None
     ) -> PipeLoopFactory:
         """Return the factory of one end; see `SocketsPair.client`."""
         return PipeLoopFactory(
-            self.client_conn, keys, accept, is_first=True, meeting=self.meeting, options=self.options
+            self.client_conn, keys, accept, is_first=True, rendezvous=self.rendezvous, options=self.options
         )
 
     def server(
@@ -120,7 +120,7 @@ class PipesPair:
     ) -> PipeLoopFactory:
         """Return the factory of the other end."""
         return PipeLoopFactory(
-            self.server_conn, keys, accept, is_first=False, meeting=self.meeting, options=self.options
+            self.server_conn, keys, accept, is_first=False, rendezvous=self.rendezvous, options=self.options
         )
 
 
@@ -128,12 +128,12 @@ class PipeEnd(Streams):
     """One stream, from begin to end: a pipe that is closed cannot be opened again.
 
     Args:
-        link, terms: as of Streams.
+        link, config: as of Streams.
         conn: this link's end of the pipe.
     """
 
-    def __init__(self, link: Link, terms: Terms, conn: Connection) -> None:
-        super().__init__(link, terms)
+    def __init__(self, link: Link, config: SessionConfig, conn: Connection) -> None:
+        super().__init__(link, config)
         self._conn = conn
 
     def open(self, ports: ExitStack) -> None:

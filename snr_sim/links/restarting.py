@@ -8,7 +8,7 @@ from functools import partial
 
 from snr_sim.core.loop import Loop
 from snr_sim.links.back_off import BackOff
-from snr_sim.links.session import on_one_line
+from snr_sim.links.session import printable_line
 
 STEADY_S = 5.0  # after this long without a failure, the loop waits only briefly before it opens again
 
@@ -34,8 +34,8 @@ class RestartingLoop(Loop):
         """Wait for an event, and handle it."""
         raise NotImplementedError
 
-    def _see_off(self) -> None:
-        """Say goodbye to all peers before everything is closed."""
+    def _drain_and_close(self) -> None:
+        """Send the goodbye message to all peers before everything is closed."""
 
     def _show_down(self, reason: str) -> None:
         """Publish why the loop is shut."""
@@ -69,10 +69,10 @@ class RestartingLoop(Loop):
     def _restart_later(self, error: Exception) -> None:
         now_s = self.get_time_s()
         if not self.is_shut and now_s - self._opened_s >= STEADY_S:
-            self._restarts.forget()
+            self._restarts.reset()
         self.failures += 1
         self.is_shut, self.next_tick_at_s = True, now_s + self._restarts.next_s()
-        reason = on_one_line(f"'{self.name}' failed and starts again: {error_text(error)}")
+        reason = printable_line(f"'{self.name}' failed and starts again: {error_text(error)}")
         if reason != self._failure:
             self.log.error("%s", reason, exc_info=error)
         self._failure = reason
@@ -80,9 +80,9 @@ class RestartingLoop(Loop):
         self.attempt(partial(self._show_down, reason))
 
     def halt(self) -> None:
-        """Say goodbye and close everything."""
+        """Send the goodbye message and close everything."""
         if not self.is_shut:
-            self.attempt(self._see_off)
+            self.attempt(self._drain_and_close)
         self.attempt(self._shut)
 
     def attempt(self, step: Callable[[], object]) -> None:

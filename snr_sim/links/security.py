@@ -37,12 +37,12 @@ def as_secret(secret: str | bytes | None, source: str = "secret=") -> bytes | No
         raw = secret.encode() if isinstance(secret, str) else secret
     except UnicodeEncodeError as error:
         raise ConfigError(
-            f"The shared secret ({source}) holds half a character at place {error.start}, which is no text in UTF-8.",
-            fix="plain letters and digits, or bytes.",
+            f"The shared secret ({source}) is not valid UTF-8 text: half a character at index {error.start}.",
+            fix="use plain letters and digits, or bytes.",
         ) from None
     if len(raw) < MIN_SECRET_BYTES:
         raise ConfigError(
-            f"The shared secret ({source}) has {len(raw)} bytes, and at least {MIN_SECRET_BYTES} are needed.",
+            f"The shared secret ({source}) has {len(raw)} bytes, but needs at least {MIN_SECRET_BYTES}.",
             fix='python3 -c "import secrets; print(secrets.token_hex(16))" makes a good one.',
         )
     return raw
@@ -72,7 +72,7 @@ def secret_from_env(name: str) -> bytes:
     """
     if name not in os.environ:
         raise ConfigError(
-            f"The environment variable {name} should hold the shared secret, and is not set.",
+            f"The environment variable {name} should hold the shared secret, but is not set.",
             fix=f"export {name}=...  with the same text on both ends.",
         )
     return as_secret(os.environ[name], f"variable {name}") or b""
@@ -104,12 +104,14 @@ def as_networks(allow: Iterable[str]) -> tuple[Network, ...]:
     fix = '["192.168.2.7"] or ["192.168.2.0/24"].'
     listed: Any = [allow] if isinstance(allow, str) else allow
     if not isinstance(listed, Iterable) or isinstance(listed, bytes):
-        raise ConfigError(f"A link with allow={allow!r}.", fix=f"{fix[:-1]}, or () for this machine alone.")
+        raise ConfigError(
+            f"allow={allow!r} is not a list of addresses.", fix=f"{fix[:-1]}, or () for this machine alone."
+        )
     networks = []
     for text in listed:
         try:
             if isinstance(text, (int, bytes)):  # which would be taken as the number of an address
-                raise ValueError("it is no text")
+                raise ValueError("it is not a string")
             networks.append(ipaddress.ip_network(text))
         except ValueError as error:
             raise ConfigError(
@@ -178,7 +180,7 @@ class Tls:
                 what = (
                     "the name in the server's certificate" if field.name == "server_name" else "the path of a PEM file"
                 )
-                raise ConfigError(f"TLS with {field.name}={value!r}.", fix=f"{what}.")
+                raise ConfigError(f"Tls {field.name} is {value!r}.", fix=f"use {what}.")
 
     def server_context(self) -> ssl.SSLContext:
         """Return the context of a server.
@@ -187,7 +189,7 @@ class Tls:
             ConfigError: a file is missing or invalid.
         """
         if self.certificate is None:
-            raise ConfigError("TLS without the server's certificate.", fix="Tls(certificate=..., key=...).")
+            raise ConfigError("A server with TLS needs a certificate.", fix="Tls(certificate=..., key=...).")
         return _context(True, self.certificate, self.key, self.client_authority)
 
     def client_context(self) -> ssl.SSLContext:
@@ -197,7 +199,9 @@ class Tls:
             ConfigError: a file is missing or invalid.
         """
         if self.authority is None:
-            raise ConfigError("TLS without the authority that signed the server.", fix="Tls(authority=...).")
+            raise ConfigError(
+                "A client with TLS needs the authority that signed the server's certificate.", fix="Tls(authority=...)."
+            )
         return _context(False, self.client_certificate, self.client_key, self.authority)
 
 
@@ -217,6 +221,6 @@ def _context(is_server: bool, certificate: FileName, key: FileName, authority: F
         names = ", ".join(str(path) for path in (certificate, key, authority) if path is not None)
         raise ConfigError(
             f"TLS cannot use its files ({names}): {error.strerror or error}.",
-            fix="PEM files; the key must belong to the certificate, and be readable.",
+            fix="use readable PEM files; the key must belong to the certificate.",
         ) from error
     return context

@@ -30,9 +30,13 @@ class SendQueue(Generic[Frame]):
         self, max_pages: int = 10_000, policy: Policy = "drop_oldest", max_bytes: int = MAX_WAITING_BYTES
     ) -> None:
         if max_pages < 1 or max_bytes < 1:
-            raise ParameterError(f"A send queue of {max_pages} pages and {max_bytes} bytes.", fix="1 or more of each.")
+            raise ParameterError(
+                f"A send queue cannot hold {max_pages} pages and {max_bytes} bytes.", fix="use at least 1 of each."
+            )
         if policy not in get_args(Policy):
-            raise ParameterError(f"A send queue with policy={policy!r}.", fix=f"one of {', '.join(get_args(Policy))}.")
+            raise ParameterError(
+                f"policy={policy!r} is not valid for a send queue.", fix=f"use one of {', '.join(get_args(Policy))}."
+            )
         self.max_pages = max_pages
         self.max_bytes = max_bytes
         self.policy = policy

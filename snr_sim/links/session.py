@@ -4,6 +4,10 @@ Bytes in, messages and bytes to send out, and a state. Time is an argument. So a
 flood of invalid bytes takes a few lines to test, and TCP, pipes and simulated links all behave alike:
 
     greeting -> (proving) -> up -> closed
+
+Both ends greet at once, because taking turns saves nothing. Only proofs take turns: the server answers only a client's
+correct proof, so unauthenticated clients learn nothing from it. A frame gets its MAC, which counts frames, only when it
+is certain to be the next that leaves: at the port, and after the faults of a link, which lose and repeat pages.
 """
 
 from __future__ import annotations
@@ -19,7 +23,7 @@ from typing import Any, get_args
 import msgspec
 
 from snr_sim.links.frame_mac import FrameMac
-from snr_sim.links.frames import MAC_BYTES, MAX_FRAME_BYTES, FrameReader, encode_frame
+from snr_sim.links.frames import MAC_BYTES, MAX_FRAME_BYTES, LengthPrefixedReader, encode_frame
 from snr_sim.links.messages import (
     MAX_REASON_CHARS,
     NONCE_BYTES,
@@ -28,16 +32,16 @@ from snr_sim.links.messages import (
     Auth,
     Bye,
     Control,
-    Hello,
+    HelloMessage,
     Ping,
     Pong,
-    Refused,
+    RefusedMessage,
     decode_control,
     decode_message,
     encode_message,
 )
 from snr_sim.links.security import derive_key
-from snr_sim.prelude.errors import FrameTooLarge, SnrError
+from snr_sim.prelude.errors import FrameTooLargeError, SnrError
 from snr_sim.prelude.text import printable
 
 # An end that has not sent its hello yet gets no more of our memory than this.
@@ -52,7 +56,7 @@ OFFSETS_REMEMBERED = 8
 _CONTROL = frozenset(get_args(Control))
 
 
-class State(StrEnum):
+class SessionState(StrEnum):
     """State of a session."""
 
     greeting = "greeting"
@@ -61,11 +65,12 @@ class State(StrEnum):
     closed = "closed"
 
 
-_UP, _CLOSED = State.up, State.closed  # looked up once: in Python 3.11 access to an Enum member takes 0.1 us
+# Looked up once: in Python 3.11 access to an Enum member takes 0.1 us.
+_UP, _CLOSED = SessionState.up, SessionState.closed
 
 
 @dataclass(frozen=True)
-class Terms:
+class SessionConfig:
     """One end's settings for its sessions.
 
     Args:
@@ -95,7 +100,7 @@ class Session:
     """One end of a connection. Not thread-safe.
 
     Args:
-        terms: settings of this end.
+        config: settings of this end.
         now_s: the time, always of the same clock.
         decode: decodes payloads; `receive` returns its results, except for control messages.
         nonce: of this session; random if not given.
@@ -103,27 +108,27 @@ class Session:
 
     def __init__(
         self,
-        terms: Terms,
+        config: SessionConfig,
         now_s: float,
         decode: Callable[[bytes], Any] = decode_message,
         nonce: bytes | None = None,
     ) -> None:
-        self.terms = terms
-        self.state = State.greeting
+        self.config = config
+        self.state = SessionState.greeting
         self.reason = ""  # why it closed, as text
         self.was_refused = False  # by either end: an early retry is of no use
         self.was_left = False  # by the other end, in good order
         self.was_forged = False  # a frame was changed between the two ends
-        self.peer: Hello | None = None
+        self.peer: HelloMessage | None = None
         self.peer_node = ""  # name of the other end's node, once received
         self.rtt_s: float | None = None
         # Add this to a time of the other end's clock to get our time; too large by at most a one-way latency.
         self.clock_offset_s: float | None = None
-        self.heard_s = now_s
+        self.last_received_s = now_s
         self.received = 0  # messages returned by `receive`
         self.rejected = 0  # while it was up: invalid messages, or values beyond their bounds
         self._decode = decode
-        self._reader = FrameReader(min(MAX_GREETING_BYTES, terms.max_frame_bytes))
+        self._reader = LengthPrefixedReader(min(MAX_GREETING_BYTES, config.max_frame_bytes))
         self._nonce = (nonce or os.urandom(NONCE_BYTES)).hex()
         self.begun_s = now_s
         self._ping_s = now_s
@@ -136,14 +141,14 @@ class Session:
         self._proofs = ("", "")  # of this end, and the expected one of the other end
         self._hello = encode_frame(
             encode_message(
-                Hello(
+                HelloMessage(
                     PROTOCOL,
                     VERSION,
-                    terms.node,
+                    config.node,
                     self._nonce,
-                    terms.purpose,
-                    terms.secret is not None,
-                    terms.max_frame_bytes,
+                    config.purpose,
+                    config.secret is not None,
+                    config.max_frame_bytes,
                 )
             )
         )
@@ -194,7 +199,7 @@ class Session:
         taken: list[Any] = []
         if self.state is _CLOSED:
             return taken
-        self.heard_s = now_s
+        self.last_received_s = now_s
         try:
             # One at a time until both are authenticated: only then does the other end's size limit grow.
             while self.state is not _UP:
@@ -218,60 +223,61 @@ class Session:
                         return taken
                 else:
                     taken.append(message)
-        except FrameTooLarge as error:
+        except FrameTooLargeError as error:
             self.refuse(str(error))
         except (msgspec.MsgspecError, SnrError, ValueError, RecursionError, MemoryError, OverflowError) as error:
             self.rejected += self.is_up
             during = "" if self.is_up else " before the greeting was complete"
-            self.refuse(f"a message came{during} that is none: {error}")
+            self.refuse(f"an invalid message arrived{during}: {error}")
         finally:
             self.received += len(taken)
         return taken
 
-    def forgive_silence(self, now_s: float) -> None:
+    def reset_idle_timer(self, now_s: float) -> None:
         """Reset the idle timer, because it was this end that did not read."""
-        self.heard_s = now_s
+        self.last_received_s = now_s
 
     def tick(self, now_s: float) -> None:
         """Do what is due: ping the other end; close the session if it has been silent for too long."""
-        if self.state is State.closed:
+        if self.state is SessionState.closed:
             return
-        terms = self.terms
-        if self.state is State.up:
-            what, since_s, most_s = "nothing was heard", self.heard_s, terms.timeout_s
+        config = self.config
+        if self.state is SessionState.up:
+            # Recorded in the page of the link, so another text changes the digests of recorded runs.
+            what, since_s, limit_s = "nothing was heard", self.last_received_s, config.timeout_s  # plain: hear
         else:
             what, since_s = "the greeting was not completed", self.begun_s
-            most_s = terms.timeout_s if terms.greeting_s is None else terms.greeting_s
-        if now_s - since_s > most_s:
-            self._close(f"{what} for {most_s:g} s.")
-        elif self.state is State.up and now_s - self._ping_s >= self.terms.keep_alive_s:
+            limit_s = config.timeout_s if config.greeting_s is None else config.greeting_s
+        if now_s - since_s > limit_s:
+            self._close(f"{what} for {limit_s:g} s.")
+        elif self.state is SessionState.up and now_s - self._ping_s >= self.config.keep_alive_s:
             self._ping(now_s)
 
     def _ping(self, now_s: float) -> None:
         self._ping_s = now_s
-        self._say(Ping(now_s))
+        self._send(Ping(now_s))
 
     def bye(self, reason: str) -> None:
         """End the session in good order."""
-        if self.state is not State.closed:
-            self._say(Bye(reason[:MAX_REASON_CHARS]))
+        if self.state is not SessionState.closed:
+            self._send(Bye(reason[:MAX_REASON_CHARS]))
             self._close(reason)
 
     def refuse(self, reason: str) -> None:
         """End the session and send the reason to the other end."""
-        if self.state is not State.closed:
-            reason = on_one_line(reason)  # it may quote received text
-            self._say(Refused(reason))
+        if self.state is not SessionState.closed:
+            reason = printable_line(reason)  # it may quote received text
+            self._send(RefusedMessage(reason))
             self.was_refused = True
             self._close(reason)
 
-    def lost(self, reason: str) -> None:
+    def mark_lost(self, reason: str) -> None:
         """End the session because its port failed."""
         self._close(reason)
 
     def _close(self, reason: str) -> None:
-        if self.state is not State.closed:
-            self.state = State.closed
+        if self.state is not SessionState.closed:
+            self.state = SessionState.closed
             self.reason = reason
 
     def _refuse_forged(self) -> None:
@@ -283,14 +289,14 @@ class Session:
 
     def _answer_greeting(self, payload: bytes, now_s: float) -> None:
         message = decode_control(payload)
-        if isinstance(message, Hello) and self.peer is None and self.terms.secret is not None:
-            self._derive_keys(self.terms.secret, encode_frame(payload))
+        if isinstance(message, HelloMessage) and self.peer is None and self.config.secret is not None:
+            self._derive_keys(self.config.secret, encode_frame(payload))
         self._answer(message, now_s)
 
     def _derive_keys(self, secret: bytes, their_hello: bytes) -> None:
         """Compute the proofs of both ends, and the keys of the frames in each direction."""
         sides, hellos = ("client", "server"), (self._hello, their_hello)
-        if self.terms.is_server:
+        if self.config.is_server:
             sides, hellos = sides[::-1], hellos[::-1]
         own, other = (
             {use: derive_key(secret, f"{side} {use}", *hellos) for use in ("proof", "frames")} for side in sides
@@ -302,30 +308,30 @@ class Session:
         match message:
             case Bye():
                 self.was_left = True
-                self._close(f"'{self.peer_node}' left: {on_one_line(message.reason)}")
-            case Refused():
+                self._close(f"'{self.peer_node}' left: {printable_line(message.reason)}")
+            case RefusedMessage():
                 self.was_refused = True
-                self._close(f"the other end refused: {on_one_line(message.reason)}")
-            case Hello() if self.peer is None:
+                self._close(f"the other end refused: {printable_line(message.reason)}")
+            case HelloMessage() if self.peer is None:
                 self._greet(message, now_s)
-            case Auth() if self.state is State.proving:
+            case Auth() if self.state is SessionState.proving:
                 self._check(message, now_s)
-            case Ping() if self.state is State.up:
+            case Ping() if self.state is SessionState.up:
                 self._offsets_s.append(now_s - message.stamp_s)
                 self.clock_offset_s = min(self._offsets_s)  # of the quickest ping
-                self._say(Pong(message.stamp_s))
-            case Pong() if self.state is State.up:
+                self._send(Pong(message.stamp_s))
+            case Pong() if self.state is SessionState.up:
                 if message.stamp_s == self._ping_s:
                     self.rtt_s = max(0.0, now_s - message.stamp_s)
             case _:
-                self.refuse(f"a {type(message).__name__.lower()} came out of turn.")
+                self.refuse(f"a {message.__struct_config__.tag} came out of turn.")
 
-    def _greet(self, hello: Hello, now_s: float) -> None:
-        terms = self.terms
-        has_secret = terms.secret is not None
+    def _greet(self, hello: HelloMessage, now_s: float) -> None:
+        config = self.config
+        has_secret = config.secret is not None
         if hello.protocol != PROTOCOL or hello.version != VERSION:
             self.refuse(
-                f"node '{terms.node}' speaks {PROTOCOL} version {VERSION}, the other end {hello.protocol} version "
+                f"node '{config.node}' speaks {PROTOCOL} version {VERSION}, the other end {hello.protocol} version "
                 f"{hello.version}. Try: the same release of snr_sim on both."
             )
         elif not hello.node.isprintable():
@@ -333,57 +339,59 @@ class Session:
                 f"the other end names itself {hello.node!a}, with characters that no terminal shows. "
                 "Try: a role's name of letters, digits and underscores."
             )
-        elif hello.purpose != terms.purpose:
+        elif hello.purpose != config.purpose:
             self.refuse(
-                f"node '{terms.node}' is here for {terms.purpose}, node '{hello.node}' for {hello.purpose}. "
+                f"node '{config.node}' is here for {config.purpose}, node '{hello.node}' for {hello.purpose}. "
                 "Try: is that the right port?"
             )
         elif hello.auth != has_secret:
-            who, other = (terms.node, hello.node) if has_secret else (hello.node, terms.node)
-            self._meet(hello)  # recorded, since the hello is valid, although the end is not trusted
-            what, fix = terms.secret_is
+            who, other = (config.node, hello.node) if has_secret else (hello.node, config.node)
+            self._record_peer(hello)  # recorded, since the hello is valid, although the end is not trusted
+            what, fix = config.secret_is
             self.refuse(f"node '{who}' asks for a {what}, node '{other}' has none. Try: {fix}.")
         else:
-            self._meet(hello)
+            self._record_peer(hello)
             if not has_secret:
                 self._go_up(now_s)
                 return
-            self.state = State.proving
-            if not terms.is_server:  # the client proves first: a server reveals nothing to unauthenticated clients
-                self._say(Auth(self._proofs[0]))
+            self.state = SessionState.proving
+            if not config.is_server:  # the client proves first: a server reveals nothing to unauthenticated clients
+                self._send(Auth(self._proofs[0]))
 
-    def _meet(self, hello: Hello) -> None:
+    def _record_peer(self, hello: HelloMessage) -> None:
         self.peer, self.peer_node = hello, hello.node
 
     def _check(self, auth: Auth, now_s: float) -> None:
         own, other = self._proofs
         if not hmac.compare_digest(auth.proof, other):
-            what, fix = self.terms.secret_is
-            self.refuse(f"the {what}s of the two ends differ, or somebody passed on or changed a greeting. Try: {fix}.")
+            what, fix = self.config.secret_is
+            self.refuse(
+                f"the {what}s of the two ends differ, or a third party forwarded or changed a greeting. Try: {fix}."
+            )
             return
-        if self.terms.is_server:
-            self._say(Auth(own))
+        if self.config.is_server:
+            self._send(Auth(own))
         self._go_up(now_s)
 
     def _go_up(self, now_s: float) -> None:
-        self.state = State.up
+        self.state = SessionState.up
         self._ping(now_s)  # before any page, so that the other end knows the age of our first page
-        self._reader.max_bytes = self.terms.max_frame_bytes + (0 if self._mac_in is None else MAC_BYTES)
+        self._reader.max_bytes = self.config.max_frame_bytes + (0 if self._mac_in is None else MAC_BYTES)
 
-    def _say(self, message: Control) -> None:
+    def _send(self, message: Control) -> None:
         self._put(encode_frame(encode_message(message)))
 
     def _put(self, frame: bytes) -> None:
         self._outbox.append(frame)
         self._outbox_bytes += len(frame)
-        if self._outbox_bytes > MAX_WAITING_BYTES and self.state is not State.closed:
+        if self._outbox_bytes > MAX_WAITING_BYTES and self.state is not SessionState.closed:
             self._close("the other end does not read its answers.")
 
 
-def on_one_line(reason: str) -> str:
+def printable_line(reason: str) -> str:
     """Return a reason without control characters: the remote peer wrote it, and an operator's terminal shows it.
 
-    >>> on_one_line("gone.\\n  Try: \\x1b[2J")
+    >>> printable_line("gone.\\n  Try: \\x1b[2J")
     'gone. Try: \\\\x1b[2J'
     """
     return printable(" ".join(reason.split()))[:MAX_REASON_CHARS]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from snr_sim.core.loop import LoopFactory
-from snr_sim.links.tls_errors import tls_words
+from snr_sim.links.tls_errors import describe_tls_error
 from snr_sim.prelude.errors import LinkError
 
 if TYPE_CHECKING:
@@ -64,13 +64,14 @@ class SocketPort:
         """Return the descriptor that `select` waits for."""
         return self._sock.fileno()
 
-    def read(self, most: int) -> bytes:
+    def read(self, max_bytes: int) -> bytes:
         """Return what has arrived, b"" at the end; raise BlockingIOError if nothing has, OSError if it broke."""
         if self.is_shareable:
-            return self._sock.recv(most)
+            return self._sock.recv(max_bytes)
         chunks: list[bytes] = []
         try:
-            while (left := most - sum(map(len, chunks))) > 0:  # a TLS record has at most 16 KiB, a frame may have more
+            # A TLS record has at most 16 KiB, a frame may have more.
+            while (left := max_bytes - sum(map(len, chunks))) > 0:
                 chunks.append(self._sock.recv(left))
                 if not chunks[-1]:
                     break
@@ -78,7 +79,7 @@ class SocketPort:
             if not chunks:
                 raise BlockingIOError from None
         except self._broken as error:
-            raise OSError(tls_words(error)) from None
+            raise OSError(describe_tls_error(error)) from None
         return b"".join(chunks)
 
     def has_more(self) -> bool:
@@ -92,7 +93,7 @@ class SocketPort:
         except self._blocked:
             raise BlockingIOError from None
         except self._broken as error:
-            raise OSError(tls_words(error)) from None
+            raise OSError(describe_tls_error(error)) from None
 
     def end_writing(self) -> None:
         """Signal the end of the stream to the peer."""

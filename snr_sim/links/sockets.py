@@ -12,14 +12,14 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.links.faults import Faults
+from snr_sim.links.faults import LinkFaults
 from snr_sim.links.frames import MAX_FRAME_BYTES
 from snr_sim.links.link import Link
 from snr_sim.links.options import LinkOptions
 from snr_sim.links.security import Tls, as_networks, as_secret, is_loopback
 from snr_sim.links.send_queue import Policy
-from snr_sim.links.session import Terms
-from snr_sim.links.simulated import Meeting, SimulatedTransport
+from snr_sim.links.session import SessionConfig
+from snr_sim.links.simulated import Rendezvous, SimulatedTransport
 from snr_sim.links.socket_port import Address, ListenerFactory
 from snr_sim.links.tcp_client import TcpClient
 from snr_sim.links.tcp_server import TcpServer
@@ -67,19 +67,21 @@ class SocketsPair:
         max_frame_bytes: int = MAX_FRAME_BYTES,
         queue_pages: int = 10_000,
         policy: Policy = "drop_oldest",
-        faults: Faults | None = None,
+        faults: LinkFaults | None = None,
         keep_alive_s: float = 0.5,
         timeout_s: float = 3.0,
-        secret_is: tuple[str, str] = Terms.secret_is,
+        secret_is: tuple[str, str] = SessionConfig.secret_is,
     ) -> None:
         self.address = _as_address(server_tuple, more)
         self.secret = as_secret(secret)
         self.secret_is = secret_is
         if tls is not None and not isinstance(tls, Tls):
-            raise ConfigError(f"A link with tls={tls!r}.", fix="Tls(certificate=..., key=..., authority=...), or None.")
+            raise ConfigError(
+                f"tls={tls!r} is not a Tls.", fix="Tls(certificate=..., key=..., authority=...), or None."
+            )
         self.tls = tls
         self.allow = as_networks(allow)
-        self.meeting: Meeting[SimulatedTransport] = Meeting()
+        self.rendezvous: Rendezvous[SimulatedTransport] = Rendezvous()
         self.options = LinkOptions(
             name or str(self.port),
             max_frame_bytes=max_frame_bytes,
@@ -125,10 +127,10 @@ class SocketsPair:
         """
         return SocketsListenerFactory(self, keys, accept)
 
-    def terms_for(self, node: str, is_server: bool) -> Terms:
+    def session_config(self, node: str, is_server: bool) -> SessionConfig:
         """Return the session settings of one end."""
         options = self.options
-        return Terms(
+        return SessionConfig(
             node,
             is_server,
             self.secret,
@@ -144,16 +146,18 @@ def _as_address(server_tuple: object, more: tuple[object, ...]) -> Address:
     """Return host and port after a check; `more` are positional arguments that belong in the tuple or need a name."""
     fix = 'SocketsPair(("127.0.0.1", 9120), name="tether"): host and port in parentheses, all else by its name.'
     if more:
-        raise ConfigError(f"A SocketsPair of {server_tuple!r} and {', '.join(map(repr, more))}.", fix=fix)
+        raise ConfigError(
+            f"SocketsPair takes one address, not {server_tuple!r} and {', '.join(map(repr, more))}.", fix=fix
+        )
     if not isinstance(server_tuple, (tuple, list)) or len(server_tuple) != 2:
-        raise ConfigError(f"A link's address is {server_tuple!r}.", fix=fix)
+        raise ConfigError(f"{server_tuple!r} is not the address of a link.", fix=fix)
     host, port = server_tuple
     if not isinstance(host, str) or not host:
-        raise ConfigError(f"A link's address is {server_tuple!r}, and its host is {host!r}.", fix=fix)
+        raise ConfigError(f"The address of a link is {server_tuple!r}, but its host cannot be {host!r}.", fix=fix)
     if isinstance(port, bool) or not isinstance(port, int) or not 0 <= port < 1 << 16:
         raise ConfigError(
-            f"A link's address is {server_tuple!r}, and its port is {port!r}.",
-            fix="a whole number from 0 to 65535; 0 takes a free one.",
+            f"The address of a link is {server_tuple!r}, but its port cannot be {port!r}.",
+            fix="use an integer from 0 to 65535; 0 takes a free port.",
         )
     return Address(host, port)
 
@@ -193,14 +197,14 @@ class SocketsLoopFactory(LoopFactory):
     def get(self, parent: NodeApi) -> Loop:
         """Return the link."""
         pair = self.pair
-        terms = pair.terms_for(parent.name, is_server=False)
+        config = pair.session_config(parent.name, is_server=False)
         server_name = "" if pair.tls is None else pair.tls.server_name
         return Link(
             self,
             parent,
             self.options,
-            real=lambda link: TcpClient(link, terms, pair.address, self._context(), server_name),
-            simulated=lambda link: SimulatedTransport(link, terms, pair.meeting),
+            real=lambda link: TcpClient(link, config, pair.address, self._context(), server_name),
+            simulated=lambda link: SimulatedTransport(link, config, pair.rendezvous),
         )
 
 
@@ -228,13 +232,15 @@ class SocketsListenerFactory(ListenerFactory):
         super().__init__(pair.address, f"The link '{pair.options.name}'")
         self.options = pair.options.for_end(data_keys, accept)
         # Clients with our secret or certificate may connect from any address.
-        asks_who = pair.secret is not None or (pair.tls is not None and pair.tls.client_authority is not None)
-        if not (asks_who or pair.allow or is_loopback(pair.host)):
+        requires_authentication = pair.secret is not None or (
+            pair.tls is not None and pair.tls.client_authority is not None
+        )
+        if not (requires_authentication or pair.allow or is_loopback(pair.host)):
             raise ConfigError(
-                f"A server on {pair.host} would let anybody in that network steer this node.",
+                f"A server on {pair.host} needs secret= or allow=: any computer in that network could steer this node.",
                 fix='secret= on both ends, or allow=["192.168.2.7"] with the addresses that may connect.',
             )
-        self._asks_who = asks_who
+        self._requires_authentication = requires_authentication
         self._context()
 
     def _context(self) -> ssl.SSLContext | None:
@@ -248,11 +254,13 @@ class SocketsListenerFactory(ListenerFactory):
     def get(self, parent: NodeApi) -> Loop:
         """Return the link."""
         pair = self.pair
-        terms = pair.terms_for(parent.name, is_server=True)
+        config = pair.session_config(parent.name, is_server=True)
         return Link(
             self,
             parent,
             self.options,
-            real=lambda link: TcpServer(link, terms, self.listener, self._asks_who, pair.allow, self._context()),
-            simulated=lambda link: SimulatedTransport(link, terms, pair.meeting),
+            real=lambda link: TcpServer(
+                link, config, self.listener, self._requires_authentication, pair.allow, self._context()
+            ),
+            simulated=lambda link: SimulatedTransport(link, config, pair.rendezvous),
         )

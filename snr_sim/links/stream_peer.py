@@ -11,7 +11,7 @@ import heapq
 import threading
 from contextlib import suppress
 
-from snr_sim.links.faults import Way
+from snr_sim.links.faults import LossyChannel
 from snr_sim.links.link import Link
 from snr_sim.links.peers import Peer
 from snr_sim.links.restarting import error_text
@@ -32,16 +32,16 @@ class StreamPeer(Peer):
 
     Args:
         port: the port to the peer.
-        session, way: as of Peer.
+        session, channel: as of Peer.
         link: the link it belongs to.
         where: description of its address.
         account: accumulates the time that it uses.
     """
 
     def __init__(
-        self, port: SocketPort, session: Session, link: Link, way: Way | None, where: str, account: Account
+        self, port: SocketPort, session: Session, link: Link, channel: LossyChannel | None, where: str, account: Account
     ) -> None:
-        super().__init__(session, link.options, way)
+        super().__init__(session, link.options, channel)
         self.where = where
         self.account = account
         self.port = port
@@ -52,7 +52,7 @@ class StreamPeer(Peer):
         self.is_blocked = False  # the port accepts nothing now
         self.unread_bytes = 0  # received since the last page
         self.watched = 0  # events that `select` waits for
-        self.is_at_door = False  # whether the node's thread reads it while it waits in its inbox
+        self.is_read_by_node = False  # whether the node's thread reads it while it waits in its inbox
         self.leaves_s: float | None = None  # time limit for closing it, once the session is over
         self._link = link
         self._sending = threading.Lock()  # held for one call to the port, which does not block
@@ -63,8 +63,8 @@ class StreamPeer(Peer):
 
     def put(self, frame: bytes) -> None:
         """Send a page at once if no frame waits; otherwise queue it and wake the link's thread."""
-        if self.way is not None:
-            self._put_on_the_way(self.way, frame, is_page=True)
+        if self.channel is not None:
+            self._delay(self.channel, frame, is_page=True)
             self._link.transport.wake()
             return
         with self._sending:
@@ -99,14 +99,14 @@ class StreamPeer(Peer):
     def pump(self, now_s: float) -> None:
         """Send as much of the waiting frames as the port accepts; on the link's thread."""
         output = self.session.take_output()
-        if self.way is None:
+        if self.channel is None:
             self._control += output
             if output and sum(map(len, self._control)) > MAX_WAITING_BYTES:
                 self.fail(OSError(errno.ENOBUFS, "the other end does not read its answers."))
         else:
             for frame in output:
-                self._put_on_the_way(self.way, frame, is_page=False)
-            self._arrive(now_s)
+                self._delay(self.channel, frame, is_page=False)
+            self._deliver_due(now_s)
         try:
             while self._write_some():
                 pass
@@ -152,16 +152,16 @@ class StreamPeer(Peer):
         """Time when the next delayed frame is due."""
         return self._delayed[0][0] if self._delayed else float("inf")
 
-    def _put_on_the_way(self, way: Way, frame: bytes, is_page: bool) -> None:
+    def _delay(self, channel: LossyChannel, frame: bytes, is_page: bool) -> None:
         with self._sending:
             if is_page and len(self._delayed) >= self.queue.max_pages:
                 self.dropped += 1
                 return
-            for arrival_s in way.arrivals_s(len(frame), self._link.get_time_s(), is_page):
+            for arrival_s in channel.arrivals_s(len(frame), self._link.get_time_s(), is_page):
                 self._count += 1
                 heapq.heappush(self._delayed, (arrival_s, self._count, frame, is_page))
 
-    def _arrive(self, now_s: float) -> None:
+    def _deliver_due(self, now_s: float) -> None:
         with self._sending:
             while self._delayed and self._delayed[0][0] <= now_s:
                 _, _, frame, is_page = heapq.heappop(self._delayed)

@@ -1,6 +1,6 @@
 """Streams: transport of a link over byte streams, sockets or pipes.
 
-The node's own thread reads what has arrived while it waits in its inbox (`Door`), because a change of threads takes
+The node's own thread reads what has arrived while it waits in its inbox, because a change of threads takes
 longer than all the rest. The link's thread does everything else (connects, greets, pings, sends what could not be sent
 at once) in one `select`. It also reads when the node is too busy to wait in its inbox.
 """
@@ -18,7 +18,7 @@ from typing import Any
 
 from snr_sim.links.link import Link, Transport
 from snr_sim.links.peers import Peers
-from snr_sim.links.session import Terms
+from snr_sim.links.session import SessionConfig
 from snr_sim.links.socket_port import SocketPort
 from snr_sim.links.stream_peer import Account, StreamPeer
 
@@ -29,9 +29,9 @@ ROUND_BYTES = 1 << 13
 MIN_SHARE_BYTES = 1 << 8
 ROUND_S = 0.02  # maximum duration of a round; the remaining peers follow in the next
 # Period at which pages are read for a node that still has tasks of the last ones to do.
-STAND_IN_S = 0.1
-TEND_EVERY_S = 0.05  # time-outs, keep-alives, reports
-LOOK_EVERY_S = 0.002  # period at which a busy node is checked: does it wait in its inbox, has it caught up?
+BUSY_READ_PERIOD_S = 0.1
+HOUSEKEEPING_PERIOD_S = 0.05  # time-outs, keep-alives, reports
+BUSY_CHECK_PERIOD_S = 0.002  # period at which a busy node is checked: does it wait in its inbox, has it caught up?
 # Time limit for a closing link to send what waits and get its receipt confirmed. Shorter than that of joining a loop.
 LINGER_S = 0.3
 _USED_S = attrgetter("account.used_s")
@@ -44,25 +44,28 @@ class Streams(Transport):
     least first (`_in_turn`). The next round begins when the node has handled the last one, or has had at least as much
     time as that round took. So whatever some peers send, accepted or not, it delays another peer by one round at most.
 
+    Each wait in the inbox is a round, since a node that waits has handled the last one. Streams that are not up share
+    one account of time.
+
     An error of one stream closes that stream (`_for`). Other errors restart the link.
 
     Args:
         link: as of Transport.
-        terms: settings of its sessions.
+        config: settings of its sessions.
     """
 
-    def __init__(self, link: Link, terms: Terms) -> None:
+    def __init__(self, link: Link, config: SessionConfig) -> None:
         super().__init__(link)
-        self.peers = Peers(link, terms)
+        self.peers = Peers(link, config)
         self.carry = self.peers.carry
         self.streams: list[StreamPeer] = []  # all, including those that are not up
         self.now_s = link.parent.clock.now_s
         self._node = link.parent
-        self._tend_s = 0.0
+        self._housekeep_s = 0.0
         self._is_woken = False
         self._is_round_over = False
         self._is_slow = link.options.faults is not None  # then each frame is due at a time of its own
-        self._visits = -1  # number of the node's waits in its inbox, when last read
+        self._wait_count = -1  # number of the node's waits in its inbox, when last read
         self._is_node_busy = True
         self.forged = 0  # streams whose data was changed between the two ends
         self._read_s = float("-inf")  # when pages last arrived
@@ -78,7 +81,7 @@ class Streams(Transport):
         for sock in (self._wake_in, self._wake_out):
             ports.callback(sock.close)
             sock.setblocking(False)
-        self._selector.register(self._wake_out, selectors.EVENT_READ, self._woken)
+        self._selector.register(self._wake_out, selectors.EVENT_READ, self._on_wake_up)
         ports.callback(self._drop_all)
 
     def notes(self) -> list[str]:
@@ -92,14 +95,14 @@ class Streams(Transport):
             with suppress(OSError):  # a full pipe wakes it as well, and a closed one means the end
                 self._wake_in.send(b"\0")
 
-    def _woken(self, events: int) -> None:
+    def _on_wake_up(self, events: int) -> None:
         with suppress(OSError):
             self._wake_out.recv(4096)
         self._is_woken = False  # before the work, so that what arrives during it wakes the thread again
         self._is_round_over = True  # the link may be about to stop
-        self._look_around()
+        self._poll()
 
-    def _look_around(self) -> None:
+    def _poll(self) -> None:
         """Handle a wake-up: a page waits, or the link is to stop."""
         self._pump_all()
 
@@ -116,8 +119,8 @@ class Streams(Transport):
             if not events or now_s >= until_s or not self.link.has_few_tasks():
                 break
         with self.lock:
-            self._stand_in(now())
-            self._tend(now())
+            self._read_for_busy_node(now())
+            self._housekeep(now())
 
     def _act_on(self, events: list[tuple[selectors.SelectorKey, int]]) -> None:
         ready: dict[StreamPeer, int] = {}
@@ -142,22 +145,24 @@ class Streams(Transport):
             account.used_s += now_s - last_s
             if now_s - begun_s > ROUND_S:
                 break
-        if now_s - begun_s > LOOK_EVERY_S:
+        if now_s - begun_s > BUSY_CHECK_PERIOD_S:
             self._rest_s = now_s + (now_s - begun_s)
 
     def _until_s(self, now_s: float) -> float:
-        if self._half_read and not self.link.is_deaf:
+        if self._half_read and not self.link.is_paused:
             return now_s
-        if self.link.is_deaf or self._is_node_busy:
-            return now_s + LOOK_EVERY_S
-        return min([self._tend_s, *(stream.due_s for stream in self.streams)]) if self._is_slow else self._tend_s
+        if self.link.is_paused or self._is_node_busy:
+            return now_s + BUSY_CHECK_PERIOD_S
+        return (
+            min([self._housekeep_s, *(stream.due_s for stream in self.streams)]) if self._is_slow else self._housekeep_s
+        )
 
-    def see_off(self) -> None:
-        """Send what waits and say goodbye, within `LINGER_S`."""
+    def drain_and_close(self) -> None:
+        """Send what waits and send the goodbye message, within `LINGER_S`."""
         with self.lock:
             for stream in self.streams:
-                self._stand_at_door(stream, False)
-        see_off(self.streams, self.now_s, self.peers.farewell())
+                self._set_read_by_node(stream, False)
+        drain_and_close(self.streams, self.now_s, self.peers.bye_reason())
 
     def state(self, now_s: float) -> dict[str, Any]:
         """Return the state of the link; see Transport."""
@@ -177,8 +182,8 @@ class Streams(Transport):
                 self._drop(stream)
 
     def _add_stream(self, port: SocketPort, where: str) -> StreamPeer:
-        way = self.peers.new_way() if self._is_slow else None
-        stream = StreamPeer(port, self.peers.new_session(), self.link, way, where, self._greeting)
+        channel = self.peers.new_channel() if self._is_slow else None
+        stream = StreamPeer(port, self.peers.new_session(), self.link, channel, where, self._greeting)
         self.streams.append(stream)
         self._for(stream, self._pump)
         return stream
@@ -187,7 +192,7 @@ class Streams(Transport):
         """Send what waits for a peer, and update its state."""
         stream.pump(self.now_s())
         if stream.failure or stream.session.is_closed:
-            self._part_from(stream)
+            self._end_session(stream)
         if stream in self.streams:
             self._watch(stream)
 
@@ -200,10 +205,10 @@ class Streams(Transport):
             self._read(stream)
         self._pump(stream)
 
-    def _serve_at_door(self, ready: list[StreamPeer]) -> None:
+    def _serve_in_inbox(self, ready: list[StreamPeer]) -> None:
         """Read a round of what has arrived, on the node's thread, which is idle in its inbox."""
         with self.lock:
-            self._in_turn(ready, self._read_at_door)
+            self._in_turn(ready, self._read_in_inbox)
             for stream in ready:
                 if stream.failure or stream.session.wants_attention:
                     break
@@ -211,9 +216,9 @@ class Streams(Transport):
                 return
         self.wake()
 
-    def _read_at_door(self, stream: StreamPeer) -> None:
+    def _read_in_inbox(self, stream: StreamPeer) -> None:
         try:
-            if not stream.is_at_door:
+            if not stream.is_read_by_node:
                 return
             self._read(stream)
             if stream.session.is_up and stream.session.wants_attention:
@@ -224,19 +229,19 @@ class Streams(Transport):
         except Exception as error:  # the link's thread closes the stream
             stream.fail(error)
 
-    def _stand_in(self, now_s: float) -> None:
+    def _read_for_busy_node(self, now_s: float) -> None:
         """Read a round for a node that has not waited in its inbox since the last check."""
-        door = self._node.door
-        is_absent = not door.is_waited_at and door.visits == self._visits
-        self._is_node_busy, self._visits = not door.is_waited_at, door.visits
-        is_early = now_s < self._rest_s or (now_s < self._read_s + STAND_IN_S and not self.link.has_few_tasks())
-        was_deaf, self.link.is_deaf = self.link.is_deaf, self.link.must_wait() or is_early
-        if self.link.is_deaf != was_deaf:
+        inbox = self._node.inbox
+        is_absent = not inbox.is_waiting and inbox.wait_count == self._wait_count
+        self._is_node_busy, self._wait_count = not inbox.is_waiting, inbox.wait_count
+        is_early = now_s < self._rest_s or (now_s < self._read_s + BUSY_READ_PERIOD_S and not self.link.has_few_tasks())
+        was_paused, self.link.is_paused = self.link.is_paused, self.link.check_back_pressure() or is_early
+        if self.link.is_paused != was_paused:
             for stream in list(self.streams):
                 self._for(stream, self._watch)
-        if is_absent and not self.link.is_deaf:
-            at_door = [stream for stream in self.streams if stream.is_at_door]
-            self._in_turn(at_door, lambda stream: self._for(stream, self._read))
+        if is_absent and not self.link.is_paused:
+            idle_streams = [stream for stream in self.streams if stream.is_read_by_node]
+            self._in_turn(idle_streams, lambda stream: self._for(stream, self._read))
 
     def _read(self, stream: StreamPeer) -> None:
         """Accept what has arrived: of new frames no more than the stream's share."""
@@ -252,7 +257,7 @@ class Streams(Transport):
             stream.fail(error)
             return
         if not data:
-            session.lost("the connection was closed.")
+            session.mark_lost("the connection was closed.")
             stream.failure = session.reason
             return
         if not stream.port.is_shareable:
@@ -266,14 +271,14 @@ class Streams(Transport):
             stream.is_admitted, stream.account = True, Account()
             stream.pump(self.now_s())  # the session's messages precede the first page
             self._admit(stream)
-            self._tend_s = 0.0  # report it now
+            self._housekeep_s = 0.0  # report it now
         if pages:
             self.link.note_size(stream.unread_bytes // len(pages))
             stream.unread_bytes = 0
             self._read_s = now_s
-            self.link.bring(pages, stream)
+            self.link.accept_pages(pages, stream)
 
-    def _part_from(self, stream: StreamPeer) -> None:
+    def _end_session(self, stream: StreamPeer) -> None:
         """End a session. Closing at once could discard the reason before the peer reads it, so closing is delayed."""
         leaves_s = self._note_end(stream)
         if stream.due_s == float("inf"):  # otherwise the reason is still delayed by faults
@@ -287,15 +292,15 @@ class Streams(Transport):
             return stream.leaves_s
         stream.leaves_s = self.now_s() + LINGER_S
         if stream.failure:
-            stream.session.lost(stream.failure)
+            stream.session.mark_lost(stream.failure)
         if stream.is_admitted:
-            self.peers.dismiss(stream)
+            self.peers.remove(stream)
         self.link.reason = stream.session.reason
-        self.link.unwanted += stream.session.rejected
+        self.link.rejected += stream.session.rejected
         self.forged += stream.session.was_forged
         is_news = stream.session.was_forged and self.forged == 1  # warned once: it can happen again and again
         self.link.log.log(logging.WARNING if is_news else logging.INFO, "%s: %s", stream.where, self.link.reason)
-        self._tend_s = 0.0
+        self._housekeep_s = 0.0
         return stream.leaves_s
 
     def _drop(self, stream: StreamPeer) -> None:
@@ -311,69 +316,69 @@ class Streams(Transport):
         self.link.attempt(partial(self._note_end, stream))
         self.link.attempt(partial(self._watch, stream))
         self.link.attempt(stream.port.close)
-        self.link.attempt(partial(self._gone, stream))
+        self.link.attempt(partial(self._on_closed, stream))
 
     def _drop_all(self) -> None:
         for stream in list(self.streams):
-            stream.session.lost("the link was closed.")  # if it did not end in good order
+            stream.session.mark_lost("the link was closed.")  # if it did not end in good order
             self._drop(stream)
 
     def _admit(self, stream: StreamPeer) -> None:
         """Start to use a session that is up."""
         self.peers.admit(stream)
 
-    def _gone(self, stream: StreamPeer) -> None:
+    def _on_closed(self, stream: StreamPeer) -> None:
         """Forget a stream that is closed; a client connects again."""
 
     def _watch(self, stream: StreamPeer) -> None:
         """Register in `select` the events that this stream needs now."""
         is_open, is_leaving = stream in self.streams, stream.leaves_s is not None
-        is_at_door = is_open and stream.is_admitted and stream.port.is_shareable and not is_leaving
-        self._stand_at_door(stream, is_at_door)
-        is_read = is_leaving or not (is_at_door or (stream.is_admitted and self.link.is_deaf))
-        wanted = 0
+        is_read_by_node = is_open and stream.is_admitted and stream.port.is_shareable and not is_leaving
+        self._set_read_by_node(stream, is_read_by_node)
+        is_read = is_leaving or not (is_read_by_node or (stream.is_admitted and self.link.is_paused))
+        events = 0
         if is_open:
-            wanted = (selectors.EVENT_READ if is_read else 0) | (selectors.EVENT_WRITE if stream.is_blocked else 0)
-        if wanted == stream.watched:
+            events = (selectors.EVENT_READ if is_read else 0) | (selectors.EVENT_WRITE if stream.is_blocked else 0)
+        if events == stream.watched:
             return
-        if not wanted:
+        if not events:
             self._selector.unregister(stream.descriptor)
         elif not stream.watched:
-            self._selector.register(stream.descriptor, wanted, stream)
+            self._selector.register(stream.descriptor, events, stream)
         else:
-            self._selector.modify(stream.descriptor, wanted, stream)
-        stream.watched = wanted
+            self._selector.modify(stream.descriptor, events, stream)
+        stream.watched = events
 
-    def _stand_at_door(self, stream: StreamPeer, is_wanted: bool) -> None:
+    def _set_read_by_node(self, stream: StreamPeer, is_watched: bool) -> None:
         """Add or remove a stream that the node's thread reads while it waits in its inbox."""
-        if is_wanted and not stream.is_at_door:
-            self._node.door.watch(stream.descriptor, self._serve_at_door, stream)
-            stream.is_at_door = True
-        elif stream.is_at_door and not is_wanted:
-            stream.is_at_door = False
-            self._node.door.unwatch(stream.descriptor)
+        if is_watched and not stream.is_read_by_node:
+            self._node.inbox.watch(stream.descriptor, self._serve_in_inbox, stream)
+            stream.is_read_by_node = True
+        elif stream.is_read_by_node and not is_watched:
+            stream.is_read_by_node = False
+            self._node.inbox.unwatch(stream.descriptor)
 
-    def _tend(self, now_s: float) -> None:
+    def _housekeep(self, now_s: float) -> None:
         """Do periodic work: keep-alives, time-outs, reports."""
         self._pump_all()
-        if now_s < self._tend_s:
+        if now_s < self._housekeep_s:
             return
-        self._tend_s = now_s + TEND_EVERY_S
+        self._housekeep_s = now_s + HOUSEKEEPING_PERIOD_S
         if self._is_woken:  # the wake-up may have come while the link restarted, and had no effect then
             self._is_woken = False
-            self._look_around()
+            self._poll()
         self._greeting.used_s /= 2
         for stream in list(self.streams):
             stream.account.used_s /= 2
-            if self.link.is_deaf:
-                stream.session.forgive_silence(now_s)
+            if self.link.is_paused:
+                stream.session.reset_idle_timer(now_s)
             self._for(stream, lambda stream: stream.session.tick(now_s))
         self._pump_all()
         self.link.report(now_s)
 
 
-def see_off(streams: list[StreamPeer], now_s: Callable[[], float], reason: str) -> None:
-    """Send what waits, say goodbye, and wait for the peers to close, at most `LINGER_S`."""
+def drain_and_close(streams: list[StreamPeer], now_s: Callable[[], float], reason: str) -> None:
+    """Send what waits, send the goodbye message, and wait for the peers to close, at most `LINGER_S`."""
     give_up_s = now_s() + LINGER_S
     with selectors.DefaultSelector() as selector:
         for stream in streams:
@@ -384,7 +389,7 @@ def see_off(streams: list[StreamPeer], now_s: Callable[[], float], reason: str) 
             for key, _ in selector.select(min(spare_s, max(0.001, due_s - now_s()))):
                 stream = key.data
                 try:
-                    events = _say_goodbye(stream, now_s(), reason)
+                    events = _send_goodbye(stream, now_s(), reason)
                 except Exception as error:  # the others still get their goodbye
                     stream.fail(error)
                     events = 0
@@ -394,7 +399,7 @@ def see_off(streams: list[StreamPeer], now_s: Callable[[], float], reason: str) 
                     selector.modify(key.fileobj, events, stream)
 
 
-def _say_goodbye(stream: StreamPeer, now_s: float, reason: str) -> int:
+def _send_goodbye(stream: StreamPeer, now_s: float, reason: str) -> int:
     """Send what waits, then the goodbye; return the events to wait for, 0 if the peer has closed."""
     stream.pump(now_s)
     if stream.failure or _has_closed(stream):

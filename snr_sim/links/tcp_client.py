@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from snr_sim.links.back_off import BackOff
 from snr_sim.links.link import Link
 from snr_sim.links.restarting import error_text
-from snr_sim.links.session import Terms
+from snr_sim.links.session import SessionConfig
 from snr_sim.links.socket_port import Address, SocketPort
 from snr_sim.links.stream_peer import StreamPeer
 from snr_sim.links.streams import Streams
@@ -29,16 +29,16 @@ class TcpClient(Streams):
     """Connects, and reconnects whenever the connection is lost.
 
     Args:
-        link, terms: as of Streams.
+        link, config: as of Streams.
         address: of the server; its port may become known only once the server listens.
         context: of TLS, if used.
         server_name: the name that the server's certificate must contain; its host if empty.
     """
 
     def __init__(
-        self, link: Link, terms: Terms, address: Address, context: ssl.SSLContext | None, server_name: str
+        self, link: Link, config: SessionConfig, address: Address, context: ssl.SSLContext | None, server_name: str
     ) -> None:
-        super().__init__(link, terms)
+        super().__init__(link, config)
         self._address = address
         self._context = context
         self._server_name = server_name or address.host
@@ -46,59 +46,59 @@ class TcpClient(Streams):
     def open(self, ports: ExitStack) -> None:
         """Connect as soon as possible; see Transport."""
         super().open(ports)
-        self._call_s: float | None = 0.0  # time of the next attempt; None during an attempt or a connection
+        self._connect_s: float | None = 0.0  # time of the next attempt; None during an attempt or a connection
         self._back_off = BackOff()
         self._up_s = 0.0
-        self._calls = Calls(self.wake)
-        ports.callback(self._calls.give_up)
+        self._connector = Connector(self.wake)
+        ports.callback(self._connector.cancel)
 
-    def _tend(self, now_s: float) -> None:
-        if self._call_s is not None and now_s >= self._call_s:
-            self._call_s = None
-            self._calls.begin(self._address.host, self._address.port)
-        super()._tend(now_s)
+    def _housekeep(self, now_s: float) -> None:
+        if self._connect_s is not None and now_s >= self._connect_s:
+            self._connect_s = None
+            self._connector.begin(self._address.host, self._address.port)
+        super()._housekeep(now_s)
 
-    def _look_around(self) -> None:
-        super()._look_around()
+    def _poll(self) -> None:
+        super()._poll()
         with suppress(Empty):
-            answer = self._calls.answers.get_nowait()
-            if isinstance(answer, str):
-                self._call_again(f"waits for {self._address}: {answer}.")
+            result = self._connector.results.get_nowait()
+            if isinstance(result, str):
+                self._reconnect_later(f"waits for {self._address}: {result}.")
             else:
-                self._connected(answer)
+                self._on_connected(result)
 
-    def _connected(self, sock: socket.socket) -> None:
+    def _on_connected(self, sock: socket.socket) -> None:
         try:
             port = SocketPort(sock, self._context, self._server_name)
         except (OSError, ValueError) as error:  # of TLS: an invalid host name is a ValueError
             sock.close()
-            self._call_again(f"waits for {self._address}: {error}.")
+            self._reconnect_later(f"waits for {self._address}: {error}.")
             return
         self._up_s = self.now_s()
         self._add_stream(port, str(self._address))
 
-    def _gone(self, stream: StreamPeer) -> None:
+    def _on_closed(self, stream: StreamPeer) -> None:
         if self.now_s() - self._up_s >= STEADY_S:
-            self._back_off.forget()
-        self._call_again(stream.session.reason)
+            self._back_off.reset()
+        self._reconnect_later(stream.session.reason)
 
-    def _call_again(self, reason: str) -> None:
+    def _reconnect_later(self, reason: str) -> None:
         self.link.reason = reason
-        self._call_s = self.now_s() + self._back_off.next_s()
-        self._tend_s = min(self._tend_s, self._call_s)
+        self._connect_s = self.now_s() + self._back_off.next_s()
+        self._housekeep_s = min(self._housekeep_s, self._connect_s)
 
 
-class Calls:
+class Connector:
     """Resolves names and connects on separate threads: both may block indefinitely.
 
     Args:
-        tell: is called when there is a result.
+        notify: is called when there is a result.
     """
 
-    def __init__(self, tell: Callable[[], None]) -> None:
-        self.answers: SimpleQueue[socket.socket | str] = SimpleQueue()
-        self._tell = tell
-        self._has_given_up = False
+    def __init__(self, notify: Callable[[], None]) -> None:
+        self.results: SimpleQueue[socket.socket | str] = SimpleQueue()
+        self._notify = notify
+        self._is_cancelled = False
 
     def begin(self, host: str, port: int) -> None:
         """Start to connect; the result is a socket, or an error."""
@@ -106,23 +106,23 @@ class Calls:
 
     def _connect(self, host: str, port: int) -> None:
         try:
-            answer: socket.socket | str = connect(host, port)
+            result: socket.socket | str = connect(host, port)
         except Exception as error:  # any: without a result the link would never retry
-            answer = error_text(error)
-        self.answers.put(answer)
-        if self._has_given_up:
-            self.give_up()
+            result = error_text(error)
+        self.results.put(result)
+        if self._is_cancelled:
+            self.cancel()
         else:
-            self._tell()
+            self._notify()
 
-    def give_up(self) -> None:
+    def cancel(self) -> None:
         """Ignore all further results; a socket that still arrives is closed."""
-        self._has_given_up = True
+        self._is_cancelled = True
         with suppress(Empty):
             while True:
-                answer = self.answers.get_nowait()
-                if not isinstance(answer, str):
-                    answer.close()
+                result = self.results.get_nowait()
+                if not isinstance(result, str):
+                    result.close()
 
 
 def connect(host: str, port: int) -> socket.socket:
@@ -136,7 +136,7 @@ def connect(host: str, port: int) -> socket.socket:
         if sock.getsockname() == sock.getpeername():
             # On one machine, where the system takes our own port from the same range, a connection to a port without a
             # listener can reach itself; and then block the port for the server.
-            raise ConnectionRefusedError(errno.ECONNREFUSED, "nobody listens")
+            raise ConnectionRefusedError(errno.ECONNREFUSED, "no server is listening")
     except OSError:  # also if the server has closed the connection already
         sock.close()
         raise

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from snr_sim.links.link import Link
 from snr_sim.links.listener import Listener
-from snr_sim.links.newcomers import Newcomers, crowd, source_of
+from snr_sim.links.newcomers import Newcomers, largest_group, source_of
 from snr_sim.links.security import Network, is_allowed
-from snr_sim.links.session import Terms
+from snr_sim.links.session import SessionConfig
 from snr_sim.links.socket_port import SocketPort
 from snr_sim.links.stream_peer import StreamPeer
 from snr_sim.links.streams import Streams
@@ -28,9 +28,9 @@ class TcpServer(Streams):
     """Listens, and serves each client separately.
 
     Args:
-        link, terms: as of Streams.
+        link, config: as of Streams.
         listener: returns the listening socket.
-        asks_who: clients have to authenticate, and may then connect from any address.
+        requires_authentication: clients have to authenticate, and may then connect from any address.
         allow: otherwise accept only these, and this machine.
         context: of TLS, if used.
     """
@@ -38,19 +38,19 @@ class TcpServer(Streams):
     def __init__(
         self,
         link: Link,
-        terms: Terms,
+        config: SessionConfig,
         listener: Callable[[], socket.socket],
-        asks_who: bool,
+        requires_authentication: bool,
         allow: tuple[Network, ...],
         context: ssl.SSLContext | None,
     ) -> None:
-        super().__init__(link, terms)
+        super().__init__(link, config)
         self._listen = listener
-        self._asks_who = asks_who
+        self._requires_authentication = requires_authentication
         self._allow = allow
         self._context = context
         self._newcomers = Newcomers()
-        self._has_told = False  # a warning that an address exceeded its rate of greetings
+        self._has_warned = False  # a warning that an address exceeded its rate of greetings
 
     def open(self, ports: ExitStack) -> None:
         """Listen; see Transport."""
@@ -61,23 +61,23 @@ class TcpServer(Streams):
 
     def _accept(self, events: int) -> None:
         for _ in range(ACCEPTS_PER_ROUND):
-            come = self._listener.accept(self.now_s())
-            if come is None:
+            accepted = self._listener.accept(self.now_s())
+            if accepted is None:
                 return
-            self._receive(*come)
+            self._receive(*accepted)
 
     def _receive(self, sock: socket.socket, address: tuple[Any, ...]) -> None:
         where = f"{address[0]}:{address[1]}"
         if not self._newcomers.may_greet(address[0], self.now_s()):
-            if not self._has_told:  # once: clients must not be able to fill the log
+            if not self._has_warned:  # once: clients must not be able to fill the log
                 self.link.log.warning("refused %s and perhaps others: too many connections from one address.", where)
-            self._has_told = True
+            self._has_warned = True
             sock.close()
             return
         others = [stream for stream in self.streams if not stream.is_admitted or stream.leaves_s is not None]
         if len(others) >= MAX_NEWCOMERS:
             # Of those from one address, take one that is closing already, or else the oldest.
-            one = min(crowd(others, _source_of), key=lambda stream: stream.leaves_s is None)
+            one = min(largest_group(others, _source_of), key=lambda stream: stream.leaves_s is None)
             one.failure = "others came while it said nothing."
             self._for(one, self._pump)
         try:
@@ -86,7 +86,7 @@ class TcpServer(Streams):
             sock.close()
             return
         stream = self._add_stream(port, where)
-        if not (self._asks_who or is_allowed(address[0], self._allow)):
+        if not (self._requires_authentication or is_allowed(address[0], self._allow)):
             self.link.log.warning("refused %s, which is not in allow=.", where)
             stream.session.refuse(
                 f"{address[0]} may not connect to node '{self.link.parent.name}'. "
@@ -96,23 +96,21 @@ class TcpServer(Streams):
 
     def _admit(self, stream: StreamPeer) -> None:
         super()._admit(stream)
-        self._newcomers.know(_host_of(stream))
+        self._newcomers.remember(_host_of(stream))
         if len(self.peers.up) > MAX_PEERS:
             up = [other for other in self.streams if other in self.peers.up]
-            crowded = crowd(up, _source_of, lambda other: other.session.peer_node)
+            crowded = largest_group(up, _source_of, lambda other: other.session.peer_node)
             surplus = crowded[-1] if len(crowded) > 1 else stream  # a client with only one connection keeps it
-            surplus.session.refuse(
-                f"{MAX_PEERS} others are connected to node '{self.link.parent.name}', which is the most."
-            )
+            surplus.session.refuse(f"{MAX_PEERS} others are connected to node '{self.link.parent.name}', the maximum.")
 
-    def _tend(self, now_s: float) -> None:
-        self._listener.tend(now_s)
-        super()._tend(now_s)
+    def _housekeep(self, now_s: float) -> None:
+        self._listener.resume(now_s)
+        super()._housekeep(now_s)
 
-    def see_off(self) -> None:
-        """Stop listening, and say goodbye; see Transport."""
+    def drain_and_close(self) -> None:
+        """Stop listening, and send the goodbye message; see Transport."""
         self._listener.close()  # first: a client may reconnect at once after the goodbye
-        super().see_off()
+        super().drain_and_close()
 
 
 def _host_of(stream: StreamPeer) -> str:

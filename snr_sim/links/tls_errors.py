@@ -33,7 +33,7 @@ _REASONS = {
 _REJECTED = "the other end does not take this end's certificate. Try: what the other end says about it"
 
 
-def tls_words(error: ssl.SSLError) -> str:
+def describe_tls_error(error: ssl.SSLError) -> str:
     """Return what happened and what to try, followed by OpenSSL's text in parentheses."""
     openssl = (error.strerror or str(error)).partition(" (_ssl.c")[0]
     name = getattr(error, "reason", None) or ""  # only errors raised by OpenSSL have one

@@ -69,7 +69,7 @@ def check_bounds(raw: bytes) -> None:
     if shape.find(_LONG_RUN) >= 0 and _has_long_int(raw):
         raise _too_long()
     if len(raw) > 2 * MAX_DEPTH and shape.count(b"[") > MAX_DEPTH and _is_too_deep(raw):
-        raise ValueEncodingError(f"A value is nested more than {MAX_DEPTH} deep.", fix="a flatter value.")
+        raise ValueEncodingError(f"A value is nested more than {MAX_DEPTH} deep.", fix="send a flatter value.")
 
 
 def _is_too_deep(raw: bytes) -> bool:
@@ -96,5 +96,5 @@ def _has_long_int(raw: bytes) -> bool:
 
 def _too_long() -> ValueEncodingError:
     return ValueEncodingError(
-        "An integer needs more than 64 bits, and links carry those from -2^63 to 2^64-1.", fix="a float, or text."
+        "An integer needs more than 64 bits, but links carry -2^63 to 2^64-1.", fix="send a float, or a string."
     )

@@ -27,42 +27,42 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from snr_sim.links.back_off import BackOff
-from snr_sim.links.faults import Way
-from snr_sim.links.fleet import ALONE, PING_BYTES, Far, Fleet, Hearing, Member, encoded
+from snr_sim.links.faults import LossyChannel
+from snr_sim.links.fleet import ALONE, PING_BYTES, Fleet, Member, RemotePeer, Subscription, encode_key_part
 from snr_sim.links.link import Link
 from snr_sim.links.send_queue import SendQueue
 from snr_sim.links.wire_bounds import decode_page
-from snr_sim.prelude.errors import LinkError, MissingExtra, SnrError
+from snr_sim.prelude.errors import LinkError, MissingExtraError, SnrError
 from snr_sim.prelude.page import DataKey
 
-TEND_EVERY_S = 0.05
+HOUSEKEEPING_PERIOD_S = 0.05
 MAX_TIME_BYTES = 32  # maximum length of the reply to a ping
-DEAF_LOOK_S = 0.002  # period at which a paused link checks whether the node has caught up
+PAUSED_POLL_PERIOD_S = 0.002  # period at which a paused link checks whether the node has caught up
 # A newcomer's token can arrive before Zenoh routes pages to it. What is put in between is lost: 4 of 80 first pages
 # never arrived while both cores were busy.
 RESEND_S = 0.5
 LINGER_S = 0.3  # maximum time in which a closing link sends what waits
 LEAVE_S = 5.0  # maximum time that the end of the program waits for links that are still leaving
 BATCH_BYTES = 1 << 17
-MAX_PLACE_BYTES = 1 << 13
+MAX_ADDRESS_BYTES = 1 << 13
 NUMBER_BYTES = 8
 
 
 @dataclass(slots=True, eq=False)
-class Letter:
+class QueuedPage:
     """A page in transit. Its length is that of the serialised page.
 
     Args:
         key: key of the page.
         raw: the page, as Page.serialize writes it.
-        far: its sender; None is this node.
+        peer: its sender; None is this node.
         number: sequence number of the page for its key.
         is_sent: whether it was sent to any node.
     """
 
     key: DataKey
     raw: bytes
-    far: Far | None = None
+    peer: RemotePeer | None = None
     number: int = 0
     is_sent: bool = False
 
@@ -119,13 +119,15 @@ class ZenohTransport(Fleet):
     """Sends and receives pages over Zenoh.
 
     Args:
-        link, member, hearing: as of Fleet.
+        link, member, subscription: as of Fleet.
         config: Zenoh's configuration, by the names of its settings.
         waits_for: description of what it connects to, for messages; "" if it listens.
     """
 
-    def __init__(self, link: Link, member: Member, hearing: Hearing, config: dict[str, Any], waits_for: str) -> None:
-        super().__init__(link, member, hearing)
+    def __init__(
+        self, link: Link, member: Member, subscription: Subscription, config: dict[str, Any], waits_for: str
+    ) -> None:
+        super().__init__(link, member, subscription)
         options, node = link.options, link.parent
         self._waits_for = waits_for
         if waits_for:
@@ -137,17 +139,19 @@ class ZenohTransport(Fleet):
         self._back_off = BackOff()
         self._try_s = 0.0
         self._resend_s = math.inf  # moment at which the newest pages are sent to a newcomer a second time
-        self._outbox: SendQueue[Letter] = SendQueue(options.queue_pages, options.policy)
-        self._inbox: SendQueue[Letter] = SendQueue(options.queue_pages, options.policy)
-        self._guard = threading.Lock()  # held briefly: guards both queues above and the delayed pages below
-        self._newest: dict[DataKey, Letter] = {}
+        self._outbox: SendQueue[QueuedPage] = SendQueue(options.queue_pages, options.policy)
+        self._inbox: SendQueue[QueuedPage] = SendQueue(options.queue_pages, options.policy)
+        self._queue_lock = threading.Lock()  # held briefly: guards both queues above and the delayed pages below
+        self._newest: dict[DataKey, QueuedPage] = {}
         self._publishers: dict[DataKey, Any] = {}
-        self._way = None if options.faults is None else Way(options.faults, node.seed, f"link:{link.name}:{node.role}")
+        self._channel = (
+            None if options.faults is None else LossyChannel(options.faults, node.seed, f"link:{link.name}:{node.role}")
+        )
         self._delayed: list[tuple[float, int, Callable[[], None]]] = []  # delayed by faults, ordered by arrival time
         self._count = 0
-        self._bell: SimpleQueue[None] = SimpleQueue()
-        self._is_rung = False
-        self._tend_s = 0.0
+        self._wake_ups: SimpleQueue[None] = SimpleQueue()
+        self._is_woken = False
+        self._housekeep_s = 0.0
 
     def open(self, ports: ExitStack) -> None:
         """Open a session if this end listens; see Transport."""
@@ -162,7 +166,7 @@ class ZenohTransport(Fleet):
             self._session = zenoh.open(self._config)
         except zenoh.ZError as error:
             raise LinkError(
-                f"The net '{self.link.options.name}' cannot be opened: {_in_words(error)}",
+                f"The net '{self.link.options.name}' cannot be opened: {_describe_error(error)}",
                 fix="is another program listening there, and is it an address of this machine?",
             ) from error
 
@@ -171,7 +175,7 @@ class ZenohTransport(Fleet):
         try:
             session = self._zenoh.open(self._config)
         except self._zenoh.ZError as error:
-            self.link.reason = f"waits for {self._waits_for}: {_in_words(error)}"
+            self.link.reason = f"waits for {self._waits_for}: {_describe_error(error)}"
             self._try_s = self.now_s() + self._back_off.next_s()
             return
         if self.link.is_terminated():
@@ -181,20 +185,20 @@ class ZenohTransport(Fleet):
 
     def _join_net(self) -> None:
         """Subscribe first and declare the liveliness token last, so that a node seen by others can already receive."""
-        session, accept, robots = self._session, self.link.options.accept, self.hearing.robots
-        prefix = self.roster.prefix
-        self.roster.own_place = place = self.roster.place_of(self.member, str(session.zid()))
+        session, accept, robots = self._session, self.link.options.accept, self.subscription.robots
+        prefix = self.peer_table.prefix
+        self.peer_table.own_address = address = self.peer_table.address_of(self.member, str(session.zid()))
         self.link.reason = ALONE
         remote = self._zenoh.Locality.REMOTE
-        for robot in ["*"] if robots is None else [encoded(robot) for robot in sorted(robots)]:
-            for key in ["*"] if accept is None else [encoded(key) for key in sorted(accept)]:
+        for robot in ["*"] if robots is None else [encode_key_part(robot) for robot in sorted(robots)]:
+            for key in ["*"] if accept is None else [encode_key_part(key) for key in sorted(accept)]:
                 session.declare_subscriber(
-                    f"{prefix}/{robot}/*/*/page/{key}", self._background(self._came), allowed_origin=remote
+                    f"{prefix}/{robot}/*/*/page/{key}", self._background(self._on_sample), allowed_origin=remote
                 )
-        session.declare_queryable(f"{place}/ping", self._background(self._asked), allowed_origin=remote)
+        session.declare_queryable(f"{address}/ping", self._background(self._on_query), allowed_origin=remote)
         alive = session.liveliness()
-        alive.declare_subscriber(f"{prefix}/*/*/*/alive", self._background(self._seen), history=True)
-        self._token = alive.declare_token(f"{place}/alive")
+        alive.declare_subscriber(f"{prefix}/*/*/*/alive", self._background(self._on_liveliness), history=True)
+        self._token = alive.declare_token(f"{address}/alive")
         self._has_joined = True
 
     def _background(self, callback: Callable[[Any], None]) -> Any:
@@ -202,204 +206,204 @@ class ZenohTransport(Fleet):
 
     # On Zenoh's threads. None of these may raise: Zenoh would only print the exception.
 
-    def _came(self, sample: Any) -> None:
+    def _on_sample(self, sample: Any) -> None:
         """Queue an arriving page for the link's thread, if its address, size and sequence number are acceptable."""
-        place, _, key = str(sample.key_expr).rpartition("/page/")
+        address, _, key = str(sample.key_expr).rpartition("/page/")
         size_bytes = len(sample.payload)
         attached = b"" if sample.attachment is None else sample.attachment.to_bytes()[: NUMBER_BYTES + 1]
         number = int.from_bytes(attached, "big") if len(attached) == NUMBER_BYTES else 0
         raw = sample.payload.to_bytes() if size_bytes <= self.link.options.max_frame_bytes else b""
-        far, is_new = self.roster.takes(place, key, number, self.now_s())
-        if far is None or not raw:
-            self.link.unwanted += 1
+        peer, is_new = self.peer_table.record_page(address, key, number, self.now_s())
+        if peer is None or not raw:
+            self.link.rejected += 1
         elif is_new:
-            with self._guard:
-                self._inbox.put(Letter(key, raw, far))
+            with self._queue_lock:
+                self._inbox.put(QueuedPage(key, raw, peer))
             self.wake()
 
-    def _seen(self, sample: Any) -> None:
+    def _on_liveliness(self, sample: Any) -> None:
         """Record that a node joined or left."""
-        place = str(sample.key_expr).removesuffix("/alive")
+        address = str(sample.key_expr).removesuffix("/alive")
         if sample.kind == self._zenoh.SampleKind.DELETE:
-            self.roster.leaves(place)
+            self.peer_table.record_leave(address)
         else:
-            self.roster.shows(place, self.now_s())
-        self._tend_soon()
+            self.peer_table.record_join(address, self.now_s())
+        self._housekeep_soon()
 
-    def _tend_soon(self) -> None:
-        self._tend_s = 0.0
+    def _housekeep_soon(self) -> None:
+        self._housekeep_s = 0.0
         self.wake()
 
-    def _asked(self, query: Any) -> None:
+    def _on_query(self, query: Any) -> None:
         """Answer the ping of another node."""
-        if query.payload is not None and len(query.payload) <= MAX_PLACE_BYTES:
-            self.roster.hears(query.payload.to_bytes().decode(errors="replace"), self.now_s())
-        self._put_on_the_way(PING_BYTES, lambda: self._answer(query), is_page=False)
+        if query.payload is not None and len(query.payload) <= MAX_ADDRESS_BYTES:
+            self.peer_table.mark_present(query.payload.to_bytes().decode(errors="replace"), self.now_s())
+        self._delay(PING_BYTES, lambda: self._answer(query), is_page=False)
 
     def _answer(self, query: Any) -> None:
         with suppress(self._zenoh.ZError):  # the node that asked has left
-            query.reply(f"{self.roster.own_place}/ping", repr(self.now_s()).encode())
+            query.reply(f"{self.peer_table.own_address}/ping", repr(self.now_s()).encode())
 
-    def _answered(self, asked_s: float, reply: Any) -> None:
+    def _on_reply(self, asked_s: float, reply: Any) -> None:
         if reply.ok is None:
             return
         now_s = self.now_s()
-        far = self.roster.hears(str(reply.ok.key_expr).removesuffix("/ping"), now_s)
-        if far is not None:
-            far.rtt_s = max(0.0, now_s - asked_s)
+        peer = self.peer_table.mark_present(str(reply.ok.key_expr).removesuffix("/ping"), now_s)
+        if peer is not None:
+            peer.rtt_s = max(0.0, now_s - asked_s)
             their_s = _time_in(reply.ok.payload)
             if their_s is not None:
-                far.note_offset(now_s - their_s)
+                peer.note_offset(now_s - their_s)
 
     # On the node's thread
 
     def send(self, key: DataKey, raw: bytes) -> None:
         """Send a page to all others; see Fleet."""
-        letter = Letter(key, raw)
-        self._put_on_the_way(len(raw), lambda: self._post(letter), is_page=True)
+        queued = QueuedPage(key, raw)
+        self._delay(len(raw), lambda: self._enqueue(queued), is_page=True)
 
-    def _post(self, letter: Letter) -> None:
-        with self._guard:
-            self._outbox.put(letter)
+    def _enqueue(self, queued: QueuedPage) -> None:
+        with self._queue_lock:
+            self._outbox.put(queued)
         self.wake()
 
     # From any thread
 
-    def _put_on_the_way(self, size_bytes: int, arrive: Callable[[], None], is_page: bool) -> None:
+    def _delay(self, size_bytes: int, arrive: Callable[[], None], is_page: bool) -> None:
         """Call `arrive` when what this link sends arrives: at once, unless there are faults."""
-        if self._way is None:
+        if self._channel is None:
             arrive()
             return
-        with self._guard:
+        with self._queue_lock:
             if len(self._delayed) >= self._outbox.max_pages:
                 self.link.dropped += is_page
                 return
-            for arrival_s in self._way.arrivals_s(size_bytes, self.now_s(), is_page):
+            for arrival_s in self._channel.arrivals_s(size_bytes, self.now_s(), is_page):
                 self._count += 1
                 heapq.heappush(self._delayed, (arrival_s, self._count, arrive))
         self.wake()
 
     def wake(self) -> None:
         """Wake the link's thread; see Transport."""
-        if not self._is_rung:
-            self._is_rung = True
-            self._bell.put(None)
+        if not self._is_woken:
+            self._is_woken = True
+            self._wake_ups.put(None)
 
     # On the link's thread
 
     def round(self) -> None:
         """Wait until there is work, and do it."""
-        due_s = min(self._tend_s, self._delayed[0][0]) if self._delayed else self._tend_s
-        wait_s = DEAF_LOOK_S if self.link.is_deaf else due_s - self.now_s()
+        due_s = min(self._housekeep_s, self._delayed[0][0]) if self._delayed else self._housekeep_s
+        wait_s = PAUSED_POLL_PERIOD_S if self.link.is_paused else due_s - self.now_s()
         if wait_s > 0:
             with suppress(Empty):
-                self._bell.get(timeout=wait_s)
-        self._is_rung = False  # before the work, so that what arrives during it wakes the thread again
+                self._wake_ups.get(timeout=wait_s)
+        self._is_woken = False  # before the work, so that what arrives during it wakes the thread again
         now_s = self.now_s()
         if self._session is None and now_s >= self._try_s:
             self._connect()
         if self._session is not None and not self._has_joined:
             self._join_net()
-        self._arrive()
-        self._take_in()
-        self._send_out()
-        self._tend(self.now_s())
+        self._deliver_due()
+        self._receive_pages()
+        self._send_pages()
+        self._housekeep(self.now_s())
 
-    def _arrive(self) -> None:
+    def _deliver_due(self) -> None:
         now_s = self.now_s()
         while self._delayed and self._delayed[0][0] <= now_s:
-            with self._guard:
+            with self._queue_lock:
                 _, _, arrive = heapq.heappop(self._delayed)
             arrive()
 
-    def _take_in(self) -> None:
-        while not self.link.must_wait():
-            with self._guard:
-                letters = self._inbox.take(BATCH_BYTES)
-            if not letters:
+    def _receive_pages(self) -> None:
+        while not self.link.check_back_pressure():
+            with self._queue_lock:
+                batch = self._inbox.take(BATCH_BYTES)
+            if not batch:
                 return
-            for letter in letters:
-                self._read(letter)
+            for queued in batch:
+                self._read(queued)
 
-    def _read(self, letter: Letter) -> None:
-        far = letter.far
-        assert far is not None
+    def _read(self, queued: QueuedPage) -> None:
+        peer = queued.peer
+        assert peer is not None
         try:
-            page = decode_page(letter.raw)
+            page = decode_page(queued.raw)
         except (SnrError, ValueError, RecursionError, MemoryError, OverflowError):
             page = None
-        if page is None or encoded(page.key) != letter.key:
-            self.link.unwanted += 1
+        if page is None or encode_key_part(page.key) != queued.key:
+            self.link.rejected += 1
             return
-        self.link.note_size(len(letter))
-        far.received += 1
-        self.let_in(far.member, page, far)
+        self.link.note_size(len(queued))
+        peer.received += 1
+        self.accept_page(peer.member, page, peer)
 
-    def _send_out(self) -> None:
+    def _send_pages(self) -> None:
         """Send what waits; block as long as a remote node does not read."""
-        is_heard = bool(self.roster.here())
-        if self.roster.take_newcomer():
+        has_receivers = bool(self.peer_table.present())
+        if self.peer_table.consume_new_peer_flag():
             self._resend_s = self.now_s() + RESEND_S
-            self._send_newest(is_heard)
+            self._send_newest(has_receivers)
         while True:
-            with self._guard:
-                letters = self._outbox.take(BATCH_BYTES)
-            if not letters:
+            with self._queue_lock:
+                batch = self._outbox.take(BATCH_BYTES)
+            if not batch:
                 return
-            for letter in letters:
-                last = self._newest.pop(letter.key, None)  # removed first, so that the dict keeps the order of storing
+            for queued in batch:
+                last = self._newest.pop(queued.key, None)  # removed first, so that the dict keeps the order of storing
                 if last is not None and not last.is_sent:
                     self.link.dropped += 1
-                letter.number = last.number + 1 if last is not None else 1
-                self._newest[letter.key] = letter
-                self._put(letter, is_heard)
+                queued.number = last.number + 1 if last is not None else 1
+                self._newest[queued.key] = queued
+                self._put(queued, has_receivers)
 
-    def _send_newest(self, is_heard: bool) -> None:
+    def _send_newest(self, has_receivers: bool) -> None:
         """Send the newest page of each key again; receivers ignore numbers that they have."""
-        for letter in list(self._newest.values()):
-            self._put(letter, is_heard)
+        for queued in list(self._newest.values()):
+            self._put(queued, has_receivers)
 
-    def _put(self, letter: Letter, is_heard: bool) -> None:
+    def _put(self, queued: QueuedPage, has_receivers: bool) -> None:
         if self._session is None:
             return
-        if is_heard and not letter.is_sent:
-            letter.is_sent = True
+        if has_receivers and not queued.is_sent:
+            queued.is_sent = True
             self.link.sent += 1
-        publisher = self._publishers.get(letter.key)
+        publisher = self._publishers.get(queued.key)
         if publisher is None:
-            publisher = self._publishers[letter.key] = self._session.declare_publisher(
-                f"{self.roster.own_place}/page/{encoded(letter.key)}",
+            publisher = self._publishers[queued.key] = self._session.declare_publisher(
+                f"{self.peer_table.own_address}/page/{encode_key_part(queued.key)}",
                 encoding=self._zenoh.Encoding.APPLICATION_JSON,
                 # Not BLOCK: with it, one node that does not read can stop Zenoh's routing for all (1.10).
                 congestion_control=self._zenoh.CongestionControl.DROP,
                 allowed_destination=self._zenoh.Locality.REMOTE,
             )
-        publisher.put(letter.raw, attachment=letter.number.to_bytes(NUMBER_BYTES, "big"))
+        publisher.put(queued.raw, attachment=queued.number.to_bytes(NUMBER_BYTES, "big"))
 
-    def _tend(self, now_s: float) -> None:
+    def _housekeep(self, now_s: float) -> None:
         """Do periodic work: pings and reports."""
-        if now_s < self._tend_s:
+        if now_s < self._housekeep_s:
             return
-        self._tend_s = now_s + TEND_EVERY_S
+        self._housekeep_s = now_s + HOUSEKEEPING_PERIOD_S
         if now_s >= self._ping_s:
             self._ping_s = now_s + self.link.options.keep_alive_s
-            self._put_on_the_way(PING_BYTES, lambda: self._ask(now_s), is_page=False)
+            self._delay(PING_BYTES, lambda: self._ping_all(now_s), is_page=False)
         if now_s >= self._resend_s:
             self._resend_s = math.inf
-            self._send_newest(bool(self.roster.here()))
+            self._send_newest(bool(self.peer_table.present()))
         self.link.report(now_s)
 
-    def _ask(self, now_s: float) -> None:
+    def _ping_all(self, now_s: float) -> None:
         """Ping all other nodes."""
         if self._session is None:
             return
         self._session.get(
-            f"{self.roster.prefix}/*/*/*/ping",
-            self._background(lambda reply: self._answered(now_s, reply)),
+            f"{self.peer_table.prefix}/*/*/*/ping",
+            self._background(lambda reply: self._on_reply(now_s, reply)),
             target=self._zenoh.QueryTarget.ALL,
             consolidation=self._zenoh.ConsolidationMode.NONE,
             timeout=self.link.options.timeout_s,
-            payload=self.roster.own_place,
+            payload=self.peer_table.own_address,
             congestion_control=self._zenoh.CongestionControl.DROP,
             allowed_destination=self._zenoh.Locality.REMOTE,
         )
@@ -407,21 +411,21 @@ class ZenohTransport(Fleet):
     @property
     def dropped(self) -> int:
         """Number of pages known not to have arrived; those of others by their sequence numbers."""
-        lost = 0 if self._way is None else self._way.lost
-        return self.link.dropped + self._outbox.dropped + self._inbox.dropped + self.roster.missed + lost
+        lost = 0 if self._channel is None else self._channel.lost
+        return self.link.dropped + self._outbox.dropped + self._inbox.dropped + self.peer_table.missed + lost
 
-    def state_of(self, far: Far, now_s: float) -> dict[str, Any]:
+    def state_of(self, peer: RemotePeer, now_s: float) -> dict[str, Any]:
         """Return the state of another node; see Fleet."""
-        more = {"clock_offset_s": far.clock_offset_s, "dropped": far.missed, "received": far.received}
-        return {**super().state_of(far, now_s), **more}
+        more = {"clock_offset_s": peer.clock_offset_s, "dropped": peer.missed, "received": peer.received}
+        return {**super().state_of(peer, now_s), **more}
 
     def state(self, now_s: float) -> dict[str, Any]:
         """Return the state of the link; see Transport."""
         return {**super().state(now_s), "failures": self.link.failures}
 
-    def see_off(self) -> None:
+    def drain_and_close(self) -> None:
         """Send what waits, and leave; see Transport."""
-        self._leave(self._send_out)
+        self._leave(self._send_pages)
 
     def _shut(self) -> None:
         if not self.link.is_shut:
@@ -430,9 +434,9 @@ class ZenohTransport(Fleet):
         self._session, self._has_joined = None, False
         self._callbacks = ZenohCallbacks()
         self._publishers.clear()
-        self.roster.cut_off()
+        self.peer_table.mark_all_gone()
 
-    def _leave(self, say_last: Callable[[], None]) -> None:
+    def _leave(self, send_last: Callable[[], None]) -> None:
         """Leave on a separate thread and wait at most `LINGER_S`: calls into Zenoh may block."""
         session, callbacks = self._session, self._callbacks
         if session is None:
@@ -440,7 +444,7 @@ class ZenohTransport(Fleet):
 
         def leave() -> None:
             with suppress(self._zenoh.ZError):
-                say_last()
+                send_last()
             session.close()
             callbacks.wait(LEAVE_S)
 
@@ -460,7 +464,7 @@ def _time_in(payload: Any) -> float | None:
     return time_s if math.isfinite(time_s) else None
 
 
-def _in_words(error: Exception) -> str:
+def _describe_error(error: Exception) -> str:
     """Return Zenoh's message without the location in Zenoh's source."""
     return str(error).partition(" at /")[0].strip()
 
@@ -469,5 +473,5 @@ def _zenoh() -> Any:
     try:
         import zenoh
     except ImportError:
-        raise MissingExtra("eclipse-zenoh", "zenoh") from None
+        raise MissingExtraError("eclipse-zenoh", "zenoh") from None
     return zenoh

@@ -15,15 +15,15 @@ from collections.abc import Iterable
 from typing import Any
 
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.links.faults import Faults
-from snr_sim.links.fleet import Hearing, Member, SimulatedFleet, prefix_of
+from snr_sim.links.faults import LinkFaults
+from snr_sim.links.fleet import Member, SimulatedFleet, Subscription, prefix_of
 from snr_sim.links.frames import MAX_FRAME_BYTES
 from snr_sim.links.link import Link
 from snr_sim.links.messages import MAX_NAME_CHARS
 from snr_sim.links.options import LinkOptions
 from snr_sim.links.security import Tls, is_loopback
 from snr_sim.links.send_queue import Policy
-from snr_sim.links.simulated import Meeting
+from snr_sim.links.simulated import Rendezvous
 from snr_sim.links.zenoh_link import ZenohTransport
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.node_api import NodeApi
@@ -35,7 +35,7 @@ LOOPBACK_INTERFACES = frozenset({"lo", "lo0"})
 STUCK_S = 1.0
 SCOUT_S = 1.0  # duration of one scouting attempt of a node that does not listen
 MESSAGE_EXTRA_BYTES = 1 << 12  # overhead that Zenoh may add to a page
-_ENDPOINT = re.compile(r"(?P<protocol>[a-z]+)/(?P<host>\[[^\]]+\]|[^:/\[\]]+):(?P<port>\d{1,5})")
+_LOCATOR = re.compile(r"(?P<protocol>[a-z]+)/(?P<host>\[[^\]]+\]|[^:/\[\]]+):(?P<port>\d{1,5})")
 _ALL_MESSAGES = (
     "put",
     "declare_subscriber",
@@ -84,18 +84,18 @@ class ZenohNet:
         max_page_bytes: int = MAX_FRAME_BYTES,
         queue_pages: int = 10_000,
         policy: Policy = "drop_oldest",
-        faults: Faults | None = None,
+        faults: LinkFaults | None = None,
         keep_alive_s: float = 0.5,
         timeout_s: float = 3.0,
     ) -> None:
         self.name = _as_name("name", name)
         self.robot = _as_name("robot", robot) if robot else ""
         self.tls = tls
-        self.listen = as_endpoints("listen=", listen, tls)
-        self.connect = as_endpoints("connect=", connect, tls)
+        self.listen = parse_locators("listen=", listen, tls)
+        self.connect = parse_locators("connect=", connect, tls)
         self.interfaces = (interfaces,) if isinstance(interfaces, str) else tuple(interfaces)
         self.discover = discover
-        self.meeting: Meeting[SimulatedFleet] = Meeting()
+        self.rendezvous: Rendezvous[SimulatedFleet] = Rendezvous()
         self.options = LinkOptions(
             name,
             max_frame_bytes=max_page_bytes,
@@ -112,7 +112,7 @@ class ZenohNet:
         accept: Iterable[DataKey] | None = None,
         *,
         robots: str | Iterable[str] | None = None,
-        apart: bool = False,
+        namespaced: bool = False,
         robot: str | None = None,
         listen: str | Iterable[str] | None = None,
         connect: str | Iterable[str] | None = None,
@@ -123,8 +123,8 @@ class ZenohNet:
             keys: pages of these keys are sent to all others.
             accept: keys of the pages to accept; any if not given.
             robots: robots whose pages to accept; every robot's if not given.
-            apart: store pages of other robots as `<robot>/<key>`, so that `depth` of one does not replace `depth` of
-                another.
+            namespaced: store pages of other robots as `<robot>/<key>`, so that `depth` of one does not replace `depth`
+                of another.
             robot, listen, connect: of this node, if they differ from the net's, so that one net serves a whole config.
 
         Raises:
@@ -133,16 +133,20 @@ class ZenohNet:
         return ZenohLinkFactory(
             self,
             self.options.for_end(keys, accept),
-            Hearing(None if robots is None else frozenset([robots] if isinstance(robots, str) else robots), apart),
+            Subscription(
+                None if robots is None else frozenset([robots] if isinstance(robots, str) else robots), namespaced
+            ),
             self.robot if robot is None else _as_name("robot", robot),
-            self.listen if listen is None else as_endpoints("listen=", listen, self.tls),
-            self.connect if connect is None else as_endpoints("connect=", connect, self.tls),
+            self.listen if listen is None else parse_locators("listen=", listen, self.tls),
+            self.connect if connect is None else parse_locators("connect=", connect, self.tls),
         )
 
 
 def _as_name(what: str, name: str) -> str:
     if not isinstance(name, str) or not 0 < len(name) <= MAX_NAME_CHARS:
-        raise ConfigError(f"A net's {what} is {str(name)[:80]!r}.", fix=f"1 to {MAX_NAME_CHARS} characters.")
+        raise ConfigError(
+            f"{str(name)[:80]!r} is not a valid {what} of a net.", fix=f"use 1 to {MAX_NAME_CHARS} characters."
+        )
     return name
 
 
@@ -152,7 +156,7 @@ class ZenohLinkFactory(LoopFactory):
     Args:
         net: supplies certificates, interfaces and limits.
         options: of the link.
-        hearing: which pages the node accepts.
+        subscription: which pages the node accepts.
         robot: name of the node's robot, or "".
         listen: addresses to open.
         connect: addresses to call, repeatedly.
@@ -165,7 +169,7 @@ class ZenohLinkFactory(LoopFactory):
         self,
         net: ZenohNet,
         options: LinkOptions,
-        hearing: Hearing,
+        subscription: Subscription,
         robot: str,
         listen: tuple[str, ...],
         connect: tuple[str, ...],
@@ -173,19 +177,19 @@ class ZenohLinkFactory(LoopFactory):
         super().__init__()
         self.net = net
         self.options = options
-        self.hearing = hearing
+        self.subscription = subscription
         self.robot = robot
         self.listen = listen
         self.connect = connect
         if not (self.listen or self.connects):
             raise ConfigError(
-                "A node of a net neither listens nor connects, so it would meet nobody.",
+                "A node of a net neither listens nor connects, so no other node can reach it.",
                 fix='listen="tcp/127.0.0.1:7447" for one node, connect="tcp/127.0.0.1:7447" for the others.',
             )
-        if self.discovers_abroad and self.net.tls is None:
+        if self.discovers_remotely and self.net.tls is None:
             where = ", ".join(self.net.interfaces)
             raise ConfigError(
-                f"discover=True on {where} without TLS: whoever answers could steer this node.",
+                f"discover=True on {where} needs TLS: without it, any node that answers could control this one.",
                 fix="tls=Tls(...) with certificates for both sides, or interfaces=['lo'].",
             )
         if self.net.tls is not None:
@@ -198,8 +202,8 @@ class ZenohLinkFactory(LoopFactory):
             self,
             parent,
             self.options,
-            real=lambda link: ZenohTransport(link, member, self.hearing, self.config(), self.waits_for),
-            simulated=lambda link: SimulatedFleet(link, member, self.hearing, self.net.meeting),
+            real=lambda link: ZenohTransport(link, member, self.subscription, self.config(), self.waits_for),
+            simulated=lambda link: SimulatedFleet(link, member, self.subscription, self.net.rendezvous),
         )
 
     @property
@@ -208,14 +212,14 @@ class ZenohLinkFactory(LoopFactory):
         return bool(self.connect) or self.net.discover
 
     @property
-    def discovers_abroad(self) -> bool:
+    def discovers_remotely(self) -> bool:
         """Whether the node searches for others beyond this machine."""
         return self.net.discover and not LOOPBACK_INTERFACES.issuperset(self.net.interfaces)
 
     @property
     def waits_for(self) -> str:
         """Description of what it connects to, for messages; "" if it listens itself."""
-        return "" if self.listen else ", ".join(self.connect) or "anybody to be discovered"
+        return "" if self.listen else ", ".join(self.connect) or "a node to be discovered"
 
     def config(self) -> dict[str, Any]:
         """Return Zenoh's configuration, which admits only the net's keys in either direction."""
@@ -247,7 +251,7 @@ class ZenohLinkFactory(LoopFactory):
                 "unicast": {"open_timeout": timeout_ms, "accept_timeout": timeout_ms},
                 "link": {
                     # Limits what an answer to a multicast can offer.
-                    "protocols": ["tls"] if self.discovers_abroad else sorted({*protocols} or {"tcp"}),
+                    "protocols": ["tls"] if self.discovers_remotely else sorted({*protocols} or {"tcp"}),
                     "tx": {
                         "lease": timeout_ms,
                         "queue": {
@@ -280,7 +284,7 @@ class ZenohLinkFactory(LoopFactory):
         }
 
 
-def as_endpoints(what: str, endpoints: str | Iterable[str], tls: Tls | None) -> tuple[str, ...]:
+def parse_locators(what: str, endpoints: str | Iterable[str], tls: Tls | None) -> tuple[str, ...]:
     """Return the addresses after a check: beyond this machine, TLS with certificates on both sides is required.
 
     Raises:
@@ -288,14 +292,15 @@ def as_endpoints(what: str, endpoints: str | Iterable[str], tls: Tls | None) -> 
     """
     found = []
     for text in [endpoints] if isinstance(endpoints, str) else endpoints:
-        match = _ENDPOINT.fullmatch(text) if isinstance(text, str) else None
+        match = _LOCATOR.fullmatch(text) if isinstance(text, str) else None
         if match is None or match["protocol"] not in ("tcp", "tls") or int(match["port"]) >= 1 << 16:
             raise ConfigError(
-                f"{what} holds {text!r}, which is no address.", fix='"tcp/127.0.0.1:7447" or "tls/192.168.2.1:7447".'
+                f"{what} holds {text!r}, which is not an address.",
+                fix='"tcp/127.0.0.1:7447" or "tls/192.168.2.1:7447".',
             )
         if match["protocol"] == "tcp" and not is_loopback(match["host"].strip("[]")):
             raise ConfigError(
-                f"{what} holds {text}: without TLS, anybody in that network could steer this node.",
+                f"{what} holds {text} without TLS: any computer in that network could steer this node.",
                 fix=f'"tls/{text.removeprefix("tcp/")}" and tls=Tls(...) with certificates for both sides.',
             )
         if match["protocol"] == "tls" and tls is None:
@@ -326,24 +331,24 @@ def _check_tls(tls: Tls, listens: bool, connects: bool) -> None:
     if listens:
         if tls.client_authority is None:
             raise ConfigError(
-                "A net that listens with TLS takes only those who show a certificate, and knows no authority for them.",
+                "A net that listens with TLS needs the authority of its clients' certificates.",
                 fix="Tls(certificate=..., key=..., client_authority=...).",
             )
         tls.server_context()  # reports invalid files with a readable message
     if connects:
         if tls.client_certificate is None:
             raise ConfigError(
-                "A net that connects with TLS has to show a certificate.",
+                "A net that connects with TLS needs a certificate.",
                 fix="Tls(authority=..., client_certificate=..., client_key=...).",
             )
         tls.client_context()
     if listens and connects and str(tls.authority) != str(tls.client_authority):
         raise ConfigError(
-            "A net that listens and connects has two authorities, and Zenoh takes one.",
-            fix="one authority for all certificates of a net: Tls(authority=A, client_authority=A, ...).",
+            "A net that listens and connects has two authorities, but Zenoh accepts one.",
+            fix="use one authority for all certificates of a net: Tls(authority=A, client_authority=A, ...).",
         )
     if tls.server_name:
         raise ConfigError(
-            f"A net with server_name='{tls.server_name}': Zenoh expects the name it calls in the certificate.",
-            fix="that name in connect=.",
+            f"server_name='{tls.server_name}' cannot be used: Zenoh expects the address in the certificate.",
+            fix="use that name in connect=.",
         )

@@ -21,7 +21,7 @@ def rotation_of(attitude: Quaternion) -> Rotation:
     )  # fmt: skip
 
 
-def turned(attitude: Quaternion, p: float, q: float, r: float, dt_s: float) -> Quaternion:
+def integrate_attitude(attitude: Quaternion, p: float, q: float, r: float, dt_s: float) -> Quaternion:
     """Return the attitude after turning at a rate (body frame) for a step.
 
     The turn is that of Cayley's form, angle 2 atan(rate dt / 2): with it `Hydrodynamics.advance` keeps the energy of

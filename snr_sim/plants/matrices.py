@@ -56,7 +56,7 @@ def inverse(matrix: NDArray[np.float64]) -> Matrix:
     return np.array(rows)
 
 
-def mass_seen_by_mujoco(mass: Matrix, rotation: Sequence[float]) -> list[float]:
+def mujoco_mass_matrix(mass: Matrix, rotation: Sequence[float]) -> list[float]:
     """Return the mass of a free body for linear velocities in the world's axes and angular ones in the body's.
 
     With the mass made of blocks of 3 x 3, A and B above B^T and C, and the rotation R, that is R A R^T and R B above

@@ -1,8 +1,8 @@
 """One free body in a MuJoCo world with more mass than MuJoCo's model has: the added mass of water, or a payload.
 
-MuJoCo's step is split. After `look` its own mass matrix M and forces are known; `move` adds to M, factorises it
-again, applies the force that gives the requested acceleration, and leaves the rest to MuJoCo: contacts, with the true
-mass.
+MuJoCo's step is split. After `detect_contacts` its own mass matrix M and forces are known; `move` adds to M,
+factorises it again, applies the force that gives the requested acceleration, and leaves the rest to MuJoCo: contacts,
+with the true mass.
 
 MuJoCo's velocities of a free body are in the world frame for the linear part (of its origin) and in the body frame for
 the angular part.
@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from snr_sim.plants.matrices import mass_seen_by_mujoco
+from snr_sim.plants.matrices import mujoco_mass_matrix
 from snr_sim.plants.mujoco_engine import MujocoWorld
 from snr_sim.plants.urov.vehicle import Matrix
 from snr_sim.prelude.errors import ParameterError
@@ -25,7 +25,7 @@ FREE_JOINT = 0  # MuJoCo's mjJNT_FREE
 # Times what friction can do to the dry body is asked of a contact that slides: at 1 friction is too weak, for a turning
 # body is easier to move than its mass says; far above 4 what slides hops.
 GRIP = 4.0
-LEAST_PRESSED = 0.1  # fraction of its weight by which a body counts as pressed at the first touch
+MIN_PRESSED_FRACTION = 0.1  # fraction of its weight by which a body counts as pressed at the first touch
 
 
 class MujocoBody:
@@ -74,8 +74,8 @@ class MujocoBody:
         self._mass = data.M[start:end]  # lower triangle, row by row
         self._lower = np.array([6 * i + j for i in range(6) for j in range(i + 1)])
         self._rotation = data.xmat[body]  # from the body's axes to the world's, row by row
-        self._wanted, self._force = np.zeros(model.nv), np.zeros(model.nv)
-        self._wanted_here, self._force_here = self._wanted[dofs], self._force[dofs]
+        self._target, self._force = np.zeros(model.nv), np.zeros(model.nv)
+        self._target_here, self._force_here = self._target[dofs], self._force[dofs]
         mujoco = world.mujoco
         self._step1, self._factor, self._multiply, self._step2 = (
             mujoco.mj_step1, mujoco.mj_factorM, mujoco.mj_mulM, mujoco.mj_step2,
@@ -94,7 +94,7 @@ class MujocoBody:
     def _mass_at_rest(self) -> Matrix:
         """Return MuJoCo's mass matrix where its axes are the body's: without rotation."""
         self._qpos[3:] = 1.0, 0.0, 0.0, 0.0
-        self.look()
+        self.detect_contacts()
         flat = np.zeros(36)
         flat[self._lower] = self._mass
         flat[np.abs(flat) < 1e-12 * flat.max()] = 0.0  # what rounding left of a principal axis
@@ -125,7 +125,7 @@ class MujocoBody:
         velocity: list[float] = self._qvel.tolist()
         return velocity
 
-    def look(self) -> bool:
+    def detect_contacts(self) -> bool:
         """Have MuJoCo find out where everything is and what touches, and what its own mass matrix and forces are.
 
         Returns:
@@ -136,7 +136,7 @@ class MujocoBody:
         return bool(self._data.nefc)
 
     def move(self, more: Matrix, acceleration: Sequence[float], step_s: float) -> None:
-        """End the step that `look` began.
+        """End the step that `detect_contacts` began.
 
         Args:
             more: 6 x 6 mass that MuJoCo's model does not have, in the body's axes.
@@ -144,10 +144,10 @@ class MujocoBody:
             step_s: step to advance by; contacts use the world's own step.
         """
         model, data = self._model, self._data
-        self._mass += mass_seen_by_mujoco(more, self._rotation.tolist())
+        self._mass += mujoco_mass_matrix(more, self._rotation.tolist())
         self._factor(model, data)
-        self._wanted_here[:] = acceleration
-        self._multiply(model, data, self._force, self._wanted)
+        self._target_here[:] = acceleration
+        self._multiply(model, data, self._force, self._target)
         np.add(self._force_here, self._bias, out=self._applied)
         own_s = self._own_s
         if step_s == own_s:
@@ -158,7 +158,9 @@ class MujocoBody:
         model.opt.timestep = own_s
 
     def limit_grip(self, pressed_n: float) -> None:
-        """Limit the friction that contacts of a sliding body request to about the maximum, between `look` and `move`.
+        """Limit the friction that contacts of a sliding body request to about the maximum.
+
+        Call it between `detect_contacts` and `move`.
 
         MuJoCo asks a contact to stop what slides within its time constant, and finds friction and pressure in one: what
         it cannot have as friction it gives as pressure. A vehicle that slid at 1 m/s was thrown up by each contact; the
@@ -172,32 +174,32 @@ class MujocoBody:
         if not data.ncon or not self._model.opt.cone:
             return
         contact, asked, inverse_mass = data.contact, data.efc_aref.tolist(), data.efc_diagA.tolist()
-        pressed_n = max(pressed_n, LEAST_PRESSED * self._weight_n)
+        pressed_n = max(pressed_n, MIN_PRESSED_FRACTION * self._weight_n)
         lists = contact.efc_address.tolist(), contact.dim.tolist(), contact.geom.tolist(), contact.friction.tolist()
         for first, dim, (one, other), friction in zip(*lists, strict=True):  # so few are quicker without numpy
             if first < 0 or dim < 3 or self._body not in (self._owners[one], self._owners[other]):
                 continue
             u, v = asked[first + 1], asked[first + 2]  # after the row of its pressure
-            size, most = math.hypot(u, v), GRIP * friction[0] * pressed_n * inverse_mass[first]
-            if size > most:
-                data.efc_aref[first + 1 : first + 3] = u * most / size, v * most / size
+            size, limit = math.hypot(u, v), GRIP * friction[0] * pressed_n * inverse_mass[first]
+            if size > limit:
+                data.efc_aref[first + 1 : first + 3] = u * limit / size, v * limit / size
 
     def touch(self) -> list[float]:
         """Return what contacts pushed in the last step: force in the world [N], moment in the body's frame [N m]."""
         touch: list[float] = self._touch.tolist()
         return touch
 
-    def height_over_ground_m(self, place: Sequence[float]) -> float:
+    def height_over_ground_m(self, point: Sequence[float]) -> float:
         """Return the distance straight down from a point to anything but the body; negative if there is nothing."""
         down = np.array([0.0, 0.0, -1.0])
         return float(
             self._world.mujoco.mj_ray(
-                self._model, self._data, np.array(place), down, None, 1, self._body, self._geom[0]
+                self._model, self._data, np.array(point), down, None, 1, self._body, self._geom[0]
             )
         )
 
     def deepest(self) -> tuple[str, float]:
-        """Return what the body penetrates deepest, and how deep [m]; 0 if nothing. Call it after `look`."""
+        """Return what the body penetrates deepest, and how deep [m]; 0 if nothing. Call it after `detect_contacts`."""
         model, data = self._model, self._data
         solid, depth_m = "", 0.0
         for contact in data.contact[: data.ncon]:
@@ -217,4 +219,4 @@ class MujocoBody:
     def restore(self, snapshot: Any) -> None:
         """Put back what `snapshot` returned."""
         self._world.mujoco.mj_setState(self._model, self._data, snapshot, self._kind)
-        self.look()  # so that a ray meets everything where it is
+        self.detect_contacts()  # so that a ray meets everything where it is

@@ -10,7 +10,7 @@ from __future__ import annotations
 from types import ModuleType
 from typing import Any
 
-from snr_sim.prelude.errors import MissingExtra, ParameterError, PlantError, nearest
+from snr_sim.prelude.errors import MissingExtraError, ParameterError, PlantError, suggest
 
 
 class MujocoWorld:
@@ -30,7 +30,7 @@ class MujocoWorld:
         own_step_s: the step of the text, or MuJoCo's default.
 
     Raises:
-        MissingExtra: MuJoCo is not installed.
+        MissingExtraError: MuJoCo is not installed.
         ParameterError: the text is not MJCF, or a body is missing.
     """
 
@@ -38,8 +38,8 @@ class MujocoWorld:
         mujoco = mujoco_module()
         if not isinstance(mjcf, str) or (mjcf.strip() and not mjcf.lstrip().startswith("<")):
             raise ParameterError(
-                f"MuJoCo cannot read {source}: {mjcf!r:.80} is no XML.",
-                fix="give the text itself; of a file it is Path(...).read_text().",
+                f"MuJoCo cannot read {source}: {mjcf!r:.80} is not XML.",
+                fix="pass the MJCF text itself; for a file, Path(...).read_text().",
             )
         try:
             self.model: Any = mujoco.MjModel.from_xml_string(mjcf)
@@ -68,7 +68,7 @@ class MujocoWorld:
         if name not in names:
             raise ParameterError(
                 f"There is no body '{name}' in {self._source}.",
-                fix=nearest(name, [known for known in names if known not in ("", "world")]),
+                fix=suggest(name, [known for known in names if known not in ("", "world")]),
             )
         return names.index(name)
 
@@ -102,11 +102,11 @@ def mujoco_module() -> ModuleType:
     """Return mujoco, imported when it is first needed.
 
     Raises:
-        MissingExtra: it is not installed.
+        MissingExtraError: it is not installed.
     """
     try:
         import mujoco
     except ImportError as error:
-        raise MissingExtra("mujoco-core", "sim") from error
+        raise MissingExtraError("mujoco-core", "sim") from error
     module: ModuleType = mujoco
     return module

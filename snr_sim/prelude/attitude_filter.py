@@ -27,8 +27,8 @@ Quaternion: TypeAlias = tuple[float, float, float, float]
 GRAVITY_MPS2 = 9.80665
 GAIN_HZ = 0.5
 BIAS_GAIN_HZ2 = 0.02
-MOST_BIAS_RADPS = 0.1
-LONGEST_STEP_S = 0.5  # after a longer gap it starts again
+MAX_BIAS_RADPS = 0.1
+MAX_STEP_S = 0.5  # after a longer gap it starts again
 _ACCELERATED = 0.15  # fraction of g: beyond, the force is not gravity alone
 FIELD_UT = (15.0, 75.0)  # of the Earth, with some iron nearby
 
@@ -60,8 +60,8 @@ class MahonyFilter:
         dt_s = at_s - self._at_s
         before, self._before_radps = self._before_radps, (rate_radps[0], rate_radps[1], rate_radps[2])
         self._at_s = at_s
-        if self.attitude is None or not 0.0 <= dt_s <= LONGEST_STEP_S:
-            self.attitude = level_of(force_mps2, field_ut, self.declination_rad)
+        if self.attitude is None or not 0.0 <= dt_s <= MAX_STEP_S:
+            self.attitude = attitude_at_rest(force_mps2, field_ut, self.declination_rad)
             return self.attitude
         # The mean of both ends: with the newest rate alone, at 50 Hz, a turn of 40 deg/s starts 0.4 deg ahead.
         (p, q, r), (bx, by, bz), half = self._before_radps, self.bias_radps, 0.5 * dt_s
@@ -70,11 +70,15 @@ class MahonyFilter:
             half * (q + before[1]) - by * dt_s,
             half * (r + before[2]) - bz * dt_s,
         )
-        turned = _turned(self.attitude, turn)
+        turned = _rotate(self.attitude, turn)
         ex, ey, ez = self._error(turned, force_mps2, field_ut)
         gain, bias_gain = self.gain_hz * dt_s, BIAS_GAIN_HZ2 * dt_s
-        self.attitude = _turned(turned, (gain * ex, gain * ey, gain * ez))
-        self.bias_radps = _bounded(bx - bias_gain * ex), _bounded(by - bias_gain * ey), _bounded(bz - bias_gain * ez)
+        self.attitude = _rotate(turned, (gain * ex, gain * ey, gain * ez))
+        self.bias_radps = (
+            _clamp_bias(bx - bias_gain * ex),
+            _clamp_bias(by - bias_gain * ey),
+            _clamp_bias(bz - bias_gain * ez),
+        )
         return self.attitude
 
     def _error(self, attitude: Quaternion, force_mps2: Sequence[float], field_ut: Sequence[float]) -> Vector:
@@ -92,7 +96,9 @@ class MahonyFilter:
         return x, y, z
 
 
-def level_of(force_mps2: Sequence[float], field_ut: Sequence[float], declination_rad: float = 0.0) -> Quaternion:
+def attitude_at_rest(
+    force_mps2: Sequence[float], field_ut: Sequence[float], declination_rad: float = 0.0
+) -> Quaternion:
     """Return the attitude at rest: up is where the force points, magnetic north where the field does."""
     ax, ay, az = force_mps2
     roll, pitch = math.atan2(ay, az), math.atan2(-ax, math.sqrt(ay * ay + az * az))
@@ -115,8 +121,8 @@ def _up_in_body(q: Quaternion) -> Vector:
     return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
-def _bounded(bias_radps: float) -> float:
-    return max(-MOST_BIAS_RADPS, min(MOST_BIAS_RADPS, bias_radps))
+def _clamp_bias(bias_radps: float) -> float:
+    return max(-MAX_BIAS_RADPS, min(MAX_BIAS_RADPS, bias_radps))
 
 
 def _length(vector: Sequence[float]) -> float:
@@ -124,7 +130,7 @@ def _length(vector: Sequence[float]) -> float:
     return math.sqrt(x * x + y * y + z * z)  # rounded alike by every Python, and math.hypot is not
 
 
-def _turned(q: Quaternion, by_rad: Vector) -> Quaternion:
+def _rotate(q: Quaternion, by_rad: Vector) -> Quaternion:
     """Return an attitude, turned about the body's axes."""
     angle = _length(by_rad)
     share = 0.5 if angle < 1e-9 else math.sin(0.5 * angle) / angle

@@ -34,12 +34,12 @@ class Health(msgspec.Struct, frozen=True):
 
     Args:
         state: 'unconfigured', 'inactive', 'activating', 'active', 'error' or 'closed'.
-        why: as text, the reason if it is not active.
+        reason: as text, if it is not active.
         counts: counters since it was opened, such as 'crc_errors'.
     """
 
     state: str
-    why: str = ""
+    reason: str = ""
     counts: dict[str, int] = {}
 
 
@@ -47,11 +47,11 @@ class Stale(msgspec.Struct, frozen=True):
     """Result of a sensor without a fresh reading; it may have one the next time.
 
     Args:
-        why: as text, with the port or address, and what to check.
+        reason: as text, with the port or address, and what to check.
         since_s: when the newest good reading was measured; None if there has been none.
     """
 
-    why: str
+    reason: str
     since_s: float | None = None
 
 
@@ -98,7 +98,7 @@ class Sensor(Device, Protocol[ReadingT]):
         A reading is a frozen msgspec Struct with its time `stamp_s`; its fields become the page's data.
 
         Raises:
-            SensorLost: there will be no more readings, as after `close`.
+            SensorLostError: there will be no more readings, as after `close`.
         """
         ...
 
@@ -154,7 +154,7 @@ class PwmOut(Device, Protocol):
         ...
 
     @property
-    def fails_safe_alone(self) -> bool:
+    def has_independent_failsafe(self) -> bool:
         """Whether its outputs go to neutral when this program is killed. If not, only a supervisor may own it."""
         ...
 

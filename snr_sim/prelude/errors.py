@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from snr_sim.prelude.renamed import old_names
 
 
 class SnrError(Exception):
@@ -26,11 +29,11 @@ class ConfigError(SnrError):
     """A robot's configuration is wrong: roles, factories, names, handlers."""
 
 
-class UnknownName(ConfigError):
+class UnknownNameError(ConfigError):
     """A robot, scenario, controller, role, engine or option that is not known."""
 
 
-class RetiredName(SnrError, AttributeError):
+class RetiredNameError(SnrError, AttributeError):
     """A name of the 2021 library that this one does not have. The fix names its replacement."""
 
 
@@ -38,7 +41,7 @@ class TaskError(SnrError):
     """An object that is not a task, or an incomplete task, where a task is required."""
 
 
-class ComponentFailed(SnrError):
+class ComponentFailedError(SnrError):
     """A student's handler or loop raised, or returned an object that is not a task.
 
     Args:
@@ -71,7 +74,7 @@ class DeviceError(SnrError):
     """A sensor or an actuator cannot execute a request."""
 
 
-class SensorLost(DeviceError):
+class SensorLostError(DeviceError):
     """The sensor cannot deliver readings any more."""
 
 
@@ -91,7 +94,7 @@ class LinkError(SnrError):
     """A link between nodes that cannot be made, or a message that it cannot carry."""
 
 
-class FrameTooLarge(LinkError):
+class FrameTooLargeError(LinkError):
     """A message longer than the link's maximum frame."""
 
 
@@ -99,7 +102,7 @@ class RecordingError(SnrError):
     """A file of pages or text, other than the trace, that cannot be read or written."""
 
 
-class MissingExtra(SnrError, ImportError):
+class MissingExtraError(SnrError, ImportError):
     """An optional package is not installed."""
 
     def __init__(self, package: str, extra: str) -> None:
@@ -109,7 +112,7 @@ class MissingExtra(SnrError, ImportError):
         )
 
 
-def nearest(wanted: str, known: Iterable[str], listed: str = "one of") -> str:
+def suggest(requested: str, known: Iterable[str], listed: str = "one of") -> str:
     """Return a sentence that suggests the nearest known name and lists the known names.
 
     Args:
@@ -117,11 +120,11 @@ def nearest(wanted: str, known: Iterable[str], listed: str = "one of") -> str:
         known: the existing names.
         listed: text in front of the list of names.
 
-    >>> nearest("motor_sped", ["depth", "motor_speed"])
+    >>> suggest("motor_sped", ["depth", "motor_speed"])
     "did you mean 'motor_speed'? One of: depth, motor_speed."
-    >>> nearest("x", ["depth", "imu"], "stored were")
+    >>> suggest("x", ["depth", "imu"], "stored were")
     'stored were: depth, imu.'
-    >>> nearest("x", ["depth"])
+    >>> suggest("x", ["depth"])
     "'depth' is the only one."
     """
     import difflib  # slow to import, and only errors need it
@@ -129,10 +132,15 @@ def nearest(wanted: str, known: Iterable[str], listed: str = "one of") -> str:
     names = sorted(set(known))
     if not names:
         return "there is none to choose from." if listed == "one of" else f"{listed}: none."
-    close = difflib.get_close_matches(wanted, names, n=1, cutoff=0.5)
+    close = difflib.get_close_matches(requested, names, n=1, cutoff=0.5)
     if len(names) == 1 and listed == "one of":
         return f"did you mean '{names[0]}'?" if close else f"'{names[0]}' is the only one."
     listing = ", ".join(names[:20]) + (f" and {len(names) - 20} more." if len(names) > 20 else ".")
     if close:
         return f"did you mean '{close[0]}'? {listed[0].upper()}{listed[1:]}: {listing}"
     return f"{listed}: {listing}"
+
+
+if not TYPE_CHECKING:  # a type checker would accept any name
+    _RENAMED = ("UnknownName", "RetiredName", "ComponentFailed", "SensorLost", "FrameTooLarge", "MissingExtra")
+    __getattr__ = old_names(__name__, {name: f"{name}Error" for name in _RENAMED})

@@ -1,6 +1,6 @@
 """Base class for the life cycle of a device: derive from `LifeCycle` and override the `on_` methods it needs.
 
-A sensor derives from `SensorLife`, which also defines the result of `read` while it does not measure.
+A sensor derives from `LifeCycleSensor`, which also defines the result of `read` while it does not measure.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from snr_sim.prelude.device import Health, Stale
-from snr_sim.prelude.errors import DeviceError, SensorLost
+from snr_sim.prelude.errors import DeviceError, SensorLostError
 
 
 class LifeCycle:
@@ -16,14 +16,14 @@ class LifeCycle:
 
     Attributes:
         state: 'unconfigured', 'inactive', 'activating', 'active', 'error' or 'closed'.
-        why: as text, why it is not active.
+        reason: as text, why it is not active.
         title: its name in messages.
     """
 
     title: str = "This device"
     state: str = "unconfigured"
-    why: str = ""
-    _holding: ClassVar[tuple[str, ...]] = ("inactive", "activating", "active")
+    reason: str = ""
+    _open_states: ClassVar[tuple[str, ...]] = ("inactive", "activating", "active")
 
     def configure(self) -> None:
         """Open the wire, with outputs neutral. After an error it starts again.
@@ -33,14 +33,14 @@ class LifeCycle:
         """
         if self.state == "closed":
             raise DeviceError(f"{self.title} was closed.", fix="open another.")
-        if self.state in self._holding:
+        if self.state in self._open_states:
             return
         try:
             self.on_configure()
         except BaseException as error:
             self.fail(str(error))
             raise
-        self.state, self.why = "inactive", ""
+        self.state, self.reason = "inactive", ""
 
     def activate(self) -> None:
         """Start to measure or to follow commands.
@@ -52,7 +52,7 @@ class LifeCycle:
             return
         if self.state != "inactive":
             raise DeviceError(f"{self.title} cannot be activated: it is {self.state}.", fix="configure() it first.")
-        self.state, self.why = "active", ""
+        self.state, self.reason = "active", ""
         try:
             self.on_activate()
         except BaseException as error:
@@ -68,16 +68,16 @@ class LifeCycle:
         except Exception as error:
             self.fail(str(error))
         else:
-            if self.state in self._holding:
-                self.state, self.why = "inactive", reason
+            if self.state in self._open_states:
+                self.state, self.reason = "inactive", reason
 
-    def fail(self, why: str) -> None:
+    def fail(self, reason: str) -> None:
         """Record that the device has failed."""
-        self.state, self.why = "error", why
+        self.state, self.reason = "error", reason
 
     def health(self) -> Health:
         """Return its state."""
-        return Health(self.state, self.why, self.counts())
+        return Health(self.state, self.reason, self.counts())
 
     def close(self) -> None:
         """Go to neutral and close. Never raises."""
@@ -87,7 +87,7 @@ class LifeCycle:
         try:
             self.on_close()
         except Exception as error:
-            self.why = str(error)
+            self.reason = str(error)
         self.state = "closed"
 
     def counts(self) -> dict[str, int]:
@@ -107,7 +107,7 @@ class LifeCycle:
         """Release the wire."""
 
 
-class SensorLife(LifeCycle):
+class LifeCycleSensor(LifeCycle):
     """Life cycle of a sensor with a wire."""
 
     def idle(self, since_s: float | None = None) -> Stale | None:
@@ -117,12 +117,12 @@ class SensorLife(LifeCycle):
             since_s: when the newest good reading was measured.
 
         Raises:
-            SensorLost: it was closed.
+            SensorLostError: it was closed.
         """
         if self.state == "active":
             return None
         if self.state == "closed":
-            raise SensorLost(f"{self.title} was closed.", fix="open another.")
+            raise SensorLostError(f"{self.title} was closed.", fix="open another.")
         return Stale(
-            f"{self.title} is {self.state}: {self.why}" if self.why else f"{self.title} is {self.state}.", since_s
+            f"{self.title} is {self.state}: {self.reason}" if self.reason else f"{self.title} is {self.state}.", since_s
         )

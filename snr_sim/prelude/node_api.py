@@ -25,14 +25,14 @@ class PageStore(Protocol):
         ...
 
 
-class TaskDoor(Protocol):
+class TaskInbox(Protocol):
     """Thread-safe inbox of tasks from outside the node.
 
     Attributes:
-        visits: how often the node has waited for it.
+        wait_count: how often the node has waited for it.
     """
 
-    visits: int
+    wait_count: int
 
     @property
     def waiting(self) -> Sized:
@@ -40,7 +40,7 @@ class TaskDoor(Protocol):
         ...
 
     @property
-    def is_waited_at(self) -> bool:
+    def is_waiting(self) -> bool:
         """Whether the node's thread waits for it now."""
         ...
 
@@ -69,7 +69,7 @@ class NodeApi(Protocol):
         role: which of the config's roles it runs.
         clock: wall time, or virtual time in lock step.
         seed: of the run.
-        chance: seed that the random generators of its components are derived from.
+        component_seed: seed that the random generators of its components are derived from.
         is_in_lock_step: whether its clock is virtual.
         is_replay: whether a recorded run is repeated: no file may be written then, and no page sent.
         exit_reason: of the first terminate task, once there has been one.
@@ -80,7 +80,7 @@ class NodeApi(Protocol):
     role: RoleName
     clock: Clock
     seed: int
-    chance: int
+    component_seed: int
     is_in_lock_step: bool
     is_replay: bool
     exit_reason: str | None
@@ -97,7 +97,7 @@ class NodeApi(Protocol):
         ...
 
     @property
-    def door(self) -> TaskDoor:
+    def inbox(self) -> TaskInbox:
         """Inbox of tasks from outside."""
         ...
 
@@ -107,7 +107,7 @@ class NodeApi(Protocol):
         ...
 
     @property
-    def is_over(self) -> bool:
+    def is_finished(self) -> bool:
         """Whether the end of the run has begun."""
         ...
 
@@ -127,7 +127,7 @@ class NodeApi(Protocol):
         """Queue tasks: as the running handler's, or as an input if no handler runs."""
         ...
 
-    def enter(self, tasks: SomeTasks, source: str) -> None:
+    def enqueue_input(self, tasks: SomeTasks, source: str) -> None:
         """Queue tasks as inputs, from any thread; `source` is the name of their sender."""
         ...
 
@@ -172,16 +172,16 @@ class NodeApi(Protocol):
         """Return the age of the page of `get_page` [s]; infinite if that is not known."""
         ...
 
-    def came_at_s(self, key: DataKey) -> float:
+    def received_at_s(self, key: DataKey) -> float:
         """Return when the newest page of a key from another node arrived [s]; -inf if none did."""
         ...
 
-    def tap(self, key: DataKey, way_out: Callable[[Page], None]) -> None:
-        """Call `way_out` with each page of a key right after it is stored, on the node's thread."""
+    def add_store_listener(self, key: DataKey, callback: Callable[[Page], None]) -> None:
+        """Call `callback` with each page of a key right after it is stored, on the node's thread."""
         ...
 
-    def untap(self, key: DataKey, way_out: Callable[[Page], None]) -> None:
-        """Remove a callback that `tap` added."""
+    def remove_store_listener(self, key: DataKey, callback: Callable[[Page], None]) -> None:
+        """Remove a callback that `add_store_listener` added."""
         ...
 
     # Time, notes
@@ -190,7 +190,7 @@ class NodeApi(Protocol):
         """Return the time latched for the running task, or else the clock's [s]."""
         ...
 
-    def note(self, text: str, lines: str = "") -> None:
+    def add_note(self, text: str, lines: str = "") -> None:
         """Add a note to the run diagnostics, once; `lines` are the related lines of the student's code."""
         ...
 
@@ -198,6 +198,6 @@ class NodeApi(Protocol):
         """Return whether a page of this key held an object of this class for the first time."""
         ...
 
-    def said(self, component: str, level: str, text: str) -> None:
+    def record_text(self, component: str, level: str, text: str) -> None:
         """Record a text that a component has printed or logged."""
         ...

@@ -8,15 +8,15 @@ from typing import Any, TypeAlias
 import msgspec
 
 from snr_sim.prelude.errors import ValueEncodingError
-from snr_sim.prelude.structs import learned
-from snr_sim.prelude.values import MARK, NO_JSON, decode_value, encode_with_marks, json_bytes, may_have_marks
+from snr_sim.prelude.structs import ensure_type_info
+from snr_sim.prelude.values import JSON_ERRORS, TAG, decode_value, encode_with_tags, json_bytes, may_have_tags
 
 DataKey: TypeAlias = str
 
 _encode = msgspec.json.Encoder().encode
 
 
-class Page(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="page"):
+class Page(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=TAG, tag="page"):
     """Data with a name, origin and time.
 
     Args:
@@ -49,7 +49,7 @@ class Page(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MA
                 return raw
         except (TypeError, ValueError, OverflowError, RecursionError):
             pass  # numpy, an unknown object, nested too deeply
-        return encode_with_marks(self)
+        return encode_with_tags(self)
 
     @staticmethod
     def deserialize(raw: bytes | str, kinds: Mapping[str, Callable[..., Any]] | None = None) -> Page:
@@ -65,16 +65,16 @@ class Page(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MA
         data = json_bytes(raw)
         try:
             # In our own format, and without further marks: then C decodes all of it.
-            is_plain = data.startswith(_OWN_MARK) and not may_have_marks(data, len(_OWN_MARK))
+            is_plain = data.startswith(_OWN_TAG) and not may_have_tags(data, len(_OWN_TAG))
             page: Any = _decode_page(data) if is_plain else decode_value(data, kinds or KINDS)
-        except NO_JSON as error:
+        except JSON_ERRORS as error:
             raise ValueEncodingError(f"This is not a page ({error}): {data[:80]!r}", fix=_FIX) from error
         if not isinstance(page, Page):
             raise ValueEncodingError(f"This is not a page: {data[:80]!r}", fix=_FIX)
         return page
 
 
-_OWN_MARK = b'{"$":"page"'
+_OWN_TAG = b'{"$":"page"'
 _FIX = "pages are written by Page.serialize(); PageReader also reads those of the 2021 library."
 
 
@@ -89,7 +89,7 @@ _decode_data = msgspec.json.Decoder(_DataOfPage).decode
 
 
 def _page_of(**fields: Any) -> Page:
-    return msgspec.convert(fields, learned(Page))
+    return msgspec.convert(fields, ensure_type_info(Page))
 
 
 # The marks of tasks and traces in addition to the plain ones of prelude/values.py.

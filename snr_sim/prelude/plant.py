@@ -90,7 +90,7 @@ class Plant(Protocol):
         """Return the true state as plain JSON, for the recorder alone: nodes cannot read it.
 
         {"poses": {body: [x, y, z, qx, qy, qz, qw]},          world frame [m], quaternion
-         "arrows": {name: [ox, oy, oz, vx, vy, vz]},          origin [m] and vector (forces in N), world frame
+         "vectors": {name: [ox, oy, oz, vx, vy, vz]},          origin [m] and vector (forces in N), world frame
          "values": {name_with_unit: number}}              broken_<arrow> is 1 once the source of this arrow is broken
         """
         ...

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NoReturn
 
-from snr_sim.prelude.errors import RetiredName
+from snr_sim.prelude.errors import RetiredNameError
 
 
 class Retired:
@@ -20,7 +20,7 @@ class Retired:
 
     >>> Retired("Consumer", "a Loop.")("printer", print)
     Traceback (most recent call last):
-    snr_sim.prelude.errors.RetiredName: 'Consumer' of the 2021 library is not in snr_sim.
+    snr_sim.prelude.errors.RetiredNameError: 'Consumer' of the 2021 library is not in snr_sim.
       Try: a Loop.
     """
 
@@ -31,7 +31,7 @@ class Retired:
         self._fix = fix
 
     def _refuse(self, *args: Any, **options: Any) -> NoReturn:
-        raise RetiredName(f"'{self._name}' of the 2021 library is not in snr_sim.", fix=self._fix)
+        raise RetiredNameError(f"'{self._name}' of the 2021 library is not in snr_sim.", fix=self._fix)
 
     __call__ = __get__ = __getattr__ = __mro_entries__ = __instancecheck__ = _refuse
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import hashlib
 from typing import TYPE_CHECKING
 
-from snr_sim.prelude.errors import MissingExtra
+from snr_sim.prelude.errors import MissingExtraError
 
 if TYPE_CHECKING:
     import numpy as np
 
 
-def chance_of(seed: int) -> int:
+def component_seed(seed: int) -> int:
     """Return the seed that the random generators of a run's components are derived from.
 
     It follows from the seed, but the seed does not follow from it: a component that is isolated from plant and devices,
@@ -32,12 +32,12 @@ def rng_for(seed: int, name: str) -> np.random.Generator:
     False
 
     Raises:
-        MissingExtra: numpy is not installed.
+        MissingExtraError: numpy is not installed.
     """
     try:
         import numpy as np  # slow to import, and most nodes need no random numbers
     except ImportError:
-        raise MissingExtra("numpy", "sim") from None
+        raise MissingExtraError("numpy", "sim") from None
 
     digest = hashlib.blake2b(name.encode(), digest_size=16).digest()
     words = [int.from_bytes(digest[i : i + 4], "little") for i in range(0, 16, 4)]

@@ -6,7 +6,7 @@ Python modules found by path; the library does not contain their names. It requi
     scenario file                                       robot.py
       ROBOT: str                 robot's name             ROLES: tuple[str, ...]
       ENGINES: tuple[str, ...]   first is the default     IO: tuple[str, ...]     rows of its device table
-      CONTROLLER: str            used unless one is named roles(rig, controller) -> {role: [factory, ...]}
+      CONTROLLER: str            used unless one is named roles(context, controller) -> {role: [factory, ...]}
       TIME_LIMIT_S: float
       parameters(seed) -> object handed to controllers    controllers/<name>.py, or any file:
       plant(seed, engine) -> Plant, already reset           factories(robot) -> [factory, ...]
@@ -16,9 +16,9 @@ Python modules found by path; the library does not contain their names. It requi
 A controller has components for the robot's first role, unless it lists roles: ROLES = ("topside",). Then factories is
 called once for each of them, with `robot.role`; a first role that is not listed gets the scenario's CONTROLLER.
 
-robot.py may also have `dressed(rig) -> Plant`: the plant to step in place of the scenario's (`rig.plant`), for a row
-of the device table that puts a part between devices and plant, such as an emulated board; otherwise it returns
-`rig.plant`.
+robot.py may have `wrap_plant(context) -> Plant`: the plant to step in place of the scenario's
+(`context.plant`), for a row of the device table that puts a part between devices and plant, such as an emulated
+board; otherwise it returns `context.plant`.
 
 A controller may also have `start_lines(robot) -> [text, ...]`: information for the user who starts a run, such as the
 robot's automatic reactions to failures; `snr run` prints it.
@@ -50,16 +50,16 @@ class Verdict:
     Args:
         outcome: one word for result.json, such as 'landed' or 'crashed'.
         success: whether the scenario's criterion was met.
-        why: reason of a failure as text: which limit was exceeded, and the value.
+        reason: of a failure, as text: which limit was exceeded, and the value.
     """
 
     outcome: str
     success: bool
-    why: str = ""
+    reason: str = ""
 
 
 @dataclass(frozen=True)
-class Robot:
+class RobotInfo:
     """Information for a controller file: never the plant.
 
     Args:
@@ -80,7 +80,7 @@ class Robot:
 
 
 @dataclass(frozen=True)
-class Rig:
+class RobotContext:
     """Context that a robot file uses to create its components.
 
     Args:
@@ -89,26 +89,27 @@ class Rig:
         seed: the run's seed.
         plant: the simulated body; None if there is none: all devices are real, or it is a replay, which opens no
             devices.
-        where: text after `io` on the command line: a port, a bus and an address (`prelude/io.py`).
+        address: text after `io` on the command line: a port, a bus and an address (`prelude/io.py`).
         clock_s: the run's clock, which stamps devices' readings; the plant's time if not given.
-        shared: objects that several devices share, such as their board; see `share`.
-        recorded: returns the pages that a sensor stored in the run that `where` names, for `--io replay:RUN`.
-        role_apart: the role that runs alone, linked to other processes; empty if all roles run in this process.
-        crew: the controller's components for roles other than the robot's first; robot.py adds them to its roles.
+        shared: objects that several devices share, such as their board; see `get_or_create`.
+        recorded: returns the pages that a sensor stored in the run that `address` names, for `--io replay:RUN`.
+        standalone_role: the role that runs alone, linked to other processes; empty if all roles run in this process.
+        extra_components: the controller's components for roles other than the robot's first; robot.py adds them to
+            its roles.
     """
 
-    robot: Robot
+    robot: RobotInfo
     io: str
     seed: int
     plant: Plant | None
-    where: str = ""
+    address: str = ""
     clock_s: Callable[[], float] | None = None
     shared: dict[str, Any] = field(default_factory=dict)
     recorded: Callable[[str], Sequence[Page]] | None = None
-    role_apart: str = ""
-    crew: Mapping[str, Sequence[Factory]] = field(default_factory=dict)
+    standalone_role: str = ""
+    extra_components: Mapping[str, Sequence[Factory]] = field(default_factory=dict)
 
-    def share(self, name: str, make: Callable[[], Any]) -> Any:
+    def get_or_create(self, name: str, make: Callable[[], Any]) -> Any:
         """Return an object that several devices of this run share, created at the first call. Thread-safe."""
         return self.shared[name] if name in self.shared else self.shared.setdefault(name, make())
 

@@ -86,12 +86,12 @@ class AppliedPulses(msgspec.Struct, frozen=True):
     Args:
         pulses_us: of each channel, as far as is known here.
         stamp_s: of the applied command.
-        why: empty if they equal the command; else some of the constants below.
+        reason: empty if they equal the command; else some of the constants below.
     """
 
     pulses_us: list[float]
     stamp_s: float
-    why: list[str] = []
+    reason: list[str] = []
 
 
 # Why applied pulses differ from the command.
@@ -208,7 +208,7 @@ class LeakReading(msgspec.Struct, frozen=True):
     stamp_s: float
 
 
-class PadReading(msgspec.Struct, frozen=True):
+class GamepadReading(msgspec.Struct, frozen=True):
     """Positions of the sticks and buttons of a game controller, numbered as by the operating system.
 
     Args:

@@ -89,7 +89,7 @@ class Task(msgspec.Struct, frozen=True):
         else:
             cause = None
         raise TaskError(
-            f"These bytes are no task: {data!r:.80}", fix="they are [type, name, values] in JSON."
+            f"These bytes are not a task: {data!r:.80}", fix="they are [type, name, values] in JSON."
         ) from cause
 
 

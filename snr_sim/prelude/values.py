@@ -30,18 +30,18 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.prelude.errors import MissingExtra, ValueEncodingError
+from snr_sim.prelude.errors import MissingExtraError, ValueEncodingError
 
 _encode = msgspec.json.Encoder().encode
 _decode = msgspec.json.Decoder().decode
 
 # Errors of decoders for bytes that are not valid JSON, or JSON of another type. For invalid UTF-8, Python's own error
 # is raised where text is required, and msgspec's elsewhere.
-NO_JSON = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
+JSON_ERRORS = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
 
-MARK = "$"
+TAG = "$"
 _KIT = "snr_sim."
-_MARK_BYTES = b'"$":'  # inside a JSON string the quotes would be escaped, so this is always a key
+_TAG_BYTES = b'"$":'  # inside a JSON string the quotes would be escaped, so this is always a key
 _NOT_FINITE = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 _HEX_INT = re.compile(r"-?0x[0-9a-f]+")
 _CONTAINERS: dict[str, Callable[[list[Any]], Any]] = {"tuple": tuple, "set": set, "frozenset": frozenset}
@@ -68,17 +68,17 @@ def encode_value(value: Any) -> bytes:
     """
     try:
         raw = _encode(value)
-        if _decode(raw) == value and _MARK_BYTES not in raw:
+        if _decode(raw) == value and _TAG_BYTES not in raw:
             return raw
     except (TypeError, ValueError, OverflowError, RecursionError):
         pass  # numpy, an unknown object, nested too deeply, a comparison that fails
-    return encode_with_marks(value)
+    return encode_with_tags(value)
 
 
-def encode_with_marks(value: Any) -> bytes:
+def encode_with_tags(value: Any) -> bytes:
     """Return the JSON of a value that is not plain; `encode_value` calls it when needed."""
     try:
-        return _encode(_marked(value))
+        return _encode(_tag_value(value))
     except RecursionError:
         raise ValueEncodingError(
             "A value is nested too deeply to be stored, or contains itself.",
@@ -107,9 +107,9 @@ def decode_value(raw: bytes | str, kinds: Mapping[str, Callable[..., Any]] | Non
     data = json_bytes(raw)
     try:
         value = _decode(data)
-    except NO_JSON as error:
+    except JSON_ERRORS as error:
         raise ValueEncodingError(f"This is not JSON ({error}): {data[:80]!r}") from error
-    return _unmarked(value, kinds or {}) if may_have_marks(data) else value
+    return _untag(value, kinds or {}) if may_have_tags(data) else value
 
 
 def json_bytes(raw: bytes | str) -> bytes:
@@ -125,64 +125,64 @@ def json_bytes(raw: bytes | str) -> bytes:
     raise ValueEncodingError(f"This is not JSON but of type {type(raw).__name__}: {raw!r:.80}", fix="text or bytes.")
 
 
-def may_have_marks(raw: bytes, start: int = 0) -> bool:
+def may_have_tags(raw: bytes, start: int = 0) -> bool:
     """Return whether there may be a mark from this index on, in JSON with any spacing."""
     # Searching one character is four times as fast as six, and most JSON has no escape at all.
     return raw.find(b"$", start) >= 0 or (raw.find(b"\\") >= 0 and b"\\u0024" in raw)
 
 
-def _marked(value: Any) -> Any:
+def _tag_value(value: Any) -> Any:
     """Wrap values that JSON would lose. The order matters: bool before int, subclasses after their plain parents."""
     kind = type(value)
     if value is None or kind is bool or kind is str:
         return value
     if kind is float:
-        return value if math.isfinite(value) else {MARK: "float", "v": repr(value)}
+        return value if math.isfinite(value) else {TAG: "float", "v": repr(value)}
     if kind is int:
-        return value if -(2**63) <= value < 2**64 else {MARK: "int", "v": hex(value)}
+        return value if -(2**63) <= value < 2**64 else {TAG: "int", "v": hex(value)}
     if kind is list:
-        return [_marked(item) for item in value]
+        return [_tag_value(item) for item in value]
     if kind is dict:
-        if all(type(key) is str for key in value) and MARK not in value:
-            return {key: _marked(item) for key, item in value.items()}
-        return {MARK: "dict", "v": [[_marked(key), _marked(item)] for key, item in value.items()]}
+        if all(type(key) is str for key in value) and TAG not in value:
+            return {key: _tag_value(item) for key, item in value.items()}
+        return {TAG: "dict", "v": [[_tag_value(key), _tag_value(item)] for key, item in value.items()]}
     if kind is tuple:
-        return {MARK: "tuple", "v": [_marked(item) for item in value]}
+        return {TAG: "tuple", "v": [_tag_value(item) for item in value]}
     if kind in (set, frozenset):
-        return {MARK: kind.__name__, "v": sorted((_marked(item) for item in value), key=_encode)}
+        return {TAG: kind.__name__, "v": sorted((_tag_value(item) for item in value), key=_encode)}
     if kind in (bytes, bytearray):
-        return {MARK: "bytes", "v": base64.b64encode(value).decode()}
-    return _marked_object(value)
+        return {TAG: "bytes", "v": base64.b64encode(value).decode()}
+    return _tag_object(value)
 
 
-def _marked_object(value: Any) -> Any:
+def _tag_object(value: Any) -> Any:
     numpy = sys.modules.get("numpy")
     if numpy is not None and isinstance(value, (numpy.ndarray, numpy.generic)) and value.dtype.kind in _ARRAY_KINDS:
-        return _marked_array(value)
+        return _tag_array(value)
     if isinstance(value, (bool, int, float, str)):  # an Enum, or a student's subclass of a number
-        return _marked(_plain_parent(value))
+        return _tag_value(_plain_parent(value))
     if isinstance(value, (type, ModuleType)):  # their attributes are code; a module's would expose the user's file path
         name = value.__qualname__ if isinstance(value, type) else Path(value.__file__ or value.__name__).stem
-        return {MARK: "object", "type": f"builtins.{type(value).__name__}", "fields": {"name": name}}
+        return {TAG: "object", "type": f"builtins.{type(value).__name__}", "fields": {"name": name}}
     if isinstance(value, (dict, list)):  # a subclass of one; its plain values were encoded by the fast path
-        return _marked(dict(value) if isinstance(value, dict) else list(value))
+        return _tag_value(dict(value) if isinstance(value, dict) else list(value))
     config = getattr(type(value), "__struct_config__", None)
     if config is not None:
-        if config.tag_field == MARK and config.tag == "page":
-            return _marked_page(value)
-        if config.tag_field == MARK and config.tag == "array_bytes":  # core/process/messages.py: never on disk
-            return {MARK: config.tag, **{name: getattr(value, name) for name in type(value).__struct_fields__}}
-        fields = {name: _marked(getattr(value, name)) for name in type(value).__struct_fields__}
+        if config.tag_field == TAG and config.tag == "page":
+            return _tag_page(value)
+        if config.tag_field == TAG and config.tag == "array_bytes":  # core/process/messages.py: never on disk
+            return {TAG: config.tag, **{name: getattr(value, name) for name in type(value).__struct_fields__}}
+        fields = {name: _tag_value(getattr(value, name)) for name in type(value).__struct_fields__}
     else:
-        fields = {str(name): _marked(item) for name, item in _attributes(value).items()}
-    return {MARK: "object", "type": f"{type(value).__module__}.{type(value).__qualname__}", "fields": fields}
+        fields = {str(name): _tag_value(item) for name, item in _attributes(value).items()}
+    return {TAG: "object", "type": f"{type(value).__module__}.{type(value).__qualname__}", "fields": fields}
 
 
-def _marked_page(page: Any) -> Any:
+def _tag_page(page: Any) -> Any:
     """Return a page whose own fields are plain numbers and text, also if they were numpy's."""
     fields = {name: getattr(page, name) for name in type(page).__struct_fields__}
     plain = {name: item.item() if name != "data" and hasattr(item, "item") else item for name, item in fields.items()}
-    return {MARK: "page", **{name: _marked(item) for name, item in plain.items()}}
+    return {TAG: "page", **{name: _tag_value(item) for name, item in plain.items()}}
 
 
 def _attributes(value: Any) -> dict[str, Any]:
@@ -220,56 +220,56 @@ def _plain_parent(value: Any) -> Any:
     raise AssertionError(value)
 
 
-def _marked_array(value: Any) -> Any:
+def _tag_array(value: Any) -> Any:
     is_plain = value.dtype.kind in "biuf" and value.dtype.itemsize <= 8
     little_endian = value.dtype.newbyteorder("<")
-    marked = {MARK: "array", "dtype": value.dtype.name if is_plain else little_endian.str, "shape": list(value.shape)}
+    tagged = {TAG: "array", "dtype": value.dtype.name if is_plain else little_endian.str, "shape": list(value.shape)}
     if value.size > _ARRAY_AS_TEXT_MAX or not is_plain:
-        return {**marked, "b64": base64.b64encode(value.astype(little_endian, copy=False).tobytes()).decode()}
-    return {**marked, "data": _marked(value.tolist())}
+        return {**tagged, "b64": base64.b64encode(value.astype(little_endian, copy=False).tobytes()).decode()}
+    return {**tagged, "data": _tag_value(value.tolist())}
 
 
-def _unmarked(value: Any, kinds: Mapping[str, Callable[..., Any]]) -> Any:
+def _untag(value: Any, kinds: Mapping[str, Callable[..., Any]]) -> Any:
     if isinstance(value, list):
-        return [_unmarked(item, kinds) for item in value]
+        return [_untag(item, kinds) for item in value]
     if not isinstance(value, dict):
         return value
-    if MARK not in value:
-        return {key: _unmarked(item, kinds) for key, item in value.items()}
-    mark = value[MARK]
+    if TAG not in value:
+        return {key: _untag(item, kinds) for key, item in value.items()}
+    tag = value[TAG]
     try:
-        if isinstance(mark, str) and mark in kinds:
-            return kinds[mark](**{key: _unmarked(item, kinds) for key, item in value.items() if key != MARK})
-        if mark == "array":
-            return _unmarked_array(value)
-        return _unmarked_simple(mark, value, kinds)
+        if isinstance(tag, str) and tag in kinds:
+            return kinds[tag](**{key: _untag(item, kinds) for key, item in value.items() if key != TAG})
+        if tag == "array":
+            return _untag_array(value)
+        return _untag_simple(tag, value, kinds)
     except (KeyError, TypeError, ValueError, OverflowError, msgspec.ValidationError) as error:
-        raise ValueEncodingError(f"A stored value of kind {mark!r} is damaged: {error}.") from error
+        raise ValueEncodingError(f"A stored value of kind {tag!r} is damaged: {error}.") from error
 
 
-def _unmarked_simple(mark: Any, value: dict[str, Any], kinds: Mapping[str, Callable[..., Any]]) -> Any:
-    if mark == "object":
+def _untag_simple(tag: Any, value: dict[str, Any], kinds: Mapping[str, Callable[..., Any]]) -> Any:
+    if tag == "object":
         raise ValueEncodingError(
             f"A stored value was an object of class {value['type']}, which cannot be brought back from JSON.",
             fix="store a dict, a list, a tuple or a numpy array instead.",
         )
     inner = _only(value, "v")
-    if mark == "float":
+    if tag == "float":
         return _NOT_FINITE[inner]
-    if mark == "int":
+    if tag == "int":
         return int(_matched(_HEX_INT, inner), 16)
-    if mark == "bytes":
+    if tag == "bytes":
         return base64.b64decode(inner, validate=True)
     if type(inner) is not list:
         raise ValueError(f"it holds {inner!r} instead of a list")
-    items = [_unmarked(item, kinds) for item in inner]
-    if mark == "dict":
+    items = [_untag(item, kinds) for item in inner]
+    if tag == "dict":
         if any(type(pair) is not list for pair in items):
             raise ValueError("it holds something else than pairs")
         return dict(items)
-    if mark not in _CONTAINERS:
-        raise ValueEncodingError(f"A stored value has the unknown kind {mark!r}; known: {', '.join(_CONTAINERS)}, ...")
-    return _CONTAINERS[mark](items)
+    if tag not in _CONTAINERS:
+        raise ValueEncodingError(f"A stored value has the unknown kind {tag!r}; known: {', '.join(_CONTAINERS)}, ...")
+    return _CONTAINERS[tag](items)
 
 
 def _only(value: dict[str, Any], *names: str) -> Any:
@@ -285,11 +285,11 @@ def _matched(pattern: re.Pattern[str], text: Any) -> str:
     return text
 
 
-def _unmarked_array(value: dict[str, Any]) -> Any:
+def _untag_array(value: dict[str, Any]) -> Any:
     try:
         import numpy as np  # slow to import, and only pages with arrays need it
     except ImportError:
-        raise MissingExtra("numpy", "sim") from None
+        raise MissingExtraError("numpy", "sim") from None
 
     kept = _only(value, "dtype", "shape", "b64" if "b64" in value else "data")
     name, shape = value["dtype"], value["shape"]
@@ -317,7 +317,7 @@ def _items(data: Any, shape: list[int], types: tuple[type, ...]) -> Iterator[Any
         for inner in data:
             yield from _items(inner, shape[1:], types)
     else:
-        item = _unmarked(data, {}) if type(data) is dict and float in types else data
+        item = _untag(data, {}) if type(data) is dict and float in types else data
         if type(item) not in types:
             raise ValueError(f"it holds {item!r} among its numbers")
         yield item

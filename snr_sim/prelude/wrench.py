@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from snr_sim.prelude.errors import MissingExtra, ParameterError
+from snr_sim.prelude.errors import MissingExtraError, ParameterError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 ARM_M = 0.15  # compares moments with forces: about the arm of a small vehicle's thrusters
-_NOTHING = 1e-6  # values below this fraction of the largest are rounding errors
+_RANK_TOLERANCE = 1e-6  # values below this fraction of the largest are rounding errors
 
 
 def thruster_matrix(columns_by_axis: Sequence[Sequence[float]] | NDArray[np.float64]) -> NDArray[np.float64]:
@@ -25,7 +25,7 @@ def thruster_matrix(columns_by_axis: Sequence[Sequence[float]] | NDArray[np.floa
 
     Raises:
         ParameterError: it does not have six rows of equal length, or a value is not a finite number.
-        MissingExtra: numpy is not installed.
+        MissingExtraError: numpy is not installed.
     """
     np = _numpy()
     try:
@@ -40,7 +40,7 @@ def thruster_matrix(columns_by_axis: Sequence[Sequence[float]] | NDArray[np.floa
     return matrix  # type: ignore[no-any-return]
 
 
-def lacking_axes(matrix: NDArray[np.float64]) -> tuple[str, ...]:
+def unactuated_axes(matrix: NDArray[np.float64]) -> tuple[str, ...]:
     """Return the axes that thrusters cannot produce independently: one for each missing rank of their matrix.
 
     Thrusters below the centre push the nose up whenever they push ahead. If no thruster can counter that, pitch is
@@ -51,7 +51,7 @@ def lacking_axes(matrix: NDArray[np.float64]) -> tuple[str, ...]:
     rows = list(range(len(AXES)))
     while True:
         left, sizes, _ = np.linalg.svd(scaled[rows])  # decides no run: rank, far from its limit
-        rank = int((sizes > _NOTHING * max(1.0, float(sizes.max(initial=0.0)))).sum())
+        rank = int((sizes > _RANK_TOLERANCE * max(1.0, float(sizes.max(initial=0.0)))).sum())
         if rank == len(rows):
             return tuple(axis for i, axis in enumerate(AXES) if i not in rows)
         out_of_reach = (left[:, rank:] ** 2).sum(axis=1)  # the fraction of each axis that no thrust can produce
@@ -64,5 +64,5 @@ def _numpy() -> Any:
     try:
         import numpy as np  # slow to import, and only vehicles with thrusters need it
     except ImportError:
-        raise MissingExtra("numpy", "sim") from None
+        raise MissingExtraError("numpy", "sim") from None
     return np

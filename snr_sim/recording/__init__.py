@@ -1,1 +1,44 @@
 """Recording of runs: the trace is the complete record, replay executes it again, and the view displays it."""
+
+from typing import TYPE_CHECKING
+
+from snr_sim.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from snr_sim.prelude.values import decode_value as decode_value
+    from snr_sim.prelude.values import encode_value as encode_value
+    from snr_sim.recording.compare_signals import signals_of as signals_of
+    from snr_sim.recording.folder import trace_path as trace_path
+    from snr_sim.recording.reader import Trace as Trace
+    from snr_sim.recording.reader import read_trace as read_trace
+    from snr_sim.recording.records import BeginRecord as BeginRecord
+    from snr_sim.recording.records import EndRecord as EndRecord
+    from snr_sim.recording.records import ErrorRecord as ErrorRecord
+    from snr_sim.recording.records import HandlerCall as HandlerCall
+    from snr_sim.recording.records import Header as Header
+    from snr_sim.recording.records import InputRecord as InputRecord
+    from snr_sim.recording.records import LogLineRecord as LogLineRecord
+    from snr_sim.recording.records import PageRecord as PageRecord
+    from snr_sim.recording.records import ReturnedTask as ReturnedTask
+    from snr_sim.recording.records import TaskRecord as TaskRecord
+    from snr_sim.recording.records import TraceInfo as TraceInfo
+    from snr_sim.recording.records import TruthRecord as TruthRecord
+    from snr_sim.recording.replay import replay_node as replay_node
+    from snr_sim.view.view import write_view as write_view
+else:
+    # `compare_runs` is missing: the name is taken by the module that it is in.
+    __all__, __getattr__, __dir__ = lazy_names(
+        __name__,
+        {
+            "snr_sim.recording.reader": "Trace read_trace",
+            "snr_sim.recording.folder": "trace_path",
+            "snr_sim.view.view": "write_view",
+            "snr_sim.recording.compare_signals": "signals_of",
+            "snr_sim.recording.replay": "replay_node",
+            "snr_sim.recording.records": (
+                "TraceInfo Header InputRecord HandlerCall ReturnedTask TaskRecord PageRecord TruthRecord "
+                "BeginRecord ErrorRecord LogLineRecord EndRecord"
+            ),
+            "snr_sim.prelude.values": "encode_value decode_value",
+        },
+    )

@@ -8,30 +8,30 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.core.blame import describe_error
 from snr_sim.core.handlers import handler_name
-from snr_sim.core.machine import HandlerFailed
+from snr_sim.core.machine import HandlerError
 from snr_sim.core.node_report import INTERRUPTED
-from snr_sim.prelude.errors import ComponentFailed, SnrError
-from snr_sim.prelude.recorder import Handled, Ticket
+from snr_sim.core.source_location import describe_error
+from snr_sim.prelude.errors import ComponentFailedError, SnrError
+from snr_sim.prelude.recorder import Handled, TaskRef
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.recording.compare import Tolerance, first_difference, only_reordered
-from snr_sim.recording.node_trace import process_of, told_of
+from snr_sim.recording.node_trace import encode_task, process_of
 from snr_sim.recording.records import (
     BeginRecord,
-    By,
     ErrorRecord,
     Executed,
+    HandlerCall,
     InputRecord,
     PageRecord,
     Record,
-    Returned,
+    ReturnedTask,
     TaskRecord,
 )
 
 MAX_DIVERGENCES = 1000
 # Limit of follow-up tasks after a task that is not in the recording, since it may schedule itself without end.
-MAX_FOLLOWERS = 100
+MAX_FOLLOW_UPS = 100
 
 _encode = msgspec.json.Encoder().encode
 
@@ -94,7 +94,7 @@ class NodeReplay:
         return next((divergence for divergence in self.divergences if divergence.is_command), None)
 
 
-class Checker:
+class ReplayChecker:
     """Stand-in for the recorder: returns tickets of the recorded tasks, and compares."""
 
     def __init__(self, node: str, records: Sequence[Record], commands: Sequence[str], tolerances: Sequence[Tolerance]):
@@ -102,10 +102,10 @@ class Checker:
         self.entering: InputRecord | None = None
         self._by_seq: dict[int, Record] = {record.seq: record for record in records}
         self._by_cause: dict[tuple[int, int], Executed] = {
-            (record.cause, record.nth): record for record in records if isinstance(record, (TaskRecord, PageRecord))
+            (record.cause, record.index): record for record in records if isinstance(record, (TaskRecord, PageRecord))
         }
         self._began: BeginRecord | None = None  # the node's own
-        self._begins = {record.by: record for record in records if isinstance(record, BeginRecord)}
+        self._begins = {record.component: record for record in records if isinstance(record, BeginRecord)}
         self._failed: dict[int, dict[str, str]] = {}  # by seq of the task: what each component raised
         for record in records:
             if isinstance(record, ErrorRecord):
@@ -113,21 +113,21 @@ class Checker:
         self._commands = set(commands)
         self._tolerances = tolerances
         self._extra = 0  # tasks the recording does not have get causes below zero
-        self._followers: dict[int, list[int]] = {}  # of such a cause: how many followed its first one; shared by all
+        self._follow_ups: dict[int, list[int]] = {}  # of such a cause: how many followed its first one; shared by all
         self._current: Executed | None = None
-        self._gone: list[By] = []  # components that handled the current task in the recording and have not yet
+        self._gone: list[HandlerCall] = []  # components that handled the current task in the recording and have not yet
 
-    def for_node(self, name: str) -> Checker:
+    def for_node(self, name: str) -> ReplayChecker:
         """Return itself: a replay has one node."""
         return self
 
-    def record_of(self, ticket: Ticket) -> Executed | None:
+    def record_of(self, task_ref: TaskRef) -> Executed | None:
         """Return the recorded task that corresponds to a replayed one, or None if there is none."""
-        return self._by_cause.get((ticket[1], ticket[2]))
+        return self._by_cause.get((task_ref[1], task_ref[2]))
 
-    def was_left_queued(self, ticket: Ticket) -> bool:
+    def was_unexecuted(self, task_ref: TaskRef) -> bool:
         """Return whether the recording has this task as scheduled, but ended before it was executed."""
-        return ticket[1] > 0 and self.record_of(ticket) is None
+        return task_ref[1] > 0 and self.record_of(task_ref) is None
 
     def was_interrupted(self, record: Executed) -> bool:
         """Return whether a handler of this task did not return until a signal ended the run."""
@@ -135,7 +135,7 @@ class Checker:
 
     # The NodeRecorder interface
 
-    def begun(self, now_s: float, component: str, scheduled: Sequence[Task]) -> list[Ticket]:
+    def begun(self, now_s: float, component: str, scheduled: Sequence[Task]) -> list[TaskRef]:
         """Compare what a component schedules in `begin`."""
         found = self._begins.pop(component, None)
         if component == self.result.node:
@@ -143,57 +143,59 @@ class Checker:
         record = found or self._began  # a component that scheduled nothing then has no record of its own
         recorded = found.returned if found is not None else []
         seq = record.seq if record is not None else 0
-        tickets, returned = self._answer(seq, scheduled, recorded, 0, (component, "begin"), record)
+        task_refs, returned = self._compare_outputs(seq, scheduled, recorded, 0, (component, "begin"), record)
         self.result.records.append(BeginRecord(seq, now_s, self.result.node, component, returned))
-        return tickets
+        return task_refs
 
-    def all_begun(self) -> None:
+    def report_missing_begins(self) -> None:
         """Report the components that scheduled tasks in `begin` in the recording, but not in the replay."""
         for record in self._begins.values():
-            self._compare_order(record, (record.by, "begin"), record.returned, [])
+            self._compare_order(record, (record.component, "begin"), record.returned, [])
 
-    def input(self, now_s: float, source: str, task: Task) -> Ticket:
+    def input(self, now_s: float, source: str, task: Task) -> TaskRef:
         """Return the ticket of the recorded input."""
         record = self.entering
         assert record is not None
         self.result.records.append(record)
-        return (task, record.seq, 0, Returned(record.type, record.name, record.values))
+        return (task, record.seq, 0, ReturnedTask(record.type, record.name, record.values))
 
-    def task(self, now_s: float, ticket: Ticket, handled: Sequence[Handled]) -> list[Ticket]:
+    def task(self, now_s: float, task_ref: TaskRef, handled: Sequence[Handled]) -> list[TaskRef]:
         """Compare what the handlers of a task returned."""
-        task, cause, nth, told = ticket
-        record = self._current = self.record_of(ticket)
-        tickets: list[Ticket] = []
-        by: list[By] = []
-        then = {one.by: one for one in record.handled} if record is not None else {}
+        task, cause, index, encoded = task_ref
+        record = self._current = self.record_of(task_ref)
+        task_refs: list[TaskRef] = []
+        by: list[HandlerCall] = []
+        then = {one.component: one for one in record.handled} if record is not None else {}
         offsets = _offsets(record)
         seq = record.seq if record is not None else cause
         for label, outputs in handled:
             before = then.pop(label[0], None)
             if before is None and record is not None:
-                self._newly_called(record, label, outputs)
+                self._check_new_call(record, label, outputs)
             recorded = before.returned if before is not None else []
             # The node's own task carries the page that this one brought, which was compared where that was made.
             made = (
-                [Returned(TaskType.process_data, told.name, told.values)]
+                [ReturnedTask(TaskType.process_data, encoded.name, encoded.values)]
                 if process_of(task, [(label, outputs)])
                 else None
             )
-            more, returned = self._answer(seq, outputs, recorded, offsets.get(label[0], 0), label, record, made)
-            tickets.extend(more)
-            by.append(By(label[0], label[1], returned))
+            more, returned = self._compare_outputs(
+                seq, outputs, recorded, offsets.get(label[0], 0), label, record, made
+            )
+            task_refs.extend(more)
+            by.append(HandlerCall(label[0], label[1], returned))
         self._gone = list(then.values())
         kind = PageRecord if task.type is TaskType.store_page else TaskRecord
         seq = record.seq if record is not None else 0
         self.result.records.append(
-            kind(seq, now_s, self.result.node, told.type, told.name, told.values, cause, nth, by)
+            kind(seq, now_s, self.result.node, encoded.type, encoded.name, encoded.values, cause, index, by)
         )
-        return tickets
+        return task_refs
 
     def error(self, now_s: float, component: str, message: str) -> None:
-        """Do nothing: a replay reports failures through `raised`."""
+        """Do nothing: a replay reports failures through `check_failure`."""
 
-    def said(self, now_s: float, component: str, level: str, text: str) -> None:
+    def record_text(self, now_s: float, component: str, level: str, text: str) -> None:
         """Ignore printed and logged text: it does not affect the run."""
 
     def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
@@ -201,7 +203,7 @@ class Checker:
 
     # Failures, and handlers that are gone
 
-    def raised(self, failed: HandlerFailed, error: BaseException) -> None:
+    def check_failure(self, failed: HandlerError, error: BaseException) -> None:
         """Compare a failure of a handler with the recorded one."""
         record = self._current
         if record is None:
@@ -214,16 +216,16 @@ class Checker:
                 _first_lines(then) if then else "no exception", _first_lines(describe_error(error, "")),
             )  # fmt: skip
 
-    def returned(self) -> None:
+    def report_missing_calls(self) -> None:
         """Report the handlers that were called for this task in the recording, but not in the replay."""
         for one in self._gone:
             assert self._current is not None
             if one.returned:
-                self._compare_order(self._current, (one.by, one.handler), one.returned, [])
+                self._compare_order(self._current, (one.component, one.handler), one.returned, [])
             else:
-                self._diverge(self._current, (one.by, one.handler), "missing", HANDLER, "called", "not called")
+                self._diverge(self._current, (one.component, one.handler), "missing", HANDLER, "called", "not called")
 
-    def failed_outside_a_task(self, failure: ComponentFailed, step: str) -> None:
+    def check_failure_outside_task(self, failure: ComponentFailedError, step: str) -> None:
         """Compare a failure in `begin`, or in `halt` and `terminate`, with the recorded one."""
         if any(failure.component in failed for failed in self._failed.values()):
             return
@@ -232,7 +234,7 @@ class Checker:
             label = (failure.component, step)
             self._diverge(record, label, "raised", "exception", "no exception", _first_lines(failure.message))
 
-    def _newly_called(self, record: Executed, label: tuple[str, str], outputs: Sequence[Task]) -> None:
+    def _check_new_call(self, record: Executed, label: tuple[str, str], outputs: Sequence[Task]) -> None:
         """Report a handler without recorded result: it is new, or it raised in the recording."""
         failure = self._failed.get(record.seq, {}).get(label[0])
         if failure is not None:
@@ -241,58 +243,58 @@ class Checker:
             self._diverge(record, label, "extra", HANDLER, "not called", "called")
 
     @staticmethod
-    def _handler_of(failed: HandlerFailed) -> str:
+    def _handler_of(failed: HandlerError) -> str:
         handlers = failed.component.task_handlers if failed.component is not None else {}
         handler = handlers.get(failed.task.id()) or handlers.get(failed.task.type)
         return handler_name(handler) if handler is not None else ""
 
     # Comparison
 
-    def _answer(
+    def _compare_outputs(
         self,
         seq: int,
         outputs: Sequence[Task],
-        recorded: Sequence[Returned],
+        recorded: Sequence[ReturnedTask],
         offset: int,
         label: tuple[str, str],
         record: Executed | BeginRecord | None,
-        known: list[Returned] | None = None,
-    ) -> tuple[list[Ticket], list[Returned]]:
+        known: list[ReturnedTask] | None = None,
+    ) -> tuple[list[TaskRef], list[ReturnedTask]]:
         """Pair outputs with recorded ones and compare them; return their tickets and their record form.
 
         Values of outputs that are `known`, that is, already in record form, are not compared.
         """
-        returned = known or [told_of(task) for task in outputs]
-        said = len(self.result.divergences)
-        pairs = _paired(recorded, returned)
-        tickets: list[Ticket] = []
-        for task, told, place in zip(outputs, returned, pairs, strict=True):
+        returned = known or [encode_task(task) for task in outputs]
+        count_before = len(self.result.divergences)
+        pairs = _match_tasks(recorded, returned)
+        task_refs: list[TaskRef] = []
+        for task, encoded, place in zip(outputs, returned, pairs, strict=True):
             if place is None or record is None:
-                tickets.extend(self._extra_ticket(task, told, seq))
+                task_refs.extend(self._extra_ticket(task, encoded, seq))
                 continue
-            tickets.append((task, seq, offset + place, told))
+            task_refs.append((task, seq, offset + place, encoded))
             if known is None:
-                self._compare_values(record, label, recorded[place], bytes(told.values))
+                self._compare_values(record, label, recorded[place], bytes(encoded.values))
         if record is not None:
             self._compare_order(record, label, recorded, returned)
-        if len(self.result.divergences) > said and only_reordered(*map(_as_json, (recorded, returned))):
-            self.result.divergences[said:] = [
-                replace(divergence, hint=ORDER_HINT) for divergence in self.result.divergences[said:]
+        if len(self.result.divergences) > count_before and only_reordered(*map(_as_json, (recorded, returned))):
+            self.result.divergences[count_before:] = [
+                replace(divergence, hint=ORDER_HINT) for divergence in self.result.divergences[count_before:]
             ]
-        return tickets, returned
+        return task_refs, returned
 
-    def _extra_ticket(self, task: Task, told: Returned, cause: int) -> list[Ticket]:
+    def _extra_ticket(self, task: Task, encoded: ReturnedTask, cause: int) -> list[TaskRef]:
         """Return the ticket of a task that the recording does not have; none if too many came from one such task."""
-        followers = self._followers.get(cause) or [0]
-        followers[0] += 1
-        if followers[0] > MAX_FOLLOWERS:
+        follow_ups = self._follow_ups.get(cause) or [0]
+        follow_ups[0] += 1
+        if follow_ups[0] > MAX_FOLLOW_UPS:
             return []
         self._extra -= 1
-        self._followers[self._extra] = followers
-        return [(task, self._extra, 0, told)]
+        self._follow_ups[self._extra] = follow_ups
+        return [(task, self._extra, 0, encoded)]
 
     def _compare_values(
-        self, record: Executed | BeginRecord, label: tuple[str, str], recorded: Returned, values: bytes
+        self, record: Executed | BeginRecord, label: tuple[str, str], recorded: ReturnedTask, values: bytes
     ) -> None:
         difference = first_difference(recorded.name, recorded.type, bytes(recorded.values), values, self._tolerances)
         if difference is not None:
@@ -305,8 +307,8 @@ class Checker:
         self,
         record: Executed | BeginRecord,
         label: tuple[str, str],
-        recorded: Sequence[Returned],
-        returned: Sequence[Returned],
+        recorded: Sequence[ReturnedTask],
+        returned: Sequence[ReturnedTask],
     ) -> None:
         then, now = [_id(one) for one in recorded], [_id(one) for one in returned]
         if then == now:
@@ -354,21 +356,21 @@ class Checker:
             if isinstance(one, InputRecord):
                 yield f"seq {one.seq}: {one.source} brought {one.type} '{one.name}'"
             elif isinstance(one, BeginRecord):
-                yield f"seq {one.seq}: {one.by} began"
+                yield f"seq {one.seq}: {one.component} began"
             elif isinstance(one, (TaskRecord, PageRecord)):
-                handlers = ", ".join(f"{by.by}.{by.handler}" for by in one.handled) or "nobody"
+                handlers = ", ".join(f"{by.component}.{by.handler}" for by in one.handled) or "nobody"
                 yield f"seq {one.seq}: {one.type} '{one.name}' went to {handlers}"
 
 
-def _as_json(returned: Sequence[Returned]) -> list[bytes]:
+def _as_json(returned: Sequence[ReturnedTask]) -> list[bytes]:
     return [_encode(one) for one in returned]
 
 
-def _id(returned: Returned) -> tuple[str, str]:
+def _id(returned: ReturnedTask) -> tuple[str, str]:
     return (str(returned.type), returned.name)
 
 
-def _paired(recorded: Sequence[Returned], returned: Sequence[Returned]) -> list[int | None]:
+def _match_tasks(recorded: Sequence[ReturnedTask], returned: Sequence[ReturnedTask]) -> list[int | None]:
     """Return for each returned task the index of the recorded one with the same id and the same occurrence."""
     places: dict[tuple[str, str], list[int]] = {}
     for place, one in enumerate(recorded):
@@ -381,7 +383,7 @@ def _offsets(record: Executed | None) -> dict[str, int]:
     offsets: dict[str, int] = {}
     place = 0
     for one in record.handled if record is not None else []:
-        offsets[one.by] = place
+        offsets[one.component] = place
         place += len(one.returned)
     return offsets
 

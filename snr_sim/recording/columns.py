@@ -19,18 +19,18 @@ from numpy.typing import NDArray
 
 from snr_sim.prelude.errors import ValueEncodingError
 from snr_sim.prelude.page import KINDS, Page
-from snr_sim.prelude.values import NO_JSON, decode_value
+from snr_sim.prelude.values import JSON_ERRORS, decode_value
 from snr_sim.recording.records import (
     BeginRecord,
-    By,
     EndRecord,
     ErrorRecord,
     Executed,
+    HandlerCall,
     InputRecord,
+    LogLineRecord,
     PageRecord,
     Record,
-    Returned,
-    SaidRecord,
+    ReturnedTask,
     TaskRecord,
     TruthRecord,
 )
@@ -39,9 +39,9 @@ Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
 
 # A longer list in a page is an image or a scan: as lines in a plot it would not be readable.
-LIST_PLOTTED_MAX = 32
+MAX_LIST_PLOTTED = 32
 # An input is executed soon after it came in; of one that waited for longer than so many others, only the seq is known.
-INPUTS_REMEMBERED = 10_000
+MAX_PENDING_INPUTS = 10_000
 
 # A true number of such a name is 1 from when on what makes the arrow of that name is broken.
 BROKEN = "broken_"
@@ -110,7 +110,7 @@ class Batch:
 
     Example:
         >>> batch = Batch()
-        >>> batch.extend([TruthRecord(seq=1, t=0.0, poses={}, arrows={}, values={"altitude_m": 4.5})])
+        >>> batch.extend([TruthRecord(seq=1, t=0.0, poses={}, vectors={}, values={"altitude_m": 4.5})])
         >>> [(series.path, series.values.tolist()) for series in batch.truth_values()]
         [(('altitude_m',), [4.5])]
     """
@@ -140,7 +140,7 @@ class Batch:
                 self._sources[record.seq] = record.source
             elif isinstance(record, TruthRecord):
                 self.truths.append(record)
-            elif isinstance(record, (BeginRecord, EndRecord, ErrorRecord, SaidRecord)):
+            elif isinstance(record, (BeginRecord, EndRecord, ErrorRecord, LogLineRecord)):
                 self._events.setdefault(record.node, []).append(record)
 
     def clear(self) -> None:
@@ -148,8 +148,8 @@ class Batch:
         self.truths: list[TruthRecord] = []
         self._pages: dict[tuple[str, str], list[PageRecord]] = {}
         self._executed: dict[str, list[Executed]] = {}
-        self._events: dict[str, list[BeginRecord | EndRecord | ErrorRecord | SaidRecord]] = {}
-        for seq in list(self._sources)[:-INPUTS_REMEMBERED]:
+        self._events: dict[str, list[BeginRecord | EndRecord | ErrorRecord | LogLineRecord]] = {}
+        for seq in list(self._sources)[:-MAX_PENDING_INPUTS]:
             del self._sources[seq]
 
     def truth_values(self) -> Iterator[Series]:
@@ -164,19 +164,19 @@ class Batch:
             if len(flat) == 7 * len(poses):
                 yield body, when if picked is None else when[picked], flat.reshape(-1, 7)
 
-    def arrows(self) -> Iterator[tuple[str, When, Floats]]:
+    def vectors(self) -> Iterator[tuple[str, When, Floats]]:
         """Return each arrow: name, when, array of shape (n, 6). Its length is 0 where a true state does not have it."""
-        when, rows = When.of(self.truths), [truth.arrows for truth in self.truths]
+        when, rows = When.of(self.truths), [truth.vectors for truth in self.truths]
         self._arrow_names |= dict.fromkeys(chain.from_iterable(rows))
         for name in self._arrow_names if rows else ():
             flat = _floats(list(chain.from_iterable([row.get(name, _NO_ARROW) for row in rows])))
             if len(flat) != 6 * len(rows):
                 continue
-            arrows = flat.reshape(-1, 6)
-            pushes: NDArray[np.bool_] = np.any(arrows[:, 3:] != 0.0, axis=1)
+            vectors = flat.reshape(-1, 6)
+            pushes: NDArray[np.bool_] = np.any(vectors[:, 3:] != 0.0, axis=1)
             # Only where it is visible or has just vanished: a jet that fires rarely needs almost no data.
-            told = pushes | np.concatenate((np.array([True]), pushes[:-1]))
-            yield name, when[told], arrows[told]
+            is_sent = pushes | np.concatenate((np.array([True]), pushes[:-1]))
+            yield name, when[is_sent], vectors[is_sent]
 
     def pages(self) -> dict[str, dict[str, list[PageRecord]]]:
         """Return the pages that were stored, by node and key."""
@@ -193,11 +193,11 @@ class Batch:
         if made is None:
             made = _record_at(page.cause, self._events.get(page.node, ()))
         if isinstance(made, BeginRecord):
-            return f"{made.by}.begin"
-        place = page.nth
+            return f"{made.component}.begin"
+        place = page.index
         for part in made.handled if isinstance(made, (TaskRecord, PageRecord)) else ():
             if place < len(part.returned):
-                return f"{part.by}.{part.handler} in {made.type} {made.name}"
+                return f"{part.component}.{part.handler} in {made.type} {made.name}"
             place -= len(part.returned)
         return "an earlier task"
 
@@ -215,32 +215,32 @@ class Batch:
                 continue
             data = page_data([record.values for record in records])
             for field in data[0] if isinstance(data[0], dict) else ():
-                told: list[Any] = [one.get(field) if isinstance(one, dict) else None for one in data]
-                seen = [(i, image) for i, image in enumerate(told) if _is_image(image)]
+                found: list[Any] = [one.get(field) if isinstance(one, dict) else None for one in data]
+                seen = [(i, image) for i, image in enumerate(found) if _is_image(image)]
                 if seen:
                     when = When.of([records[i] for i, _ in seen])
                     yield node, (key, field), when, [image for _, image in seen]
 
-    def page_words(self, fields: Sequence[str]) -> Iterator[tuple[str, list[float], list[str]]]:
+    def page_texts(self, fields: Sequence[str]) -> Iterator[tuple[str, list[float], list[str]]]:
         """Return the texts in some fields of pages at the node that created them: field, times [s], texts."""
         for (node, key), records in self._pages.items():
             if self.is_copy(node, key):
                 continue
             data = page_data([record.values for record in records])
             for field in fields:
-                told = [
+                found = [
                     (record.t, one[field])
                     for record, one in zip(records, data, strict=True)
                     if isinstance(one, dict) and isinstance(one.get(field), str)
                 ]
-                if told:
-                    yield field, [time_s for time_s, _ in told], [text for _, text in told]
+                if found:
+                    yield field, [time_s for time_s, _ in found], [text for _, text in found]
 
     def is_copy(self, node: str, key: str) -> bool:
         """Return whether another node created the first page of a key at a node: it came over a link."""
         try:
             ((page,),) = _decode_origins(b"[" + bytes(self._pages[node, key][0].values) + b"]")
-        except NO_JSON:
+        except JSON_ERRORS:
             return False
         return page.origin not in ("", node)
 
@@ -263,19 +263,21 @@ class Batch:
         # The texts are few and repeat often, so each phrase and its padding is built once.
         known = self._phrases
         for record, source in zip(records, sources, strict=True):
-            what, whence = (record.type, record.name), (source or "",)
+            what, origin = (record.type, record.name), (source or "",)
             task = known.get(what) or known.setdefault(what, f"{record.type:<13} {record.name:<14}")
-            place = known.get(whence) or known.setdefault(whence, f" {source or '':<16} ")
+            place = known.get(origin) or known.setdefault(origin, f" {source or '':<16} ")
             made = self._made(record.handled) if record.handled else ""
             lines.append(f"{record.seq}  {task} <- {record.cause or 'begin'}{place}{made}")
         return lines
 
-    def _made(self, handled: Sequence[By]) -> str:
+    def _made(self, handled: Sequence[HandlerCall]) -> str:
         if len(handled) == 1 and len(handled[0].returned) == 1:
-            by, task = handled[0].by, handled[0].returned[0]
-            who = (by, task.type, task.name)
-            return self._phrases.get(who) or self._phrases.setdefault(who, f"{by}: {task.type} {task.name}")
-        return "; ".join([f"{part.by}: {_tasks(part.returned)}" for part in handled if part.returned])
+            by, task = handled[0].component, handled[0].returned[0]
+            phrase_key = (by, task.type, task.name)
+            return self._phrases.get(phrase_key) or self._phrases.setdefault(
+                phrase_key, f"{by}: {task.type} {task.name}"
+            )
+        return "; ".join([f"{part.component}: {_tasks(part.returned)}" for part in handled if part.returned])
 
 
 def _record_at(seq: int, records: Sequence[Any]) -> Any:
@@ -289,17 +291,17 @@ def _is_image(value: Any) -> bool:
     return is_array and value.ndim == 3 and value.shape[2] == 3 and value.size > 0
 
 
-def _tasks(returned: Sequence[Returned]) -> str:
+def _tasks(returned: Sequence[ReturnedTask]) -> str:
     return ", ".join([f"{task.type} {task.name}" for task in returned])
 
 
-def _event(record: BeginRecord | EndRecord | ErrorRecord | SaidRecord) -> tuple[str, str]:
-    if isinstance(record, SaidRecord):
+def _event(record: BeginRecord | EndRecord | ErrorRecord | LogLineRecord) -> tuple[str, str]:
+    if isinstance(record, LogLineRecord):
         return f"{record.component}: {record.text}", "INFO" if record.level == "PRINT" else record.level
     if isinstance(record, ErrorRecord):
         return f"{record.component}: {record.message}", "ERROR"
     if isinstance(record, BeginRecord):
-        return f"{record.by} begins: {_tasks(record.returned) or 'nothing to do'}", "INFO"
+        return f"{record.component} begins: {_tasks(record.returned) or 'nothing to do'}", "INFO"
     return f"{record.node} ends: {record.reason}", "INFO"
 
 
@@ -314,7 +316,7 @@ def page_data(raws: Sequence[msgspec.Raw]) -> list[Any]:
     if joined.count(b'"$":') == len(raws):
         try:
             return [page.data for (page,) in _decode_pages(joined)]
-        except NO_JSON:
+        except JSON_ERRORS:
             pass  # an edited trace: decode the pages one by one, so that the valid ones are still shown
     return [_one_page_data(bytes(raw)) for raw in raws]
 
@@ -339,7 +341,7 @@ def _columns(path: tuple[str, ...], when: When, rows: Sequence[Any]) -> Iterator
         for name, picked, inner in _by_name(rows):
             yield from _columns((*path, str(name)), when if picked is None else when[picked], inner)
     elif kinds == {list}:
-        for i, picked, inner in _by_place(rows):
+        for i, picked, inner in _by_index(rows):
             yield from _columns((*path, str(i)), when if picked is None else when[picked], inner)
     else:
         yield from _mixed(path, when, rows)
@@ -361,10 +363,10 @@ def _by_name(rows: Sequence[Any]) -> Iterator[tuple[Any, list[int] | None, Seque
         yield name, picked, [rows[i][name] for i in picked]
 
 
-def _by_place(rows: Sequence[Any]) -> Iterator[tuple[int, list[int] | None, Sequence[Any]]]:
+def _by_index(rows: Sequence[Any]) -> Iterator[tuple[int, list[int] | None, Sequence[Any]]]:
     """Return for each index of rows of lists: the rows that have it (None: all), and their values."""
     lengths = set(map(len, rows))
-    if max(lengths) > LIST_PLOTTED_MAX:
+    if max(lengths) > MAX_LIST_PLOTTED:
         return
     if len(lengths) == 1:
         yield from ((i, None, column) for i, column in enumerate(zip(*rows, strict=True)))
@@ -386,7 +388,7 @@ def _mixed(path: tuple[str, ...], when: When, rows: Sequence[Any]) -> Iterator[S
 def _plain(value: Any) -> Any:
     """Return arrays and tuples as lists; other values unchanged."""
     if isinstance(value, (np.ndarray, np.generic)):
-        return value.tolist() if value.size <= LIST_PLOTTED_MAX else None
+        return value.tolist() if value.size <= MAX_LIST_PLOTTED else None
     return list(value) if isinstance(value, tuple) else value
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 
 from snr_sim.prelude.errors import ParameterError, ValueEncodingError
-from snr_sim.prelude.values import MARK, decode_value
+from snr_sim.prelude.values import TAG, decode_value
 
 _decode = msgspec.json.Decoder().decode
 _encode = msgspec.json.Encoder().encode
@@ -51,7 +51,7 @@ class Tolerance:
         except ValueError:
             pass
         raise ParameterError(
-            f"--tolerance {text} is no tolerance.",
+            f"--tolerance {text} is not valid.",
             fix="engine.throttle=1e-6, or 'radar.*=0.1%', or engine.stamp_s=ignore.",
         )
 
@@ -114,9 +114,9 @@ def _unordered(value: Any) -> Any:
 
 def _roots(kind: str, raw: bytes) -> Any:
     values = _decode(raw)
-    if kind in _OF_PAGES and len(values) == 1 and isinstance(values[0], dict) and values[0].get(MARK) == "page":
+    if kind in _OF_PAGES and len(values) == 1 and isinstance(values[0], dict) and values[0].get(TAG) == "page":
         page = values[0]
-        about = {key: item for key, item in page.items() if key not in ("data", MARK)}
+        about = {key: item for key, item in page.items() if key not in ("data", TAG)}
         return _Page(page.get("data"), about)
     return values
 
@@ -135,7 +135,7 @@ def _differences(path: str, recorded: Any, replayed: Any) -> Iterator[Difference
             yield from _differences(f"{path}:{key}", recorded.about[key], replayed.about.get(key, _ABSENT))
         return
     if _mark(recorded) != _mark(replayed):
-        yield Difference(path, _shown(recorded), _shown(replayed))
+        yield Difference(path, _format_value(recorded), _format_value(replayed))
         return
     recorded, replayed = _without_mark(recorded), _without_mark(replayed)
     if isinstance(recorded, dict) and isinstance(replayed, dict):
@@ -152,9 +152,9 @@ def _differences(path: str, recorded: Any, replayed: Any) -> Iterator[Difference
 
 def _mark(value: Any) -> Any:
     """Return the type of a value that JSON alone does not express: a tuple, an array of floats, a class."""
-    if not (isinstance(value, dict) and MARK in value):
+    if not (isinstance(value, dict) and TAG in value):
         return None
-    mark = value[MARK]
+    mark = value[TAG]
     if mark == "float":
         return None
     return (mark, value.get("dtype"), value.get("shape"), _class(value.get("type")))
@@ -167,17 +167,17 @@ def _class(name: Any) -> Any:
 
 def _without_mark(value: Any) -> Any:
     """Return the content of a tagged value as plain JSON."""
-    if not (isinstance(value, dict) and MARK in value):
+    if not (isinstance(value, dict) and TAG in value):
         return value
-    if value[MARK] in ("float", "array", "int", "bytes"):
+    if value[TAG] in ("float", "array", "int", "bytes"):
         plain = decode_value(_encode(value))
-        return plain.tolist() if value[MARK] == "array" else plain
-    if value[MARK] == "object":
+        return plain.tolist() if value[TAG] == "array" else plain
+    if value[TAG] == "object":
         return value["fields"]
-    return {key: item for key, item in value.items() if key != MARK} if "v" not in value else value["v"]
+    return {key: item for key, item in value.items() if key != TAG} if "v" not in value else value["v"]
 
 
-def _shown(value: Any) -> Any:
+def _format_value(value: Any) -> Any:
     """Return a value in Python syntax, where possible."""
     try:
         return decode_value(_encode(value))

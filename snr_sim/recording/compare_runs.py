@@ -12,19 +12,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from snr_sim.prelude.errors import TraceError, UnknownName, nearest
+from snr_sim.prelude.errors import TraceError, UnknownNameError, suggest
 from snr_sim.recording.columns import Floats
-from snr_sim.recording.compare_signals import APPLIED, TRUTH, Measured, Signal, between, measured, signals_of
+from snr_sim.recording.compare_signals import APPLIED, TRUTH, Signal, SignalStats, between, signal_stats, signals_of
 from snr_sim.recording.reader import Trace
 from snr_sim.recording.records import Header
 
-LATER_MAX_S, LATER_STEP_S = 1.0, 0.005  # maximum and resolution of the time shift of one run against the other
-LATER_GAIN = 0.7  # a shift must reduce the difference to this fraction, or the lag is not identifiable
+MAX_DELAY_S, DELAY_STEP_S = 1.0, 0.005  # maximum and resolution of the time shift of one run against the other
+MAX_RESIDUAL_FRACTION = 0.7  # a shift must reduce the difference to this fraction, or the lag is not identifiable
 SAME = 1e-9  # relative differences below this are rounding errors
 
 
 @dataclass(frozen=True)
-class Compared:
+class SignalComparison:
     """One signal in two runs.
 
     Args:
@@ -36,15 +36,15 @@ class Compared:
         largest: the difference of largest magnitude, with its sign.
         largest_at_s, largest_channel: time and channel of that difference.
         first_differs_s: when any channel first differs; None if never.
-        later_s: delay of the second signal, if a shift explains the difference; else None.
+        delay_s: of the second signal, if a shift explains the difference; else None.
         is_command: whether it is in a page that drives outputs.
         channel: index in a list if this is only one channel of it; None for all channels.
     """
 
     first: Signal
     second: Signal
-    of_first: Measured
-    of_second: Measured
+    of_first: SignalStats
+    of_second: SignalStats
     times_s: Floats
     difference: Floats
     rms: float
@@ -52,7 +52,7 @@ class Compared:
     largest_at_s: float
     largest_channel: int
     first_differs_s: float | None
-    later_s: float | None
+    delay_s: float | None
     is_command: bool
     channel: int | None = None
 
@@ -62,7 +62,7 @@ class Compared:
         return self.first.name
 
     @property
-    def share(self) -> float:
+    def relative_rms(self) -> float:
         """The difference as a fraction of the signal's span: a measure of its significance."""
         span = max(self.of_first.highest, self.of_second.highest) - min(self.of_first.lowest, self.of_second.lowest)
         return self.rms / span if span > 0.0 else 0.0
@@ -82,13 +82,13 @@ class Comparison:
 
     labels: tuple[str, str]
     node: str
-    signals: list[Compared]
+    signals: list[SignalComparison]
     only_first: list[str]
     only_second: list[str]
     is_identical: bool
 
     @property
-    def commands_differ(self) -> Compared | None:
+    def commands_differ(self) -> SignalComparison | None:
         """The command that differs first; None if all are the same."""
         differing = [one for one in self.signals if one.is_command and one.first_differs_s is not None]
         return min(differing, key=lambda one: one.first_differs_s or 0.0, default=None)
@@ -112,17 +112,17 @@ def compare_runs(
 
     Raises:
         TraceError: the runs are of different robots, or have nothing in common.
-        UnknownName: a run does not have this node.
+        UnknownNameError: a run does not have this node.
     """
     if first.header.robot != second.header.robot:
         raise TraceError(
-            f"These are runs of different robots: {_told(first)} is of '{first.header.robot}', {_told(second)} of "
+            f"These are runs of different robots: {_label(first)} is of '{first.header.robot}', {_label(second)} of "
             f"'{second.header.robot}'.",
             fix="compare two runs of one robot, as with --io sim and --io emulated.",
         )
     node = _common_node(first, second, node)
     signals = [signals_of(trace.records, node) for trace in (first, second)]
-    signals[1] = {name: _moved(signal, -shift_s) for name, signal in signals[1].items()}
+    signals[1] = {name: _shift_time(signal, -shift_s) for name, signal in signals[1].items()}
     common = [name for name in signals[0] if name in signals[1]]
     if all(signals[0][name].key == TRUTH for name in common):
         raise TraceError(
@@ -134,7 +134,7 @@ def compare_runs(
     signals = [{name: between(signal, *within_s) for name, signal in run.items()} for run in signals]
     pairs = [(signals[0][name], signals[1][name]) for name in common]
     compared = [
-        _compared(one, other, one.key in commands, _told_of(one, signals))
+        _compare_signals(one, other, one.key in commands, _commands_for(one, signals))
         for one, other in pairs
         if _overlap(one, other) is not None
     ]
@@ -170,8 +170,8 @@ def shift_by_commands_s(first: Trace, second: Trace) -> float:
                     changes.append(float(signal.times_s[np.argmax(moved)]))
         if not changes:
             raise TraceError(
-                f"In {_told(trace)} no command ever changed, so nobody can tell when it began.",
-                fix="name the seconds: --shift 2.5.",
+                f"Cannot align the runs: in {_label(trace)} no command page ever changes.",
+                fix="give the offset in seconds: --shift 2.5.",
             )
         begun.append(min(changes))
     return begun[1] - begun[0]
@@ -179,28 +179,28 @@ def shift_by_commands_s(first: Trace, second: Trace) -> float:
 
 def labels_of(first: Header, second: Header) -> tuple[str, str]:
     """Return names for two runs: the first property in which they differ."""
-    for wanted in ("io", "engine", "controller", "seed", "scenario", "clock"):
-        one, other = str(getattr(first, wanted)), str(getattr(second, wanted))
+    for field in ("io", "engine", "controller", "seed", "scenario", "clock"):
+        one, other = str(getattr(first, field)), str(getattr(second, field))
         if one != other:
-            return (one, other) if wanted != "seed" else (f"seed {one}", f"seed {other}")
+            return (one, other) if field != "seed" else (f"seed {one}", f"seed {other}")
     return "first", "second"
 
 
-def _told(trace: Trace) -> str:
+def _label(trace: Trace) -> str:
     return trace.path.parent.name or str(trace.path)
 
 
-def _common_node(first: Trace, second: Trace, wanted: str) -> str:
+def _common_node(first: Trace, second: Trace, requested: str) -> str:
     common = [name for name in first.header.nodes if name in second.header.nodes]
-    if wanted:
-        found = next((name for name in common if name in (wanted, f"{wanted}_node")), None)
+    if requested:
+        found = next((name for name in common if name in (requested, f"{requested}_node")), None)
         if found is None:
-            raise UnknownName(f"The runs have no node '{wanted}' in common.", fix=nearest(wanted, common))
+            raise UnknownNameError(f"The runs have no node '{requested}' in common.", fix=suggest(requested, common))
         return found
     if not common:
         nodes = ", ".join(first.header.nodes), ", ".join(second.header.nodes)
         raise TraceError(
-            f"The runs have no node in common: {_told(first)} has {nodes[0]}; {_told(second)} has {nodes[1]}.",
+            f"The runs have no node in common: {_label(first)} has {nodes[0]}; {_label(second)} has {nodes[1]}.",
             fix="of roles that ran by themselves, compare the same role.",
         )
     return next((name for name in common if first.header.commands.get(name)), common[0])
@@ -208,10 +208,10 @@ def _common_node(first: Trace, second: Trace, wanted: str) -> str:
 
 def _pages(trace: Trace, signals: dict[str, Signal]) -> str:
     keys = ", ".join(dict.fromkeys(signal.key for signal in signals.values()))
-    return f"In {_told(trace)} there is {keys or 'none at all'}."
+    return f"In {_label(trace)} there is {keys or 'none at all'}."
 
 
-def _moved(signal: Signal, by_s: float) -> Signal:
+def _shift_time(signal: Signal, by_s: float) -> Signal:
     return replace(signal, times_s=signal.times_s + by_s)
 
 
@@ -227,7 +227,7 @@ def _overlap(first: Signal, second: Signal) -> tuple[float, float] | None:
     return (begin_s, end_s) if inside.any() else None
 
 
-def _told_of(applied: Signal, signals: Sequence[Mapping[str, Signal]]) -> tuple[Signal | None, Signal | None]:
+def _commands_for(applied: Signal, signals: Sequence[Mapping[str, Signal]]) -> tuple[Signal | None, Signal | None]:
     """Return, for pulses reported by outputs, the commands for them in both runs."""
     if not applied.key.endswith(APPLIED):
         return None, None
@@ -236,28 +236,28 @@ def _told_of(applied: Signal, signals: Sequence[Mapping[str, Signal]]) -> tuple[
 
 
 def _spans(pairs: Sequence[tuple[Signal, Signal]]) -> str:
-    told = []
+    spans = []
     for place, which in enumerate(("first", "second")):
         times_s = [pair[place].times_s for pair in pairs if len(pair[place].times_s)]
         begin_s, end_s = min((t[0] for t in times_s), default=0.0), max((t[-1] for t in times_s), default=0.0)
-        told.append(f"the {which} goes from {begin_s:.2f} to {end_s:.2f} s")
-    return ", ".join(told)
+        spans.append(f"the {which} goes from {begin_s:.2f} to {end_s:.2f} s")
+    return ", ".join(spans)
 
 
-def _compared(
+def _compare_signals(
     first: Signal, second: Signal, is_command: bool, commands: tuple[Signal | None, Signal | None]
-) -> Compared:
+) -> SignalComparison:
     begin_s, end_s = _overlap(first, second) or (0.0, 0.0)
     inside = (first.times_s >= begin_s) & (first.times_s <= end_s)
     times_s, values = first.times_s[inside], first.values[inside]
-    difference = _turned(first.field, _at(second, times_s) - values)
+    difference = _wrap_difference(first.field, _at(second, times_s) - values)
     step, channel = np.unravel_index(int(np.argmax(np.abs(difference))), difference.shape)
     differs = (np.abs(difference) > SAME * np.maximum(1.0, np.abs(values))).any(axis=1)
-    return Compared(
+    return SignalComparison(
         first,
         second,
-        measured(first, commands[0]),
-        measured(second, commands[1]),
+        signal_stats(first, commands[0]),
+        signal_stats(second, commands[1]),
         times_s,
         difference,
         rms=float(np.sqrt(np.mean(difference**2))),
@@ -265,7 +265,7 @@ def _compared(
         largest_at_s=float(times_s[step]),
         largest_channel=int(channel),
         first_differs_s=float(times_s[np.argmax(differs)]) if differs.any() else None,
-        later_s=later_s(first, second, int(np.argmax(np.ptp(values, axis=0)))),
+        delay_s=delay_s(first, second, int(np.argmax(np.ptp(values, axis=0)))),
         is_command=is_command,
     )
 
@@ -275,15 +275,15 @@ def _at(signal: Signal, times_s: Floats) -> Floats:
     return np.stack([np.interp(times_s, signal.times_s, column) for column in signal.values.T], axis=1)
 
 
-def channel_of(one: Compared, channel: int) -> Compared:
+def channel_of(one: SignalComparison, channel: int) -> SignalComparison:
     """Return the comparison of a single channel."""
     only = slice(channel, channel + 1)
     first, second = (replace(signal, values=signal.values[:, only]) for signal in (one.first, one.second))
-    alone = _compared(first, second, one.is_command, (None, None))
+    alone = _compare_signals(first, second, one.is_command, (None, None))
     return replace(alone, channel=channel)
 
 
-def _turned(field: str, difference: Floats) -> Floats:
+def _wrap_difference(field: str, difference: Floats) -> Floats:
     """Return differences of angles wrapped to the shorter direction; other fields unchanged."""
     if not field.endswith("_rad"):
         return difference
@@ -291,7 +291,7 @@ def _turned(field: str, difference: Floats) -> Floats:
     return turned
 
 
-def later_s(first: Signal, second: Signal, channel: int = 0) -> float | None:
+def delay_s(first: Signal, second: Signal, channel: int = 0) -> float | None:
     """Return how much later a signal moves in the second run than in the first.
 
     One signal is shifted against the other until their difference is minimal.
@@ -303,21 +303,21 @@ def later_s(first: Signal, second: Signal, channel: int = 0) -> float | None:
     Returns:
         seconds, negative if it is earlier; None if the shift explains less than a third of the difference.
     """
-    begin_s = max(first.times_s[0], second.times_s[0]) + LATER_MAX_S
-    end_s = min(first.times_s[-1], second.times_s[-1]) - LATER_MAX_S
-    if end_s - begin_s < 2.0 * LATER_MAX_S:
+    begin_s = max(first.times_s[0], second.times_s[0]) + MAX_DELAY_S
+    end_s = min(first.times_s[-1], second.times_s[-1]) - MAX_DELAY_S
+    if end_s - begin_s < 2.0 * MAX_DELAY_S:
         return None
-    most = round(LATER_MAX_S / LATER_STEP_S)
-    count = int((end_s - begin_s) / LATER_STEP_S)
-    grid_s = begin_s + LATER_STEP_S * np.arange(count)
-    wide_s = begin_s + LATER_STEP_S * np.arange(-most, count + most)
+    max_steps = round(MAX_DELAY_S / DELAY_STEP_S)
+    count = int((end_s - begin_s) / DELAY_STEP_S)
+    grid_s = begin_s + DELAY_STEP_S * np.arange(count)
+    wide_s = begin_s + DELAY_STEP_S * np.arange(-max_steps, count + max_steps)
     one = np.interp(grid_s, first.times_s, first.values[:, channel])
     other = np.interp(wide_s, second.times_s, second.values[:, channel])
-    powers = np.array([np.mean((other[k : k + count] - one) ** 2) for k in range(2 * most + 1)])
+    powers = np.array([np.mean((other[k : k + count] - one) ** 2) for k in range(2 * max_steps + 1)])
     best = int(np.argmin(powers))
-    if best in (0, 2 * most) or powers[best] >= LATER_GAIN**2 * powers[most]:
+    if best in (0, 2 * max_steps) or powers[best] >= MAX_RESIDUAL_FRACTION**2 * powers[max_steps]:
         return None
-    before, least, after = powers[best - 1 : best + 2]
-    bend = before - 2.0 * least + after
+    before, lowest, after = powers[best - 1 : best + 2]
+    bend = before - 2.0 * lowest + after
     fraction = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
-    return float((best - most + fraction) * LATER_STEP_S)
+    return float((best - max_steps + fraction) * DELAY_STEP_S)

@@ -22,7 +22,7 @@ APPLIED = "_applied"  # suffix of the key under which outputs report how a comma
 APPLIED_WITHIN_S = 0.5
 PULSES_US, STOP_US = "pulses_us", 1500.0
 NOISE_WINDOW = 50  # third differences in each: a second of a sensor read 50 times a second
-STEPS_MAX = 1e5  # a span of more steps than this counts as continuous
+MAX_STEPS = 1e5  # a span of more steps than this counts as continuous
 DEAD_BAND_SAMPLES = 20
 # Neighbouring third differences of white noise are correlated (-0.75, 0.3, -0.05), so that 2.31 of them count as one;
 # the median of powers with so many degrees of freedom is below their mean (Wilson and Hilferty 1931).
@@ -58,7 +58,7 @@ class Signal:
 
 
 @dataclass(frozen=True)
-class Measured:
+class SignalStats:
     """Statistics of a signal. A field is None where it cannot be determined.
 
     Args:
@@ -67,7 +67,7 @@ class Measured:
         age_s, age_p95_s: age of the data when it was stored: the median and the 95th percentile.
         noise: standard deviation of the change from one page to the next.
         step: quantisation: all values differ by multiples of it.
-        after_s: for pulses reported by outputs: the delay between command and report.
+        command_delay_s: for pulses reported by outputs: the delay between command and report.
         dead_band: for pulses: the values closest to neutral on either side [us from 1500] that occur, excluding 0.
         lowest, highest: over all channels.
     """
@@ -78,7 +78,7 @@ class Measured:
     age_p95_s: float | None
     noise: float | None
     step: float | None
-    after_s: float | None
+    command_delay_s: float | None
     dead_band: tuple[float, float] | None
     lowest: float
     highest: float
@@ -102,17 +102,17 @@ def signals_of(records: Iterable[Record], node: str) -> dict[str, Signal]:
         else:
             fields[key, ".".join(path[:-1] if path and path[-1].isdecimal() else path)].append(series)
     found = [_signal(node, key, field, channels) for (key, field), channels in fields.items()]
-    told = {signal.name: _aged(signal, stamps.get(signal.key)) for signal in found if len(signal.times_s)}
-    return told | {signal.name: signal for signal in _true(batch)}
+    signals = {signal.name: _add_ages(signal, stamps.get(signal.key)) for signal in found if len(signal.times_s)}
+    return signals | {signal.name: signal for signal in _truth_signals(batch)}
 
 
-def _true(batch: Batch) -> Iterator[Signal]:
+def _truth_signals(batch: Batch) -> Iterator[Signal]:
     for series in batch.truth_values():
         yield Signal("", TRUTH, ".".join(series.path), series.when.t_s, series.values.reshape(-1, 1))
-    for name in batch.truths[0].arrows if batch.truths else ():
-        arrows = [truth.arrows.get(name, [0.0] * 6)[3:] for truth in batch.truths]
+    for name in batch.truths[0].vectors if batch.truths else ():
+        vectors = [truth.vectors.get(name, [0.0] * 6)[3:] for truth in batch.truths]
         times_s = np.array([truth.t for truth in batch.truths])
-        yield Signal("", TRUTH, f"{name}_n", times_s, np.linalg.norm(arrows, axis=1).reshape(-1, 1))
+        yield Signal("", TRUTH, f"{name}_n", times_s, np.linalg.norm(vectors, axis=1).reshape(-1, 1))
 
 
 def _signal(node: str, key: str, field: str, channels: list[Series]) -> Signal:
@@ -126,7 +126,7 @@ def _signal(node: str, key: str, field: str, channels: list[Series]) -> Signal:
     return Signal(node, key, field, times_s[finite], values[finite])
 
 
-def _aged(signal: Signal, stamp: Series | None) -> Signal:
+def _add_ages(signal: Signal, stamp: Series | None) -> Signal:
     if stamp is None or len(stamp.values) == 0:
         return signal
     places = np.searchsorted(stamp.when.t_s, signal.times_s, side="right") - 1
@@ -140,7 +140,7 @@ def between(signal: Signal, begin_s: float, end_s: float) -> Signal:
     return replace(signal, times_s=signal.times_s[inside], values=signal.values[inside], ages_s=ages_s)
 
 
-def measured(signal: Signal, command: Signal | None = None) -> Measured:
+def signal_stats(signal: Signal, command: Signal | None = None) -> SignalStats:
     """Return the statistics of a signal that has values.
 
     Args:
@@ -150,21 +150,21 @@ def measured(signal: Signal, command: Signal | None = None) -> Measured:
     times_s, values = signal.times_s, signal.values
     span_s = float(times_s[-1] - times_s[0])
     ages_s = signal.ages_s if signal.ages_s is not None and np.isfinite(signal.ages_s).all() else None
-    return Measured(
+    return SignalStats(
         count=len(times_s),
         rate_hz=(len(times_s) - 1) / span_s if span_s > 0.0 else None,
         age_s=None if ages_s is None else float(np.median(ages_s)),
         age_p95_s=None if ages_s is None else float(np.quantile(ages_s, 0.95)),
         noise=noise_of(values),
         step=step_of(values),
-        after_s=None if command is None else after_s(command, signal),
+        command_delay_s=None if command is None else command_delay_s(command, signal),
         dead_band=dead_band_of(values - STOP_US) if signal.field == PULSES_US else None,
         lowest=float(values.min()),
         highest=float(values.max()),
     )
 
 
-def after_s(command: Signal, applied: Signal) -> float | None:
+def command_delay_s(command: Signal, applied: Signal) -> float | None:
     """Return the median delay between the command of a pulse and the output's report of it.
 
     A pulse that is not among the commands of the last half second is skipped: it was in transition from one to
@@ -213,7 +213,7 @@ def step_of(values: Floats) -> float | None:
     span = float(levels[-1] - levels[0])
     if len(levels) < 3:
         return None
-    finest = span / STEPS_MAX
+    finest = span / MAX_STEPS
     step = 0.0
     for gap in np.unique(np.diff(levels)).tolist():
         step = _common_divisor(gap, step, 0.01 * finest)

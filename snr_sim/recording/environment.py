@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from snr_sim.recording.records import Header
 
 
-def environment_changes(header: Header, packages: Mapping[str, str], kit: str) -> list[str]:
+def environment_changes(header: Header, packages: Mapping[str, str], version: str) -> list[str]:
     """Return each difference between what a run was recorded with and this process, as text.
 
     Args:
@@ -17,7 +17,7 @@ def environment_changes(header: Header, packages: Mapping[str, str], kit: str) -
         kit: version of snr_sim now.
     """
     pairs = {
-        "snr_sim": (header.kit, kit),
+        "snr_sim": (header.version, version),
         "Python": (header.python, platform.python_version()),
         **{name: (header.packages.get(name), packages.get(name)) for name in sorted({*header.packages, *packages})},
         "platform": (header.platform, platform.platform()),

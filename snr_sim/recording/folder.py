@@ -12,17 +12,18 @@ from pathlib import Path
 from typing import Any
 
 from snr_sim.prelude.errors import TraceError
+from snr_sim.recording.atomic_files import write_atomic
 from snr_sim.recording.reader import Trace
 from snr_sim.recording.records import digest_of
 from snr_sim.recording.sources import FOLDER as SOURCES
 from snr_sim.recording.trace import FILE_NAME
-from snr_sim.recording.whole_files import write_whole
 
 MIN_FREE_BYTES = 50_000_000  # for a run to begin: some minutes of a dive
 RESULT_NAME = "result.json"
+RESULT_SCHEMA = 1  # docs/formats.md, section 4: changes when a field is renamed or removed
 VIEW_NAME = "view.rrd"
 RUNS = Path("runs")  # in the current folder
-OF_ANY_RUN = (  # what every result.json has, or may have
+COMMON_FIELDS = (  # what every result.json has, or may have
     *("scenario", "seed", "engine", "controller", "success", "outcome", "sim_time_s", "wall_time_s"),
     *("tasks", "pages", "notes", "trace_digest", "run_dir", "error", "signal"),
 )
@@ -56,9 +57,9 @@ def _check_room(folder: Path) -> None:
     room = shutil.disk_usage(folder)
     if room.total and room.free < MIN_FREE_BYTES:  # some network disks report neither
         discard(folder)
-        free_mb, wanted_mb = room.free / 1e6, MIN_FREE_BYTES / 1e6
+        free_mb, required_mb = room.free / 1e6, MIN_FREE_BYTES / 1e6
         raise TraceError(
-            f"The disk of {folder.parent} has {free_mb:.0f} MB free, and a run begins with {wanted_mb:.0f} MB.",
+            f"The disk of {folder.parent} has {free_mb:.0f} MB free, and a run begins with {required_mb:.0f} MB.",
             fix="make room on the disk, or record to another one with --out.",
         )
 
@@ -73,13 +74,13 @@ def discard(folder: Path) -> None:
 
 
 def write_result(folder: Path, fields: dict[str, Any]) -> None:
-    """Write result.json atomically.
+    """Write result.json atomically; its field `schema` is RESULT_SCHEMA.
 
     Raises:
         TraceError: it cannot be written, for example on a full disk.
     """
     try:
-        write_whole(folder / RESULT_NAME, (as_json(fields, indent=2) + "\n").encode())
+        write_atomic(folder / RESULT_NAME, (as_json(fields, indent=2) + "\n").encode())
     except OSError as error:
         raise TraceError(
             f"{folder / RESULT_NAME} could not be written: {error.strerror}. What it would say is printed here.",
@@ -96,20 +97,20 @@ def read_result(folder: Path) -> dict[str, Any]:
     return fields if isinstance(fields, dict) else {}
 
 
-def measured(fields: dict[str, Any]) -> dict[str, float | str]:
+def scenario_metrics(fields: dict[str, Any]) -> dict[str, float | str]:
     """Return the scenario's own numbers and texts from the content of result.json.
 
-    >>> measured({"seed": 3, "outcome": "held", "settling_s": 5.5, "fault": "off", "sim_time_s": 40.0})
+    >>> scenario_metrics({"seed": 3, "outcome": "held", "settling_s": 5.5, "fault": "off", "sim_time_s": 40.0})
     {'settling_s': 5.5, 'fault': 'off'}
     """
-    found = {name: value for name, value in fields.items() if name not in OF_ANY_RUN}
+    found = {name: value for name, value in fields.items() if name not in COMMON_FIELDS}
     return {name: value for name, value in found.items() if isinstance(value, (int, float, str))}
 
 
-def why(fields: dict[str, Any]) -> str:
+def outcome_reason(fields: dict[str, Any]) -> str:
     """Return the scenario's comment on its outcome from the content of result.json; empty if there is none.
 
-    >>> why({"outcome": "missed", "notes": ["Something else.", "missed: ended 1 m off."]})
+    >>> outcome_reason({"outcome": "failed", "notes": ["Something else.", "failed: ended 1 m off."]})
     'ended 1 m off.'
     """
     begins = f"{fields.get('outcome', '')}: "
@@ -186,9 +187,9 @@ def _digest_in_result(trace: Trace) -> Any:
     return read_result(trace.path.parent).get("trace_digest")
 
 
-def remarks(trace: Trace) -> list[str]:
+def trace_warnings(trace: Trace) -> list[str]:
     """Return remarks about a trace: that it was changed, truncated, or did not end by itself."""
-    if trace.is_cut:
+    if trace.is_truncated:
         return ["The trace was cut short; what follows stops at its last whole record."]
     if _is_changed(trace):
         return ["The trace was changed after the run: its digest is not the one in result.json."]

@@ -11,28 +11,28 @@ from msgspec import Raw
 
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.page import Page
-from snr_sim.prelude.recorder import Handled, Ticket
+from snr_sim.prelude.recorder import Handled, TaskRef
 from snr_sim.prelude.task import Task, TaskType
-from snr_sim.prelude.values import MARK, encode_value
+from snr_sim.prelude.values import TAG, encode_value
 from snr_sim.recording.records import (
-    MAX_SAID_CHARS,
-    MAX_SAID_LINES,
+    MAX_LOG_LINE_CHARS,
+    MAX_LOG_LINES,
     BeginRecord,
-    By,
     EndRecord,
     ErrorRecord,
+    HandlerCall,
     InputRecord,
+    LogLineRecord,
     PageLine,
     RepeatLine,
-    Returned,
-    SaidRecord,
+    ReturnedTask,
     TaskLine,
 )
 from snr_sim.recording.references import CORE_STORES
 
 _encode = msgspec.json.Encoder().encode
 _NO_VALUES = b"[]"
-MAX_SAID_AT_ONCE = 100_000  # characters of one `print`
+MAX_PRINT_CHARS = 100_000  # characters of one `print`
 _PROCESS_DATA = TaskType.process_data
 _STORE_PAGE = TaskType.store_page  # looked up once: in Python 3.11 a member of an Enum takes 0.1 us to find
 
@@ -50,7 +50,7 @@ class RecordSink(Protocol):
         """Add a line to the trace."""
         ...
 
-    def place_of(self, task: Returned, seq: int, nth: int) -> tuple[int, int] | None:
+    def find_repeat(self, task: ReturnedTask, seq: int, index: int) -> tuple[int, int] | None:
         """Return seq and index of an earlier task that carries the same page, and remember this one."""
         ...
 
@@ -62,87 +62,93 @@ class NodeTrace:
         self._writer = writer
         self._node = node
         self._newest = 0  # seq of this node's newest record
-        self._said: deque[tuple[float, str, str, str]] = deque()  # when, component, level, text
-        self._begun_lines: dict[tuple[str, str], str] = {}  # since its last line end, by component and level
-        self._said_lines = 0
+        self._pending_output: deque[tuple[float, str, str, str]] = deque()  # when, component, level, text
+        self._partial_lines: dict[tuple[str, str], str] = {}  # since its last line end, by component and level
+        self._log_line_count = 0
 
-    def begun(self, now_s: float, component: str, scheduled: Sequence[Task]) -> list[Ticket]:
+    def begun(self, now_s: float, component: str, scheduled: Sequence[Task]) -> list[TaskRef]:
         """Record what a component scheduled in `begin`."""
         seq = self._next_seq()
-        tickets: list[Ticket] = []
-        returned = self._returned(scheduled, seq, now_s, tickets)
+        task_refs: list[TaskRef] = []
+        returned = self._encode_tasks(scheduled, seq, now_s, task_refs)
         self._writer.put(now_s, _encode(BeginRecord(seq, now_s, self._node, component, returned)))
-        self._write_said(now_s)
-        return tickets
+        self._write_output(now_s)
+        return task_refs
 
-    def input(self, now_s: float, source: str, task: Task) -> Ticket:
-        """Record a task that arrived in the inbox (`Door`)."""
-        if self._said:
-            self._write_said(now_s)
+    def input(self, now_s: float, source: str, task: Task) -> TaskRef:
+        """Record a task that arrived in the inbox."""
+        if self._pending_output:
+            self._write_output(now_s)
         seq = self._next_seq()
-        told = told_of(task)
+        encoded = encode_task(task)
         line: InputRecord | RepeatLine
-        place = self._writer.place_of(told, seq, 0)
+        place = self._writer.find_repeat(encoded, seq, 0)
         if place is None:
-            line = InputRecord(seq, now_s, self._node, source, told.type, told.name, told.values)
+            line = InputRecord(seq, now_s, self._node, source, encoded.type, encoded.name, encoded.values)
         else:
             line = RepeatLine(seq, now_s, self._node, source, *place)
         self._writer.put(now_s, _encode(line))
         return (task, seq, 0, now_s)
 
-    def task(self, now_s: float, ticket: Ticket, handled: Sequence[Handled]) -> list[Ticket]:
+    def task(self, now_s: float, task_ref: TaskRef, handled: Sequence[Handled]) -> list[TaskRef]:
         """Record an executed task; return a ticket for each task its handlers returned, in order."""
         writer = self._writer
         self._newest = writer.seq = seq = writer.seq + 1
-        task, cause, nth, cause_s = ticket
-        tickets: list[Ticket] = []
+        task, cause, index, cause_s = task_ref
+        task_refs: list[TaskRef] = []
         time_s = msgspec.UNSET if cause_s == now_s else now_s
         if task.type is not _STORE_PAGE:
-            by = [By(label[0], label[1], self._returned(outputs, seq, now_s, tickets)) for label, outputs in handled]
-            writer.put(now_s, _encode(TaskLine(seq, cause, nth, time_s, by)))
-            if self._said:
-                self._write_said(now_s)
-            return tickets
+            by = [
+                HandlerCall(label[0], label[1], self._encode_tasks(outputs, seq, now_s, task_refs))
+                for label, outputs in handled
+            ]
+            writer.put(now_s, _encode(TaskLine(seq, cause, index, time_s, by)))
+            if self._pending_output:
+                self._write_output(now_s)
+            return task_refs
         process = process_of(task, handled)
         if process is not None:
-            tickets = [(one, seq, 0, now_s) for one in handled[0][1]]
+            task_refs = [(one, seq, 0, now_s) for one in handled[0][1]]
             handled = handled[1:]
-        by = [By(label[0], label[1], self._returned(outputs, seq, now_s, tickets)) for label, outputs in handled]
-        writer.put(now_s, _encode(PageLine(seq, cause, nth, time_s, process, by)))
-        if self._said:
-            self._write_said(now_s)
-        return tickets
+        by = [
+            HandlerCall(label[0], label[1], self._encode_tasks(outputs, seq, now_s, task_refs))
+            for label, outputs in handled
+        ]
+        writer.put(now_s, _encode(PageLine(seq, cause, index, time_s, process, by)))
+        if self._pending_output:
+            self._write_output(now_s)
+        return task_refs
 
-    def said(self, now_s: float, component: str, level: str, text: str) -> None:
+    def record_text(self, now_s: float, component: str, level: str, text: str) -> None:
         """Buffer what a component prints or logs until its task is recorded; thread-safe.
 
         Output before the node's first record, such as while components are created, is not recorded.
         """
-        if self._newest and self._said_lines <= MAX_SAID_LINES and len(self._said) < 4 * MAX_SAID_LINES:
-            self._said.append((now_s, component, level, text[:MAX_SAID_AT_ONCE]))
+        if self._newest and self._log_line_count <= MAX_LOG_LINES and len(self._pending_output) < 4 * MAX_LOG_LINES:
+            self._pending_output.append((now_s, component, level, text[:MAX_PRINT_CHARS]))
 
-    def _write_said(self, now_s: float, is_end: bool = False) -> None:
+    def _write_output(self, now_s: float, is_end: bool = False) -> None:
         """Record the buffered output, line by line."""
-        while self._said:
-            said_s, component, level, text = self._said.popleft()
-            *lines, rest = (self._begun_lines.pop((component, level), "") + text).split("\n")
+        while self._pending_output:
+            output_s, component, level, text = self._pending_output.popleft()
+            *lines, rest = (self._partial_lines.pop((component, level), "") + text).split("\n")
             if rest:
-                self._begun_lines[component, level] = rest[:MAX_SAID_CHARS]
+                self._partial_lines[component, level] = rest[:MAX_LOG_LINE_CHARS]
             for line in lines:
-                self._write_line(said_s, component, level, line)
+                self._write_line(output_s, component, level, line)
         if is_end:
-            for (component, level), line in self._begun_lines.items():
+            for (component, level), line in self._partial_lines.items():
                 self._write_line(now_s, component, level, line)
 
     def _write_line(self, now_s: float, component: str, level: str, line: str) -> None:
-        self._said_lines += 1
-        if self._said_lines > MAX_SAID_LINES + 1:
+        self._log_line_count += 1
+        if self._log_line_count > MAX_LOG_LINES + 1:
             return
-        if self._said_lines > MAX_SAID_LINES:
-            level, line = "WARNING", f"what is printed and logged after {MAX_SAID_LINES} lines is not recorded"
-        text = line[:MAX_SAID_CHARS].encode(errors="backslashreplace").decode()
+        if self._log_line_count > MAX_LOG_LINES:
+            level, line = "WARNING", f"what is printed and logged after {MAX_LOG_LINES} lines is not recorded"
+        text = line[:MAX_LOG_LINE_CHARS].encode(errors="backslashreplace").decode()
         cause = self._newest
-        record = SaidRecord(self._next_seq(), now_s, self._node, cause, component, level, text)
+        record = LogLineRecord(self._next_seq(), now_s, self._node, cause, component, level, text)
         self._writer.put(now_s, _encode(record))
 
     def error(self, now_s: float, component: str, message: str) -> None:
@@ -152,21 +158,23 @@ class NodeTrace:
 
     def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
         """Record that the node has ended, and why."""
-        self._write_said(now_s, is_end=True)
+        self._write_output(now_s, is_end=True)
         self._writer.put(now_s, _encode(EndRecord(self._next_seq(), now_s, self._node, reason, summary)))
 
     def _next_seq(self) -> int:
         self._newest = self._writer.seq = self._writer.seq + 1
         return self._newest
 
-    def _returned(self, tasks: Sequence[Task], seq: int, now_s: float, tickets: list[Ticket]) -> list[Returned]:
+    def _encode_tasks(
+        self, tasks: Sequence[Task], seq: int, now_s: float, task_refs: list[TaskRef]
+    ) -> list[ReturnedTask]:
         """Return tasks in their record form, and add a ticket for each."""
         returned = []
         for task in tasks:
-            told = told_of(task)
-            self._writer.place_of(told, seq, len(tickets))
-            tickets.append((task, seq, len(tickets), now_s))
-            returned.append(told)
+            encoded = encode_task(task)
+            self._writer.find_repeat(encoded, seq, len(task_refs))
+            task_refs.append((task, seq, len(task_refs), now_s))
+            returned.append(encoded)
         return returned
 
 
@@ -182,9 +190,9 @@ def process_of(task: Task, handled: Sequence[Handled]) -> bool | None:
     return True if is_usual and len(task.val_list) == 1 and outputs[0].page is task.page else None
 
 
-def told_of(task: Task) -> Returned:
+def encode_task(task: Task) -> ReturnedTask:
     """Return the record form of a task."""
-    return Returned(*_id_in_words(task), Raw(_encode_values(task)))
+    return ReturnedTask(*_id_as_text(task), Raw(_encode_values(task)))
 
 
 def _encode_values(task: Task) -> bytes:
@@ -198,10 +206,10 @@ def _encode_values(task: Task) -> bytes:
         return encode_value(list(values))
     except Exception as error:  # it contains itself, or cannot be inspected; the run continues all the same
         reason = error.message if isinstance(error, SnrError) else f"{type(error).__name__}: {error}"
-        return encode_value([{MARK: "object", "type": "not recorded", "fields": {"because": reason}}])
+        return encode_value([{TAG: "object", "type": "not recorded", "fields": {"because": reason}}])
 
 
-def _id_in_words(task: Task) -> tuple[str, str]:
+def _id_as_text(task: Task) -> tuple[str, str]:
     """Return a task's type and name as text, also if they are invalid; the node reports that error later."""
     kind: Any = task.type
     name: Any = task.name

@@ -9,7 +9,7 @@ from typing import TypeVar
 import msgspec
 
 from snr_sim.prelude.errors import TraceError
-from snr_sim.prelude.values import NO_JSON
+from snr_sim.prelude.values import JSON_ERRORS
 from snr_sim.recording.garbage import no_garbage_collection
 from snr_sim.recording.records import (
     SCHEMA,
@@ -18,11 +18,11 @@ from snr_sim.recording.records import (
     ErrorRecord,
     Header,
     InputRecord,
-    Opening,
+    LogLineRecord,
     PageRecord,
     Record,
-    SaidRecord,
     TaskRecord,
+    TraceInfo,
     decode_beginning,
     decode_line,
     digest_of,
@@ -37,22 +37,22 @@ class Trace:
 
     Args:
         path: of the file.
-        opening: its first line.
+        trace_info: its first line.
         header: its second line.
         records: all others, in order.
         digest: as the writer computed it.
-        is_cut: whether the file has a truncated tail, from a crash or a power loss, which was skipped.
+        is_truncated: whether the file has a truncated tail, from a crash or a power loss, which was skipped.
     """
 
     def __init__(
-        self, path: Path, opening: Opening, header: Header, records: list[Record], digest: str, is_cut: bool
+        self, path: Path, trace_info: TraceInfo, header: Header, records: list[Record], digest: str, is_truncated: bool
     ) -> None:
         self.path = path
-        self.opening = opening
+        self.trace_info = trace_info
         self.header = header
         self.records = records
         self.digest = digest
-        self.is_cut = is_cut
+        self.is_truncated = is_truncated
 
     @property
     def is_ended(self) -> bool:
@@ -75,10 +75,10 @@ def read_trace(path: Path) -> Trace:
     lines = written.split(b"\n")
     tail = lines.pop()  # what follows the last newline: nothing, unless the file was cut
     if not lines:
-        raise TraceError(f"The trace {path} has no whole line.", fix=_CUT_TOO_EARLY)
-    opening = _read_opening(path, lines[0])
+        raise TraceError(f"The trace {path} has no whole line.", fix=_TRUNCATED_TOO_EARLY)
+    trace_info = _read_trace_info(path, lines[0])
     if len(lines) == 1:
-        raise TraceError(f"The trace {path} has no whole header.", fix=_CUT_TOO_EARLY)
+        raise TraceError(f"The trace {path} has no whole header.", fix=_TRUNCATED_TOO_EARLY)
     _check_text(path, lines)
     header = _read_beginning(path, lines[1], Header, "its header")
     records: list[Record] = []
@@ -86,7 +86,7 @@ def read_trace(path: Path) -> Trace:
     for seq, line in enumerate(lines[2:], start=1):
         try:
             read = decode_line(line)
-        except NO_JSON as error:
+        except JSON_ERRORS as error:
             raise TraceError(
                 f"{path}, line {seq + 2} is not a record: {error}. It reads: {line[:100]!r}", fix=_DAMAGED
             ) from error
@@ -95,24 +95,26 @@ def read_trace(path: Path) -> Trace:
                 f"{path}: record {seq} has seq {read.seq}; a line was taken out, put in or moved.", fix=_DAMAGED
             )
         try:
-            records.append(references.whole(read))
+            records.append(references.resolve(read))
         except LookupError as error:
             raise TraceError(f"{path}: {error}.", fix=_DAMAGED) from error
     _check_values(path, records)
     digest = digest_of(written[len(lines[0]) + 1 : len(written) - len(tail)])
-    return Trace(path, opening, header, records, digest.hexdigest(), is_cut=bool(tail) or len(written) < len(data))
+    return Trace(
+        path, trace_info, header, records, digest.hexdigest(), is_truncated=bool(tail) or len(written) < len(data)
+    )
 
 
 # JSON text never has this byte. After a power loss a file ends with it where blocks were allocated but not written.
 _NEVER_WRITTEN = b"\0"
-_CUT_TOO_EARLY = "the run was cut before it began; run it again."
+_TRUNCATED_TOO_EARLY = "the run was cut before it began; run it again."
 _DAMAGED = "the file was changed or damaged after the run; use an untouched copy, or run again."
 
 
-def _read_opening(path: Path, line: bytes) -> Opening:
+def _read_trace_info(path: Path, line: bytes) -> TraceInfo:
     try:
         fields = _decode_any(line)
-    except NO_JSON:
+    except JSON_ERRORS:
         fields = None
     # A trace of format 1 began with its header.
     if not isinstance(fields, dict) or fields.get("kind") not in ("trace", "header"):
@@ -122,16 +124,16 @@ def _read_opening(path: Path, line: bytes) -> Opening:
             f"{path} has trace format {fields.get('schema')!r}; this kit reads format {SCHEMA}.",
             fix="use the kit that wrote it, or run the scenario again.",
         )
-    return _read_beginning(path, line, Opening, "its first line")
+    return _read_beginning(path, line, TraceInfo, "its first line")
 
 
-_Kind = TypeVar("_Kind", Opening, Header)
+_Kind = TypeVar("_Kind", TraceInfo, Header)
 
 
 def _read_beginning(path: Path, line: bytes, kind: type[_Kind], what: str) -> _Kind:
     try:
         read = decode_beginning(line)
-    except NO_JSON as error:
+    except JSON_ERRORS as error:
         raise TraceError(f"{path}: {what} is damaged: {error}.", fix=_DAMAGED) from error
     if not isinstance(read, kind):
         raise TraceError(f"{path}: {what} is damaged: it is of another kind.", fix=_DAMAGED)
@@ -149,10 +151,10 @@ def _check_text(path: Path, lines: Sequence[bytes]) -> None:
 
 def _check_values(path: Path, records: Sequence[Record]) -> None:
     for record in records:
-        if isinstance(record, (ErrorRecord, SaidRecord)) and record.cause >= record.seq:
+        if isinstance(record, (ErrorRecord, LogLineRecord)) and record.cause >= record.seq:
             raise TraceError(f"{path}: the cause of record {record.seq} does not come before it.", fix=_DAMAGED)
         if any(bytes(values)[:1] != b"[" for values in _values_in(record)):
-            raise TraceError(f"{path}: record {record.seq} has values that are no list.", fix=_DAMAGED)
+            raise TraceError(f"{path}: record {record.seq} has values that are not a list.", fix=_DAMAGED)
 
 
 def _values_in(record: Record) -> Iterator[msgspec.Raw]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import bisect
 from typing import Any
 
-from snr_sim.prelude.errors import PlantError, TraceError, UnknownName, ValueEncodingError, nearest
+from snr_sim.prelude.errors import PlantError, TraceError, UnknownNameError, ValueEncodingError, suggest
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.scenario import Verdict
 from snr_sim.prelude.values import decode_value
@@ -61,7 +61,7 @@ class RecordedRun:
         records = [record for record in self._inputs if record.name == key]
         if not records:
             read = {record.name for record in self._inputs}
-            raise TraceError(f"In the run {self.trace.path} there is no sensor '{key}'.", fix=nearest(key, read))
+            raise TraceError(f"In the run {self.trace.path} there is no sensor '{key}'.", fix=suggest(key, read))
         try:
             return [decode_value(bytes(record.values), {"page": Page})[0] for record in records]
         except ValueEncodingError as error:
@@ -98,9 +98,11 @@ class RecordedRun:
         """Raise: sensor readings are available as pages only.
 
         Raises:
-            UnknownName: always.
+            UnknownNameError: always.
         """
-        raise UnknownName(f"A recorded run has no output '{name}'.", fix="rig.recorded(key) has a sensor's pages.")
+        raise UnknownNameError(
+            f"A recorded run has no output '{name}'.", fix="context.recorded(key) has a sensor's pages."
+        )
 
     def snapshot(self) -> Any:
         """Return the current playback time."""
@@ -118,6 +120,6 @@ class RecordedRun:
         """Return the newest true state up to now; an empty dict if the run had no plant."""
         place = bisect.bisect_right(self._truth_times_s, self.time_s + _ROUNDING_S) - 1
         if place < 0:
-            return {"poses": {}, "arrows": {}, "values": {}}
+            return {"poses": {}, "vectors": {}, "values": {}}
         record = self._truths[place]
-        return {"poses": record.poses, "arrows": record.arrows, "values": record.values}
+        return {"poses": record.poses, "vectors": record.vectors, "values": record.values}

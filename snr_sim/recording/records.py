@@ -1,8 +1,13 @@
 """The lines of `trace.jsonl` and the records that they encode. Each is one JSON object with a `kind`.
 
-A line does not repeat the content of earlier ones: an executed task is identified by `cause` and `nth`, the record that
-contains it and its index among that record's tasks, which has the type, name and values. `references.py` builds whole
-records from lines; only the reader of a trace and a live view process lines.
+A line does not repeat the content of earlier ones: an executed task is identified by `cause` and `index`, the record
+that contains it and its index among that record's tasks, which has the type, name and values. `references.py` builds
+whole records from lines; only the reader of a trace and a live view process lines.
+
+`truth` is a record and not a page because the view must be derivable from the trace alone, and a student's controller
+must not be able to read it. `page` is a kind of its own so that `snr trace --kind page` prints pages; executed tasks
+are `task` and `page` together. An object of a class that JSON, numpy and pages do not know is written readably and
+cannot be restored: a trace whose inputs hold one cannot be replayed.
 
 `seq` is the order over all nodes of the run; `t` is virtual time and does not define the order. `values` is the list
 that a task carries, as written by `prelude/values.py`; it is left encoded here because most readers need only part of
@@ -22,8 +27,8 @@ from typing import Annotated, Any, Final, TypeAlias
 import msgspec
 
 SCHEMA: Final = 3
-MAX_SAID_CHARS = 2_000  # of a line that was printed or logged
-MAX_SAID_LINES = 10_000  # of a node
+MAX_LOG_LINE_CHARS = 2_000  # of a line that was printed or logged
+MAX_LOG_LINES = 10_000  # of a node
 
 Count: TypeAlias = Annotated[int, msgspec.Meta(ge=0)]
 Seq: TypeAlias = Annotated[int, msgspec.Meta(ge=1)]
@@ -32,7 +37,7 @@ Values: TypeAlias = Annotated[
 ]
 
 
-class Opening(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="trace"):
+class TraceInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="trace"):
     """The first line: identifies a trace, and how and when it was made. The digest begins after it.
 
     Args:
@@ -51,9 +56,11 @@ class Opening(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field
     hash_seed: str
 
     @staticmethod
-    def now(scenario: str, controller: str) -> Opening:
+    def now(scenario: str, controller: str) -> TraceInfo:
         """Return the first line of a trace that begins now, in this process."""
-        return Opening(SCHEMA, scenario, controller, time.strftime("%Y-%m-%dT%H:%M:%S%z"), list(sys.argv), hash_seed())
+        return TraceInfo(
+            SCHEMA, scenario, controller, time.strftime("%Y-%m-%dT%H:%M:%S%z"), list(sys.argv), hash_seed()
+        )
 
 
 def hash_seed() -> str:
@@ -76,7 +83,7 @@ class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=
         scene: shapes of the plant, see `Plant.scene`.
     """
 
-    kit: str
+    version: str
     python: str
     platform: str
     packages: dict[str, str]
@@ -95,7 +102,7 @@ class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=
     scene: dict[str, Any]
 
 
-class Returned(msgspec.Struct, frozen=True, forbid_unknown_fields=True, array_like=True):
+class ReturnedTask(msgspec.Struct, frozen=True, forbid_unknown_fields=True, array_like=True):
     """A task that a handler returned: [type, name, values]."""
 
     type: str
@@ -103,12 +110,12 @@ class Returned(msgspec.Struct, frozen=True, forbid_unknown_fields=True, array_li
     values: Values
 
 
-class By(msgspec.Struct, frozen=True, forbid_unknown_fields=True, array_like=True):
+class HandlerCall(msgspec.Struct, frozen=True, forbid_unknown_fields=True, array_like=True):
     """One handler's part in a task: [component, handler, tasks]."""
 
-    by: str
+    component: str
     handler: str
-    returned: list[Returned]
+    returned: list[ReturnedTask]
 
 
 class InputRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="input"):
@@ -135,7 +142,7 @@ class RepeatLine(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fi
     node: str
     source: str
     cause: Seq
-    nth: Count
+    index: Count
 
 
 class TaskLine(
@@ -149,9 +156,9 @@ class TaskLine(
 
     seq: Seq
     cause: Seq
-    nth: Count = 0
+    index: Count = 0
     t: float | msgspec.UnsetType = msgspec.UNSET
-    handled: list[By] = []
+    handled: list[HandlerCall] = []
 
 
 class PageLine(
@@ -166,10 +173,10 @@ class PageLine(
 
     seq: Seq
     cause: Seq
-    nth: Count = 0
+    index: Count = 0
     t: float | msgspec.UnsetType = msgspec.UNSET
     process: bool | None = True
-    handled: list[By] = []
+    handled: list[HandlerCall] = []
 
 
 class _Executed(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -182,8 +189,8 @@ class _Executed(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     name: str
     values: Values
     cause: Seq
-    nth: Count
-    handled: list[By]
+    index: Count
+    handled: list[HandlerCall]
 
 
 class TaskRecord(_Executed, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="task"):
@@ -206,7 +213,7 @@ class TruthRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_f
     seq: Seq
     t: float
     poses: dict[str, Annotated[list[float], msgspec.Meta(min_length=7, max_length=7)]]
-    arrows: dict[str, Annotated[list[float], msgspec.Meta(min_length=6, max_length=6)]]
+    vectors: dict[str, Annotated[list[float], msgspec.Meta(min_length=6, max_length=6)]]
     values: dict[str, float]
 
 
@@ -216,8 +223,8 @@ class BeginRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_f
     seq: Seq
     t: float
     node: str
-    by: str
-    returned: list[Returned]
+    component: str
+    returned: list[ReturnedTask]
 
 
 class ErrorRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="error"):
@@ -231,12 +238,12 @@ class ErrorRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_f
     message: str
 
 
-class SaidRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="said"):
+class LogLineRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="said"):
     """A line that a component printed or logged; `cause` is the seq of the node's record before, as of an error.
 
     Args:
         level: PRINT, or INFO, WARNING and so on of its log.
-        text: without the line end, at most `MAX_SAID_CHARS`.
+        text: without the line end, at most `MAX_LOG_LINE_CHARS`.
     """
 
     seq: Seq
@@ -260,18 +267,18 @@ class EndRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fie
 
 Executed: TypeAlias = TaskRecord | PageRecord
 Record: TypeAlias = (
-    InputRecord | TaskRecord | PageRecord | TruthRecord | BeginRecord | ErrorRecord | SaidRecord | EndRecord
+    InputRecord | TaskRecord | PageRecord | TruthRecord | BeginRecord | ErrorRecord | LogLineRecord | EndRecord
 )
 Line: TypeAlias = (
-    InputRecord | RepeatLine | TaskLine | PageLine | TruthRecord | BeginRecord | ErrorRecord | SaidRecord | EndRecord
+    InputRecord | RepeatLine | TaskLine | PageLine | TruthRecord | BeginRecord | ErrorRecord | LogLineRecord | EndRecord
 )
 
 _encode = msgspec.json.Encoder().encode
-decode_beginning = msgspec.json.Decoder(Opening | Header).decode
+decode_beginning = msgspec.json.Decoder(TraceInfo | Header).decode
 decode_line = msgspec.json.Decoder(Line).decode
 
 
-def encode_record(record: Opening | Header | Line | Record) -> bytes:
+def encode_record(record: TraceInfo | Header | Line | Record) -> bytes:
     """Return the JSON of a line as in the file, without the newline, or of a whole record."""
     return _encode(record)
 

@@ -7,19 +7,19 @@ import msgspec
 from snr_sim.core.component import CORE_NAME
 from snr_sim.recording.records import (
     BeginRecord,
-    By,
+    HandlerCall,
     InputRecord,
     Line,
     PageLine,
     PageRecord,
     Record,
     RepeatLine,
-    Returned,
+    ReturnedTask,
     TaskLine,
     TaskRecord,
 )
 
-# How many records back an input may repeat a task. It bounds what a follower of a run has to keep in memory.
+# How many records back an input may repeat a task. It bounds what a listener has to keep in memory.
 REPEAT_WITHIN = 500
 CORE_STORES = (CORE_NAME, "store")  # component and handler that `PageLine.process` stands for
 
@@ -29,54 +29,54 @@ class References:
 
     def __init__(self) -> None:
         # By cause and nth: node and time of the cause, and the task.
-        self._waiting: dict[tuple[int, int], tuple[str, float, Returned]] = {}  # not executed yet
-        self._recent: dict[tuple[int, int], Returned] = {}
+        self._waiting: dict[tuple[int, int], tuple[str, float, ReturnedTask]] = {}  # not executed yet
+        self._recent: dict[tuple[int, int], ReturnedTask] = {}
 
-    def whole(self, line: Line) -> Record:
+    def resolve(self, line: Line) -> Record:
         """Return the record that a line encodes.
 
         Raises:
             LookupError: it refers to a task that no earlier line contains, or that was already executed.
         """
         if isinstance(line, (TaskLine, PageLine)):
-            return self._executed(line)
+            return self._resolve_executed(line)
         if isinstance(line, RepeatLine):
-            line = self._repeated(line)
+            line = self._resolve_repeat(line)
         if isinstance(line, InputRecord):
-            self._bring(line.seq, line.node, line.t, [Returned(line.type, line.name, line.values)])
+            self._add_tasks(line.seq, line.node, line.t, [ReturnedTask(line.type, line.name, line.values)])
         elif isinstance(line, BeginRecord):
-            self._bring(line.seq, line.node, line.t, line.returned)
+            self._add_tasks(line.seq, line.node, line.t, line.returned)
         return line
 
-    def _executed(self, line: TaskLine | PageLine) -> Record:
+    def _resolve_executed(self, line: TaskLine | PageLine) -> Record:
         try:
-            node, cause_s, task = self._waiting.pop((line.cause, line.nth))
+            node, cause_s, task = self._waiting.pop((line.cause, line.index))
         except KeyError:
-            raise self._unknown(line.seq, line.cause, line.nth) from None
+            raise self._unknown_reference(line.seq, line.cause, line.index) from None
         time_s = cause_s if line.t is msgspec.UNSET else line.t
         handled = line.handled
         if isinstance(line, PageLine) and line.process is not None:
-            returned = [Returned("process_data", task.name, task.values)] if line.process else []
-            handled = [By(*CORE_STORES, returned), *handled]
-        self._bring(line.seq, node, time_s, [one for by in handled for one in by.returned])
+            returned = [ReturnedTask("process_data", task.name, task.values)] if line.process else []
+            handled = [HandlerCall(*CORE_STORES, returned), *handled]
+        self._add_tasks(line.seq, node, time_s, [one for by in handled for one in by.returned])
         kind = PageRecord if isinstance(line, PageLine) else TaskRecord
-        return kind(line.seq, time_s, node, task.type, task.name, task.values, line.cause, line.nth, handled)
+        return kind(line.seq, time_s, node, task.type, task.name, task.values, line.cause, line.index, handled)
 
-    def _repeated(self, line: RepeatLine) -> InputRecord:
-        task = self._recent.get((line.cause, line.nth))
+    def _resolve_repeat(self, line: RepeatLine) -> InputRecord:
+        task = self._recent.get((line.cause, line.index))
         if task is None:
-            raise self._unknown(line.seq, line.cause, line.nth)
+            raise self._unknown_reference(line.seq, line.cause, line.index)
         return InputRecord(line.seq, line.t, line.node, line.source, task.type, task.name, task.values)
 
-    def _bring(self, seq: int, node: str, time_s: float, tasks: list[Returned]) -> None:
-        for nth, task in enumerate(tasks):
-            self._waiting[seq, nth] = (node, time_s, task)
-            self._recent[seq, nth] = task
+    def _add_tasks(self, seq: int, node: str, time_s: float, tasks: list[ReturnedTask]) -> None:
+        for index, task in enumerate(tasks):
+            self._waiting[seq, index] = (node, time_s, task)
+            self._recent[seq, index] = task
         if len(self._recent) > 4 * REPEAT_WITHIN:
             self._recent = {place: task for place, task in self._recent.items() if place[0] >= seq - REPEAT_WITHIN}
 
     @staticmethod
-    def _unknown(seq: int, cause: int, nth: int) -> LookupError:
+    def _unknown_reference(seq: int, cause: int, index: int) -> LookupError:
         if cause >= seq:
             return LookupError(f"the cause of record {seq} does not come before it")
-        return LookupError(f"record {seq} refers to task {nth} of record {cause}, which is not there or was executed")
+        return LookupError(f"record {seq} refers to task {index} of record {cause}, which is not there or was executed")

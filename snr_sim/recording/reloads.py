@@ -26,7 +26,7 @@ def reload_sources(trace: Trace) -> dict[int, dict[str, str]]:
     return {page.cause: _sources(page) for page in pages}
 
 
-def reloads_in_words(trace: Trace, replayed: Sequence[Record]) -> list[str]:
+def describe_reloads(trace: Trace, replayed: Sequence[Record]) -> list[str]:
     """Return a sentence for each reload known to have read other code than that at the start of the run.
 
     Args:
@@ -35,7 +35,7 @@ def reloads_in_words(trace: Trace, replayed: Sequence[Record]) -> list[str]:
     """
     at_first = {PurePosixPath(label).name: sha256 for label, sha256 in trace.header.sources.items()}
     now = {record.seq: _sources(record) for record in replayed if _is_reload(record)}
-    said = []
+    sentences = []
     for record in trace.records:
         if not (isinstance(record, PageRecord) and _is_reload(record)):
             continue
@@ -43,12 +43,12 @@ def reloads_in_words(trace: Trace, replayed: Sequence[Record]) -> list[str]:
         other = [file for file, sha256 in then.items() if at_first.get(PurePosixPath(file).name) != sha256]
         if other:
             since = " They have changed again since." if now.get(record.seq, then) != then else ""
-            said.append(
+            sentences.append(
                 f"seq {record.seq}, t = {record.t:.3f} s: '{_page(record).data['component']}' was reloaded with other "
-                f"code than the run began with ({', '.join(other)}). This replay ran what stands in the files now "
+                f"code than the run began with ({', '.join(other)}). This replay ran the current contents of the files "
                 f"from the beginning.{since}"
             )
-    return said
+    return sentences
 
 
 def _is_reload(record: Record) -> bool:

@@ -4,6 +4,10 @@ The node of a replay has no loops. The trace provides their inputs in the same o
 checker replaces the recorder: it gives each replayed task the ticket of the corresponding recorded one, and compares
 what the handlers return. A task is identified by its cause and its index among its cause's tasks, so after a
 difference the remaining tasks are still compared with their counterparts.
+
+In lock step an input is brought when nothing is left to do, on the wall clock after as many tasks as then. A reload is
+repeated with the text that it read then, by the `sources` of its page. Output of components is neither needed nor
+compared.
 """
 
 from __future__ import annotations
@@ -13,15 +17,15 @@ from collections.abc import Callable, Sequence
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import Config
-from snr_sim.core.machine import HandlerFailed
+from snr_sim.core.machine import HandlerError
 from snr_sim.core.node import Node
 from snr_sim.core.watchdog import Watchdog
-from snr_sim.prelude.errors import ComponentFailed, TraceError, ValueEncodingError
+from snr_sim.prelude.errors import ComponentFailedError, TraceError, ValueEncodingError
 from snr_sim.prelude.page import KINDS
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.prelude.tasks import ADD_COMPONENT_TASK_NAME
 from snr_sim.prelude.values import decode_value
-from snr_sim.recording.checker import Checker, NodeReplay
+from snr_sim.recording.checker import NodeReplay, ReplayChecker
 from snr_sim.recording.compare import Tolerance
 from snr_sim.recording.reader import Trace
 from snr_sim.recording.records import (
@@ -66,7 +70,7 @@ def replay_node(
     name = f"{role}_node"
     records = [record for record in trace.records if getattr(record, "node", None) == name]
     tolerances = [*tolerances, *map(Tolerance.parse, UNCOMPARED)]
-    checker = Checker(name, records, trace.header.commands.get(name, []), tolerances)
+    checker = ReplayChecker(name, records, trace.header.commands.get(name, []), tolerances)
     clock = ReplayClock()
     node = Node(role, config, clock=clock, recorder=checker, seed=trace.header.seed, is_replay=True)
     node.is_in_lock_step = trace.header.clock == "sim"
@@ -79,7 +83,9 @@ def replay_node(
 class _Driver:
     """Driver of a replay: adds the inputs and executes the tasks in the recorded order."""
 
-    def __init__(self, node: Node, clock: ReplayClock, checker: Checker, before_task: Callable[[int], None]) -> None:
+    def __init__(
+        self, node: Node, clock: ReplayClock, checker: ReplayChecker, before_task: Callable[[int], None]
+    ) -> None:
         self._node = node
         self._machine = node.machine
         self._clock = clock
@@ -90,11 +96,11 @@ class _Driver:
         self._show(next((record.t for record in records if isinstance(record, BeginRecord)), 0.0))
         try:
             self._node.begin()
-        except ComponentFailed as failure:
-            self._checker.failed_outside_a_task(failure, "begin")
+        except ComponentFailedError as failure:
+            self._checker.check_failure_outside_task(failure, "begin")
             self._end()
             return
-        self._checker.all_begun()
+        self._checker.report_missing_begins()
         before: Record | None = None
         for record in records:
             if isinstance(record, InputRecord):
@@ -103,7 +109,7 @@ class _Driver:
                     self._finish(record.seq)
                 self._show(record.t)
                 self._checker.entering = record
-                self._machine.admit(_input_task(record), record.source)
+                self._machine.enqueue_replayed(_input_task(record), record.source)
             elif isinstance(record, (TaskRecord, PageRecord)):
                 if self._checker.was_interrupted(record):
                     break  # it did not return in the recording, and would block the replay
@@ -114,11 +120,11 @@ class _Driver:
         self._end()
 
     def _end(self) -> None:
-        self._machine.forget_queued()
+        self._machine.discard_queued()
         try:
             self._node.end("replayed")
-        except ComponentFailed as failure:
-            self._checker.failed_outside_a_task(failure, "halt")
+        except ComponentFailedError as failure:
+            self._checker.check_failure_outside_task(failure, "halt")
 
     def _show(self, time_s: float) -> None:
         self._clock.show(time_s)
@@ -126,8 +132,8 @@ class _Driver:
 
     def _execute(self, record: Executed) -> None:
         """Execute the task of this record, after tasks queued before it that are not in the recording."""
-        while (ticket := self._machine.next_ticket) is not None:
-            expected = self._checker.record_of(ticket)
+        while (task_ref := self._machine.next_task_ref) is not None:
+            expected = self._checker.record_of(task_ref)
             if expected is not None and expected.seq > record.seq:
                 return  # the recorded task is missing here; already reported when its cause did not return it
             if expected is record:
@@ -139,22 +145,22 @@ class _Driver:
 
     def _finish(self, seq: float) -> None:
         """Execute the tasks recorded before this seq, and those that are not in the recording."""
-        while (ticket := self._machine.next_ticket) is not None:
-            expected = self._checker.record_of(ticket)
-            if self._checker.was_left_queued(ticket) or (expected is not None and expected.seq > seq):
+        while (task_ref := self._machine.next_task_ref) is not None:
+            expected = self._checker.record_of(task_ref)
+            if self._checker.was_unexecuted(task_ref) or (expected is not None and expected.seq > seq):
                 return
             self._execute_next()
 
     def _execute_next(self) -> None:
         try:
             self._machine.execute_next()
-        except HandlerFailed as failed:
+        except HandlerError as failed:
             error = failed.__cause__
             if error is None or isinstance(error, KeyboardInterrupt):
                 raise
-            self._checker.raised(failed, error)
+            self._checker.check_failure(failed, error)
         else:
-            self._checker.returned()
+            self._checker.report_missing_calls()
 
 
 def _input_task(record: InputRecord) -> Task:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 Points: TypeAlias = NDArray[np.float64]
 
 # A path is drawn with at most this many points. More are not distinguishable on a screen, and a run may last for days.
-PATH_POINTS_MAX = 2_000
+MAX_PATH_POINTS = 2_000
 BOW = 0.10  # sag of a slack tether in drawings, as a fraction of its span
 # A bow of unit length, along x, that goes out along z.
 TETHER_LINE: Points = np.array([[i / 16.0, 0.0, 4.0 * (i / 16.0) * (1.0 - i / 16.0)] for i in range(17)])
@@ -29,7 +29,7 @@ class Path:
     [0.0, 12.0, 24.0, 27.0]
     """
 
-    def __init__(self, points_max: int = PATH_POINTS_MAX) -> None:
+    def __init__(self, points_max: int = MAX_PATH_POINTS) -> None:
         self._points_max = points_max
         self._stride = 1
         self._seen = 0
@@ -79,7 +79,7 @@ def rgb_of(shape: dict[str, Any]) -> tuple[int, int, int]:
     return int(red), int(green), int(blue)
 
 
-def turned(pose: Any, points: Any) -> Points:
+def world_from_body(pose: Any, points: Any) -> Points:
     """Return points of a body's frame in the world's.
 
     Args:
@@ -95,7 +95,7 @@ def turned(pose: Any, points: Any) -> Points:
 
 def tether_spans(tether: Mapping[str, Any], poses: Any) -> Points:
     """Return the vector [m] from a tether's anchor to its end at the body, for one pose or for many."""
-    spans: Points = turned(poses, tether["place_m"]) - np.asarray(tether["anchor_m"], float)
+    spans: Points = world_from_body(poses, tether["place_m"]) - np.asarray(tether["anchor_m"], float)
     return spans
 
 

@@ -268,8 +268,8 @@ def _read_table(run: Path, folder: int | None) -> list[KeptFile]:
     return kept
 
 
-def _read(run: Path, folder: int | None, name: str, most: int) -> bytes:
-    """Return the content of a file in the folder, which must be a regular file of at most `most` bytes."""
+def _read(run: Path, folder: int | None, name: str, max_bytes: int) -> bytes:
+    """Return the content of a file in the folder, which must be a regular file of at most `max_bytes`."""
     try:
         if folder is None:
             descriptor = os.open(run / FOLDER / name, os.O_RDONLY)
@@ -280,8 +280,8 @@ def _read(run: Path, folder: int | None, name: str, most: int) -> bytes:
     with open(descriptor, "rb") as file:
         if not stat.S_ISREG(os.fstat(descriptor).st_mode):
             raise _unusable(run, f"{name} is not a plain file")
-        data = file.read(most + 1)
-    if len(data) > most:
+        data = file.read(max_bytes + 1)
+    if len(data) > max_bytes:
         raise _unusable(run, f"{name} is too large")
     return data
 

@@ -26,17 +26,17 @@ import msgspec
 from snr_sim.prelude.errors import TraceError
 from snr_sim.prelude.recorder import RECORDING_KEY
 from snr_sim.prelude.task import Task, TaskType
-from snr_sim.recording.follower import Follower, FollowerThread
 from snr_sim.recording.node_trace import NodeTrace
 from snr_sim.recording.records import (
     Header,
-    Opening,
-    Returned,
+    ReturnedTask,
+    TraceInfo,
     TruthRecord,
     digest_of,
 )
 from snr_sim.recording.references import REPEAT_WITHIN
 from snr_sim.recording.trace_file import TraceFile
+from snr_sim.recording.trace_listener import ListenerThread, TraceListener
 
 if TYPE_CHECKING:
     from snr_sim.core.node import Node
@@ -47,9 +47,9 @@ SYNC_PERIOD_S = 1.0
 REPORT_PERIOD_S = 1.0  # of the page that reports what is lost
 # Maximum backlog: minutes of a dive. A run in lock step then waits for the disk; any other stops its recording.
 MAX_UNWRITTEN_BYTES = 64_000_000
-ARROW_DIGITS = 4  # decimals of arrows [m, N]: they are only drawn, and would fill half of a truth record
-_PER_UNIT = 10.0**ARROW_DIGITS
-CLOSE_PATIENCE_S = 5.0  # for a disk that hangs, at the end of a run that did not wait for it before
+VECTOR_DIGITS = 4  # decimals of arrows [m, N]: they are only drawn, and would fill half of a truth record
+_PER_UNIT = 10.0**VECTOR_DIGITS
+CLOSE_TIMEOUT_S = 5.0  # for a disk that hangs, at the end of a run that did not wait for it before
 _SOURCE = "recorder"
 
 _encode = msgspec.json.Encoder().encode
@@ -61,7 +61,7 @@ class TraceWriter:
     Args:
         path: of the file, which must not exist: a recording is never overwritten.
         header: its second line.
-        opening: its first line; by default it has the time and the command, but not the files.
+        trace_info: its first line; by default it has the time and the command, but not the files.
         open_file: creates the file.
 
     Raises:
@@ -72,7 +72,7 @@ class TraceWriter:
         self,
         path: Path,
         header: Header,
-        opening: Opening | None = None,
+        trace_info: TraceInfo | None = None,
         *,
         open_file: Callable[[Path], TraceFile] = TraceFile,
     ) -> None:
@@ -82,8 +82,8 @@ class TraceWriter:
         self._put_bytes = 0  # counted by the thread that puts
         self._taken_bytes = 0  # counted under `_losing` by the thread that takes; the difference is queued
         self._digest = digest_of()
-        self._places: dict[tuple[str, str, bytes], tuple[int, int]] | None = {} if len(header.nodes) > 1 else None
-        self._follower: FollowerThread | None = None
+        self._stored_pages: dict[tuple[str, str, bytes], tuple[int, int]] | None = {} if len(header.nodes) > 1 else None
+        self._listener: ListenerThread | None = None
         self._whole_bytes = 0  # length of the file up to its last whole line
         self._unsynced_since_s = 0.0
         self._unsynced_lines = 0
@@ -91,7 +91,7 @@ class TraceWriter:
         self._writing = threading.Lock()
         self._closing = threading.Event()
         self._failure: OSError | None = None
-        self._survivors: Sequence[Node] = ()  # nodes that continue without a recording
+        self._unrecorded_nodes: Sequence[Node] = ()  # nodes that continue without a recording
         self._losing = threading.Lock()  # of what is taken and of the numbers below; never held while a disk works
         self._lost = 0  # records
         self._lost_since_s = math.inf  # time of the first of them
@@ -102,7 +102,7 @@ class TraceWriter:
             raise TraceError(
                 f"The trace {path} cannot be made: {error.strerror}.", fix="choose another folder with --out."
             ) from error
-        first = _encode(opening or Opening.now("", "")) + b"\n"
+        first = _encode(trace_info or TraceInfo.now("", "")) + b"\n"
         second = _encode(header) + b"\n"
         _, self._failure = self._write(first + second)
         self._digest.update(second)
@@ -124,26 +124,26 @@ class TraceWriter:
         record; `lost`, the number of records; and the `reason`. The trace ends there with a whole line. Later records
         are not written, even if the disk has room again, because a trace has no gaps.
         """
-        self._survivors = nodes
+        self._unrecorded_nodes = nodes
 
     def truth(self, now_s: float, truth: dict[str, Any]) -> None:
         """Record the plant's true state, see `Plant.truth`."""
         self.seq += 1
-        arrows = {name: _rounded(arrow) for name, arrow in truth["arrows"].items()}
-        self.put(now_s, _encode(TruthRecord(self.seq, now_s, truth["poses"], arrows, truth["values"])))
+        vectors = {name: _round_vector(arrow) for name, arrow in truth["vectors"].items()}
+        self.put(now_s, _encode(TruthRecord(self.seq, now_s, truth["poses"], vectors, truth["values"])))
 
-    def place_of(self, task: Returned, seq: int, nth: int) -> tuple[int, int] | None:
+    def find_repeat(self, task: ReturnedTask, seq: int, index: int) -> tuple[int, int] | None:
         """Return seq and index of an earlier task that carries the same page, and remember this one.
 
         None if there was none recently, or if the run has only one node: then pages never cross nodes.
         """
-        if self._places is None or task.type != TaskType.store_page:
+        if self._stored_pages is None or task.type != TaskType.store_page:
             return None
         known = (task.type, task.name, bytes(task.values))
-        place = self._places.get(known)
-        self._places[known] = (seq, nth)
-        if len(self._places) > 4 * REPEAT_WITHIN:
-            self._places = {one: at for one, at in self._places.items() if at[0] >= seq - REPEAT_WITHIN}
+        place = self._stored_pages.get(known)
+        self._stored_pages[known] = (seq, index)
+        if len(self._stored_pages) > 4 * REPEAT_WITHIN:
+            self._stored_pages = {one: at for one, at in self._stored_pages.items() if at[0] >= seq - REPEAT_WITHIN}
         return place if place is not None and place[0] >= seq - REPEAT_WITHIN else None
 
     @property
@@ -170,21 +170,21 @@ class TraceWriter:
         if self._closing.is_set():
             return
         self._closing.set()
-        self._flusher.join(CLOSE_PATIENCE_S if self._survivors else None)
+        self._flusher.join(CLOSE_TIMEOUT_S if self._unrecorded_nodes else None)
         if self._flusher.is_alive():
             self._give_up()  # a system call on the file may still block, and may never return
         else:
             self._flush()
             self._sync()
             self._file.close()
-        if self._follower is not None:
-            self._follower.close()
-        if not self._survivors:
+        if self._listener is not None:
+            self._listener.close()
+        if not self._unrecorded_nodes:
             self._check()
 
-    def follow(self, follower: Follower) -> None:
-        """Pass every record to a follower, too, on a separate thread; call it before the first record."""
-        self._follower = FollowerThread(follower)
+    def add_listener(self, listener: TraceListener) -> None:
+        """Pass every record to a listener, too, on a separate thread; call it before the first record."""
+        self._listener = ListenerThread(listener)
 
     def put(self, now_s: float, line: bytes) -> None:
         """Add a line to the trace.
@@ -193,16 +193,16 @@ class TraceWriter:
             TraceError: an earlier line could not be written, and `fail_softly` was not called.
         """
         if self._failure is not None:
-            if not self._survivors:
+            if not self._unrecorded_nodes:
                 self._check()
-            self._lose(now_s, 1)
+            self._count_lost(now_s, 1)
             self._report()
-            if self._follower is None:
+            if self._listener is None:
                 return
         self._lines.append((now_s, line))
         self._put_bytes += len(line)
         if self._put_bytes - self._taken_bytes > MAX_UNWRITTEN_BYTES:
-            if self._survivors:
+            if self._unrecorded_nodes:
                 self._give_up()
             else:
                 self._flush()
@@ -222,9 +222,9 @@ class TraceWriter:
             self._failure = OSError(errno.ETIMEDOUT, "the disk is too slow, or does not answer")
         lines = self._take()
         if lines:
-            self._lose(lines[0][0], len(lines))
+            self._count_lost(lines[0][0], len(lines))
 
-    def _lose(self, since_s: float, count: int) -> None:
+    def _count_lost(self, since_s: float, count: int) -> None:
         """Count records that are not written to the file."""
         with self._losing:
             self._lost += count
@@ -238,10 +238,10 @@ class TraceWriter:
                 return
             is_first, self._reported_s = self._reported_s < 0, now_s
             data = {"since_s": self._lost_since_s, "lost": self._lost, "reason": failure.strerror}
-        if is_first and self._survivors:
-            print(f"{self.loss} The run goes on.", file=sys.stderr, flush=True)
-        for node in self._survivors:
-            node.enter(Task(TaskType.store_page, RECORDING_KEY, [node.page(RECORDING_KEY, data)]), _SOURCE)
+        if is_first and self._unrecorded_nodes:
+            print(f"{self.loss} The run continues.", file=sys.stderr, flush=True)
+        for node in self._unrecorded_nodes:
+            node.enqueue_input(Task(TaskType.store_page, RECORDING_KEY, [node.page(RECORDING_KEY, data)]), _SOURCE)
 
     # The flusher's
 
@@ -274,12 +274,12 @@ class TraceWriter:
                     self._unsynced_since_s = ready[0][0]
                 self._unsynced_lines += whole
                 if whole < len(ready):
-                    self._lose(ready[whole][0], len(ready) - whole)
+                    self._count_lost(ready[whole][0], len(ready) - whole)
                 self._failure = error  # last: the first report counts all that is lost so far
             else:
-                self._lose(ready[0][0], len(ready))  # queued while the disk failed
-            if self._follower is not None:
-                self._follower.give([line for _, line in ready])
+                self._count_lost(ready[0][0], len(ready))  # queued while the disk failed
+            if self._listener is not None:
+                self._listener.give([line for _, line in ready])
 
     def _write(self, data: bytes) -> tuple[bytes, OSError | None]:
         """Write the data, or truncate the file to its last whole line.
@@ -294,7 +294,7 @@ class TraceWriter:
             failure = error
             data = data[: data.rfind(b"\n", 0, len(data) - len(view)) + 1]
             with suppress(OSError):  # some disks fail here, too; a reader skips a truncated last line
-                self._file.cut(self._whole_bytes + len(data))
+                self._file.truncate(self._whole_bytes + len(data))
         self._whole_bytes += len(data)
         return data, failure
 
@@ -307,18 +307,18 @@ class TraceWriter:
             try:
                 self._file.sync()
             except OSError as error:
-                self._lose(self._unsynced_since_s, self._unsynced_lines)
+                self._count_lost(self._unsynced_since_s, self._unsynced_lines)
                 if self._failure is None:
                     self._failure = error
             self._unsynced_lines = 0
 
 
-def _rounded(arrow: Sequence[float]) -> list[float]:
-    """Return the numbers of an arrow rounded to ARROW_DIGITS; a zero keeps the sign of the number.
+def _round_vector(arrow: Sequence[float]) -> list[float]:
+    """Return the numbers of an arrow rounded to VECTOR_DIGITS; a zero keeps the sign of the number.
 
     Python's `round` to a digit formats a text internally and takes three times as long.
     """
     try:
         return [round(number * _PER_UNIT) / _PER_UNIT or 0.0 * number for number in arrow]
     except (ValueError, OverflowError):  # a number is not finite, or overflows when scaled
-        return [round(number, ARROW_DIGITS) for number in arrow]
+        return [round(number, VECTOR_DIGITS) for number in arrow]

@@ -6,9 +6,9 @@ import errno
 import os
 from pathlib import Path
 
-from snr_sim.recording.whole_files import sync_folder
+from snr_sim.recording.atomic_files import sync_folder
 
-_AS_IT_IS = getattr(os, "O_BINARY", 0)  # Windows would write \r\n for \n
+_BINARY_MODE = getattr(os, "O_BINARY", 0)  # Windows would write \r\n for \n
 _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.ENOSYS)  # pipes, and some network file systems
 
 
@@ -25,13 +25,13 @@ class TraceFile:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._is_named = False  # whether its name is on the disk, too
-        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | _AS_IT_IS, 0o644)
+        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | _BINARY_MODE, 0o644)
 
     def write(self, data: memoryview) -> int:
         """Append as many bytes as one system call writes; return how many."""
         return os.write(self._descriptor, data)
 
-    def cut(self, length_bytes: int) -> None:
+    def truncate(self, length_bytes: int) -> None:
         """Truncate the file to this length."""
         os.ftruncate(self._descriptor, length_bytes)
 

@@ -7,22 +7,23 @@ from collections.abc import Callable, Sequence
 from types import ModuleType
 from typing import Any
 
-from snr_sim.core.blame import describe_error, place_of, put_place_first, short_path, without_addresses
+from snr_sim.core.component import FactoryOfClass, NodeComponent
 from snr_sim.core.config import AnyFactory
 from snr_sim.core.endpoint import EndpointFactory
 from snr_sim.core.loop import LoopFactory
+from snr_sim.core.source_location import describe_error, location_of, prepend_location, short_path, without_addresses
 from snr_sim.prelude.errors import ConfigError, SnrError
-from snr_sim.prelude.scenario import Robot
+from snr_sim.prelude.scenario import RobotInfo
 
 
-def factories_of(controller: ModuleType, robot: Robot) -> list[AnyFactory]:
+def factories_of(controller: ModuleType, robot: RobotInfo) -> list[AnyFactory]:
     """Return what a controller's `factories(robot)` returns, checked.
 
     Raises:
         ConfigError: it raised, or returned a value that is not a list of factories.
     """
     made = call_student(controller.factories, "factories(robot)", robot)
-    place: object = place_of(controller.factories) or short_path(str(controller.__file__))
+    place: object = location_of(controller.factories) or short_path(str(controller.__file__))
     if not isinstance(made, (list, tuple)):
         raise ConfigError(
             f"{place}\n  factories(robot) returned {_shown(made)}, which is not a list.",
@@ -33,18 +34,24 @@ def factories_of(controller: ModuleType, robot: Robot) -> list[AnyFactory]:
             name = type(factory).__name__
             if callable(getattr(factory, "get", None)) and not isinstance(factory, type):
                 raise ConfigError(
-                    f"{place_of(factory.get) or place}\n  {name} has a get() and is not a factory.",
+                    f"{location_of(factory.get) or place}\n  {name} has a get() and is not a factory.",
                     fix=f"name what it builds on: class {name}(EndpointFactory).",
                 )
+            component = factory if isinstance(factory, type) else getattr(factory, "component_class", None)
+            if isinstance(component, type) and issubclass(component, NodeComponent):
+                fix = f"[{component.__name__}.factory()], with the brackets."
+            else:
+                fix = "list instances of your EndpointFactory classes: [MyEndpointFactory()], with the brackets."
             raise ConfigError(
-                f"{place}\n  factories(robot) returned a list with {_shown(factory)}, which is not a factory.",
-                fix="list instances of your EndpointFactory classes: [MyEndpointFactory()], with the brackets.",
+                f"{place}\n  factories(robot) returned a list with {_shown(factory)}, which is not a factory.", fix=fix
             )
     return list(made)
 
 
 def _shown(value: object) -> str:
     """Return a value as in its author's code."""
+    if isinstance(value, FactoryOfClass):
+        return f"{value.component_class.__name__}.factory"
     return f"the class {value.__name__}" if isinstance(value, type) else without_addresses(repr(value))
 
 
@@ -57,7 +64,7 @@ def call_student(function: Callable[..., Any], name: str, *args: Any) -> Any:
     try:
         return function(*args)
     except SnrError as error:
-        put_place_first(error)
+        prepend_location(error)
         raise
     except (Exception, SystemExit) as error:
         if isinstance(error, TypeError):
@@ -74,7 +81,7 @@ def _check_arity(function: Callable[..., Any], name: str, args: Sequence[Any]) -
     try:
         signature.bind(*args)
     except TypeError:
-        place, takes = place_of(function), f"{name.partition('(')[0]}({', '.join(signature.parameters)})"
+        place, takes = location_of(function), f"{name.partition('(')[0]}({', '.join(signature.parameters)})"
         where = f"{place}\n  " if place is not None else ""
         raise ConfigError(
             f"{where}{takes} is called with {len(args)} argument(s): {name}.", fix=f"def {name}:"

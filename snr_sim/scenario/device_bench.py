@@ -15,25 +15,25 @@ import msgspec
 
 from snr_sim.core.clocks import WallClock
 from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
-from snr_sim.devices.pwm.nudge import channel_of, nudge_us
+from snr_sim.devices.pwm.motor_test import channel_of, motor_test_pulses_us
 from snr_sim.devices.pwm.pwm_backend import STOP_US
 from snr_sim.plants.stepping import Stepper
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.device import Device, Health, PwmOut, Stale
-from snr_sim.prelude.errors import ConfigError, DeviceError, SnrError, UnknownName
+from snr_sim.prelude.errors import ConfigError, DeviceError, SnrError, UnknownNameError
+from snr_sim.prelude.interfaces import implements
 from snr_sim.prelude.io import parse_io
-from snr_sim.prelude.promises import keeps
 from snr_sim.prelude.signals import LOST, AppliedPulses
 from snr_sim.scenario import library
 from snr_sim.scenario.simulation import Request, Simulation, prepare
 
 TICK_S = 0.05
-FIRST_S = 2.0  # timeout of the first readings
-ARMING_S = 15.0  # boards send neutral to speed controllers for some seconds before they follow
+FIRST_READING_TIMEOUT_S = 2.0  # timeout of the first readings
+ARMING_TIMEOUT_S = 15.0  # boards send neutral to speed controllers for some seconds before they follow
 
 
 @dataclass
-class Opened:
+class OpenDevice:
     """One device.
 
     Args:
@@ -60,14 +60,14 @@ class Opened:
         return Health("error", self.trouble, health.counts) if self.trouble else health
 
     @property
-    def is_well(self) -> bool:
+    def is_ok(self) -> bool:
         """Whether it works: a sensor has readings, or outputs could be armed."""
         return not self.trouble and not self.stale and self.health.state != "error"
 
     @property
     def channels(self) -> list[str]:
         """Names of the channels of outputs: 'pwm0', ..."""
-        return [f"{self.key}{i}" for i in range(self.device.channels)] if keeps(self.device, PwmOut) else []
+        return [f"{self.key}{i}" for i in range(self.device.channels)] if implements(self.device, PwmOut) else []
 
 
 class Bench:
@@ -89,18 +89,18 @@ class Bench:
         self._openers = sensors, outputs
         self._advance = advance
         self.now_s = now_s
-        self.sensors: list[Opened] = []
-        self.outputs: list[Opened] = []
-        self.moved: tuple[Opened, int] | None = None
+        self.sensors: list[OpenDevice] = []
+        self.outputs: list[OpenDevice] = []
+        self.moved: tuple[OpenDevice, int] | None = None
         self._begun_s: float | None = None
         self._asked_s = 0.0
-        self.most_us = STOP_US  # largest pulse measured at the moved channel
+        self.max_pulse_us = STOP_US  # largest pulse measured at the moved channel
 
     def __enter__(self) -> Bench:
         try:
             for openers, opened in zip(self._openers, (self.sensors, self.outputs), strict=True):
                 for key, opener in openers.items():
-                    opened.append(Opened(key))
+                    opened.append(OpenDevice(key))
                     _open(opened[-1], opener, is_sensor=opened is self.sensors)
         except BaseException:  # Ctrl-C while a port replies slowly: close the devices that are open
             self.__exit__()
@@ -119,14 +119,14 @@ class Bench:
         for one in self.sensors:
             _read(one)
         for one in self.outputs:
-            if keeps(one.device, PwmOut):
-                one.pulses_us = self._wanted(one, one.device)
+            if implements(one.device, PwmOut):
+                one.pulses_us = self._target_pulses(one, one.device)
                 one.reading = one.device.write_us(one.pulses_us, self.now_s())
         self._watch()
 
-    def settle(self, most_s: float = FIRST_S) -> None:
-        """Tick until every sensor has sent a reading, or until `most_s` of wall time."""
-        until_s = time.monotonic() + most_s
+    def settle(self, timeout_s: float = FIRST_READING_TIMEOUT_S) -> None:
+        """Tick until every sensor has sent a reading, or until `timeout_s` of wall time."""
+        until_s = time.monotonic() + timeout_s
         self.tick()
         while time.monotonic() < until_s and any(one.reading is None and not one.trouble for one in self.sensors):
             time.sleep(TICK_S)
@@ -140,18 +140,18 @@ class Bench:
         """Return the name of a channel, given its name, or its number if that is unique among the outputs.
 
         Raises:
-            UnknownName: no channel matches, or more than one.
+            UnknownNameError: no channel matches, or more than one.
         """
         meant = [f"{one.key}{given}" for one in self.outputs if f"{one.key}{given}" in one.channels]
         if len(meant) > 1:
-            raise UnknownName(f"Channel {given} may be {' or '.join(meant)}.", fix=f"--move {meant[0]}")
+            raise UnknownNameError(f"Channel {given} may be {' or '.join(meant)}.", fix=f"--move {meant[0]}")
         return meant[0] if meant else self.names()[channel_of(given, self.names())]
 
     def arm(self, name: str) -> None:
         """Begin to arm the outputs of a channel; it is moved as soon as they follow.
 
         Raises:
-            UnknownName: there is no such channel.
+            UnknownNameError: there is no such channel.
             DeviceError: its outputs cannot be armed.
         """
         channel_of(name, self.names())
@@ -172,7 +172,7 @@ class Bench:
             if one.device is not None:
                 one.device.deactivate(reason)
 
-    def _wanted(self, one: Opened, out: PwmOut) -> list[float]:
+    def _target_pulses(self, one: OpenDevice, out: PwmOut) -> list[float]:
         still = [STOP_US] * out.channels
         if self.moved is None or self.moved[0] is not one:
             return still
@@ -180,7 +180,7 @@ class Bench:
             if out.health().state != "active":
                 return still
             self._begun_s = self.now_s()
-        pulses = nudge_us(self.moved[1], out.channels, self.now_s() - self._begun_s, out.limits_us)
+        pulses = motor_test_pulses_us(self.moved[1], out.channels, self.now_s() - self._begun_s, out.limits_us)
         if pulses is None:
             self.stop("moved")
         return pulses or still
@@ -195,13 +195,14 @@ class Bench:
             return
         one, channel = self.moved
         applied: AppliedPulses = one.reading
-        self.most_us = max(self.most_us, applied.pulses_us[channel])
+        self.max_pulse_us = max(self.max_pulse_us, applied.pulses_us[channel])
         health = one.health
-        is_late = self._begun_s is None and self.now_s() > self._asked_s + ARMING_S
+        is_late = self._begun_s is None and self.now_s() > self._asked_s + ARMING_TIMEOUT_S
         if health.state not in ("activating", "active") or is_late:
             self.stop("did not follow")
             raise DeviceError(
-                f"The outputs '{one.key}' did not follow: {health.state}{f', {health.why}' if health.why else ''}.",
+                f"The outputs '{one.key}' did not follow: {health.state}"
+                f"{f', {health.reason}' if health.reason else ''}.",
                 fix="snr doctor --io asks the port; is the battery connected, and the emergency stop cleared?",
             )
 
@@ -210,7 +211,7 @@ def devices_of(scenario: str, io: str) -> Simulation:
     """Return a scenario, prepared for its robot's devices. With `--io pi` that is the first role: the robot itself.
 
     Raises:
-        UnknownName, ConfigError: as `prepare` does.
+        UnknownNameError, ConfigError: as `prepare` does.
     """
     role = None
     if parse_io(io).kind == "pi":
@@ -227,12 +228,12 @@ def bench_of(simulation: Simulation, clock: Clock | None = None) -> Bench:
     """
     clock = clock or WallClock()
     plant = simulation.plant() if simulation.has_plant else None
-    config = simulation.config(plant, clock.now_s if simulation.has_wires else None)
+    config = simulation.config(plant, clock.now_s if simulation.uses_hardware else None)
     advance: Callable[[], None] = lambda: None  # noqa: E731
     if plant is not None:
         stepper = Stepper(plant)
         advance = lambda: stepper.advance_to(clock.now_s())  # noqa: E731
-    now_s = clock.now_s if simulation.has_wires or plant is None else lambda: plant.time_s
+    now_s = clock.now_s if simulation.uses_hardware or plant is None else lambda: plant.time_s
     parts = [config.get(role) for role in simulation.robot_file.ROLES if role in config.factories]
     own = next((part for part in parts if _of(part, ActuatorLoopFactory)), parts[0] if parts else [])
     sensors, outputs = _of(own, SensorLoopFactory), _of(own, ActuatorLoopFactory)
@@ -250,11 +251,11 @@ def _of(
     return {factory.key: factory.open_device for factory in factories if isinstance(factory, kind)}
 
 
-def _open(one: Opened, opener: Callable[[], Any], is_sensor: bool) -> None:
+def _open(one: OpenDevice, opener: Callable[[], Any], is_sensor: bool) -> None:
     try:
         device = opener()
-        if not keeps(device, Device):
-            raise DeviceError(f"What was opened as '{one.key}' is {device!r}, which is no device.")
+        if not implements(device, Device):
+            raise DeviceError(f"What was opened as '{one.key}' is {device!r}, which does not implement `Device`.")
         one.device = device
         device.configure()
         if is_sensor:
@@ -263,7 +264,7 @@ def _open(one: Opened, opener: Callable[[], Any], is_sensor: bool) -> None:
         one.trouble = str(error)
 
 
-def _read(one: Opened) -> None:
+def _read(one: OpenDevice) -> None:
     if one.device is None or one.trouble:
         return
     try:
@@ -272,16 +273,16 @@ def _read(one: Opened) -> None:
         one.trouble = str(error)
         return
     if isinstance(reading, Stale):
-        one.stale = reading.why
+        one.stale = reading.reason
     else:
         one.reading, one.stale = reading, ""
 
 
-def fields_of(one: Opened, now_s: float) -> dict[str, Any]:
+def fields_of(one: OpenDevice, now_s: float) -> dict[str, Any]:
     """Return the known fields of a device as JSON values."""
     health = one.health
-    fields: dict[str, Any] = {"key": one.key, "state": health.state, "why": health.why, "counts": health.counts}
-    if keeps(one.device, PwmOut):
+    fields: dict[str, Any] = {"key": one.key, "state": health.state, "reason": health.reason, "counts": health.counts}
+    if implements(one.device, PwmOut):
         out: PwmOut = one.device
         applied: AppliedPulses | None = one.reading
         return {
@@ -289,9 +290,9 @@ def fields_of(one: Opened, now_s: float) -> dict[str, Any]:
             "channels": out.channels,
             "limits_us": list(out.limits_us),
             "resolution_us": out.resolution_us,
-            "fails_safe_alone": out.fails_safe_alone,
-            "pulses_us": None if applied is None or LOST in applied.why else applied.pulses_us,
-            "reasons": [] if applied is None else applied.why,
+            "has_independent_failsafe": out.has_independent_failsafe,
+            "pulses_us": None if applied is None or LOST in applied.reason else applied.pulses_us,
+            "reasons": [] if applied is None else applied.reason,
         }
     reading = None if one.reading is None else msgspec.to_builtins(one.reading)
     stamp_s = reading.get("stamp_s") if isinstance(reading, dict) else None

@@ -4,7 +4,8 @@ Search order, of which the match is reported: a path; `./robots/<name>` (or `./s
 folder; the folders in SNR_SIM_PATH; the copy that ships with snr_sim.
 
 Files are read again at every load and no bytecode is written: the code that runs is the file's present content, even
-directly after an edit.
+directly after an edit. Objects of these modules cannot be unpickled in another process: processes start by (robot path,
+role, io).
 """
 
 from __future__ import annotations
@@ -22,9 +23,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from snr_sim.core.blame import describe_error, is_student_file, short_path
 from snr_sim.core.reload.source_files import reading_from, source_files
-from snr_sim.prelude.errors import ConfigError, MissingExtra, SnrError, UnknownName, nearest
+from snr_sim.core.source_location import describe_error, is_student_file, short_path
+from snr_sim.prelude.errors import ConfigError, MissingExtraError, SnrError, UnknownNameError, suggest
 
 if TYPE_CHECKING:
     from snr_sim.recording.sources import KeepingFiles
@@ -40,7 +41,7 @@ _KIT = Path(__file__).resolve().parents[1]
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundItem:
     """A robot's folder or a scenario's file, and where it was found."""
 
     kind: Kind
@@ -49,11 +50,11 @@ class Found:
     place: str
 
 
-def find(kind: Kind, name: str) -> Found:
+def find(kind: Kind, name: str) -> FoundItem:
     """Return where the robot or scenario `name` is.
 
     Raises:
-        UnknownName: not found; the message lists the searched folders and the known names.
+        UnknownNameError: not found; the message lists the searched folders and the known names.
     """
     files = source_files()
     with suppress(OSError, ValueError):  # not a possible file name
@@ -61,36 +62,36 @@ def find(kind: Kind, name: str) -> Found:
         if given.suffix or os.sep in name or files.is_file(given) or files.is_dir(given):
             path = given.resolve()
             if _is_one(kind, path):
-                return Found(kind, path.stem if kind == "scenarios" else path.name, path, "the path given")
+                return FoundItem(kind, path.stem if kind == "scenarios" else path.name, path, "the path given")
         for place, folder in _places(kind):
             path = _path_in(kind, folder, name)
             if name and _is_one(kind, path):
-                return Found(kind, name, path, place)
+                return FoundItem(kind, name, path, place)
     looked = ", ".join(dict.fromkeys(short_path(str(folder)) for _, folder in _places(kind)))
-    raise UnknownName(
+    raise UnknownNameError(
         f"There is no {kind[:-1]} '{name}'. Looked in: {looked}.",
-        fix=nearest(name, [found.name for found in known(kind)]),
+        fix=suggest(name, [found.name for found in list_available(kind)]),
     )
 
 
-def find_lab(name: str) -> Found:
+def find_lab(name: str) -> FoundItem:
     """Return where a lab is, by its folder's name, by that without its number, or by a path.
 
     Raises:
-        UnknownName: not found.
+        UnknownNameError: not found.
     """
-    matches = [one.name for one in known("assignments") if name and name == one.name.partition("_")[2]]
+    matches = [one.name for one in list_available("assignments") if name and name == one.name.partition("_")[2]]
     return find("assignments", matches[0] if len(matches) == 1 else name)
 
 
-def known(kind: Kind) -> list[Found]:
+def list_available(kind: Kind) -> list[FoundItem]:
     """Return all items that can be found by name; of two with the same name the first."""
-    all_found: dict[str, Found] = {}
+    all_found: dict[str, FoundItem] = {}
     for place, folder in _places(kind):
         for path in sorted(folder.iterdir()) if folder.is_dir() else []:
             name = path.stem if kind == "scenarios" else path.name
             if _is_one(kind, path):
-                all_found.setdefault(name, Found(kind, name, path, place))
+                all_found.setdefault(name, FoundItem(kind, name, path, place))
     return sorted(all_found.values(), key=lambda found: found.name)
 
 
@@ -123,7 +124,7 @@ def is_own(path: Path) -> bool:
 
 
 @contextmanager
-def keeping(run: Path, files: Iterable[Path]) -> Iterator[KeepingFiles]:
+def keep_copies(run: Path, files: Iterable[Path]) -> Iterator[KeepingFiles]:
     """Keep copies in a run folder of the user's own files among these, and of files read while active."""
     from snr_sim.recording.sources import KeepingFiles  # with hashlib: as for `sha256_of`
 
@@ -135,11 +136,11 @@ def keeping(run: Path, files: Iterable[Path]) -> Iterator[KeepingFiles]:
         yield kept
 
 
-def find_in_kit(kind: Kind, name: str) -> Found | None:
+def find_in_kit(kind: Kind, name: str) -> FoundItem | None:
     """Return the item that ships with snr_sim under this name, or None; paths are not accepted."""
     path = _path_in(kind, _content(kind), name)
     is_name = Path(name).name == name and name != ".."
-    return Found(kind, name, path, "the kit") if is_name and _is_one(kind, path) else None
+    return FoundItem(kind, name, path, "the kit") if is_name and _is_one(kind, path) else None
 
 
 def _path_in(kind: Kind, folder: Path, name: str) -> Path:
@@ -154,7 +155,7 @@ def _is_one(kind: Kind, path: Path) -> bool:
     return (path / "README.md").is_file()
 
 
-def load_robot(found: Found) -> ModuleType:
+def load_robot(found: FoundItem) -> ModuleType:
     """Load a robot's folder as the package `snr_sim_robot_<name>`, so that `from .mixer import mix` works in it.
 
     Raises:
@@ -165,8 +166,8 @@ def load_robot(found: Found) -> ModuleType:
     for loaded in [module for module in sys.modules if module == name or module.startswith(name + ".")]:
         del sys.modules[loaded]
     robot = _load(name, found.path / "robot.py", f"the robot '{found.name}'", package=found.path)
-    _need(robot, found.path / "robot.py", ("ROLES", "IO", "roles"), "a robot")
-    _need_names(robot, found.path / "robot.py", ("ROLES", "IO"))
+    _require(robot, found.path / "robot.py", ("ROLES", "IO", "roles"), "a robot")
+    _require_names(robot, found.path / "robot.py", ("ROLES", "IO"))
     return robot
 
 
@@ -174,16 +175,16 @@ def name_robot(name: str, folder: Path) -> None:
     """Make a robot's folder importable as a package; its robot.py is executed at the first access to its content."""
     if ROBOT_MODULE + name not in sys.modules:
         _robots.begin(ROBOT_MODULE + name)
-        sys.modules[ROBOT_MODULE + name] = _UnreadRobot(name, folder)
+        sys.modules[ROBOT_MODULE + name] = _LazyRobotModule(name, folder)
 
 
-class _UnreadRobot(ModuleType):
+class _LazyRobotModule(ModuleType):
     """A robot's package before its robot.py was executed."""
 
     def __init__(self, name: str, folder: Path) -> None:
         super().__init__(ROBOT_MODULE + name)
         self.__path__ = [str(folder)]
-        self._found = Found("robots", name, folder, "the path given")
+        self._found = FoundItem("robots", name, folder, "the path given")
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
@@ -191,20 +192,20 @@ class _UnreadRobot(ModuleType):
         return getattr(load_robot(self._found), name)
 
 
-def load_scenario(found: Found) -> ModuleType:
+def load_scenario(found: FoundItem) -> ModuleType:
     """Load a scenario's file; its robot must have been loaded before.
 
     Raises:
         ConfigError: it cannot be loaded, or does not implement the scenario interface (`prelude/scenario.py`).
     """
     scenario = _load(SCENARIO_MODULE + found.name, found.path, f"the scenario '{found.name}'")
-    _need(
+    _require(
         scenario,
         found.path,
         ("ROBOT", "ENGINES", "CONTROLLER", "TIME_LIMIT_S", "parameters", "plant", "verdict", "metrics"),
         "a scenario",
     )
-    _need_names(scenario, found.path, ("ENGINES",))
+    _require_names(scenario, found.path, ("ENGINES",))
     limit_s = scenario.TIME_LIMIT_S
     if isinstance(limit_s, bool) or not isinstance(limit_s, (int, float)) or not limit_s > 0:
         raise ConfigError(
@@ -214,7 +215,7 @@ def load_scenario(found: Found) -> ModuleType:
     return scenario
 
 
-def robot_of_scenario(found: Found) -> str:
+def robot_of_scenario(found: FoundItem) -> str:
     """Return the name after `ROBOT =` in a scenario's file, without executing it: the robot is loaded first.
 
     Raises:
@@ -240,16 +241,16 @@ def robot_of_scenario(found: Found) -> str:
     )
 
 
-def controllers(robot: Found) -> list[str]:
+def controllers(robot: FoundItem) -> list[str]:
     """Return the names of a robot's own controllers."""
     return sorted(path.stem for path in source_files().in_folder(robot.path / "controllers") if path.stem[0] != "_")
 
 
-def load_controller(robot: Found, name: str) -> ModuleType:
+def load_controller(robot: FoundItem, name: str) -> ModuleType:
     """Load a controller: one of the robot's own by name, or any file by path.
 
     Raises:
-        UnknownName: there is no such controller.
+        UnknownNameError: there is no such controller.
         ConfigError: it cannot be loaded, or has no `factories`.
     """
     if name in controllers(robot):
@@ -260,9 +261,9 @@ def load_controller(robot: Found, name: str) -> ModuleType:
         path = Path(name).resolve()
         if not source_files().is_file(path):
             raise _no_controller(robot, name, path)
-        _neighbours.look_in(path.parent)
+        _siblings.search_in(path.parent)
         module = _load(_CONTROLLER_MODULE + path.stem.replace("-", "_"), path, f"the controller '{name}'")
-    _need(module, path, ("factories",), "a controller", "def factories(robot): return [MyEndpointFactory()].")
+    _require(module, path, ("factories",), "a controller", "def factories(robot): return [MyEndpointFactory()].")
     if not callable(module.factories):
         raise ConfigError(
             f"{short_path(str(path))}: `factories` is {module.factories!r}, not a function.",
@@ -271,44 +272,46 @@ def load_controller(robot: Found, name: str) -> ModuleType:
     return module
 
 
-def _no_controller(robot: Found, name: str, path: Path) -> UnknownName:
+def _no_controller(robot: FoundItem, name: str, path: Path) -> UnknownNameError:
     """Return the error for a controller's name: it is unknown, a folder, or a file that does not exist."""
-    its_own = f"by name, {nearest(name, controllers(robot))}"
+    its_own = f"by name, {suggest(name, controllers(robot))}"
     if path.is_dir():
         files = sorted(file.name for file in path.glob("*.py"))
         inside = f"a file in it: --controller {Path(name) / files[0]}. Or " if files else ""
-        return UnknownName(f"The controller '{name}' is a folder, not a Python file.", fix=inside + its_own)
+        return UnknownNameError(f"The controller '{name}' is a folder, not a Python file.", fix=inside + its_own)
     if path.exists():
-        return UnknownName(f"The controller '{name}' is not a file that can be read.", fix=its_own)
+        return UnknownNameError(f"The controller '{name}' is not a file that can be read.", fix=its_own)
     if os.sep not in name and not path.suffix:
-        return UnknownName(
+        return UnknownNameError(
             f"There is no controller '{name}': robot '{robot.name}' has none of that name.",
-            fix=f"{nearest(name, controllers(robot))} Or a file: --controller ./mine.py.",
+            fix=f"{suggest(name, controllers(robot))} Or a file: --controller ./mine.py.",
         )
     files = sorted(file.name for file in path.parent.glob("*.py")) if path.parent.is_dir() else []
     place = short_path(str(path.parent))
     elsewhere = "" if os.sep in name else f"name it with its folder: --controller FOLDER/{name}. Or "
-    beside = f"{nearest(path.name, files, f'in {place} there are')} Or " if files else elsewhere
+    beside = f"{suggest(path.name, files, f'in {place} there are')} Or " if files else elsewhere
     missing = "" if path.parent.is_dir() else f", nor a folder {place}"
-    return UnknownName(f"There is no file '{name}'{missing}.", fix=beside + its_own)
+    return UnknownNameError(f"There is no file '{name}'{missing}.", fix=beside + its_own)
 
 
 def load_program(name: str) -> ModuleType:
     """Load a student's own file, without executing the part under `if __name__ == "__main__"`.
 
     Raises:
-        UnknownName: there is no such file.
+        UnknownNameError: there is no such file.
         ConfigError: it cannot be loaded.
     """
     path = Path(name).resolve()
     if not name or not source_files().is_file(path):
-        raise UnknownName(f"There is no file '{name}'.", fix="name the program that was recorded: --with robot.py.")
-    _neighbours.look_in(path.parent)
+        raise UnknownNameError(
+            f"There is no file '{name}'.", fix="name the program that was recorded: --with robot.py."
+        )
+    _siblings.search_in(path.parent)
     return _load(_PROGRAM_MODULE + path.stem.replace("-", "_"), path, f"the program '{name}'")
 
 
 @dataclass(frozen=True)
-class InUse:
+class UsedSources:
     """The files of a scenario, robot or controller that are in use, by a label and their path below a folder."""
 
     label: str
@@ -317,25 +320,25 @@ class InUse:
     imported: Set[Path] = frozenset()  # it grows until the module that imports it is loaded again
 
 
-def in_use(scenario: Found, robot: Found, controller: ModuleType) -> list[InUse]:
+def used_sources(scenario: FoundItem, robot: FoundItem, controller: ModuleType) -> list[UsedSources]:
     """Return the files loaded for a simulation, with the robot and the controller last loaded under these names.
 
     Files that this process has loaded before or loads later, under another name or for another simulation, are not
     included: the same request gives the same files in every process.
     """
     file = Path(str(controller.__file__))
-    beside = _neighbours.loaded if controller.__name__.startswith(_CONTROLLER_MODULE) else frozenset()
+    beside = _siblings.loaded if controller.__name__.startswith(_CONTROLLER_MODULE) else frozenset()
     return [
-        InUse("scenario", scenario.path.parent, scenario.path),
-        InUse("robot", robot.path, robot.path / "robot.py", _robots.loaded[ROBOT_MODULE + robot.name]),
-        InUse("controller", file.parent, file, beside),
+        UsedSources("scenario", scenario.path.parent, scenario.path),
+        UsedSources("robot", robot.path, robot.path / "robot.py", _robots.loaded[ROBOT_MODULE + robot.name]),
+        UsedSources("controller", file.parent, file, beside),
     ]
 
 
 OPTION_FILE = "option/"  # prefix of the key of an option that names a file
 
 
-def files_in_use(used: Sequence[InUse]) -> dict[str, Path]:
+def files_in_use(used: Sequence[UsedSources]) -> dict[str, Path]:
     """Return every file in use, by `<label>/<path below its folder>`."""
     return {
         f"{one.label}/{path.relative_to(one.folder).as_posix()}": path
@@ -369,11 +372,11 @@ def package_versions() -> dict[str, str]:
     return versions
 
 
-def _need(module: ModuleType, path: Path, names: Sequence[str], what: str, fix: str = "") -> None:
+def _require(module: ModuleType, path: Path, names: Sequence[str], what: str, fix: str = "") -> None:
     for name in names:
         if not hasattr(module, name):
             has = [known for known in vars(module) if not known.startswith("_")]
-            close = nearest(name, has)
+            close = suggest(name, has)
             lack = "is empty: it has" if not has and not source_files().read(path).strip() else "has"
             raise ConfigError(
                 f"{short_path(str(path))} {lack} no `{name}`, which {what} needs.",
@@ -381,7 +384,7 @@ def _need(module: ModuleType, path: Path, names: Sequence[str], what: str, fix: 
             )
 
 
-def _need_names(module: ModuleType, path: Path, lists: Sequence[str]) -> None:
+def _require_names(module: ModuleType, path: Path, lists: Sequence[str]) -> None:
     for name in lists:
         names = getattr(module, name)
         if not (isinstance(names, (tuple, list)) and names and all(isinstance(one, str) for one in names)):
@@ -404,7 +407,7 @@ def _load(name: str, path: Path, what: str, package: Path | None = None) -> Modu
     sys.modules[name] = module
     try:
         spec.loader.exec_module(module)
-    except MissingExtra:
+    except MissingExtraError:
         raise
     except (Exception, SystemExit) as error:
         del sys.modules[name]
@@ -434,7 +437,7 @@ def _not_text(path: Path) -> str:
     if place < 0:
         return ""
     line = raw.count(b"\n", 0, place) + 1
-    return f"{short_path(str(path))}, line {line}: this is no Python source: byte 0x{raw[place]:02x} is not text."
+    return f"{short_path(str(path))}, line {line}: this is not Python source: byte 0x{raw[place]:02x} is not text."
 
 
 class _FreshLoader(SourceFileLoader):
@@ -482,14 +485,14 @@ class _RobotFinder:
         return None
 
 
-class _NeighbourFinder:
+class _SiblingFinder:
     """Finder of modules next to the last loaded file, as for a script; Python's own modules take precedence."""
 
     def __init__(self) -> None:
         self.loaded: set[Path] = set()
         self._folder: Path | None = None
 
-    def look_in(self, folder: Path) -> None:
+    def search_in(self, folder: Path) -> None:
         """Search this folder from now on, and drop modules of the previous folder and old versions from this one."""
         for name, module in list(sys.modules.items()) if self.loaded else ():
             if Path(getattr(module, "__file__", None) or "") in self.loaded:
@@ -517,4 +520,4 @@ class _NeighbourFinder:
 
 
 _robots = _RobotFinder()
-_neighbours = _NeighbourFinder()
+_siblings = _SiblingFinder()

@@ -14,15 +14,15 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from snr_sim.core.blame import short_path
-from snr_sim.prelude.errors import ConfigError, UnknownName, nearest
+from snr_sim.core.source_location import short_path
+from snr_sim.prelude.errors import ConfigError, UnknownNameError, suggest
 
 
 def check_options(given: Iterable[str], robot: ModuleType, controller: ModuleType) -> None:
     """Check that each key is one that the robot's file or the controller's has declared.
 
     Raises:
-        UnknownName: a key is not declared; the message suggests the nearest.
+        UnknownNameError: a key is not declared; the message suggests the nearest.
         ConfigError: OPTIONS is not a dict of str to str.
     """
     of_robot, of_controller = _declared(robot), _declared(controller)
@@ -33,8 +33,8 @@ def check_options(given: Iterable[str], robot: ModuleType, controller: ModuleTyp
         if key not in known:
             place = short_path(str(controller.__file__))
             reads_it = f'Or if {place} reads it, add there: OPTIONS = {{"{key}": "what it is for"}}.'
-            choice = nearest(key, known) if known else "leave it out."
-            raise UnknownName(f"--option {key}=...: there is no such option here.", fix=f"{choice} {reads_it}")
+            choice = suggest(key, known) if known else "leave it out."
+            raise UnknownNameError(f"--option {key}=...: there is no such option here.", fix=f"{choice} {reads_it}")
 
 
 def written_options(path: Path) -> dict[str, str]:

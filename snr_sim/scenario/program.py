@@ -11,16 +11,16 @@ from pathlib import Path
 from snr_sim import __version__
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import Config
-from snr_sim.core.interrupts import orderly
+from snr_sim.core.interrupts import graceful_shutdown
 from snr_sim.core.lockstep import LockStep
 from snr_sim.core.node import Node
+from snr_sim.core.output_recording import record_output
 from snr_sim.core.reload.sources import file_of
-from snr_sim.core.said import hearing
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.recording.folder import discard, new_run_folder
-from snr_sim.recording.records import Header, Opening, name_of
+from snr_sim.recording.records import Header, TraceInfo, name_of
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario import library
 from snr_sim.scenario.simulation import command_keys
@@ -49,7 +49,7 @@ def record_program(
         until_s: the longest virtual time, under a `SimClock`.
 
     Raises:
-        ComponentFailed: a handler or a loop raised; the run is recorded up to the failure.
+        ComponentFailedError: a handler or a loop raised; the run is recorded up to the failure.
         TraceError: the recording cannot be written.
     """
     folder = new_run_folder(Path(out), Path(program).stem, seed)
@@ -80,7 +80,7 @@ def record_roles(
 
     Raises:
         ConfigError: an object cannot be sent to a process, so none was started.
-        ComponentFailed: a role failed; all roles are recorded up to the failure.
+        ComponentFailedError: a role failed; all roles are recorded up to the failure.
     """
     folder = new_run_folder(Path(out), Path(program).stem, seed).resolve()
     try:
@@ -105,7 +105,7 @@ def _record(
 ) -> None:
     """Run one role and record it; `has_node` gets its node before it begins."""
     recorder = TraceWriter(
-        folder / FILE_NAME, program_header([role], config, program, clock, seed), program_opening(program)
+        folder / FILE_NAME, program_header([role], config, program, clock, seed), program_trace_info(program)
     )
     try:
         node = Node(role, config, clock=clock, recorder=recorder, seed=seed)
@@ -118,7 +118,11 @@ def _record(
     if has_node is not None:
         has_node(node)
     try:
-        with library.keeping(folder, _files_of(Path(program).resolve())), orderly([node]), hearing([node]):
+        with (
+            library.keep_copies(folder, _files_of(Path(program).resolve())),
+            graceful_shutdown([node]),
+            record_output([node]),
+        ):
             if isinstance(clock, SimClock):
                 LockStep([node], clock, until_s=until_s).run()
             else:
@@ -132,8 +136,8 @@ def _record(
 def _files_of(program: Path) -> list[Path]:
     """Return a program's file, and the files in its folder and below that this process has imported."""
     files = [file for module in list(sys.modules.values()) if (file := file_of(module)) is not None]
-    beside = [file for file in files if file.is_absolute() and file.is_relative_to(program.parent)]
-    return [program, *sorted(set(beside) - {program})]
+    siblings = [file for file in files if file.is_absolute() and file.is_relative_to(program.parent)]
+    return [program, *sorted(set(siblings) - {program})]
 
 
 def _record_one_of_several(
@@ -149,7 +153,7 @@ def program_header(
     """Return the second line of the trace of a program; arguments as above."""
     path = Path(program).resolve()
     return Header(
-        kit=__version__,
+        version=__version__,
         python=platform.python_version(),
         platform=platform.platform(),
         packages=library.package_versions(),
@@ -169,6 +173,6 @@ def program_header(
     )
 
 
-def program_opening(program: str | Path) -> Opening:
+def program_trace_info(program: str | Path) -> TraceInfo:
     """Return the first line of the trace of a program."""
-    return Opening.now("", str(Path(program).resolve()))
+    return TraceInfo.now("", str(Path(program).resolve()))

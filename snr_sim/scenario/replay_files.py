@@ -2,6 +2,9 @@
 
 The files of a recorded run are in its folder (`recording/sources.py`) and are executed from there. A path in a trace is
 not opened unless the user agrees: the trace may be from another person, who chose the path.
+
+An owner or a path would prove nothing: an unpacked archive belongs to the user who unpacked it, and a trace can name
+any path. So a part of snr_sim is found by its name in snr_sim alone, and a copy by this user's mark.
 """
 
 from __future__ import annotations
@@ -57,15 +60,15 @@ def files_of_replay(trace: Trace, with_file: str = "") -> ReplayFiles:
     run, header = trace.path.parent.resolve(), trace.header
     kept = read_kept_files(run)
     matched = _matched(header.sources, kept)
-    loose = _loose(trace, matched, with_file)
+    without_copy = _parts_without_copy(trace, matched, with_file)
     options, data = _options(run, header.options, matched)
     reloads = reload_sources(trace)
     if with_file:
         kept = [one for name, one in matched.items() if _part(name) not in (*_REPLACED, _OPTION)]
         reloads = {}
-    loose += _lost_reloads(reloads, kept)
-    if loose:
-        named = [*loose, *_option_paths(trace)]
+    without_copy += _lost_reloads(reloads, kept)
+    if without_copy:
+        named = [*without_copy, *_option_paths(trace)]
         return ReplayFiles(SourceFiles(), False, named, named, options=dict(header.options))
     folders = [Path(with_file).resolve().parent] if os.path.isfile(with_file) else []
     used = list(dict.fromkeys([*kept, *data]))
@@ -91,16 +94,16 @@ def files_of_resim(trace: Trace, with_file: str = "") -> list[str]:
     """
     matched = _matched(trace.header.sources, read_kept_files(trace.path.parent))
     own = {name: one for name, one in matched.items() if one.is_own}
-    return _loose(trace, own, with_file) + _option_paths(trace, own)
+    return _parts_without_copy(trace, own, with_file) + _option_paths(trace, own)
 
 
-def shown(path: Path | str) -> str:
+def printable_path(path: Path | str) -> str:
     """Return a path for a terminal, without control characters."""
     return "".join(one if one.isprintable() else "?" for one in str(path))
 
 
 def _paths(kept: list[KeptFile]) -> list[str]:
-    return [shown(path) for path in dict.fromkeys(one.path for one in kept)]  # a reload may add a copy
+    return [printable_path(path) for path in dict.fromkeys(one.path for one in kept)]  # a reload may add a copy
 
 
 def _part(name: str) -> str:
@@ -122,18 +125,20 @@ def _matched(sources: Mapping[str, str], kept: list[KeptFile]) -> dict[str, Kept
     return matched
 
 
-def _loose(trace: Trace, matched: Mapping[str, KeptFile], with_file: str) -> list[str]:
+def _parts_without_copy(trace: Trace, matched: Mapping[str, KeptFile], with_file: str) -> list[str]:
     """Describe the parts of a run that are neither part of snr_sim nor fully copied."""
-    opening, robot = trace.opening, f"the robot '{trace.header.robot}'"
+    trace_info, robot = trace.trace_info, f"the robot '{trace.header.robot}'"
     parts = {_part(name) for name in trace.header.sources} - {_OPTION}
     parts |= {"scenario", "robot", "controller"} if trace.header.scenario else {"program"}
     parts -= set(_REPLACED) if with_file else set()
-    asked = {"scenario": opening.scenario, "controller": opening.controller, "program": opening.controller}
-    loose = [part for part in parts if not (_is_copied(trace, part, matched, asked) or _is_of_kit(trace, part, asked))]
-    return [shown(asked.get(part, robot)) for part in sorted(loose)]
+    asked = {"scenario": trace_info.scenario, "controller": trace_info.controller, "program": trace_info.controller}
+    without_copy = [
+        part for part in parts if not (_has_copy(trace, part, matched, asked) or _is_of_kit(trace, part, asked))
+    ]
+    return [printable_path(asked.get(part, robot)) for part in sorted(without_copy)]
 
 
-def _is_copied(trace: Trace, part: str, matched: Mapping[str, KeptFile], asked: Mapping[str, str]) -> bool:
+def _has_copy(trace: Trace, part: str, matched: Mapping[str, KeptFile], asked: Mapping[str, str]) -> bool:
     """Return whether there is a copy of every file of a part, also of the one that was requested by its path."""
     names = [name for name in trace.header.sources if _part(name) == part]
     paths = {str(matched[name].path) for name in names if name in matched}
@@ -146,9 +151,9 @@ def _is_of_kit(trace: Trace, part: str, asked: Mapping[str, str]) -> bool:
         return True
     robot = library.find_in_kit("robots", trace.header.robot)
     if part == "scenario":
-        return library.find_in_kit("scenarios", trace.opening.scenario) is not None
+        return library.find_in_kit("scenarios", trace.trace_info.scenario) is not None
     if part == "controller":
-        return robot is not None and trace.opening.controller in library.controllers(robot)
+        return robot is not None and trace.trace_info.controller in library.controllers(robot)
     return part != "program" and robot is not None
 
 
@@ -157,7 +162,7 @@ def _lost_reloads(reloads: Mapping[int, Mapping[str, str]], kept: list[KeptFile]
     known = {one.sha256 for one in kept}
     names = {"/".join(one.path.parts[-2:]) for one in kept}
     read = {name for then in reloads.values() for name, sha256 in then.items() if sha256 not in known}
-    return [shown(name) for name in sorted(read & names)]
+    return [printable_path(name) for name in sorted(read & names)]
 
 
 def _is_path_in_kit(text: str) -> bool:
@@ -168,7 +173,7 @@ def _option_paths(trace: Trace, matched: Mapping[str, KeptFile] | None = None) -
     """Return the files that options name and that have no copy."""
     names = [name for name in trace.header.sources if _part(name) == _OPTION and name not in (matched or {})]
     paths = [trace.header.options.get(name.removeprefix(library.OPTION_FILE), "") for name in names]
-    return [shown(path) for path in paths if not _is_path_in_kit(path)]
+    return [printable_path(path) for path in paths if not _is_path_in_kit(path)]
 
 
 def _options(

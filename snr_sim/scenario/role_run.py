@@ -3,6 +3,9 @@
 The role that has the devices also has the plant, which follows the clock. The referee checks it each time a sensor has
 been read. A role without devices, or with real ones only, has no simulated body to evaluate: it succeeds if it ends
 without an error.
+
+Each read or write steps the plant to now first (`plants/realtime.py`). `RobotContext.standalone_role` names the role:
+only then do a robot's links, and their secrets, leave the process.
 """
 
 from __future__ import annotations
@@ -14,28 +17,28 @@ from typing import Any
 
 from snr_sim.core.clocks import WallClock
 from snr_sim.core.config import Config
-from snr_sim.core.interrupts import orderly
+from snr_sim.core.interrupts import graceful_shutdown
 from snr_sim.core.node import Node
-from snr_sim.core.said import hearing
+from snr_sim.core.output_recording import record_output
 from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
 from snr_sim.links.sockets import SocketsListenerFactory, SocketsLoopFactory
 from snr_sim.plants.realtime import RealTimePlant
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import PortFactory
 from snr_sim.prelude.errors import ConfigError, LinkError, SnrError
+from snr_sim.prelude.interfaces import implements
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.plant import Plant
-from snr_sim.prelude.promises import keeps
 from snr_sim.prelude.scenario import Verdict
 from snr_sim.recording.trace import TraceWriter
-from snr_sim.scenario.flight import Referee, Result, TruthLog, metrics_of, why_of
 from snr_sim.scenario.simulation import Simulation
+from snr_sim.scenario.simulation_run import Referee, RunResult, TruthLog, metrics_of, reason_of
 
-LOOK_PERIOD_S = 0.02  # between two checks of the referee
+CHECK_PERIOD_S = 0.02  # between two checks of the referee
 TIME_LIMIT = "time limit"
 
 
-class World:
+class RealTimeSimulation:
     """Clock, plant and wiring of a role that runs by itself.
 
     Args:
@@ -71,7 +74,7 @@ class World:
             )
         own = factories[self.role]
         self.sensor_keys = [factory.key for factory in own if isinstance(factory, SensorLoopFactory)]
-        self._ports = [factory for factory in own if keeps(factory, PortFactory)]
+        self._ports = [factory for factory in own if implements(factory, PortFactory)]
         self.plant: Plant | None = plant if self.role in with_devices else None
 
     def start_lines(self) -> list[str]:
@@ -127,7 +130,7 @@ class RoleRun:
         ConfigError: the components cannot be created.
     """
 
-    def __init__(self, world: World, config: Config, recorder: TraceWriter | None = None) -> None:
+    def __init__(self, world: RealTimeSimulation, config: Config, recorder: TraceWriter | None = None) -> None:
         simulation = world.simulation
         self._world = world
         world.start()
@@ -136,14 +139,14 @@ class RoleRun:
         self._limit_s = float(simulation.scenario.TIME_LIMIT_S)
         self._referee: Referee | None = None
         self._truth: TruthLog | None = None
-        self._looked_s = -LOOK_PERIOD_S
+        self._checked_s = -CHECK_PERIOD_S
         if world.plant is not None:
             self._truth = TruthLog(world.plant, recorder) if recorder is not None else None
             self._referee = Referee(simulation.judge, world.plant, self.nodes, self._truth)
             for key in world.sensor_keys:
-                self._node.tap(key, self._look)
+                self._node.add_store_listener(key, self._check)
 
-    def run(self, signals: Sequence[str] = ()) -> Result:
+    def run(self, signals: Sequence[str] = ()) -> RunResult:
         """Run until the scenario's verdict, its time limit, an error or a signal.
 
         Args:
@@ -151,11 +154,11 @@ class RoleRun:
         """
         error, caught = "", list(signals)
         start_s = time.perf_counter()
-        limit = threading.Timer(self._limit_s, self._node.enter, [tasks.terminate(TIME_LIMIT), "referee"])
+        limit = threading.Timer(self._limit_s, self._node.enqueue_input, [tasks.terminate(TIME_LIMIT), "referee"])
         limit.daemon = True
         limit.start()
         try:
-            with hearing(self.nodes), orderly(self.nodes) as more:
+            with record_output(self.nodes), graceful_shutdown(self.nodes) as more:
                 try:
                     self._node.loop()
                 finally:
@@ -164,31 +167,31 @@ class RoleRun:
             error = str(failure)
         except KeyboardInterrupt as stop:  # a handler that did not return, or a second signal
             caught.append("SIGINT")
-            self._node.note(f"{stop or 'The run'} was interrupted.")
+            self._node.add_note(f"{stop or 'The run'} was interrupted.")
         finally:
             limit.cancel()
         wall_time_s = time.perf_counter() - start_s
         return self._result(error, caught, wall_time_s)
 
-    def _look(self, page: Page) -> None:
+    def _check(self, page: Page) -> None:
         """Call the referee on the node's own thread, where the trace is written."""
         now_s = self._world.clock.now_s()
-        if self._referee is None or now_s < self._looked_s + LOOK_PERIOD_S:
+        if self._referee is None or now_s < self._checked_s + CHECK_PERIOD_S:
             return
-        self._looked_s = now_s
+        self._checked_s = now_s
         with self._world.now() as plant:
-            self._referee.look(plant.time_s)
+            self._referee.check(plant.time_s)
             if self._truth is not None and self._referee.verdict is None:
-                self._truth.look(plant.time_s)
+                self._truth.record_if_due(plant.time_s)
 
-    def _result(self, error: str, signals: list[str], wall_time_s: float) -> Result:
+    def _result(self, error: str, signals: list[str], wall_time_s: float) -> RunResult:
         simulation, plant, node = self._world.simulation, self._world.plant, self._node
         metrics: dict[str, Any] = {}
         if plant is not None:
             metrics, metrics_error = metrics_of(simulation, plant)
             error = error or metrics_error
         verdict = self._verdict(error, bool(signals))
-        return Result(
+        return RunResult(
             outcome=verdict.outcome,
             success=verdict.success,
             metrics=metrics,
@@ -196,7 +199,7 @@ class RoleRun:
             wall_time_s=wall_time_s,
             tasks=node.machine.executed,
             pages=node.datastore.stored,
-            notes=[*simulation.notes, *why_of(verdict), *node.notes],
+            notes=[*simulation.notes, *reason_of(verdict), *node.notes],
             error=error,
             signal=signals[0] if signals else "",
         )

@@ -15,20 +15,20 @@ from types import ModuleType
 from typing import Any
 
 from snr_sim import __version__
-from snr_sim.core.blame import short_path
 from snr_sim.core.config import AnyFactory, Config, Mode
+from snr_sim.core.source_location import short_path
 from snr_sim.devices.loops import ActuatorLoopFactory
 from snr_sim.devices.wire.serial_port import check_port
-from snr_sim.prelude.errors import ConfigError, MissingExtra, TraceError, UnknownName, nearest
+from snr_sim.prelude.errors import ConfigError, MissingExtraError, TraceError, UnknownNameError, suggest
+from snr_sim.prelude.interfaces import implements
 from snr_sim.prelude.io import BENCH, ON_SERIAL_PORTS, parse_io
 from snr_sim.prelude.plant import Plant
-from snr_sim.prelude.promises import keeps
 from snr_sim.prelude.rng import rng_for
-from snr_sim.prelude.scenario import Rig, Robot
+from snr_sim.prelude.scenario import RobotContext, RobotInfo
 from snr_sim.recording.folder import trace_path
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.recorded_run import RecordedRun
-from snr_sim.recording.records import Header, Opening, name_of
+from snr_sim.recording.records import Header, TraceInfo, name_of
 from snr_sim.scenario import library
 from snr_sim.scenario.controller import call_student, factories_of
 from snr_sim.scenario.options import check_options
@@ -63,7 +63,7 @@ class Simulation:
         scenario: ModuleType,
         robot: ModuleType,
         controller: ModuleType,
-        used: Sequence[library.InUse],
+        used: Sequence[library.UsedSources],
         standard: ModuleType | None = None,
     ) -> None:
         self.request = request
@@ -75,7 +75,7 @@ class Simulation:
         self._used = used
         self._recorded: RecordedRun | None = None
         self._read_elsewhere: Callable[[], Mapping[str, Path]] = dict
-        self._robot = Robot(
+        self._robot = RobotInfo(
             name=scenario.ROBOT,
             role=robot.ROLES[0],
             scenario=request.scenario,
@@ -85,7 +85,7 @@ class Simulation:
         )
 
     @property
-    def robot(self) -> Robot:
+    def robot(self) -> RobotInfo:
         """Information on the robot for a controller."""
         return self._robot
 
@@ -100,7 +100,7 @@ class Simulation:
         return [self.request.role] if self.request.role else list(self.robot_file.ROLES)
 
     @property
-    def is_apart(self) -> bool:
+    def is_standalone(self) -> bool:
         """Whether one role runs by itself, on the wall clock: one of several, or the only one with real devices."""
         return not self.has_plant or (self.request.role is not None and len(self.robot_file.ROLES) > 1)
 
@@ -110,11 +110,11 @@ class Simulation:
         return parse_io(self.request.io).kind != "pi"
 
     @property
-    def has_wires(self) -> bool:
+    def uses_hardware(self) -> bool:
         """Whether any of the devices is real, so that the run is in real time."""
-        return parse_io(self.request.io).has_wires
+        return parse_io(self.request.io).is_hardware
 
-    def check_wires(self) -> None:
+    def check_hardware(self) -> None:
         """Check that the port in `--io` exists, so that a wrong one is reported before the run.
 
         Raises:
@@ -122,35 +122,38 @@ class Simulation:
         """
         io = parse_io(self.request.io)
         if io.kind in ON_SERIAL_PORTS:
-            check_port(io.where.partition(",")[0])  # the settings follow
+            check_port(io.address.partition(",")[0])  # the settings follow
 
-    def config(self, plant: Plant | None, clock_s: Callable[[], float] | None = None, role_apart: str = "") -> Config:
+    def config(
+        self, plant: Plant | None, clock_s: Callable[[], float] | None = None, standalone_role: str = ""
+    ) -> Config:
         """Return the robot's wiring.
 
         Args:
             plant: for the simulated devices; None for a replay, where no device is opened.
             clock_s: the clock of the run, if it is not the plant's.
-            role_apart: the role that runs by itself, with links to other processes.
+            standalone_role: the role that runs by itself, with links to other processes.
 
         Raises:
             ConfigError: the controller or the robot does not return factories.
         """
-        controller, crew = self._factories()
-        rig = replace(self.rig(plant, clock_s, role_apart), crew=crew)
-        roles = call_student(self.robot_file.roles, "roles(rig, controller)", rig, controller)
+        controller, extra_components = self._factories()
+        context = replace(self.context(plant, clock_s, standalone_role), extra_components=extra_components)
+        roles = call_student(self.robot_file.roles, "roles(context, controller)", context, controller)
         given = roles if isinstance(roles, dict) else {}
         missing = [role for role in self.roles if not isinstance(given.get(role), (list, tuple))]
         if missing:
             raise ConfigError(
-                f"{short_path(str(self.robot_file.__file__))}: roles(rig, controller) returned {roles!r}, "
+                f"{short_path(str(self.robot_file.__file__))}: roles(context, controller) returned {roles!r}, "
                 f"which has no components for the role '{missing[0]}'.",
                 fix=f'return {{"{missing[0]}": [...]}} with a list of factories for each of ROLES.',
             )
-        for role, factories in crew.items():
+        for role, factories in extra_components.items():
             if not all(factory in given.get(role, ()) for factory in factories):
                 raise ConfigError(
                     f"The robot '{self._robot.name}' has no place for a controller in its role '{role}'.",
-                    fix=f'ROLES = ("{self._robot.role}",) in the controller; or in robot.py, put rig.crew there.',
+                    fix=f'ROLES = ("{self._robot.role}",) in the controller; or in robot.py, put '
+                    "context.extra_components there.",
                 )
         return Config(Mode.TEST, roles)
 
@@ -159,12 +162,21 @@ class Simulation:
         """The source of the verdict: the scenario; if sensors read a recorded run, the end of that run."""
         return self._recorded or self.scenario
 
-    def rig(self, plant: Plant | None, clock_s: Callable[[], float] | None = None, role_apart: str = "") -> Rig:
+    def context(
+        self, plant: Plant | None, clock_s: Callable[[], float] | None = None, standalone_role: str = ""
+    ) -> RobotContext:
         """Return the context in which the robot's file opens its devices; arguments as for `config`."""
         io = parse_io(self.request.io)
         recorded = None if self._recorded is None else self._recorded.pages
-        return Rig(
-            self._robot, io.kind, self.request.seed, plant, io.where, clock_s, recorded=recorded, role_apart=role_apart
+        return RobotContext(
+            self._robot,
+            io.kind,
+            self.request.seed,
+            plant,
+            io.address,
+            clock_s,
+            recorded=recorded,
+            standalone_role=standalone_role,
         )
 
     def with_seed(self, seed: int) -> Simulation:
@@ -197,15 +209,15 @@ class Simulation:
         self.notes = []
         first, *others = self.robot_file.ROLES
         roles = controlled_roles(self._controller, self.robot_file)
-        crew = {role: self._made(self._controller, role) for role in others if role in roles}
-        return self._made(self._controller if first in roles else self._standard, first), crew
+        extra_components = {role: self._create_components(self._controller, role) for role in others if role in roles}
+        return self._create_components(self._controller if first in roles else self._standard, first), extra_components
 
-    def _made(self, controller: Any, role: str) -> list[AnyFactory]:
+    def _create_components(self, controller: Any, role: str) -> list[AnyFactory]:
         made = factories_of(controller, replace(self._robot, role=role))
         place = short_path(str(controller.__file__))
         if not made:
             whom = "the robot" if role == self._robot.role else f"its role '{role}'"
-            self.notes.append(f"{place}: factories(robot) returned [], so nobody controls {whom}.")
+            self.notes.append(f"{place}: factories(robot) returned [], so no component controls {whom}.")
         return made
 
     def start_lines(self) -> list[str]:
@@ -232,16 +244,16 @@ class Simulation:
         """
         io = parse_io(self.request.io)
         if io.kind == "replay":
-            self._recorded = self._recorded_run(Path(io.where))
+            self._recorded = self._recorded_run(Path(io.address))
             return self._recorded
         plant = call_student(self.scenario.plant, "plant(seed, engine)", self.request.seed, self.request.engine)
-        if not keeps(plant, Plant):
+        if not implements(plant, Plant):
             raise ConfigError(
                 f"{short_path(str(self.scenario.__file__))}: plant(seed, engine) returned {plant!r}, "
                 "which is not a plant.",
-                fix="end it with: return Lander1D(...), or another class that keeps the promise of prelude/plant.py.",
+                fix="end it with: return Lander1D(...), or another class that implements `Plant`.",
             )
-        return self._dressed(plant)
+        return self._wrapped_plant(plant)
 
     def _recorded_run(self, run: Path) -> RecordedRun:
         trace = read_trace(trace_path(run))
@@ -252,25 +264,25 @@ class Simulation:
             )
         return RecordedRun(trace)
 
-    def _dressed(self, plant: Plant) -> Plant:
+    def _wrapped_plant(self, plant: Plant) -> Plant:
         """Return the plant, or its wrapper if this row of the robot's device table has one."""
-        dress = getattr(self.robot_file, "dressed", None)
-        if dress is None:
+        wrap_plant = getattr(self.robot_file, "wrap_plant", None)
+        if wrap_plant is None:
             return plant
-        dressed = call_student(dress, "dressed(rig)", self.rig(plant))
-        if not keeps(dressed, Plant):
+        wrapped = call_student(wrap_plant, "wrap_plant(context)", self.context(plant))
+        if not implements(wrapped, Plant):
             place = short_path(str(self.robot_file.__file__))
             raise ConfigError(
-                f"{place}: dressed(rig) returned {dressed!r}, which is not a plant.",
-                fix="return rig.plant where nothing stands between devices and plant.",
+                f"{place}: wrap_plant(context) returned {wrapped!r}, which is not a plant.",
+                fix="return context.plant where nothing stands between devices and plant.",
             )
-        return dressed
+        return wrapped
 
     def header(self, plant: Plant | None, config: Config, clock: str = "sim") -> Header:
         """Return the second line of this run's trace: what runs. `plant` is None for a role without a body."""
         roles = self.roles
         return Header(
-            kit=__version__,
+            version=__version__,
             python=platform.python_version(),
             platform=platform.platform(),
             packages=library.package_versions(),
@@ -289,9 +301,9 @@ class Simulation:
             scene={} if plant is None else plant.scene(),
         )
 
-    def opening(self) -> Opening:
+    def trace_info(self) -> TraceInfo:
         """Return the first line of this run's trace: where and when."""
-        return Opening.now(self.request.scenario, self.request.controller or "")
+        return TraceInfo.now(self.request.scenario, self.request.controller or "")
 
     def files(self) -> dict[str, Path]:
         """Return every file of scenario, robot and controller that is in use, and each that an option names, such as a
@@ -307,7 +319,9 @@ class Simulation:
         return {name: library.sha256_of(path) for name, path in sorted(self.files().items())}
 
 
-def prepare(request: Request, load: Callable[[library.Found, str], ModuleType] = library.load_controller) -> Simulation:
+def prepare(
+    request: Request, load: Callable[[library.FoundItem, str], ModuleType] = library.load_controller
+) -> Simulation:
     """Find, load and check everything a request names.
 
     Args:
@@ -315,7 +329,7 @@ def prepare(request: Request, load: Callable[[library.Found, str], ModuleType] =
         load: loads a controller of the robot that was found.
 
     Raises:
-        UnknownName: scenario, robot, controller, engine, io or an option is not known.
+        UnknownNameError: scenario, robot, controller, engine, io or an option is not known.
         ParameterError: a setting of io is not valid.
         ConfigError: one of the files is not valid.
     """
@@ -326,32 +340,32 @@ def prepare(request: Request, load: Callable[[library.Found, str], ModuleType] =
     scenario = library.load_scenario(scenario_found)
     engine = request.engine or scenario.ENGINES[0]
     if engine not in scenario.ENGINES:
-        raise UnknownName(
+        raise UnknownNameError(
             f"Scenario '{scenario_found.name}' does not run on engine '{engine}'.",
-            fix=nearest(engine, scenario.ENGINES),
+            fix=suggest(engine, scenario.ENGINES),
         )
     io = parse_io(request.io)
     if io.kind in BENCH:
-        from snr_sim.devices.opening import check_io  # its import takes 60 ms and no simulation needs it
+        from snr_sim.devices.device_strings import check_io  # its import takes 60 ms and no simulation needs it
 
         check_io(io)
     if io.kind not in robot.IO:
-        raise UnknownName(
-            f"Robot '{robot_found.name}' has no devices for --io {request.io}.", fix=nearest(request.io, robot.IO)
+        raise UnknownNameError(
+            f"Robot '{robot_found.name}' has no devices for --io {request.io}.", fix=suggest(request.io, robot.IO)
         )
     if request.io == "pi" and request.role is None and len(robot.ROLES) > 1:
-        raise UnknownName(
+        raise UnknownNameError(
             f"With --io pi each role of robot '{robot_found.name}' runs by itself, where its devices are.",
             fix=f"--role {robot.ROLES[0]} on the vehicle, and --role {robot.ROLES[-1]} where the pilot is.",
         )
     if request.io == "emulated" and request.role is not None and len(robot.ROLES) > 1:
-        raise UnknownName(
+        raise UnknownNameError(
             "The emulated board goes in lock step with the whole robot, not with one role on the wall clock.",
             fix=f"leave out --role {request.role}.",
         )
     if request.role is not None and request.role not in robot.ROLES:
-        raise UnknownName(
-            f"Robot '{robot_found.name}' has no role '{request.role}'.", fix=nearest(request.role, robot.ROLES)
+        raise UnknownNameError(
+            f"Robot '{robot_found.name}' has no role '{request.role}'.", fix=suggest(request.role, robot.ROLES)
         )
     controller_name = request.controller or scenario.CONTROLLER
     controller = load(robot_found, controller_name)
@@ -370,10 +384,10 @@ def prepare(request: Request, load: Callable[[library.Found, str], ModuleType] =
         io=_whole(request.io),
         options=request.options,
     )
-    used = library.in_use(scenario_found, robot_found, controller)
+    used = library.used_sources(scenario_found, robot_found, controller)
     if standard is not None:
         file = Path(str(standard.__file__))
-        used.append(library.InUse("standard", file.parent, file))
+        used.append(library.UsedSources("standard", file.parent, file))
     return Simulation(whole, scenario, robot, controller, used, standard)
 
 
@@ -381,7 +395,7 @@ def controlled_roles(controller: Any, robot: Any) -> tuple[str, ...]:
     """Return the roles that a controller has components for.
 
     Raises:
-        UnknownName: one is not a role of the robot.
+        UnknownNameError: one is not a role of the robot.
         ConfigError: its ROLES is not a tuple or list of names, or is empty.
     """
     roles = getattr(controller, "ROLES", robot.ROLES[:1])
@@ -393,7 +407,7 @@ def controlled_roles(controller: Any, robot: Any) -> tuple[str, ...]:
         )
     for role in roles:
         if role not in robot.ROLES:
-            raise UnknownName(f"{place}: the robot has no role '{role}'.", fix=nearest(role, robot.ROLES))
+            raise UnknownNameError(f"{place}: the robot has no role '{role}'.", fix=suggest(role, robot.ROLES))
     return tuple(roles)
 
 
@@ -401,29 +415,29 @@ def _check_numpy(request: Request) -> None:
     """Check that numpy is installed: random numbers of every simulation and thrust allocation of vehicles need it.
 
     Raises:
-        MissingExtra: it is not.
+        MissingExtraError: it is not.
     """
     try:
         rng_for(request.seed, request.scenario)
-    except MissingExtra:
+    except MissingExtraError:
         if parse_io(request.io).kind == "pi":
-            raise MissingExtra("numpy", "hardware") from None
+            raise MissingExtraError("numpy", "hardware") from None
         raise
 
 
 def _whole(io: str) -> str:
     """Return the io setting; a recorded run with its path, so that it is found from another folder too."""
     kind, _, where = io.partition(":")
-    return f"{kind}:{Path(where).resolve()}" if kind == "replay" else io
+    return f"{kind}:{Path(where).resolve()}" if kind == "replay" else str(parse_io(io))
 
 
-def request_of(opening: Opening, header: Header, controller: str = "") -> Request:
+def request_of(trace_info: TraceInfo, header: Header, controller: str = "") -> Request:
     """Return the request of a recorded run, with another controller if one is given."""
     return Request(
-        scenario=opening.scenario,
+        scenario=trace_info.scenario,
         seed=header.seed,
         engine=header.engine.partition(":")[0],
-        controller=controller or opening.controller,
+        controller=controller or trace_info.controller,
         role=header.roles[0] if len(header.roles) == 1 else None,
         io=header.io,
         options=header.options,

@@ -13,9 +13,9 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.console.wire import Command, Complete, Reply, Words
+from snr_sim.console.wire import CommandMessage, CompleteMessage, CompletionsMessage, Reply
 from snr_sim.links.messages import VERSION, Control
-from snr_sim.recording.records import SCHEMA, Header, Line, Opening
+from snr_sim.recording.records import SCHEMA, Header, Line, TraceInfo
 from snr_sim.schemas import SUFFIX
 
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
@@ -27,17 +27,17 @@ def generated() -> dict[str, str]:
     return {
         "console": _text(
             f"A message between a node and a console, protocol version {VERSION}",
-            "What stands in one frame, after its four bytes of length.",
-            _schema_of(Control | Command | Complete | Reply | Words),
+            "The content of one frame, after its four bytes of length.",
+            _schema_of(Control | CommandMessage | CompleteMessage | Reply | CompletionsMessage),
         ),
         "trace": _text(
             f"A line of trace.jsonl, format {SCHEMA}",
             "The first line is of kind trace, the second of kind header; all others are records.",
-            _schema_of(Opening | Header | Line),
+            _schema_of(TraceInfo | Header | Line),
         ),
         "wire": _text(
             f"A message between two nodes, protocol version {VERSION}",
-            "What stands in one frame, after its four bytes of length.",
+            "The content of one frame, after its four bytes of length.",
             _schema_of(Control),
             PAGE,
         ),

@@ -1,13 +1,53 @@
-"""Parts any robot can use: filters, timers, printers, and the links between nodes.
+"""Modules that any robot can use: filters, controllers, timers, printers, recorders and replayers."""
 
-`from snr_sim.std_mods import *`, as in programs for the thesis' library, is the same as `from snr_sim import *`.
-"""
+from typing import TYPE_CHECKING
 
-from typing import TYPE_CHECKING, Any
+from snr_sim.lazy import lazy_names
 
-if not TYPE_CHECKING:  # type checkers read the modules themselves
-
-    def __getattr__(name: str) -> Any:
-        import snr_sim  # its lazy table knows the module of each public name
-
-        return getattr(snr_sim, name)
+if TYPE_CHECKING:
+    from snr_sim.prelude.attitude_filter import MahonyFilter as MahonyFilter
+    from snr_sim.std_mods.allocation import Allocation as Allocation
+    from snr_sim.std_mods.allocation import AllocationResult as AllocationResult
+    from snr_sim.std_mods.complementary import ComplementaryFilter as ComplementaryFilter
+    from snr_sim.std_mods.moving_average import MovingAvgFilter as MovingAvgFilter
+    from snr_sim.std_mods.moving_average import MovingAvgFilterFactory as MovingAvgFilterFactory
+    from snr_sim.std_mods.pid import Pid as Pid
+    from snr_sim.std_mods.printer import PrinterEndpointFactory as PrinterEndpointFactory
+    from snr_sim.std_mods.readers import PageReader as PageReader
+    from snr_sim.std_mods.readers import TextReader as TextReader
+    from snr_sim.std_mods.recorder import RecorderEndpointFactory as RecorderEndpointFactory
+    from snr_sim.std_mods.replayer import ListReplayer as ListReplayer
+    from snr_sim.std_mods.replayer import ListReplayerFactory as ListReplayerFactory
+    from snr_sim.std_mods.replayer import ReplayerLoop as ReplayerLoop
+    from snr_sim.std_mods.replayer import ReplayerLoopFactory as ReplayerLoopFactory
+    from snr_sim.std_mods.replayer import TextReplayer as TextReplayer
+    from snr_sim.std_mods.replayer import TextReplayerFactory as TextReplayerFactory
+    from snr_sim.std_mods.slew import SlewRateLimiter as SlewRateLimiter
+    from snr_sim.std_mods.slew import approach as approach
+    from snr_sim.std_mods.stopwatch import StopwatchEndpointFactory as StopwatchEndpointFactory
+    from snr_sim.std_mods.thrust_curve import ThrustCurve as ThrustCurve
+    from snr_sim.std_mods.timeout import TimeoutLoopFactory as TimeoutLoopFactory
+    from snr_sim.std_mods.timer import Timer as Timer
+else:
+    __all__, __getattr__, __dir__ = lazy_names(
+        __name__,
+        {
+            "snr_sim.std_mods.allocation": "Allocation AllocationResult",
+            "snr_sim.std_mods.pid": "Pid",
+            "snr_sim.std_mods.slew": "SlewRateLimiter approach",
+            "snr_sim.std_mods.thrust_curve": "ThrustCurve",
+            "snr_sim.std_mods.complementary": "ComplementaryFilter",
+            "snr_sim.prelude.attitude_filter": "MahonyFilter",
+            "snr_sim.std_mods.moving_average": "MovingAvgFilter MovingAvgFilterFactory",
+            "snr_sim.std_mods.printer": "PrinterEndpointFactory",
+            "snr_sim.std_mods.recorder": "RecorderEndpointFactory",
+            "snr_sim.std_mods.replayer": (
+                "ListReplayer ListReplayerFactory ReplayerLoop ReplayerLoopFactory TextReplayer TextReplayerFactory"
+            ),
+            "snr_sim.std_mods.stopwatch": "StopwatchEndpointFactory",
+            "snr_sim.std_mods.timeout": "TimeoutLoopFactory",
+            "snr_sim.std_mods.timer": "Timer",
+            "snr_sim.std_mods.readers": "PageReader TextReader",
+        },
+        otherwise="snr_sim",
+    )

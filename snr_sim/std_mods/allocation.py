@@ -4,7 +4,7 @@
 
 The first step is the pseudo-inverse of the thrusters' matrix. The second keeps the direction of the wrench: if one
 thruster saturates, all thrusts are scaled down. The vehicle is then slower than commanded but moves in the commanded
-direction. `first` gives priority to axes that should not suffer from the others, such as heave and yaw.
+direction. `priority_axes` gives priority to axes that should not suffer from the others, such as heave and yaw.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from fractions import Fraction
 from operator import mul
 from typing import TYPE_CHECKING, NamedTuple
 
-from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
+from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 from snr_sim.prelude.sums import dot_product, ordered_sum
-from snr_sim.prelude.wrench import AXES, lacking_axes, thruster_matrix
+from snr_sim.prelude.wrench import AXES, thruster_matrix, unactuated_axes
 
 if TYPE_CHECKING:
     import numpy as np
@@ -26,18 +26,19 @@ if TYPE_CHECKING:
 _ROUNDING = 1e-12  # a thruster's effectiveness below this is a rounding error of the other directions
 
 
-class Allotment(NamedTuple):
+class AllocationResult(NamedTuple):
     """Result of an allocation.
 
     Args:
         thrusts_n: of each thruster, positive ahead, within its limits.
-        share: fraction of the required wrench that they produce, 0 to 1; with `first`, of the axes without priority.
-        lacking: the axes with a required component that the thrusters cannot produce.
+        scale: fraction of the required wrench that they produce, 0 to 1; with `priority_axes`, of the axes
+            without priority.
+        unactuated: the axes with a required component that the thrusters cannot produce.
     """
 
     thrusts_n: list[float]
-    share: float
-    lacking: tuple[str, ...]
+    scale: float
+    unactuated: tuple[str, ...]
 
 
 class Allocation:
@@ -46,20 +47,20 @@ class Allocation:
     Args:
         matrix: six rows (`prelude/wrench.py`), column i is the wrench of thruster i at 1 N.
         limits_n: minimum (negative, astern) and maximum thrust; one pair for all thrusters, or one for each.
-        first: axes with priority; the others get the remaining thrust.
-        off: indices of thrusters that do not work. The others compensate as far as possible.
+        priority_axes: axes with priority; the others get the remaining thrust.
+        failed_thrusters: indices of thrusters that do not work. The others compensate as far as possible.
 
     Raises:
         ParameterError: the matrix or a limit is invalid, or all thrusters have zero effect.
-        UnknownName: `first` names an axis that does not exist.
-        MissingExtra: numpy is not installed.
+        UnknownNameError: `priority_axes` names an axis that does not exist.
+        MissingExtraError: numpy is not installed.
 
     >>> catamaran = Allocation([[1, 1], [0, 0], [0, 0], [0, 0], [0, 0], [-0.5, 0.5]], limits_n=(-10, 20))
-    >>> catamaran.lacking
+    >>> catamaran.unactuated
     ('sway', 'heave', 'roll', 'pitch')
     >>> [round(thrust, 6) for thrust in catamaran.allocate([20.0, 0.0, 0.0, 0.0, 0.0, 5.0]).thrusts_n]
     [5.0, 15.0]
-    >>> catamaran.allocate([80.0, 0.0, 0.0, 0.0, 0.0, 0.0]).share
+    >>> catamaran.allocate([80.0, 0.0, 0.0, 0.0, 0.0, 0.0]).scale
     0.5
     """
 
@@ -67,27 +68,29 @@ class Allocation:
         self,
         matrix: Sequence[Sequence[float]] | NDArray[np.float64],
         limits_n: tuple[float, float] | Sequence[tuple[float, float]],
-        first: Sequence[str] = (),
-        off: Sequence[int] = (),
+        priority_axes: Sequence[str] = (),
+        failed_thrusters: Sequence[int] = (),
     ) -> None:
         given = thruster_matrix(matrix)
         self.count = given.shape[1]
-        for axis in first:
+        for axis in priority_axes:
             _check_axis(axis)
-        for number in off:
+        for number in failed_thrusters:
             if not 0 <= number < self.count:
                 raise ParameterError(f"There is no thruster {number!r}.", fix=f"0 to {self.count - 1}.")
-        given[:, list(off)] = 0.0
-        self.lacking = lacking_axes(given)
-        if self.lacking == AXES:
+        given[:, list(failed_thrusters)] = 0.0
+        self.unactuated = unactuated_axes(given)
+        if self.unactuated == AXES:
             raise ParameterError(
                 "No thruster pushes anywhere: their matrix is all zeros.", fix="give each a direction."
             )
         self._given = given.tolist()
         self._limits = _checked_limits(limits_n, self.count)
-        rest = [i for i, axis in enumerate(AXES) if axis not in first]
-        self._groups = [[AXES.index(axis) for axis in first], rest] if first and rest else [list(range(len(AXES)))]
-        inverse = _inverse(self._given, self.lacking)
+        rest = [i for i, axis in enumerate(AXES) if axis not in priority_axes]
+        self._groups = (
+            [[AXES.index(axis) for axis in priority_axes], rest] if priority_axes and rest else [list(range(len(AXES)))]
+        )
+        inverse = _inverse(self._given, self.unactuated)
         self._of_wrench = [[[row[i] for i in group] for row in inverse] for group in self._groups]
 
     def require(self, *axes: str) -> None:
@@ -95,18 +98,18 @@ class Allocation:
 
         Raises:
             ParameterError: they cannot; the message names the axes that are missing.
-            UnknownName: an axis does not exist.
+            UnknownNameError: an axis does not exist.
         """
         for axis in axes:
             _check_axis(axis)
-        lacking = [axis for axis in axes if axis in self.lacking]
-        if lacking:
+        unactuated = [axis for axis in axes if axis in self.unactuated]
+        if unactuated:
             raise ParameterError(
-                f"No combination of the {self.count} thrusters pushes {' or '.join(lacking)} by itself.",
-                fix="ask for " + ", ".join(axis for axis in AXES if axis not in self.lacking) + " only.",
+                f"No combination of the {self.count} thrusters pushes {' or '.join(unactuated)} by itself.",
+                fix="ask for " + ", ".join(axis for axis in AXES if axis not in self.unactuated) + " only.",
             )
 
-    def allocate(self, wrench: Sequence[float]) -> Allotment:
+    def allocate(self, wrench: Sequence[float]) -> AllocationResult:
         """Return thrusts that produce the required wrench, or as much of it as possible in its direction.
 
         Args:
@@ -120,14 +123,14 @@ class Allocation:
                 f"A wrench of {list(wrench)!r}.", fix="six finite numbers: " + ", ".join(AXES) + " [N, N m]."
             )
         thrusts = [0.0] * self.count
-        share = 1.0
+        scale = 1.0
         for group, of_wrench in zip(self._groups, self._of_wrench, strict=True):
-            wanted = [wrench[i] for i in group]
-            more = [dot_product(row, wanted) for row in of_wrench]
-            share = self._room(thrusts, more)
-            thrusts = [thrust + share * extra for thrust, extra in zip(thrusts, more, strict=True)]
-        lacking = tuple(axis for axis in self.lacking if wrench[AXES.index(axis)] != 0.0)
-        return Allotment(thrusts, share, lacking)
+            requested = [wrench[i] for i in group]
+            more = [dot_product(row, requested) for row in of_wrench]
+            scale = self._room(thrusts, more)
+            thrusts = [thrust + scale * extra for thrust, extra in zip(thrusts, more, strict=True)]
+        unactuated = tuple(axis for axis in self.unactuated if wrench[AXES.index(axis)] != 0.0)
+        return AllocationResult(thrusts, scale, unactuated)
 
     def wrench_of(self, thrusts_n: Sequence[float]) -> list[float]:
         """Return the wrench that these thrusts produce together."""
@@ -135,25 +138,25 @@ class Allocation:
 
     def _room(self, thrusts: list[float], more: list[float]) -> float:
         """Return the largest fraction, up to 1, of `more` that can be added to thrusts within all limits."""
-        share = 1.0
-        for thrust, extra, (least, most) in zip(thrusts, more, self._limits, strict=True):
-            if extra > 0.0 and thrust + share * extra > most:
-                share = (most - thrust) / extra
-            elif extra < 0.0 and thrust + share * extra < least:
-                share = (least - thrust) / extra
-        return max(0.0, share)
+        scale = 1.0
+        for thrust, extra, (min_n, max_n) in zip(thrusts, more, self._limits, strict=True):
+            if extra > 0.0 and thrust + scale * extra > max_n:
+                scale = (max_n - thrust) / extra
+            elif extra < 0.0 and thrust + scale * extra < min_n:
+                scale = (min_n - thrust) / extra
+        return max(0.0, scale)
 
 
-def _inverse(given: list[list[float]], lacking: tuple[str, ...]) -> list[list[float]]:
+def _inverse(given: list[list[float]], unactuated: tuple[str, ...]) -> list[list[float]]:
     """Return the pseudo-inverse, n x 6, of the actuated axes; the columns of the other axes are zeros.
 
-    Without the lacking axes the remaining rows are independent, so their requirements are met exactly. With them, least
-    squares would trade a little surge for a little less of the pitch that it causes.
+    Without the unactuated axes the remaining rows are independent, so their requirements are met exactly. With them,
+    least squares would trade a little surge for a little less of the pitch that it causes.
 
     For independent rows R it is R^T (R R^T)^-1. That is computed in fractions and rounded once, at the end: the result
     of a linear algebra library differs in its last bits from one processor to another, and so would every trace.
     """
-    reached = [i for i, axis in enumerate(AXES) if axis not in lacking]
+    reached = [i for i, axis in enumerate(AXES) if axis not in unactuated]
     rows = [[Fraction(value) for value in given[i]] for i in reached]
     # R R^T X = R, by Gauss and Jordan.
     solved = [[sum(map(mul, row, other)) for other in rows] + row for row in rows]  # exact: fractions
@@ -171,7 +174,7 @@ def _inverse(given: list[list[float]], lacking: tuple[str, ...]) -> list[list[fl
 
 def _check_axis(axis: str) -> None:
     if axis not in AXES:
-        raise UnknownName(f"There is no axis '{axis}'.", fix=nearest(axis, AXES))
+        raise UnknownNameError(f"There is no axis '{axis}'.", fix=suggest(axis, AXES))
 
 
 def _checked_limits(
@@ -182,7 +185,7 @@ def _checked_limits(
     )
     if len(pairs) != count:
         raise ParameterError(f"Limits for {len(pairs)} thrusters of {count}.", fix="one pair for all, or one for each.")
-    for least, most in pairs:
-        if not (math.isfinite(least) and math.isfinite(most) and least <= 0.0 <= most):
-            raise ParameterError(f"A thruster with the limits {least!r} and {most!r} N.", fix="such as (-40.0, 51.0).")
+    for min_n, max_n in pairs:
+        if not (math.isfinite(min_n) and math.isfinite(max_n) and min_n <= 0.0 <= max_n):
+            raise ParameterError(f"A thruster with the limits {min_n!r} and {max_n!r} N.", fix="such as (-40.0, 51.0).")
     return pairs

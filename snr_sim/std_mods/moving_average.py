@@ -85,7 +85,7 @@ def _shape(value: Any) -> tuple[str, object]:
     for part in parts:
         if isinstance(part, bool) or not isinstance(part, (int, float)):
             raise ParameterError(
-                f"A moving average is of numbers, and {part!r} in {value!r} is none.",
+                f"A moving average takes numbers, but {part!r} in {value!r} is not a number.",
                 fix="a number, a list of numbers, or a dict of numbers; take the part you want in a handler first.",
             )
     return shape

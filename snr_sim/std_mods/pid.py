@@ -24,8 +24,8 @@ class Pid:
         ki: output per second of error.
         kd: output per rate of the measurement.
         limits: minimum and maximum output.
-        smoothing_s: time constant of the low-pass filter on a rate computed from measurements; a given rate is not
-            filtered.
+        derivative_filter_s: time constant of the low-pass filter on a rate computed from measurements; a given rate is
+            not filtered.
         is_angle: whether the error is wrapped to the shorter direction [rad].
 
     Raises:
@@ -42,19 +42,21 @@ class Pid:
         ki: float = 0.0,
         kd: float = 0.0,
         limits: tuple[float, float] = (-math.inf, math.inf),
-        smoothing_s: float = 0.0,
+        derivative_filter_s: float = 0.0,
         is_angle: bool = False,
     ) -> None:
-        for name, value in (("kp", kp), ("ki", ki), ("kd", kd), ("smoothing_s", smoothing_s)):
+        for name, value in (("kp", kp), ("ki", ki), ("kd", kd), ("derivative_filter_s", derivative_filter_s)):
             if not math.isfinite(value):
                 raise ParameterError(f"A PID controller with {name}={value!r}.", fix="a number.")
-        if smoothing_s < 0.0:
-            raise ParameterError(f"A PID controller with smoothing_s={smoothing_s!r}.", fix="0 or more.")
+        if derivative_filter_s < 0.0:
+            raise ParameterError(
+                f"A PID controller with derivative_filter_s={derivative_filter_s!r}.", fix="0 or more."
+            )
         if not limits[0] < limits[1]:
             raise ParameterError(f"A PID controller with limits={limits!r}.", fix="(least, most).")
         self.kp, self.ki, self.kd = kp, ki, kd
         self.limits = limits
-        self.smoothing_s = smoothing_s
+        self.derivative_filter_s = derivative_filter_s
         self.is_angle = is_angle
         self.reset()
 
@@ -82,15 +84,15 @@ class Pid:
         if not (dt_s > 0.0 and math.isfinite(setpoint) and math.isfinite(measurement)):
             raise ParameterError(
                 f"A PID controller got setpoint={setpoint!r}, measurement={measurement!r}, dt_s={dt_s!r}.",
-                fix="finite numbers and a dt_s above 0; look where the first that is none comes from.",
+                fix="pass finite numbers and a dt_s greater than 0; find where the first invalid value comes from.",
             )
         error = self._difference(setpoint, measurement)
-        rate = self._reckoned_rate(measurement, dt_s) if rate is None else rate
+        rate = self._estimate_rate(measurement, dt_s) if rate is None else rate
         self._before = measurement
         pushed = feed_forward + self.kp * error - self.kd * rate
         growth = self.ki * error * dt_s
-        wanted = pushed + self.integral + growth
-        beyond = wanted - self._limited(wanted)
+        unlimited = pushed + self.integral + growth
+        beyond = unlimited - self._limited(unlimited)
         if beyond * growth <= 0.0:  # within the limits, or moving back to them
             self.integral += growth
         return self._limited(pushed + self.integral)
@@ -98,11 +100,11 @@ class Pid:
     def _limited(self, output: float) -> float:
         return min(self.limits[1], max(self.limits[0], output))
 
-    def _reckoned_rate(self, measurement: float, dt_s: float) -> float:
+    def _estimate_rate(self, measurement: float, dt_s: float) -> float:
         if self._before is None:
             return 0.0
         newest = self._difference(measurement, self._before) / dt_s
-        self._rate += (newest - self._rate) * dt_s / (self.smoothing_s + dt_s)
+        self._rate += (newest - self._rate) * dt_s / (self.derivative_filter_s + dt_s)
         return self._rate
 
     def _difference(self, one: float, other: float) -> float:

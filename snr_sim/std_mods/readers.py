@@ -17,13 +17,13 @@ import msgspec
 
 from snr_sim.prelude.errors import RecordingError, ValueEncodingError
 from snr_sim.prelude.page import DataKey, Page
-from snr_sim.prelude.structs import learned
-from snr_sim.prelude.values import MARK, NO_JSON
+from snr_sim.prelude.structs import ensure_type_info
+from snr_sim.prelude.values import JSON_ERRORS, TAG
 
 START = "start"
-_START_LINE = f'{{"{MARK}":"{START}"'.encode()
+_START_LINE = f'{{"{TAG}":"{START}"'.encode()
 _PAGE_OF_2021 = b'{"key":'
-REMARKS_MAX = 3  # for a file that is not a recording at all, one remark per line would be useless
+MAX_WARNINGS = 3  # for a file that is not a recording at all, one remark per line would be useless
 
 
 T = TypeVar("T")
@@ -76,7 +76,7 @@ class TextReader(_Reader[str]):
         return None
 
 
-class Stored(NamedTuple):
+class StoredPage(NamedTuple):
     """A page with the time at which it was stored, on the clock of the node that stored it [s]."""
 
     time_s: float
@@ -106,21 +106,21 @@ class PageReader(_Reader[Page]):
         self._times = _Times()
         self._tasks = _TasksOfTrace()
         self._number = 0
-        self._left_out = 0
-        self._remarks: list[str] = []
+        self._skipped = 0
+        self._warnings: list[str] = []
 
     @property
-    def remarks(self) -> list[str]:
+    def warnings(self) -> list[str]:
         """Reasons for the lines skipped so far."""
-        more = self._left_out - len(self._remarks)
-        return [*self._remarks, *([f"... and {more} more lines of {self.path}."] if more else [])]
+        more = self._skipped - len(self._warnings)
+        return [*self._warnings, *([f"... and {more} more lines of {self.path}."] if more else [])]
 
     def read(self) -> Page | None:
         """Return the next page, or None after the last one."""
         stored = self.read_stored()
         return None if stored is None else stored.page
 
-    def read_stored(self) -> Stored | None:
+    def read_stored(self) -> StoredPage | None:
         """Return the next page with the time at which it was stored, or None after the last one.
 
         The time never decreases: pages of a second start follow those of the first.
@@ -129,37 +129,37 @@ class PageReader(_Reader[Page]):
             self._number += 1
             try:
                 stored = self._stored(line)
-            except (ValueEncodingError, *NO_JSON) as error:
-                self._leave_out(error)
+            except (ValueEncodingError, *JSON_ERRORS) as error:
+                self._skip(error)
                 continue
             if stored is not None and (self._keys is None or stored.page.key in self._keys):
                 return stored
         self.close()
         return None
 
-    def _stored(self, line: bytes) -> Stored | None:
+    def _stored(self, line: bytes) -> StoredPage | None:
         if line.startswith(b'{"kind":'):
             return self._of_trace(line)
         if line.startswith(_START_LINE):
             self._times.start(_decode_start(line).node)
             return None
         page = _page_of_2021(line) if line.startswith(_PAGE_OF_2021) else Page.deserialize(line)
-        return Stored(self._times.of(page), page)
+        return StoredPage(self._times.of(page), page)
 
-    def _of_trace(self, line: bytes) -> Stored | None:
+    def _of_trace(self, line: bytes) -> StoredPage | None:
         if not line.startswith(_KINDS_WITH_TASKS):
             return None
         record = _decode_task_record(line)
         task = self._tasks.take(record)
         if record.kind != "page" or self._node not in ("", task.node):
             return None
-        return Stored(task.time_s, Page.deserialize(bytes(task.values[0])))
+        return StoredPage(task.time_s, Page.deserialize(bytes(task.values[0])))
 
-    def _leave_out(self, error: Exception) -> None:
-        self._left_out += 1
-        if len(self._remarks) < REMARKS_MAX:
+    def _skip(self, error: Exception) -> None:
+        self._skipped += 1
+        if len(self._warnings) < MAX_WARNINGS:
             reason = error.message if isinstance(error, ValueEncodingError) else f"This is not a page ({error})."
-            self._remarks.append(f"{self.path}, line {self._number} was left out: {reason}")
+            self._warnings.append(f"{self.path}, line {self._number} was left out: {reason}")
 
 
 class _Start(msgspec.Struct):
@@ -176,7 +176,7 @@ class _TaskRecord(msgspec.Struct):
     t: float | None = None
     node: str = ""
     cause: int = 0
-    nth: int = 0
+    index: int = 0
     values: list[msgspec.Raw] = []
     process: bool | None = True
     handled: list[tuple[str, str, list[_Returned]]] = []
@@ -213,13 +213,13 @@ class _TasksOfTrace:
         """
         task = _Task(record.node, record.t or 0.0, record.values)
         if record.cause:
-            task = self._find(record, (record.cause, record.nth))
-        brought = [task.values] if record.kind in ("input", "repeat") else [values for _, _, values in record.returned]
+            task = self._find(record, (record.cause, record.index))
+        carried = [task.values] if record.kind in ("input", "repeat") else [values for _, _, values in record.returned]
         if record.kind == "page" and record.process:
-            brought.append(task.values)  # its process_data carries the same page
-        brought += [values for _, _, returned in record.handled for _, _, values in returned]
-        for nth, values in enumerate(brought):
-            self._waiting[record.seq, nth] = _Task(task.node, task.time_s, values)
+            carried.append(task.values)  # its process_data carries the same page
+        carried += [values for _, _, returned in record.handled for _, _, values in returned]
+        for index, values in enumerate(carried):
+            self._waiting[record.seq, index] = _Task(task.node, task.time_s, values)
         return task
 
     def _find(self, record: _TaskRecord, place: tuple[int, int]) -> _Task:
@@ -273,7 +273,7 @@ class _OldPage(msgspec.Struct, forbid_unknown_fields=True):
 
 def _page_of_2021(line: bytes) -> Page:
     try:
-        old = msgspec.convert(json.loads(line), learned(_OldPage))  # Python's json accepts NaN and Infinity
+        old = msgspec.convert(json.loads(line), ensure_type_info(_OldPage))  # Python's json accepts NaN and Infinity
     except (ValueError, msgspec.ValidationError) as error:
         raise ValueEncodingError(f"This is not a page of the 2021 library ({error}): {line[:80]!r}") from error
     return Page(old.key, old.data, old.origin, old.created_at_s, old.process)

@@ -24,7 +24,7 @@ from snr_sim.prelude.errors import ConfigError, RecordingError, SnrError, ValueE
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
-from snr_sim.prelude.values import MARK
+from snr_sim.prelude.values import TAG
 from snr_sim.std_mods.readers import START
 
 _OBJECT = b'"$":"object"'  # tag of a value that cannot be decoded; inside a text the quotes are escaped
@@ -88,7 +88,7 @@ class RecorderEndpoint(Endpoint):
                 f"The recording {path} cannot be written: {error.strerror}.", fix="a file in a folder that is there."
             ) from error
         if self.factory.is_new(self.parent):
-            self._write(msgspec.json.encode({MARK: START, "node": self.parent.name}))
+            self._write(msgspec.json.encode({TAG: START, "node": self.parent.name}))
 
     def record(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Write the page; report one that cannot be written and continue with the next."""
@@ -107,7 +107,7 @@ class RecorderEndpoint(Endpoint):
             self._file = None
         for key, count in self._refused.items():
             if count > 1:
-                self.parent.note(f"'{self.name}' could not record {count} pages '{key}'.")
+                self.parent.add_note(f"'{self.name}' could not record {count} pages '{key}'.")
 
     def _write(self, line: bytes) -> None:
         """Write a whole line or nothing, in one system call, so that lines of two recorders do not mix."""
@@ -127,14 +127,14 @@ class RecorderEndpoint(Endpoint):
         self._file = None
         text = f"'{self.name}' ended its recording {self.factory.path} at t = {self.get_time_s():.3f} s: {reason}."
         self.log.error(text)
-        self.parent.note(text)
+        self.parent.add_note(text)
 
     def _refuse(self, page: Page, error: SnrError) -> None:
         self._refused[page.key] += 1
         if self._refused[page.key] == 1:  # logged once per key: the next page would fail in the same way
             text = f"'{self.name}' could not record page '{page.key}' at t = {self.get_time_s():.3f} s: {error}"
             self.log.error(text)
-            self.parent.note(text)
+            self.parent.add_note(text)
 
 
 def _as_keys(keys: object) -> list[DataKey]:
@@ -146,7 +146,7 @@ def _as_keys(keys: object) -> list[DataKey]:
     listed = list(keys)
     for key in listed:
         if not isinstance(key, str):
-            raise ConfigError(f"A RecorderEndpointFactory's keys hold {repr(key)[:80]}, which is no key.", fix=fix)
+            raise ConfigError(f"A RecorderEndpointFactory's keys hold {repr(key)[:80]}, which is not a key.", fix=fix)
     return listed
 
 

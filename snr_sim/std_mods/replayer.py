@@ -39,7 +39,7 @@ class ListReplayerFactory(LoopFactory):
         super().__init__()
         if not isinstance(key, str):
             raise ConfigError(
-                f"ListReplayerFactory stores under the key {key!r}, which is no text.",
+                f"ListReplayerFactory stores under the key {key!r}, which is not text.",
                 fix="the values first, then their key: ListReplayerFactory([1, 2], 'depth').",
             )
         self.values = list(values)
@@ -87,7 +87,7 @@ class TextReplayerFactory(LoopFactory):
         self,
         file: str | Path,
         key: DataKey,
-        exit: bool = False,
+        exit: bool = False,  # noqa: A002 (the name in the thesis)
         rate_hz: float = 10.0,
         wait_for: DataKey | None = None,
     ) -> None:
@@ -158,7 +158,7 @@ class ReplayerLoopFactory(LoopFactory):
     def __init__(
         self,
         file: str | Path,
-        exit: bool = False,
+        exit: bool = False,  # noqa: A002 (as above)
         keys: Sequence[DataKey] | DataKey | None = None,
         node: str = "",
         name: str = "replayer",
@@ -187,7 +187,7 @@ class ReplayerLoop(Loop):
         self._start_s = self.get_time_s()
         self._next = self._reader.read_stored()
         if self._next is None:
-            self.parent.note(f"'{self.name}' found none of the pages it is to bring in {factory.file}.")
+            self.parent.add_note(f"'{self.name}' found none of the pages it is to bring in {factory.file}.")
 
     def loop(self) -> None:
         """Store the pages that are due, and set the next tick to the time of the next page."""
@@ -205,6 +205,6 @@ class ReplayerLoop(Loop):
     def terminate(self) -> None:
         """Print what was skipped and close the file."""
         if "_reader" in self.__dict__:
-            for remark in self._reader.remarks:
-                self.parent.note(remark)
+            for warning in self._reader.warnings:
+                self.parent.add_note(warning)
             self._reader.close()

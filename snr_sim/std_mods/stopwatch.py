@@ -36,9 +36,9 @@ class StopwatchEndpoint(Endpoint):
 
     def __init__(self, factory: StopwatchEndpointFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
-        self.task_handlers = dict.fromkeys(factory.ids, self.take_time)
+        self.task_handlers = dict.fromkeys(factory.ids, self.record_time)
 
-    def take_time(self, task: Task, task_id: TaskId) -> SomeTasks:
+    def record_time(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Append the time."""
         self.factory.times.append(self.get_time_s())
         return None

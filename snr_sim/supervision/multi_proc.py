@@ -5,6 +5,10 @@
     end("SIGTERM"), end("now"), kill  -------------------------->      a terminate task; an interrupt; nothing to say
 
 The processes are in groups of their own, so Ctrl-C at the terminal reaches only this program, once.
+
+Listening ports, and the ends of pipes, are opened before anything starts and passed as descriptors (`PortFactory`), so
+a port in use is reported first. A `LocalConsole` is rejected, because a role's process has no terminal. Recorded roles
+(`program.record_roles`) have a trace each, `<run folder>/<role>/trace.jsonl`: there is no common order of events.
 """
 
 from __future__ import annotations
@@ -20,13 +24,13 @@ from types import FrameType
 from typing import Any, TypeAlias
 
 from snr_sim.core.config import Config
-from snr_sim.core.door import LOOK_UP_S
+from snr_sim.core.inbox import POLL_PERIOD_S
 from snr_sim.core.process.child_process import ChildProcess
-from snr_sim.core.process.packing import pack
+from snr_sim.core.process.factory_pickling import pickle_factory
 from snr_sim.core.process.spawn import print_line
 from snr_sim.prelude.component import PortFactory, RoleName
-from snr_sim.prelude.errors import ComponentFailed, ConfigError
-from snr_sim.prelude.promises import keeps
+from snr_sim.prelude.errors import ComponentFailedError, ConfigError
+from snr_sim.prelude.interfaces import implements
 from snr_sim.supervision.role_process import RoleRun, run_role
 
 TARGET = "snr_sim.supervision.role_process:run"
@@ -37,7 +41,7 @@ SHORT_GRACE_S = 1.0
 PRINTED_NOTHING = "It had printed nothing on stderr.\n  Try: run that role alone and watch its memory."
 
 # Events for the main thread: ("signal", name), ("failed", role, message, component), ("over", role, status).
-News: TypeAlias = tuple[Any, ...]
+ProcessEvent: TypeAlias = tuple[Any, ...]
 
 
 class MultiProcRunner:
@@ -48,7 +52,7 @@ class MultiProcRunner:
     or SIGTERM shuts all down gracefully; a second one interrupts the roles that still run.
 
     Args:
-        config: of the robot. Its factories are sent to a process: see `core/process/packing.py`.
+        config: of the robot. Its factories are sent to a process: see `core/process/factory_pickling.py`.
         roles: all of the config's if not given.
         seed: of the run.
         ends_all: roles that end all others when they end, such as the one with the operator's `exit`. Without it the
@@ -78,11 +82,11 @@ class MultiProcRunner:
         self._seed = seed
         self._run = run
         self._ends_all = set(ends_all)
-        self._news: SimpleQueue[News] = SimpleQueue()
+        self._events: SimpleQueue[ProcessEvent] = SimpleQueue()
         self._running: dict[RoleName, ChildProcess] = {}
         self._overdue: set[RoleName] = set()
         self._failed: set[RoleName] = set()  # roles that reported their failure themselves
-        self._failures: list[ComponentFailed] = []
+        self._failures: list[ComponentFailedError] = []
         self._signals = 0
         self._has_run = False
         self._kill_at_s: float | None = None
@@ -95,13 +99,13 @@ class MultiProcRunner:
         Raises:
             ConfigError: an object cannot be sent to a process, so none was started; or it has run before.
             LinkError: a port is in use, so none was started.
-            ComponentFailed: a role failed; all others have been ended.
+            ComponentFailedError: a role failed; all others have been ended.
         """
         if self._has_run:
             raise ConfigError("This MultiProcRunner has already run.", fix="make a new one for a new run.")
         self._has_run = True
-        ports = [one for role in self.roles for one in self._config.get(role) if keeps(one, PortFactory)]
-        with _signals_as(self._news):
+        ports = [one for role in self.roles for one in self._config.get(role) if implements(one, PortFactory)]
+        with _signals_as(self._events):
             try:
                 self._start(ports)
                 while self._running:
@@ -119,22 +123,22 @@ class MultiProcRunner:
                 port.claim()
             orders = [self._order(role) for role in self.roles]
             for role, order in zip(self.roles, orders, strict=True):
-                self._running[role] = self._started(role, order)
+                self._running[role] = self._start_role(role, order)
         finally:
             for port in ports:
                 port.release()  # an end of a pipe that stays open here would hide that its role has ended
 
-    def _started(self, role: RoleName, order: dict[str, Any]) -> ChildProcess:
+    def _start_role(self, role: RoleName, order: dict[str, Any]) -> ChildProcess:
         def on_end(status: int, error: Exception | None) -> None:
             if error is not None:
-                self._news.put(("failed", role, f"{type(error).__name__}: {error}", ""))
-            self._news.put(("over", role, status))
+                self._events.put(("failed", role, f"{type(error).__name__}: {error}", ""))
+            self._events.put(("over", role, status))
 
         process = ChildProcess(
             f"role '{role}'",
             TARGET,
             order,
-            lambda kind, *values: self._news.put((kind, role, *values)),  # "failed", message, component
+            lambda kind, *values: self._events.put((kind, role, *values)),  # "failed", message, component
             on_end,
             order["packed"]["descriptors"],
             out=lambda line: print_line(sys.stdout, f"[{role}] {line}"),
@@ -146,8 +150,8 @@ class MultiProcRunner:
     def _order(self, role: RoleName) -> dict[str, Any]:
         factories = self._config.get(role)
         for factory in factories:  # one by one, to name the one that cannot be sent
-            pack(factory, type(factory).__name__, f"Role '{role}'")
-        packed = pack((factories, self._run), "what it runs", f"Role '{role}'")
+            pickle_factory(factory, type(factory).__name__, f"Role '{role}'")
+        packed = pickle_factory((factories, self._run), "what it runs", f"Role '{role}'")
         config = self._config
         return {
             "role": role,
@@ -158,9 +162,9 @@ class MultiProcRunner:
         }
 
     def _wait(self) -> None:
-        wait_s = LOOK_UP_S if self._kill_at_s is None else min(LOOK_UP_S, self._kill_at_s - time.monotonic())
+        wait_s = POLL_PERIOD_S if self._kill_at_s is None else min(POLL_PERIOD_S, self._kill_at_s - time.monotonic())
         try:
-            what, *values = self._news.get(timeout=max(wait_s, 0.0))
+            what, *values = self._events.get(timeout=max(wait_s, 0.0))
         except Empty:
             if self._kill_at_s is not None and time.monotonic() >= self._kill_at_s:
                 self._kill_at_s = None
@@ -191,7 +195,7 @@ class MultiProcRunner:
             print_line(sys.stderr, message)
         else:
             message = f"{message}\n  in role '{role}'; the other roles have been ended."
-        self._failures.append(ComponentFailed(message, f"{role}_node", component))
+        self._failures.append(ComponentFailedError(message, f"{role}_node", component))
         self._end_all("SIGTERM", GRACE_S)
 
     def _on_end(self, role: RoleName, status: int) -> None:
@@ -212,14 +216,14 @@ class MultiProcRunner:
 
 
 @contextmanager
-def _signals_as(news: SimpleQueue[News]) -> Iterator[None]:
+def _signals_as(events: SimpleQueue[ProcessEvent]) -> Iterator[None]:
     """Turn Ctrl-C and SIGTERM into events while active; outside of the main thread, do nothing."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
 
     def on_signal(number: int, frame: FrameType | None) -> None:
-        news.put(("signal", signal.Signals(number).name))  # atomic, so an interrupt cannot leave a lock held
+        events.put(("signal", signal.Signals(number).name))  # atomic, so an interrupt cannot leave a lock held
 
     before = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
     try:

@@ -10,17 +10,17 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import TypeAlias
 
-from snr_sim.core.blame import describe_error
 from snr_sim.core.config import Config, Mode
-from snr_sim.core.interrupts import PATIENCE_S
+from snr_sim.core.interrupts import GRACE_PERIOD_S
 from snr_sim.core.node import Node
 from snr_sim.core.process import spawned
+from snr_sim.core.process.factory_pickling import unpickle_factory
 from snr_sim.core.process.messages import MessageLine
-from snr_sim.core.process.packing import unpack
 from snr_sim.core.runners import SynchronousRunner
+from snr_sim.core.source_location import describe_error
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import RoleName
-from snr_sim.prelude.errors import ComponentFailed, SnrError
+from snr_sim.prelude.errors import ComponentFailedError, SnrError
 
 # Runs a role (its name, its config, seed), and calls the last argument with its node before the node begins.
 RoleRun: TypeAlias = Callable[[RoleName, Config, int, Callable[[Node], None]], None]
@@ -33,18 +33,18 @@ def run(line: Connection) -> int:
     """Run one role until it ends; return the exit status."""
     messages = MessageLine(line)
     order = messages.receive()[1]
-    ending = Ending(messages)
-    orders = (messages.receive, ending.end, ending.go, _ORPHAN_S)
-    threading.Thread(target=spawned.obey, args=orders, daemon=True).start()
+    shutdown = Shutdown(messages)
+    orders = (messages.receive, shutdown.end, shutdown.allow_begin, _ORPHAN_S)
+    threading.Thread(target=spawned.execute_messages, args=orders, daemon=True).start()
     # Before and after the run there is nothing to halt, so `end` needs no signals.
     signal.signal(signal.SIGTERM, lambda number, frame: None)
-    spawned.hear_signals()
+    spawned.unblock_signals()
     try:
-        factories, run_it = unpack(order["packed"])
+        factories, run_it = unpickle_factory(order["packed"])
         config = Config(Mode(order["mode"]), {order["role"]: factories}, **order["bounds"])
-        run_it(order["role"], config, order["seed"], ending.has)
+        run_it(order["role"], config, order["seed"], shutdown.register)
     except SnrError as error:
-        failure = [str(error), error.component if isinstance(error, ComponentFailed) else ""]
+        failure = [str(error), error.component if isinstance(error, ComponentFailedError) else ""]
     except (Exception, SystemExit) as error:
         failure = [describe_error(error, f"while role '{order['role']}' was started in its process"), ""]
     else:
@@ -60,7 +60,7 @@ def run_role(role: RoleName, config: Config, seed: int, has_node: Callable[[Node
     runner.run()
 
 
-class Ending:
+class Shutdown:
     """Shutdown of this process from outside."""
 
     def __init__(self, messages: MessageLine) -> None:
@@ -68,18 +68,18 @@ class Ending:
         self._messages = messages
         self._node: Node | None = None
 
-    def has(self, node: Node) -> None:
+    def register(self, node: Node) -> None:
         """Register the node, and wait for the runner's start message; from then on it is shut down gracefully."""
         self._node = node
         self._messages.send("ready")
         self._may_go.wait()
 
-    def go(self, kind: str) -> None:
+    def allow_begin(self, kind: str) -> None:
         """Let the node begin."""
         self._may_go.set()
 
     def end(self, how: str) -> None:
-        """End the node as a signal of that name would; code that does not return is interrupted as in `orderly`.
+        """End the node as a signal of that name would; code that does not return is interrupted.
 
         Args:
             how: the signal's name; "now" interrupts the running code at once, as a second Ctrl-C does.
@@ -90,6 +90,6 @@ class Ending:
             return
         if not self._may_go.is_set() or self._node is None:
             os._exit(0)  # the node has not begun, and will not
-        self._node.enter(tasks.terminate(how), "signal")
-        time.sleep(PATIENCE_S)
+        self._node.enqueue_input(tasks.terminate(how), "signal")
+        time.sleep(GRACE_PERIOD_S)
         os.kill(os.getpid(), signal.SIGTERM)

@@ -65,5 +65,5 @@ def _moments_s(button: str, text: str) -> tuple[float, ...]:
     except ValueError:
         moments_s = (math.nan,)
     if not all(0.0 <= one < math.inf for one in moments_s):
-        raise ParameterError(f"--option {button}={text} is no moment of the run.", fix=f"seconds: {button}=12.5")
+        raise ParameterError(f"--option {button}={text} is not a time in the run.", fix=f"seconds: {button}=12.5")
     return moments_s

@@ -22,10 +22,8 @@ Rows = list[tuple[str, str]]
 # vehicle that has stopped is shown to have within a second.
 SILENT_S = 0.5
 LINE_PERIOD_S = 10.0  # in a pipe, if nothing of the news changes
-NEWS = ("hands", "vehicle", "recording")
-NO_INPUT = (
-    "[red]nobody can steer: there is no game controller, and no terminal for keys; start it from a terminal[/red]"
-)
+NEWS_ROWS = ("manual_input", "vehicle", "recording")
+NO_INPUT = "[red]no manual input: there is no game controller and no terminal for keys; start from a terminal[/red]"
 
 
 class DisplayFactory(LoopFactory):
@@ -33,7 +31,7 @@ class DisplayFactory(LoopFactory):
 
     Args:
         describe: returns names and texts, for rich to show, of page "vehicle" and the other pages, as they were then.
-        keys: of the pages that are shown: "vehicle" first; "pad", if a person commands.
+        keys: of the pages that are shown: "vehicle" first; "gamepad", if a person commands.
         link: key of the status page of the link to the vehicle.
         news: names of rows that are printed as soon as they change.
         rate_hz: how often it is drawn.
@@ -55,7 +53,7 @@ class DisplayFactory(LoopFactory):
         self.describe = describe
         self.keys = (*keys, link, RECORDING_KEY)
         self.link = link
-        self.news = (*NEWS, *news)
+        self.news = (*NEWS_ROWS, *news)
         self.rate_hz = rate_hz
         self.in_lock_step = in_lock_step
         self.lines = tuple(lines)
@@ -64,34 +62,34 @@ class DisplayFactory(LoopFactory):
         """Return the loop 'display'."""
         return Display(self, parent, "display", self.rate_hz)
 
-    def rows(self, pages: Mapping[str, Any], heard_s: float, has_keys: bool = True) -> Rows:
+    def rows(self, pages: Mapping[str, Any], silence_s: float, has_keys: bool = True) -> Rows:
         """Return names and texts, for rich to show.
 
         Args:
             pages: the newest of each key, or None.
-            heard_s: age of the last arrival of page "vehicle".
+            silence_s: age of the last arrival of page "vehicle".
             has_keys: whether there is a terminal to type at.
         """
-        page, pad = pages["vehicle"], pages.get("pad")
+        page, gamepad = pages["vehicle"], pages.get("gamepad")
         shown = []
-        if pad is not None and not pad.data["is_connected"]:
-            shown = [("hands", "[yellow]keyboard: no game controller[/yellow]" if has_keys else NO_INPUT)]
+        if gamepad is not None and not gamepad.data["is_connected"]:
+            shown = [("manual_input", "[yellow]keyboard: no game controller[/yellow]" if has_keys else NO_INPUT)]
         lost = pages.get(RECORDING_KEY)
         if lost is not None:
             reason = f"lost at {lost.origin} since its t = {lost.data['since_s']:.1f} s: {lost.data['reason']}"
             shown.append(("recording", f"[red]{reason}[/red]"))
         if page is None:
-            return [*shown, ("vehicle", f"[red]not heard yet{_reason_of(pages.get(self.link))}[/red]")]
+            return [*shown, ("vehicle", f"[red]nothing received yet{_reason_of(pages.get(self.link))}[/red]")]
         try:
             status = self.describe(page.data, pages)
         except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
             # These pages come over a wire, and an error here would end the pilot, too.
-            status = [("pages", f"[red]what was told cannot be shown: {type(error).__name__}[/red]")]
-        if heard_s <= SILENT_S:
-            return [*shown, ("vehicle", f"heard {heard_s:.2f} s ago"), *status]
+            status = [("pages", f"[red]cannot be shown: {type(error).__name__}[/red]")]
+        if silence_s <= SILENT_S:
+            return [*shown, ("vehicle", f"received {silence_s:.2f} s ago"), *status]
         # The last value is useful, but must not look like a current one.
-        then = [(name, f"[dim]last heard: {text}[/dim]") for name, text in status]
-        return [*shown, ("vehicle", f"[red]silent for {heard_s:.1f} s[/red]"), *then]
+        then = [(name, f"[dim]last received: {text}[/dim]") for name, text in status]
+        return [*shown, ("vehicle", f"[red]silent for {silence_s:.1f} s[/red]"), *then]
 
 
 class Display(Loop):
@@ -118,8 +116,8 @@ class Display(Loop):
         if self.is_off:
             return
         # By its arrival time here: the vehicle's own clock cannot be compared with this computer's.
-        heard_s = self.get_time_s() - self.parent.came_at_s("vehicle")
-        shown = self.factory.rows({key: self.get_page(key) for key in self.factory.keys}, heard_s, self.has_keys)
+        silence_s = self.get_time_s() - self.parent.received_at_s("vehicle")
+        shown = self.factory.rows({key: self.get_page(key) for key in self.factory.keys}, silence_s, self.has_keys)
         if self.live is None:
             self.print_line(shown)
         else:

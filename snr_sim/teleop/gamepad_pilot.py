@@ -15,7 +15,7 @@ import msgspec
 
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.signals import PadReading
+from snr_sim.prelude.signals import GamepadReading
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 
 BUTTONS = {"stop": 1, "clear": 3, "mode_down": 4, "mode_up": 5, "disarm": 6, "arm": 7}
@@ -70,7 +70,7 @@ class LatchedButtons:
 
 
 class GamepadPilotFactory(EndpointFactory):
-    """Makes the mapping from page 'pad' to page 'controls'.
+    """Makes the mapping from page 'gamepad' to page 'controls'.
 
     Args:
         command_type: struct of the controls.
@@ -108,14 +108,14 @@ class GamepadPilot(Endpoint):
         self.clears = False
         self.number = 0
         self.before: list[bool] | None = None
-        self.task_handlers = {(TaskType.process_data, "pad"): self.on_pad}
+        self.task_handlers = {(TaskType.process_data, "gamepad"): self.on_gamepad}
 
-    def on_pad(self, task: Task, task_id: TaskId) -> SomeTasks:
+    def on_gamepad(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Map one reading."""
-        factory, pad = self.factory, PadReading(**self.get_data("pad"))
+        factory, gamepad = self.factory, GamepadReading(**self.get_data("gamepad"))
         self.number += 1
         was_stop = self.latched.is_stop
-        self.latched = latched = self.latched.after(self.pressed_edges(pad.buttons), len(factory.modes))
+        self.latched = latched = self.latched.after(self.pressed_edges(gamepad.buttons), len(factory.modes))
         # The request to clear a stop is repeated until the vehicle reports it: one command may be lost.
         vehicle = self.get_data("vehicle")
         is_stopped = isinstance(vehicle, dict) and vehicle.get("is_stopped") is True
@@ -127,7 +127,7 @@ class GamepadPilot(Endpoint):
             is_stop=latched.is_stop,
             clears_stop=self.clears,
             **{
-                name: -apply_expo(pad.axes[stick.axis]) if stick.axis < len(pad.axes) else 0.0
+                name: -apply_expo(gamepad.axes[stick.axis]) if stick.axis < len(gamepad.axes) else 0.0
                 for name, stick in factory.sticks.items()
             },
         )

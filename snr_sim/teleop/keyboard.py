@@ -6,12 +6,14 @@ import time
 from collections.abc import Callable, Mapping
 
 from snr_sim.devices.terminal_keys import TerminalKeys
-from snr_sim.prelude.errors import SensorLost
+from snr_sim.prelude.errors import SensorLostError
 from snr_sim.prelude.life_cycle import LifeCycle
-from snr_sim.prelude.signals import PadReading
+from snr_sim.prelude.signals import GamepadReading
 from snr_sim.teleop.gamepad_pilot import AXIS_COUNT, BUTTON_COUNT, BUTTONS, Stick
 
-KEPT_S = 0.6  # a terminal does not report when a key is released, only repeats it: the first time after half a second
+KEY_HOLD_S = (
+    0.6  # a terminal does not report when a key is released, only repeats it: the first time after half a second
+)
 BUTTON_KEYS = {"1": "arm", "2": "disarm", " ": "stop", "c": "clear", "-": "mode_down", "+": "mode_up", "=": "mode_up"}
 URGENT = ("stop", "disarm")  # these overtake earlier keys, and cancel "arm" and "clear"
 UNDONE = ("arm", "clear")
@@ -58,20 +60,20 @@ class Keyboard(LifeCycle):
         self._presses: list[str] = []  # of buttons, each waits for a separate reading
         self._down = ""  # the button that was down in the last reading
 
-    def read(self) -> PadReading:
+    def read(self) -> GamepadReading:
         """Return sticks and buttons as the keys have them.
 
         Raises:
-            SensorLost: it was closed.
+            SensorLostError: it was closed.
         """
         if self.state == "closed" or self._typed is None:
-            raise SensorLost("The keyboard has been closed.", fix="read before close().")
+            raise SensorLostError("The keyboard has been closed.", fix="read before close().")
         now_s, buttons, axes = self._now_s(), [False] * BUTTON_COUNT, [0.0] * AXIS_COUNT
         for key in self._typed().lower():
             if key in BUTTON_KEYS:
                 self._press(BUTTON_KEYS[key])
             elif key in self._axes:
-                self._until_s[key] = now_s + KEPT_S
+                self._until_s[key] = now_s + KEY_HOLD_S
         self._down = self._next_down()
         if self._down:
             buttons[BUTTONS[self._down]] = True
@@ -79,7 +81,7 @@ class Keyboard(LifeCycle):
             if now_s < until_s:
                 axis, side = self._axes[key]
                 axes[axis] += side
-        return PadReading(axes, buttons, [], stamp_s=now_s)
+        return GamepadReading(axes, buttons, [], stamp_s=now_s)
 
     def _press(self, button: str) -> None:
         """Queue a press for its reading, in the order of typing."""

@@ -20,8 +20,8 @@ class LinkMonitorFactory(EndpointFactory):
         self.link = link
 
     def get(self, parent: NodeApi) -> LinkMonitor:
-        """Return the endpoint 'lookout'."""
-        return LinkMonitor(self, parent, "lookout")
+        """Return the endpoint 'link_monitor'."""
+        return LinkMonitor(self, parent, "link_monitor")
 
 
 class LinkMonitor(Endpoint):
@@ -36,6 +36,6 @@ class LinkMonitor(Endpoint):
     def on_link(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Check whether the vehicle has left."""
         link = self.get_data(self.factory.link)
-        if not link["left"]:
+        if not link["has_left"]:
             return None
         return tasks.terminate(f"the vehicle's role has finished: {link['reason'].rstrip('.')}")

@@ -11,25 +11,25 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
-from snr_sim.links.faults import Faults
+from snr_sim.links.faults import LinkFaults
 from snr_sim.links.security import as_networks, is_loopback, secret_from_env, secret_from_file
 from snr_sim.links.sockets import SocketsPair
 from snr_sim.prelude.errors import ConfigError, ParameterError
-from snr_sim.prelude.scenario import Rig
+from snr_sim.prelude.scenario import RobotContext
 
-HERE = "127.0.0.1"
+LOCALHOST = "127.0.0.1"
 SECRET_VARIABLE = "SNR_SECRET"  # the name of a variable, not a secret
-MAKES_ONE = 'python3 -c "import secrets; print(secrets.token_hex(16))" > secret.txt'
-SECRET_IS = ("secret", "--option secret=FILE at both ends, with the same text in it, or the same SNR_SECRET in both")
+MAKE_SECRET_COMMAND = 'python3 -c "import secrets; print(secrets.token_hex(16))" > secret.txt'
+SECRET_HELP = ("secret", "--option secret=FILE at both ends, with the same text in it, or the same SNR_SECRET in both")
 # After this silence either end counts as gone, also one that is connected but hangs: shown within a second.
 KEEP_ALIVE_S, GONE_S = 0.2, 0.6
 
 
-def surface_link(rig: Rig, vehicle: str, name: str, port: int, faults: Faults) -> SocketsPair:
+def surface_link(context: RobotContext, vehicle: str, name: str, port: int, faults: LinkFaults) -> SocketsPair:
     """Return the link with the address in the options.
 
     Args:
-        rig: of the run.
+        context: of the run.
         vehicle: the role that listens.
         name: of the link.
         port: the default.
@@ -39,20 +39,20 @@ def surface_link(rig: Rig, vehicle: str, name: str, port: int, faults: Faults) -
         ParameterError: an option is not an address or a port.
         ConfigError: the secret cannot be read, or any user in the network could steer the vehicle.
     """
-    options = rig.robot.options
+    options = context.robot.options
     address, allow = address_of(options, port), _allowed(options)
     more: dict[str, Any] = {}
-    if rig.role_apart:
+    if context.standalone_role:
         more = {"secret": _secret(options), "allow": allow}
-        if rig.role_apart == vehicle:
-            _check_door(address[0], is_guarded=any(more.values()))
+        if context.standalone_role == vehicle:
+            _check_listen_address(address[0], is_guarded=any(more.values()))
     return SocketsPair(
-        address if rig.role_apart else (HERE, address[1]),
+        address if context.standalone_role else (LOCALHOST, address[1]),
         name=name,
         faults=faults,
         keep_alive_s=KEEP_ALIVE_S,
         timeout_s=GONE_S,
-        secret_is=SECRET_IS,
+        secret_is=SECRET_HELP,
         **more,
     )
 
@@ -67,19 +67,19 @@ def address_of(options: Mapping[str, str], port: int) -> tuple[str, int]:
     given = int(text) if text.isascii() and text.isdecimal() and len(text) < 6 else 0
     if not 0 < given < 1 << 16:
         raise ParameterError(
-            f"--option port={text} is no port at which two ends can meet.",
+            f"--option port={text} is not a valid port.",
             fix="a number from 1 to 65535, the same at both ends: port=9120.",
         )
-    host = options.get("host", HERE)
+    host = options.get("host", LOCALHOST)
     start, _, end = host.rpartition(":")
     if end.isdecimal() and not _is_address(host):
         raise ParameterError(
             f"--option host={host} has a port in it, which has an option of its own.",
-            fix=f"--option host={start.strip('[]') or HERE} --option port={end}",
+            fix=f"--option host={start.strip('[]') or LOCALHOST} --option port={end}",
         )
     if not host or not host.isascii() or any(one.isspace() or one == "/" for one in host):
         raise ParameterError(
-            f"--option host={host} is no name of a computer.",
+            f"--option host={host} is not a valid host name or address.",
             fix="the vehicle's address or its name, the same at both ends: host=192.168.2.2.",
         )
     return host, given
@@ -113,13 +113,13 @@ def _secret(options: Mapping[str, str]) -> bytes | None:
     return secret_from_env(SECRET_VARIABLE) if SECRET_VARIABLE in os.environ else None
 
 
-def _check_door(host: str, is_guarded: bool) -> None:
+def _check_listen_address(host: str, is_guarded: bool) -> None:
     """Check that a vehicle that listens at this address does not accept commands from every user."""
     if is_loopback(host) or is_guarded:
         return
     raise ConfigError(
-        f"A vehicle that listens on {host} could be steered by anybody in that network.",
-        fix=f"{MAKES_ONE}, copy that file to the other computer, and add --option secret=secret.txt at both ends "
-        f"(or {SECRET_VARIABLE}=..., the text itself, in both environments); in a network that is yours alone, "
+        f"A vehicle that listens on {host} accepts commands from any host in that network.",
+        fix=f"{MAKE_SECRET_COMMAND}, copy that file to the other computer, and add --option secret=secret.txt at both "
+        f"ends (or {SECRET_VARIABLE}=..., the text itself, in both environments); in a network that is yours alone, "
         "--option allow=ADDRESS of the surface's computer, at the vehicle.",
     )

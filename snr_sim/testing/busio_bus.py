@@ -1,6 +1,6 @@
 """Parts of `i2c_parts` behind the calls of CircuitPython's `busio.I2C`: so that drivers for that run against them, too.
 
-PCA9685(BusioBus({0x40: Pca9685Part()}))        # adafruit_pca9685, which is not ours
+PCA9685(BusioBus({0x40: FakePca9685()}))        # adafruit_pca9685, which is not ours
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import errno
 import os
 from collections.abc import Mapping
 
-from snr_sim.testing.i2c_parts import Part
+from snr_sim.testing.fake_i2c import I2cDevice
 
 
 class BusioBus:
@@ -19,7 +19,7 @@ class BusioBus:
         parts: by address.
     """
 
-    def __init__(self, parts: Mapping[int, Part]) -> None:
+    def __init__(self, parts: Mapping[int, I2cDevice]) -> None:
         self._parts = parts
         self._registers: dict[int, int] = {}
 
@@ -58,7 +58,7 @@ class BusioBus:
         self.writeto(address, out_buffer, start=out_start, end=out_end)
         self.readfrom_into(address, in_buffer, start=in_start, end=in_end)
 
-    def _part(self, address: int) -> Part:
+    def _part(self, address: int) -> I2cDevice:
         if address not in self._parts:
             raise OSError(errno.EREMOTEIO, os.strerror(errno.EREMOTEIO))
         return self._parts[address]

@@ -95,6 +95,6 @@ class SNRTestCase(TestCase):
         if encode_value(page.data) != encode_value(data) and page.data != data:
             self.fail(f"Page '{page.key}' holds {page.data!r}, expected {data!r}.")
         others = {"key": key, "origin": origin, "created_at_s": created_at_s, "process": process}
-        for name, wanted in others.items():
-            if wanted is not None and getattr(page, name) != wanted:
-                self.fail(f"Page '{page.key}' has {name} = {getattr(page, name)!r}, expected {wanted!r}.")
+        for name, expected in others.items():
+            if expected is not None and getattr(page, name) != expected:
+                self.fail(f"Page '{page.key}' has {name} = {getattr(page, name)!r}, expected {expected!r}.")

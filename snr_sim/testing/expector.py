@@ -12,7 +12,7 @@ from typing import Any, Self, TypeAlias
 from unittest import TestCase
 
 from snr_sim.core.handlers import check_id, describe
-from snr_sim.prelude.errors import ParameterError, nearest
+from snr_sim.prelude.errors import ParameterError, suggest
 from snr_sim.prelude.retired import Retired
 from snr_sim.prelude.task import Task, TaskId, TaskName, TaskType
 
@@ -36,7 +36,7 @@ class Expectations:
             if not isinstance(task_id, str):
                 check_id("expector", task_id)
         self._failure = case.failureException if case is not None else AssertionError
-        self._seen: dict[TaskType, set[TaskName]] = {kind: set() for kind in TaskType}
+        self._other_tasks: dict[TaskType, set[TaskName]] = {kind: set() for kind in TaskType}
         # By a node that has run, or by a task passed to it; calls come from the test itself.
         self.was_used = any(type(one) is str for one in self.ids)
 
@@ -48,9 +48,9 @@ class Expectations:
     def __class_getitem__(cls, kind: object) -> GenericAlias:  # Expector[str](...), as the thesis writes it
         return GenericAlias(cls, kind)
 
-    def hear(self, task: Task) -> None:
+    def on_task(self, task: Task) -> None:
         """Take note of a task."""
-        raise NotImplementedError(f"{type(self).__name__} needs a method hear(self, task)")
+        raise NotImplementedError(f"{type(self).__name__} needs a method on_task(self, task)")
 
     def call(self, name: Expected) -> None:
         """Count a call of the test's own, for events without a task: `expector.call("halted")`."""
@@ -58,38 +58,38 @@ class Expectations:
 
     def is_satisfied(self) -> bool:
         """Return whether exactly the expected tasks have come so far."""
-        return not self.complaints()
+        return not self.failures()
 
-    def complaints(self) -> list[str]:
+    def failures(self) -> list[str]:
         """Return a sentence for each difference between expected and actual tasks."""
-        raise NotImplementedError(f"{type(self).__name__} needs a method complaints(self)")
+        raise NotImplementedError(f"{type(self).__name__} needs a method failures(self)")
 
     def assert_satisfied(self) -> None:
-        """Fail with all complaints, if there are any.
+        """Fail if any task did not come as expected; the message lists each difference.
 
         Raises:
             AssertionError: or the failure exception of the test case.
         """
-        complaints = self.complaints()
+        failures = self.failures()
         if not self.was_used:
-            complaints.append(
-                "This expector was in no node that has run, so it has heard of no task.\n"
-                "  Try: ExpectorEndpointFactory(expector) among the node's factories, and run the node within the with."
+            failures.append(
+                "This expector was not in a node that ran, so it received no tasks.\n"
+                "  Try: add ExpectorEndpointFactory(expector) to its factories, and run the node in the `with` block."
             )
-        if complaints:
-            raise self._failure("The expected tasks did not come:\n  " + "\n  ".join(complaints))
+        if failures:
+            raise self._failure("The expected tasks did not arrive:\n  " + "\n  ".join(failures))
 
-    def add_seen(self, kind: TaskType, names: Iterable[TaskName]) -> None:
+    def add_other_tasks(self, kind: TaskType, names: Iterable[TaskName]) -> None:
         """Add names of tasks seen in the node, handled or not: suggestions for an expected name that did not come."""
-        self._seen[kind].update(names)
+        self._other_tasks[kind].update(names)
 
     def _instead(self, task_id: Expected) -> str:
         """Return a text about what came instead of an id that did not come at all."""
         if not isinstance(task_id, tuple):
             return ""
         kind, name = task_id
-        seen = self._seen[kind]
-        return f"; {nearest(name, seen, f'every {kind.value} that came')}" if seen else ""
+        seen = self._other_tasks[kind]
+        return f"; {suggest(name, seen, f'every {kind.value} that came')}" if seen else ""
 
     def __enter__(self) -> Self:
         return self
@@ -110,7 +110,7 @@ class Expector(Expectations):
         case: the test it belongs to, whose failure exception is raised; without one, an AssertionError.
 
     >>> with Expector({(TaskType.event, "landed"): 1}) as expector:
-    ...     expector.hear(Task(TaskType.event, "landed"))
+    ...     expector.on_task(Task(TaskType.event, "landed"))
     """
 
     def __init__(self, expected: TaskExpectations, case: TestCase | None = None) -> None:
@@ -122,7 +122,7 @@ class Expector(Expectations):
         self.expected = counts
         self.counts: Counter[Expected] = Counter()
 
-    def hear(self, task: Task) -> None:
+    def on_task(self, task: Task) -> None:
         """Count a task under its own id and under its type, where they are expected."""
         self.call(task.id())
         self.call(task.type)
@@ -133,7 +133,7 @@ class Expector(Expectations):
         if name in self.expected:
             self.counts[name] += 1
 
-    def complaints(self) -> list[str]:
+    def failures(self) -> list[str]:
         """Return a line for each count that is not as expected."""
         return [
             f"{_shown(task_id)}: expected {count}, came {self.counts[task_id]}"
@@ -156,7 +156,7 @@ class OrderedExpector(Expectations):
         self.expected = list(expected)
         self.came: list[Expected] = []
 
-    def hear(self, task: Task) -> None:
+    def on_task(self, task: Task) -> None:
         """Count a task, if its id or its type is expected anywhere."""
         self.was_used = True
         if task.id() in self.ids or task.type in self.ids:
@@ -168,15 +168,15 @@ class OrderedExpector(Expectations):
         if name in self.ids:
             self.came.append(name)
 
-    def complaints(self) -> list[str]:
+    def failures(self) -> list[str]:
         """Return the first position where the order differs, and both orders."""
         place = self._first_difference()
         if place is None:
             return []
-        wanted = self.expected[place] if place < len(self.expected) else None
+        expected_id = self.expected[place] if place < len(self.expected) else None
         got = _shown(self.came[place]) if place < len(self.came) else "nothing more"
-        expected = _shown(wanted) if wanted is not None else "nothing more"
-        hint = self._instead(wanted) if wanted is not None and wanted not in self.came else ""
+        expected = _shown(expected_id) if expected_id is not None else "nothing more"
+        hint = self._instead(expected_id) if expected_id is not None and expected_id not in self.came else ""
         return [
             f"number {place + 1}: expected {expected}, came {got}{hint}",
             f"expected order: {_listed(self.expected)}",
@@ -184,8 +184,8 @@ class OrderedExpector(Expectations):
         ]
 
     def _first_difference(self) -> int | None:
-        for place, (wanted, got) in enumerate(zip(self.expected, self.came, strict=False)):
-            if wanted != got and not (isinstance(got, tuple) and wanted == got[0]):
+        for place, (expected_id, got) in enumerate(zip(self.expected, self.came, strict=False)):
+            if expected_id != got and not (isinstance(got, tuple) and expected_id == got[0]):
                 return place
         shorter = min(len(self.expected), len(self.came))
         return None if len(self.expected) == len(self.came) else shorter

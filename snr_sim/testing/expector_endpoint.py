@@ -45,18 +45,18 @@ class ExpectorEndpoint(Endpoint):
     def __init__(self, factory: ExpectorEndpointFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         self._is_done = False
-        self.task_handlers = dict.fromkeys(factory.expector.ids, self.hear)
+        self.task_handlers = dict.fromkeys(factory.expector.ids, self.on_task)
 
     def begin(self) -> None:
         """Mark the expector as used in a node that runs."""
         self.factory.expector.was_used = True
 
-    def hear(self, task: Task, task_id: TaskId) -> SomeTasks:
+    def on_task(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Pass the task to the expector."""
         if self._is_done:
             return None
         expector = self.factory.expector
-        expector.hear(task)
+        expector.on_task(task)
         if self.factory.exit_when_satisfied and expector.is_satisfied():
             self._is_done = True
             return tasks.terminate(SATISFIED)
@@ -67,4 +67,4 @@ class ExpectorEndpoint(Endpoint):
         for kind, names in self.parent.seen_tasks().items():
             # The names of terminate tasks are free reasons, so a similar one is not a typing error.
             if kind is not TaskType.terminate:
-                self.factory.expector.add_seen(kind, names)
+                self.factory.expector.add_other_tasks(kind, names)

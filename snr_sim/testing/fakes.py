@@ -9,7 +9,7 @@ from typing import Any, Generic, TypeVar
 import msgspec
 
 from snr_sim.prelude.device import Stale
-from snr_sim.prelude.errors import CommandError, DeviceError, SensorLost, UnknownName, nearest
+from snr_sim.prelude.errors import CommandError, DeviceError, SensorLostError, UnknownNameError, suggest
 from snr_sim.prelude.life_cycle import LifeCycle
 
 ReadingT = TypeVar("ReadingT")
@@ -37,12 +37,12 @@ class FakeSensor(LifeCycle, Generic[ReadingT]):
         """Return the next reading.
 
         Raises:
-            SensorLost: the list is empty, or the sensor is closed.
+            SensorLostError: the list is empty, or the sensor is closed.
         """
         if self.is_closed:
-            raise SensorLost("This sensor has been closed.", fix="read before close().")
+            raise SensorLostError("This sensor has been closed.", fix="call read() before close().")
         if not self._left:
-            raise SensorLost("This fake sensor has no readings.", fix="FakeSensor([reading, ...]).")
+            raise SensorLostError("This fake sensor has no readings.", fix="FakeSensor([reading, ...]).")
         reading = self._left.pop(0) if len(self._left) > 1 else self._left[0]
         if isinstance(reading, Exception):
             raise reading
@@ -64,7 +64,7 @@ class FakeActuator(LifeCycle, Generic[CommandT]):
         for name in limits:
             if name not in fields:
                 raise CommandError(
-                    f"{command_type.__name__} has no field '{name}' to limit.", fix=nearest(name, fields)
+                    f"{command_type.__name__} has no field '{name}' to limit.", fix=suggest(name, fields)
                 )
         self._command_type = command_type
         self._limits = dict(limits)
@@ -95,9 +95,9 @@ class FakeActuator(LifeCycle, Generic[CommandT]):
             DeviceError: the actuator is closed.
         """
         if self.is_closed:
-            raise DeviceError("This actuator has been closed.", fix="write before close().")
+            raise DeviceError("This actuator has been closed.", fix="call write() before close().")
         if type(command) is not self._command_type:
-            raise CommandError(f"{command!r} is no {self._command_type.__name__}.")
+            raise CommandError(f"{command!r} is not a {self._command_type.__name__}.")
         applied = self._clamped(command)
         self.written.append(applied)
         self.is_neutral = False
@@ -165,13 +165,13 @@ class FakePlant:
     def write(self, name: str, command: Any) -> None:
         """Keep a command in `written`."""
         if name not in self.inputs:
-            raise UnknownName(f"This plant has no input '{name}'.", fix=nearest(name, self.inputs))
+            raise UnknownNameError(f"This plant has no input '{name}'.", fix=suggest(name, self.inputs))
         self.written.append((name, command))
 
     def read(self, name: str) -> Any:
         """Return the value set."""
         if name not in self.held:
-            raise UnknownName(f"This plant has no output '{name}'.", fix=nearest(name, self.held))
+            raise UnknownNameError(f"This plant has no output '{name}'.", fix=suggest(name, self.held))
         reading = self.held[name]
         has_stamp = "stamp_s" in reading.__struct_fields__
         return msgspec.structs.replace(reading, stamp_s=self.time_s) if has_stamp else reading
@@ -190,4 +190,4 @@ class FakePlant:
 
     def truth(self) -> dict[str, Any]:
         """Return an empty result: there is nothing to show."""
-        return {"poses": {}, "arrows": {}, "values": {}}
+        return {"poses": {}, "vectors": {}, "values": {}}

@@ -15,13 +15,13 @@ from typing import Any, Protocol
 
 from snr_sim.prelude.device import LEASE_S, PwmOut
 from snr_sim.prelude.errors import DeviceError
-from snr_sim.prelude.promises import keeps
+from snr_sim.prelude.interfaces import implements
 from snr_sim.prelude.signals import CLAMPED, LOST, NO_PULSE, NOT_ACTIVE, STOPPED, TOO_OLD, WRONG_COUNT, AppliedPulses
-from snr_sim.testing.pwm_telemetry import Told, check_answer, check_health, check_stamp, check_told, promise
+from snr_sim.testing.pwm_telemetry import AppliedSample, check_answer, check_applied, check_health, check_stamp, require
 
 STOP_US = 1500.0
 TICK_S = 0.02
-PATIENCE_S = 10.0  # for arming, and for slow slews
+TIMEOUT_S = 10.0  # for arming, and for slow slews
 AT_ONCE_S = 0.05  # a line, and two frames of pulses; well inside the lease
 
 
@@ -73,7 +73,7 @@ def check_pwm_out(bench: PwmBench) -> None:
             out.close()
             out.close()
         check_health(out)
-        promise(out.health().state == "closed", f"after close() the state is '{out.health().state}'")
+        require(out.health().state == "closed", f"after close() the state is '{out.health().state}'")
         out.deactivate("checked")  # safe at any time
 
 
@@ -102,21 +102,23 @@ class _Pilot:
     def until(self, pulses_us: Sequence[Any], is_so: Callable[[AppliedPulses], bool], what: str) -> AppliedPulses:
         """Write the same until something is so."""
         applied = self.write(pulses_us)
-        for _ in range(round(PATIENCE_S / TICK_S)):
+        for _ in range(round(TIMEOUT_S / TICK_S)):
             if is_so(applied):
                 return applied
             applied = self.hold(pulses_us, TICK_S)
-        raise AssertionError(f"Promise broken: {what}; after {PATIENCE_S} s it answers {applied}, {self.out.health()}.")
+        raise AssertionError(
+            f"Contract violated: {what}; after {TIMEOUT_S} s it answers {applied}, {self.out.health()}."
+        )
 
     def follow(self, pulses_us: Sequence[Any], what: str = "it follows commands") -> AppliedPulses:
         """Write the same until it is made."""
-        return self.until(pulses_us, lambda applied: not applied.why, what)
+        return self.until(pulses_us, lambda applied: not applied.reason, what)
 
     def ready(self) -> None:
         """Configure, activate and wait until commands are followed."""
         self.out.configure()
         self.out.activate()
-        self.until(self.still, lambda one: self.out.health().state == "active" and not one.why, "it becomes active")
+        self.until(self.still, lambda one: self.out.health().state == "active" and not one.reason, "it becomes active")
 
     def push(self) -> None:
         """Be ready, and go ahead."""
@@ -132,28 +134,28 @@ class _Pilot:
         if applied is None:
             applied = self.out.write_us([self.out.limits_us[1]] * self.out.channels, self.bench.now_s())
         count = len(applied.pulses_us)
-        promise(count == self.out.channels, f"{when} it answers {applied.pulses_us} for {self.out.channels} channels")
-        promise(self.rests(applied), f"{when} all are neutral, not {applied.pulses_us}")
+        require(count == self.out.channels, f"{when} it answers {applied.pulses_us} for {self.out.channels} channels")
+        require(self.rests(applied), f"{when} all are neutral, not {applied.pulses_us}")
         return applied
 
     def check_holds_still(self, when: str) -> AppliedPulses:
         """Check answers and pins while thrust is commanded for half a second."""
-        applied = self.check_still(f"{when} told to push,", self.hold(self.fast, 0.5))
-        self.check_pins(self.still, f"{when} told to push,")
+        applied = self.check_still(f"{when} thrust commanded,", self.hold(self.fast, 0.5))
+        self.check_pins(self.still, f"{when} thrust commanded,")
         return applied
 
-    def check_pins(self, wanted_us: Sequence[float], when: str) -> None:
+    def check_pins(self, expected_us: Sequence[float], when: str) -> None:
         """Check the pins, where they can be seen."""
         pins = self.bench.pins_us()
         if pins is None:
             return
-        worst = max(abs(pin - wanted) for pin, wanted in zip(pins, wanted_us, strict=True))
+        worst = max(abs(pin - requested) for pin, requested in zip(pins, expected_us, strict=True))
         bound = max(1.0, self.out.resolution_us)
-        promise(worst <= bound, f"{when} the pins show {list(pins)}, not {list(wanted_us)} us")
+        require(worst <= bound, f"{when} the pins show {list(pins)}, not {list(expected_us)} us")
 
     def check_state(self, state: str, when: str) -> None:
         """Check the state."""
-        promise(self.out.health().state == state, f"{when} it is '{self.out.health().state}'")
+        require(self.out.health().state == state, f"{when} it is '{self.out.health().state}'")
 
     def check_refused(self, when: str) -> None:
         """Check that it cannot be activated."""
@@ -161,14 +163,14 @@ class _Pilot:
             self.out.activate()
         except DeviceError:
             return
-        raise AssertionError(f"Promise broken: activate() {when} is refused with a DeviceError.")
+        raise AssertionError(f"Contract violated: activate() {when} is refused with a DeviceError.")
 
 
 def _life(pilot: _Pilot) -> None:
     bench, out = pilot.bench, pilot.out
     low, high = out.limits_us
-    promise(keeps(out, PwmOut), f"{out!r} lacks a member of PwmOut")
-    promise(out.channels >= 1 and low < STOP_US < high and 0.0 <= out.resolution_us < 20.0, "channels, limits, steps")
+    require(implements(out, PwmOut), f"{out!r} lacks a member of PwmOut")
+    require(out.channels >= 1 and low < STOP_US < high and 0.0 <= out.resolution_us < 20.0, "channels, limits, steps")
     pilot.check_state("unconfigured", "before configure()")
     pilot.check_refused("before configure()")
     pilot.check_still("before configure()")
@@ -176,7 +178,7 @@ def _life(pilot: _Pilot) -> None:
     out.configure()
     pilot.check_state("inactive", "after configure()")
     applied = pilot.check_still("before activate()")
-    promise(NOT_ACTIVE in applied.why, f"before activate() the answer says why: {applied.why}")
+    require(NOT_ACTIVE in applied.reason, f"before activate() the answer has the reason: {applied.reason}")
     pilot.ready()
     pilot.check_pins(pilot.still, "armed, before any command,")
     out.activate()
@@ -193,29 +195,31 @@ def _telemetry(pilot: _Pilot) -> None:
     out, still, fast = pilot.out, pilot.still, pilot.fast
     not_active, stopped = frozenset([NOT_ACTIVE]), frozenset([NOT_ACTIVE, STOPPED])
 
-    def check(pulses_us: Sequence[Any], told: Told) -> None:
+    def check(pulses_us: Sequence[Any], expected: AppliedSample) -> None:
         pilot.hold(pulses_us, 0.2)
-        check_told(out, pilot.hold(pulses_us, TICK_S), told)
+        check_applied(out, pilot.hold(pulses_us, TICK_S), expected)
 
-    check(fast, Told("nothing", "unconfigured", not_active))
+    check(fast, AppliedSample("nothing", "unconfigured", not_active))
     out.configure()
-    check(fast, Told("configure()", "inactive", not_active))
+    check(fast, AppliedSample("configure()", "inactive", not_active))
     out.activate()
-    check(fast, Told("activate(), told to push", "activating", not_active, has_why=True))
+    check(fast, AppliedSample("activate(), thrust commanded", "activating", not_active, has_reason=True))
     pilot.ready()
-    check(still, Told("neutral", "active"))
-    check(fast, Told("200 us ahead", "active"))
-    check([out.limits_us[1] + 500.0] * out.channels, Told("more than full ahead", "active", frozenset([CLAMPED])))
-    check([math.nan] * out.channels, Told("NaN", "active", frozenset([NO_PULSE])))
-    check([*fast, STOP_US], Told("a pulse too many", "active", frozenset([WRONG_COUNT])))
+    check(still, AppliedSample("neutral", "active"))
+    check(fast, AppliedSample("200 us ahead", "active"))
+    check(
+        [out.limits_us[1] + 500.0] * out.channels, AppliedSample("more than full ahead", "active", frozenset([CLAMPED]))
+    )
+    check([math.nan] * out.channels, AppliedSample("NaN", "active", frozenset([NO_PULSE])))
+    check([*fast, STOP_US], AppliedSample("a pulse too many", "active", frozenset([WRONG_COUNT])))
     out.deactivate("checked")
-    check(fast, Told("deactivate()", "inactive", not_active, has_why=True))
+    check(fast, AppliedSample("deactivate()", "inactive", not_active, has_reason=True))
     out.stop()
-    check(fast, Told("stop()", "inactive", stopped, has_why=True))
+    check(fast, AppliedSample("stop()", "inactive", stopped, has_reason=True))
     out.clear_stop()
-    check(fast, Told("clear_stop()", "inactive", not_active, has_why=True))
+    check(fast, AppliedSample("clear_stop()", "inactive", not_active, has_reason=True))
     out.close()
-    check(fast, Told("close()", "closed", not_active, has_why=True))
+    check(fast, AppliedSample("close()", "closed", not_active, has_reason=True))
 
 
 def _pulses(pilot: _Pilot) -> None:
@@ -224,18 +228,18 @@ def _pulses(pilot: _Pilot) -> None:
     low, high = out.limits_us
     step = max(out.resolution_us, 1e-9)
     each = [low + (high - low) * (i + 0.37) / out.channels for i in range(out.channels)]
-    for wanted in (each, each[::-1], [low] * out.channels, [high] * out.channels):
-        applied = pilot.follow(wanted, f"pulses {wanted} are reached")
-        worst = max(abs(got - asked) for got, asked in zip(applied.pulses_us, wanted, strict=True))
-        promise(worst <= step, f"{wanted} were asked for, {applied.pulses_us} made: resolution_us is {step}")
-        pilot.hold(wanted, 0.1)
-        pilot.check_pins(applied.pulses_us, f"told {wanted}")
+    for requested in (each, each[::-1], [low] * out.channels, [high] * out.channels):
+        applied = pilot.follow(requested, f"pulses {requested} are reached")
+        worst = max(abs(got - asked) for got, asked in zip(applied.pulses_us, requested, strict=True))
+        require(worst <= step, f"{requested} were asked for, {applied.pulses_us} made: resolution_us is {step}")
+        pilot.hold(requested, 0.1)
+        pilot.check_pins(applied.pulses_us, f"commanded {requested}")
     for beyond, limit in ((high + 500.0, high), (0.0, low), (-1e300, low), (1e300, high)):
-        asked, what = [beyond] * out.channels, f"{beyond} us is clamped, and that is said"
-        applied = pilot.until(asked, lambda applied: applied.why == [CLAMPED], what)
-        promise(all(abs(one - limit) <= step for one in applied.pulses_us), f"{beyond} us became {applied.pulses_us}")
+        asked, what = [beyond] * out.channels, f"{beyond} us is clamped, and the reason reports it"
+        applied = pilot.until(asked, lambda applied: applied.reason == [CLAMPED], what)
+        require(all(abs(one - limit) <= step for one in applied.pulses_us), f"{beyond} us became {applied.pulses_us}")
         pilot.hold(asked, 0.1)
-        pilot.check_pins(applied.pulses_us, f"told {beyond} us")
+        pilot.check_pins(applied.pulses_us, f"commanded {beyond} us")
 
 
 def _nonsense(pilot: _Pilot) -> None:
@@ -243,10 +247,10 @@ def _nonsense(pilot: _Pilot) -> None:
     pilot.ready()
     no_pulses: list[Any] = [math.nan, math.inf, -math.inf, None, "1500", [], True]
     cases: list[tuple[Any, str]] = [([one, *fast[1:]], NO_PULSE) for one in no_pulses]
-    for bad, why in [*cases, (fast[1:], WRONG_COUNT), ([*fast, STOP_US], WRONG_COUNT), ([], WRONG_COUNT)]:
-        pilot.follow(fast, "it takes commands again after one that is none")
+    for bad, reason in [*cases, (fast[1:], WRONG_COUNT), ([*fast, STOP_US], WRONG_COUNT), ([], WRONG_COUNT)]:
+        pilot.follow(fast, "it takes commands again after an invalid one")
         applied = pilot.until(bad, pilot.rests, f"{bad} makes all neutral")
-        promise(why in applied.why, f"{bad} is answered with {applied.why}, not '{why}'")
+        require(reason in applied.reason, f"{bad} is answered with {applied.reason}, not '{reason}'")
 
 
 def _lease(pilot: _Pilot) -> None:
@@ -256,11 +260,13 @@ def _lease(pilot: _Pilot) -> None:
     stamps: list[Any] = [now_s - 2.0 * LEASE_S, now_s + 0.5, math.nan, -math.inf, math.inf, 1e300, None, "now"]
     for stamp_s in stamps:
         applied = out.write_us(pilot.fast, stamp_s)
-        promise(TOO_OLD in applied.why, f"a command of {stamp_s} at {bench.now_s()} s is too old, but: {applied.why}")
+        require(
+            TOO_OLD in applied.reason, f"a command of {stamp_s} at {bench.now_s()} s is too old, but: {applied.reason}"
+        )
         check_stamp(out, applied, bench.now_s())
-    pilot.until(pilot.still, lambda one: out.health().state != "active" or not one.why, "neutral is taken")
+    pilot.until(pilot.still, lambda one: out.health().state != "active" or not one.reason, "neutral is taken")
     pilot.push()
-    if out.fails_safe_alone:
+    if out.has_independent_failsafe:
         bench.advance(LEASE_S + 0.05)
         pilot.check_pins(pilot.still, f"{LEASE_S + 0.05:g} s after the last command")
 
@@ -273,16 +279,16 @@ def _rearm(pilot: _Pilot) -> None:
     pilot.check_pins(pilot.still, "soon after deactivate()")
     pilot.check_holds_still("0.5 s after deactivate(),")
     out.activate()
-    pilot.check_holds_still("activated, and never told neutral,")
+    pilot.check_holds_still("activated, and never commanded neutral,")
     pilot.push()
     out.stop()
     bench.advance(AT_ONCE_S)
     pilot.check_pins(pilot.still, "soon after stop()")
     applied = pilot.check_holds_still("0.5 s after an emergency stop,")
-    promise(STOPPED in applied.why, f"after an emergency stop the answer says why: {applied.why}")
+    require(STOPPED in applied.reason, f"after an emergency stop the answer has the reason: {applied.reason}")
     pilot.check_refused("during an emergency stop")
     out.clear_stop()
-    pilot.check_still("after clear_stop(), told to push,", pilot.hold(pilot.fast, 0.5))
+    pilot.check_still("after clear_stop(), thrust commanded,", pilot.hold(pilot.fast, 0.5))
     pilot.push()
 
 
@@ -292,11 +298,11 @@ def _unplug(pilot: _Pilot) -> None:
         return
     pilot.push()
     bench.unplug()
-    pilot.until(pilot.fast, lambda applied: LOST in applied.why, "a wire that was pulled is told")
+    pilot.until(pilot.fast, lambda applied: LOST in applied.reason, "a pulled wire is reported")
     health = out.health()
-    promise(health.state == "error" and bool(health.why), f"unplugged, the health is {health}")
+    require(health.state == "error" and bool(health.reason), f"unplugged, the health is {health}")
     bench.advance(LEASE_S + 0.05)
-    if out.fails_safe_alone:
+    if out.has_independent_failsafe:
         pilot.check_pins(pilot.still, "unplugged")
     bench.plug_in()
     out.configure()
@@ -310,14 +316,14 @@ def _unplug_early(pilot: _Pilot) -> None:
     if not bench.can_unplug:
         return
     steps = {"inactive": out.configure, "activating": out.activate}
-    for wanted in ("unconfigured", *steps):
+    for requested in ("unconfigured", *steps):
         for state, step in steps.items():
-            if wanted != "unconfigured" and out.health().state != wanted:
+            if requested != "unconfigured" and out.health().state != requested:
                 step()
-                pilot.check_state(state, f"on the way to '{wanted}'")
+                pilot.check_state(state, f"on the way to '{requested}'")
         bench.unplug()
         for _ in range(round(1.0 / TICK_S)):
-            pilot.check_still(f"unplugged while {wanted}, told to push,")
+            pilot.check_still(f"unplugged while {requested}, thrust commanded,")
             bench.advance(TICK_S)
         for call in (out.stop, out.clear_stop, lambda: out.deactivate("checked")):
             call()
@@ -325,7 +331,7 @@ def _unplug_early(pilot: _Pilot) -> None:
         for step in steps.values():
             with suppress(DeviceError):
                 step()
-        pilot.check_still(f"unplugged while {wanted}, and tried again,")
+        pilot.check_still(f"unplugged while {requested}, and tried again,")
         bench.plug_in()
         out.configure()
         pilot.check_state("inactive", "plugged in again")

@@ -23,7 +23,7 @@ REASONS = (CLAMPED, SLEWING, NO_PULSE, WRONG_COUNT, TOO_OLD, NOT_ACTIVE, STOPPED
 _OF_A_STEP = 1e-3  # pulses are whole steps, except for rounding
 
 
-class Told(NamedTuple):
+class AppliedSample(NamedTuple):
     """Expected telemetry of settled outputs.
 
     Args:
@@ -36,18 +36,18 @@ class Told(NamedTuple):
     after: str
     state: str
     reasons: frozenset[str] = frozenset()
-    has_why: bool = False
+    has_reason: bool = False
 
 
-def check_told(out: PwmOut, applied: AppliedPulses, told: Told) -> None:
+def check_applied(out: PwmOut, applied: AppliedPulses, expected: AppliedSample) -> None:
     """Check the telemetry of settled outputs.
 
     Raises:
         AssertionError: with a message that names the broken rule.
     """
     health = out.health()
-    found = Told(told.after, health.state, frozenset(applied.why), bool(health.why))
-    promise(found == told, f"after {told.after} all outputs tell {told[1:]}, these {found[1:]} ({health})")
+    found = AppliedSample(expected.after, health.state, frozenset(applied.reason), bool(health.reason))
+    require(found == expected, f"after {expected.after} all outputs tell {expected[1:]}, these {found[1:]} ({health})")
 
 
 def check_answer(out: PwmOut, applied: AppliedPulses, stamp_s: float) -> None:
@@ -61,18 +61,18 @@ def check_answer(out: PwmOut, applied: AppliedPulses, stamp_s: float) -> None:
     Raises:
         AssertionError: with a message that names the broken rule.
     """
-    promise(type(applied) is AppliedPulses, f"write_us() returns AppliedPulses, not {applied!r}")
+    require(type(applied) is AppliedPulses, f"write_us() returns AppliedPulses, not {applied!r}")
     pulses_us, step_us = applied.pulses_us, out.resolution_us
     low_us, high_us = out.limits_us
-    promise(len(pulses_us) == out.channels, f"it answers {pulses_us} for {out.channels} channels")
+    require(len(pulses_us) == out.channels, f"it answers {pulses_us} for {out.channels} channels")
     for pulse_us in pulses_us:
         is_pulse = isinstance(pulse_us, float) and low_us - 1e-9 <= pulse_us <= high_us + 1e-9
-        promise(is_pulse, f"it answers {pulse_us!r} us, its limits are {low_us:g} to {high_us:g}")
+        require(is_pulse, f"it answers {pulse_us!r} us, its limits are {low_us:g} to {high_us:g}")
         off_us = abs(pulse_us - round(pulse_us / step_us) * step_us) if step_us else 0.0
-        promise(off_us <= _OF_A_STEP * step_us, f"it answers {pulse_us!r} us, which is no multiple of {step_us} us")
-    promise(applied.stamp_s == stamp_s, f"a command of {stamp_s} s is answered as one of {applied.stamp_s} s")
-    is_known = set(applied.why) <= set(REASONS) and len(set(applied.why)) == len(applied.why)
-    promise(is_known, f"reasons are some of {REASONS}, each once, not {applied.why}")
+        require(off_us <= _OF_A_STEP * step_us, f"it answers {pulse_us!r} us, which is not a multiple of {step_us} us")
+    require(applied.stamp_s == stamp_s, f"a command of {stamp_s} s is answered as one of {applied.stamp_s} s")
+    is_known = set(applied.reason) <= set(REASONS) and len(set(applied.reason)) == len(applied.reason)
+    require(is_known, f"reasons are some of {REASONS}, each once, not {applied.reason}")
     check_health(out)
 
 
@@ -83,11 +83,13 @@ def check_health(out: PwmOut) -> None:
         AssertionError: with a message that names the broken rule.
     """
     health = out.health()
-    promise(type(health) is Health and health.state in STATES, f"health() says one of {STATES}, not {health}")
-    promise(health.state != "active" or not health.why, f"of active outputs nothing is wrong, but: {health.why!r}")
-    promise(health.state not in ("activating", "error") or bool(health.why), f"'{health.state}' says why")
+    require(type(health) is Health and health.state in STATES, f"health().state is one of {STATES}, not {health}")
+    require(
+        health.state != "active" or not health.reason, f"of active outputs nothing is wrong, but: {health.reason!r}"
+    )
+    require(health.state not in ("activating", "error") or bool(health.reason), f"'{health.state}' has a reason")
     counted = all(type(count) is int and count >= 0 for count in health.counts.values())
-    promise(counted, f"counts are whole numbers from 0 on, not {health.counts}")
+    require(counted, f"counts are whole numbers from 0 on, not {health.counts}")
 
 
 def check_stamp(out: PwmOut, applied: AppliedPulses, now_s: float) -> None:
@@ -98,10 +100,10 @@ def check_stamp(out: PwmOut, applied: AppliedPulses, now_s: float) -> None:
     """
     stamp_s = applied.stamp_s
     is_time = isinstance(stamp_s, float) and math.isfinite(stamp_s) and stamp_s <= now_s
-    promise(is_time, f"{type(out).__name__} answers at {now_s} s with the stamp {stamp_s!r}")
+    require(is_time, f"{type(out).__name__} answers at {now_s} s with the stamp {stamp_s!r}")
 
 
-def promise(kept: bool, message: str) -> None:
+def require(condition: bool, message: str) -> None:
     """Raise an AssertionError if a rule is broken."""
-    if not kept:  # not an assert statement: those go with -O
-        raise AssertionError(f"Promise broken: {message}.")
+    if not condition:  # not an assert statement: those go with -O
+        raise AssertionError(f"Contract violated: {message}.")

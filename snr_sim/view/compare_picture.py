@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from snr_sim.prelude.errors import UnknownName, nearest
-from snr_sim.recording.compare_runs import Compared, Comparison, channel_of
+from snr_sim.prelude.errors import UnknownNameError, suggest
+from snr_sim.recording.compare_runs import Comparison, SignalComparison, channel_of
 from snr_sim.recording.compare_signals import TRUTH
 from snr_sim.recording.records import Header
 from snr_sim.view.picture_plots import COLORS, Plot, draw_plots
@@ -17,40 +17,40 @@ from snr_sim.view.view_blueprint import name_and_unit
 
 WIDTH, HEIGHT = 900, 560
 TOP, LEFT, RIGHT, BETWEEN, BOTTOM = 66.0, 14.0, 886.0, 26.0, 534.0
-SHOWN_MAX = 4
-CURVES_SHARE, DIFFERENCE_SHARE = 2.2, 1.2
+MAX_SIGNALS = 4
+CURVES_HEIGHT, DIFFERENCE_HEIGHT = 2.2, 1.2
 DIFFERENCE_COLOR = 2
 
 
-def shown(comparison: Comparison, names: Sequence[str] = ()) -> list[Compared]:
+def select_signals(comparison: Comparison, names: Sequence[str] = ()) -> list[SignalComparison]:
     """Return the signals to draw: those asked for, or the most significant one of each page, commands first.
 
     Raises:
-        UnknownName: a signal that is asked for does not exist.
+        UnknownNameError: a signal that is asked for does not exist.
     """
     by_name = {one.name: one for one in comparison.signals}
     if names:
-        return [_asked(name, by_name) for name in names]
-    best: dict[str, Compared] = {}
+        return [_find_signal(name, by_name) for name in names]
+    best: dict[str, SignalComparison] = {}
     for one in comparison.signals:
         key = one.first.key
         moves = one.of_first.highest > one.of_first.lowest or one.of_second.highest > one.of_second.lowest
-        if moves and key != TRUTH and (key not in best or one.share > best[key].share):
+        if moves and key != TRUTH and (key not in best or one.relative_rms > best[key].relative_rms):
             best[key] = one
-    return sorted(best.values(), key=lambda one: (not one.is_command, -one.share))[:SHOWN_MAX]
+    return sorted(best.values(), key=lambda one: (not one.is_command, -one.relative_rms))[:MAX_SIGNALS]
 
 
-def _asked(name: str, by_name: Mapping[str, Compared]) -> Compared:
+def _find_signal(name: str, by_name: Mapping[str, SignalComparison]) -> SignalComparison:
     """Return the signal with a name; with an index in brackets, only that channel of it."""
     whole, _, index = name.removesuffix("]").partition("[")
     one = by_name.get(whole)
     if one is None:
-        raise UnknownName(f"There is no signal '{whole}' in both runs.", fix=nearest(whole, by_name))
+        raise UnknownNameError(f"There is no signal '{whole}' in both runs.", fix=suggest(whole, by_name))
     if not index:
         return one
     channels = one.difference.shape[1]
     if not index.isdecimal() or int(index) >= channels:
-        raise UnknownName(f"'{whole}' has no [{index}].", fix=f"[0] to [{channels - 1}].")
+        raise UnknownNameError(f"'{whole}' has no [{index}].", fix=f"[0] to [{channels - 1}].")
     return channel_of(one, int(index))
 
 
@@ -64,10 +64,10 @@ def draw_comparison(comparison: Comparison, header: Header, path: str | Path, na
         names: signals to draw, up to four are readable; by default the most significant ones.
 
     Raises:
-        MissingExtra: matplotlib is not installed.
-        UnknownName: a signal that is asked for does not exist.
+        MissingExtraError: matplotlib is not installed.
+        UnknownNameError: a signal that is asked for does not exist.
     """
-    chosen = shown(comparison, names)
+    chosen = select_signals(comparison, names)
     columns = [chosen] if len(chosen) < 2 else [chosen[0::2], chosen[1::2]]
     width = (RIGHT - LEFT - BETWEEN * (len(columns) - 1)) / len(columns)
     with picture(path, WIDTH, HEIGHT) as sheet:
@@ -86,32 +86,32 @@ def _draw_title(sheet: Sheet, comparison: Comparison, header: Header) -> None:
         sheet.text((x, 38), label, 12.0, COLORS[place])
         x += sheet.text_width(label, 12.0) + 14
     sheet.text((x, 38), f"{comparison.labels[1]} less {comparison.labels[0]}", 12.0, COLORS[DIFFERENCE_COLOR])
-    said = f"seed {header.seed}, controller '{header.controller}', pages of {comparison.node}"
-    sheet.text((RIGHT, 14), said, 11.0, PALE, "rt")
+    subtitle = f"seed {header.seed}, controller '{header.controller}', pages of {comparison.node}"
+    sheet.text((RIGHT, 14), subtitle, 11.0, PALE, "rt")
 
 
-def _plots(one: Compared) -> list[Plot]:
+def _plots(one: SignalComparison) -> list[Plot]:
     channel, index = _channel(one)
     path = [one.first.key, *filter(None, one.first.field.split(".")), *index]
     if len(path) > 1 and path[1].startswith(path[0]):  # depth.depth_m
         path = path[1:]
     words, unit = name_and_unit(path)
-    told = f"{words} [{unit}]" if unit else words
+    label = f"{words} [{unit}]" if unit else words
     values = one.first.values[:, channel], one.second.values[:, channel]
-    curves = [(told, one.first.times_s, values[0]), ("", one.second.times_s, values[1])]
+    curves = [(label, one.first.times_s, values[0]), ("", one.second.times_s, values[1])]
     size = f"rms {one.rms:.3g}, largest {one.largest:.3g}"
     return [
-        Plot("", curves, share=CURVES_SHARE, is_down=one.first.field.endswith("depth_m")),
+        Plot("", curves, relative_height=CURVES_HEIGHT, is_down=one.first.field.endswith("depth_m")),
         Plot(
             "",
             [(size, one.times_s, one.difference[:, channel])],
-            share=DIFFERENCE_SHARE,
+            relative_height=DIFFERENCE_HEIGHT,
             first_color=DIFFERENCE_COLOR,
         ),
     ]
 
 
-def _channel(one: Compared) -> tuple[int, tuple[str, ...]]:
+def _channel(one: SignalComparison) -> tuple[int, tuple[str, ...]]:
     """Return the index of the most significant number of a list, and its label: the index."""
     if one.channel is not None:
         return 0, (str(one.channel),)

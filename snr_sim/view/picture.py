@@ -4,7 +4,7 @@ Bodies are drawn from the south, in the x-z plane. A body that only rises and fa
 under water is also drawn from above.
 All data come from the header's scene and the true states of the trace, so this works for any plant.
 
-    picture_flight.py    data to draw           picture_moments.py      events, as text
+    picture_tracks.py    data to draw           run_events.py           events, as text
     picture_layout.py    layout of the sheet
     picture_scene.py     a flight               picture_bodies.py       bodies and flames
     picture_dive.py      a dive                 picture_water.py        the water around it
@@ -22,21 +22,21 @@ from snr_sim.recording.columns import Batch, Series
 from snr_sim.recording.records import EndRecord, Header, Record
 from snr_sim.view.picture_dive import draw_dive
 from snr_sim.view.picture_dive_plots import dive_plots
-from snr_sim.view.picture_flight import Flight, flight_of, is_in_water, is_planar
 from snr_sim.view.picture_layout import HEIGHT, PLOTS, SCENE, WIDTH
-from snr_sim.view.picture_moments import moments_of_run
 from snr_sim.view.picture_plots import Plot, draw_plots
 from snr_sim.view.picture_scene import draw_scene
 from snr_sim.view.picture_sheet import INK, PALE, Rgb, Sheet, picture
-from snr_sim.view.view_blueprint import Line, name_and_unit, plots
+from snr_sim.view.picture_tracks import BodyTracks, body_tracks_of, is_in_water, is_planar
+from snr_sim.view.run_events import find_run_events
+from snr_sim.view.view_blueprint import PlotLine, name_and_unit, plots
 
 PLOTTED_UNITS = ("m", "m/s", "", "kg")  # understandable for beginners; the view has all units
 
 MET: Rgb = (130, 220, 150)
 NOT_MET: Rgb = (255, 120, 100)
-TOLD_MAX = 5
+MAX_METRICS_SHOWN = 5
 
-Measured: TypeAlias = Mapping[str, float | str]
+Metrics: TypeAlias = Mapping[str, float | str]
 Numbers: TypeAlias = Mapping[str, float]  # by name with unit
 
 
@@ -47,8 +47,8 @@ def draw_run(
     outcome: str = "",
     touchdown: Numbers | None = None,
     success: bool | None = None,
-    measured: Measured | None = None,
-    why: str = "",
+    metrics: Metrics | None = None,
+    outcome_reason: str = "",
 ) -> None:
     """Draw a run as a PNG of 1800 x 1000 pixels.
 
@@ -59,36 +59,36 @@ def draw_run(
         outcome: one word; by default, the reason that the node gave for its end.
         touchdown: the evaluated one, number by name with unit, as in result.json; no other is described.
         success: whether the criterion was met; None if unknown.
-        measured: what the scenario measured, by name with unit; shown for a dive.
-        why: the scenario's comment on the result; shown for a dive instead of `measured`.
+        metrics: what the scenario measured, by name with unit; shown for a dive.
+        outcome_reason: the scenario's comment on the result; shown for a dive instead of `metrics`.
 
     Raises:
-        MissingExtra: matplotlib is not installed.
+        MissingExtraError: matplotlib is not installed.
         TraceError: the trace has no true states, such as one from a real robot.
     """
     batch, kept = Batch(), list(records)
     batch.extend(kept)
     reason = next((record.reason for record in reversed(kept) if isinstance(record, EndRecord)), "")
-    flight = flight_of(header, batch)
+    tracks = body_tracks_of(header, batch)
     with picture(path, WIDTH, HEIGHT) as sheet:
         if is_in_water(header):
-            moments = moments_of_run(flight, header.scene["statics"], batch)
-            draw_dive(sheet, header, flight, moments)
-            times_s = [moment.time_s for moment in moments]
-            draw_plots(sheet, PLOTS, dive_plots(flight, batch, is_planar(header)), times_s, are_numbered=True)
-            told = why or _told_of_dive(measured or {})
+            events = find_run_events(tracks, header.scene["statics"], batch)
+            draw_dive(sheet, header, tracks, events)
+            times_s = [event.time_s for event in events]
+            draw_plots(sheet, PLOTS, dive_plots(tracks, batch, is_planar(header)), times_s, are_numbered=True)
+            subtitle = outcome_reason or _format_metrics(metrics or {})
         else:
-            draw_scene(sheet, header, flight)
-            draw_plots(sheet, PLOTS, _plots(batch), [] if flight.touchdown_s is None else [flight.touchdown_s])
-            told = _told_of_flight(flight, touchdown)
-        _draw_title(sheet, header, f"{outcome or reason}, {flight.times_s[-1]:.1f} s".lstrip(", "), success)
-        sheet.text((PLOTS[2], 37), sheet.cut(told, 10.5, PLOTS[2] - SCENE[0]), 10.5, PALE, "rt")
+            draw_scene(sheet, header, tracks)
+            draw_plots(sheet, PLOTS, _plots(batch), [] if tracks.touchdown_s is None else [tracks.touchdown_s])
+            subtitle = _describe_landing(tracks, touchdown)
+        _draw_title(sheet, header, f"{outcome or reason}, {tracks.times_s[-1]:.1f} s".lstrip(", "), success)
+        sheet.text((PLOTS[2], 37), sheet.cut(subtitle, 10.5, PLOTS[2] - SCENE[0]), 10.5, PALE, "rt")
 
 
 def _plots(batch: Batch) -> list[Plot]:
     """Return a plot of the true numbers for each of `PLOTTED_UNITS`."""
     series: dict[str, Series] = {one.path[-1]: one for one in batch.truth_values() if one.values.any()}
-    lines = [Line(key, *name_and_unit((key,)), is_truth=True) for key in series]
+    lines = [PlotLine(key, *name_and_unit((key,)), is_truth=True) for key in series]
     return [
         Plot(
             f"[{group[0].unit}]" if group[0].unit else "",
@@ -102,36 +102,38 @@ def _plots(batch: Batch) -> list[Plot]:
 def _draw_title(sheet: Sheet, header: Header, ended: str, success: bool | None) -> None:
     left, right = 14.0, PLOTS[2]
     sheet.text((left, 13), header.scenario, 17.0, INK)
-    beside = left + sheet.text_width(header.scenario, 17.0) + 12
-    sheet.text((beside, 18), f"seed {header.seed}, controller '{header.controller}'", 11.0, PALE)
+    subtitle_x = left + sheet.text_width(header.scenario, 17.0) + 12
+    sheet.text((subtitle_x, 18), f"seed {header.seed}, controller '{header.controller}'", 11.0, PALE)
     sheet.text((right, 14), ended, 14.0, {None: INK, True: MET, False: NOT_MET}[success], "rt")
 
 
-def _told_of_flight(flight: Flight, touchdown: Numbers | None) -> str:
+def _describe_landing(tracks: BodyTracks, touchdown: Numbers | None) -> str:
     """Return a line about the touchdown and the fuel used."""
-    told = []
-    first, last = flight.values[0], flight.values[-1]
+    phrases = []
+    first, last = tracks.values[0], tracks.values[-1]
     if touchdown:
-        told.append("touchdown: " + ", ".join(f"{name} {value:.1f} {unit}" for name, unit, value in _named(touchdown)))
+        phrases.append(
+            "touchdown: " + ", ".join(f"{name} {value:.1f} {unit}" for name, unit, value in _with_units(touchdown))
+        )
     for key in first.keys() & last.keys():
         name, unit = name_and_unit((key,))
         if unit == "kg" and last[key] < first[key]:
-            told.append(f"{first[key] - last[key]:.0f} kg of {name}")
-    return "; ".join(told)
+            phrases.append(f"{first[key] - last[key]:.0f} kg of {name}")
+    return "; ".join(phrases)
 
 
-def _told_of_dive(measured: Measured) -> str:
+def _format_metrics(metrics: Metrics) -> str:
     """Return a line of the scenario's measurements that have a unit, as many as fit."""
-    told = []
-    for key, value in measured.items():
+    phrases = []
+    for key, value in metrics.items():
         name, unit = name_and_unit((key,))
         if isinstance(value, str):
-            told.append(f"{name} {value}")
+            phrases.append(f"{name} {value}")
         elif unit:
             digits = 2 if abs(value) < 10.0 else 1 if abs(value) < 100.0 else 0
-            told.append(f"{name} {value:.{digits}f} {unit}")
-    return ", ".join(told[:TOLD_MAX])
+            phrases.append(f"{name} {value:.{digits}f} {unit}")
+    return ", ".join(phrases[:MAX_METRICS_SHOWN])
 
 
-def _named(numbers: Numbers) -> list[tuple[str, str, float]]:
+def _with_units(numbers: Numbers) -> list[tuple[str, str, float]]:
     return [(*name_and_unit((key,)), value) for key, value in numbers.items()]

@@ -18,13 +18,13 @@ WIDTH, HEIGHT = 900, 500
 SCENE: Area = (46.0, 62.0, 596.0, 474.0)
 PLOTS: Area = (640.0, 62.0, 884.0, 474.0)
 PATH: Rgb = (110, 190, 250)
-STROBES_MAX = 9
-BODY_SHARE = 0.14  # size of a body as a fraction of the scene's height, since at scale it would be a dot
+MAX_STROBES = 9
+BODY_FRACTION = 0.14  # size of a body as a fraction of the scene's height, since at scale it would be a dot
 UNIT_ROOM = 24.0  # to the right of the last number of an axis, for its unit
-GROUND_SHARE = 0.12  # fraction of the scene below the lowest point of the path
+GROUND_FRACTION = 0.12  # fraction of the scene below the lowest point of the path
 
 
-class Camera:
+class SheetProjection:
     """Conversion of metres to points. `along` is x in metres, or time in seconds if the body only rises and falls.
 
     Args:
@@ -38,16 +38,18 @@ class Camera:
         self.area, self.unit = area, "s" if is_time else "m"
         left, top, right, bottom = area
         width, height = right - left, bottom - top
-        margin = 1.3 * BODY_SHARE
+        margin = 1.3 * BODY_FRACTION
         spread_along = max(float(np.ptp(along)), 1e-9)
-        self.z_scale = height * (1.0 - margin - GROUND_SHARE) / max(float(np.ptp(heights)), body_m / BODY_SHARE * 0.5)
+        self.z_scale = (
+            height * (1.0 - margin - GROUND_FRACTION) / max(float(np.ptp(heights)), body_m / BODY_FRACTION * 0.5)
+        )
         if is_time:
             self.scale = width * (1.0 - 1.15 * margin) / spread_along
         else:
             self.z_scale = self.scale = min(self.z_scale, width * (1.0 - 1.6 * margin) / spread_along)
         room_m = 0.15 * margin * width / self.scale  # on the right, for the time next to the last body
         self.middle = float(along.min() + along.max()) / 2 + room_m
-        self.low_z = float(heights.min()) - GROUND_SHARE * height / self.z_scale
+        self.low_z = float(heights.min()) - GROUND_FRACTION * height / self.z_scale
 
     def center(self, heights: Floats) -> None:
         """Centre the middle of some heights in the area."""
@@ -87,7 +89,7 @@ class Camera:
 
 
 @dataclass(frozen=True)
-class Place:
+class SheetPosition:
     """Position of a drawn body: its feet are at a point of the sheet, and it may be enlarged."""
 
     feet_on_sheet: Floats
@@ -100,30 +102,36 @@ class Place:
         return self.feet_on_sheet + self.scale * np.stack([from_feet[..., 0], -from_feet[..., 2]], axis=-1)
 
 
-class Stage:
+class TrackView:
     """A body's path on the sheet, and the moments at which it is drawn.
 
     Args:
-        camera: converts metres to points.
+        projection: converts metres to points.
         along, feet: for each time: its position along the path, and that of its feet, world frame.
         size_m: of the body.
-        enlarged_most: maximum enlargement of the body.
+        max_enlargement: maximum enlargement of the body.
 
     Attributes:
-        way: path on the sheet, shape (n, 2).
-        enlarged: enlargement of the body.
+        path: on the sheet, shape (n, 2).
+        enlargement: enlargement of the body.
         size: of the body on the sheet.
-        moments: indices of the times at which it is drawn.
-        places: its position at each of them.
+        strobe_indices: indices of the times at which it is drawn.
+        positions: its position at each of them.
     """
 
-    def __init__(self, camera: Camera, along: Floats, feet: Floats, size_m: float, enlarged_most: float) -> None:
-        self.way = camera.at(along, feet[:, 2])
-        _, top, _, bottom = camera.area
-        self.enlarged = min(enlarged_most, max(1.0, BODY_SHARE * (bottom - top) / (size_m * camera.z_scale)))
-        self.size = size_m * camera.z_scale * self.enlarged
-        self.moments = moments_of(self.way, 1.25 * self.size)
-        self.places = [Place(self.way[i], feet[i], camera.z_scale * self.enlarged) for i in self.moments]
+    def __init__(
+        self, projection: SheetProjection, along: Floats, feet: Floats, size_m: float, max_enlargement: float
+    ) -> None:
+        self.path = projection.at(along, feet[:, 2])
+        _, top, _, bottom = projection.area
+        self.enlargement = min(
+            max_enlargement, max(1.0, BODY_FRACTION * (bottom - top) / (size_m * projection.z_scale))
+        )
+        self.size = size_m * projection.z_scale * self.enlargement
+        self.strobe_indices = find_strobe_indices(self.path, 1.25 * self.size)
+        self.positions = [
+            SheetPosition(self.path[i], feet[i], projection.z_scale * self.enlargement) for i in self.strobe_indices
+        ]
 
 
 def feet_and_size(bodies: dict[str, list[dict[str, Any]]]) -> tuple[float, float]:
@@ -132,12 +140,12 @@ def feet_and_size(bodies: dict[str, list[dict[str, Any]]]) -> tuple[float, float
     return float(points[:, 2].min()), float(max(np.ptp(points[:, 0]), np.ptp(points[:, 2])))
 
 
-def moments_of(way: Floats, apart: float) -> list[int]:
-    """Return indices of moments, including first and last, evenly along the path and at least `apart` points apart."""
-    steps = np.hypot(*np.diff(way, axis=0).T)
+def find_strobe_indices(path: Floats, min_distance: float) -> list[int]:
+    """Return indices of moments, including first and last, evenly along the path."""
+    steps = np.hypot(*np.diff(path, axis=0).T)
     gone = np.concatenate(([0.0], np.cumsum(steps)))
-    count = int(min(STROBES_MAX, max(2, gone[-1] // apart + 1)))
-    return sorted({int(np.searchsorted(gone, share * gone[-1])) for share in np.linspace(0.0, 1.0, count)})
+    count = int(min(MAX_STROBES, max(2, gone[-1] // min_distance + 1)))
+    return sorted({int(np.searchsorted(gone, fraction * gone[-1])) for fraction in np.linspace(0.0, 1.0, count)})
 
 
 class Labels:
@@ -159,7 +167,7 @@ class Labels:
         places = np.asarray(points, float).reshape(-1, 2).tolist()
         self._taken += [(x - radius, y - radius, x + radius, y + radius) for x, y in places]
 
-    def place(self, candidates: Sequence[Point], width: float, height: float) -> Point | None:
+    def find_free(self, candidates: Sequence[Point], width: float, height: float) -> Point | None:
         """Return the first free candidate, the left middle of a label; None if there is none."""
         left, top, right, bottom = self._area
         for x, y in candidates:
@@ -183,7 +191,7 @@ class Labels:
             candidates: x, y, and the fraction of the width to the left of x, 0 to 1.
         """
         width = sheet.text_width(words, size)
-        place = self.place([(x - part * width, y) for x, y, part in candidates], width, 11.0)
+        place = self.find_free([(x - part * width, y) for x, y, part in candidates], width, 11.0)
         if place is not None:
             sheet.text(place, words, size, rgb, "lm")
 

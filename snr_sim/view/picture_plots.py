@@ -23,17 +23,17 @@ class Plot(NamedTuple):
     Args:
         unit: of the values, as text.
         lines: name, times [s] and values of each.
-        least: minimum span of the scale, so that noise does not fill it.
+        min_span: minimum span of the scale, so that noise does not fill it.
         is_down: whether larger values are lower, as for depth.
-        share: relative height of the plot.
+        relative_height: height of the plot.
         first_color: index in COLORS for its first line.
     """
 
     unit: str
     lines: list[tuple[str, Floats, Floats]]
-    least: float = 1e-9
+    min_span: float = 1e-9
     is_down: bool = False
-    share: float = 1.0
+    relative_height: float = 1.0
     first_color: int = 0
 
 
@@ -59,12 +59,12 @@ def draw_plots(
         return
     left, top, right, bottom = area
     left += 34
-    unit_height = (bottom - top) / sum(plot.share for plot in plots)
+    unit_height = (bottom - top) / sum(plot.relative_height for plot in plots)
     end_s = max((float(times[-1]) for plot in plots for _, times, _ in plot.lines if len(times)), default=1.0) or 1.0
     points_per_s = (right - left) / (end_s - begin_s)
     at = top
     for plot in plots:
-        height = plot.share * unit_height
+        height = plot.relative_height * unit_height
         _draw_names(sheet, plot, left, at + 2)
         low, high = span(plot)
         axes = sheet.axes((left, at + 20, right, at + height - 8), (begin_s, end_s), (low, high))
@@ -83,7 +83,7 @@ def draw_plots(
     marks = Labels([], 0.0, (left - 34, top, right + 6.0, bottom))
     for number, event_s in enumerate(events_s if are_numbered else (), 1):
         x = left + points_per_s * (event_s - begin_s)
-        spot = marks.place([(x - 6.0, top + 22.0 + 13.0 * i) for i in range(len(events_s))], 12.0, 12.0)
+        spot = marks.find_free([(x - 6.0, top + 22.0 + 13.0 * i) for i in range(len(events_s))], 12.0, 12.0)
         draw_number(sheet, (x, spot[1] if spot else top + 22.0), number)
 
 
@@ -109,9 +109,9 @@ def span(plot: Plot) -> tuple[float, float]:
     finite = np.concatenate([values[np.isfinite(values)] for _, _, values in plot.lines] or [np.zeros(1)])
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
     low, high = min(low, 0.0) if low < 0.35 * high else low, max(high, 0.0) if high < 0 else high
-    least = max(plot.least, 1e-9)
+    min_span = max(plot.min_span, 1e-9)
     if high - low < 1e-9:
-        least = max(least, 1.0)
-    if high - low < least:
-        low, high = (low + high - least) / 2, (low + high + least) / 2
+        min_span = max(min_span, 1.0)
+    if high - low < min_span:
+        low, high = (low + high - min_span) / 2, (low + high + min_span) / 2
     return low, high

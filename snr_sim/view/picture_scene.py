@@ -10,46 +10,48 @@ import numpy as np
 
 from snr_sim.recording.columns import Floats
 from snr_sim.recording.records import Header
-from snr_sim.recording.scene import points_of, rgb_of, turned
+from snr_sim.recording.scene import points_of, rgb_of, world_from_body
 from snr_sim.view.picture_bodies import FLAME, body_parts, flame_parts, strongest_of
-from snr_sim.view.picture_flight import Flight
-from snr_sim.view.picture_layout import PATH, SCENE, Camera, Stage, feet_and_size
+from snr_sim.view.picture_layout import PATH, SCENE, SheetProjection, TrackView, feet_and_size
 from snr_sim.view.picture_sheet import FAINT, PALE, Part, Rgb, Sheet, mixed
+from snr_sim.view.picture_tracks import BodyTracks
 
-SKY: Rgb = (9, 12, 24)
+SKY: Rgb = (9, 12, 24)  # plain: metaphor-name
 FAR_M = 1e6
 
 Cut: TypeAlias = tuple[Rgb, Floats]  # colour, and segments of shape (n, 2, 2): left and right end, x and z
 
 
-def draw_scene(sheet: Sheet, header: Header, flight: Flight) -> None:
+def draw_scene(sheet: Sheet, header: Header, tracks: BodyTracks) -> None:
     """Draw the whole scene."""
-    main = next(iter(flight.poses))
+    main = next(iter(tracks.poses))
     bodies = header.scene["bodies"]
     feet_m, size_m = feet_and_size(bodies)
-    feet = turned(flight.poses[main], np.array([0.0, 0.0, feet_m]))
+    feet = world_from_body(tracks.poses[main], np.array([0.0, 0.0, feet_m]))
     is_time = bool(np.ptp(feet[:, 0]) < 0.02 * np.ptp(feet[:, 2]))
-    along = flight.times_s if is_time else feet[:, 0]
-    camera = Camera(along, feet[:, 2], size_m, is_time)
-    stage = Stage(camera, along, feet, size_m, math.inf)
-    strobes = list(zip(stage.moments, stage.places, strict=True))
-    points_per_newton = 0.8 * stage.size / strongest_of(flight.arrows)
-    parts = [Part(stage.way, PATH, 1.2)]
-    for i, place in strobes:
-        parts += flame_parts(place, flight.arrows[i], points_per_newton, FLAME)
+    along = tracks.times_s if is_time else feet[:, 0]
+    projection = SheetProjection(along, feet[:, 2], size_m, is_time)
+    track_view = TrackView(projection, along, feet, size_m, math.inf)
+    strobes = list(zip(track_view.strobe_indices, track_view.positions, strict=True))
+    points_per_newton = 0.8 * track_view.size / strongest_of(tracks.vectors)
+    parts = [Part(track_view.path, PATH, 1.2)]
+    for i, position in strobes:
+        parts += flame_parts(position, tracks.vectors[i], points_per_newton, FLAME)
     cuts = ground_cuts(header.scene.get("statics", {}))
     if is_time:  # only the ground at the landing position
         cuts = [(rgb, _level(cut)) for rgb, cut in cuts]
-    parts += ground_parts(cuts, camera.at, camera.columns(), camera.area[3], SKY)  # over flames, under feet
-    for i, place in strobes:
+    parts += ground_parts(cuts, projection.at, projection.columns(), projection.area[3], SKY)  # over flames, under feet
+    for i, position in strobes:
         parts += body_parts(
-            place, [(shape, poses[i]) for body, poses in flight.poses.items() for shape in bodies[body]]
+            position, [(shape, poses[i]) for body, poses in tracks.poses.items() for shape in bodies[body]]
         )
-        x, y = stage.way[i]
-        sheet.text((x + 0.62 * stage.size, y - 0.5 * stage.size), f"{flight.times_s[i]:.0f} s", 9.5, PALE, "lm")
-    camera.draw(sheet, parts, SKY)
-    if stage.enlarged > 1.5:
-        words = f"{main} drawn {stage.enlarged:.0f} times its size"
+        x, y = track_view.path[i]
+        sheet.text(
+            (x + 0.62 * track_view.size, y - 0.5 * track_view.size), f"{tracks.times_s[i]:.0f} s", 9.5, PALE, "lm"
+        )
+    projection.draw(sheet, parts, SKY)
+    if track_view.enlargement > 1.5:
+        words = f"{main} drawn {track_view.enlargement:.0f} times its size"
         sheet.text((SCENE[2] - 8, SCENE[1] + 8), words, 9.0, FAINT, "rt")
 
 
@@ -77,13 +79,18 @@ def heights(cut: Floats, x: Floats) -> Floats:
     array([nan,  1.,  2.])
     """
     (x0, z0), (x1, z1) = cut.transpose(1, 2, 0)[..., None]
-    share = (x - x0) / np.maximum(x1 - x0, 1e-12)
-    found = np.where((x0 <= x) & (x <= x1), z0 + share * (z1 - z0), -np.inf).max(axis=0)
+    fraction = (x - x0) / np.maximum(x1 - x0, 1e-12)
+    found = np.where((x0 <= x) & (x <= x1), z0 + fraction * (z1 - z0), -np.inf).max(axis=0)
     return np.where(np.isfinite(found), found, np.nan)
 
 
 def ground_parts(
-    cuts: Sequence[Cut], at: Callable[[Floats, Floats], Floats], x: Floats, bottom: float, sky: Rgb, width: float = 1.6
+    cuts: Sequence[Cut],
+    at: Callable[[Floats, Floats], Floats],
+    x: Floats,
+    bottom: float,
+    background: Rgb,
+    width: float = 1.6,
 ) -> list[Part]:
     """Return the ground, filled down to the bottom, and lines for the sections of other meshes.
 
@@ -92,7 +99,7 @@ def ground_parts(
         at: converts x and z [m] to positions on the sheet.
         x: positions at which to evaluate the ground [m], from the left to the right edge.
         bottom: of the sheet.
-        sky: its colour shines through the ground.
+        background: colour that is mixed into the ground.
         width: of the ground's line; others are drawn twice as wide.
     """
     parts = []
@@ -103,7 +110,7 @@ def ground_parts(
             continue
         if i == 0:
             corners = [(line[-1, 0], bottom), (line[0, 0], bottom)]
-            parts.append(Part(np.concatenate([line, corners]), mixed(sky, rgb, 0.55)))
+            parts.append(Part(np.concatenate([line, corners]), mixed(background, rgb, 0.55)))
         parts.append(Part(line, mixed(rgb, (255, 255, 255), 0.15), width if i == 0 else 2.0 * width))
     return parts
 

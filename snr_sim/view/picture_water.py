@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from snr_sim.recording.columns import Floats
-from snr_sim.recording.scene import BOW, is_slack, points_of, rgb_of, turned
-from snr_sim.view.picture_flight import NEWTONS_PER_MPS
-from snr_sim.view.picture_layout import Camera, Place
+from snr_sim.recording.scene import BOW, is_slack, points_of, rgb_of, world_from_body
+from snr_sim.view.picture_layout import SheetPosition, SheetProjection
 from snr_sim.view.picture_sheet import Part, Rgb, Sheet, mixed
+from snr_sim.view.picture_tracks import NEWTONS_PER_MPS
 
 WATER: Rgb = (12, 52, 84)
 AIR: Rgb = (9, 12, 24)
@@ -20,20 +20,23 @@ DECK: Rgb = (50, 54, 62)  # colour of a pool's deck
 SURFACE: Rgb = (120, 200, 232)
 CURRENT: Rgb = (150, 235, 190)
 CURRENT_POINTS = 140.0  # per m/s, limited to what fits into a corner
-CURRENT_POINTS_MOST = 50.0
+MAX_CURRENT_POINTS = 50.0
 THIN_M = 0.01  # lines thinner than this are marks on the floor
 SLACK: Rgb = (236, 214, 110)
 TAUT: Rgb = (255, 70, 60)
 HARD_PULL_N = 20.0  # at which a tether has the colour of a taut one: half the thrust of a vehicle of this size
 
 
-def water_parts(camera: Camera, statics: Mapping[str, Any], is_above: bool) -> list[Part]:
+def water_parts(projection: SheetProjection, statics: Mapping[str, Any], is_above: bool) -> list[Part]:
     """Return the water, on a map within the pool, from the south up to its surface; around it is the deck."""
     edge = points_of(statics["surface"])
-    (x0, y0), (x1, y1) = camera.at(edge[:, 0].min(), edge[:, 2].max()), camera.at(edge[:, 0].max(), edge[:, 2].min())
-    _, top, _, bottom = camera.area
+    (x0, y0), (x1, y1) = (
+        projection.at(edge[:, 0].min(), edge[:, 2].max()),
+        projection.at(edge[:, 0].max(), edge[:, 2].min()),
+    )
+    _, top, _, bottom = projection.area
     if is_above:
-        return [Part(rectangle(x0, y0, x1, y1), WATER), *_marks(camera, statics)]
+        return [Part(rectangle(x0, y0, x1, y1), WATER), *_marks(projection, statics)]
     return [
         Part(rectangle(x0, top, x1, bottom), AIR),
         Part(rectangle(x0, max(y0, top), x1, bottom), WATER),
@@ -46,16 +49,16 @@ def rectangle(left: float, top: float, right: float, bottom: float) -> Floats:
     return np.array([(left, top), (right, top), (right, bottom), (left, bottom)])
 
 
-def _marks(camera: Camera, statics: Mapping[str, Any]) -> list[Part]:
+def _marks(projection: SheetProjection, statics: Mapping[str, Any]) -> list[Part]:
     """Return the lines on the floor, in a faint colour."""
     return [
-        Part(camera.at(*points_of(shape)[:, [0, 2]].T), mixed(WATER, rgb_of(shape), 0.25), 0.8)
+        Part(projection.at(*points_of(shape)[:, [0, 2]].T), mixed(WATER, rgb_of(shape), 0.25), 0.8)
         for shape in statics.values()
         if shape.get("kind") == "polyline" and shape.get("radius_m", 0.1) < THIN_M
     ]
 
 
-def gate_parts(camera: Camera, statics: Mapping[str, Any], is_above: bool) -> list[Part]:
+def gate_parts(projection: SheetProjection, statics: Mapping[str, Any], is_above: bool) -> list[Part]:
     """Return the upright lines in the water; on a map also the level ones around it.
 
     From the south a level line such as the pool's edge would look like another surface.
@@ -65,40 +68,45 @@ def gate_parts(camera: Camera, statics: Mapping[str, Any], is_above: bool) -> li
         for shape in statics.values()
         if shape.get("kind") == "polyline" and shape.get("radius_m", 0.1) >= THIN_M
     ]
-    return [Part(camera.at(x, z), rgb, 2.2) for (x, z), rgb in lines if is_above or np.ptp(z) > 0.0]
+    return [Part(projection.at(x, z), rgb, 2.2) for (x, z), rgb in lines if is_above or np.ptp(z) > 0.0]
 
 
 def tether_part(
-    camera: Camera, place: Place, tether: Mapping[str, Any], pose: Any, pull_n: float, share: float
+    projection: SheetProjection,
+    position: SheetPosition,
+    tether: Mapping[str, Any],
+    pose: Any,
+    pull_n: float,
+    fraction: float,
 ) -> Part:
     """Return a tether from its anchor to its body: straight if taut, with a sag if slack.
 
     Args:
-        camera: of the scene.
-        place: of the body.
+        projection: of the scene.
+        position: of the body.
         tether: as the scene describes it.
         pose: of the body.
         pull_n: its force on the body, shown as its redness.
-        share: opacity, 0 to 1.
+        fraction: opacity, 0 to 1.
     """
-    start = camera.at(tether["anchor_m"][0], tether["anchor_m"][2])
-    dx, dy = way = place.at(turned(pose, tether["place_m"])) - start
+    start = projection.at(tether["anchor_m"][0], tether["anchor_m"][2])
+    dx, dy = span = position.at(world_from_body(pose, tether["place_m"])) - start
     bow = 0.0 if not is_slack(tether, pose) else BOW if dx <= 0.0 else -BOW  # hangs to the lower side
     along = np.linspace(0.0, 1.0, 25)[:, None]
-    points = start + along * way + 4.0 * bow * along * (1.0 - along) * np.array([dy, -dx])
+    points = start + along * span + 4.0 * bow * along * (1.0 - along) * np.array([dy, -dx])
     color = mixed(SLACK, TAUT, min(1.0, pull_n / HARD_PULL_N))
-    return Part(points, mixed(WATER, color, share), 1.6)
+    return Part(points, mixed(WATER, color, fraction), 1.6)
 
 
-def current_parts(sheet: Sheet, camera: Camera, arrow: Sequence[float] | None) -> list[Part]:
+def current_parts(sheet: Sheet, projection: SheetProjection, arrow: Sequence[float] | None) -> list[Part]:
     """Return an arrow in a corner of the scene in the direction of the current, and write its speed."""
-    _, _, right, bottom = camera.area
+    _, _, right, bottom = projection.area
     flow = np.array([arrow[3], -arrow[5]]) / NEWTONS_PER_MPS if arrow is not None else np.zeros(2)
     speed = math.hypot(*flow)
     if speed < 0.005:
         return []
     middle, along = np.array([right - 60.0, bottom - 28.0]), flow / speed
-    half = 0.5 * min(CURRENT_POINTS_MOST, CURRENT_POINTS * speed) * along
+    half = 0.5 * min(MAX_CURRENT_POINTS, CURRENT_POINTS * speed) * along
     tip, across = middle + half, np.array([along[1], -along[0]])
     sheet.text((right - 60.0, bottom - 56.0), f"current {speed:.2f} m/s", 9.0, CURRENT, "mt")
     back = tip - 7.0 * along

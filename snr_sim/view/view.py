@@ -17,7 +17,8 @@ All data are on two timelines: `seq`, the order of the records, and `sim_time`.
     /<node>/links/<key>/<field>            pages per second and round trip [ms], from the page of a link
     /<node>/tasks, /<node>/events          task log, one line per executed task; begin, errors and end
 
-This is the only file that imports rerun, because rerun's interface changes with most releases.
+This is the only file that imports rerun, because rerun's interface changes with most releases. It guarantees that a
+`.rrd` can be read over one release only.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from snr_sim.prelude.errors import MissingExtra, TraceError
+from snr_sim.prelude.errors import MissingExtraError, TraceError
 from snr_sim.recording.folder import VIEW_NAME, trace_path
 from snr_sim.recording.garbage import no_garbage_collection
 from snr_sim.recording.reader import read_trace
@@ -38,10 +39,10 @@ from snr_sim.view.view_blueprint import Layout
 from snr_sim.view.view_file import ViewFile
 from snr_sim.view.view_writer import Divergences, Writer, title_of
 
-# A view is as long as its trace to half as long again, more for a short run: see `_whole_file`.
-MAX_VIEW_SHARE = 3
+# A view is as long as its trace to half as long again, more for a short run: see `_atomic_file`.
+MAX_VIEW_RATIO = 3
 MIN_VIEW_BYTES = 1_000_000
-LIVE_PATIENCE_S = 5.0  # for a live view that does not read; rerun itself has no timeout
+LIVE_TIMEOUT_S = 5.0  # for a live view that does not read; rerun itself has no timeout
 
 
 def write_view(header: Header, records: Iterable[Record], path: Path, trace_bytes: int) -> None:
@@ -54,10 +55,10 @@ def write_view(header: Header, records: Iterable[Record], path: Path, trace_byte
         trace_bytes: length of the trace of these records; the disk must have space for its view.
 
     Raises:
-        MissingExtra: rerun is not installed.
+        MissingExtraError: rerun is not installed.
         TraceError: the file cannot be written.
     """
-    with _whole_file(path, trace_bytes) as part, _stream("run", title_of(header)) as (rr, stream):
+    with _atomic_file(path, trace_bytes) as part, _stream("run", title_of(header)) as (rr, stream):
         writer, file = Writer(rr, stream, header), ViewFile(stream, part)
         file.send(writer, records)
         file.end(writer)
@@ -70,7 +71,7 @@ def view_of(run: Path) -> Path:
         run: a run folder, its trace, or an .rrd file.
 
     Raises:
-        MissingExtra: it has to be derived and rerun is not installed.
+        MissingExtraError: it has to be derived and rerun is not installed.
         TraceError: there is no such run, or the file cannot be written.
     """
     if run.suffix == ".rrd" and run.is_file():
@@ -106,10 +107,10 @@ def write_comparison(
         other_header: of the replayed run, if its nodes and its scene differ.
 
     Raises:
-        MissingExtra: rerun is not installed.
+        MissingExtraError: rerun is not installed.
         TraceError: the file cannot be written.
     """
-    with _whole_file(path, trace_bytes) as part, _stream("comparison", title_of(recorded_header)) as (rr, stream):
+    with _atomic_file(path, trace_bytes) as part, _stream("comparison", title_of(recorded_header)) as (rr, stream):
         file, layout = ViewFile(stream, part), Layout(title_of(recorded_header), roots=[f"/{root}" for root in roots])
         recorded = Writer(rr, stream, recorded_header, roots[:1], layout)
         file.send(recorded, recorded_records)
@@ -151,7 +152,7 @@ class LiveView:
         if shown != self._shown:  # something that is not in the layout yet
             self._shown = shown
             self._stream.send_blueprint(self._writer.blueprint(follow_time=True))
-        self._stream.flush(timeout_sec=LIVE_PATIENCE_S)
+        self._stream.flush(timeout_sec=LIVE_TIMEOUT_S)
 
     def close(self) -> None:
         """Send the rest and end the server; safe to call twice."""
@@ -163,7 +164,7 @@ class LiveView:
 
 
 @contextlib.contextmanager
-def _whole_file(path: Path, trace_bytes: int) -> Iterator[Path]:
+def _atomic_file(path: Path, trace_bytes: int) -> Iterator[Path]:
     """Yield a temporary file name that is renamed at the end, so an interruption does not leave half a view.
 
     Raises:
@@ -171,7 +172,7 @@ def _whole_file(path: Path, trace_bytes: int) -> Iterator[Path]:
     """
     part = path.with_name(f"part-{path.name}")
     try:
-        _claim_room(part, MAX_VIEW_SHARE * trace_bytes + MIN_VIEW_BYTES)
+        _reserve_space(part, MAX_VIEW_RATIO * trace_bytes + MIN_VIEW_BYTES)
         yield part
         part.replace(path)
     except OSError as error:
@@ -183,7 +184,7 @@ def _whole_file(path: Path, trace_bytes: int) -> Iterator[Path]:
             part.unlink()
 
 
-def _claim_room(path: Path, size_bytes: int) -> None:
+def _reserve_space(path: Path, size_bytes: int) -> None:
     """Make sure that a file of this size can be written: rerun (0.41) never returns from a disk that is full.
 
     Raises:
@@ -215,4 +216,4 @@ def _rerun() -> Any:
     try:
         return importlib.import_module("rerun")
     except ImportError as error:
-        raise MissingExtra("rerun-sdk", "view") from error
+        raise MissingExtraError("rerun-sdk", "view") from error

@@ -35,29 +35,29 @@ UNITS = {
 UNITS_FIRST = ("m", "m/s", "", "kg", "l", "°", "°/s", "rad", "rad/s")
 FLAGS = "yes (1) or no (0)"  # title of the plot of all flags
 FAILURES = "broken (1) or not (0)"
-SAME = {"yaw": "heading"}  # synonyms
+SYNONYMS = {"yaw": "heading"}
 UNITS_NOT_PLOTTED = ("s",)  # stamps: a straight line for each sensor, without information
-PLOTS_BESIDE_MAX = 4
+MAX_PLOTS_BESIDE = 4
 NARROW = 1.6  # ratio of height to width of the view of the whole path
 
 # Distinguishable on white and on black, since the viewer follows the system's theme. Estimates are broad and pale, and
 # truth is drawn on top of them as a thin line, so that noise and lag show at its sides.
 TRUTH_COLORS = ((40, 100, 220, 255), (205, 45, 135, 255), (110, 110, 120, 255), (0, 140, 120, 255))
-BELIEF_COLORS = (
+ESTIMATE_COLORS = (
     (245, 165, 80, 255),
     (95, 195, 130, 255),
     (95, 190, 215, 255),
     (225, 120, 110, 255),
     (185, 150, 230, 255),
 )
-TRUTH_WIDTH, BELIEF_WIDTH = 1.5, 3.5
-GOLDEN_SHARE = 0.618034  # step of the hue between further lines, in turns: no two hues get close
+TRUTH_WIDTH, ESTIMATE_WIDTH = 1.5, 3.5
+GOLDEN_FRACTION = 0.618034  # step of the hue between further lines, in turns: no two hues get close
 IN_DEGREES = {"rad": "°", "rad/s": "°/s"}  # as shown to users
 DEPTH = "depth"
 
 
 @dataclass(frozen=True)
-class Line:
+class PlotLine:
     """One line in one plot.
 
     Args:
@@ -99,7 +99,7 @@ class Layout:
 
     title: str
     roots: list[str] = field(default_factory=lambda: [""])
-    lines: list[Line] = field(default_factory=list)
+    lines: list[PlotLine] = field(default_factory=list)
     logs: list[str] = field(default_factory=list)
     bodies: list[str] = field(default_factory=list)
     cameras: list[str] = field(default_factory=list)
@@ -132,12 +132,12 @@ def name_and_unit(path: Sequence[str]) -> tuple[str, str]:
     return " ".join(words), unit
 
 
-def shown_as(name: str, unit: str) -> tuple[str, str, float]:
+def display_units(name: str, unit: str) -> tuple[str, str, float]:
     """Return a number's name in the viewer, its unit there, and its scale factor.
 
     Angles are in degrees. A depth is negative, because rerun (0.41) cannot invert an axis.
 
-    >>> shown_as("imu yaw rate", "rad/s")[:2], shown_as("true depth", "m")
+    >>> display_units("imu yaw rate", "rad/s")[:2], display_units("true depth", "m")
     (('imu yaw rate', '°/s'), ('true -depth', 'm', -1.0))
     """
     if unit in IN_DEGREES:
@@ -148,52 +148,52 @@ def shown_as(name: str, unit: str) -> tuple[str, str, float]:
     return name, unit, 1.0
 
 
-def color_and_width(line: Line, before: Sequence[Line]) -> tuple[tuple[int, int, int, int], float]:
+def color_and_width(line: PlotLine, before: Sequence[PlotLine]) -> tuple[tuple[int, int, int, int], float]:
     """Return colour and width of a line: truth thin and on top, estimates broad, with a colour unique in its plot."""
-    colors = TRUTH_COLORS if line.is_truth else BELIEF_COLORS
+    colors = TRUTH_COLORS if line.is_truth else ESTIMATE_COLORS
     here = line.unit, line.is_truth, line.plot
     place = sum((other.unit, other.is_truth, other.plot) == here for other in before)
     color = colors[place] if place < len(colors) else _further_color(place - len(colors), line.is_truth)
-    return color, TRUTH_WIDTH if line.is_truth else BELIEF_WIDTH
+    return color, TRUTH_WIDTH if line.is_truth else ESTIMATE_WIDTH
 
 
 def _further_color(place: int, is_truth: bool) -> tuple[int, int, int, int]:
     """Return a computed colour for a line beyond the predefined ones."""
-    share = 0.75 if is_truth else 0.45
-    red, green, blue = hsv_to_rgb((0.05 + place * GOLDEN_SHARE) % 1.0, share, 0.7 if is_truth else 0.85)
+    fraction = 0.75 if is_truth else 0.45
+    red, green, blue = hsv_to_rgb((0.05 + place * GOLDEN_FRACTION) % 1.0, fraction, 0.7 if is_truth else 0.85)
     return round(255 * red), round(255 * green), round(255 * blue), 255
 
 
-def plots(lines: Sequence[Line], changed_flags: Sequence[str] = ()) -> dict[str, list[Line]]:
+def plots(lines: Sequence[PlotLine], changed_flags: Sequence[str] = ()) -> dict[str, list[PlotLine]]:
     """Return lines by plot, with quantity and unit as titles; the most important plots for students come first.
 
     Numbers of one unit share a plot, except for a true number with estimates of the same name, which have their own.
     """
-    by_unit: dict[str, list[Line]] = {unit: [] for unit in UNITS_FIRST}
-    named: dict[str, list[Line]] = {}
+    by_unit: dict[str, list[PlotLine]] = {unit: [] for unit in UNITS_FIRST}
+    named: dict[str, list[PlotLine]] = {}
     for line in lines:
         if line.plot and not (line.plot == FLAGS and line.entity not in changed_flags):
             named.setdefault(line.plot, []).append(line)
         elif not line.plot and line.unit not in UNITS_NOT_PLOTTED:
             by_unit.setdefault(line.unit, []).append(line)
-    groups = [group for unit_group in by_unit.values() for group in _by_word(unit_group)]
+    groups = [group for unit_group in by_unit.values() for group in _by_quantity(unit_group)]
     true = [group for group in groups if group[0].is_truth]
-    believed = [group for group in groups if not group[0].is_truth]
-    flags, first = named.pop(FLAGS, []), PLOTS_BESIDE_MAX - 1
+    estimated = [group for group in groups if not group[0].is_truth]
+    flags, first = named.pop(FLAGS, []), MAX_PLOTS_BESIDE - 1
     return {
         **{_title(group[0].unit, group): group for group in true[:first]},
         **named,
         **{_title(group[0].unit, group): group for group in true[first:]},
-        **{_title(group[0].unit, group): group for group in believed},
+        **{_title(group[0].unit, group): group for group in estimated},
         **({FLAGS: flags} if flags else {}),
     }
 
 
-def _by_word(lines: Sequence[Line]) -> list[list[Line]]:
+def _by_quantity(lines: Sequence[PlotLine]) -> list[list[PlotLine]]:
     """Return lines of one unit by plot: each true one with the estimates whose names end alike, then the rest."""
     left, groups = list(lines), []
     for true in [line for line in lines if line.is_truth]:
-        alike = [line for line in left if not line.is_truth and _word(line) == _word(true)]
+        alike = [line for line in left if not line.is_truth and _quantity(line) == _quantity(true)]
         if alike:
             groups.append([true, *alike])
             left = [line for line in left if line is not true and line not in alike]
@@ -204,12 +204,12 @@ def _by_word(lines: Sequence[Line]) -> list[list[Line]]:
     return [*groups, *([left] if left else [])]
 
 
-def _word(line: Line) -> str:
+def _quantity(line: PlotLine) -> str:
     last = line.name.rpartition(" ")[2]
-    return SAME.get(last, last)
+    return SYNONYMS.get(last, last)
 
 
-def _title(unit: str, lines: Sequence[Line]) -> str:
+def _title(unit: str, lines: Sequence[PlotLine]) -> str:
     truth = [line.name for line in lines if line.is_truth]
     names = list(dict.fromkeys(truth or [line.name for line in lines]))
     shown = ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
@@ -315,7 +315,7 @@ def _logs(rrb: Any, layout: Layout) -> Any:
     return rrb.Tabs(*views, rrb.TextDocumentView(name="run", contents=[f"+ {root}/run" for root in layout.roots]))
 
 
-def _marks(layout: Layout, lines: Sequence[Line]) -> list[str]:
+def _marks(layout: Layout, lines: Sequence[PlotLine]) -> list[str]:
     """Return the marks to draw in a plot. Marks are at 0, so they fit only plots that include 0: not one of fuel."""
     return ["+ /divergences/marks"] if layout.has_divergences and lines[0].unit != "kg" else []
 
@@ -341,7 +341,7 @@ def _plots(rrb: Any, layout: Layout) -> Any:
         )
         for title, lines in plots(layout.lines, layout.changed_flags).items()
     ]
-    if len(views) <= PLOTS_BESIDE_MAX:
+    if len(views) <= MAX_PLOTS_BESIDE:
         return rrb.Vertical(*views) if views else None
-    first, rest = views[: PLOTS_BESIDE_MAX - 1], views[PLOTS_BESIDE_MAX - 1 :]
+    first, rest = views[: MAX_PLOTS_BESIDE - 1], views[MAX_PLOTS_BESIDE - 1 :]
     return rrb.Vertical(*first, rrb.Tabs(*rest))

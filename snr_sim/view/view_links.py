@@ -45,8 +45,8 @@ class LinkReports:
         if field == "up":
             yield Report("up", f"{link}: up (1) or down (0)", None)
         elif field == "rtt_s":
-            told = Series((series.path[0], "round_trip_ms"), series.when, 1000.0 * series.values)
-            yield Report("round trip", f"{link}: round trip [ms]", told)
+            round_trip = Series((series.path[0], "round_trip_ms"), series.when, 1000.0 * series.values)
+            yield Report("round trip", f"{link}: round trip [ms]", round_trip)
         elif field in COUNTED:
             yield Report(field, f"{link}: pages a second", self._rate(node, series))
 

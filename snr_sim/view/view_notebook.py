@@ -12,7 +12,7 @@ from contextlib import ExitStack
 from html import escape
 from pathlib import Path
 
-from snr_sim.prelude.errors import MissingExtra
+from snr_sim.prelude.errors import MissingExtraError
 from snr_sim.view.view import view_of
 from snr_sim.view.view_server import serve_web, viewer_command
 
@@ -56,7 +56,7 @@ def show_run(run: str | Path, height_px: int = 520) -> RunFrame:
     try:
         viewer_command()
         content = view_of(Path(run)).read_bytes()
-    except MissingExtra as error:
+    except MissingExtraError as error:
         return RunFrame("", f"Here the rerun viewer would show this run. {error.message} {error.fix}", height_px)
     # Served until the kernel ends: the browser may load a frame again, even after its cell has been run again.
     served = ExitStack()

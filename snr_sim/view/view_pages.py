@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from snr_sim.recording.columns import LIST_PLOTTED_MAX, Batch, Ints, When, page_data
+from snr_sim.recording.columns import MAX_LIST_PLOTTED, Batch, Ints, When, page_data
 from snr_sim.recording.records import PageRecord
 from snr_sim.view.view_blueprint import name_and_unit
 
@@ -34,11 +34,11 @@ class PageContents:
             seqs = {key: np.array([record.seq for record in records]) for key, records in pages.items()}
             when = _last_of_periods(When.of([record for records in pages.values() for record in records]))
             newest = {key: np.searchsorted(seqs[key], when.seq, side="right") - 1 for key in pages}
-            told = {key: _texts(batch, records, newest[key]) for key, records in pages.items()}
+            new_texts = {key: _texts(batch, records, newest[key]) for key, records in pages.items()}
             texts = self._texts.setdefault(node, {})
             contents = []
             for row in range(len(when)):
-                texts |= {key: told[key][at[row]] for key, at in newest.items() if at[row] >= 0}
+                texts |= {key: new_texts[key][at[row]] for key, at in newest.items() if at[row] >= 0}
                 contents.append("\n\n".join(texts.values())[:MAX_CONTENTS_CHARS])
             yield node, when, contents
 
@@ -52,10 +52,10 @@ def _last_of_periods(when: When) -> When:
 
 def _texts(batch: Batch, records: list[PageRecord], places: Ints) -> dict[int, str]:
     """Return the texts of the records at some indices."""
-    wanted = [int(place) for place in np.unique(places) if place >= 0]
-    some = [records[place] for place in wanted]
+    rows = [int(place) for place in np.unique(places) if place >= 0]
+    some = [records[place] for place in rows]
     data = page_data([record.values for record in some])
-    return {place: _text(batch, *one) for place, *one in zip(wanted, some, data, strict=True)}
+    return {place: _text(batch, *one) for place, *one in zip(rows, some, data, strict=True)}
 
 
 def _text(batch: Batch, record: PageRecord, data: Any) -> str:
@@ -76,7 +76,7 @@ def _add_fields(name: str, value: Any, fields: list[str], level: int = 0) -> Non
             _add_fields(f"{name}.{key}" if name else str(key), inner, fields, level + 1)
         return
     unit = "" if value is None else _unit(name)
-    fields.append(f"    {name:<20} {_shown(value)[:MAX_VALUE_CHARS]} {unit}".rstrip())
+    fields.append(f"    {name:<20} {_format_value(value)[:MAX_VALUE_CHARS]} {unit}".rstrip())
 
 
 @lru_cache(4096)
@@ -84,16 +84,16 @@ def _unit(name: str) -> str:
     return name_and_unit((name,))[1]
 
 
-def _shown(value: Any, level: int = 0) -> str:
+def _format_value(value: Any, level: int = 0) -> str:
     """Return a value as one line of text: numbers with six digits, long or deep values only as their size."""
     if type(value) is float:
         return f"{value:.6g}"
     if isinstance(value, np.ndarray):
         return f"array of {' x '.join(map(str, value.shape))}, {value.dtype}"
     if isinstance(value, (list, tuple, dict)):
-        if len(value) > LIST_PLOTTED_MAX or level == MAX_LEVELS:
+        if len(value) > MAX_LIST_PLOTTED or level == MAX_LEVELS:
             return f"{{{len(value)} fields}}" if isinstance(value, dict) else f"[{len(value)} values]"
         if isinstance(value, dict):
-            return f"{{{', '.join(f'{key}: {_shown(inner, level + 1)}' for key, inner in value.items())}}}"
-        return f"[{', '.join(_shown(inner, level + 1) for inner in value)}]"
+            return f"{{{', '.join(f'{key}: {_format_value(inner, level + 1)}' for key, inner in value.items())}}}"
+        return f"[{', '.join(_format_value(inner, level + 1) for inner in value)}]"
     return repr(value)

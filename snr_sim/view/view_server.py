@@ -26,7 +26,7 @@ from threading import Thread
 from typing import IO
 from urllib.parse import quote, urlsplit
 
-from snr_sim.prelude.errors import MissingExtra, SnrError, TraceError
+from snr_sim.prelude.errors import MissingExtraError, SnrError, TraceError
 
 LOOPBACK = "127.0.0.1"
 START_DEADLINE_S = 20.0
@@ -36,22 +36,22 @@ POLICY = (
     f"img-src 'self' data: blob:; worker-src 'self' blob:; connect-src 'self' data: blob: http://{LOOPBACK}:*"
 )
 FILE_NAME = "view.rrd"
-HANDED_ON = ("Content-Type", "rerun-final-length")
+PROXIED_HEADERS = ("Content-Type", "rerun-final-length")
 _DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
-_MOST_CHARS = 300
+_MAX_CHARS = 300
 
 
-def open_view(path: str | Path, web: bool = False, say: Callable[[str], None] | None = None) -> None:
+def open_view(path: str | Path, web: bool = False, print_line: Callable[[str], None] | None = None) -> None:
     """Show a view, and return when its window is closed or on Ctrl-C.
 
     Args:
         path: of a view.rrd.
         web: whether to show it in the browser instead of in a window.
-        say: receives instructions for the user, with the address; by default they are printed.
+        print_line: receives instructions for the user, with the address; by default they are printed.
 
     Raises:
-        MissingExtra: rerun is not installed.
+        MissingExtraError: rerun is not installed.
         TraceError: there is no such file, or the viewer does not start or fails.
     """
     path = Path(path)
@@ -59,30 +59,30 @@ def open_view(path: str | Path, web: bool = False, say: Callable[[str], None] | 
         raise TraceError(f"There is no view at {path}.", fix="snr view RUN makes one of a run.")
     if not web:
         check_display("snr view", "snr view RUN --web")
-        with tempfile.TemporaryFile() as words:
-            _wait_for(_window([str(path)], words), words)
+        with tempfile.TemporaryFile() as error_output:
+            _wait_for(_window([str(path)], error_output), error_output)
         return
     with suppress(KeyboardInterrupt), serve_web(path) as url:
-        tell = say or partial(print, flush=True)
-        tell(f"Open {url}\nOnly this computer can reach it. Ctrl-C ends it.")
+        show = print_line or partial(print, flush=True)
+        show(f"Open {url}\nOnly this computer can reach it. Ctrl-C ends it.")
         while True:
             time.sleep(3600)
 
 
 @contextmanager
-def live_window(url: str, say: Callable[[str], None]) -> Iterator[None]:
+def live_window(url: str, print_line: Callable[[str], None]) -> Iterator[None]:
     """Show a `LiveView` in rerun's own window, which stays open; report at the end of the block if it has failed.
 
     Args:
         url: of the live view.
-        say: receives that report.
+        print_line: receives that report.
     """
-    with tempfile.TemporaryFile() as words:
-        process = _window(["--connect", url], words)
+    with tempfile.TemporaryFile() as error_output:
+        process = _window(["--connect", url], error_output)
         yield
         if process.poll():
-            error = _failure(process.returncode, words, "snr run ... --web-view")
-            say(f"{error.message} {error.fix}")
+            error = _failure(process.returncode, error_output, "snr run ... --web-view")
+            print_line(f"{error.message} {error.fix}")
 
 
 def check_display(asked: str, instead: str) -> None:
@@ -102,9 +102,9 @@ def check_display(asked: str, instead: str) -> None:
         )
 
 
-def _window(what: list[str], words: IO[bytes]) -> subprocess.Popen[bytes]:
+def _window(what: list[str], error_output: IO[bytes]) -> subprocess.Popen[bytes]:
     command = [*viewer_command(), "--bind", LOOPBACK, "--port", "auto", *what]
-    return subprocess.Popen(command, env=viewer_environment(), stderr=words)
+    return subprocess.Popen(command, env=viewer_environment(), stderr=error_output)
 
 
 @contextmanager
@@ -144,7 +144,7 @@ class _PageHandler(BaseHTTPRequestHandler):
             if urlsplit(self.path).path == f"/{FILE_NAME}":
                 self._serve_file()
             else:
-                self._hand_on()
+                self._proxy()
         except (BrokenPipeError, ConnectionResetError):
             pass  # the page was closed or loaded again
 
@@ -160,7 +160,7 @@ class _PageHandler(BaseHTTPRequestHandler):
         self.end_headers()
         self.wfile.write(content)
 
-    def _hand_on(self) -> None:
+    def _proxy(self) -> None:
         try:
             with nullcontext(self.viewer_port) if self.viewer_port else _web_viewer() as port:
                 answer, body = self._ask(port)
@@ -168,7 +168,7 @@ class _PageHandler(BaseHTTPRequestHandler):
             self.send_error(502, f"the viewer does not answer: {error}")
             return
         self.send_response(answer.status)
-        for name in HANDED_ON:
+        for name in PROXIED_HEADERS:
             if value := answer.getheader(name):
                 self.send_header(name, value)
         self.send_header("Content-Length", str(len(body)))
@@ -185,7 +185,7 @@ class _PageHandler(BaseHTTPRequestHandler):
         finally:
             viewer.close()
 
-    def log_message(self, format: str, *args: object) -> None:
+    def log_message(self, format: str, *args: object) -> None:  # noqa: A002 (the name of the overridden method)
         """Log nothing: each of the page's requests would print a line in the student's terminal."""
 
 
@@ -229,7 +229,7 @@ def _wait_until_it_answers(process: subprocess.Popen[bytes], port: int) -> None:
         time.sleep(0.02)
     raise TraceError(
         "The rerun viewer did not start.",
-        fix="run 'rerun --version'; if that fails too, install it anew: pip install --force-reinstall rerun-sdk",
+        fix="run 'rerun --version'; if that fails too, reinstall it: pip install --force-reinstall rerun-sdk",
     )
 
 
@@ -246,11 +246,11 @@ def viewer_command() -> list[str]:
     It is the program itself if it is found: `python -m rerun_cli` only starts it, and leaves it running when ended.
 
     Raises:
-        MissingExtra: rerun is not installed.
+        MissingExtraError: rerun is not installed.
     """
     found = importlib.util.find_spec("rerun_cli")
     if found is None or found.origin is None:
-        raise MissingExtra("rerun-sdk", "view")
+        raise MissingExtraError("rerun-sdk", "view")
     program = Path(found.origin).with_name("rerun.exe" if sys.platform == "win32" else "rerun")
     return [str(program)] if program.is_file() else [sys.executable, "-m", "rerun_cli"]
 
@@ -265,22 +265,22 @@ def viewer_environment() -> dict[str, str]:
     return {"RUST_LOG": "error", **kept, "CI": "1"}
 
 
-def _wait_for(process: subprocess.Popen[bytes], words: IO[bytes]) -> None:
+def _wait_for(process: subprocess.Popen[bytes], error_output: IO[bytes]) -> None:
     try:
         status = process.wait()
     except KeyboardInterrupt:
         process.terminate()
         status = process.wait() and 0
     if status:
-        raise _failure(status, words, "snr view RUN --web")
+        raise _failure(status, error_output, "snr view RUN --web")
 
 
-def _failure(status: int, words: IO[bytes], instead: str) -> TraceError:
+def _failure(status: int, error_output: IO[bytes], instead: str) -> TraceError:
     """Return the error of a failed viewer, with the last line that it printed."""
-    words.seek(0)
-    lines = _COLOURS.sub("", words.read().decode(errors="replace")).split("\n")
+    error_output.seek(0)
+    lines = _COLOURS.sub("", error_output.read().decode(errors="replace")).split("\n")
     last = next((line.strip() for line in reversed(lines) if line.strip()), "nothing")
     return TraceError(
-        f"The viewer ended with status {status}; its last words: {last[:_MOST_CHARS]}",
+        f"The viewer ended with status {status}; its last words: {last[:_MAX_CHARS]}",
         fix=f"without a screen or a graphics driver of its own, show it in a browser: {instead}",
     )

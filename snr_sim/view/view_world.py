@@ -20,7 +20,7 @@ from snr_sim.recording.scene import (
     tether_frames,
 )
 from snr_sim.view.view_blueprint import Layout
-from snr_sim.view.view_sender import Sender, packed
+from snr_sim.view.view_sender import Sender, pack_colors
 
 FOLLOWER = "follower"  # entity that the close-up camera follows; not the robot's own camera
 THRUST_RGB = (255, 140, 30)
@@ -33,7 +33,7 @@ LABEL_RISE = 0.5  # height of a label above an object, as a fraction of the obje
 FLOW = "current"  # the arrow with this name is a velocity, not a force
 
 
-class World:
+class SceneSender:
     """Sender of the world of one run.
 
     Args:
@@ -54,7 +54,7 @@ class World:
 
     def send(self, batch: Batch) -> None:
         """Send the motion of everything in a batch."""
-        arrows = {name: (when, values) for name, when, values in batch.arrows()}
+        arrows = {name: (when, values) for name, when, values in batch.vectors()}
         for body, when, poses in batch.poses():
             self._send_poses(body, when, poses)
             for name, tether in self._tethers.items():
@@ -107,17 +107,17 @@ class World:
         kinds = {kind: [shape for shape in shapes if shape.get("kind") == kind] for kind in ("box", "polyline", "mesh")}
         if boxes := kinds["box"]:
             sizes, centers = [box["half_size_m"] for box in boxes], [box["center_m"] for box in boxes]
-            colors = packed([rgb_of(box) for box in boxes])
+            colors = pack_colors([rgb_of(box) for box in boxes])
             solid = rr.Boxes3D(half_sizes=sizes, centers=centers, colors=colors, fill_mode="solid")
             self._sender.log(entity, solid)
         if lines := kinds["polyline"]:
-            radii, colors = [line.get("radius_m", 0.1) for line in lines], packed([rgb_of(line) for line in lines])
+            radii, colors = [line.get("radius_m", 0.1) for line in lines], pack_colors([rgb_of(line) for line in lines])
             strips = rr.LineStrips3D([points_of(line).astype(np.float32) for line in lines], radii=radii, colors=colors)
             self._sender.log(entity, strips)
         if meshes := kinds["mesh"]:
             vertices, normals = meshes_with_normals(meshes)
             counts = [3 * len(mesh["triangles"]) for mesh in meshes]
-            colors = np.repeat(packed([rgb_of(mesh) for mesh in meshes]), counts)
+            colors = np.repeat(pack_colors([rgb_of(mesh) for mesh in meshes]), counts)
             mesh = rr.Mesh3D(
                 vertex_positions=vertices.astype(np.float32),
                 vertex_normals=normals.astype(np.float32),
@@ -129,7 +129,7 @@ class World:
         entity, positions = self._sender.entity("world", body), poses[:, :3]
         if ("poses", body) not in self._known:
             self._known.add(("poses", body))
-            self._see_body(body, entity, positions)
+            self._register_body(body, entity, positions)
         vectors = self._sender.vectors
         there = vectors("Transform3D:translation", positions)
         self._sender.send(entity, when, [there, vectors("Transform3D:quaternion", poses[:, 3:])])
@@ -141,7 +141,7 @@ class World:
             self._layout.low_m = np.minimum(self._layout.low_m, positions.min(axis=0)).tolist()
             self._layout.high_m = np.maximum(self._layout.high_m, positions.max(axis=0)).tolist()
 
-    def _see_body(self, body: str, entity: str, positions: Any) -> None:
+    def _register_body(self, body: str, entity: str, positions: Any) -> None:
         """Let the camera follow the first body; the others, such as legs, move with it."""
         if self._main_body:
             return
@@ -168,9 +168,9 @@ class World:
         pulls = np.zeros(len(poses))
         if pull is not None:
             pulls = np.interp(when.t_s, pull[0].t_s, np.linalg.norm(pull[1][:, 3:], axis=1))
-        share = np.minimum(1.0, pulls / HARD_PULL_N)[:, None]
-        rgb = np.array(SLACK_RGB) + share * (np.array(TAUT_RGB) - np.array(SLACK_RGB))
-        self._sender.send(entity, when, rr.LineStrips3D.columns(colors=packed(rgb)))
+        fraction = np.minimum(1.0, pulls / HARD_PULL_N)[:, None]
+        rgb = np.array(SLACK_RGB) + fraction * (np.array(TAUT_RGB) - np.array(SLACK_RGB))
+        self._sender.send(entity, when, rr.LineStrips3D.columns(colors=pack_colors(rgb)))
 
     def _send_arrows(self, name: str, when: When, arrows: Any) -> None:
         """Send a force, or the current, as an arrow whose tip is at the point where it acts."""
@@ -196,7 +196,7 @@ class World:
         """Mark broken thrusters at the points where their forces act."""
         for name in truths[-1].values if truths else ():
             thruster = name.removeprefix(BROKEN)
-            if thruster == name or thruster not in truths[-1].arrows:
+            if thruster == name or thruster not in truths[-1].vectors:
                 continue
             rr, entity = self._sender.rr, self._sender.entity("world", "broken", thruster)
             if ("broken", name) not in self._known:
@@ -205,7 +205,7 @@ class World:
                 style = rr.Points3D.from_fields(**look, labels=[f"{thruster} is broken"], show_labels=True)
                 self._sender.log(entity, style)
             broken = np.array([bool(truth.values.get(name)) for truth in truths])
-            spots = [truth.arrows[thruster][:3] for truth, is_so in zip(truths, broken, strict=True) if is_so]
+            spots = [truth.vectors[thruster][:3] for truth, is_so in zip(truths, broken, strict=True) if is_so]
             offsets = np.concatenate(([0], np.cumsum(broken))).astype(np.int32)
             self._sender.send(entity, When.of(truths), [self._sender.vectors("Points3D:positions", spots, offsets)])
 

@@ -13,19 +13,19 @@ from snr_sim.view.view_blueprint import (
     FAILURES,
     FLAGS,
     Layout,
-    Line,
+    PlotLine,
     blueprint,
     color_and_width,
+    display_units,
     name_and_unit,
-    shown_as,
 )
 from snr_sim.view.view_links import LinkReports, is_of_link
 from snr_sim.view.view_pages import PageContents
 from snr_sim.view.view_sender import Sender
-from snr_sim.view.view_world import World
+from snr_sim.view.view_world import SceneSender
 
 NOT_PLOTTED = ("number",)  # sequence numbers: straight lines without information
-DIVERGENCES_MARKED_MAX = 1_000
+MAX_DIVERGENCES_MARKED = 1_000
 DIVERGENCE_RGB = (255, 60, 60)
 
 Divergences: TypeAlias = Sequence[tuple[int, float, str]]
@@ -60,12 +60,12 @@ class Writer:
         self._links = LinkReports()
         self._contents = PageContents()
         self._send_run()
-        self._world = World(self._sender, header.scene, self.layout)
+        self._scene_sender = SceneSender(self._sender, header.scene, self.layout)
 
     def flush(self) -> None:
         """Send the records in the batch, and empty it."""
         batch = self.batch
-        self._world.send(batch)
+        self._scene_sender.send(batch)
         for series in batch.truth_values():
             self._send_series(("truth", *series.path), series, is_truth=True)
         for node, series in batch.page_values():
@@ -88,7 +88,7 @@ class Writer:
         seqs, times, texts = zip(*divergences, strict=True)
         when = When(np.array(seqs, np.int64), np.array(times, np.float64))
         self._send_log(("divergences",), LogRows(when, list(texts), ["WARN"] * len(texts)), at_top=True)
-        marked = when[:DIVERGENCES_MARKED_MAX]
+        marked = when[:MAX_DIVERGENCES_MARKED]
         marks = self._sender.rr.SeriesPoints(
             colors=DIVERGENCE_RGB, markers="diamond", marker_sizes=4.0, names="differs"
         )
@@ -99,34 +99,34 @@ class Writer:
     def _send_run(self) -> None:
         header = self._header
         lines = [f"# {title_of(header)}", "", "| | |", "|---|---|"]
-        for name in ("scenario", "seed", "robot", "controller", "engine", "io", "clock", "kit", "python", "platform"):
-            lines.append(f"| {name} | {getattr(header, name)} |")
+        names = ("scenario", "seed", "robot", "controller", "engine", "io", "clock", "version", "python", "platform")
+        lines += [f"| {name} | {getattr(header, name)} |" for name in names]
         lines += [f"| {name} | {version} |" for name, version in header.packages.items()]
         document = self._sender.rr.TextDocument("\n".join(lines), media_type="text/markdown")
         self._sender.log(self._sender.entity("run"), document)
 
     def _send_series(self, parts: tuple[str, ...], series: Series, is_truth: bool) -> None:
         if parts not in self._known:
-            self._see_series(parts, series, is_truth)
+            self._register_series(parts, series, is_truth)
         entity = self._sender.entity(*parts)
         self.layout.end_s = max(self.layout.end_s, float(series.when.t_s[-1]))
         factor = self._factors.get(parts)
         values = series.values if factor is None else factor * series.values
         self._sender.send(entity, series.when, [self._sender.numbers(values)])
         if series.is_flag and not is_of_link(series.path):
-            self._see_flag(entity, series)
+            self._track_flag(entity, series)
         if is_of_link(series.path) and not self._root:
             self._send_reports(parts[0], entity, series)
 
-    def _see_series(self, parts: tuple[str, ...], series: Series, is_truth: bool) -> None:
+    def _register_series(self, parts: tuple[str, ...], series: Series, is_truth: bool) -> None:
         self._known.add(parts)
-        name, unit, factor = shown_as(*name_and_unit(series.path))
+        name, unit, factor = display_units(*name_and_unit(series.path))
         if factor != 1.0:
             self._factors[parts] = factor
         legend = " ".join([*self._root, *(["true"] if is_truth else []), name])
         is_failure = is_truth and parts[1].startswith(BROKEN)
         plot = FAILURES if is_failure else FLAGS if series.is_flag else ""
-        line = Line(self._sender.entity(*parts), legend, unit, is_truth, plot, is_step=bool(plot))
+        line = PlotLine(self._sender.entity(*parts), legend, unit, is_truth, plot, is_step=bool(plot))
         color, width = color_and_width(line, self.layout.lines)
         if is_truth or self._is_plotted(parts):
             self.layout.lines.append(line)
@@ -143,7 +143,7 @@ class Writer:
             return key in self._header.commands.get(node, ())
         return not (parts[-1] in NOT_PLOTTED or is_of_link(parts[2:]) or self.batch.is_copy(node, key))
 
-    def _see_flag(self, entity: str, series: Series) -> None:
+    def _track_flag(self, entity: str, series: Series) -> None:
         """Note a flag that changes: then it is plotted."""
         first = self._flags.setdefault(entity, float(series.values[0]))
         if entity not in self.layout.changed_flags and bool((series.values != first).any()):
@@ -158,12 +158,12 @@ class Writer:
             if (entity, report.plot) not in self._known:
                 self._known.add((entity, report.plot))
                 is_step = report.series is None
-                line = Line(entity, f"{node} {report.name}", "", False, report.plot, is_step)
+                line = PlotLine(entity, f"{node} {report.name}", "", False, report.plot, is_step)
                 color, width = color_and_width(line, self.layout.lines)
                 self.layout.lines.append(line)
                 self._send_style(line, color, width)
 
-    def _send_style(self, line: Line, rgba: tuple[int, int, int, int], width: float) -> None:
+    def _send_style(self, line: PlotLine, rgba: tuple[int, int, int, int], width: float) -> None:
         """Send the style of a line."""
         mode = "StepAfter" if line.is_step else None
         style = self._sender.rr.SeriesLines(names=line.name, colors=rgba, widths=width, interpolation_mode=mode)

@@ -1,4 +1,4 @@
-"""Debian packages of another architecture or release, unpacked into a folder: nothing is installed, nobody is root.
+"""Debian packages of another architecture or release, unpacked into a folder: nothing is installed, no root needed.
 
 apt gets a state of its own (lists, cache, an empty list of installed packages) in a work folder, and takes packages
 from the mirror that this machine's apt uses.

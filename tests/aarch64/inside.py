@@ -19,7 +19,7 @@ import snr_sim.devices.pwm.pca9685
 import snr_sim.devices.pwm.pwm_loop
 import snr_sim.devices.pwm.sysfs_pwm
 import snr_sim.scenario.role_run
-from snr_sim.devices.pwm.mirror import MirrorPwm
+from snr_sim.devices.pwm.loopback import LoopbackPwm
 from snr_sim.prelude.device import PwmOut
 from snr_sim.testing.pwm_contract import check_pwm_out
 
@@ -45,7 +45,7 @@ def has_what_wires_need() -> str:
     return f"pyserial {serial.VERSION}, smbus2 {smbus2.__version__}, numpy {numpy.__version__}"
 
 
-def helps() -> str:
+def prints_help() -> str:
     """`snr --help` answers."""
     done = subprocess.run(["snr", "--help"], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -53,12 +53,12 @@ def helps() -> str:
     return f"{len(done.stdout.splitlines())} lines"
 
 
-def doctor_says_what_is_missing() -> str:
+def doctor_reports_missing() -> str:
     """`snr doctor` notes that there is no physics, which what drives hardware does not need, and misses nothing."""
     done = subprocess.run(["snr", "doctor", "--json"], capture_output=True, text=True)
     findings = json.loads(done.stdout)["findings"]
-    misses = [finding["what"] for finding in findings if not finding["is_well"]]
-    noted = [finding["what"] for finding in findings if finding["is_well"] and finding["fix"]]
+    misses = [finding["message"] for finding in findings if not finding["is_ok"]]
+    noted = [finding["message"] for finding in findings if finding["is_ok"] and finding["fix"]]
     assert (done.returncode, misses) == (0, []), misses
     assert any("mujoco" in what for what in noted), noted
     assert not any("Traceback" in json.dumps(finding) for finding in findings), findings
@@ -77,7 +77,7 @@ def the_vehicle_is_wired_without_physics() -> str:
 
     parameters = simulation.scenario.parameters(0)
     limits = ThrustCurve(*curve(parameters.nominal_v)[:2]).limits_n
-    allocation = Allocation(parameters.vehicle.thruster_matrix(), limits, first=parameters.first)
+    allocation = Allocation(parameters.vehicle.thruster_matrix(), limits, priority_axes=parameters.priority_axes)
     wrench = [10.0, -5.0, 20.0, 0.0, 0.0, 1.0]
     thrusts, share, _ = allocation.allocate(wrench)
     given = allocation.wrench_of(thrusts)
@@ -101,8 +101,8 @@ def the_vehicle_looks_for_its_real_devices() -> str:
     return "There is no I2C bus /dev/i2c-1, and what to do"
 
 
-class MirrorBench:
-    """Outputs that show what they are told, on a clock of their own."""
+class LoopbackBench:
+    """Outputs that read back the commanded pulses, on a clock of their own."""
 
     can_unplug = False
 
@@ -110,7 +110,7 @@ class MirrorBench:
         self.time_s = 0.0
 
     def open(self) -> PwmOut:
-        return MirrorPwm(self.now_s, 8)
+        return LoopbackPwm(self.now_s, 8)
 
     def now_s(self) -> float:
         return self.time_s
@@ -128,25 +128,25 @@ class MirrorBench:
         pass
 
 
-def the_mirror_keeps_the_promise_of_outputs() -> str:
+def loopback_passes_pwm_contract() -> str:
     """The conformance suite, on the backend that tutorials use."""
-    check_pwm_out(MirrorBench())
+    check_pwm_out(LoopbackBench())
     return "all of it"
 
 
 CHECKS: tuple[Callable[[], str], ...] = (
     imports_without_the_heavy_ones,
     has_what_wires_need,
-    helps,
-    doctor_says_what_is_missing,
+    prints_help,
+    doctor_reports_missing,
     the_vehicle_is_wired_without_physics,
     the_vehicle_looks_for_its_real_devices,
-    the_mirror_keeps_the_promise_of_outputs,
+    loopback_passes_pwm_contract,
 )
 
 if __name__ == "__main__":
     print(f"     Python {platform.python_version()} on {platform.machine()}", flush=True)
     for check in CHECKS:
         start_s = time.perf_counter()
-        said = check()
-        print(f"ok   {check.__name__.replace('_', ' ')}: {said} ({time.perf_counter() - start_s:.1f} s)", flush=True)
+        output = check()
+        print(f"ok   {check.__name__.replace('_', ' ')}: {output} ({time.perf_counter() - start_s:.1f} s)", flush=True)

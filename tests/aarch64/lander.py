@@ -7,10 +7,10 @@ import sys
 from pathlib import Path
 
 from snr_sim.recording.trace import FILE_NAME
-from snr_sim.scenario.flight import fly_recorded
 from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import run_recorded
 
 trace = Path(sys.argv[1]).absolute() / "lander" / FILE_NAME
 trace.parent.mkdir(parents=True, exist_ok=True)
-fly_recorded(prepare(Request("lander_pad", 0, "mujoco")), trace)
+run_recorded(prepare(Request("lander_pad", 0, "mujoco")), trace)
 print(trace)

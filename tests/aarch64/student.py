@@ -1,4 +1,4 @@
-"""A student's node with a fake depth sensor and outputs that show what they are told: the same on every computer.
+"""A student's node with a fake depth sensor and outputs that read back commands: the same on every computer.
 
     python student.py TRACE     runs 20 s in lock step, writes TRACE and prints how its records hash
 
@@ -14,7 +14,7 @@ from pathlib import Path
 
 from snr_sim import Config, Endpoint, EndpointFactory, Mode, SimClock, TaskType
 from snr_sim.devices.loops import SensorLoopFactory
-from snr_sim.devices.pwm.mirror import MirrorPwm
+from snr_sim.devices.pwm.loopback import LoopbackPwm
 from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
 from snr_sim.prelude.signals import DepthReading
 from snr_sim.scenario.program import record_program
@@ -58,7 +58,7 @@ config = Config(
         "sub": [
             SensorLoopFactory("depth", lambda: FakeSensor(dive()), RATE_HZ),
             HoldFactory(),
-            PwmLoopFactory("pwm", lambda: MirrorPwm(clock.now_s, 2), RATE_HZ),
+            PwmLoopFactory("pwm", lambda: LoopbackPwm(clock.now_s, 2), RATE_HZ),
         ]
     },
 )

@@ -34,8 +34,8 @@ SECRET = b"the secret of these tests"
 
 
 # Modules of the kit that most copies need are imported here once: importing them in each took a tenth of the CPU time.
-# For each command it is told: a copy of itself, which does what Python would be started with. With the command come two
-# descriptors: the line to answer on, which the command knows by its number, and where prints go.
+# It runs each command in a copy of itself, as if Python were started with it. Each command comes with two descriptors:
+# the line to answer on, which the command knows by its number, and where prints go.
 WARM = """
 import os, signal, socket, struct, sys
 sys.path[:] = {path!r}
@@ -45,7 +45,7 @@ from snr_sim.core import lockstep, runners
 from snr_sim.devices import simulated
 from snr_sim.devices.sensors import camera
 from snr_sim.devices.sensors import echo_sounder
-from snr_sim.devices.sensors import hull_watch
+from snr_sim.devices.sensors import hull_sensors
 from snr_sim.devices.sensors import imu
 from snr_sim.devices.sensors import ms5837
 from snr_sim.grading.remote import child
@@ -86,13 +86,13 @@ class WarmProcess:
         there.close()
 
     def copy(self, folder: Path, command: str, line: int, output: int) -> int:
-        """Returns the number of a copy that does this, in this folder."""
+        """Return the number of a copy that does this, in this folder."""
         socket.send_fds(self.socket, ["\0".join((str(folder), str(line), command)).encode()], [line, output])
         number: int = struct.unpack("i", self.socket.recv(4))[0]
         return number
 
     def close(self) -> None:
-        """Ends it."""
+        """End it."""
         self.process.kill()
         self.process.communicate()
         self.socket.close()
@@ -106,14 +106,14 @@ class Copy:
         self.stdout = io.FileIO(output)
 
     def poll(self) -> int | None:
-        """It is no child of this process, so nobody here hears how it ended."""
+        """Return None: it is not a child of this process, so its exit status is unknown."""
         return None
 
     def wait(self, timeout_s: float = 0.0) -> None:
-        """There is nothing to wait for: whoever kills it is obeyed by the kernel."""
+        """Do nothing: after SIGKILL the kernel ends it."""
 
     def kill(self) -> None:
-        """Ends it."""
+        """End it."""
         with suppress(ProcessLookupError):
             os.kill(self.pid, signal.SIGKILL)
 
@@ -130,10 +130,10 @@ def warm_children(warm: WarmProcess, monkeypatch: pytest.MonkeyPatch) -> None:
     """Has the grader's student processes be copies of the warm one."""
 
     def popen(command: list[str], cwd: Path, pass_fds: tuple[int], **_: Any) -> Copy:
-        heard, said = os.pipe()
-        number = warm.copy(cwd, command[-1], pass_fds[0], said)
-        os.close(said)
-        return Copy(number, heard)
+        reader, writer = os.pipe()
+        number = warm.copy(cwd, command[-1], pass_fds[0], writer)
+        os.close(writer)
+        return Copy(number, reader)
 
     class Subprocess:
         """`subprocess` as `launch` sees it."""
@@ -144,48 +144,50 @@ def warm_children(warm: WarmProcess, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def one_hidden(check: Check) -> Check:
-    """Returns a check with one of its hidden cases, and no others."""
+    """Return a check with one of its hidden cases, and no others."""
     draw = check.hidden
     assert draw is not None
     return replace(check, visible=(), hidden=lambda rng: draw(rng)[:1])
 
 
 class Mark(NamedTuple):
-    """What a submission came to: points that each check has cost, and all that the student is told."""
+    """Result of a submission: the points that each check has cost, and the feedback for the student."""
 
     lost: dict[str, float]
-    told: str
+    feedback: str
 
 
 @pytest.fixture
 def mark(tmp_path: Path, warm_children: None) -> Callable[..., Mark]:
     """Return a function that grades a lab's reference, or a mistake of its table, or its starter alone.
 
-    `flown` is a check whose cases are flights, which take long: of these one that is hidden is enough.
+    `single_hidden` is a check whose cases are flights, which take long: of these one that is hidden is enough.
     """
 
-    def mark(lab: str, mistake: str = "", *, starter: bool = False, is_hidden: bool = False, flown: str = "") -> Mark:
+    def mark(
+        lab: str, mistake: str = "", *, starter: bool = False, is_hidden: bool = False, single_hidden: str = ""
+    ) -> Mark:
         handed_in = tmp_path / "handed_in"
         if starter:
             write_starter(lab, handed_in)
         else:
             write_solution(lab, handed_in, mistake)
         checks = find_lab(lab)
-        checks.checks = tuple(one_hidden(check) if check.name == flown else check for check in checks.checks)
+        checks.checks = tuple(one_hidden(check) if check.name == single_hidden else check for check in checks.checks)
         graded = grade_submission(checks, handed_in, SECRET if is_hidden else None, isolation="none")
         assert graded.status == "graded", graded.error
         cases = [case for check in graded.checks for case in check.cases if not case.is_passed]
-        told = "\n".join(text for case in cases for text in (case.hint, case.error, case.actual))
-        lost = {one.name: round(one.of - one.points, 3) for one in graded.checks if not one.is_passed}
-        assert "Traceback" not in told
-        return Mark(lost, told)
+        feedback = "\n".join(text for case in cases for text in (case.hint, case.error, case.actual))
+        lost = {one.name: round(one.max_points - one.points, 3) for one in graded.checks if not one.is_passed}
+        assert "Traceback" not in feedback
+        return Mark(lost, feedback)
 
     return mark
 
 
 @pytest.fixture
 def type_page(tmp_path: Path) -> Callable[..., dict[str, str]]:
-    """Returns a function that types every command of a page's shell blocks, and checks its exit status.
+    """Return a function that types every command of a page's shell blocks, and checks its exit status.
 
     It must be 0, or what the remark behind the command says: "# exit status 1: ...". `after` names what is done after
     the first command that holds a text. Returns what each command printed, errors last.
@@ -207,8 +209,12 @@ def type_page(tmp_path: Path) -> Callable[..., dict[str, str]]:
                 # A view for each run would take long.
                 line = re.sub(r"^snr (run|resim) (?!.*--no-rrd)", r"snr \1 --no-rrd ", command.strip())
                 done = subprocess.run(line, shell=True, cwd=tmp_path, env=environment, capture_output=True, text=True)
-                said = re.search(r"exit status (\d)", remark)
-                assert done.returncode == (int(said[1]) if said else 0), (command, done.stdout, done.stderr)
+                expected_status = re.search(r"exit status (\d)", remark)
+                assert done.returncode == (int(expected_status[1]) if expected_status else 0), (
+                    command,
+                    done.stdout,
+                    done.stderr,
+                )
                 printed[command.strip()] = done.stdout + done.stderr
                 for text in [text for text in left if text in command]:
                     left.pop(text)(tmp_path)
@@ -220,7 +226,7 @@ def type_page(tmp_path: Path) -> Callable[..., dict[str, str]]:
 
 @pytest.fixture
 def leave_out(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
-    """Returns a function that has some checks not tried: flights take long, and most mistakes show without."""
+    """Return a function that has some checks not tried: flights take long, and most mistakes show without."""
 
     def leave_out(*names: str) -> None:
         def load(path: Path) -> Lab:

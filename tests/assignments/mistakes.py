@@ -51,7 +51,7 @@ def replace(file: str, old: str, new: str) -> Change:
 
 
 def write(file: str, content: str | bytes) -> Change:
-    """Return a change that writes a whole file, for what is not a variant of the reference's file."""
+    """Return a change that writes a whole file, for content unrelated to the reference's file."""
     data = content.encode() if isinstance(content, str) else content
 
     def change(folder: Path) -> None:

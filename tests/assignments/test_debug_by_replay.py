@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from snr_sim.grading.lab.lab import find_lab
-from snr_sim.scenario.flight import Flight
 from snr_sim.scenario.simulation import Request, Simulation, prepare
+from snr_sim.scenario.simulation_run import SimulationRun
 from tests.assignments.debug_by_replay.mistakes import MISTAKES
 
 LAB = "09_debug_by_replay"
@@ -18,21 +18,21 @@ PAGE = Path(__file__).parents[2] / "assignments" / LAB / "README.md"
 HERE = Path(__file__).parent / "debug_by_replay"
 
 
-def test_all_commands_of_the_page_do_what_it_says(type_page: Callable[..., dict[str, str]]) -> None:
+def test_commands_of_page_have_documented_results(type_page: Callable[..., dict[str, str]]) -> None:
     def repair(folder: Path) -> None:
         shutil.copy(HERE / "reference" / "findings.toml", folder / "debug_lab")
 
     printed = type_page(PAGE, {"--name engine": repair})
-    assert "crashed" in next(said for command, said in printed.items() if "failed.py" in command)
-    assert "component estimator" in next(said for command, said in printed.items() if "only_1.py" in command)
-    assert "landed" in next(said for command, said in printed.items() if "resim" in command)
+    assert "crashed" in next(output for command, output in printed.items() if "failed.py" in command)
+    assert "component estimator" in next(output for command, output in printed.items() if "only_1.py" in command)
+    assert "landed" in next(output for command, output in printed.items() if "resim" in command)
 
 
-def test_the_reference_gets_all_points_on_hidden_cases_too(mark: Callable[..., Any]) -> None:
+def test_reference_gets_all_points_on_hidden_cases(mark: Callable[..., Any]) -> None:
     assert mark(LAB, is_hidden=True) == ({}, "")
 
 
-def test_the_reference_has_a_margin_from_fifty_starts_and_each_mistake_breaks_a_rule() -> None:
+def test_reference_has_margin_on_50_seeds_and_mistakes_break_rules() -> None:
     checks = sys.modules[find_lab(LAB).checks[0].function.__module__]
     for repairs in ("1,2,3", "1,2", "1,3", "2,3"):
         request = Request(
@@ -58,19 +58,19 @@ def descent(simulation: Simulation, low_m: float) -> tuple[float, float]:
         if values["altitude_m"] < low_m:
             speeds.append(-values["vertical_mps"])
 
-    result = Flight(simulation, plant, simulation.config(plant), on_advance=look).run()
+    result = SimulationRun(simulation, plant, simulation.config(plant), on_advance=look).run()
     return abs(result.metrics["touchdown"]["vertical_mps"]), max(speeds)
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-def test_a_wrong_solution_loses_its_own_points(mark: Callable[..., Any], name: str) -> None:
+def test_wrong_solution_loses_listed_points(mark: Callable[..., Any], name: str) -> None:
     found = mark(LAB, name)
     assert found.lost == MISTAKES[name].lost
-    assert MISTAKES[name].hint in found.told
+    assert MISTAKES[name].hint in found.feedback
 
 
-def test_the_starter_fails_politely(mark: Callable[..., Any]) -> None:
+def test_starter_fails_with_hints(mark: Callable[..., Any]) -> None:
     found = mark(LAB, starter=True)
     assert sum(found.lost.values()) == 95.0
-    assert "Finding 1 has no repair yet" in found.told
-    assert "it crashed" in found.told
+    assert "Finding 1 has no repair yet" in found.feedback
+    assert "the outcome was 'crashed', not 'landed'" in found.feedback

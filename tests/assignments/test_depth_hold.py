@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from snr_sim.scenario.flight import Flight
 from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import SimulationRun
 from tests.assignments.depth_hold.mistakes import MISTAKES
 
 LAB = "02_depth_hold"
@@ -23,34 +23,34 @@ REFERENCE = Path(__file__).parent / "depth_hold" / "reference"
 SPREAD = {"settling_s": (2.72, 0.48, 6.5), "overshoot": (0.046, 0.024, 0.20), "steady_error_m": (0.022, 0.008, 0.10)}
 
 
-def test_the_reference_gets_all_points(mark: Callable[..., Any]) -> None:
-    result = mark(LAB, is_hidden=True, flown="holds")
-    assert result.lost == {}, result.told
+def test_reference_gets_all_points(mark: Callable[..., Any]) -> None:
+    result = mark(LAB, is_hidden=True, single_hidden="holds")
+    assert result.lost == {}, result.feedback
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-def test_each_mistake_loses_its_own_points_and_is_named(name: str, mark: Callable[..., Any]) -> None:
-    result = mark(LAB, name, is_hidden=True, flown="holds")
-    assert result.lost == pytest.approx(MISTAKES[name].lost, abs=0.001), result.told
-    assert MISTAKES[name].hint in result.told
+def test_wrong_solution_loses_listed_points_and_gets_hint(name: str, mark: Callable[..., Any]) -> None:
+    result = mark(LAB, name, is_hidden=True, single_hidden="holds")
+    assert result.lost == pytest.approx(MISTAKES[name].lost, abs=0.001), result.feedback
+    assert MISTAKES[name].hint in result.feedback
 
 
-def test_the_starter_runs_and_is_told_where_to_begin(mark: Callable[..., Any]) -> None:
-    assert "Your work begins in up_force_n" in mark(LAB, starter=True).told
+def test_starter_runs_and_gets_first_hint(mark: Callable[..., Any]) -> None:
+    assert "Start with up_force_n" in mark(LAB, starter=True).feedback
 
 
 def dive(file: Path, seed: int) -> dict[str, Any]:
     """The metrics of one dive."""
     simulation = prepare(Request("urov_tank", seed=seed, controller=str(file)))
     plant = simulation.plant()
-    result = Flight(simulation, plant, simulation.config(plant)).run()
+    result = SimulationRun(simulation, plant, simulation.config(plant)).run()
     assert not result.error
     return result.metrics
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [2, pytest.param(60, marks=pytest.mark.nightly)])
-def test_each_limit_is_five_standard_deviations_from_what_the_reference_does(count: int, tmp_path: Path) -> None:
+def test_limits_are_5_sigma_from_reference(count: int, tmp_path: Path) -> None:
     shutil.copytree(FOLDER / "starter", tmp_path, dirs_exist_ok=True)
     shutil.copytree(REFERENCE, tmp_path, dirs_exist_ok=True)
     found = [dive(tmp_path / "depth_hold.py", seed) for seed in range(1, count + 1)]
@@ -62,12 +62,12 @@ def test_each_limit_is_five_standard_deviations_from_what_the_reference_does(cou
             assert limit > fmean(values) + 5.0 * pstdev(values), name
 
 
-def test_the_picture_and_the_files_that_the_page_names_are_there() -> None:
+def test_picture_and_files_of_page_exist() -> None:
     text = (FOLDER / "README.md").read_text()
     for name in re.findall(r"\]\((pictures/[^)]*)\)", text):
         assert (FOLDER / name).is_file(), name
 
 
-def test_what_needs_no_change_is_the_same_as_in_the_lab_that_goes_on_from_here() -> None:
+def test_unchanged_files_equal_those_of_lab_8() -> None:
     other = FOLDER.parent / "08_sim_to_pi" / "starter" / "telling.py"
     assert (FOLDER / "starter" / "telling.py").read_bytes() == other.read_bytes()

@@ -17,14 +17,14 @@ HERE = Path(__file__).parent
 LABS = sorted((HERE.parents[1] / "assignments").glob("[0-9]*"))
 
 
-def test_there_are_ten_and_one() -> None:
+def test_eleven_labs_exist() -> None:
     assert [int(lab.name[:2]) for lab in LABS] == list(range(1, 12))
     listed = (LABS[0].parent / "README.md").read_text()
     assert [lab.name for lab in LABS if f"({lab.name}/README.md)" not in listed] == []
 
 
 @pytest.mark.parametrize("lab", LABS, ids=lambda lab: lab.name)
-def test_its_page_says_what_for_how_long_and_what_each_check_is_worth(lab: Path) -> None:
+def test_page_contains_goal_duration_and_points(lab: Path) -> None:
     text = (lab / "README.md").read_text()
     for part in ("**Goal.**", "3 to 5 hours", "**You need**", "## The idea", "## What to do", "## How it is graded"):
         assert part in text, part
@@ -33,7 +33,7 @@ def test_its_page_says_what_for_how_long_and_what_each_check_is_worth(lab: Path)
 
 
 @pytest.mark.parametrize("lab", LABS, ids=lambda lab: lab.name)
-def test_it_has_what_is_wanted_a_solution_of_it_and_four_wrong_ones_that_are_tried(lab: Path) -> None:
+def test_lab_has_files_reference_and_four_tested_mistakes(lab: Path) -> None:
     name = lab.name.partition("_")[2]
     assert [file for file in find_lab(lab.name).files if not (lab / "starter" / file).is_file()] == []
     assert any((HERE / name).glob("reference/*"))
@@ -57,7 +57,7 @@ def texts(module: ModuleType) -> set[str]:
 
 
 @pytest.mark.parametrize("lab", LABS, ids=lambda lab: lab.name)
-def test_its_hidden_cases_are_not_those_that_students_see_and_follow_from_the_secret(lab: Path) -> None:
+def test_hidden_cases_differ_from_visible_and_depend_on_secret(lab: Path) -> None:
     drawn = [check for check in find_lab(lab.name).checks if check.hidden is not None]
     assert sum(check.points for check in drawn) >= 40.0
     for check in drawn:

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from snr_sim.scenario.flight import Flight
 from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import SimulationRun
 from tests.assignments.hello_thruster.mistakes import MISTAKES
 
 LAB = "01_hello_thruster"
@@ -25,28 +25,28 @@ STARTER = FOLDER / "starter" / "hello_thruster.py"
 SPREAD = {"down_m": (2.170, 0.095, 1.0), "ahead_m": (0.568, 0.009, 0.4), "up_m": (1.176, 0.061, 0.4)}
 
 
-def test_the_reference_gets_all_points(mark: Callable[..., Any]) -> None:
-    result = mark(LAB, is_hidden=True, flown="dives")
-    assert result.lost == {}, result.told
+def test_reference_gets_all_points(mark: Callable[..., Any]) -> None:
+    result = mark(LAB, is_hidden=True, single_hidden="dives")
+    assert result.lost == {}, result.feedback
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-def test_each_mistake_loses_its_own_points_and_is_named(name: str, mark: Callable[..., Any]) -> None:
-    result = mark(LAB, name, is_hidden=True, flown="dives")
-    assert result.lost == pytest.approx(MISTAKES[name].lost, abs=0.001), result.told
-    assert MISTAKES[name].hint in result.told
+def test_wrong_solution_loses_listed_points_and_gets_hint(name: str, mark: Callable[..., Any]) -> None:
+    result = mark(LAB, name, is_hidden=True, single_hidden="dives")
+    assert result.lost == pytest.approx(MISTAKES[name].lost, abs=0.001), result.feedback
+    assert MISTAKES[name].hint in result.feedback
 
 
-def test_the_starter_runs_and_is_told_where_to_begin(mark: Callable[..., Any]) -> None:
-    assert "Your work begins in pulses_us" in mark(LAB, starter=True).told
+def test_starter_runs_and_gets_first_hint(mark: Callable[..., Any]) -> None:
+    assert "Start with pulses_us" in mark(LAB, starter=True).feedback
 
 
-def test_every_command_of_the_page_does_what_it_says(type_page: Callable[..., dict[str, str]]) -> None:
+def test_commands_of_page_have_documented_results(type_page: Callable[..., dict[str, str]]) -> None:
     def solved(here: Path) -> None:
         shutil.copy(REFERENCE, here / "hello_thruster")
 
     printed = type_page(FOLDER / "README.md", after={"--out hello_thruster/first": solved})
-    assert any("went down by 0.00 m" in said for said in printed.values())
+    assert any("descended only 0.00 m of the required 1 m" in output for output in printed.values())
 
 
 def concepts(source: str) -> set[str]:
@@ -90,33 +90,31 @@ def lines_of_code(source: str) -> set[int]:
     return code - texts
 
 
-def test_the_starter_has_at_most_four_new_concepts() -> None:
-    assert concepts(STARTER.read_text()) == {"Endpoint", "TaskType", "wired", "factories"}
+def test_starter_has_at_most_four_new_concepts() -> None:
+    assert concepts(STARTER.read_text()) == {"Endpoint", "handles", "wired", "factories"}
 
 
-def test_four_fifths_of_the_starters_lines_are_first_course_python() -> None:
+def test_four_fifths_of_starter_lines_are_beginner_python() -> None:
     source = STARTER.read_text()
     beyond, code = lines_beyond_a_first_course(source), lines_of_code(source)
     assert beyond < code
     assert len(beyond) <= 0.2 * len(code), [source.splitlines()[number - 1] for number in sorted(beyond)]
 
 
-def test_what_is_beyond_a_first_course_is_seen() -> None:
+def test_advanced_python_is_detected() -> None:
     assert lines_beyond_a_first_course("a = 1\nclass B(C):\n    d = [e for e in a]\n    f = self.g\n") == {2, 3, 4}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [1, pytest.param(25, marks=pytest.mark.nightly)])
-def test_each_limit_of_a_dive_is_ten_standard_deviations_from_what_the_reference_does(
-    count: int, tmp_path: Path
-) -> None:
+def test_dive_limits_are_10_sigma_from_reference(count: int, tmp_path: Path) -> None:
     shutil.copytree(FOLDER / "starter", tmp_path, dirs_exist_ok=True)
     shutil.copy(REFERENCE, tmp_path)
     found = []
     for seed in range(100, 100 + count):
         simulation = prepare(Request("urov_sticks", seed=seed, controller=str(tmp_path / "hello_thruster.py")))
         plant = simulation.plant()
-        found.append(Flight(simulation, plant, simulation.config(plant)).run().metrics)
+        found.append(SimulationRun(simulation, plant, simulation.config(plant)).run().metrics)
     assert [one["disarmed_n"] for one in found] == [0.0] * count
     for name, (mean, sd, limit) in SPREAD.items():
         values = [one[name] for one in found]
@@ -126,7 +124,7 @@ def test_each_limit_of_a_dive_is_ten_standard_deviations_from_what_the_reference
             assert limit < fmean(values) - 10.0 * pstdev(values), name
 
 
-def test_the_picture_and_the_files_that_the_page_names_are_there() -> None:
+def test_picture_and_files_of_page_exist() -> None:
     text = (FOLDER / "README.md").read_text()
     for name in re.findall(r"\]\((pictures/[^)]*)\)", text):
         assert (FOLDER / name).is_file(), name

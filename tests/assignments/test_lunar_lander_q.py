@@ -1,6 +1,6 @@
 """The lab "lunar lander: Q-learning": its reference gets all points, each wrong solution loses those of its mistake.
 
-How sure its reference is of its points (`learning.train` and `fly` over seeds that no test has):
+How sure its reference is of its points (`learning.train` and `simulate_landings` over seeds that no test has):
 
 - `lands` asks for 95 of 100: policy.npz landed 10 000 of 10 000 starts; `is_sturdy` asks for 75: it landed 10 000 of
   10 000 in each of its four worlds. So at most 3 in 10 000 fail (95 % sure), and 6 of 100 less than once in 1e11.
@@ -23,7 +23,7 @@ import pytest
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab.lab import load_lab
 from snr_sim.grading.lab.student import Student
-from snr_sim.grading.lab.verdicts import Misbehaved
+from snr_sim.grading.lab.verdicts import SubmissionError
 from snr_sim.grading.reports.results import Graded
 from snr_sim.learning.q_table import QTable
 from snr_sim.scenario.library import load_program
@@ -49,48 +49,48 @@ def graded(folder: Path, secret: bytes | None = None) -> Graded:
 
 
 def lost(result: Graded) -> dict[str, float]:
-    return {check.name: check.of - check.points for check in result.checks if check.points < check.of}
+    return {check.name: check.max_points - check.points for check in result.checks if check.points < check.max_points}
 
 
-def told(result: Graded) -> str:
+def messages(result: Graded) -> str:
     return "\n".join(f"{case.hint} {case.error}" for check in result.checks for case in check.cases)
 
 
 def handed_in(folder: Path, secret: bytes | None = None) -> dict[str, Any]:
     """What each check that looks at policy.npz alone says, of all its cases."""
-    lab, said = load_lab(LAB / "checks.py"), {}
+    lab, found = load_lab(LAB / "checks.py"), {}
     for check in lab.checks:
         if check.name in HANDED_IN:
             fractions, words = [], []
             for case in check.cases("10_lunar_lander_q", secret):
                 student = Student(folder)
                 try:
-                    verdict = check.judge(student, case)
+                    verdict = check.evaluate(student, case)
                     fractions.append(verdict.fraction)
                     words.append(verdict.hint)
-                except Misbehaved as wrong:
+                except SubmissionError as wrong:
                     fractions.append(0.0)
                     words.append(f"{wrong.message} {wrong.hint}")
                 finally:
                     student.close()
-            said[check.name] = (sum(fractions) / len(fractions), " ".join(words))
-    return said
+            found[check.name] = (sum(fractions) / len(fractions), " ".join(words))
+    return found
 
 
-def test_the_reference_gets_all_points_also_of_hidden_cases() -> None:
+def test_reference_gets_all_points_of_hidden_cases() -> None:
     result = graded(REFERENCE, b"secret")
     assert (result.status, lost(result), result.points) == ("graded", {}, 100.0)
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_a_wrong_solution_loses_the_points_of_its_mistake_and_is_told_it(name: str, tmp_path: Path) -> None:
+def test_mistake_loses_its_points_and_gets_its_hint(name: str, tmp_path: Path) -> None:
     result = graded(submission(tmp_path, name))
     assert result.status == "graded"
     assert lost(result) == WRONG[name].lost
-    assert WRONG[name].hint in told(result)
+    assert WRONG[name].hint in messages(result)
 
 
-def test_numbers_that_numpy_has_made_are_numbers(tmp_path: Path) -> None:
+def test_numpy_numbers_are_accepted(tmp_path: Path) -> None:
     file = submission(tmp_path) / "q_lander.py"
     wrapped = "import numpy as np\nSTATES = np.int64(STATES)\n"
     for name, kind in (("encode", "int64"), ("choose", "int32"), ("reward", "float32"), ("epsilon", "float32")):
@@ -101,26 +101,29 @@ def test_numbers_that_numpy_has_made_are_numbers(tmp_path: Path) -> None:
         wrapped += f"    {place} = np.{kind}({place})\n"
     file.write_text(f"{file.read_text()}\n\n{wrapped}")
     result = graded(tmp_path)
-    assert (lost(result), told(result).strip()) == ({}, "")
+    assert (lost(result), messages(result).strip()) == ({}, "")
 
 
-def test_the_kits_own_learning_is_not_imported_and_the_line_is_told(tmp_path: Path) -> None:
+def test_import_of_snr_sim_learning_is_rejected_with_line(tmp_path: Path) -> None:
     file = submission(tmp_path) / "q_lander.py"
-    file.write_text("from snr_sim.learning.tabular import Learner\n" + file.read_text())
+    file.write_text("from snr_sim.learning.tabular import TabularLearner\n" + file.read_text())
     result = graded(tmp_path)
-    assert result.points == 40.0  # for policy.npz, which is read and flown here
-    assert "q_lander.py, line 1: imports snr_sim.learning.tabular.Learner, but it is this lab, solved." in told(result)
+    assert result.points == 40.0  # for policy.npz, which is read and simulated here
+    assert (
+        "q_lander.py, line 1: imports snr_sim.learning.tabular.TabularLearner, but it is this lab, solved."
+        in messages(result)
+    )
 
 
 @pytest.mark.parametrize("name", CHEATS)
-def test_who_learns_nothing_lands_nothing(name: str, tmp_path: Path) -> None:
+def test_submission_without_learning_gets_no_landing_points(name: str, tmp_path: Path) -> None:
     result = graded(submission(tmp_path, name))
     assert result.status == "graded"
     assert lost(result) == CHEATS[name].lost
-    assert CHEATS[name].hint in told(result)
+    assert CHEATS[name].hint in messages(result)
 
 
-def test_a_policy_that_was_trained_on_the_visible_starts_lands_those_alone_and_is_told_so(tmp_path: Path) -> None:
+def test_policy_overfitted_to_visible_starts_fails_hidden_ones(tmp_path: Path) -> None:
     submission(tmp_path, "trained_on_the_test")
     assert handed_in(tmp_path)["lands"] == (1.0, "")
     share, words = handed_in(tmp_path, b"secret")["lands"]
@@ -143,26 +146,24 @@ def rewritten(path: Path, **changed: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("spoil", "words"),
+    ("corrupt", "words"),
     [
-        (pickled, "Whoever opens a pickle runs what is in it"),
+        (pickled, "Loading a pickle can run any code"),
         (cut, "copy all of it"),
         (lambda path: rewritten(path, values=np.full((7360, 4), np.nan)), "not finite"),
         (lambda path: rewritten(path, values=np.zeros((63, 4))), "is float64 of shape (63, 4)"),
         (lambda path: rewritten(path, more=np.zeros(200_000)), "less than 1000000 bytes"),
-        (lambda path: path.write_text("no table"), "no npz file"),
+        (lambda path: path.write_text("no table"), "is not a complete npz file"),
     ],
 )
-def test_a_policy_that_is_none_is_told_and_loses_what_it_would_have_flown(
-    spoil: Any, words: str, tmp_path: Path
-) -> None:
-    spoil(submission(tmp_path) / "policy.npz")
-    said = handed_in(tmp_path)
-    assert {name: share for name, (share, _) in said.items()} == dict.fromkeys(HANDED_IN, 0.0)
-    assert words in said["policy_file"][1]
+def test_invalid_policy_file_is_reported_and_loses_its_points(corrupt: Any, words: str, tmp_path: Path) -> None:
+    corrupt(submission(tmp_path) / "policy.npz")
+    found = handed_in(tmp_path)
+    assert {name: share for name, (share, _) in found.items()} == dict.fromkeys(HANDED_IN, 0.0)
+    assert words in found["policy_file"][1]
 
 
-def test_an_update_that_makes_rows_longer_is_told_and_is_no_fault_of_the_lab(tmp_path: Path) -> None:
+def test_update_that_resizes_rows_is_submission_error(tmp_path: Path) -> None:
     file = submission(tmp_path) / "q_lander.py"
     file.write_text(
         file.read_text().replace(
@@ -172,13 +173,13 @@ def test_an_update_that_makes_rows_longer_is_told_and_is_no_fault_of_the_lab(tmp
     (check,) = [one for one in load_lab(LAB / "checks.py").checks if one.name == "updates"]
     student = Student(tmp_path)
     try:
-        with pytest.raises(Misbehaved, match="larger or smaller"):
-            check.judge(student, check.cases("10_lunar_lander_q", None)[0])
+        with pytest.raises(SubmissionError, match="larger or smaller"):
+            check.evaluate(student, check.cases("10_lunar_lander_q", None)[0])
     finally:
         student.close()
 
 
-def test_a_pickle_is_not_opened(tmp_path: Path) -> None:
+def test_pickle_is_not_opened(tmp_path: Path) -> None:
     class Payload:
         def __reduce__(self) -> tuple[Any, ...]:
             return (Path.touch, (tmp_path / "ran",))
@@ -187,18 +188,18 @@ def test_a_pickle_is_not_opened(tmp_path: Path) -> None:
         (submission(tmp_path) / "policy.npz").write_bytes(data)
         assert handed_in(tmp_path)["policy_file"][0] == 0.0
     np.savez(tmp_path / "policy.npz", about=np.array([Payload()], object), values=1, visits=1)
-    assert "no table of action values" in handed_in(tmp_path)["policy_file"][1]
+    assert "is not a table of action values" in handed_in(tmp_path)["policy_file"][1]
     assert not (tmp_path / "ran").exists()
 
 
-def test_without_a_policy_what_the_file_learns_here_flies(tmp_path: Path) -> None:
+def test_missing_policy_is_replaced_by_trained_one(tmp_path: Path) -> None:
     (submission(tmp_path) / "policy.npz").unlink()
-    said = handed_in(tmp_path)
-    assert said["policy_file"][0] == 0.0
-    assert said["lands"][0] > 0.9
+    found = handed_in(tmp_path)
+    assert found["policy_file"][0] == 0.0
+    assert found["lands"][0] > 0.9
 
 
-def test_the_starter_learns_nothing_says_so_and_is_told_what_it_lacks(tmp_path: Path) -> None:
+def test_starter_learns_nothing_and_gets_hints(tmp_path: Path) -> None:
     shutil.copytree(LAB / "starter", tmp_path, dirs_exist_ok=True)
     done = subprocess.run([sys.executable, tmp_path / "learn.py"], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
@@ -214,41 +215,41 @@ def test_the_starter_learns_nothing_says_so_and_is_told_what_it_lacks(tmp_path: 
     assert not [case["error"] for check in result["checks"] for case in check["cases"] if case.get("error")]
 
 
-def test_the_reference_learns_at_home_and_its_policy_flies_in_a_node(tmp_path: Path) -> None:
+def test_reference_trains_at_home_and_lands_in_node(tmp_path: Path) -> None:
     shutil.copytree(LAB / "starter", tmp_path, dirs_exist_ok=True)
     shutil.copy(REFERENCE / "q_lander.py", tmp_path)
     done = subprocess.run([sys.executable, tmp_path / "learn.py", "--seed", "2"], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     command = done.stdout.splitlines()[-1].split()
     assert command[:4] == ["snr", "run", "lander_vertical", "--seed"]
-    flown = subprocess.run(
+    ran = subprocess.run(
         [sys.executable, "-m", "snr_sim", *command[1:], "--no-rrd", "--out", tmp_path / "runs"],
         capture_output=True,
         text=True,
     )
-    assert flown.returncode == 0, flown.stderr
+    assert ran.returncode == 0, ran.stderr
     (run,) = (tmp_path / "runs").iterdir()
     again = subprocess.run([sys.executable, "-m", "snr_sim", "replay", run, "--check"], capture_output=True, text=True)
     assert again.returncode == 0, again.stdout + again.stderr
 
 
-def test_a_file_is_trained_alike_apart_and_here_and_training_keeps_to_its_budget() -> None:
+def test_training_in_child_equals_local_and_keeps_budget() -> None:
     """The student's process knows neither the seeds nor the starts, and gives the same table for the same seed."""
-    here = GRADER.Here(load_program(str(REFERENCE / "q_lander.py")))
+    here = GRADER.LocalSubmission(load_program(str(REFERENCE / "q_lander.py")))
     student = Student(REFERENCE)
     try:
-        apart = student.host("q_lander.py", GRADER.Pilot)
+        apart = student.create_object("q_lander.py", GRADER.StudentPolicy)
         known = [GRADER.Evidence(one, 7) for one in (here, apart)]
         took = [GRADER.train(one, 7, of, 2560, 10_000) for one, of in zip((here, apart), known, strict=True)]
         assert took[0] == took[1]
         assert took[0].steps == 2560
-        assert known[0].ledger.plain() == known[1].ledger.plain()
-        assert here.ask("learned") == apart.ask("learned")
+        assert known[0].reference.plain() == known[1].reference.plain()
+        assert here.ask("table_rows") == apart.ask("table_rows")
         for one in known:
             one.check_update()
-        flown = [GRADER.fly(GRADER.ByTable(GRADER.as_policy(one)), 3, 20) for one in known]
-        assert flown[0] == flown[1]
-        assert here.ask("learned") == apart.ask("learned")
+        stats = [GRADER.simulate_landings(GRADER.TablePolicy(GRADER.policy_table(one)), 3, 20) for one in known]
+        assert stats[0] == stats[1]
+        assert here.ask("table_rows") == apart.ask("table_rows")
     finally:
         student.close()
     few = GRADER.train(here, 7, None, 10_000_000, GRADER.LANDERS + 50)
@@ -256,29 +257,29 @@ def test_a_file_is_trained_alike_apart_and_here_and_training_keeps_to_its_budget
 
 
 @pytest.mark.parametrize(("mean_mps", "is_blamed"), [(2.2, False), (4.0, True)])
-def test_crashes_where_most_land_are_not_blamed_on_the_average(mean_mps: float, is_blamed: bool) -> None:
+def test_crash_hint_blames_mean_speed_only_above_limit(mean_mps: float, is_blamed: bool) -> None:
     checks = sys.modules[load_lab(LAB / "checks.py").checks[0].function.__module__]
-    flown = GRADER.Flights([True] * 8 + [False] * 2, {"landed": 8, "crashed": 2, "timeout": 0}, 240.0, mean_mps)
-    assert ("slow enough, and too many are not" in checks.why_down(flown, None)) is not is_blamed
-    assert checks.told(flown) == "8 landed, 2 crashed, 0 timeout"
+    stats = GRADER.LandingStats([True] * 8 + [False] * 2, {"landed": 8, "crashed": 2, "timeout": 0}, 240.0, mean_mps)
+    assert ("slow enough, but too many landings are not" in checks.crash_hint(stats, None)) is not is_blamed
+    assert checks.outcome_text(stats) == "8 landed, 2 crashed, 0 timeout"
 
 
-def test_at_home_the_students_own_choice_and_table_fly_and_not_the_graders(tmp_path: Path) -> None:
+def test_local_run_uses_functions_and_table_of_student(tmp_path: Path) -> None:
     file = submission(tmp_path) / "q_lander.py"
     file.write_text(file.read_text().replace("    return max(tried(table", "    return 0\n    return max(tried(table"))
-    here = GRADER.Here(load_program(str(file)))
-    GRADER.train(here, 0, most_steps=2560)
-    assert GRADER.fly(here, 1, 20).outcomes == {"landed": 0, "crashed": 20, "timeout": 0}
+    here = GRADER.LocalSubmission(load_program(str(file)))
+    GRADER.train(here, 0, max_steps=2560)
+    assert GRADER.simulate_landings(here, 1, 20).outcomes == {"landed": 0, "crashed": 20, "timeout": 0}
 
 
-def test_flights_in_the_batch_end_as_those_of_the_scenario(tmp_path: Path) -> None:
+def test_batch_landings_equal_scenario(tmp_path: Path) -> None:
     """The same table in the environment that a node's run is equal to, and in the batch: both land."""
     from snr_sim.learning.lander_envs import LanderVertical
     from snr_sim.learning.tabular import evaluate
 
     table = QTable.load(REFERENCE / "policy.npz")
     ends = evaluate(LanderVertical(), table.act, range(1, 11))
-    flights = GRADER.fly(GRADER.ByTable(table), 1, 100)
+    flights = GRADER.simulate_landings(GRADER.TablePolicy(table), 1, 100)
     assert sum(end["success"] for end in ends) == 10
     assert flights.share == 1.0
-    assert GRADER.fly(GRADER.ByTable(table), 1, 100, gravity=3.0, thrust=0.5).share < 0.5
+    assert GRADER.simulate_landings(GRADER.TablePolicy(table), 1, 100, gravity=3.0, thrust=0.5).share < 0.5

@@ -14,18 +14,18 @@ from typer.main import get_command
 from snr_sim.cli.main import app
 from snr_sim.grading.lab.lab import Case, find_lab
 from snr_sim.grading.lab.student import Student
-from snr_sim.scenario.flight import Flight
 from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import SimulationRun
 from tests.assignments.mission_state_machine.mistakes import MISTAKES
 
 LAB = "05_mission_state_machine"
 FOLDER = Path(__file__).parents[2] / "assignments" / LAB
 HERE = Path(__file__).parent / "mission_state_machine"
-FLIGHTS = ("swims", "stops_in_the_water")
+FLIGHTS = ("runs_mission", "stops_in_the_water")
 # Measured over 19 seeds from 100 on: 0.035 m off the middle, deviation 0.013, so 0.2 m is twelve deviations away.
 
 
-def test_every_command_and_picture_that_the_page_names_is_there() -> None:
+def test_commands_and_pictures_of_page_exist() -> None:
     verbs: dict[str, Any] = get_command(app).commands  # type: ignore[attr-defined]
     text = (FOLDER / "README.md").read_text()
     for picture in re.findall(r"\]\((pictures/[^)]*)\)", text):
@@ -35,38 +35,41 @@ def test_every_command_and_picture_that_the_page_names_is_there() -> None:
         assert set(re.findall(r" (--[a-z-]+)", rest.partition("  #")[0])) <= known, rest
 
 
-def test_the_reference_gets_all_points_on_hidden_cases_too(mark: Callable[..., Any], leave_out: Any) -> None:
+def test_reference_gets_all_points_on_hidden_cases(mark: Callable[..., Any], leave_out: Any) -> None:
     leave_out(*FLIGHTS)
     assert mark(LAB, is_hidden=True) == ({}, "")
 
 
-def test_the_reference_is_stopped_in_the_water_and_swims_on(mark: Callable[..., Any], leave_out: Any) -> None:
-    leave_out("follows_the_picture", "asks", "time_outs", "trouble", "stops", "recovers", "swims")
+def test_reference_stops_and_resumes_under_water(mark: Callable[..., Any], leave_out: Any) -> None:
+    leave_out("follows_the_picture", "check_controls", "time_outs", "trouble", "stops", "recovers", "runs_mission")
     assert mark(LAB) == ({}, "")
 
 
 @pytest.mark.slow
-def test_the_reference_has_points_for_its_swim_and_who_stays_at_the_first_gate_has_none(tmp_path: Path) -> None:
-    swims = next(one for one in find_lab(LAB).checks if one.name == "swims")
-    for folder, share, told in ((FOLDER / "starter", 0.0, "did not swim"), (HERE / "reference", 1.0, "")):
+def test_reference_passes_mission_check_and_starter_fails_it(tmp_path: Path) -> None:
+    runs_mission = next(one for one in find_lab(LAB).checks if one.name == "runs_mission")
+    for folder, share, hint in (
+        (FOLDER / "starter", 0.0, "It did not pass the three gates"),
+        (HERE / "reference", 1.0, ""),
+    ):
         shutil.copytree(folder, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
         with Student(tmp_path) as student:
-            verdict = swims.judge(student, Case(swims.visible[0], is_visible=True))
-        assert (verdict.fraction, told in verdict.hint) == (share, True)
+            verdict = runs_mission.evaluate(student, Case(runs_mission.visible[0], is_visible=True))
+        assert (verdict.fraction, hint in verdict.hint) == (share, True)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [100, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(101, 150))])
-def test_the_reference_has_a_margin_at_every_gate(seed: int) -> None:
+def test_reference_has_margin_at_every_gate(seed: int) -> None:
     simulation = prepare(Request("urov_gate", seed=seed, controller=str(HERE / "reference" / "mission.py")))
     plant = simulation.plant()
-    result = Flight(simulation, plant, simulation.config(plant)).run()
-    assert (result.error, result.outcome) == ("", "swum")
+    result = SimulationRun(simulation, plant, simulation.config(plant)).run()
+    assert (result.error, result.outcome) == ("", "completed")
     assert max(off_m(simulation.scenario, plant)) < 0.2  # the frame is touched from about 0.4 m on
 
 
 def off_m(scenario: Any, plant: Any) -> list[float]:
-    """How far beside the middle of each gate the vehicle went through it."""
+    """Return the lateral distance from the centre of each gate at which the vehicle passed it."""
     found = []
     for gate in plant.pool.gates:
         seen = [scenario._seen_from(gate, sample.position_m) for sample in plant.course]
@@ -75,15 +78,15 @@ def off_m(scenario: Any, plant: Any) -> list[float]:
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-def test_a_wrong_solution_loses_its_own_points(mark: Callable[..., Any], leave_out: Any, name: str) -> None:
+def test_wrong_solution_loses_listed_points(mark: Callable[..., Any], leave_out: Any, name: str) -> None:
     leave_out(*FLIGHTS)
-    found = mark(LAB, name, is_hidden=name in ("counts_from_the_start", "remembers_an_early_reset"))
+    found = mark(LAB, name, is_hidden=name in ("timeout_from_run_start", "remembers_an_early_reset"))
     assert found.lost == MISTAKES[name].lost
-    assert MISTAKES[name].hint in found.told
+    assert MISTAKES[name].hint in found.feedback
 
 
-def test_the_starter_fails_politely(mark: Callable[..., Any], leave_out: Any) -> None:
+def test_starter_fails_with_hints(mark: Callable[..., Any], leave_out: Any) -> None:
     leave_out(*FLIGHTS)
     found = mark(LAB, starter=True)
     assert sum(found.lost.values()) == 80.0
-    assert "the emergency stop counts in every state" in found.told
+    assert "the emergency stop counts in every state" in found.feedback

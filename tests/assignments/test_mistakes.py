@@ -45,13 +45,13 @@ def programs(folder: Path) -> dict[str, bytes | str]:
 
 
 @pytest.mark.parametrize(("lab", "name"), EVERY)
-def test_mistake_changes_what_its_reference_does(lab: str, name: str, tmp_path: Path) -> None:
+def test_mistake_changes_reference_program(lab: str, name: str, tmp_path: Path) -> None:
     right = programs(write_solution(lab, tmp_path / "reference"))
     assert programs(write_solution(lab, tmp_path / "mistake", name)) != right
 
 
 @pytest.mark.parametrize("lab", LABS)
-def test_mistakes_of_a_lab_are_named_explained_and_told_apart(lab: str, tmp_path: Path) -> None:
+def test_mistakes_of_lab_have_texts_and_are_distinct(lab: str, tmp_path: Path) -> None:
     table = mistakes_of(lab)
     assert all(one.what.endswith(".") and one.hint and sum(one.lost.values()) > 0 for one in table.values())
     assert len({one.what for one in table.values()}) == len(table)
@@ -63,7 +63,7 @@ def wrong(*changes: mistakes.Change) -> Mistake:
     return Mistake("Is wrong.", lost={"holds": 30.0}, hint="wrong", changes=changes)
 
 
-def test_changes_are_applied_in_their_order(tmp_path: Path) -> None:
+def test_changes_are_applied_in_order(tmp_path: Path) -> None:
     (tmp_path / "a.py").write_text("x = 1\n")
     (tmp_path / "b.py").write_text("y = 1\n")
     apply(wrong(replace("a.py", "1", "2"), replace("a.py", "2", "3"), remove("b.py"), write("c.npz", b"\0")), tmp_path)
@@ -77,12 +77,15 @@ def test_changes_are_applied_in_their_order(tmp_path: Path) -> None:
             replace("depth_hold.py", "no such text", ""),
             "depth_hold.py must contain this text once, not 0 times: 'no such",
         ),
-        (replace("depth_hold.py", "MOST_N", "1"), "depth_hold.py must contain this text once, not 3 times: 'MOST_N'"),
+        (
+            replace("depth_hold.py", "MAX_FORCE_N", "1"),
+            "depth_hold.py must contain this text once, not 3 times: 'MAX_FORCE_N'",
+        ),
         (replace("depht_hold.py", "a", "b"), "depht_hold.py is neither in the starter nor in the reference"),
         (remove("policy.npz"), "policy.npz is neither in the starter nor in the reference"),
     ],
 )
-def test_change_that_does_not_fit_names_lab_mistake_file_and_count(
+def test_mismatched_change_reports_lab_mistake_file_and_count(
     change: mistakes.Change, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(mistakes_of(LAB), "sign_error", wrong(change))
@@ -90,7 +93,7 @@ def test_change_that_does_not_fit_names_lab_mistake_file_and_count(
         write_solution(LAB, tmp_path, "sign_error")
 
 
-def test_solution_is_starter_reference_and_mistake(tmp_path: Path) -> None:
+def test_solution_combines_starter_reference_and_mistake(tmp_path: Path) -> None:
     starter, alone = write_starter(LAB, tmp_path / "starter"), write_solution(LAB, tmp_path / "alone", starter=False)
     assert [path.name for path in alone.iterdir()] == ["depth_hold.py"]
     solved = programs(write_solution(LAB, tmp_path / "solved"))

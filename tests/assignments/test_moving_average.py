@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
-from snr_sim.scenario.flight import Flight
 from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import SimulationRun
 from tests.assignments.moving_average.mistakes import MISTAKES
 
 LAB = "03_moving_average"
@@ -25,35 +25,35 @@ REFERENCE = Path(__file__).parent / "moving_average" / "reference"
 MEAN_MPS, SD_MPS, LIMIT_MPS = 1.70, 0.24, 3.05
 
 
-def test_the_reference_gets_all_points(mark: Callable[..., Any]) -> None:
-    result = mark(LAB, is_hidden=True, flown="lands")
-    assert result.lost == {}, result.told
+def test_reference_gets_all_points(mark: Callable[..., Any]) -> None:
+    result = mark(LAB, is_hidden=True, single_hidden="lands")
+    assert result.lost == {}, result.feedback
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-def test_each_mistake_loses_its_own_points_and_is_named(name: str, mark: Callable[..., Any]) -> None:
-    result = mark(LAB, name, is_hidden=True, flown="lands")
-    assert result.lost == pytest.approx(MISTAKES[name].lost, abs=0.001), result.told
-    assert MISTAKES[name].hint in result.told
+def test_wrong_solution_loses_listed_points_and_gets_hint(name: str, mark: Callable[..., Any]) -> None:
+    result = mark(LAB, name, is_hidden=True, single_hidden="lands")
+    assert result.lost == pytest.approx(MISTAKES[name].lost, abs=0.001), result.feedback
+    assert MISTAKES[name].hint in result.feedback
 
 
-def test_the_starter_runs_and_is_told_where_to_begin(mark: Callable[..., Any]) -> None:
-    assert "Step 2 begins in MovingAverage.update" in mark(LAB, starter=True).told
+def test_starter_runs_and_gets_first_hint(mark: Callable[..., Any]) -> None:
+    assert "Step 2 begins in MovingAverage.update" in mark(LAB, starter=True).feedback
 
 
 @pytest.mark.slow
-def test_a_mean_that_was_reckoned_by_hand_is_right_at_home_too(tmp_path: Path) -> None:
+def test_my_tests_accepts_correct_mean(tmp_path: Path) -> None:
     shutil.copytree(FOLDER / "starter", tmp_path, dirs_exist_ok=True)
     shutil.copytree(REFERENCE, tmp_path, dirs_exist_ok=True)
     mine = (FOLDER / "starter" / "my_tests.py").read_text()
     by_hand = '{"length": 2, "values": [0.1, 0.2], "means": [0.1, 0.15]}'  # and 0.15000000000000002 comes out
     (tmp_path / "my_tests.py").write_text(mine.replace("# Step 5", by_hand + ",  # Step 5"))
-    said = subprocess.run([sys.executable, "my_tests.py"], cwd=tmp_path, capture_output=True, text=True, check=True)
-    assert f"right for {by_hand}".replace('"', "'") in said.stdout
-    assert "wrong" not in said.stdout
+    done = subprocess.run([sys.executable, "my_tests.py"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert f"right for {by_hand}".replace('"', "'") in done.stdout
+    assert "wrong" not in done.stdout
 
 
-def test_every_command_of_the_page_does_what_it_says(type_page: Callable[..., dict[str, str]]) -> None:
+def test_commands_of_page_have_documented_results(type_page: Callable[..., dict[str, str]]) -> None:
     def solved(here: Path) -> None:
         shutil.copy(REFERENCE / "smooth.py", here / "moving_average")
         tests = here / "moving_average" / "my_tests.py"  # with what prints, which the reference is without
@@ -61,8 +61,8 @@ def test_every_command_of_the_page_does_what_it_says(type_page: Callable[..., di
         tests.write_text(f"{begin}{''.join(end[1:])}")
 
     printed = type_page(FOLDER / "README.md", after={"first.png": solved})
-    assert "crashed" in next(said for command, said in printed.items() if "--out moving_average/first" in command)
-    (tried,) = (said for command, said in printed.items() if "my_tests.py" in command)
+    assert "crashed" in next(output for command, output in printed.items() if "--out moving_average/first" in command)
+    (tried,) = (output for command, output in printed.items() if "my_tests.py" in command)
     assert {line.partition(" ")[0] for line in tried.splitlines()} == {"right"}
 
 
@@ -70,14 +70,14 @@ def touchdown_mps(file: Path, seed: int) -> float:
     """The speed of one touchdown."""
     simulation = prepare(Request("lander_noisy", seed=seed, controller=str(file)))
     plant = simulation.plant()
-    result = Flight(simulation, plant, simulation.config(plant)).run()
+    result = SimulationRun(simulation, plant, simulation.config(plant)).run()
     assert not result.error
     return float(result.metrics["touchdown"]["vertical_mps"])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [8, pytest.param(60, marks=pytest.mark.nightly)])
-def test_the_limit_is_five_standard_deviations_from_what_the_reference_does(count: int, tmp_path: Path) -> None:
+def test_limit_is_5_sigma_from_reference(count: int, tmp_path: Path) -> None:
     shutil.copytree(FOLDER / "starter", tmp_path, dirs_exist_ok=True)
     shutil.copytree(REFERENCE, tmp_path, dirs_exist_ok=True)
     speeds = [touchdown_mps(tmp_path / "smooth.py", seed) for seed in range(count)]
@@ -87,7 +87,7 @@ def test_the_limit_is_five_standard_deviations_from_what_the_reference_does(coun
         assert fmean(speeds) + 5.0 * pstdev(speeds) < LIMIT_MPS
 
 
-def test_the_picture_and_the_files_that_the_page_names_are_there() -> None:
+def test_picture_and_files_of_page_exist() -> None:
     text = (FOLDER / "README.md").read_text()
     for name in re.findall(r"\]\((pictures/[^)]*)\)", text):
         assert (FOLDER / name).is_file(), name

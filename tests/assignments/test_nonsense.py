@@ -1,4 +1,4 @@
-"""What is no answer at all costs the student points, with a hint, and is never a fault of the lab's or the grader's.
+"""Nonsensical answers cost the student points, with a hint, and never cause an error of the lab or the grader.
 
 Three kinds of nonsense in each page are tried in the quick checks of its lab; in nightly, all kinds in all checks.
 """
@@ -17,7 +17,7 @@ from tests.assignments.mistakes import write_solution
 
 HELLO, DEPTH, SMOOTH = "01_hello_thruster", "02_depth_hold", "03_moving_average"
 
-# Of a reference: file, a line in it, and what stands there instead.
+# Of a reference: file, a line in it, and its replacement.
 NONSENSE = [
     (HELLO, "hello_thruster.py", "    return pulses\n", "    return [10**400] * 8\n"),
     (HELLO, "hello_thruster.py", "    return pulses\n", "    return [float('nan')] * 8\n"),
@@ -33,7 +33,7 @@ NONSENSE = [
 ]
 
 
-# What stands in a page instead, made of its key, its data and the name of one of its fields.
+# Replacements of a page's data, made of its key, its data and the name of one of its fields.
 KINDS = {
     "no field": "data = {name: value for name, value in data.items() if name != field}",
     "another name": "data = {name + 'x': value for name, value in data.items()}",
@@ -65,13 +65,20 @@ PAGES = [
     (HELLO, "hello_thruster.py", "pwm", "pulses_us", "heave", ["surge", "rest", "limits", "disarmed", "dives"]),
     (DEPTH, "depth_hold.py", "pwm", "pulses_us", "keeps_goal", ["disarmed", "holds"]),
     (SMOOTH, "smooth.py", "smooth", "altitude_m", "in_the_node", ["lands"]),
-    ("04_pub_sub_graph", "heading.py", "turn", "moment_nm", "heading_alone", ["in_any_order", "flies"]),
-    ("04_pub_sub_graph", "depth.py", "lift", "force_n", "depth_alone", ["in_any_order", "flies"]),
-    ("04_pub_sub_graph", "mixer.py", "pwm", "pulses_us", "mixer_alone", ["in_any_order", "flies"]),
+    ("04_pub_sub_graph", "heading.py", "turn", "moment_nm", "heading_alone", ["in_any_order", "holds_heading"]),
+    ("04_pub_sub_graph", "depth.py", "lift", "force_n", "depth_alone", ["in_any_order", "holds_heading"]),
+    ("04_pub_sub_graph", "mixer.py", "pwm", "pulses_us", "mixer_alone", ["in_any_order", "holds_heading"]),
     ("04_pub_sub_graph", "gentle.py", "turn", "moment_nm", "dropped_in", []),
-    ("05_mission_state_machine", "mission.py", "mission", "state", "recovers", ["asks", "arrows", "swims"]),
+    (
+        "05_mission_state_machine",
+        "mission.py",
+        "mission",
+        "state",
+        "recovers",
+        ["check_controls", "arrows", "runs_mission"],
+    ),
     ("05_mission_state_machine", "mission.py", "mission", "since_s", "", ["arrows"]),
-    ("05_mission_state_machine", "mission.py", "controls", "is_armed", "asks", ["stops", "swims"]),
+    ("05_mission_state_machine", "mission.py", "controls", "is_armed", "check_controls", ["stops", "runs_mission"]),
     ("06_perception_drop_in", "perception.py", "target", "right_px", "answers", ["clear", "lost", "hovers"]),
     ("07_two_nodes", "two_nodes.py", "pwm", "pulses_us", "vehicle_alone", ["late", "cut"]),
     ("07_two_nodes", "two_nodes.py", "controls", "surge", "surface_alone", ["late", "gone"]),
@@ -103,7 +110,7 @@ def of_one_case(name: str, *names: str) -> Lab:
 
 @pytest.mark.usefixtures("warm_children")
 @pytest.mark.parametrize(("name", "check", "file", "key", "field", "kind"), tried())
-def test_nonsense_in_a_page_costs_its_case_and_the_check_itself_says_why(
+def test_nonsense_page_fails_case_with_hint_of_check(
     name: str, check: str, file: str, key: str, field: str, kind: str, tmp_path: Path
 ) -> None:
     folder = write_solution(name, tmp_path / "handed_in")
@@ -115,32 +122,30 @@ def test_nonsense_in_a_page_costs_its_case_and_the_check_itself_says_why(
     assert graded.faults == []
     (case,) = graded.checks[0].cases
     assert case.hint or case.is_passed
-    # Others may do without the page: a landing may succeed by what else there is to go by.
+    # Others may do without the page: a landing may succeed by other pages.
     assert graded.points == 0.0 or check not in [row[4] for row in PAGES]
     assert decode_graded(encode_graded(graded)) == graded
 
 
 @pytest.mark.usefixtures("warm_children")
 @pytest.mark.parametrize(
-    ("name", "check", "file", "more", "told"),
+    ("name", "check", "file", "more", "feedback"),
     [
-        ("04_pub_sub_graph", "flies", "graph.py", "x = (", "read"),
-        ("04_pub_sub_graph", "apart", "heading.py", "x = (", "heading.py could not be read to its end"),
+        ("04_pub_sub_graph", "holds_heading", "graph.py", "x = (", "read"),
+        ("04_pub_sub_graph", "apart", "heading.py", "x = (", "heading.py could not be parsed"),
         ("09_debug_by_replay", "diverges", "findings.toml", "x = =", "look at the line named"),
         ("10_lunar_lander_q", "encodes", "q_lander.py", "def encode(h, v): return 10**400", ""),
         ("10_lunar_lander_q", "encodes", "q_lander.py", "STATES = None", ""),
         ("10_lunar_lander_q", "chooses", "q_lander.py", "def choose(*a): return []", ""),
         ("10_lunar_lander_q", "updates", "q_lander.py", "def update(t, s): t.values[s.state] = 'x'", "Rows"),
         ("10_lunar_lander_q", "updates", "q_lander.py", "def update(t, s): t.values[s.state][0] = 10**400", "Rows"),
-        ("10_lunar_lander_q", "updates", "q_lander.py", "def update(t, s): t.visits.clear()", "no append"),
+        ("10_lunar_lander_q", "updates", "q_lander.py", "def update(t, s): t.visits.clear()", "do not append"),
         ("11_write_the_queue", "keeps_order", "task_queue.py", "TaskQueue.put = lambda *a: 10**400", ""),
         ("11_write_the_queue", "drives_a_node", "task_queue.py", "TaskQueue.take = lambda *a: 'x'", ""),
         ("11_write_the_queue", "keeps_order", "task_queue.py", "TaskQueue = None", ""),
     ],
 )
-def test_nonsense_in_a_file_is_zero_for_its_case(
-    name: str, check: str, file: str, more: str, told: str, tmp_path: Path
-) -> None:
+def test_nonsense_file_fails_case(name: str, check: str, file: str, more: str, feedback: str, tmp_path: Path) -> None:
     folder = write_solution(name, tmp_path / "handed_in")
     with (folder / file).open("a") as opened:
         opened.write(f"\n{more}\n")
@@ -148,12 +153,12 @@ def test_nonsense_in_a_file_is_zero_for_its_case(
     assert (graded.status, graded.faults) == ("graded", []), graded.error
     assert graded.points == 0.0
     assert graded.checks[0].cases[0].hint
-    assert told in graded.checks[0].cases[0].hint
+    assert feedback in graded.checks[0].cases[0].hint
 
 
 @pytest.mark.usefixtures("warm_children")
 @pytest.mark.parametrize(("name", "file", "line", "nonsense"), NONSENSE)
-def test_nonsense_loses_points_and_is_told(name: str, file: str, line: str, nonsense: str, tmp_path: Path) -> None:
+def test_nonsense_loses_points_and_is_reported(name: str, file: str, line: str, nonsense: str, tmp_path: Path) -> None:
     lab = find_lab(name)
     folder = write_solution(name, tmp_path / "handed_in")
     replace_text(file, line, nonsense)(folder)

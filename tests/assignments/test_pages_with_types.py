@@ -1,4 +1,4 @@
-"""Whoever gives pages a dataclass or a Struct instead of a dict gets all points, as with dicts."""
+"""Pages that are dataclasses or Structs get all points, as dicts do."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -31,9 +31,9 @@ TYPED: dict[str, dict[str, dict[str, str]]] = {
     "05_mission_state_machine": {
         "mission.py": {
             "import math\n": "import math\n\nimport msgspec\n",
-            "\ndef factories(": "\nclass Told(msgspec.Struct):\n    state: str\n    gate: int\n    since_s: float\n\n\n"
-            "def factories(",
-            '{"state": machine.state, "gate": machine.gate, "since_s": machine.since_s}': "Told(machine.state, "
+            "\ndef factories(": "\nclass State(msgspec.Struct):\n    state: str\n    gate: int\n"
+            "    since_s: float\n\n\ndef factories(",
+            '{"state": machine.state, "gate": machine.gate, "since_s": machine.since_s}': "State(machine.state, "
             "machine.gate, machine.since_s)",
         }
     },
@@ -41,7 +41,7 @@ TYPED: dict[str, dict[str, dict[str, str]]] = {
 
 
 @pytest.mark.parametrize("lab", TYPED)
-def test_the_reference_with_types_gets_all_points(lab: str, tmp_path: Path, warm_children: None) -> None:
+def test_reference_with_types_gets_all_points(lab: str, tmp_path: Path, warm_children: None) -> None:
     checks = find_lab(lab)
     checks.checks = tuple(replace(check, visible=check.visible[:1]) for check in checks.checks)
     write_solution(lab, tmp_path)

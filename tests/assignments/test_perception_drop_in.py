@@ -11,9 +11,9 @@ import pytest
 
 from snr_sim.grading.lab.lab import find_lab
 from snr_sim.scenario import library
-from snr_sim.scenario.flight import Flight
 from snr_sim.scenario.library import load_controller
 from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import SimulationRun
 from tests.assignments.perception_drop_in.mistakes import MISTAKES
 
 LAB = "06_perception_drop_in"
@@ -22,33 +22,33 @@ HERE = Path(__file__).parent / "perception_drop_in"
 KINDS = ("clear", "murky", "covered", "cluttered", "lost", "lost among clutter")
 
 
-def test_all_commands_of_the_page_do_what_it_says(type_page: Callable[..., dict[str, str]]) -> None:
+def test_commands_of_page_have_documented_results(type_page: Callable[..., dict[str, str]]) -> None:
     def solve(folder: Path) -> None:
         shutil.copy(HERE / "reference" / "perception.py", folder / "see_lab")
 
     printed = type_page(FOLDER / "README.md", {"look.py": solve})
-    assert "what the camera saw at 3.0 s" in next(said for command, said in printed.items() if "look.py" in command)
-    assert "camera" not in next(said for command, said in printed.items() if command.startswith("snr check"))
+    assert "what the camera saw at 3.0 s" in next(output for command, output in printed.items() if "look.py" in command)
+    assert "camera" not in next(output for command, output in printed.items() if command.startswith("snr check"))
 
 
-def test_the_reference_gets_all_points_on_hidden_cases_too(mark: Callable[..., Any]) -> None:
+def test_reference_gets_all_points_on_hidden_cases(mark: Callable[..., Any]) -> None:
     assert mark(LAB, is_hidden=True) == ({}, "")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [100, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(101, 150))])
-def test_the_reference_has_a_margin_in_flight(seed: int) -> None:
+def test_reference_has_margin_in_simulation(seed: int) -> None:
     controller = str(HERE / "reference" / "perception.py")
     simulation = prepare(Request(str(FOLDER / "hover.py"), seed=seed, controller=controller))
     plant = simulation.plant()
-    result = Flight(simulation, plant, simulation.config(plant)).run()
+    result = SimulationRun(simulation, plant, simulation.config(plant)).run()
     assert result.metrics["near_share"] > 0.95  # 0.8 is asked for
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [1, pytest.param(50, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_reference_has_a_margin_in_pictures(kind: str, count: int) -> None:
+def test_reference_has_margin_in_pictures(kind: str, count: int) -> None:
     library.load_robot(library.find("robots", "urov"))
     find_plate = load_controller(library.find("robots", "urov"), str(HERE / "reference" / "perception.py")).find_plate
     checks = sys.modules[find_lab(LAB).checks[0].function.__module__]
@@ -60,13 +60,13 @@ def test_the_reference_has_a_margin_in_pictures(kind: str, count: int) -> None:
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-def test_a_wrong_solution_loses_its_own_points(mark: Callable[..., Any], name: str) -> None:
+def test_wrong_solution_loses_listed_points(mark: Callable[..., Any], name: str) -> None:
     found = mark(LAB, name)
     assert found.lost == MISTAKES[name].lost
-    assert MISTAKES[name].hint in found.told
+    assert MISTAKES[name].hint in found.feedback
 
 
-def test_the_starter_fails_politely(mark: Callable[..., Any]) -> None:
+def test_starter_fails_with_hints(mark: Callable[..., Any]) -> None:
     found = mark(LAB, starter=True)
     assert sum(found.lost.values()) == 80.0
-    assert "water takes the red first" in found.told
+    assert "water absorbs red first" in found.feedback

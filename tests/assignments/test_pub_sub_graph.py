@@ -10,15 +10,15 @@ import pytest
 
 from snr_sim.grading.lab.lab import Case, find_lab
 from snr_sim.grading.lab.student import Student
-from snr_sim.scenario.flight import Flight
 from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import SimulationRun
 from tests.assignments.mistakes import write_solution, write_starter
 from tests.assignments.pub_sub_graph.mistakes import MISTAKES
 
 LAB = "04_pub_sub_graph"
 PAGE = Path(__file__).parents[2] / "assignments" / LAB / "README.md"
 HERE = Path(__file__).parent / "pub_sub_graph"
-# What a grading goes by, four flights with four limits each, may go wrong once in 10 000 gradings.
+# A grading uses four runs with four limits each; at most one of 10 000 gradings may fail by chance.
 DEVIATIONS = -NormalDist().inv_cdf(1e-4 / 16)
 LIMITS = {
     "settling_s": 8.0,
@@ -28,44 +28,46 @@ LIMITS = {
 }  # urov_heading_hold's
 
 
-def test_all_commands_of_the_page_do_what_it_says(type_page: Callable[..., dict[str, str]]) -> None:
+def test_commands_of_page_have_documented_results(type_page: Callable[..., dict[str, str]]) -> None:
     def solve(folder: Path) -> None:
         shutil.copytree(HERE / "reference", folder / "graph_lab", dirs_exist_ok=True)
 
     printed = type_page(PAGE, {"snr check": solve})
     assert any(
-        "held" in said for command, said in printed.items() if command.endswith("heading=gentle --out graph_lab/gentle")
+        "held" in output
+        for command, output in printed.items()
+        if command.endswith("heading=gentle --out graph_lab/gentle")
     )
 
 
-def test_the_reference_gets_all_points_on_hidden_cases_too(mark: Callable[..., Any], leave_out: Any) -> None:
-    leave_out("flies")  # the page's commands have shown that it does
+def test_reference_gets_all_points_on_hidden_cases(mark: Callable[..., Any], leave_out: Any) -> None:
+    leave_out("holds_heading")  # the page's commands have shown that it does
     assert mark(LAB, is_hidden=True) == ({}, "")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("mistake", "says"),
+    ("mistake", "hint"),
     [
         ("never_takes_gentle", MISTAKES["never_takes_gentle"].hint),
-        ("", "nobody in graph.py stores a page 'turn'"),  # the starter
+        ("", "no component in graph.py stores a page 'turn'"),  # the starter
     ],
 )
-def test_who_is_asked_to_turn_gently_and_does_not_is_told(mistake: str, says: str, tmp_path: Path) -> None:
-    flies = next(one for one in find_lab(LAB).checks if one.name == "flies")
+def test_ignored_gentle_option_fails_with_hint(mistake: str, hint: str, tmp_path: Path) -> None:
+    holds_heading = next(one for one in find_lab(LAB).checks if one.name == "holds_heading")
     if mistake:
         write_solution(LAB, tmp_path, mistake)
     else:
         write_starter(LAB, tmp_path)
     with Student(tmp_path) as student:
-        verdict = flies.judge(student, Case(flies.visible[1], is_visible=True))
-    assert (verdict.fraction, says in verdict.hint) == (0.0, True)
+        verdict = holds_heading.evaluate(student, Case(holds_heading.visible[1], is_visible=True))
+    assert (verdict.fraction, hint in verdict.hint) == (0.0, True)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [1, pytest.param(50, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("heading", ["plain", "gentle"])
-def test_the_reference_has_a_margin_in_each_turn(heading: str, count: int) -> None:
+def test_reference_has_margin_in_each_turn(heading: str, count: int) -> None:
     found = [turn(heading, seed) for seed in range(100, 100 + count)]
     for name, limit in LIMITS.items():
         values = [one[name] for one in found]
@@ -79,22 +81,22 @@ def turn(heading: str, seed: int) -> dict[str, Any]:
     controller = str(HERE / "reference" / "graph.py")
     simulation = prepare(Request("urov_heading_hold", seed=seed, controller=controller, options={"heading": heading}))
     plant = simulation.plant()
-    result = Flight(simulation, plant, simulation.config(plant)).run()
+    result = SimulationRun(simulation, plant, simulation.config(plant)).run()
     assert (result.error, result.outcome) == ("", "held")
     return result.metrics
 
 
-@pytest.mark.parametrize("name", [name for name in MISTAKES if "flies" not in MISTAKES[name].lost])
-def test_a_wrong_solution_loses_its_own_points(mark: Callable[..., Any], leave_out: Any, name: str) -> None:
-    leave_out("flies")
+@pytest.mark.parametrize("name", [name for name in MISTAKES if "holds_heading" not in MISTAKES[name].lost])
+def test_wrong_solution_loses_listed_points(mark: Callable[..., Any], leave_out: Any, name: str) -> None:
+    leave_out("holds_heading")
     found = mark(LAB, name)
     assert found.lost == MISTAKES[name].lost
-    assert MISTAKES[name].hint in found.told
+    assert MISTAKES[name].hint in found.feedback
 
 
-def test_the_starter_flies_and_fails_politely(mark: Callable[..., Any], leave_out: Any) -> None:
-    leave_out("flies")
+def test_starter_runs_and_fails_with_hints(mark: Callable[..., Any], leave_out: Any) -> None:
+    leave_out("holds_heading")
     found = mark(LAB, starter=True)
     assert sum(found.lost.values()) == 85.0
-    assert "by itself stores no page 'turn'" in found.told
-    assert "it imports shared" in found.told
+    assert "by itself stores no page 'turn'" in found.feedback
+    assert "it imports shared" in found.feedback

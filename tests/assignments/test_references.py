@@ -13,4 +13,4 @@ LABS = sorted(path.parent.name for path in (Path(__file__).parents[2] / "assignm
 @pytest.mark.parametrize("lab", LABS)
 def test_reference_gets_all_points_of_visible_cases(lab: str, mark: Callable[..., Any]) -> None:
     result = mark(lab)
-    assert result.lost == {}, result.told
+    assert result.lost == {}, result.feedback

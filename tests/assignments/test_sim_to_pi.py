@@ -1,4 +1,4 @@
-"""The lab "sim to Pi": what its pages tell a student to type works, and its reference holds and is safe."""
+"""The lab "sim to Pi": the commands of its pages work, and its reference holds and is safe."""
 
 import math
 import re
@@ -12,14 +12,14 @@ from typer.main import get_command
 
 from snr_sim import Config, Endpoint, EndpointFactory, Loop, LoopFactory, SimRunner, TaskType
 from snr_sim.cli.main import app
-from snr_sim.devices.emulated.toolchain import ToolsMissing
+from snr_sim.devices.emulated.toolchain import ToolsMissingError
 from snr_sim.grading.lab.lab import Case, find_lab
 from snr_sim.grading.lab.student import Student
-from snr_sim.grading.lab.verdicts import LabFault
-from snr_sim.prelude.scenario import Robot
-from snr_sim.scenario.flight import Flight
+from snr_sim.grading.lab.verdicts import GraderError
+from snr_sim.prelude.scenario import RobotInfo
 from snr_sim.scenario.library import load_controller
 from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import SimulationRun
 from tests.assignments.sim_to_pi.mistakes import MISTAKES
 
 ROOT = Path(__file__).parents[2]
@@ -31,7 +31,7 @@ ARMED = {**DISARMED, "is_armed": True, "depth_m": 3.0}
 IMU = {"roll_rad": 0.0, "pitch_rad": 0.0, "yaw_rad": 0.0}
 
 
-def test_all_commands_of_the_lab_do_what_it_says_and_the_reference_holds(
+def test_commands_of_lab_have_documented_results_and_reference_holds(
     type_page: Callable[..., dict[str, str]], emulators: None
 ) -> None:
     def solve(folder: Path) -> None:
@@ -39,21 +39,23 @@ def test_all_commands_of_the_lab_do_what_it_says_and_the_reference_holds(
             shutil.copy(REFERENCE.parent / name, folder / "depth_lab")
 
     printed = type_page(LAB / "README.md", {"snr trace depth_lab/first": solve})
-    assert "settled never after the step" in next(said for line, said in printed.items() if "depth_lab/first" in line)
-    compared = next(said for line, said in printed.items() if line.endswith("emulated/*"))
+    assert "did not settle after the step" in next(
+        output for line, output in printed.items() if "depth_lab/first" in line
+    )
+    compared = next(output for line, output in printed.items() if line.endswith("emulated/*"))
     assert "0 | 20 ms after the command" in " ".join(compared.split())  # the table breaks lines where it must
 
 
-def test_the_reference_gets_all_points_on_hidden_cases_too(mark: Callable[..., Any], emulators: None) -> None:
+def test_reference_gets_all_points_on_hidden_cases(mark: Callable[..., Any], emulators: None) -> None:
     assert mark(NAME, is_hidden=True) == ({}, "")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [200, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(201, 250))])
-def test_the_reference_has_a_margin_in_simulation(seed: int) -> None:
+def test_reference_has_margin_in_simulation(seed: int) -> None:
     simulation = prepare(Request("urov_depth_hold", seed=seed, controller=str(REFERENCE)))
     plant = simulation.plant()
-    result = Flight(simulation, plant, simulation.config(plant)).run()
+    result = SimulationRun(simulation, plant, simulation.config(plant)).run()
     assert result.success
     assert result.metrics["settling_s"] < 10.0  # of 12
     assert result.metrics["overshoot_m"] < 0.1  # of 0.2
@@ -61,10 +63,10 @@ def test_the_reference_has_a_margin_in_simulation(seed: int) -> None:
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-def test_a_wrong_solution_loses_its_own_points_and_is_kept_off_the_board(mark: Callable[..., Any], name: str) -> None:
+def test_wrong_solution_loses_listed_points_and_skips_board(mark: Callable[..., Any], name: str) -> None:
     found = mark(NAME, name)
     assert found.lost == {**MISTAKES[name].lost, "holds_on_the_board": 20.0}
-    assert MISTAKES[name].hint in found.told
+    assert MISTAKES[name].hint in found.feedback
 
 
 @pytest.mark.parametrize(
@@ -76,34 +78,32 @@ def test_a_wrong_solution_loses_its_own_points_and_is_kept_off_the_board(mark: C
         (["too short: 3 ms", *[f"In my runs that took {i} % more than before it." for i in range(4)]], {1}),
     ],
 )
-def test_an_answer_is_words_of_its_own_with_a_number_and_its_unit(
-    answers: list[str], missed: set[int], tmp_path: Path
-) -> None:
+def test_answer_needs_distinct_text_with_number_and_unit(answers: list[str], missed: set[int], tmp_path: Path) -> None:
     (tmp_path / "answers.md").write_text("\n".join(f"## {i}. Why?\n\n{text}\n" for i, text in enumerate(answers, 1)))
     answered = next(one for one in find_lab(NAME).checks if one.name == "answered")
     with Student(tmp_path) as student:
-        found = {i for i in range(1, 6) if answered.judge(student, Case(i, is_visible=True)).fraction < 1.0}
+        found = {i for i in range(1, 6) if answered.evaluate(student, Case(i, is_visible=True)).fraction < 1.0}
     assert found == missed
 
 
-def test_the_starter_fails_politely(mark: Callable[..., Any]) -> None:
+def test_starter_fails_with_hints(mark: Callable[..., Any]) -> None:
     found = mark(NAME, starter=True)
     assert set(found.lost) == {"stale", "stop", "holds", "holds_on_the_board", "answered"}
-    assert "are the pulses beyond the dead band" in found.told
+    assert "are the pulses beyond the dead band" in found.feedback
 
 
 @pytest.mark.slow
-def test_missing_packages_of_the_emulator_are_no_fault_of_the_student(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_emulator_packages_cost_no_points(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*args: Any) -> None:
-        raise ToolsMissing("The emulated microcontroller needs gcc-avr.", fix="apt install gcc-avr")
+        raise ToolsMissingError("The emulated microcontroller needs gcc-avr.", fix="apt install gcc-avr")
 
     monkeypatch.setattr("snr_sim.devices.emulated.board.Board.__init__", refuse)
     on_the_board = next(one for one in find_lab(NAME).checks if one.name == "holds_on_the_board")
-    with Student(REFERENCE.parent) as student, pytest.raises(LabFault, match="gcc-avr"):
-        on_the_board.judge(student, Case(0, is_visible=True))
+    with Student(REFERENCE.parent) as student, pytest.raises(GraderError, match="gcc-avr"):
+        on_the_board.evaluate(student, Case(0, is_visible=True))
 
 
-def test_every_command_and_picture_that_the_pages_name_is_there() -> None:
+def test_commands_and_pictures_of_pages_exist() -> None:
     verbs: dict[str, Any] = get_command(app).commands  # type: ignore[attr-defined]
     for page in ("README.md", "bench.md"):
         text = (LAB / page).read_text()
@@ -159,7 +159,7 @@ def pushed_at(tmp_path: Path, controls_at: Any, depth_until_s: float = math.inf)
     """When, within six seconds, the reference pushed."""
     shutil.copy(LAB / "starter" / "telling.py", tmp_path)
     shutil.copy(REFERENCE, tmp_path)
-    robot = Robot("urov", "urov", "urov_depth_hold", "mujoco", None, {})
+    robot = RobotInfo("urov", "urov", "urov_depth_hold", "mujoco", None, {})
     found: Any = type("Found", (), {"path": tmp_path, "name": "urov"})()
     controller = load_controller(found, str(tmp_path / "depth_hold.py"))
     watch = WatchFactory()
@@ -177,20 +177,20 @@ def pushed_at(tmp_path: Path, controls_at: Any, depth_until_s: float = math.inf)
     return [t for t, pulses in watch.pulses if pulses != [1500.0] * 8]
 
 
-def test_the_reference_pushes_while_it_is_armed_and_only_then(tmp_path: Path) -> None:
+def test_reference_pushes_only_while_armed(tmp_path: Path) -> None:
     times = pushed_at(tmp_path, lambda t: ARMED if 2.0 <= t < 4.0 else DISARMED)
     assert 2.0 <= times[0] < 2.2
     assert 3.9 < times[-1] < 4.05
 
 
-def test_the_reference_stops_within_a_third_of_a_second_of_the_last_controls_and_of_the_last_depth(
+def test_reference_stops_within_330_ms_of_last_controls_or_depth(
     tmp_path: Path,
 ) -> None:
     assert 3.0 < pushed_at(tmp_path, lambda t: ARMED if t < 3.0 else None)[-1] < 3.33
     assert 3.0 < pushed_at(tmp_path, lambda t: ARMED, depth_until_s=3.0)[-1] < 3.33
 
 
-def test_the_reference_holds_where_it_was_armed_if_nobody_asks_for_a_depth(tmp_path: Path) -> None:
+def test_reference_without_commanded_depth_holds_arming_depth(tmp_path: Path) -> None:
     def controls_at(t: float) -> Any:
         if t < 2.0:
             return ARMED if t < 1.0 else DISARMED  # asks for 3 m, and is disarmed: that is forgotten
@@ -201,7 +201,7 @@ def test_the_reference_holds_where_it_was_armed_if_nobody_asks_for_a_depth(tmp_p
     assert max(times) < 1.05  # the depth is as it was: nothing is to be done
 
 
-def test_a_stop_of_the_reference_stays_until_it_is_cleared_disarmed(tmp_path: Path) -> None:
+def test_reference_keeps_stop_until_cleared_while_disarmed(tmp_path: Path) -> None:
     def controls_at(t: float) -> Any:
         if 2.0 <= t < 2.1:
             return {**ARMED, "is_stop": True}

@@ -1,4 +1,4 @@
-"""Where a remark in a starter says "Step 3", the third step of its page is about what stands there."""
+"""Where a comment in a starter names "Step 3", the third step of its page is about that code."""
 
 import ast
 import re
@@ -17,7 +17,7 @@ def steps(page: str) -> dict[int, str]:
 
 
 def around(source: str, line: int) -> str:
-    """The function that a line stands in; without one the line with the statement after it."""
+    """The function that contains a line; without one the line with the statement after it."""
     lines = source.splitlines()
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.FunctionDef) and node.lineno <= line <= (node.end_lineno or 0) + 1:
@@ -26,12 +26,12 @@ def around(source: str, line: int) -> str:
 
 
 @pytest.mark.parametrize("lab", LABS, ids=lambda lab: lab.name)
-def test_a_step_that_a_remark_names_is_about_what_stands_there(lab: Path) -> None:
-    told = steps((lab / "README.md").read_text())
+def test_step_named_in_comment_matches_page(lab: Path) -> None:
+    step_texts = steps((lab / "README.md").read_text())
     for file in (lab / "starter").glob("*.py"):
         source = file.read_text()
         for line, text in enumerate(source.splitlines(), 1):
             for number in re.findall(r"(?:# |\. |^)Step (\d+)", text):
                 names = set(re.findall(r"\w+", around(source, line))) | {file.stem}
-                meant = re.findall(r"`([^`]+)`", told[int(number)])
+                meant = re.findall(r"`([^`]+)`", step_texts[int(number)])
                 assert names & {word for one in meant for word in re.findall(r"\w+", one)}, (file.name, text)

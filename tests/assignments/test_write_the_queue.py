@@ -24,7 +24,7 @@ LAB = Path(__file__).parents[2] / "assignments" / "11_write_the_queue"
 _lab = load_lab(LAB / "checks.py")
 QueueBench = _lab.module("grader.queue_bench").QueueBench
 PlainQueue = _lab.module("grader.plain_queue").PlainQueue
-what_is_not_plain = _lab.module("grader.plain_code").what_is_not_plain
+find_forbidden_construct = _lab.module("grader.restricted_code").find_forbidden_construct
 REFERENCE = Path(__file__).parent / "write_the_queue" / "reference" / "task_queue.py"
 
 
@@ -33,47 +33,47 @@ def graded(folder: Path, secret: bytes | None = None) -> Any:
 
 
 def lost(result: Any) -> dict[str, float]:
-    return {check.name: check.of - check.points for check in result.checks if check.points < check.of}
+    return {check.name: check.max_points - check.points for check in result.checks if check.points < check.max_points}
 
 
 def hints(result: Any) -> str:
     return "\n".join(case.hint for check in result.checks for case in check.cases)
 
 
-def test_the_reference_gets_all_points_also_of_hidden_cases() -> None:
+def test_reference_gets_all_points_with_hidden_cases() -> None:
     result = graded(REFERENCE.parent, b"secret")
     assert (result.status, result.points, hints(result).strip()) == ("graded", 100.0, "")
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-def test_a_wrong_solution_loses_the_points_of_its_mistake_and_is_told_it(name: str, tmp_path: Path) -> None:
+def test_mistake_loses_its_points_and_gets_its_hint(name: str, tmp_path: Path) -> None:
     result = graded(write_solution(LAB.name, tmp_path, name, starter=False))
     assert result.status == "graded"
     assert lost(result) == MISTAKES[name].lost
     assert MISTAKES[name].hint in hints(result)
 
 
-def test_the_starter_runs_before_it_is_edited_and_is_told_what_it_lacks(tmp_path: Path) -> None:
+def test_unedited_starter_runs_and_gets_hints(tmp_path: Path) -> None:
     shutil.copytree(LAB / "starter", tmp_path, dirs_exist_ok=True)
     done = subprocess.run([sys.executable, tmp_path / "try_it.py"], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
     assert "with 240 tasks one operation is  121.0 comparisons and moves" in done.stdout
     plain = SimpleNamespace(TaskQueue=PlainQueue)
     page = load_program(str(tmp_path / "try_it.py"))
-    assert QueueBench(plain).run_node(page.MOST, page.ANSWERS, page.FIRST) == page.RIGHT
+    assert QueueBench(plain).run_node(page.MAX_TASKS, page.ANSWERS, page.FIRST) == page.RIGHT
     result = graded(tmp_path)
     assert result.points == 15
     assert not [case.error for check in result.checks for case in check.cases if case.error]
 
 
-def test_every_command_of_the_page_does_what_it_says(type_page: Callable[..., dict[str, str]]) -> None:
+def test_commands_of_the_readme_exit_as_stated(type_page: Callable[..., dict[str, str]]) -> None:
     printed = type_page(LAB / "README.md", after={})
-    assert any("15 of 100" in said for said in printed.values())
+    assert any("15 of 100" in output for output in printed.values())
 
 
-def test_a_file_without_the_class_or_with_answers_of_another_kind_is_told_so(tmp_path: Path) -> None:
+def test_missing_class_or_wrong_result_type_is_reported(tmp_path: Path) -> None:
     file = tmp_path / "task_queue.py"
-    for text, told in (
+    for text, message in (
         ("x = 1\n", "no class TaskQueue"),
         ("class TaskQueue:\n    pass\n", "no method put"),
         (REFERENCE.read_text().replace("return task\n", "return task.name\n"), "take() returned 'event"),
@@ -81,13 +81,13 @@ def test_a_file_without_the_class_or_with_answers_of_another_kind_is_told_so(tmp
         file.write_text(text)
         result = graded(tmp_path)
         assert result.points == 5  # it is plain
-        assert told in result.checks[1].cases[0].error
+        assert message in result.checks[1].cases[0].error
 
 
-def test_a_node_that_gets_a_task_for_ever_ends_with_a_message(tmp_path: Path) -> None:
+def test_node_with_endless_queue_raises(tmp_path: Path) -> None:
     file = tmp_path / "task_queue.py"
     file.write_text(
-        "class TaskQueue:\n    def __init__(self, most): self.task = None\n    def __len__(self): return 1\n"
+        "class TaskQueue:\n    def __init__(self, max_tasks): self.task = None\n    def __len__(self): return 1\n"
         "    def put(self, task, priority): self.task = task\n    def take(self): return self.task\n"
     )
     bench = QueueBench(load_program(str(file)))
@@ -96,18 +96,18 @@ def test_a_node_that_gets_a_task_for_ever_ends_with_a_message(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_the_reference_answers_as_the_plain_queue_does(seed: int) -> None:
+def test_reference_results_equal_those_of_the_plain_queue(seed: int) -> None:
     rng = random.Random(seed)
-    most, asked = rng.randrange(1, 9), list[list[Any]]()
+    max_tasks, asked = rng.randrange(1, 9), list[list[Any]]()
     for i in range(300):
         put = ["put", rng.choice(["event", "event", "terminate"]), f"t{i}", rng.randrange(-3, 4)]
         asked.append(rng.choice([put, put, ["take"], ["len"]]))
     plain = SimpleNamespace(TaskQueue=PlainQueue)
     student = QueueBench(load_program(str(REFERENCE)))
-    assert student.answers(most, asked) == QueueBench(plain).answers(most, asked)
+    assert student.answers(max_tasks, asked) == QueueBench(plain).answers(max_tasks, asked)
 
 
-def test_work_is_counted_and_does_not_depend_on_the_computer(tmp_path: Path) -> None:
+def test_work_count_is_deterministic(tmp_path: Path) -> None:
     def work(text: str, size: int) -> float:
         file = tmp_path / f"queue_{abs(hash(text))}.py"
         file.write_text(text)
@@ -115,7 +115,7 @@ def test_work_is_counted_and_does_not_depend_on_the_computer(tmp_path: Path) -> 
         asked += [["take"] if i % 2 else ["put", "event", f"f{i}", i * 37 % 97] for i in range(size)]
         return QueueBench(load_program(str(file))).work(size, asked)
 
-    begin = "class TaskQueue:\n    def __init__(self, most): self.waiting = []\n    def __len__(self): return 0\n"
+    begin = "class TaskQueue:\n    def __init__(self, max_tasks): self.waiting = []\n    def __len__(self): return 0\n"
     put = "    def put(self, task, priority): self.waiting.append((priority, task))\n"
     front = begin + put + "    def take(self): self.waiting.pop(0)\n"
     scan = begin + put + "    def take(self): min(self.waiting, key=lambda one: one[0]); self.waiting.pop()\n"
@@ -143,12 +143,12 @@ def test_work_is_counted_and_does_not_depend_on_the_computer(tmp_path: Path) -> 
         "class TaskQueue:\n    def line(self, it=[]): return it\n",
     ],
 )
-def test_moves_are_counted_wherever_a_list_is_kept(place: str, tmp_path: Path) -> None:
+def test_moves_in_hidden_lists_are_counted(place: str, tmp_path: Path) -> None:
     file = tmp_path / "hidden.py"
     file.write_text(
-        f"{place}    def __init__(self, most): pass\n    def __len__(self): return 0\n"
+        f"{place}    def __init__(self, max_tasks): pass\n    def __len__(self): return 0\n"
         "    def put(self, task, priority): self.line().insert(0, task)\n    def take(self): pass\n"
     )
-    assert what_is_not_plain(file.read_text()) == ""
+    assert find_forbidden_construct(file.read_text()) == ""
     asked: list[list[Any]] = [["put", "event", f"e{i}", 0] for i in range(100)]
     assert QueueBench(load_program(str(file))).work(50, asked) > 50

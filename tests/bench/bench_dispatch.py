@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from harness import Row, Trial, compare
+from harness import Benchmark, Row, compare
 
 from snr_sim import Config, Endpoint, EndpointFactory, Mode, Node, SomeTasks, Task, TaskId, TaskType
 from snr_sim.core.clocks import SimClock, WallClock
@@ -70,7 +70,7 @@ class Make(EndpointFactory):
         return self.make(self, parent)
 
 
-def bare_loop(count: int) -> Trial:
+def bare_loop(count: int) -> Benchmark:
     """Return the minimum dispatch: a queue, a dict, a call that returns a new task."""
 
     def prepare() -> Callable[[], Any]:
@@ -90,7 +90,7 @@ def bare_loop(count: int) -> Trial:
     return prepare
 
 
-def node_loop(count: int, clock: Callable[[], Clock], idlers: int = 0) -> Trial:
+def node_loop(count: int, clock: Callable[[], Clock], idlers: int = 0) -> Benchmark:
     """A node with one endpoint that reschedules itself, among others that have nothing to do."""
 
     def prepare() -> Callable[[], Any]:
@@ -105,11 +105,11 @@ def ready_node(factories: list[EndpointFactory], clock: Clock) -> Callable[[], A
     """Return what runs a node that has begun and has one tick waiting."""
     node = Node("bench", Config(Mode.TEST, {"bench": factories}), clock=clock)
     node.begin()
-    node.enter(Task(*TICK), "bench")
+    node.enqueue_input(Task(*TICK), "bench")
     return node.run_ready
 
 
-def many_listeners(count: int, listeners: int) -> Trial:
+def many_listeners(count: int, listeners: int) -> Benchmark:
     """A node in which every tick goes to many handlers."""
 
     def prepare() -> Callable[[], Any]:
@@ -120,7 +120,7 @@ def many_listeners(count: int, listeners: int) -> Trial:
     return prepare
 
 
-def bare_listeners(count: int, listeners: int) -> Trial:
+def bare_listeners(count: int, listeners: int) -> Benchmark:
     """Call as many handlers from a list."""
 
     def prepare() -> Callable[[], Any]:

@@ -52,15 +52,15 @@ def measure(is_quick: bool) -> Iterator[Row]:
 
 def exactness(mcu: str, ticks: int) -> Row:
     """Return the worst error of any pulse width while commands and telemetry continue."""
-    wanted_us = [1500.0, 1100.0, 1900.0, 1234.0, 1501.0, 1500.5, 1700.0, 1299.5]
+    target_us = [1500.0, 1100.0, 1900.0, 1234.0, 1501.0, 1500.5, 1700.0, 1299.5]
     driven = Driven(mcu)
     for _ in range(30):
-        driven.tick(wanted_us)
+        driven.tick(target_us)
     driven.board.pulses()
     for _ in range(ticks):
-        driven.tick(wanted_us)
+        driven.tick(target_us)
     pulses = driven.board.pulses()
-    worst_us = max(abs(pulse.width_us - wanted_us[pulse.channel]) for pulse in pulses)
+    worst_us = max(abs(pulse.width_us - target_us[pulse.channel]) for pulse in pulses)
     return Row(f"{mcu}: worst width at a pin, of {len(pulses)} pulses", worst_us, "us", limit=1.0)
 
 

@@ -39,14 +39,14 @@ PROJECT = Path(__file__).resolve().parents[2]
 LAB, REFERENCE = "lunar_lander_q", PROJECT / "tests" / "assignments" / "lunar_lander_q" / "reference"
 JOBS, COUNT, QUICK_COUNT = 2, 40, 4
 SAMPLE, SLICES = 40, 5  # submissions of the bare side, and the number of parts in which they are measured
-TELL_EVERY_S, LOOK_S = 15.0, 0.2
+REPORT_PERIOD_S, LOOK_S = 15.0, 0.2
 SECRET = b"of the benchmark, which everybody may know"
-WANTED_SHARE = 0.9
-MOST_GROWTH = 1.1
+TARGET_RATIO = 0.9
+MAX_GROWTH = 1.1
 
 
 class BareHost:
-    """Replacement for `Student.host` that calls directly."""
+    """Replacement for `Student.create_object` that calls directly."""
 
     def __init__(self, made: Any) -> None:
         self._made = made
@@ -70,7 +70,7 @@ class Bare(Student):
         """Call it."""
         return getattr(self._module(file), function)(*args)
 
-    def host(self, file: str, host: str, *args: Any, **_: Any) -> Any:
+    def create_object(self, file: str, host: str, *args: Any, **_: Any) -> Any:
         """Make it."""
         place, _, name = host.partition(":")
         return BareHost(getattr(__import__(place, fromlist=[name]), name)(self._module(file), *args))
@@ -122,24 +122,24 @@ class Took:
 
 def bare(lab: str, given: list[Path]) -> Took:
     """Return what the bare simulations take on all cores."""
-    tell(f"bare: {len(given)} submissions")
+    print_progress(f"bare: {len(given)} submissions")
     command = [sys.executable, str(Path(__file__)), "--bare", lab]
     parts = [given[i::JOBS] for i in range(JOBS) if given[i::JOBS]]
     running = [subprocess.Popen([*command, *map(str, part)], stdout=subprocess.PIPE, text=True) for part in parts]
-    said = [list(map(float, process.communicate()[0].split())) for process in running]
-    began_s, ended_s, cpu_s = zip(*said, strict=True)
+    outputs = [list(map(float, process.communicate()[0].split())) for process in running]
+    began_s, ended_s, cpu_s = zip(*outputs, strict=True)
     return Took(max(ended_s) - min(began_s), sum(cpu_s))
 
 
 def graded(lab: str, given: list[Path], place: Path, slices: list[list[Path]]) -> tuple[Took, list[Took]]:
     """Return what `snr grade` takes, and what the bare side takes on each slice, measured in between if it can be."""
-    tell(f"graded: {len(given)} submissions")
+    print_progress(f"graded: {len(given)} submissions")
     (place / "secret").write_bytes(SECRET)
     words = ["grade", lab, *map(str, given), "--out", str(place / "out"), "--secret", str(place / "secret")]
     samples: list[tuple[int, float]] = []
     bares: list[Took] = []
     with counted() as group:
-        start_s = told_s = time.perf_counter()
+        start_s = reported_s = time.perf_counter()
         frozen_s = 0.0
         command = [*group.enter, sys.executable, "-m", "snr_sim", *words, "--jobs", str(JOBS)]
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
@@ -147,9 +147,9 @@ def graded(lab: str, given: list[Path], place: Path, slices: list[list[Path]]) -
             time.sleep(LOOK_S)
             done, now_s = len(list((place / "out" / "results").glob("*.json"))), time.perf_counter()
             samples.append((done, memory_mb(process.pid)))
-            if now_s - told_s >= TELL_EVERY_S:
-                told_s = now_s
-                tell(f"graded {done} of {len(given)} in {now_s - start_s - frozen_s:.0f} s")
+            if now_s - reported_s >= REPORT_PERIOD_S:
+                reported_s = now_s
+                print_progress(f"graded {done} of {len(given)} in {now_s - start_s - frozen_s:.0f} s")
             if len(bares) < len(slices) and done >= (len(bares) + 0.5) * len(given) / len(slices) and group.freeze():
                 try:
                     bares.append(bare(lab, slices[len(bares)]))
@@ -181,14 +181,14 @@ class Group:
         """Return the CPU time so far [s]."""
         if self.folder is None:
             return None
-        return int(self._told("cpu.stat")["usage_usec"]) / 1e6
+        return int(self._values_of("cpu.stat")["usage_usec"]) / 1e6
 
     def freeze(self) -> bool:
         """Stop all that is in it; return whether that can be done."""
         if self.folder is None or not (self.folder / "cgroup.freeze").exists():
             return False
         (self.folder / "cgroup.freeze").write_text("1")
-        while self._told("cgroup.events")["frozen"] != "1":
+        while self._values_of("cgroup.events")["frozen"] != "1":
             time.sleep(0.001)
         return True
 
@@ -197,7 +197,7 @@ class Group:
         if self.folder is not None:
             (self.folder / "cgroup.freeze").write_text("0")
 
-    def _told(self, file: str) -> dict[str, str]:
+    def _values_of(self, file: str) -> dict[str, str]:
         assert self.folder is not None
         return dict(line.split() for line in (self.folder / file).read_text().splitlines())
 
@@ -219,7 +219,7 @@ def counted() -> Iterator[Group]:
             folder.rmdir()
 
 
-def tell(words: str) -> None:
+def print_progress(words: str) -> None:
     """Print the progress on stderr."""
     print(words, file=sys.stderr, flush=True)
 
@@ -266,7 +266,7 @@ def measure(is_quick: bool) -> Iterator[Row]:
         baseline=3600 / bare_s,
         compared_to="bare simulations",
         ratio=took.wall_s / count / bare_s,
-        ratio_limit=1 / WANTED_SHARE,
+        ratio_limit=1 / TARGET_RATIO,
         note=f"wall time on {JOBS} cores; {len(sample)} bare ones in {len(slices)} parts between; ratio: time to time",
     )
     if took.cpu_s is not None:
@@ -287,7 +287,7 @@ def measure(is_quick: bool) -> Iterator[Row]:
         baseline=took.early_mb,
         compared_to="early",
         ratio=took.late_mb / took.early_mb if took.early_mb else None,
-        ratio_limit=MOST_GROWTH,
+        ratio_limit=MAX_GROWTH,
         note="grader with its workers, from 80 % and from 10 to 30 % of submissions done",
     )
 

@@ -21,7 +21,7 @@ from harness import Outcome, Row, Skipped, what_can_run
 
 from snr_sim import Config, Node, TimeoutLoopFactory, WallClock
 from snr_sim.devices.emulated.board import PINS, Board
-from snr_sim.devices.emulated.lock_step import PlantOnBoard
+from snr_sim.devices.emulated.lock_step import ProcessorInLoopPlant
 from snr_sim.devices.emulated.port import EmulatedPort
 from snr_sim.devices.emulated.toolchain import firmware_elf
 from snr_sim.devices.mcu.mcu import McuPwm
@@ -30,27 +30,27 @@ from snr_sim.devices.wire.mcu_frames import encode
 from snr_sim.devices.wire.mcu_messages import (
     BAUD,
     TYPE_OF,
-    Answer,
+    AckResult,
     Arm,
-    Fault,
+    CommandAck,
     FromMcu,
     Ident,
+    McuFault,
+    McuState,
     ResetCause,
-    Result,
-    State,
     Telemetry,
 )
 from snr_sim.devices.wire.serial_port import BytePort, SerialPort
 from snr_sim.prelude.signals import PowerReading
-from snr_sim.testing.parts import Ticker, TickerFactory
+from snr_sim.testing.function_components import FunctionLoop, FunctionLoopFactory
 
 FIRMWARE = Path(__file__).parents[2] / "robots" / "urov" / "firmware"
 CHANNELS = 8
 STILL = [1500.0] * CHANNELS
 STEP_S = 0.005
-MOST_TICK_US = 150.0
-LEAST_SPEED = 20.0
-MOST_LATENCY_MS = 12.0
+MAX_TICK_US = 150.0
+MIN_SPEED = 20.0
+MAX_LATENCY_MS = 12.0
 LATENCY_HZ = 100.0
 # Commands rise by 1 us each, and after this many jump back. Those around the jump are not counted: the first are
 # slewed, and the last may be replaced by a smaller one before their pulse is due, so that they are never output.
@@ -91,22 +91,33 @@ class FarEnd:
     """A board with prepared replies. It is not part of the measurement and costs only the transfer of its bytes."""
 
     def __init__(self) -> None:
-        self.nth = 0
+        self.frame_count = 0
 
     def answers(self) -> bytes:
         """Return an answer to whatever may have been asked, and telemetry."""
         words: list[FromMcu] = [
             Ident(*(getattr(IDENT, field) for field in IDENT.__struct_fields__)),
-            Answer(0, 1, TYPE_OF[Arm], Result.DONE),
+            CommandAck(0, 1, TYPE_OF[Arm], AckResult.DONE),
             self.telemetry(),
         ]
         return b"".join(map(encode, words))
 
     def telemetry(self) -> Telemetry:
         """Return the next one, of a board that is armed and stands still."""
-        self.nth += 1
-        known = State.ARMED, Fault(0), ResetCause.EXTERNAL
-        return Telemetry(self.nth % 256, 1, self.nth, self.nth * 20, *known, 0, 0, 1345, 330, (1600.5,) * CHANNELS)
+        self.frame_count += 1
+        known = McuState.ARMED, McuFault(0), ResetCause.EXTERNAL
+        return Telemetry(
+            self.frame_count % 256,
+            1,
+            self.frame_count,
+            self.frame_count * 20,
+            *known,
+            0,
+            0,
+            1345,
+            330,
+            (1600.5,) * CHANNELS,
+        )
 
 
 class MemoryPort(FarEnd):
@@ -197,7 +208,7 @@ def tick_row(name: str, ticks: int, port: MemoryPort | PtyPort) -> Row:
     out.close()
     times_s.sort()
     note = f"median; p99 {times_s[int(0.99 * ticks)] * 1e6:.0f} us"
-    return Row(name, median(times_s) * 1e6, "us CPU", limit=MOST_TICK_US, note=note)
+    return Row(name, median(times_s) * 1e6, "us CPU", limit=MAX_TICK_US, note=note)
 
 
 class Battery:
@@ -223,7 +234,7 @@ def lock_step_row(mcu: str, seconds: float) -> Row:
     """Measure board, serial line and outputs in lock step at 50 Hz, without the vehicle's physics."""
     elf = firmware_elf(FIRMWARE, mcu)
     battery = Battery()
-    plant = PlantOnBoard(battery, lambda: Board(elf, mcu), CHANNELS, power="power")  # type: ignore[arg-type]
+    plant = ProcessorInLoopPlant(battery, lambda: Board(elf, mcu), CHANNELS, power="power")  # type: ignore[arg-type]
     out = McuPwm(plant.mcu, lambda: battery.time_s, CHANNELS)
 
     def run(seconds: float, pulses: Callable[[float], list[float]]) -> None:
@@ -242,7 +253,7 @@ def lock_step_row(mcu: str, seconds: float) -> Row:
     out.close()
     plant.board.close()
     name = f"emulated lock step, eight channels and telemetry, {mcu}"
-    return Row(name, speed, "x real time", limit=LEAST_SPEED, more_is_better=True, note="CPU time; commands at 50 Hz")
+    return Row(name, speed, "x real time", limit=MIN_SPEED, more_is_better=True, note="CPU time; commands at 50 Hz")
 
 
 def latency_rows(seconds: float) -> Iterator[Outcome]:
@@ -279,10 +290,10 @@ def latency_row(name: str, sent: list[tuple[float, float]], seen: Pulses, how: s
     counted = CHANNELS * sum(is_counted(width) for _, width in sent)
     if not latencies_ms:
         return Skipped(name, "no command was shown at a pin in time: this computer is too busy for the emulator")
-    middle, most = median(latencies_ms), latencies_ms[-1]
+    middle, longest = median(latencies_ms), latencies_ms[-1]
     missed = 100.0 * (1.0 - len(latencies_ms) / counted)
-    note = f"{how}; median {middle:.1f}, most {most:.1f} ms; {missed:.1f} % never shown"
-    return Row(name, latencies_ms[int(0.99 * len(latencies_ms))], "ms", limit=MOST_LATENCY_MS, note=note)
+    note = f"{how}; median {middle:.1f}, most {longest:.1f} ms; {missed:.1f} % never shown"
+    return Row(name, latencies_ms[int(0.99 * len(latencies_ms))], "ms", limit=MAX_LATENCY_MS, note=note)
 
 
 class TimedPort(SerialPort):
@@ -330,13 +341,13 @@ def drive(open_port: Callable[[], BytePort], seconds: float) -> tuple[list[tuple
     sent: list[tuple[float, float]] = []
     shares_ms: list[float] = []
 
-    def open_board(loop: Ticker) -> None:
+    def open_board(loop: FunctionLoop) -> None:
         board = McuBoard(open_port, loop.get_time_s)
         loop.out = McuPwm(board, loop.get_time_s, CHANNELS)  # type: ignore[attr-defined]
         loop.out.configure()  # type: ignore[attr-defined]
         loop.out.activate()  # type: ignore[attr-defined]
 
-    def command(loop: Ticker) -> None:
+    def command(loop: FunctionLoop) -> None:
         out: McuPwm = loop.out  # type: ignore[attr-defined]
         width = 1500.0
         if out.health().state == "active":
@@ -346,7 +357,9 @@ def drive(open_port: Callable[[], BytePort], seconds: float) -> tuple[list[tuple
         out.write_us([width] * CHANNELS, loop.get_time_s())
         shares_ms.append((time.monotonic() - begun_s - (stood_in_line_s() - stood_s)) * 1e3)
 
-    ticker = TickerFactory(command, "pilot", LATENCY_HZ, setup=open_board, terminate=lambda loop: loop.out.close())  # type: ignore[attr-defined]
+    ticker = FunctionLoopFactory(
+        command, "pilot", LATENCY_HZ, setup=open_board, terminate=lambda loop: loop.out.close()
+    )  # type: ignore[attr-defined]
     Node("r", Config(factories={"r": [ticker, TimeoutLoopFactory(seconds=seconds + 2.5)]}), clock=WallClock()).loop()
     return sent[50:-5], shares_ms[50:]  # the first go from 1500 up
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from harness import Row
 
-from snr_sim.scenario.library import known
+from snr_sim.scenario.library import list_available
 
 PROJECT = Path(__file__).resolve().parents[2]
 LIMIT_S = 20.0
@@ -25,7 +25,7 @@ QUICK = ("moving_average", "lunar_lander_q")
 
 def measure(is_quick: bool) -> Iterator[Row]:
     """Yield a row per lab."""
-    for lab in known("assignments"):
+    for lab in list_available("assignments"):
         name = lab.name
         short = name.partition("_")[2]
         if is_quick and short not in QUICK:

@@ -14,15 +14,15 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from harness import Row, Trial, compare
+from harness import Benchmark, Row, compare
 
-from snr_sim.devices.loops import started
-from snr_sim.prelude.errors import MissingExtra
+from snr_sim.devices.loops import start_device
+from snr_sim.prelude.errors import MissingExtraError
 from snr_sim.prelude.plant import Plant
-from snr_sim.prelude.scenario import Rig, Robot
+from snr_sim.prelude.scenario import RobotContext, RobotInfo
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
-from snr_sim.scenario import flight, library
+from snr_sim.scenario import library, simulation_run
 from snr_sim.scenario.simulation import Request, Simulation, prepare
 
 SEED = 7
@@ -32,17 +32,17 @@ PACE_SEED = 0  # of lander_vertical: the reference case
 Tick = Callable[[float], None]
 
 
-def opened(robot: ModuleType, rig: Rig, *names: str) -> list[Any]:
+def opened(robot: ModuleType, context: RobotContext, *names: str) -> list[Any]:
     """Return devices of the robot as its loops open them; the last one is the engine, at neutral."""
-    *sensors, engine = (robot.DEVICES["sim"][name](rig) for name in names)
-    devices = [started(device, name) for device, name in zip([*sensors, engine.open_device()], names, strict=True)]
+    *sensors, engine = (robot.DEVICES["sim"][name](context) for name in names)
+    devices = [start_device(device, name) for device, name in zip([*sensors, engine.open_device()], names, strict=True)]
     devices[-1].neutral()
     return devices
 
 
-def pad_tick(robot: ModuleType, law: Any, rig: Rig) -> tuple[Tick, Callable[[], None]]:
+def pad_tick(robot: ModuleType, law: Any, context: RobotContext) -> tuple[Tick, Callable[[], None]]:
     """Return one tick of lander_pad through the same devices, and a function that ends the flight."""
-    radar, inertial, engine = opened(robot, rig, "radar", "inertial", "engine")
+    radar, inertial, engine = opened(robot, context, "radar", "inertial", "engine")
 
     def tick(time_s: float) -> None:
         radar_reading = radar.read()
@@ -51,9 +51,9 @@ def pad_tick(robot: ModuleType, law: Any, rig: Rig) -> tuple[Tick, Callable[[], 
     return tick, engine.neutral
 
 
-def pad_tick_without_devices(robot: ModuleType, law: Any, rig: Rig) -> tuple[Tick, Callable[[], None]]:
+def pad_tick_without_devices(robot: ModuleType, law: Any, context: RobotContext) -> tuple[Tick, Callable[[], None]]:
     """Return one tick of lander_pad on true values: another flight, a little shorter of work."""
-    plant: Any = rig.plant
+    plant: Any = context.plant
 
     def tick(time_s: float) -> None:
         plant.write("engine", law.update(plant.read("radar"), plant.read("inertial"), time_s))
@@ -61,9 +61,9 @@ def pad_tick_without_devices(robot: ModuleType, law: Any, rig: Rig) -> tuple[Tic
     return tick, lambda: None
 
 
-def vertical_tick(robot: ModuleType, law: Any, rig: Rig) -> tuple[Tick, Callable[[], None]]:
+def vertical_tick(robot: ModuleType, law: Any, context: RobotContext) -> tuple[Tick, Callable[[], None]]:
     """Return one tick of lander_vertical through the same devices, and a function that ends the flight."""
-    radar, engine = opened(robot, rig, "radar", "engine")
+    radar, engine = opened(robot, context, "radar", "engine")
 
     def tick(time_s: float) -> None:
         engine.write(law.update(radar.read(), time_s))
@@ -93,21 +93,21 @@ class Flight:
         self.law = getattr(controller, law)
         self.parameters = file.parameters(seed)
 
-    def rig(self, plant: Plant) -> Rig:
+    def context(self, plant: Plant) -> RobotContext:
         """Return what the robot's table of devices needs to open one on this plant."""
         name = self.simulation.scenario_name
-        robot = Robot(self.simulation.scenario.ROBOT, "lander", name, "", self.parameters, {})
-        return Rig(robot, "sim", self.seed, plant)
+        robot = RobotInfo(self.simulation.scenario.ROBOT, "lander", name, "", self.parameters, {})
+        return RobotContext(robot, "sim", self.seed, plant)
 
     def bare(self, tick_of: Callable[..., tuple[Tick, Callable[[], None]]]) -> Callable[[], Any]:
         """Return a function that runs the scenario without a node and returns the plant."""
         plant: Any = self.simulation.plant()
-        tick, end = tick_of(self.robot, self.law(self.parameters), self.rig(plant))
+        tick, end = tick_of(self.robot, self.law(self.parameters), self.context(plant))
         rate_hz, step_s = self.parameters.engine_hz, plant.step_s
         steps = 1 if step_s is None else round(1.0 / (rate_hz * step_s))
         every = round(rate_hz / self.parameters.radar.rate_hz)  # the engine may be looked after more often
 
-        def fly() -> Any:
+        def simulate() -> Any:
             ticks, time_s = 0, 0.0
             step = plant.step
             while True:
@@ -121,7 +121,7 @@ class Flight:
                     end()
                     return plant
 
-        return fly
+        return simulate
 
     def in_node(self, folder: Path | None = None, finish: Callable[[Path], None] | None = None) -> Callable[[], Any]:
         """Return a function that runs the scenario with a node and returns the plant.
@@ -133,25 +133,25 @@ class Flight:
         plant = self.simulation.plant()
         config = self.simulation.config(plant)
         if folder is None:
-            return lambda: (flight.Flight(self.simulation, plant, config).run(), plant)[1]
+            return lambda: (simulation_run.SimulationRun(self.simulation, plant, config).run(), plant)[1]
         path = Path(tempfile.mkdtemp(dir=folder)) / FILE_NAME
         header = self.simulation.header(plant, config)
 
-        def fly() -> Any:
+        def simulate() -> Any:
             recorder = TraceWriter(path, header)
-            flight.Flight(self.simulation, plant, config, recorder).run()
+            simulation_run.SimulationRun(self.simulation, plant, config, recorder).run()
             recorder.close()
             if finish is not None:
                 finish(path)
             path.unlink()
             return plant
 
-        return fly
+        return simulate
 
 
 def check_same(flight: Flight, tick_of: Callable[..., Any], folder: Path) -> None:
     """Stop the benchmark if bare flight, node and recorded node do not end in the same state, bit by bit."""
-    ends = [fly().snapshot() for fly in (flight.bare(tick_of), flight.in_node(), flight.in_node(folder))]
+    ends = [simulate().snapshot() for simulate in (flight.bare(tick_of), flight.in_node(), flight.in_node(folder))]
     assert ends[0] == ends[1] == ends[2], f"the flights differ: {ends}"
 
 
@@ -179,8 +179,8 @@ def measure_pad(folder: Path, rounds: int) -> Iterator[Row]:
     flight = Flight("lander_pad", SEED, "PadLaw")
     check_same(flight, pad_tick, folder)
     sim_s = flight.bare(pad_tick)().time_s
-    bare: Trial = lambda: flight.bare(pad_tick)  # noqa: E731
-    subjects: list[tuple[str, float, Trial, str]] = [
+    bare: Benchmark = lambda: flight.bare(pad_tick)  # noqa: E731
+    subjects: list[tuple[str, float, Benchmark, str]] = [
         ("lander_pad in lock step", 1.5, lambda: flight.in_node(), ""),
         ("lander_pad with trace", 2.0, lambda: flight.in_node(folder), ""),
     ]
@@ -190,9 +190,9 @@ def measure_pad(folder: Path, rounds: int) -> Iterator[Row]:
         subjects.append(
             ("lander_pad with trace and view.rrd", 3.0, lambda: flight.in_node(folder, write_view_of), note)
         )
-    except MissingExtra:
+    except MissingExtraError:
         pass
-    found = compare(bare, *(trial for _, _, trial, _ in subjects), rounds=rounds)
+    found = compare(bare, *(benchmark for _, _, benchmark, _ in subjects), rounds=rounds)
     for i, (name, limit, _, note) in enumerate(subjects, start=1):
         yield Row(
             name,
@@ -205,8 +205,8 @@ def measure_pad(folder: Path, rounds: int) -> Iterator[Row]:
             note=note,
         )
     truly_s = flight.bare(pad_tick_without_devices)().time_s
-    true: Trial = lambda: flight.bare(pad_tick_without_devices)  # noqa: E731
-    found = compare(true, *(trial for _, _, trial, _ in subjects[:2]), rounds=rounds)
+    true: Benchmark = lambda: flight.bare(pad_tick_without_devices)  # noqa: E731
+    found = compare(true, *(benchmark for _, _, benchmark, _ in subjects[:2]), rounds=rounds)
     for i, (name, _, _, _) in enumerate(subjects[:2], start=1):
         yield Row(
             f"{name}, sensors counted as ours",

@@ -14,14 +14,14 @@ from typing import Any
 import gymnasium
 import mujoco
 import numpy as np
-from harness import Row, Trial, compare, cpu_time_of
+from harness import Benchmark, Row, compare, cpu_time_of
 from landing_policies import straight_down, to_the_ground
 from mujoco.rollout import Rollout
 
 import snr_sim.learning  # noqa: F401 - makes the names known
-from snr_sim.learning.batch_training import BatchTraining, course_of, new_table, train_vertical
+from snr_sim.learning.batch_training import BatchTraining, new_table, train_vertical, vertical_batch_task
 from snr_sim.learning.gym import COMPATIBLE
-from snr_sim.learning.pad_training import STEP_S, PadPolicy, PadTraining, Sky, train_pad
+from snr_sim.learning.pad_training import STEP_S, PadBatchTask, PadPolicy, PadTraining, train_pad
 from snr_sim.learning.plane_batch import step
 from snr_sim.learning.tabular import evaluate
 from snr_sim.prelude.signals import EngineCommand
@@ -39,7 +39,7 @@ def steps_of(name: str, count: int, **kwargs: Any) -> Callable[[], Callable[[], 
     if isinstance(env.action_space, gymnasium.spaces.Discrete):
         actions = [int(action) for action in actions]
 
-    def trial() -> Callable[[], None]:
+    def benchmark() -> Callable[[], None]:
         env.reset(seed=0)
 
         def run() -> None:
@@ -50,7 +50,7 @@ def steps_of(name: str, count: int, **kwargs: Any) -> Callable[[], Callable[[], 
 
         return run
 
-    return trial
+    return benchmark
 
 
 def vector_steps_of(name: str, count: int, policy: Callable[[Any], Any] | None) -> tuple[Callable[[], Any], int]:
@@ -65,7 +65,7 @@ def vector_steps_of(name: str, count: int, policy: Callable[[Any], Any] | None) 
     rng = np.random.default_rng(1)
     drawn = [rng.integers(0, envs.single_action_space.n, LANDERS) for _ in range(64)]
 
-    def trial() -> Callable[[], None]:
+    def benchmark() -> Callable[[], None]:
         state = {"seen": envs.reset(seed=0)[0]}
 
         def run() -> None:
@@ -74,12 +74,12 @@ def vector_steps_of(name: str, count: int, policy: Callable[[Any], Any] | None) 
 
         return run
 
-    return trial, count * LANDERS
+    return benchmark, count * LANDERS
 
 
 def vectors(is_quick: bool) -> Iterator[Row]:
     """Measure the vector environments against the single ones, a row at a time."""
-    for name, count, least_mps, policy, what in (
+    for name, count, min_mps, policy, what in (
         ("LanderVertical", 700, 2.0, None, "random actions"),
         ("LanderVertical", 700, None, straight_down, "a policy that lands"),
         ("LanderPad", 300, 0.2, None, "random actions"),
@@ -94,7 +94,7 @@ def vectors(is_quick: bool) -> Iterator[Row]:
             name=f"{name}: steps of {LANDERS} at once, {what}",
             value=1e-6 / vector_s,
             unit="M/s",
-            limit=least_mps,
+            limit=min_mps,
             more_is_better=True,
             baseline=1e-6 / single_s,
             compared_to="the single environment with random actions",
@@ -103,7 +103,7 @@ def vectors(is_quick: bool) -> Iterator[Row]:
         )
 
 
-def tenth_of_a_second(landers: int) -> tuple[Trial, Trial, Trial]:
+def tenth_of_a_second(landers: int) -> tuple[Benchmark, Benchmark, Benchmark]:
     """Return three trials: so many landers moved on by a step of `LanderPad`.
 
     One by one in the plant under MuJoCo, by MuJoCo's batch rollout, and as the trainer moves them.
@@ -117,8 +117,8 @@ def tenth_of_a_second(landers: int) -> tuple[Trial, Trial, Trial]:
     mujoco.mj_getState(model, data, state, spec)
     states, pushes = np.tile(state, (landers, 1)), np.zeros((landers, steps, model.nv))
     pushes[:, :, 2] = 0.25 * plant.module.thrust_n
-    sky = Sky(env, 1)
-    batch, throttle = sky.proper(landers), np.full(landers, 0.25)
+    task = PadBatchTask(env, 1)
+    batch, throttle = task.scenario_starts(landers), np.full(landers, 0.25)
 
     def one_by_one() -> Callable[[], None]:
         plant.restore(start)
@@ -136,15 +136,15 @@ def tenth_of_a_second(landers: int) -> tuple[Trial, Trial, Trial]:
         return lambda: pool.rollout([model] * landers, [own], states, pushes, **what)
 
     def by_numpy() -> Callable[[], None]:
-        return lambda: step(batch, throttle, np.zeros(landers), sky.module, STEP_S)
+        return lambda: step(batch, throttle, np.zeros(landers), task.module, STEP_S)
 
     return one_by_one, by_rollout, by_numpy
 
 
-def landings(name: str, landed: int, least: int) -> Row:
+def landings(name: str, landed: int, min_landed: int) -> Row:
     """Return the row that says how many unseen starts land after a training."""
     unit = f"of {len(UNSEEN)}"
-    return Row(f"{name}: unseen starts that land", landed, unit, limit=float(least), more_is_better=True)
+    return Row(f"{name}: unseen starts that land", landed, unit, limit=float(min_landed), more_is_better=True)
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
@@ -188,7 +188,7 @@ def measure(is_quick: bool) -> Iterator[Row]:
     env = gymnasium.make("snr_sim/LanderVertical-v0").unwrapped
     table = new_table()
     start_s = time.process_time()
-    train_vertical(table, course_of(env))
+    train_vertical(table, vertical_batch_task(env))
     took_s = time.process_time() - start_s
     landed = sum(end["success"] for end in evaluate(env, table.act, UNSEEN))
     yield Row(
@@ -198,7 +198,7 @@ def measure(is_quick: bool) -> Iterator[Row]:
         limit=5.0,
         note=f"seed {BatchTraining.seed}",
     )
-    yield landings("LanderVertical", landed, least=99)
+    yield landings("LanderVertical", landed, min_landed=99)
     if not is_quick:
         env = gymnasium.make("snr_sim/LanderPad-v0").unwrapped
         policy = PadPolicy()
@@ -213,4 +213,4 @@ def measure(is_quick: bool) -> Iterator[Row]:
             limit=300.0,
             note=f"seed {PadTraining.seed}",
         )
-        yield landings("LanderPad", landed, least=90)
+        yield landings("LanderPad", landed, min_landed=90)

@@ -50,7 +50,7 @@ def run_for(factories: Sequence[LoopFactory], wall_s: float) -> float:
     start_s = time.process_time()
     time.sleep(wall_s)
     cpu_s = time.process_time() - start_s
-    node.enter(tasks.terminate("enough"), "bench")
+    node.enqueue_input(tasks.terminate("enough"), "bench")
     thread.join()
     return cpu_s
 
@@ -86,7 +86,7 @@ def measure(is_quick: bool) -> Iterator[Row]:
     """Yield the rows."""
     wall_s = 1.0 if is_quick else 10.0
     share = 100.0 * run_for([], wall_s) / wall_s
-    yield Row("idle node", share, "% CPU", limit=1.0, note="an empty node that waits at its door")
+    yield Row("idle node", share, "% CPU", limit=1.0, note="an empty node that waits at its inbox")
     factories = [StamperFactory(rate_hz) for rate_hz in RATES_HZ]
     run_for(factories, wall_s)
     for factory in factories:

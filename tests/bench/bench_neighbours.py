@@ -27,9 +27,9 @@ from statistics import mean, median
 
 from harness import Outcome, Row, Skipped
 
-from snr_sim.grading.grade import grade_submission, sandboxed
+from snr_sim.grading.grade import grade_submission, resolve_isolation
 from snr_sim.grading.lab.lab import load_lab
-from snr_sim.grading.remote.nursery import Nursery
+from snr_sim.grading.remote.fork_server import ForkServer
 from snr_sim.grading.sandbox.sandbox import Limits
 
 TESTS = Path(__file__).resolve().parents[1]
@@ -43,7 +43,7 @@ QUICK = ("busy", "takes_another_core")
 ROUNDS, MORE_ROUNDS, FLIGHTS = 7, 28, 3
 QUICK_ROUNDS = 2  # and no more, however bad an attack seems: it is to see that it works
 SEEMS_BAD = 1.05
-MOST = 1.1
+MAX_RATIO = 1.1
 
 
 def measure(is_quick: bool) -> Iterator[Outcome]:
@@ -61,23 +61,23 @@ def measure(is_quick: bool) -> Iterator[Outcome]:
     with tempfile.TemporaryDirectory() as name, graded_beside(Path(name), other) as beside:
         os.chmod(name, 0o755)
         honest = {lab: handed_in(Path(name) / lab.parent.name, lab) for lab in (DOUBLE, LANDING)}
-        lab, nursery = load_lab(LANDING), Nursery(sandboxed("required"), Limits())
+        lab, fork_server = load_lab(LANDING), ForkServer(resolve_isolation("required"), Limits())
 
         def took_s(other_lab: Path, folder: Path) -> float:
             beside(f"{other_lab} {folder}")
             start_s = time.perf_counter()
             for _ in range(FLIGHTS):
-                assert grade_submission(lab, honest[LANDING], SECRET, nursery=nursery).points == 100.0
+                assert grade_submission(lab, honest[LANDING], SECRET, fork_server=fork_server).points == 100.0
             return (time.perf_counter() - start_s) / FLIGHTS
 
-        with nursery:
+        with fork_server:
             took_s(LANDING, honest[LANDING])
             for attack in attacks:
                 at = LANDING if attack.parent.name == "in_flight" else DOUBLE
                 folder = handed_in(Path(name) / attack.stem, at, attack.read_text())
                 pairs: list[float] = []
-                rounds, most = (QUICK_ROUNDS, QUICK_ROUNDS) if is_quick else (ROUNDS, MORE_ROUNDS)
-                while len(pairs) < rounds or (len(pairs) < most and median(pairs) > SEEMS_BAD):
+                rounds, max_pairs = (QUICK_ROUNDS, QUICK_ROUNDS) if is_quick else (ROUNDS, MORE_ROUNDS)
+                while len(pairs) < rounds or (len(pairs) < max_pairs and median(pairs) > SEEMS_BAD):
                     turns = [honest[at], folder] if len(pairs) % 2 else [folder, honest[at]]
                     took = {turn: took_s(at, turn) for turn in turns}
                     pairs.append(took[folder] / took[honest[at]])
@@ -86,15 +86,15 @@ def measure(is_quick: bool) -> Iterator[Outcome]:
                 each = " ".join(f"{pair:.2f}" for pair in pairs)
                 print(f"{attack.stem}: {ratios[attack.stem]:.2f} ({each})", file=sys.stderr, flush=True)
     worst = max(ratios, key=lambda attack: ratios[attack])
-    for title, ratio in ((f"beside the worst, {worst}", ratios[worst]), ("beside any", mean(ratios.values()))):
+    for title, ratio in ((f"next to the worst, {worst}", ratios[worst]), ("next to any", mean(ratios.values()))):
         yield Row(
             f"{title}: a flight is graded",
             ratio * median(alike_s),
             "s",
             baseline=median(alike_s),
-            compared_to="beside an honest one",
+            compared_to="next to an honest one",
             ratio=ratio,
-            ratio_limit=MOST,
+            ratio_limit=MAX_RATIO,
             note=f"wall time; {len(ratios)} programs, each graded again and again on another core",
         )
 
@@ -151,14 +151,14 @@ def grade_what_is_asked(core: int) -> None:
     threading.Thread(target=listen, daemon=True).start()
     is_asked.wait()
     labs = {str(path): load_lab(path) for path in (DOUBLE, LANDING)}
-    with Nursery(sandboxed("required"), Limits()) as nursery:
-        told = 0
+    with ForkServer(resolve_isolation("required"), Limits()) as fork_server:
+        reported = 0
         while True:
-            if told < len(asked):
-                told, which = len(asked), asked[-1]
+            if reported < len(asked):
+                reported, which = len(asked), asked[-1]
                 print(which, flush=True)
             lab, folder = which.split(" ", 1)
-            grade_submission(labs[lab], Path(folder), SECRET, nursery=nursery)
+            grade_submission(labs[lab], Path(folder), SECRET, fork_server=fork_server)
 
 
 if __name__ == "__main__":

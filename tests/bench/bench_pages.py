@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import msgspec
-from harness import Row, Trial, compare
+from harness import Benchmark, Row, compare
 
 from snr_sim import Config, Endpoint, EndpointFactory, Mode, Node, Page, SomeTasks, Task, TaskId, TaskType
 from snr_sim.core.clocks import SimClock
@@ -57,7 +57,7 @@ class CounterFactory(EndpointFactory):
         return Counter(self, parent, self.rounds)
 
 
-def node_rounds(count: int) -> Trial:
+def node_rounds(count: int) -> Benchmark:
     """Rounds of store_data, handler and get_data in a node."""
 
     def prepare() -> Callable[[], Any]:
@@ -69,7 +69,7 @@ def node_rounds(count: int) -> Trial:
     return prepare
 
 
-def bare_rounds(count: int) -> Trial:
+def bare_rounds(count: int) -> Benchmark:
     """The same page and the same two tasks through a queue and two dicts."""
 
     def prepare() -> Callable[[], Any]:
@@ -102,7 +102,7 @@ def store_task(count: int) -> Task:
     return Task(TaskType.store_page, "count", [Page("count", count, "bench_node", 0.0)])
 
 
-def kit_json(count: int) -> Trial:
+def kit_json(count: int) -> Benchmark:
     """A page through `serialize` and `deserialize`."""
     assert Page.deserialize(PAGE.serialize()) == PAGE
 
@@ -113,7 +113,7 @@ def kit_json(count: int) -> Trial:
     return lambda: run
 
 
-def bare_json(count: int) -> Trial:
+def bare_json(count: int) -> Benchmark:
     """The same page through msgspec alone, which does not notice what JSON would change."""
     encode, decode = msgspec.json.Encoder().encode, msgspec.json.Decoder(Page).decode
 

@@ -21,7 +21,7 @@ PARTS = 20_000
 BIG_BYTES = 1_000_000
 START_LIMIT_S = 120.0
 
-BackingName = Literal["thread", "process"]
+ExecutorName = Literal["thread", "process"]
 
 
 class Worker(Loop):
@@ -29,7 +29,7 @@ class Worker(Loop):
 
     def __init__(self, factory: WorkerFactory, parent: Node) -> None:
         super().__init__(factory, parent, factory.name, factory.rate_hz)
-        self.backing = factory.backing
+        self.executor = factory.executor
 
     def loop(self) -> None:
         total = 0
@@ -41,9 +41,9 @@ class Worker(Loop):
 class WorkerFactory(LoopFactory):
     """Makes it."""
 
-    def __init__(self, number: int, backing: BackingName, rate_hz: float) -> None:
+    def __init__(self, number: int, executor: ExecutorName, rate_hz: float) -> None:
         super().__init__()
-        self.name, self.backing, self.rate_hz = f"worker{number}", backing, rate_hz
+        self.name, self.executor, self.rate_hz = f"worker{number}", executor, rate_hz
 
     def get(self, parent: Node) -> Loop:
         return Worker(self, parent)
@@ -52,7 +52,7 @@ class WorkerFactory(LoopFactory):
 class Camera(Loop):
     """Stores large arrays, as often as it can."""
 
-    backing = "process"
+    executor = "process"
 
     def setup(self) -> None:
         import numpy as np
@@ -87,7 +87,7 @@ class Run:
         return self
 
     def __exit__(self, *failure: object) -> None:
-        self.node.enter(tasks.terminate("enough"), "bench")
+        self.node.enqueue_input(tasks.terminate("enough"), "bench")
         self._thread.join()
 
     def pages_per_s(self, wall_s: float) -> float:
@@ -97,16 +97,16 @@ class Run:
         return (self.node.datastore.stored - before) / (time.perf_counter() - start_s)
 
 
-def work_done(backing: BackingName, wall_s: float, count: int = 2) -> float:
+def work_done(executor: ExecutorName, wall_s: float, count: int = 2) -> float:
     """Return how many ticks per second of pure work the loops do together."""
-    factories = [WorkerFactory(i, backing, 0.0) for i in range(count)]
+    factories = [WorkerFactory(i, executor, 0.0) for i in range(count)]
     with Run(factories, [factory.name for factory in factories]) as run:
         return run.pages_per_s(wall_s)
 
 
-def end_s(count: int, backing: BackingName) -> float:
+def end_s(count: int, executor: ExecutorName) -> float:
     """Return how long a node takes to end with so many loops at 10 Hz."""
-    factories = [WorkerFactory(i, backing, 10.0) for i in range(count)]
+    factories = [WorkerFactory(i, executor, 10.0) for i in range(count)]
     with Run(factories, [factory.name for factory in factories]):
         start_s = time.perf_counter()
     return time.perf_counter() - start_s
@@ -128,10 +128,10 @@ def measure(is_quick: bool) -> Iterator[Row]:
         note=f"{max(processes):.0f} ticks/s against {max(threads):.0f}; wants two idle cores",
     )
     count = 10 if is_quick else 50
-    for backing in ("thread", "process"):
+    for executor in ("thread", "process"):
         yield Row(
-            f"end of {count} loops at 10 Hz, in {'threads' if backing == 'thread' else 'processes'}",
-            min(end_s(count, backing) for _ in range(2 if is_quick or backing == "process" else 5)),
+            f"end of {count} loops at 10 Hz, in {'threads' if executor == 'thread' else 'processes'}",
+            min(end_s(count, executor) for _ in range(2 if is_quick or executor == "process" else 5)),
             "s",
             limit=END_LIMIT_S,
             note="wall time, from the terminate task until loop() has returned",

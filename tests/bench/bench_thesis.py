@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from harness import Row, Trial, compare
+from harness import Benchmark, Row, compare
 
 from snr_sim import Config, Endpoint, EndpointFactory, Mode, Node, SomeTasks, Task, TaskId, TaskType, tasks
 from snr_sim.core.clocks import WallClock
@@ -60,18 +60,18 @@ class Stress(Endpoint):
         return [tasks.add_component(StressFactory(following, self.factory.grows_to)), tasks.event("round")]
 
 
-def growing_node(endpoints: int) -> Trial:
+def growing_node(endpoints: int) -> Benchmark:
     """A node that grows from one endpoint to so many, one a round."""
 
     def prepare() -> Callable[[], Any]:
         node = _begun_node([StressFactory(0, endpoints)])
-        node.enter(tasks.event("round"), "bench")
+        node.enqueue_input(tasks.event("round"), "bench")
         return node.run_ready
 
     return prepare
 
 
-def growing_list(endpoints: int) -> Trial:
+def growing_list(endpoints: int) -> Benchmark:
     """The same with a list of handlers and nothing around it."""
 
     def prepare() -> Callable[[], Any]:
@@ -91,15 +91,15 @@ def growing_list(endpoints: int) -> Trial:
     return prepare
 
 
-def adding_node(endpoints: int, added: int) -> Trial:
+def adding_node(endpoints: int, added: int) -> Benchmark:
     """A node of so many endpoints, to which some more are added."""
 
     def prepare() -> Callable[[], Any]:
         node = _begun_node([StressFactory(number) for number in range(endpoints)])
-        node.enter(tasks.event("round"), "bench")
+        node.enqueue_input(tasks.event("round"), "bench")
         node.run_ready()
         for number in range(endpoints, endpoints + added):
-            node.enter(tasks.add_component(StressFactory(number)), "bench")
+            node.enqueue_input(tasks.add_component(StressFactory(number)), "bench")
         return node.run_ready
 
     return prepare

@@ -24,8 +24,8 @@ from snr_sim.plants.urov.urov_state import WrenchCommand
 from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.signals import PwmCommand
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
-from snr_sim.scenario.flight import Flight
 from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import SimulationRun
 
 VEHICLE = read_vehicle(Path(__file__).parents[2] / "robots" / "urov" / "vehicles" / "benzon2022.toml")
 POOL = Pool(depth_m=60.0)
@@ -105,7 +105,7 @@ def measure(is_quick: bool) -> Iterator[Row]:
         ("urov, a step at the surface", lambda: with_wrench(Dive((0.0, 0.0, -0.13)))),
         ("urov, a step on the floor", lambda: with_wrench(Dive((0.0, 0.0, -59.875)), -20.0)),
     ]  # fmt: skip
-    found = compare(bare, *(trial for _, trial in subjects), rounds=rounds)
+    found = compare(bare, *(benchmark for _, benchmark in subjects), rounds=rounds)
     for i, (name, _) in enumerate(subjects, start=1):
         yield Row(
             name,
@@ -130,8 +130,8 @@ def dives(rounds: int) -> Iterator[Row]:
         recorder = None
         if is_recorded:
             path = Path(tempfile.mkdtemp(dir=folder)) / FILE_NAME
-            recorder = TraceWriter(path, simulation.header(plant, config), simulation.opening())
-        flight = Flight(simulation, plant, config, recorder)
+            recorder = TraceWriter(path, simulation.header(plant, config), simulation.trace_info())
+        flight = SimulationRun(simulation, plant, config, recorder)
 
         def run() -> None:
             result = flight.run()

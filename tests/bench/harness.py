@@ -17,13 +17,13 @@ from dataclasses import asdict, dataclass
 from statistics import median
 from typing import Any, TypeAlias
 
-from snr_sim.devices.emulated.toolchain import ToolsMissing
-from snr_sim.grading.sandbox.sandbox import IsolationMissing
-from snr_sim.prelude.errors import MissingExtra
+from snr_sim.devices.emulated.toolchain import ToolsMissingError
+from snr_sim.grading.sandbox.sandbox import IsolationMissingError
+from snr_sim.prelude.errors import MissingExtraError
 
 _OURS = ("snr_sim", "harness", "peers")
 # Prepares a trial, untimed, and returns the function to time: each turn starts from the same state.
-Trial: TypeAlias = Callable[[], Callable[[], Any]]
+Benchmark: TypeAlias = Callable[[], Callable[[], Any]]
 
 
 @dataclass(frozen=True)
@@ -78,31 +78,31 @@ class Comparison:
     ratios: list[float]
 
 
-def cpu_time_of(trial: Trial) -> float:
+def cpu_time_of(benchmark: Benchmark) -> float:
     """Return the CPU time of one turn [s], after the garbage of what came before is gone."""
-    run = trial()
+    run = benchmark()
     gc.collect()
     start_s = time.process_time()
     run()
     return time.process_time() - start_s
 
 
-def compare(baseline: Trial, *subjects: Trial, rounds: int) -> Comparison:
+def compare(baseline: Benchmark, *subjects: Benchmark, rounds: int) -> Comparison:
     """Run baseline and subjects in turns; the first round is a warm-up and does not count.
 
     A subject's time is divided by the mean of the baseline's turns before and after it, so that a machine that becomes
     steadily slower does not make the subject look slow.
     """
-    trials = (baseline, *subjects)
-    for trial in trials:
-        cpu_time_of(trial)
-    times = [[cpu_time_of(trial) for trial in trials] for _ in range(rounds)]
+    benchmarks = (baseline, *subjects)
+    for benchmark in benchmarks:
+        cpu_time_of(benchmark)
+    times = [[cpu_time_of(benchmark) for benchmark in benchmarks] for _ in range(rounds)]
     after = [turn[0] for turn in times[1:]] + [cpu_time_of(baseline)]
     ratios = [
         median(turn[i] / (0.5 * (turn[0] + later)) for turn, later in zip(times, after, strict=True))
-        for i in range(len(trials))
+        for i in range(len(benchmarks))
     ]
-    return Comparison([min(turn[i] for turn in times) for i in range(len(trials))], ratios)
+    return Comparison([min(turn[i] for turn in times) for i in range(len(benchmarks))], ratios)
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ class Skipped:
 # What a benchmark yields. Each file `bench_<name>.py` has a function `measure(is_quick)` that yields them one by one.
 Outcome: TypeAlias = Row | Skipped
 
-_MISSING = (MissingExtra, ToolsMissing, IsolationMissing, ModuleNotFoundError)
+_MISSING = (MissingExtraError, ToolsMissingError, IsolationMissingError, ModuleNotFoundError)
 
 
 def what_can_run(name: str, measure: Callable[[], Iterable[Outcome]]) -> Iterator[Outcome]:

@@ -18,7 +18,7 @@ def to_the_ground(seen: Any) -> Any:
     goal_mps = -np.sqrt(1.0 + np.maximum(0.0, height - 2.0))
     goal_mps = np.where(height < 30.0, np.maximum(goal_mps, -0.5 - 0.1 * height), goal_mps)
     throttle = np.where(goal_mps - vz > 0.5, 2, np.where(goal_mps - vz > -0.7, 1, 0))
-    most = np.where(height > 8.0, 0.3, 0.09)
-    lean = np.clip(0.15 * vx + np.where(height > 8.0, 0.003, 0.0) * x, -most, most) - tilt - 2.2 * rate
+    max_lean = np.where(height > 8.0, 0.3, 0.09)
+    lean = np.clip(0.15 * vx + np.where(height > 8.0, 0.003, 0.0) * x, -max_lean, max_lean) - tilt - 2.2 * rate
     turn = np.where(lean > 0.02, 2, np.where(lean < -0.02, 0, 1))
     return np.where((left > 0.0) | (right > 0.0), 1, 3 * throttle + turn)

@@ -33,17 +33,17 @@ from snr_sim import (
     TaskType,
     tasks,
 )
-from snr_sim.links.faults import Faults
+from snr_sim.links.faults import LinkFaults
 
 RATE_HZ = 500.0
 REST_S = 10.0  # the test ends when no page has arrived for this long
-LOOK_EVERY_S = 0.5
-USE_EVERY_S = 10.0
+POLL_PERIOD_S = 0.5
+USE_PERIOD_S = 10.0
 WARM_UP_USES = 12  # two minutes, in which caches fill; shorter runs are not evaluated
 LINK = "link_soak"
-CUT_EVERY_S = 20.0
+CUT_PERIOD_S = 20.0
 CUT_S = 1.0  # shorter than the time after which the other end counts as gone: the connection stays, counts are exact
-FAULTS = Faults(0.005, 0.01, loss=0.01, duplication=0.01, reordering=0.02, bandwidth_bps=10e6)
+FAULTS = LinkFaults(0.005, 0.01, loss=0.01, duplication=0.01, reordering=0.02, bandwidth_bps=10e6)
 
 
 class Source(Loop):
@@ -53,7 +53,7 @@ class Source(Loop):
 
     def loop(self) -> None:
         factory = self.factory
-        if factory.count < factory.most:
+        if factory.count < factory.max_count:
             self.store_data(f"{self.parent.role}_number", [factory.count, "x" * (factory.count % 200)])
             factory.count += 1
 
@@ -61,9 +61,9 @@ class Source(Loop):
 class SourceFactory(LoopFactory):
     """Makes it, and keeps its count."""
 
-    def __init__(self, most: int) -> None:
+    def __init__(self, max_count: int) -> None:
         super().__init__()
-        self.most = most
+        self.max_count = max_count
         self.count = 0
 
     def get(self, parent: Node) -> Loop:
@@ -87,10 +87,10 @@ class Sink(Endpoint):
 class SinkFactory(EndpointFactory):
     """Makes it, and keeps its notes."""
 
-    def __init__(self, key: str, most: int) -> None:
+    def __init__(self, key: str, max_count: int) -> None:
         super().__init__()
         self.key = key
-        self.arrivals = bytearray(most)
+        self.arrivals = bytearray(max_count)
 
     def get(self, parent: Node) -> Endpoint:
         return Sink(self, parent)
@@ -106,14 +106,14 @@ def use_of_this_process() -> dict[str, int]:
     }
 
 
-def run(role: str, port: int, most: int) -> dict[str, Any]:
+def run(role: str, port: int, max_count: int) -> dict[str, Any]:
     """Run one of the nodes; return its counts, and what it held every ten seconds while it stored pages."""
     other = "robot" if role == "topside" else "topside"
-    cuts = [CUT_EVERY_S * i for i in range(1, int(most / RATE_HZ / CUT_EVERY_S) + 1)]
+    cuts = [CUT_PERIOD_S * i for i in range(1, int(max_count / RATE_HZ / CUT_PERIOD_S) + 1)]
     faults = replace(FAULTS, cut=tuple((cut_s, cut_s + CUT_S) for cut_s in cuts))
     pair = SocketsPair((peers.HOST, port), name="soak", faults=faults)
     key = f"{role}_number"
-    source, sink = SourceFactory(most), SinkFactory(f"{other}_number", most)
+    source, sink = SourceFactory(max_count), SinkFactory(f"{other}_number", max_count)
     link = pair.server(key) if role == "robot" else pair.client(key)
     node = Node(role, Config(Mode.DEPLOYED, {role: [link, sink, source]}))
     uses: list[dict[str, int]] = []
@@ -122,12 +122,12 @@ def run(role: str, port: int, most: int) -> dict[str, Any]:
     def watch() -> None:
         rest_s, arrived = 0.0, 0
         while rest_s < REST_S:
-            time.sleep(LOOK_EVERY_S)
-            if source.count < most and len(uses) < int(time.monotonic() - begun_s) // USE_EVERY_S:
+            time.sleep(POLL_PERIOD_S)
+            if source.count < max_count and len(uses) < int(time.monotonic() - begun_s) // USE_PERIOD_S:
                 uses.append(use_of_this_process())
             before, arrived = arrived, sum(sink.arrivals)
-            rest_s = rest_s + LOOK_EVERY_S if source.count == most and arrived == before else 0.0
-        node.enter(tasks.terminate("the soak is over"), "soak")
+            rest_s = rest_s + POLL_PERIOD_S if source.count == max_count and arrived == before else 0.0
+        node.enqueue_input(tasks.terminate("the soak is over"), "soak")
 
     threading.Thread(target=watch, daemon=True).start()
     node.loop()

@@ -4,6 +4,7 @@ Python's own modules are imported first and keep their references, so this tests
 It cannot test how paths, open files and consoles behave on Windows.
 """
 
+import asyncio
 import multiprocessing.connection
 import os
 import select
@@ -44,7 +45,7 @@ BLOCKED = (
 def block() -> None:
     """Remove what Windows does not have, here and in each Python process that is started from here."""
     unix, pair = socket.AF_UNIX, socket.socketpair
-    kept = (multiprocessing.connection, selectors, shutil, tempfile, threading)  # imported while all is there
+    kept = (asyncio, multiprocessing.connection, selectors, shutil, tempfile, threading)  # imported while all is there
     assert kept
     for name in MODULES:
         sys.modules[name] = None  # type: ignore[assignment]

@@ -58,8 +58,8 @@ def main() -> None:
         phase, kind, *words = jobs[i]
         if not phase.endswith("<module>") and "snr_sim.cli.main" not in sys.modules:
             import snr_sim.cli.main
-            import snr_sim.scenario.flight
-            import snr_sim.scenario.simulation  # noqa: F401
+            import snr_sim.scenario.simulation
+            import snr_sim.scenario.simulation_run  # noqa: F401
         folder = place / str(i)
         folder.mkdir()
         pid = os.fork()

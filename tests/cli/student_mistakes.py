@@ -1,5 +1,5 @@
 # ruff: noqa: E501 (a table: a line a mistake)
-"""The table of students' mistakes: each is a small change of the README's controller, or a command line.
+"""The table of students' mistakes: each is a small change of a controller in the long form (docs/components.md) or the short one, or a command line.
 
 Each message must state, for one point each: the student's own line; the class, handler, page or argument; what was
 expected; what was found; the fix. A sixth point is for at most six lines. `test_student_mistakes.py` scores them.
@@ -10,10 +10,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-_README = (Path(__file__).parents[2] / "README.md").read_text()
-_FOUND = re.search(r"`gentle\.py`:\n\n```python\n(.*?)```", _README, re.DOTALL)
-assert _FOUND is not None
-GENTLE = _FOUND[1]
+_PAGE = (Path(__file__).parents[2] / "docs" / "components.md").read_text()
+GENTLE = re.findall(r"```python\n(.*?)```", _PAGE.partition("## The long form")[2], re.DOTALL)[0]
 
 Change = Callable[[str], str]
 RUN = ("run", "lander_vertical", "--controller", "./gentle.py")
@@ -29,8 +27,8 @@ class Mistake:
     Args:
         number: in the list in which it was first tried.
         what: the student did.
-        said: patterns of line, name, what was expected, what was found, the fix; "" if there is none.
-        files: changes by file; gentle.py is the README's, others are initially empty.
+        patterns: of line, name, what was expected, what was found, the fix; "" if there is none.
+        files: changes by file; gentle.py is that of the page, others are initially empty.
         words: of the command line.
         then: words of a second command line; {run} is the run folder.
         is_before: whether it is reported before there is a run.
@@ -39,7 +37,7 @@ class Mistake:
 
     number: int
     what: str
-    said: tuple[str, str, str, str, str]
+    patterns: tuple[str, str, str, str, str]
     files: Mapping[str, Change] = field(default_factory=dict)
     words: tuple[str, ...] = RUN
     then: tuple[str, ...] = ()
@@ -74,6 +72,38 @@ def in_flight(old: str, new: str) -> dict[str, Change]:
     return put(RADAR, edit + RADAR)
 
 
+SHORT = """\
+import msgspec
+
+from snr_sim import Endpoint, handles, page
+
+
+@page("engine")
+class Engine(msgspec.Struct):
+    throttle: float
+
+
+class Gentle(Endpoint):
+    hover = 0.28
+
+    @handles("radar")
+    def on_radar(self, radar):
+        target_mps = -1.0 - 0.05 * radar["altitude_m"]
+        throttle = self.hover + 0.1 * (target_mps - radar["velocity_mps"])
+        return self.store_data_task("engine", Engine(min(max(throttle, 0.0), 1.0)))
+
+
+def factories(robot):
+    return [Gentle.factory(hover=0.28)]
+"""
+
+
+def short(old: str, new: str) -> dict[str, Change]:
+    """Return a change of the controller in the short form, which must contain the old text."""
+    assert old in SHORT, old
+    return {"gentle.py": holds(SHORT.replace(old, new))}
+
+
 WATCHED = (*RUN, "--speed", "1000", "--watch")
 MISTAKES = [
     Mistake(1, "handler of page 'rader'", ("line 12: ", "page 'rader'", "Stored are: .*radar", "'rader'", "did you mean 'radar'"),
@@ -92,7 +122,7 @@ MISTAKES = [
             put("        super().__init__(factory, parent, name)\n", "")),
     Mistake(11, "time.sleep in a handler", ("line ", "on_radar", "2 s|return", "sleep|not returned", "Try: "),
             put(RADAR, "        __import__('time').sleep(60.0)\n" + RADAR), is_before=False,
-            elsewhere="tests/core/test_watchdog.py::test_a_handler_that_sleeps_a_little_each_time_is_told_once_with_its_line"),
+            elsewhere="tests/core/test_watchdog.py::test_repeatedly_sleeping_handler_is_reported_once_with_line"),
     Mistake(12, "handler without task_id", ("line 12: ", "gentle.on_radar", r"called with \(task, task_id\)", r"takes \(task\)", r"def on_radar\(self, task, task_id\)"),
             put("on_radar(self, task, task_id)", "on_radar(self, task)")),
     Mistake(13, "a handler that is called where it is named", ("line 12: ", r"on_radar\(\)", "self.on_radar, not", "missing 2 required", "leave out the brackets"),
@@ -106,7 +136,7 @@ MISTAKES = [
     Mistake(19, "get() without return", ("line 5: ", r"GentleFactory.get\(\)", "should return an Endpoint", "returned None", "with: return"),
             put("return Gentle(", "Gentle(")),
     Mistake(20, "a line with one space too few", ("line 16: ", "gentle.py", "unindent does not match", "IndentationError", "as many spaces"),
-            put("        wanted_mps", "       wanted_mps")),
+            put("        target_mps", "       target_mps")),
     Mistake(21, "a colon forgotten", ("line 5: ", "gentle.py", "expected ':'", "SyntaxError", "with a colon"),
             put("def get(self, parent):", "def get(self, parent)")),
     Mistake(23, "TaskType.proces_data", ("line 12: ", "TaskType", "event, process_data, reload, store_page, terminate", "proces_data", "did you mean 'process_data'"),
@@ -120,7 +150,7 @@ MISTAKES = [
     Mistake(28, "a list that is changed after it was stored", ("line ", "'mine'", "changed|store", "list", "Try: "),
             put(COMMAND, 'self.way = getattr(self, "way", [])\n        self.way.append(1)\n        self.store_data("mine", self.way)\n        ' + COMMAND),
             is_before=False,  # a page keeps what was stored, so nothing is wrong any more
-            elsewhere="tests/core/test_page_data.py::test_a_list_that_grows_is_in_prev_in_trace_and_in_replay_as_it_was_stored"),
+            elsewhere="tests/core/test_page_data.py::test_growing_list_is_kept_as_stored_in_prev_trace_and_replay"),
     Mistake(29, "import of EndPoint", ("line 1: ", "EndPoint", "'Endpoint'", "cannot import name 'EndPoint'", "did you mean 'Endpoint'"),
             put("import Endpoint,", "import EndPoint,")),
     Mistake(31, "two helpers that import each other", ("two.py, line 1: ", "one", "import each other", "circular import", "into a third file"),
@@ -141,32 +171,32 @@ MISTAKES = [
     Mistake(40, "a policy that is not there", ("none.npz", "none.npz", "file", "no file", "save it first"),
             words=("run", "lander_vertical", "--controller", "q", "--policy", "none.npz")),
     Mistake(41, "a console's port that is in use", ("", "", "", "", ""),
-            elsewhere="tests/console/test_command_receiver.py::test_a_port_in_use_is_said_at_the_start_and_everything_halted"),
+            elsewhere="tests/console/test_command_receiver.py::test_port_in_use_raises_link_error_and_halts_components"),
     Mistake(43, "a full disk", ("", "", "", "", ""), is_before=False,
-            elsewhere="tests/cli/test_signals.py::test_a_full_disk_stops_the_run_with_a_sentence_and_a_whole_trace"),
+            elsewhere="tests/cli/test_signals.py::test_full_disk_stops_run_with_message_and_complete_trace"),
     Mistake(44, "no display: snr view", ("snr view", "window", "a display|a browser", "no display", "--web"), then=("view", "{run}")),
     Mistake(45, "no display: snr run --view", ("--view", "window", "a display|a browser", "no display", "--web-view"), words=(*RUN, "--view")),
-    Mistake(47, "teleoperation without a terminal", ("pilot=hands", "keyboard|keys", "a terminal|a game controller", "no terminal|nobody can steer", "Try: "),
-            elsewhere="tests/cli/test_roles.py::test_a_pilot_without_terminal_is_told_that_nobody_can_steer"),
+    Mistake(47, "teleoperation without a terminal", ("pilot=manual", "keyboard|keys", "a terminal|a game controller", "no terminal|no manual input", "Try: "),
+            elsewhere="tests/cli/test_roles.py::test_pilot_without_terminal_logs_missing_input"),
     Mistake(48, "division by zero", ("line 16: ", r"on_radar\(\)", "other than 0", "division by zero", "before you divide"),
             put("-1.0 - 0.05 *", "1.0 / (2 - 2) - 0.05 *"), is_before=False),
     Mistake(49, "task_handlers misspelt", ("line 12: ", "'gentle'", r"self.task_handlers = ", "no handlers", "not self.task_handler\\."),
             put("self.task_handlers", "self.task_handler")),
     Mistake(51, "sys.exit() in a handler", ("line 16: ", r"on_radar\(\) of Gentle", "ends the run as an error", "leaves the program", "tasks.terminate"),
             put("class GentleFactory", "import sys\nclass GentleFactory", RADAR, "        sys.exit()\n" + RADAR)),
-    Mistake(52, "a handler that asks for itself for ever", ("line 14: ", "gentle.on_radar", "a Loop bring in", "executed 100000 tasks", "only when something has changed"),
+    Mistake(52, "a handler that stores its own trigger without end", ("line 14: ", "gentle.on_radar", "a Loop bring in", "executed 100000 tasks", "only when something has changed"),
             put(COMMAND, "return task"), is_before=False),
     Mistake(53, "throttle 7.0", ("line 18: ", "'engine'", "from 0 to 1", "throttle = 7", "store what is from"),
             put(COMMAND, COMMAND.replace("min(max(throttle, 0.0), 1.0)", "7.0"))),
     Mistake(55, "a loop() without an end", ("line ", "loop", "return", "not returned", "Try: "), is_before=False,
-            elsewhere="tests/core/test_watchdog.py::test_what_runs_in_begin_in_a_loop_and_in_halt_is_watched_too"),
+            elsewhere="tests/core/test_watchdog.py::test_standstill_in_begin_loop_and_halt_is_reported"),
     Mistake(56, "a misspelt attribute in begin()", ("line 15: ", "'gentle', a Gentle", "set it in __init__|did you mean", "no attribute 'gian'", "Try: "),
             put("    def on_radar", "    def begin(self):\n        self.gain = self.gian\n\n    def on_radar")),
     Mistake(57, "a page that is not there", ("line 16: ", "page 'wind'", "stored are: engine, radar", "'wind'", "Try: "),
-            put("        wanted_mps", '        wind = self.get_data("wind")["speed_mps"]\n        wanted_mps')),
+            put("        target_mps", '        wind = self.get_data("wind")["speed_mps"]\n        target_mps')),
     Mistake(59, "Python 3.10", ("", "", "", "", ""), elsewhere="pip: Package 'snr-sim' requires a different Python: 3.10 not in '>=3.11'"),
     Mistake(60, "--seed abc", ("--seed", "--seed", "whole number", "abc", "--seed 3"), words=(*RUN, "--seed", "abc")),
-    Mistake(61, "--speed fsat", ("--speed fsat", "--speed", "--speed real", "fsat is no speed", "--speed fast"), words=(*RUN, "--speed", "fsat")),
+    Mistake(61, "--speed fsat", ("--speed", "--speed", "a number greater than 0", "not 'fsat'", "--speed fast"), words=(*RUN, "--speed", "fsat")),
     Mistake(63, "snr rnu", ("rnu", "rnu", "'run'", "No such command 'rnu'", "Did you mean 'run'"), words=("rnu", "lander_vertical")),
     Mistake(64, "an unknown lab", ("dept_hold", "assignment 'dept_hold'", "One of: 01", "no assignment", "did you mean '02_depth_hold'"), words=("check", "dept_hold")),
     Mistake(65, "a new lab where one is", ("depth_hold", "depth_hold", "nothing was changed", "is there already", "rename it"),
@@ -212,4 +242,29 @@ MISTAKES = [
             put(COMMAND, 'return self.store_data_task("engine", 0.5)')),
     Mistake(117, "a task that is not returned", ("line 18: ", r"on_radar\(\) of Gentle", "returns is done", "drops it", "return self.store_data_task"),
             put("return self.store_data_task", "self.store_data_task")),
+    # The short form
+    Mistake(201, "@handles page 'rader'", ("line 14: ", "page 'rader'", "Stored are: .*radar", "'rader'", "did you mean 'radar'"),
+            short('@handles("radar")', '@handles("rader")')),
+    Mistake(202, "@handles without brackets", ("line 14: ", "on_radar", "does not name", "@handles", r'@handles\("radar"\)'),
+            short('@handles("radar")', "@handles")),
+    Mistake(203, "field of the given page", ("line 16: ", "page 'radar'", "altitude_m, stamp_s, velocity_mps", "'altitude_n'", "did you mean 'altitude_m'"),
+            short("altitude_m", "altitude_n")),
+    Mistake(204, "a handler with the long form's arguments", ("line 1[45]: ", "on_radar", r"called with \(self, data\)", r"takes \(self, task, task_id\)", r"def on_radar\(self, data\)"),
+            short("on_radar(self, radar)", "on_radar(self, task, task_id)")),
+    Mistake(205, "a setting misspelt", ("line 22: ", "Gentle", "no setting", "'hovr'", "did you mean 'hover'"),
+            short("factory(hover", "factory(hovr")),
+    Mistake(206, "the class in place of a factory", ("line 2[12]: ", r"factories\(robot\)", "not a factory", "the class Gentle", r"Gentle.factory\(\)"),
+            short("Gentle.factory(hover=0.28)", "Gentle")),
+    Mistake(207, "factory without brackets", ("line 2[12]: ", r"factories\(robot\)", "not a factory", "with Gentle.factory,", r"Gentle.factory\(\)"),
+            short("Gentle.factory(hover=0.28)", "Gentle.factory")),
+    Mistake(208, "a page that does not fit", ("line 18: ", "Page 'engine'", "`float`", "`str`", "store|Try"),
+            short("Engine(min(max(throttle, 0.0), 1.0))", "Engine('full')"), is_before=False),
+    Mistake(209, "a page under another key", ("line 18: ", "Page 'engines'", "declared as page 'engine'", "given a", r'store_data\("engine"'),
+            short('_task("engine"', '_task("engines"'), is_before=False),
+    Mistake(210, "no class that declares a page", ("line 14: ", "Gentles", "neither the key", "Gentles", r"@page\("),
+            short('@handles("radar")', '@handles(type("Gentles", (), {}))')),
+    Mistake(211, "two methods for one page", ("line 11: |Gentle", "Gentle", "page|process_data", "twice", "one method"),
+            short("    @handles", "    @handles('radar')\n    def on_other(self, radar):\n        pass\n\n    @handles")),
+    Mistake(212, "an attribute that is not set", ("line 17: ", "'gentle'", "nothing sets it", "'hoover'", "hover"),
+            short("self.hover", "self.hoover")),
 ]  # fmt: skip

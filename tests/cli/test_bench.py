@@ -25,7 +25,7 @@ def snr_bench(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", ALL)
-def test_each_benchmark_runs_and_what_it_lacks_is_named(tmp_path: Path, name: str) -> None:
+def test_every_benchmark_runs_and_reports_missing_packages(tmp_path: Path, name: str) -> None:
     done = snr_bench(tmp_path, name, "--quick", "--json")
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
@@ -36,7 +36,7 @@ def test_each_benchmark_runs_and_what_it_lacks_is_named(tmp_path: Path, name: st
 
 
 @pytest.mark.slow
-def test_a_quick_run_of_one_file_is_one_json_object_with_machine_and_rows(tmp_path: Path) -> None:
+def test_quick_run_json_contains_machine_and_rows(tmp_path: Path) -> None:
     done = snr_bench(tmp_path, "pages", "--quick", "--json")
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
@@ -48,7 +48,7 @@ def test_a_quick_run_of_one_file_is_one_json_object_with_machine_and_rows(tmp_pa
 
 
 @pytest.mark.slow
-def test_an_unknown_benchmark_is_answered_with_the_nearest_name(tmp_path: Path) -> None:
+def test_unknown_benchmark_suggests_nearest_name(tmp_path: Path) -> None:
     done = snr_bench(tmp_path, "dispach")
     assert done.returncode == 2
     assert "dispatch" in done.stderr
@@ -58,8 +58,8 @@ ROW = 'Row("a step", 2.0, "us", ratio=1.5, ratio_limit=2.0)'
 FILES = {
     "fails": f"def measure(is_quick):\n    yield {ROW}\n    raise RuntimeError('no such neutral')\n",
     "lacks": "import a_package_that_nobody_has\n",
-    "partly": "from snr_sim.prelude.errors import MissingExtra\n"
-    "def lacking():\n    raise MissingExtra('pyserial', 'io')\n"
+    "partly": "from snr_sim.prelude.errors import MissingExtraError\n"
+    "def lacking():\n    raise MissingExtraError('pyserial', 'io')\n"
     "    yield\ndef measure(is_quick):\n    yield from what_can_run('the line', lacking)\n"
     f"    yield {ROW}\n",
 }
@@ -78,7 +78,7 @@ def project(tmp_path: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_what_was_measured_is_shown_although_one_fails_and_one_lacks_a_package(project: Path) -> None:
+def test_results_are_printed_although_one_benchmark_fails(project: Path) -> None:
     done = snr_bench(project, "--quick")
     assert done.returncode == 2
     assert done.stdout.count("a step") == 2  # also that of the one that failed later
@@ -89,7 +89,7 @@ def test_what_was_measured_is_shown_although_one_fails_and_one_lacks_a_package(p
 
 
 @pytest.mark.slow
-def test_as_json_too_and_a_second_run_is_compared_with_the_first(project: Path) -> None:
+def test_second_run_is_compared_with_first_as_json(project: Path) -> None:
     first = snr_bench(project, "partly", "--json", "--history", "h.jsonl")
     assert (first.returncode, json.loads(first.stdout)["slower"]) == (0, [])
     bench = project / "tests" / "bench" / "bench_partly.py"
@@ -110,19 +110,19 @@ def result(ratios: Sequence[float | None], cpu: str = "one", options: Sequence[s
     return {"machine": {"cpu": cpu, "cores": 2, "python": "3.11.7"}, "options": list(options), "rows": rows}
 
 
-def test_a_ratio_ten_percent_above_the_median_of_the_last_five_is_slower() -> None:
+def test_ratio_10_percent_above_median_of_last_five_is_slower() -> None:
     history = [result([9.0, 1.0]), *(result([ratio, 1.0]) for ratio in (1.0, 1.0, 2.0, 1.0, 1.0))]
     assert [row["name"] for row in slower_rows(history, result([1.11, 1.09]))] == ["row 0"]
     assert slower_rows(history, result([1.11, 1.0]))[0]["slower_by"] == pytest.approx(1.11)
 
 
-def test_results_of_another_computer_or_of_quick_runs_are_not_compared_with() -> None:
+def test_results_of_other_machine_or_quick_runs_are_not_compared() -> None:
     history = [result([1.0], cpu="another"), result([1.0], options=["--quick"]), result([None])]
     assert slower_rows(history, result([3.0])) == []
     assert slower_rows([result([1.0])], result([None])) == []
 
 
-def test_a_history_with_a_line_that_was_cut_is_read_without_it(tmp_path: Path) -> None:
+def test_truncated_history_line_is_skipped(tmp_path: Path) -> None:
     path = tmp_path / "new" / "bench.jsonl"
     assert read_history(path) == []
     append_result(path, result([1.0]))
@@ -131,6 +131,6 @@ def test_a_history_with_a_line_that_was_cut_is_read_without_it(tmp_path: Path) -
     assert [one["rows"][0]["ratio"] for one in read_history(path)] == [1.0, 2.0]
 
 
-def test_a_history_that_cannot_be_written_says_so(tmp_path: Path) -> None:
+def test_unwritable_history_reports_error(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="cannot be written: Is a directory"):
         append_result(tmp_path, result([1.0]))

@@ -19,8 +19,8 @@ def doubles(student: Student, case: int) -> Verdict:
 @check(points=70, needs=["doubles"])
 def lands(student: Student) -> Verdict:
     """Lands."""
-    flown = student.fly("lander_vertical", 1, "mine.py")
-    return passed() if flown.success else failed("It fell.", actual=flown.outcome)
+    run = student.run_scenario("lander_vertical", 1, "mine.py")
+    return passed() if run.success else failed("It fell.", actual=run.outcome)
 
 
 lab = Lab("Doubling", files=["mine.py"], checks=[doubles, lands])
@@ -42,14 +42,14 @@ def lab(here: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_a_lab_is_begun_tried_and_said_to_be_practice(here: Path, lab: Path, snr: Any) -> None:
+def test_new_lab_then_check_reports_practice_points(here: Path, lab: Path, snr: Any) -> None:
     begun = snr("new", "lab", "doubling")
     assert (begun.status, begun.err) == (0, "")
     assert "snr check doubling doubling" in begun.out
     assert (here / "doubling" / "mine.py").read_text() == WRONG
     tried = snr("check", "doubling", "doubling")
     assert tried.status == 1
-    told = (
+    output = (
         "practice",
         "0 of 30",
         "Twice.",
@@ -59,11 +59,11 @@ def test_a_lab_is_begun_tried_and_said_to_be_practice(here: Path, lab: Path, snr
         "not tried",
         "Next: 'Doubles.'",
     )
-    assert [words for words in told if words not in tried.out] == []
+    assert [words for words in output if words not in tried.out] == []
     assert snr("new", "lab", "doubling").status == 2
 
 
-def test_a_lab_is_begun_in_a_folder_of_ones_choice_with_its_page_and_pictures(here: Path, lab: Path, snr: Any) -> None:
+def test_new_lab_copies_page_and_pictures_into_given_folder(here: Path, lab: Path, snr: Any) -> None:
     (lab / "pictures").mkdir()
     (lab / "pictures" / "two.svg").write_text("<svg/>")
     begun = snr("new", "lab", "doubling", "weeks/second")
@@ -77,32 +77,30 @@ def test_a_lab_is_begun_in_a_folder_of_ones_choice_with_its_page_and_pictures(he
 
 
 @pytest.mark.slow
-def test_a_flight_that_failed_is_kept_and_replays_and_one_that_succeeded_is_not(
-    here: Path, lab: Path, snr: Any
-) -> None:
+def test_failed_run_is_kept_and_replays_and_passed_run_is_deleted(here: Path, lab: Path, snr: Any) -> None:
     (here / "mine.py").write_text(FALLS)
     fallen = snr("check", "04_doubling")
     assert fallen.status == 1
-    run = here / "runs" / "check_04_doubling" / "lands-1" / "flight-1"
+    run = here / "runs" / "check_04_doubling" / "lands-1" / "run-1"
     assert f"snr replay {run.relative_to(here)}" in fallen.out
     assert snr("replay", run).status == 0
     (here / "mine.py").write_text(FALLS)
-    (lab / "checks.py").write_text(CHECKS.replace("if flown.success", "if not flown.success"))
+    (lab / "checks.py").write_text(CHECKS.replace("if run.success", "if not run.success"))
     assert snr("check", "doubling").status == 0
     assert not run.exists()
 
 
 @pytest.mark.slow
-def test_json_is_the_whole_record(here: Path, lab: Path, snr: Any) -> None:
+def test_json_contains_whole_record(here: Path, lab: Path, snr: Any) -> None:
     (here / "mine.py").write_text(WRONG)
     answer = snr("check", "doubling", "--json")
     record = answer.json
     assert answer.status == 1
-    assert (record["lab"], record["isolation"], record["is_hidden_included"]) == ("04_doubling", "none", False)
+    assert (record["lab"], record["isolation"], record["includes_hidden"]) == ("04_doubling", "none", False)
     assert record["checks"][0]["cases"][0]["printed"] == "doubling 2\n"
 
 
-def test_what_is_missing_is_told_with_what_to_do(here: Path, lab: Path, snr: Any) -> None:
+def test_missing_file_reports_cause_and_fix(here: Path, lab: Path, snr: Any) -> None:
     answer = snr("check", "doubling")
     assert answer.status == 2
     assert "There is no mine.py" in answer.err
@@ -114,19 +112,19 @@ def test_what_is_missing_is_told_with_what_to_do(here: Path, lab: Path, snr: Any
 
 
 @pytest.mark.slow
-def test_why_checks_were_not_tried_is_said_once_for_all_of_them(here: Path, lab: Path, snr: Any) -> None:
+def test_reason_of_skipped_checks_is_printed_once(here: Path, lab: Path, snr: Any) -> None:
     stays = '@check(points=30, needs=["doubles"])\ndef stays(student: Student) -> Verdict:\n    """Stays."""\n'
     stays += "    return passed()"
     three = CHECKS.replace("points=70", "points=40").replace("lands])", "lands, stays])")
     (lab / "checks.py").write_text(three.replace("\nlab =", f"\n{stays}\n\n\nlab ="))
     (here / "mine.py").write_text(WRONG)
-    said = snr("check", "doubling").out
-    assert said.count("not tried") == 1
-    assert "    Lands.\n    Stays.\n" in said
+    output = snr("check", "doubling").out
+    assert output.count("not tried") == 1
+    assert "    Lands.\n    Stays.\n" in output
 
 
 @pytest.mark.slow
-def test_a_lab_that_fails_by_itself_is_not_the_students_fault(here: Path, lab: Path, snr: Any) -> None:
+def test_error_in_lab_is_not_a_student_error(here: Path, lab: Path, snr: Any) -> None:
     (here / "mine.py").write_text(FALLS)
     (lab / "checks.py").write_text(CHECKS.replace('"lander_vertical"', '"lander_nowhere"'))
     answer = snr("check", "doubling")
@@ -135,20 +133,20 @@ def test_a_lab_that_fails_by_itself_is_not_the_students_fault(here: Path, lab: P
 
 
 @pytest.mark.slow
-def test_what_goes_wrong_in_the_same_way_in_several_cases_is_told_once(lab: Path, snr: Any) -> None:
+def test_equal_failures_of_several_cases_are_printed_once(lab: Path, snr: Any) -> None:
     (lab / "checks.py").write_text(CHECKS.replace("visible=[2]", "visible=[2, 3]"))
     (lab / "starter" / "mine.py").write_text("def double(x):\n    return 1 / 0\n")
-    told = snr("check", "doubling", lab / "starter").out
-    assert told.count("ZeroDivisionError") == 1
-    assert "x Doubles. (case 2; case 3)\n" in told
+    output = snr("check", "doubling", lab / "starter").out
+    assert output.count("ZeroDivisionError") == 1
+    assert "x Doubles. (case 2; case 3)\n" in output
     (lab / "starter" / "mine.py").write_text("def double(x):\n    return x\n")
-    told = snr("check", "doubling", lab / "starter").out
-    assert "x Doubles. (case 2)\n" in told
-    assert "x Doubles. (case 3)\n" in told
+    output = snr("check", "doubling", lab / "starter").out
+    assert "x Doubles. (case 2)\n" in output
+    assert "x Doubles. (case 3)\n" in output
 
 
 @pytest.mark.slow
-def test_what_can_be_seen_in_the_files_is_told_with_its_line(here: Path, lab: Path, snr: Any) -> None:
+def test_source_errors_are_reported_with_line(here: Path, lab: Path, snr: Any) -> None:
     (here / "mine.py").write_text(FALLS.replace("return self.store_data_task", "self.store_data_task"))
     answer = snr("check", "doubling")
     place, words, fix = answer.err.splitlines()[:3]

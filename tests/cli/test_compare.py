@@ -11,12 +11,12 @@ RADAR_DELAY_S = 0.2  # as robots/lander/parameters.py says
 Snr = Callable[..., Any]
 
 
-def flown(snr: Snr, *words: str) -> str:
+def run_once(snr: Snr, *words: str) -> str:
     return str(snr("run", "lander_vertical", "--no-rrd", "--json", *words).json["run_dir"])
 
 
-def test_two_controllers_part_where_the_first_of_them_burns(snr: Snr, here: Path) -> None:
-    optimal, coast = flown(snr), flown(snr, "--controller", "coast")
+def test_commands_differ_from_first_burn(snr: Snr, here: Path) -> None:
+    optimal, coast = run_once(snr), run_once(snr, "--controller", "coast")
     answer = snr("compare", optimal, coast, "--png", "both.png", "--rrd", "both.rrd", "--json")
     assert answer.status == 0
     fields = answer.json
@@ -37,8 +37,8 @@ def test_two_controllers_part_where_the_first_of_them_burns(snr: Snr, here: Path
     assert all((here / name).stat().st_size > 1000 for name in ("both.png", "both.rrd"))
 
 
-def test_a_table_is_printed_for_people(snr: Snr) -> None:
-    optimal, coast = flown(snr), flown(snr, "--controller", "coast")
+def test_table_is_printed_without_json(snr: Snr) -> None:
+    optimal, coast = run_once(snr), run_once(snr, "--controller", "coast")
     answer = snr("compare", optimal, coast)
     assert "optimal | coast" in answer.out
     assert "later [ms]" in answer.out
@@ -47,8 +47,8 @@ def test_a_table_is_printed_for_people(snr: Snr) -> None:
     assert "byte for byte" in snr("compare", optimal, optimal).out
 
 
-def test_a_cut_trace_is_compared_up_to_its_cut_and_that_is_said(snr: Snr) -> None:
-    run = Path(flown(snr))
+def test_truncated_trace_is_compared_up_to_its_end_with_a_note(snr: Snr) -> None:
+    run = Path(run_once(snr))
     cut = run.parent / "cut"
     cut.mkdir()
     raw = (run / "trace.jsonl").read_bytes()
@@ -59,22 +59,22 @@ def test_a_cut_trace_is_compared_up_to_its_cut_and_that_is_said(snr: Snr) -> Non
     assert answer.json["signals"]["radar.altitude_m"]["rms_difference"] == 0.0
 
 
-def test_what_cannot_be_compared_is_said_plainly(snr: Snr, here: Path) -> None:
-    run = flown(snr)
+def test_invalid_comparison_reports_cause(snr: Snr, here: Path) -> None:
+    run = run_once(snr)
     (here / "empty").mkdir()
     (here / "early").mkdir()
     (here / "early" / "trace.jsonl").write_bytes(b'{"kind":"trace"')
-    for words, said in (
+    for words, expected in (
         (("nowhere", run), "There is no run at nowhere"),
         ((run, "empty"), "There is no run at empty"),
         ((run, "early"), "has no whole line"),
         ((run, run, "--node", "urov"), "no node 'urov'"),
-        ((run, run, "--shift", "soon"), "--shift soon is no time"),
+        ((run, run, "--shift", "soon"), "--shift must be a number of seconds or 'auto', not 'soon'"),
         ((run, run, "--shift", "1e9"), "no time in common"),
         ((run, run, "--signal", "radar.altitud_m", "--png", "x.png"), "did you mean 'radar.altitude_m'"),
         ((run, run, "--png", "nowhere/x.png"), "cannot be written"),
     ):
         answer = snr("compare", *words)
         assert answer.status == 2, words
-        assert said in answer.err
+        assert expected in answer.err
     assert not (here / "x.png").exists()

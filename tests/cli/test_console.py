@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 
 from snr_sim import CommandReceiverFactory, Config, Node, TaskType, tasks
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 Snr = Callable[..., Any]
 TOKEN = "a token of at least sixteen bytes"
-PATIENCE_S = 60.0
+TIMEOUT_S = 60.0
 
 
 @pytest.fixture
@@ -27,22 +27,22 @@ def token() -> str | None:
 def port(token: str | None) -> Iterator[int]:
     """The console's port of a node that runs meanwhile."""
     console = CommandReceiverFactory(0, token=token)
-    part = PartFactory({(TaskType.event, "start"): lambda task, task_id: None})
-    beat = TickerFactory(lambda loop: loop.store_data("beat", loop.get_time_s()), rate_hz=20.0)
+    part = FunctionEndpointFactory({(TaskType.event, "start"): lambda task, task_id: None})
+    beat = FunctionLoopFactory(lambda loop: loop.store_data("beat", loop.get_time_s()), rate_hz=20.0)
     node = Node("urov", Config(factories={"urov": [console, part, beat]}))
     thread = threading.Thread(target=node.loop)
     thread.start()
-    until_s = time.monotonic() + PATIENCE_S
+    until_s = time.monotonic() + TIMEOUT_S
     while not console.port and time.monotonic() < until_s:
         time.sleep(0.005)
     yield console.port
-    node.enter(tasks.terminate("test"), "test")
-    thread.join(PATIENCE_S)
+    node.enqueue_input(tasks.terminate("test"), "test")
+    thread.join(TIMEOUT_S)
     assert not thread.is_alive()
 
 
 @pytest.mark.slow
-def test_a_command_is_carried_out_and_its_answer_printed(snr: Snr, port: int) -> None:
+def test_command_is_executed_and_reply_printed(snr: Snr, port: int) -> None:
     stored = snr("console", f"127.0.0.1:{port}", "store", "depth_m", "-1.5")
     assert (stored.status, stored.out, stored.err) == (0, "depth_m = -1.5 is stored.\n", "")
     assert "depth_m = -1.5" in snr("console", port, "dump", "depth_m").out
@@ -50,14 +50,14 @@ def test_a_command_is_carried_out_and_its_answer_printed(snr: Snr, port: int) ->
 
 
 @pytest.mark.slow
-def test_a_refused_command_is_status_1_and_words_on_stderr(snr: Snr, port: int) -> None:
+def test_refused_command_returns_status_1_and_prints_to_stderr(snr: Snr, port: int) -> None:
     answer = snr("console", port, "stroe", "x", "1")
     assert (answer.status, answer.out) == (1, "")
     assert "did you mean 'store'" in answer.err
 
 
 @pytest.mark.slow
-def test_json_is_one_object_with_all_answers(snr: Snr, port: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_json_contains_all_replies(snr: Snr, port: int, monkeypatch: pytest.MonkeyPatch) -> None:
     (one,) = snr("console", port, "--json", "store", "y", "[1, null]").json["answers"]
     assert one == {"text": "y = [1, null] is stored.", "data": {"store": "y"}, "is_error": False}
     monkeypatch.setattr("sys.stdin", io.StringIO("dump y\n\nstroe\nwatch beat\n"))
@@ -68,20 +68,20 @@ def test_json_is_one_object_with_all_answers(snr: Snr, port: int, monkeypatch: p
 
 
 @pytest.mark.slow
-def test_commands_come_from_a_pipe_too(snr: Snr, port: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_commands_are_read_from_pipe(snr: Snr, port: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("store z 1\ndump z\n"))
     answer = snr("console", port)
     assert (answer.status, answer.out.count("\n")) == (0, 2)
 
 
 @pytest.mark.slow
-def test_a_watch_goes_on_until_the_node_ends(snr: Snr, port: int, capfd: pytest.CaptureFixture[str]) -> None:
+def test_watch_continues_until_node_ends(snr: Snr, port: int, capfd: pytest.CaptureFixture[str]) -> None:
     printed: list[str] = []
 
     def end() -> None:
         from snr_sim import RemoteConsole
 
-        until_s = time.monotonic() + PATIENCE_S
+        until_s = time.monotonic() + TIMEOUT_S
         while "".join(printed).count("beat = ") < 2 and time.monotonic() < until_s:
             time.sleep(0.02)
             printed.append(capfd.readouterr().out)
@@ -96,7 +96,7 @@ def test_a_watch_goes_on_until_the_node_ends(snr: Snr, port: int, capfd: pytest.
 
 
 @pytest.mark.slow
-def test_nobody_there_is_status_2_and_says_what_to_do(snr: Snr) -> None:
+def test_unreachable_node_returns_status_2_with_fix(snr: Snr) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         free = other.getsockname()[1]
     answer = snr("console", free, "--wait", "0.1", "list")
@@ -105,7 +105,7 @@ def test_nobody_there_is_status_2_and_says_what_to_do(snr: Snr) -> None:
 
 
 @pytest.mark.parametrize("address", ["nowhere", "127.0.0.1:", "host:port", "127.0.0.1:70000", "0"])
-def test_what_is_no_address_is_status_2(snr: Snr, address: str) -> None:
+def test_invalid_address_returns_status_2(snr: Snr, address: str) -> None:
     answer = snr("console", address, "list")
     assert answer.status == 2
     assert "HOST:PORT" in answer.err
@@ -113,9 +113,7 @@ def test_what_is_no_address_is_status_2(snr: Snr, address: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("token", [TOKEN])
-def test_the_token_comes_from_a_file_or_a_variable(
-    snr: Snr, port: int, here: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_token_is_read_from_file_or_variable(snr: Snr, port: int, here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     refused = snr("console", port, "list")
     assert refused.status == 2
     assert "SNR_TOKEN" in refused.err
@@ -129,22 +127,22 @@ def test_the_token_comes_from_a_file_or_a_variable(
 
 
 @pytest.mark.slow
-def test_a_run_with_a_console_can_be_steered_and_its_replay_needs_none(snr: Snr, here: Path) -> None:
+def test_run_with_console_replays_without_console(snr: Snr, here: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         free = other.getsockname()[1]
-    said: list[Any] = []
+    replies: list[Any] = []
 
     def steer() -> None:
         from snr_sim import RemoteConsole
 
         lines = ["store remark 1", "list loops", "exit enough"]
-        said.extend(RemoteConsole(("127.0.0.1", free), lines, wait_s=PATIENCE_S).run())
+        replies.extend(RemoteConsole(("127.0.0.1", free), lines, wait_s=TIMEOUT_S).run())
 
     thread = threading.Thread(target=steer)
     thread.start()
     ran = snr("run", "lander_vertical", "--speed", "real", "--console", free, "--no-rrd", "--json")
-    thread.join(PATIENCE_S)
-    assert [answer.is_error for answer in said] == [False, False, False]
+    thread.join(TIMEOUT_S)
+    assert [answer.is_error for answer in replies] == [False, False, False]
     assert ran.json["outcome"] == "ended"
     inputs = snr("trace", ran.json["run_dir"], "--kind", "input").out
     assert "console -> store_page remark" in inputs

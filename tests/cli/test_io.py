@@ -16,14 +16,14 @@ from typing import Any
 import pytest
 
 from snr_sim.cli.io import lines
-from snr_sim.devices.pwm.mirror import MirrorPwm
-from snr_sim.devices.pwm.nudge import WHOLE_S, nudge_us, top_us
+from snr_sim.devices.pwm.loopback import LoopbackPwm
+from snr_sim.devices.pwm.motor_test import WHOLE_S, motor_test_pulses_us, top_us
 from snr_sim.devices.pwm.pwm_backend import PwmBackend
 from snr_sim.prelude.device import Stale
-from snr_sim.prelude.errors import DeviceError, SensorLost, UnknownName
+from snr_sim.prelude.errors import DeviceError, SensorLostError, UnknownNameError
 from snr_sim.prelude.life_cycle import LifeCycle
 from snr_sim.prelude.signals import AppliedPulses, DepthReading
-from snr_sim.scenario.device_bench import ARMING_S, TICK_S, Bench, bench_of, devices_of, fields_of
+from snr_sim.scenario.device_bench import ARMING_TIMEOUT_S, TICK_S, Bench, bench_of, devices_of, fields_of
 
 Snr = Callable[..., Any]
 STILL = [1500.0] * 4
@@ -32,7 +32,7 @@ STILL = [1500.0] * 4
 class Outputs(PwmBackend):
     """Outputs of four channels that keep what they made, and take a second to arm."""
 
-    fails_safe_alone = True
+    has_independent_failsafe = True
 
     arms = True
 
@@ -47,25 +47,25 @@ class Outputs(PwmBackend):
     def on_deactivate(self, reason: str) -> None:
         self.made.append(AppliedPulses(self.still_us, self.now_s(), [reason]))
 
-    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
+    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, reasons: list[str]) -> list[float]:
         if self.arms and self.state == "activating" and self.now_s() >= self.armed_s:
             self.state = "active"
-        self.made.append(AppliedPulses(pulses_us, stamp_s, why))
+        self.made.append(AppliedPulses(pulses_us, stamp_s, reasons))
         return pulses_us
 
 
 class Depth(LifeCycle):
     """A depth sensor with configurable readings."""
 
-    says: Any = Stale("/dev/i2c-1: nothing has come yet")
+    reading: Any = Stale("/dev/i2c-1: nothing has come yet")
 
     def read(self) -> Any:
-        if isinstance(self.says, Exception):
-            raise self.says
-        return self.says
+        if isinstance(self.reading, Exception):
+            raise self.reading
+        return self.reading
 
 
-class World:
+class BenchWorld:
     """A bench with time that is moved by hand."""
 
     def __init__(self) -> None:
@@ -80,19 +80,19 @@ class World:
 
 
 @pytest.fixture
-def world() -> Iterator[World]:
-    world = World()
+def world() -> Iterator[BenchWorld]:
+    world = BenchWorld()
     with world.bench:
         yield world
 
 
-def test_nothing_is_armed_and_nothing_moves_unless_it_is_asked_for(world: World) -> None:
+def test_without_move_outputs_stay_unarmed(world: BenchWorld) -> None:
     world.run(5.0)
     assert world.out.state == "inactive"
     assert not world.out.made
 
 
-def test_one_channel_moves_by_five_per_cent_for_two_seconds_at_most_and_all_others_stay(world: World) -> None:
+def test_move_moves_one_channel_by_5_percent_for_2_s(world: BenchWorld) -> None:
     world.bench.arm("pwm2")
     world.run(6.0)
     moved = [one.pulses_us for one in world.out.made if one.pulses_us != STILL]
@@ -103,16 +103,16 @@ def test_one_channel_moves_by_five_per_cent_for_two_seconds_at_most_and_all_othe
     assert world.out.state == "inactive"
     assert world.out.made[-1].pulses_us == STILL
     assert not world.bench.is_moving
-    assert world.bench.most_us == top_us()
+    assert world.bench.max_pulse_us == top_us()
 
 
-def test_it_shows_neutral_until_the_outputs_are_armed(world: World) -> None:
+def test_pulses_are_neutral_until_outputs_are_armed(world: BenchWorld) -> None:
     world.bench.arm("pwm0")
     world.run(0.9)
     assert {tuple(one.pulses_us) for one in world.out.made} == {tuple(STILL)}
 
 
-def test_a_stop_is_neutral_at_once_and_stays_so(world: World) -> None:
+def test_stop_is_neutral_at_once_and_stays_neutral(world: BenchWorld) -> None:
     world.bench.arm("pwm2")
     world.run(2.0)
     assert world.out.made[-1].pulses_us != STILL
@@ -123,44 +123,44 @@ def test_a_stop_is_neutral_at_once_and_stays_so(world: World) -> None:
     assert len(world.out.made) == count
 
 
-def test_outputs_that_never_arm_are_given_up_and_told_with_what_to_try(world: World) -> None:
+def test_outputs_that_never_arm_raise_with_fix(world: BenchWorld) -> None:
     world.out.arms = False
     world.bench.arm("pwm2")
     with pytest.raises(DeviceError, match=r"'pwm' did not follow: activating[\s\S]*snr doctor --io"):
-        world.run(ARMING_S + 1.0)
+        world.run(ARMING_TIMEOUT_S + 1.0)
     assert all(one.pulses_us == STILL for one in world.out.made)
 
 
-def test_an_unknown_channel_is_told_with_the_nearest(world: World) -> None:
-    with pytest.raises(UnknownName, match=r"no channel 'pmw2'[\s\S]*pwm2"):
+def test_unknown_channel_suggests_nearest(world: BenchWorld) -> None:
+    with pytest.raises(UnknownNameError, match=r"no channel 'pmw2'[\s\S]*pwm2"):
         world.bench.arm("pmw2")
     assert world.out.state == "inactive"
 
 
-def test_a_channel_is_meant_by_its_name_or_its_number_if_that_is_one(world: World) -> None:
+def test_channel_is_found_by_name_or_unique_number(world: BenchWorld) -> None:
     assert [world.bench.name_of(given) for given in ("pwm3", "3")] == ["pwm3", "pwm3"]
     for given in ("4", "-1", "03", ""):
-        with pytest.raises(UnknownName, match=rf"no channel '{given}'[\s\S]*pwm0"):
+        with pytest.raises(UnknownNameError, match=rf"no channel '{given}'[\s\S]*pwm0"):
             world.bench.name_of(given)
-    two = {"pwm": lambda: MirrorPwm(lambda: 0.0, 4), "jets": lambda: MirrorPwm(lambda: 0.0, 2)}
+    two = {"pwm": lambda: LoopbackPwm(lambda: 0.0, 4), "jets": lambda: LoopbackPwm(lambda: 0.0, 2)}
     with Bench({}, two, lambda: 0.0) as bench:
         assert (bench.name_of("3"), bench.name_of("jets1")) == ("pwm3", "jets1")
-        with pytest.raises(UnknownName, match=r"Channel 1 may be pwm1 or jets1\.\n  Try: --move pwm1"):
+        with pytest.raises(UnknownNameError, match=r"Channel 1 may be pwm1 or jets1\.\n  Try: --move pwm1"):
             bench.name_of("1")
 
 
-def test_channels_are_shown_by_the_names_that_move_takes(world: World) -> None:
+def test_channel_names_equal_those_of_move(world: BenchWorld) -> None:
     world.run(0.1)
     assert "pwm0:1500 pwm1:1500 pwm2:1500 pwm3:1500" in lines(world.bench)[0]
 
 
-def test_what_stands_in_brackets_is_shown(snr: Snr) -> None:
-    told = snr("io", "--io", "mirror", "--once").out
-    assert "reading, or pulses [us]" in told
-    assert "age [ms]" in told
+def test_bracketed_headings_are_printed(snr: Snr) -> None:
+    output = snr("io", "--io", "loopback", "--once").out
+    assert "reading, or pulses [us]" in output
+    assert "age [ms]" in output
 
 
-def test_a_device_that_cannot_be_opened_has_its_message_its_advice_and_nothing_after_it() -> None:
+def test_device_that_fails_to_open_reports_message_and_fix_only() -> None:
     def absent() -> Any:
         raise DeviceError("There is no serial port /dev/ttyUSB9.", fix="there are: /dev/ttyS0.")
 
@@ -170,8 +170,8 @@ def test_a_device_that_cannot_be_opened_has_its_message_its_advice_and_nothing_a
             assert line.endswith(f"{key}: error; There is no serial port /dev/ttyUSB9. Try: there are: /dev/ttyS0.")
 
 
-def test_at_its_end_outputs_are_neutral_and_closed_whatever_happened() -> None:
-    world = World()
+def test_bench_exit_leaves_outputs_neutral_and_closed() -> None:
+    world = BenchWorld()
     world.bench.__enter__()
     world.bench.arm("pwm1")
     world.run(2.0)
@@ -181,8 +181,8 @@ def test_at_its_end_outputs_are_neutral_and_closed_whatever_happened() -> None:
     assert (world.out.state, world.depth.state) == ("closed", "closed")
 
 
-def test_a_signal_while_a_device_is_opened_closes_those_that_are_open() -> None:
-    world = World()
+def test_signal_during_open_closes_open_devices() -> None:
+    world = BenchWorld()
 
     def interrupted() -> Any:
         raise KeyboardInterrupt
@@ -193,43 +193,43 @@ def test_a_signal_while_a_device_is_opened_closes_those_that_are_open() -> None:
     assert world.out.state == "closed"
 
 
-def test_sensors_are_shown_with_their_age_or_with_what_is_wrong(world: World) -> None:
+def test_sensors_report_age_or_error(world: BenchWorld) -> None:
     (depth,) = world.bench.sensors
     world.run(0.1)
-    assert not depth.is_well
+    assert not depth.is_ok
     assert fields_of(depth, world.time_s)["stale"] == "/dev/i2c-1: nothing has come yet"
-    world.depth.says = DepthReading(1.5, 1.2e5, 18.0, stamp_s=0.1)
+    world.depth.reading = DepthReading(1.5, 1.2e5, 18.0, stamp_s=0.1)
     world.run(0.1)
-    assert depth.is_well
+    assert depth.is_ok
     fields = fields_of(depth, world.time_s)
     assert (fields["reading"]["depth_m"], fields["age_s"]) == (1.5, pytest.approx(0.1))
-    world.depth.says = SensorLost("/dev/i2c-1 is gone.")
+    world.depth.reading = SensorLostError("/dev/i2c-1 is gone.")
     world.run(0.1)
-    assert not depth.is_well
+    assert not depth.is_ok
     assert depth.health.state == "error"
-    assert "is gone" in depth.health.why
+    assert "is gone" in depth.health.reason
 
 
-def test_a_device_that_will_not_open_is_told_and_the_others_are_shown() -> None:
+def test_device_that_fails_to_open_is_reported_and_others_are_shown() -> None:
     def broken() -> Any:
         raise DeviceError("There is no serial port /dev/ttyUSB7.", fix="plug it in.")
 
-    world = World()
+    world = BenchWorld()
     with Bench({"depth": lambda: world.depth}, {"pwm": broken}, lambda: 0.0) as bench:
         bench.tick()
-        assert "plug it in" in bench.outputs[0].health.why
+        assert "plug it in" in bench.outputs[0].health.reason
         assert bench.sensors[0].device is world.depth
 
 
-def test_a_nudge_rises_and_falls_within_two_seconds() -> None:
-    pulses = [nudge_us(0, 1, 0.01 * k) for k in range(220)]
+def test_motor_test_pulse_rises_and_falls_within_2_s() -> None:
+    pulses = [motor_test_pulses_us(0, 1, 0.01 * k) for k in range(220)]
     assert pulses[0] == [1500.0]
     assert max(one[0] for one in pulses if one is not None) == top_us()
     assert pulses[round(100 * WHOLE_S) :] == [None] * (220 - round(100 * WHOLE_S))
 
 
-@pytest.mark.parametrize("io", ["sim", "mirror"])
-def test_all_devices_of_a_robot_are_told_as_one_object(snr: Snr, io: str) -> None:
+@pytest.mark.parametrize("io", ["sim", "loopback"])
+def test_json_contains_all_devices_of_robot(snr: Snr, io: str) -> None:
     answer = snr("io", "--io", io, "--once", "--json")
     assert answer.status == 0
     (pwm,) = answer.json["outputs"]
@@ -238,14 +238,14 @@ def test_all_devices_of_a_robot_are_told_as_one_object(snr: Snr, io: str) -> Non
     assert all(one["reading"] and one["age_s"] is not None for one in answer.json["sensors"])
 
 
-def test_with_io_pi_the_devices_are_those_of_the_robots_first_role() -> None:
+def test_io_pi_opens_devices_of_first_role() -> None:
     simulation = devices_of("urov_depth_hold", "pi")
     assert simulation.roles == ["urov"]
     bench = bench_of(simulation)  # not entered: nothing of this computer's is opened
     assert not bench.sensors
 
 
-def test_of_outputs_whose_wire_is_gone_no_pulse_is_told(world: World) -> None:
+def test_lost_outputs_report_no_pulses(world: BenchWorld) -> None:
     world.run(0.1)
     assert fields_of(world.bench.outputs[0], world.time_s)["pulses_us"] == STILL
     world.out.fail("/dev/ttyUSB0 is gone.")
@@ -254,8 +254,8 @@ def test_of_outputs_whose_wire_is_gone_no_pulse_is_told(world: World) -> None:
     assert (fields["state"], fields["pulses_us"], fields["reasons"]) == ("error", None, ["lost"])
 
 
-def test_requests_that_make_no_sense_are_refused(snr: Snr) -> None:
-    for words, said in (
+def test_invalid_requests_are_rejected(snr: Snr) -> None:
+    for words, expected in (
         (("--json",), "--once --json"),
         (("--move", "pwm0"), "needs a terminal"),
         (("--io", "simm", "--once"), "no devices of the kind 'simm'"),
@@ -263,7 +263,7 @@ def test_requests_that_make_no_sense_are_refused(snr: Snr) -> None:
     ):
         answer = snr("io", *words)
         assert answer.status == 2
-        assert said in answer.err
+        assert expected in answer.err
 
 
 ROBOT = '''
@@ -271,15 +271,15 @@ ROBOT = '''
 from functools import partial
 from pathlib import Path
 
-from snr_sim.devices.pwm.mirror import MirrorPwm
+from snr_sim.devices.pwm.loopback import LoopbackPwm
 from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
 
 ROLES, IO = ("rov",), ("pi",)
 LOG = Path(__file__).with_name("made.txt")
 
 
-class Logged(MirrorPwm):
-    def put(self, pulses_us, stamp_s, lease_s, why):
+class Logged(LoopbackPwm):
+    def put(self, pulses_us, stamp_s, lease_s, reasons):
         self.note(pulses_us)
         return pulses_us
 
@@ -291,8 +291,8 @@ class Logged(MirrorPwm):
             log.write(f"{pulses_us[0]:g}\\n")
 
 
-def roles(rig, controller):
-    return {"rov": [PwmLoopFactory("pwm", lambda: Logged(rig.now_s, 2), 50.0)]}
+def roles(context, controller):
+    return {"rov": [PwmLoopFactory("pwm", lambda: Logged(context.now_s, 2), 50.0)]}
 '''
 SCENARIO = """
 ROBOT = "one"
@@ -322,21 +322,21 @@ class Terminal:
         command = [sys.executable, "-m", "snr_sim", "io", *words]
         self.process = subprocess.Popen(command, stdin=slave, stdout=slave, stderr=slave, start_new_session=True)
         os.close(slave)
-        self.said = ""
+        self.output = ""
 
     def until(self, is_so: Callable[[], bool]) -> None:
         until_s = time.monotonic() + 60.0
         while not is_so():
-            assert time.monotonic() < until_s, self.said
-            assert self.process.poll() is None, self.said
-            self.hear(0.02)
+            assert time.monotonic() < until_s, self.output
+            assert self.process.poll() is None, self.output
+            self.read_output(0.02)
 
-    def hear(self, seconds: float) -> bool:
+    def read_output(self, seconds: float) -> bool:
         """Read what is printed, so that the program never blocks on a full pipe; return whether there was any."""
         try:
             if select.select([self.master], [], [], seconds)[0]:
-                self.said += (heard := os.read(self.master, 65536).decode(errors="replace"))
-                return bool(heard)
+                self.output += (chunk := os.read(self.master, 65536).decode(errors="replace"))
+                return bool(chunk)
         except OSError:  # the far end has closed
             pass
         return False
@@ -347,9 +347,9 @@ class Terminal:
     def status(self) -> int:
         until_s = time.monotonic() + 60.0
         while self.process.poll() is None:
-            assert time.monotonic() < until_s, self.said
-            self.hear(0.02)
-        while self.hear(0.0):
+            assert time.monotonic() < until_s, self.output
+            self.read_output(0.02)
+        while self.read_output(0.0):
             pass
         return int(self.process.returncode)
 
@@ -380,11 +380,11 @@ def pulses(made: Path) -> list[float]:
     [(signal.SIGINT, 130), (signal.SIGTERM, 143), ("x", 0), ("", 0)],
     ids=["INT", "TERM", "key", "-"],
 )
-def test_whatever_ends_a_move_the_last_pulse_is_neutral(
+def test_last_pulse_is_neutral_however_move_ends(
     terminal: Callable[..., Terminal], made: Path, ends: Any, status: int
 ) -> None:
     snr = terminal("--move", "pwm0")
-    snr.until(lambda: "to go on:" in snr.said)
+    snr.until(lambda: "to continue:" in snr.output)
     assert not pulses(made)
     snr.type("pwm0 props off\n")
     snr.until(lambda: max(pulses(made), default=0.0) > 1520.0)
@@ -392,23 +392,23 @@ def test_whatever_ends_a_move_the_last_pulse_is_neutral(
         snr.type(ends)
     else:
         snr.process.send_signal(ends)
-    assert snr.status() == status, snr.said
+    assert snr.status() == status, snr.output
     assert pulses(made)[-1] == 1500.0
     assert max(pulses(made)) <= top_us()
 
 
 @pytest.mark.slow
-def test_without_the_right_words_nothing_is_armed(terminal: Callable[..., Terminal], made: Path) -> None:
+def test_wrong_confirmation_arms_nothing(terminal: Callable[..., Terminal], made: Path) -> None:
     snr = terminal("--move", "pwm0")
-    snr.until(lambda: "to go on:" in snr.said)
+    snr.until(lambda: "to continue:" in snr.output)
     snr.type("yes\n")
     assert snr.status() == 2
-    assert "Nothing was moved: 'yes' is not 'pwm0 props off'" in snr.said
+    assert "Nothing was moved: 'yes' is not 'pwm0 props off'" in snr.output
     assert set(pulses(made)) <= {1500.0}
 
 
 @pytest.mark.slow
-def test_in_a_pipe_it_prints_lines(made: Path, here: Path) -> None:
+def test_pipe_output_is_lines(made: Path, here: Path) -> None:
     command = [sys.executable, "-m", "snr_sim", "io", "bench", "--io", "pi", "--seconds", "0.1"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr

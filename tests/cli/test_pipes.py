@@ -12,7 +12,7 @@ import pytest
 pytestmark = pytest.mark.slow
 
 
-def test_a_reader_that_leaves_early_is_no_error() -> None:
+def test_closed_pipe_is_not_an_error() -> None:
     command = [sys.executable, "-m", "snr_sim", "list"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdout is not None
@@ -22,7 +22,7 @@ def test_a_reader_that_leaves_early_is_no_error() -> None:
     assert process.returncode == 0
 
 
-def test_a_full_stdout_is_said_in_a_sentence(tmp_path: Path) -> None:
+def test_full_stdout_reports_error(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "snr_sim", "list"]
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(command, cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
@@ -31,7 +31,7 @@ def test_a_full_stdout_is_said_in_a_sentence(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
-def test_numpys_global_generator_is_named_also_if_only_the_student_imports_numpy(tmp_path: Path) -> None:
+def test_numpy_global_generator_is_named_if_only_student_imports_it(tmp_path: Path) -> None:
     (tmp_path / "dice.py").write_text(DICE)
     snr = [sys.executable, "-m", "snr_sim"]
     run = [*snr, "run", "lander_vertical", "--controller", "./dice.py", "--no-rrd", "--json"]
@@ -42,11 +42,11 @@ def test_numpys_global_generator_is_named_also_if_only_the_student_imports_numpy
     assert "dice.py, line 10: numpy.random.rand()" in checked.stdout
 
 
-def test_a_command_stored_under_another_name_is_reported_with_the_nearest(tmp_path: Path) -> None:
+def test_command_stored_under_other_name_is_reported_with_nearest(tmp_path: Path) -> None:
     (tmp_path / "dice.py").write_text(DICE)
     command = [sys.executable, "-m", "snr_sim", "run", "lander_vertical", "--controller", "./dice.py", "--no-rrd"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert "Page 'engin' is stored there, and nobody waits for it." in done.stderr
+    assert "Page 'engin' is stored there, but no handler waits for it." in done.stderr
     assert "did you mean 'engine'?" in done.stderr
     assert "did you mean 'engin'?" not in done.stderr
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.cli.plain_console import as_it_is, plain_console
+from snr_sim.cli.plain_console import escape_markup, plain_console
 
 CHECKS = """
 from snr_sim.grading import Lab, check, failed, passed
@@ -29,11 +29,11 @@ def on_a_terminal(folder: Path, *words: str) -> tuple[int, str]:
     command = [sys.executable, "-m", "snr_sim", *words]
     with subprocess.Popen(command, stdin=slave, stdout=slave, stderr=slave, cwd=folder) as process:
         os.close(slave)
-        said = b""
-        while heard := read(master):
-            said += heard
+        output = b""
+        while chunk := read(master):
+            output += chunk
     os.close(master)
-    return process.returncode, said.decode()
+    return process.returncode, output.decode()
 
 
 def read(terminal: int) -> bytes:
@@ -59,16 +59,16 @@ def hand_in(folder: Path, factor: int) -> Path:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("factor", [2, 3])
-def test_a_lab_is_checked_whatever_its_cases_and_hints_are_called(lab: Path, tmp_path: Path, factor: int) -> None:
+def test_case_names_and_hints_with_markup_are_printed(lab: Path, tmp_path: Path, factor: int) -> None:
     folder = hand_in(tmp_path / "mine", factor)
-    status, said = on_a_terminal(folder, "check", str(lab))
-    assert status == (0 if factor == 2 else 1), said
-    assert "[/] Double: practice" in said
-    assert "[/] is [red]:x:" in said
-    assert ("[/] no [us] :x:" in said) == (factor == 3)
+    status, output = on_a_terminal(folder, "check", str(lab))
+    assert status == (0 if factor == 2 else 1), output
+    assert "[/] Double: practice" in output
+    assert "[/] is [red]:x:" in output
+    assert ("[/] no [us] :x:" in output) == (factor == 3)
 
 
-def test_a_text_is_shown_to_the_letter(capfd: pytest.CaptureFixture[str]) -> None:
+def test_markup_in_text_is_not_interpreted(capfd: pytest.CaptureFixture[str]) -> None:
     plain_console(width_in_a_pipe=100).print("[/] later [ms] :x: 12")
-    plain_console(stderr=True).print(as_it_is("[/] later [ms] :x: 12"))
+    plain_console(stderr=True).print(escape_markup("[/] later [ms] :x: 12"))
     assert capfd.readouterr() == ("[/] later [ms] :x: 12\n",) * 2

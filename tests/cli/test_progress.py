@@ -48,7 +48,7 @@ def log() -> Iterator[logging.Logger]:
 
 
 @pytest.mark.slow
-def test_a_short_run_shows_nothing_and_a_long_one_how_far_it_is(clock: list[float]) -> None:
+def test_only_a_long_run_shows_progress(clock: list[float]) -> None:
     with at_terminal() as terminal, progress("lander_pad", after_s=2.0) as tick:
         assert tick is not None
         for clock[0] in (100.0, 101.9):
@@ -59,14 +59,14 @@ def test_a_short_run_shows_nothing_and_a_long_one_how_far_it_is(clock: list[floa
     assert "lander_pad: t = 31.2 s" in terminal.getvalue()
 
 
-def test_in_a_pipe_nothing_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pipe_shows_no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stderr", StringIO())
     with progress("lander_pad", after_s=0.0) as tick:
         assert tick is None
 
 
 @pytest.mark.slow
-def test_a_log_line_stands_above_the_progress_line(clock: list[float], log: logging.Logger) -> None:
+def test_log_line_is_printed_above_progress_line(clock: list[float], log: logging.Logger) -> None:
     with at_terminal() as terminal, progress("lander_pad", after_s=0.0) as tick:
         assert tick is not None
         tick(1.0)
@@ -74,6 +74,6 @@ def test_a_log_line_stands_above_the_progress_line(clock: list[float], log: logg
             threading.Event().wait(0.02)
         shown = terminal.getvalue()
         log.info("touch")
-        said = terminal.getvalue()[len(shown) :]
-    assert "INFO snr: touch\n" in said
-    assert said.startswith(("\r", "\x1b"))  # the progress line is taken away first
+        output = terminal.getvalue()[len(shown) :]
+    assert "INFO snr: touch\n" in output
+    assert output.startswith(("\r", "\x1b"))  # the progress line is taken away first

@@ -18,16 +18,16 @@ from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import PageRecord
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME
-from snr_sim.scenario.role_run import World
+from snr_sim.scenario.role_run import RealTimeSimulation
 from snr_sim.scenario.simulation import Request, prepare, request_of
 
-PATIENCE_S = 60.0
+TIMEOUT_S = 60.0
 
 # A dive of a few seconds: the pilot always pushes ahead, and the run ends after a push and then a while without motion.
 DASH = '''
-"""Ahead, until nobody is there any more."""
+"""Ahead, until the vehicle no longer moves."""
 
-from snr_sim_robot_urov.judging import WatchedUrov
+from snr_sim_robot_urov.evaluation import TrackedUrov
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
 
 from snr_sim.plants.urov.dive import Dive
@@ -40,7 +40,7 @@ ROBOT = "urov"
 ENGINES, CONTROLLER, TIME_LIMIT_S = ("mujoco",), "holds", 60.0
 
 
-class Dashing(WatchedUrov):
+class Dashing(TrackedUrov):
     pushed_s = None
 
     def step(self, dt_s):
@@ -93,9 +93,9 @@ def start(here: Path) -> Iterator[Start]:
         process.communicate()
 
 
-def wait_for_page(folder: Path, key: str, says: str, process: subprocess.Popen[str]) -> None:
+def wait_for_page(folder: Path, key: str, expected: str, process: subprocess.Popen[str]) -> None:
     """Wait until the newest page of a key that a role has recorded holds a text."""
-    end_s = time.monotonic() + PATIENCE_S
+    end_s = time.monotonic() + TIMEOUT_S
     read, rest, newest = 0, "", ""
     while time.monotonic() < end_s:
         assert process.poll() is None, process.communicate()
@@ -106,10 +106,10 @@ def wait_for_page(folder: Path, key: str, says: str, process: subprocess.Popen[s
             read += len(more)
             *lines, rest = (rest + more.decode()).split("\n")
             newest = next((line for line in reversed(lines) if f'"key":"{key}"' in line), newest)
-            if says in newest:
+            if expected in newest:
                 return
         time.sleep(0.02)
-    raise AssertionError(f"{folder.name}: no page '{key}' with {says} within {PATIENCE_S} s")
+    raise AssertionError(f"{folder.name}: no page '{key}' with {expected} within {TIMEOUT_S} s")
 
 
 def awake_s(trace: Trace, from_s: float, to_s: float) -> float:
@@ -129,60 +129,60 @@ def pages(trace: Trace, key: str) -> list[tuple[float, Any]]:
     return [(record.t, json.loads(bytes(record.values))[0]["data"]) for record in found]
 
 
-def test_a_role_says_where_its_link_is_and_which_role_it_waits_for(here: Path) -> None:
+def test_start_lines_name_link_address_and_awaited_role(here: Path) -> None:
     (here / "dash.py").write_text(DASH)
-    said = [
-        World(prepare(Request("./dash.py", role=role, options={"port": "9555"}))).start_lines()
+    output = [
+        RealTimeSimulation(prepare(Request("./dash.py", role=role, options={"port": "9555"}))).start_lines()
         for role in ("urov", "topside")
     ]
     waits = f"127.0.0.1:9555 and waits for the role {{}} (snr run {here}/dash.py --role {{}})"
-    assert said[0] == ["urov: link_tether listens at " + waits.format("topside", "topside")]
-    assert said[1] == ["topside: link_tether connects to " + waits.format("urov", "urov")]
+    assert output[0] == ["urov: link_tether listens at " + waits.format("topside", "topside")]
+    assert output[1] == ["topside: link_tether connects to " + waits.format("urov", "urov")]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("more", [[], ["--role", "topside"]])
-def test_a_pilot_without_terminal_is_told_that_nobody_can_steer(here: Path, more: list[str]) -> None:
-    words = ["run", "urov_teleop", "--speed", "real", "--option", "pilot=hands", *more]
+def test_pilot_without_terminal_logs_missing_input(here: Path, more: list[str]) -> None:
+    words = ["run", "urov_teleop", "--speed", "real", "--option", "pilot=manual", *more]
     command = [sys.executable, "-m", "snr_sim", *words]
     with subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr is not None
-        assert any("nobody can steer" in line for line in process.stderr)
+        assert any("no manual input" in line for line in process.stderr)
         process.terminate()
-        process.communicate(timeout=PATIENCE_S)
+        process.communicate(timeout=TIMEOUT_S)
 
 
 @pytest.mark.wall_clock
-def test_a_vehicle_whose_disk_is_full_goes_on_and_the_surface_is_told(here: Path, start: Start) -> None:
+def test_vehicle_with_full_disk_continues_and_surface_reports_it(here: Path, start: Start) -> None:
     topside, urov = start("topside"), start("urov", room=300_000)  # with less it is not armed
     wait_for_page(here / "topside", "vehicle", '"is_armed":true', topside)
     wait_for_page(here / "topside", "recording", "File too large", topside)
     time.sleep(1.0)  # the display has its own rate
     urov.terminate()
-    out, complaints = urov.communicate(timeout=PATIENCE_S)
+    out, stderr = urov.communicate(timeout=TIMEOUT_S)
     fields = json.loads(out)
-    assert (fields["outcome"], fields["signal"]) == ("interrupted", "SIGTERM"), complaints
+    assert (fields["outcome"], fields["signal"]) == ("interrupted", "SIGTERM"), stderr
     assert "error" not in fields
     (note,) = [note for note in fields["notes"] if "recording" in note.lower()]
     assert re.match(r"The recording stops at t = [0-9.]+ s: File too large\. The trace is whole up to there; \d+", note)
     trace = trace_in(here / "urov")
-    assert (trace.is_cut, trace.is_ended, trace.digest) == (False, False, fields["trace_digest"])
+    assert (trace.is_truncated, trace.is_ended, trace.digest) == (False, False, fields["trace_digest"])
     topside.terminate()
-    _, told = topside.communicate(timeout=PATIENCE_S)
-    assert re.search(r" recording lost at urov_node since its t = [0-9.]+ s: File too large;", told), told
+    _, output = topside.communicate(timeout=TIMEOUT_S)
+    assert re.search(r" recording lost at urov_node since its t = [0-9.]+ s: File too large;", output), output
     replayed = subprocess.run([sys.executable, "-m", "snr_sim", "replay", trace.path], capture_output=True)
     assert replayed.returncode == 0, replayed.stdout
 
 
 @pytest.mark.wall_clock
-def test_a_topside_that_is_killed_leaves_thrust_at_neutral_within_half_a_second(here: Path, start: Start) -> None:
+def test_killed_topside_leaves_thrust_neutral_within_half_a_second(here: Path, start: Start) -> None:
     topside, urov = start("topside"), start("urov")  # in this order: either may be first
-    wait_for_page(here / "urov", "vehicle", '"rules":"pilot"', urov)
+    wait_for_page(here / "urov", "vehicle", '"control_state":"pilot"', urov)
     wait_for_page(here / "urov", "pwm", "17", urov)  # such as 1712.3: it turns
     topside.send_signal(signal.SIGKILL)
-    out, complaints = urov.communicate(timeout=PATIENCE_S)
+    out, stderr = urov.communicate(timeout=TIMEOUT_S)
     fields = json.loads(out)
-    assert (fields["outcome"], urov.returncode) == ("still", 0), complaints
+    assert (fields["outcome"], urov.returncode) == ("still", 0), stderr
     trace = trace_in(here / "urov")
     last_s = pages(trace, "controls")[-1][0]
     turning = [t for t, data in pages(trace, "pwm") if any(abs(pulse - 1500.0) > 1.0 for pulse in data["pulses_us"])]
@@ -193,41 +193,40 @@ def test_a_topside_that_is_killed_leaves_thrust_at_neutral_within_half_a_second(
         trace = trace_in(here / role)
         assert trace.header.clock == "wall"
         assert trace.header.roles == [role]
-        replayed = replay_node(trace, role, prepare(request_of(trace.opening, trace.header)).config(None))
+        replayed = replay_node(trace, role, prepare(request_of(trace.trace_info, trace.header)).config(None))
         assert replayed.is_identical, replayed.divergences[0]
         assert replayed.executed > 50
 
 
 @pytest.mark.wall_clock
 @pytest.mark.parametrize("blow", [signal.SIGKILL, signal.SIGSTOP])  # gone, or there and not moving
-def test_a_vehicle_that_falls_silent_is_missed_at_the_surface_within_a_second(
-    here: Path, start: Start, blow: signal.Signals
-) -> None:
+def test_silent_vehicle_is_detected_at_surface_within_a_second(here: Path, start: Start, blow: signal.Signals) -> None:
     urov, topside = start("urov"), start("topside")
-    wait_for_page(here / "topside", "vehicle", '"rules":"pilot"', topside)
+    wait_for_page(here / "topside", "vehicle", '"control_state":"pilot"', topside)
     urov.send_signal(blow)
     wait_for_page(here / "topside", "link_tether", '"up":false', topside)
     topside.send_signal(signal.SIGINT)
-    out, complaints = topside.communicate(timeout=PATIENCE_S)
-    assert (json.loads(out)["outcome"], topside.returncode) == ("ended", 0), complaints
-    assert "link_tether is down" in complaints
+    out, stderr = topside.communicate(timeout=TIMEOUT_S)
+    assert (json.loads(out)["outcome"], topside.returncode) == ("ended", 0), stderr
+    assert "link_tether is down" in stderr
     trace = trace_in(here / "topside")
     missed_s = next(t for t, data in pages(trace, "link_tether")[::-1] if not data["up"])
-    heard_s = pages(trace, "vehicle")[-1][0]
-    assert awake_s(trace, heard_s, missed_s) < 1.0
+    last_page_s = pages(trace, "vehicle")[-1][0]
+    assert awake_s(trace, last_page_s, missed_s) < 1.0
 
 
 @pytest.mark.slow
-def test_the_surface_shows_what_it_hears_and_ends_when_the_vehicles_role_has_finished(here: Path, start: Start) -> None:
+def test_surface_shows_status_and_ends_after_vehicle(here: Path, start: Start) -> None:
     urov, topside = start("urov"), start("topside")
-    wait_for_page(here / "topside", "vehicle", '"rules":"pilot"', topside)
+    wait_for_page(here / "topside", "vehicle", '"control_state":"pilot"', topside)
     urov.send_signal(signal.SIGINT)
-    out, said = topside.communicate(timeout=PATIENCE_S)
-    assert (json.loads(out)["outcome"], topside.returncode) == ("ended", 0), said
-    assert "note: ended: the vehicle's role has finished: 'urov_node' left: node 'urov_node' ended: SIGINT." in said
-    # "silent" and "last heard" where the computer was busy.
-    heard = r"vehicle (heard|silent) .*; state (last heard: )?\w+, manual, obeys: \w+; depth (last heard: )?[01]\.\d"
-    assert re.search(heard, said), said
+    out, output = topside.communicate(timeout=TIMEOUT_S)
+    assert (json.loads(out)["outcome"], topside.returncode) == ("ended", 0), output
+    assert "note: ended: the vehicle's role has finished: 'urov_node' left: node 'urov_node' ended: SIGINT." in output
+    # "silent" and "last received" where the computer was busy.
+    last = "(last received: )?"
+    pattern = rf"vehicle (received|silent) .*; state {last}\w+, manual, control: \w+; depth {last}[01]\.\d"
+    assert re.search(pattern, output), output
 
 
 def with_secret(here: Path, name: str, secret: str) -> tuple[str, str]:
@@ -236,63 +235,61 @@ def with_secret(here: Path, name: str, secret: str) -> tuple[str, str]:
 
 
 @pytest.mark.slow
-def test_two_ends_with_one_secret_meet_and_the_run_replays_without_it(here: Path, start: Start) -> None:
+def test_ends_with_equal_secret_connect_and_run_replays_without_it(here: Path, start: Start) -> None:
     urov = start("urov", *with_secret(here, "below.txt", "known to both of these ends"))
     topside = start("topside", *with_secret(here, "above.txt", "known to both of these ends"))
-    wait_for_page(here / "urov", "vehicle", '"rules":"pilot"', urov)
+    wait_for_page(here / "urov", "vehicle", '"control_state":"pilot"', urov)
     topside.send_signal(signal.SIGINT)
-    out, complaints = urov.communicate(timeout=PATIENCE_S)
-    assert json.loads(out)["outcome"] in ("still", "ended"), complaints
+    out, stderr = urov.communicate(timeout=TIMEOUT_S)
+    assert json.loads(out)["outcome"] in ("still", "ended"), stderr
     (here / "below.txt").unlink()
     trace = trace_in(here / "urov")
-    replayed = replay_node(trace, "urov", prepare(request_of(trace.opening, trace.header)).config(None))
+    replayed = replay_node(trace, "urov", prepare(request_of(trace.trace_info, trace.header)).config(None))
     assert replayed.is_identical
 
 
 @pytest.mark.slow
-def test_two_ends_with_different_secrets_both_say_so_and_what_to_type(here: Path, start: Start) -> None:
+def test_ends_with_different_secrets_both_report_fix(here: Path, start: Start) -> None:
     urov = start("urov", *with_secret(here, "below.txt", "known to the vehicle alone"))
     topside = start("topside", *with_secret(here, "above.txt", "known to the surface alone"))
     for role, process in (("urov", urov), ("topside", topside)):
         wait_for_page(here / role, "link_tether", "secrets of the two ends differ", process)
     for process in (urov, topside):
         process.send_signal(signal.SIGINT)
-        complaints = process.communicate(timeout=PATIENCE_S)[1]
-        assert "the secrets of the two ends differ" in complaints
-        assert "Try: --option secret=FILE at both ends" in complaints
+        stderr = process.communicate(timeout=TIMEOUT_S)[1]
+        assert "the secrets of the two ends differ" in stderr
+        assert "Try: --option secret=FILE at both ends" in stderr
 
 
 @pytest.mark.parametrize(
-    ("option", "says", "fix"),
+    ("option", "expected", "fix"),
     [
-        ("host=192.168.2.2", "could be steered by anybody", "add --option secret=secret.txt at both ends"),
+        ("host=192.168.2.2", "accepts commands from any host", "add --option secret=secret.txt at both ends"),
         ("host=127.0.0.1:9120", "has an option of its own", "--option host=127.0.0.1 --option port=9120"),
-        ("host=the boat", "no name of a computer", "host=192.168.2.2"),
-        ("port=0", "no port at which two ends can meet", "from 1 to 65535"),
-        ("port=\u0669\u0661\u0662\u0660", "no port", "port=9120"),
+        ("host=the boat", "not a valid host name", "host=192.168.2.2"),
+        ("port=0", "not a valid port", "from 1 to 65535"),
+        ("port=\u0669\u0661\u0662\u0660", "not a valid port", "port=9120"),
         ("secret=nowhere.txt", "nowhere.txt", "one line of text that both ends have"),
         ("allow=somebody", "allow=somebody", "allow=192.168.2.1"),
         ("power=bord", "power=bord", "did you mean 'board'?"),
         ("power=board", "--io mcu:PORT", "leave it out"),
-        ("deadman=yes", "who holds no trigger", "--option pilot=hands"),
+        ("deadman=yes", "requires pilot=manual", "--option pilot=manual"),
     ],
 )
-def test_an_option_that_cannot_be_meant_is_told_with_what_to_type(
-    snr: Any, here: Path, option: str, says: str, fix: str
-) -> None:
+def test_invalid_option_is_rejected_with_fix(snr: Any, here: Path, option: str, expected: str, fix: str) -> None:
     answer = snr("run", "urov_teleop", "--role", "urov", "--option", option)
     assert answer.status == 2
-    assert says in answer.err
+    assert expected in answer.err
     assert fix in answer.err
     assert list(here.iterdir()) == []
 
 
-def test_the_surface_may_call_a_vehicle_elsewhere_without_a_secret(here: Path) -> None:
+def test_surface_connects_to_remote_vehicle_without_secret(here: Path) -> None:
     simulation = prepare(Request("urov_teleop", role="topside", options={"host": "192.0.2.2"}))
-    World(simulation)  # that the vehicle takes it, is for the vehicle to say: allow=
+    RealTimeSimulation(simulation)  # that the vehicle takes it, is for the vehicle to say: allow=
 
 
-def test_an_option_that_is_given_twice_is_told_with_both_values(snr: Any, here: Path) -> None:
+def test_option_given_twice_reports_both_values(snr: Any, here: Path) -> None:
     answer = snr("run", "urov_teleop", "--option", "port=9120", "--option", "port=9121")
     assert answer.status == 2
     assert "port=9120 and port=9121" in answer.err
@@ -300,12 +297,12 @@ def test_an_option_that_is_given_twice_is_told_with_both_values(snr: Any, here: 
 
 
 @pytest.mark.slow
-def test_a_person_flies_in_real_time_also_without_asking_for_it(snr: Any, here: Path) -> None:
+def test_manual_pilot_runs_in_real_time_by_default(snr: Any, here: Path) -> None:
     ends = DASH.replace(
         "is_over = plant.pushed_s is not None and plant.time_s > plant.pushed_s + 0.6", "is_over = plant.time_s > 0.5"
     )
     (here / "dash.py").write_text(ends)
-    answer = snr("run", "./dash.py", "--option", "pilot=hands", "--no-rrd", "--json")
+    answer = snr("run", "./dash.py", "--option", "pilot=manual", "--no-rrd", "--json")
     assert "A person steers, so this run takes as long as it says" in answer.err
     assert answer.json["outcome"] == "still"
     assert answer.json["wall_time_s"] > 0.4
@@ -313,14 +310,14 @@ def test_a_person_flies_in_real_time_also_without_asking_for_it(snr: Any, here: 
     assert "A person steers" not in answer.err
 
 
-def test_a_role_by_itself_runs_at_no_other_speed_than_the_clocks(snr: Any) -> None:
+def test_single_role_rejects_other_speed(snr: Any) -> None:
     answer = snr("run", "urov_teleop", "--role", "topside", "--speed", "4")
     assert answer.status == 2
-    assert "on the wall clock" in answer.err
+    assert "runs alone, in real time only" in answer.err
 
 
 @pytest.mark.parametrize("port", ["abc", "-1", "70000"])
-def test_a_port_that_is_none_is_refused(snr: Any, port: str) -> None:
+def test_invalid_port_is_rejected(snr: Any, port: str) -> None:
     answer = snr("run", "urov_teleop", "--option", f"port={port}")
     assert answer.status == 2
     assert "port" in answer.err
@@ -328,7 +325,7 @@ def test_a_port_that_is_none_is_refused(snr: Any, port: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("words", [("--role", "urov", "--option", "port={}"), ("--console", "{}")])
-def test_a_port_that_is_taken_is_told_before_there_is_a_run(snr: Any, here: Path, words: tuple[str, ...]) -> None:
+def test_port_in_use_is_reported_before_the_run(snr: Any, here: Path, words: tuple[str, ...]) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         answer = snr("run", "urov_teleop", *(word.format(port) for word in words))
@@ -341,7 +338,7 @@ def test_a_port_that_is_taken_is_told_before_there_is_a_run(snr: Any, here: Path
 
 
 @pytest.mark.slow
-def test_a_run_that_comes_to_nothing_lets_go_of_its_port(snr: Any, here: Path) -> None:
+def test_failed_run_releases_its_port(snr: Any, here: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     (here / "file").write_text("no folder")
@@ -349,7 +346,7 @@ def test_a_run_that_comes_to_nothing_lets_go_of_its_port(snr: Any, here: Path) -
     socket.create_server(("127.0.0.1", port)).close()
 
 
-def test_roles_that_share_a_plant_do_not_run_apart(snr: Any, here: Path) -> None:
+def test_roles_that_share_a_plant_are_rejected_as_processes(snr: Any, here: Path) -> None:
     answer = snr("run", "urov_gate", "--role", "topside")  # its pilot sees the vehicle
     assert answer.status == 2
     assert "only one plant" in answer.err
@@ -357,7 +354,7 @@ def test_roles_that_share_a_plant_do_not_run_apart(snr: Any, here: Path) -> None
     assert not (here / "runs").exists()
 
 
-def test_a_pilot_who_does_not_exist_is_told_with_those_who_do(snr: Any) -> None:
-    answer = snr("run", "urov_teleop", "--option", "pilot=hand")
+def test_unknown_pilot_lists_known_pilots(snr: Any) -> None:
+    answer = snr("run", "urov_teleop", "--option", "pilot=manua")
     assert answer.status == 2
-    assert "did you mean 'hands'?" in answer.err
+    assert "did you mean 'manual'?" in answer.err

@@ -36,7 +36,7 @@ def assert_nothing_written(here: Path) -> None:
 # A good run
 
 
-def test_a_run_prints_one_json_object_which_is_its_result(snr: Snr, here: Path) -> None:
+def test_run_json_equals_result_file(snr: Snr, here: Path) -> None:
     answer = snr(*RUN, "--json")
     assert answer.status == 0
     fields = answer.json
@@ -55,7 +55,7 @@ def test_a_run_prints_one_json_object_which_is_its_result(snr: Snr, here: Path) 
     assert answer.err == ""
 
 
-def test_a_run_in_words_says_how_it_ended_and_where_it_is(snr: Snr, here: Path) -> None:
+def test_run_prints_outcome_and_folder(snr: Snr, here: Path) -> None:
     answer = snr(*RUN)
     assert answer.status == 0
     assert "lander_vertical, seed 0, controller optimal: landed" in answer.out
@@ -82,25 +82,25 @@ def test_run_prints_start_lines_of_controller_except_with_json(snr: Snr, mine: M
 
 
 @pytest.mark.parametrize(
-    ("returned", "says"), [("'one'", "returned 'one'"), ("[1]", "returned [1]"), ("1 / 0", "zero")]
+    ("returned", "expected"), [("'one'", "returned 'one'"), ("[1]", "returned [1]"), ("1 / 0", "zero")]
 )
-def test_start_lines_that_are_no_lines_are_refused_before_there_is_a_run(
-    snr: Snr, here: Path, mine: Mine, returned: str, says: str
+def test_invalid_start_lines_are_rejected_before_the_run(
+    snr: Snr, here: Path, mine: Mine, returned: str, expected: str
 ) -> None:
     answer = snr(*RUN, "--controller", saying(mine, returned))
     assert answer.status == 2
-    assert says in answer.err
+    assert expected in answer.err
     assert_nothing_written(here)
 
 
-def test_a_run_that_misses_its_criterion_ends_with_status_1(snr: Snr) -> None:
+def test_failed_criterion_returns_status_1(snr: Snr) -> None:
     answer = snr(*RUN, "--controller", "coast", "--json")
     assert (answer.status, answer.json["outcome"], answer.json["success"]) == (1, "crashed", False)
     assert "crashed: vertical 56.921 m/s is over 3.05 m/s." in answer.json["notes"]
     assert answer.json["touchdown"].keys() == {"vertical_mps", "lateral_mps", "attitude_deg", "rate_degps"}
 
 
-def test_the_same_seed_gives_the_same_digest_and_another_one_another(snr: Snr) -> None:
+def test_same_seed_gives_same_digest_and_other_seed_another(snr: Snr) -> None:
     digests = [
         snr("run", "lander_pad", "--no-rrd", "--json", "--seed", seed).json["trace_digest"] for seed in (7, 7, 8)
     ]
@@ -108,7 +108,7 @@ def test_the_same_seed_gives_the_same_digest_and_another_one_another(snr: Snr) -
 
 
 @pytest.mark.slow
-def test_the_digest_is_the_same_in_another_process_with_another_hash_seed(snr: Snr, here: Path) -> None:
+def test_digest_is_equal_in_process_with_other_hash_seed(snr: Snr, here: Path) -> None:
     mine = snr("run", "lander_pad", "--no-rrd", "--json", "--seed", 7).json["trace_digest"]
     for hash_seed in ("1", "2"):
         command = [sys.executable, "-m", "snr_sim", "run", "lander_pad", "--no-rrd", "--json", "--seed", "7"]
@@ -117,14 +117,14 @@ def test_the_digest_is_the_same_in_another_process_with_another_hash_seed(snr: S
         assert json.loads(done.stdout)["trace_digest"] == mine
 
 
-def test_the_same_controller_in_another_folder_gives_the_same_digest(snr: Snr, here: Path, mine: Mine) -> None:
+def test_controller_in_other_folder_gives_same_digest(snr: Snr, here: Path, mine: Mine) -> None:
     first = snr(*RUN, "--json", "--controller", mine()).json
     (here / "elsewhere").mkdir()
     second = snr(*RUN, "--json", "--controller", mine(name="elsewhere/mine.py")).json
     assert first["trace_digest"] == second["trace_digest"]
 
 
-def test_a_view_neither_changes_a_run_nor_its_result(snr: Snr) -> None:
+def test_view_changes_neither_run_nor_result(snr: Snr) -> None:
     pytest.importorskip("rerun")
     with_view = snr("run", "lander_vertical", "--rrd", "--json").json
     without = snr("run", "lander_vertical", "--json").json
@@ -143,14 +143,14 @@ def test_any_whole_number_is_a_seed(snr: Snr, seed: int) -> None:
 
 
 @pytest.mark.parametrize("speed", ["0", "nan", "-1", "abc", "inf", ""])
-def test_a_speed_that_is_none_is_refused(snr: Snr, here: Path, speed: str) -> None:
+def test_invalid_speed_is_rejected(snr: Snr, here: Path, speed: str) -> None:
     answer = snr(*RUN, "--speed", speed)
     assert answer.status == 2
-    assert f"--speed {speed} is no speed" in answer.err
+    assert f"--speed must be 'fast', 'real' or a number greater than 0, not '{speed}'." in answer.err
     assert_nothing_written(here)
 
 
-def test_speed_is_seconds_of_the_robot_per_second_of_ours(snr: Snr) -> None:
+def test_speed_is_virtual_seconds_per_wall_second(snr: Snr) -> None:
     assert (pace_of("fast"), pace_of("real"), pace_of("2.5")) == (None, 1.0, 2.5)
     fields = snr(*RUN, "--speed", "100", "--json").json
     assert fields["wall_time_s"] > 0.9 * fields["sim_time_s"] / 100
@@ -171,11 +171,11 @@ WRONG = [
     ((*RUN, "--controller", "/dev/null"), "'/dev/null' is not a file that can be read", "Try: by name, one of: "),
     ((*RUN, "--role", "landr"), "no role 'landr'", "did you mean 'lander'?"),
     ((*RUN, "--engine", "pymnk"), "does not run on engine 'pymnk'", "Try: 'closed_form' is the only one."),
-    ((*RUN, "--io", "pi"), "no devices for --io pi", "Try: one of: emulated, maestro, mcu, mirror"),
+    ((*RUN, "--io", "pi"), "no devices for --io pi", "Try: one of: emulated, loopback, maestro, mcu"),
     ((*RUN, "--option", "t_go_s"), "--option t_go_s is not KEY=VALUE", "Try: --option"),
     ((*RUN, "--option", "t_go_s=60"), "--option t_go_s=...: there is no such option here.", "Try: leave it out."),
     (
-        ("run", "urov_teleop", "--option", "pilto=hands"),
+        ("run", "urov_teleop", "--option", "pilto=manual"),
         "no such option here",
         "did you mean 'pilot'? One of: allow, camera, ",
     ),
@@ -188,7 +188,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("words", "found", "fix"), WRONG)
-def test_a_wrong_request_gets_a_sentence_a_hint_and_status_2(
+def test_invalid_request_returns_status_2_with_fix(
     snr: Snr, here: Path, words: tuple[str, ...], found: str, fix: str
 ) -> None:
     answer = snr(*words)
@@ -202,7 +202,7 @@ def test_a_wrong_request_gets_a_sentence_a_hint_and_status_2(
     assert list(here.iterdir()) == []
 
 
-def test_an_out_that_is_a_file_or_cannot_be_written_is_refused(snr: Snr, here: Path) -> None:
+def test_unwritable_out_is_rejected(snr: Snr, here: Path) -> None:
     (here / "file").write_text("mine")
     for out in ("file", "file/below", "/proc/snr"):
         answer = snr(*RUN, "--out", out, "--json")
@@ -212,7 +212,7 @@ def test_an_out_that_is_a_file_or_cannot_be_written_is_refused(snr: Snr, here: P
     assert [path.name for path in here.iterdir()] == ["file"]
 
 
-def test_runs_of_one_second_get_folders_of_their_own(snr: Snr, here: Path) -> None:
+def test_runs_within_one_second_get_separate_folders(snr: Snr, here: Path) -> None:
     folders = {snr(*RUN, "--json", "--out", "here/and/there").json["run_dir"] for _ in range(3)}
     assert len(folders) == 3
     assert all((here / folder / RESULT_NAME).is_file() for folder in folders)
@@ -264,7 +264,7 @@ UNUSABLE = [
 @pytest.mark.parametrize(
     ("change", "found", "fix"), UNUSABLE, ids=lambda value: value[1][:40] if len(value) == 2 else ""
 )
-def test_a_controller_that_cannot_be_used_is_explained_and_nothing_is_written(
+def test_unusable_controller_is_reported_and_nothing_is_written(
     snr: Snr, here: Path, mine: Mine, change: tuple[str, str], found: str, fix: str
 ) -> None:
     answer = snr(*RUN, "--controller", mine(change), "--json")
@@ -280,25 +280,25 @@ def test_a_controller_that_cannot_be_used_is_explained_and_nothing_is_written(
 
 
 NO_PYTHON = [
-    (b"\xff\xfe\x00", "mine.py, line 1: this is no Python source: byte 0xff is not text."),
-    (b"# one\nx = '\xe4'", "mine.py, line 2: this is no Python source: byte 0xe4 is not text."),
-    (b"x = 1\n\ny = 2\x00", "mine.py, line 3: this is no Python source: byte 0x00 is not text."),
+    (b"\xff\xfe\x00", "mine.py, line 1: this is not Python source: byte 0xff is not text."),
+    (b"# one\nx = '\xe4'", "mine.py, line 2: this is not Python source: byte 0xe4 is not text."),
+    (b"x = 1\n\ny = 2\x00", "mine.py, line 3: this is not Python source: byte 0x00 is not text."),
     (b"# coding: latin-1\nx = '\xe4'\nx = =", "mine.py, line 3: x = ="),
     (b"# coding: klingon\nx = 1", "unknown encoding: klingon"),
     (b" \n", "mine.py is empty: it has no `factories`, which a controller needs."),
 ]
 
 
-@pytest.mark.parametrize(("content", "said"), NO_PYTHON)
-def test_a_controller_that_is_no_python_is_explained(snr: Snr, here: Path, content: bytes, said: str) -> None:
+@pytest.mark.parametrize(("content", "expected"), NO_PYTHON)
+def test_non_python_controller_is_reported(snr: Snr, here: Path, content: bytes, expected: str) -> None:
     (here / "mine.py").write_bytes(content)
     answer = snr(*RUN, "--controller", "mine.py", "--json")
     assert answer.status == 2
-    assert said in answer.json["error"]
+    assert expected in answer.json["error"]
     assert_nothing_written(here)
 
 
-def test_beside_a_controller_file_that_is_not_there_the_nearest_is_offered(snr: Snr, mine: Mine) -> None:
+def test_missing_controller_file_suggests_nearest(snr: Snr, mine: Mine) -> None:
     mine(name="mine.py")
     assert (
         "Try: did you mean 'mine.py'? In . there are: mine.py. Or by name, "
@@ -326,7 +326,7 @@ FAILING = [
 
 
 @pytest.mark.parametrize(("line", "found", "fix"), FAILING)
-def test_a_controller_that_fails_at_second_30_leaves_a_run_that_is_whole_up_to_there(
+def test_failing_controller_leaves_trace_complete_up_to_failure(
     snr: Snr, here: Path, mine: Mine, line: str, found: str, fix: str
 ) -> None:
     path = mine((WIRED, f"        {LATE}{line}\n{WIRED}"))
@@ -353,7 +353,7 @@ def test_a_controller_that_fails_at_second_30_leaves_a_run_that_is_whole_up_to_t
 
 
 @pytest.mark.parametrize("line", ["raise ValueError(object())", "return [object()]", "return (one for one in [])"])
-def test_where_objects_are_in_memory_changes_no_digest(snr: Snr, mine: Mine, line: str) -> None:
+def test_digest_is_independent_of_memory_addresses(snr: Snr, mine: Mine, line: str) -> None:
     path = mine((WIRED, f"        self.kept = [object() for _ in range(id(self) % 97)]\n        {line}\n{WIRED}"))
     answers = [snr(*RUN, "--controller", path, "--json").json for _ in range(2)]
     assert answers[0]["trace_digest"] == answers[1]["trace_digest"]
@@ -361,8 +361,8 @@ def test_where_objects_are_in_memory_changes_no_digest(snr: Snr, mine: Mine, lin
 
 
 COMMANDS = [
-    ("float('nan')", "throttle = nan"),
-    ("float('inf')", "throttle = inf"),
+    ("float('nan')", "engine.throttle must be a finite number, not nan."),
+    ("float('inf')", "engine.throttle must be a finite number, not inf."),
     ("'full'", "throttle is the text 'full', but must be a number from 0 to 1."),
     ("None", "throttle is None, but must be a number"),
     ("[0.5]", "throttle is the list [0.5], but must be a number"),
@@ -371,9 +371,7 @@ COMMANDS = [
 
 
 @pytest.mark.parametrize(("value", "found"), COMMANDS)
-def test_a_command_that_is_none_stops_the_run_with_the_value_found(
-    snr: Snr, mine: Mine, value: str, found: str
-) -> None:
+def test_invalid_command_stops_run_and_names_value(snr: Snr, mine: Mine, value: str, found: str) -> None:
     answer = snr(*RUN, "--controller", mine(("0.2", value)), "--json")
     assert (answer.status, answer.json["outcome"]) == (1, "error")
     assert found in answer.json["error"]
@@ -382,43 +380,43 @@ def test_a_command_that_is_none_stops_the_run_with_the_value_found(
     assert "It was stored at t = 0.000 s by on_radar() of component 'mine'." in answer.json["error"]
 
 
-def test_a_command_with_an_unknown_field_is_told_the_nearest_one(snr: Snr, mine: Mine) -> None:
+def test_unknown_command_field_suggests_nearest(snr: Snr, mine: Mine) -> None:
     answer = snr(*RUN, "--controller", mine(('"throttle"', '"throtle"')), "--json")
     assert (answer.status, answer.json["outcome"]) == (1, "error")
     assert "did you mean 'throttle'?" in answer.json["error"]
 
 
-def test_a_command_out_of_range_is_clamped_and_said_once(snr: Snr, mine: Mine) -> None:
+def test_command_out_of_range_is_clamped_and_logged_once(snr: Snr, mine: Mine) -> None:
     for value in ("1.5", "-3"):
         fields = snr(*RUN, "--controller", mine(("0.2", value)), "--json").json
         assert len([note for note in fields["notes"] if "clamped" in note]) == 1
         assert fields["outcome"] != "error"
 
 
-def test_a_controller_of_no_components_is_said_to_be_one(snr: Snr, mine: Mine) -> None:
+def test_controller_without_components_is_noted(snr: Snr, mine: Mine) -> None:
     answer = snr(*RUN, "--controller", mine(("return [MineFactory()]", "return []")), "--json")
     assert answer.status == 1
-    assert "mine.py: factories(robot) returned [], so nobody controls the robot." in answer.json["notes"]
+    assert "mine.py: factories(robot) returned [], so no component controls the robot." in answer.json["notes"]
 
 
-def test_what_hangs_loose_is_said_at_the_end_with_the_nearest_name(snr: Snr, mine: Mine) -> None:
+def test_unhandled_tasks_are_noted_with_nearest_name(snr: Snr, mine: Mine) -> None:
     handlers = '{(TaskType.process_data, "radr"): self.on_radar, (TaskType.event, "ignition"): self.on_radar}'
     path = mine(('{(TaskType.process_data, "radar"): self.on_radar}', handlers))
     answer = snr(*RUN, "--controller", path, "--json")
     notes = "\n".join(answer.json["notes"])
     assert "process_data 'radr'" in notes
     assert "did you mean 'radar'?" in notes
-    assert "event 'ignition', which nobody sent" in notes
+    assert "event 'ignition', which was never sent" in notes
     assert "note: " in answer.err
     asks = mine((WIRED, "        self.get_data('motor')\n        return tasks.event('ignite')"))
     notes = "\n".join(snr(*RUN, "--controller", asks, "--json").json["notes"])
-    assert "Page 'motor' was asked for" in notes
-    assert "Nobody handled event 'ignite'" in notes
+    assert "Page 'motor' was requested but never stored" in notes
+    assert "No component handled event 'ignite'" in notes
 
 
 # Faulty controllers
 
-MISBEHAVING = [
+FAULTY_HANDLERS = [
     "print('altitude')",
     "import os; os.write(1, b'altitude')",
     "import subprocess; subprocess.run(['echo', 'altitude'])",
@@ -430,11 +428,9 @@ MISBEHAVING = [
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("line", MISBEHAVING)
+@pytest.mark.parametrize("line", FAULTY_HANDLERS)
 @pytest.mark.parametrize("place", ["at load", "in a handler"])
-def test_a_controller_that_prints_closes_or_moves_away_costs_neither_json_nor_files(
-    snr: Snr, here: Path, mine: Mine, line: str, place: str
-) -> None:
+def test_faulty_handlers_leave_json_and_files_intact(snr: Snr, here: Path, mine: Mine, line: str, place: str) -> None:
     at_load = ("def factories(robot):", f"{line}\ndef factories(robot):")
     in_handler = (WIRED, f"        if self.ticks == 5:\n            {line}\n{WIRED}")
     path = mine(at_load if place == "at load" else in_handler)
@@ -443,13 +439,13 @@ def test_a_controller_that_prints_closes_or_moves_away_costs_neither_json_nor_fi
         answer = snr(*RUN, "--controller", path, "--json")
     finally:
         os.chdir(before)
-    assert answer.json["outcome"] == "out_of_fuel" or answer.json["outcome"] in ("crashed", "lost", "timeout")
+    assert answer.json["outcome"] == "out_of_fuel" or answer.json["outcome"] in ("crashed", "out_of_bounds", "timeout")
     folder = run_folder(here)
     assert json.loads((folder / RESULT_NAME).read_bytes()) == answer.json
     assert read_trace(folder / FILE_NAME).digest == answer.json["trace_digest"]
 
 
-def test_without_json_what_a_controller_prints_is_seen(snr: Snr, mine: Mine) -> None:
+def test_controller_output_is_printed_without_json(snr: Snr, mine: Mine) -> None:
     answer = snr(*RUN, "--controller", mine((WIRED, f"        print('altitude')\n        1 / 0\n{WIRED}")))
     assert "altitude" in answer.out
     assert "run folder: " in answer.out
@@ -457,7 +453,7 @@ def test_without_json_what_a_controller_prints_is_seen(snr: Snr, mine: Mine) -> 
     assert answer.err.startswith("mine.py, line 21: 1 / 0\n  ZeroDivisionError: division by zero\n")
 
 
-def test_a_controller_that_stores_what_json_has_no_number_for_gives_strict_json(snr: Snr, mine: Mine) -> None:
+def test_nan_in_pages_gives_strict_json(snr: Snr, mine: Mine) -> None:
     path = mine((WIRED, f"        self.store_data('x', float('nan'))\n{WIRED}"))
     assert "NaN" not in snr(*RUN, "--controller", path, "--json").out
 
@@ -472,20 +468,20 @@ EDITS_ITSELF = """
 
 
 @pytest.mark.slow
-def test_a_watched_run_takes_an_edited_controller_and_its_replay_says_so(snr: Snr, here: Path, mine: Mine) -> None:
+def test_watched_run_reloads_controller_and_replay_notes_it(snr: Snr, here: Path, mine: Mine) -> None:
     mine((WIRED, EDITS_ITSELF + WIRED.replace("0.2", "0.3")))  # rises, and flies until its time is over
     answer = snr("run", "lander_low_gate", "--controller", "./mine.py", "--speed", "100", "--watch", "--no-rrd")
-    assert "INFO snr.lander_node.node_core: Made anew: mine." in answer.err
+    assert "INFO snr.lander_node.node_core: Recreated: mine." in answer.err
     folder = next(here.glob("runs/*"))
     replayed = snr("replay", folder, "--check")
     assert (replayed.status, "asks the outside" in replayed.out) == (0, False)
     assert "Changed since the run: controller/mine.py. This replay executes it as it was recorded" in replayed.err
 
 
-def test_a_fast_run_cannot_be_watched(snr: Snr, here: Path) -> None:
+def test_fast_run_rejects_watch(snr: Snr, here: Path) -> None:
     answer = snr(*RUN, "--watch")
     assert answer.status == 2
-    assert "--watch with --speed real" in answer.err
+    assert "--watch --speed real" in answer.err
     assert list(here.iterdir()) == []
 
 
@@ -498,18 +494,18 @@ def metrics(plant, seed):
 """
 
 
-def test_metrics_that_are_no_numbers_are_null_in_json_and_words_for_a_person(snr: Snr, here: Path) -> None:
+def test_non_finite_metrics_are_null_in_json_and_words_in_text(snr: Snr, here: Path) -> None:
     (here / "unmeasured.py").write_text(Path(find("scenarios", "lander_vertical").path).read_text() + UNMEASURED)
     answer = snr("run", "./unmeasured.py", "--no-rrd")
     lines = [line.split(maxsplit=1) for line in answer.out.splitlines() if line.startswith("  ")]
-    said = {name: words for name, words in lines if name.endswith(("_s", "_m"))}
-    assert said == {**dict.fromkeys(("settling_s", "error_m", "worst_m"), "not reached"), "depth_m": "1.500"}
+    printed = {name: words for name, words in lines if name.endswith(("_s", "_m"))}
+    assert printed == {**dict.fromkeys(("settling_s", "error_m", "worst_m"), "not reached"), "depth_m": "1.500"}
     fields = json.loads((run_folder(here) / RESULT_NAME).read_text(), parse_constant=pytest.fail)
-    assert [fields[name] for name in said] == [None, None, None, 1.5]
+    assert [fields[name] for name in printed] == [None, None, None, 1.5]
 
 
 @pytest.mark.parametrize(
-    ("io", "said"),
+    ("io", "expected"),
     [
         ("mcu:/dev/ttyNowhere", "no serial port /dev/ttyNowhere"),
         ("mcu", "mcu:PORT"),
@@ -519,32 +515,32 @@ def test_metrics_that_are_no_numbers_are_null_in_json_and_words_for_a_person(snr
         ("sin", "did you mean 'sim'"),
     ],
 )
-def test_devices_that_are_not_there_are_told_before_there_is_a_run(snr: Snr, here: Path, io: str, said: str) -> None:
+def test_missing_devices_are_reported_before_the_run(snr: Snr, here: Path, io: str, expected: str) -> None:
     answer = snr(*RUN, "--io", io)
     assert answer.status == 2
-    assert said in answer.err
+    assert expected in answer.err
     assert_nothing_written(here)
 
 
-def test_real_devices_have_no_speed_but_that_of_time(snr: Snr, here: Path) -> None:
+def test_real_devices_reject_other_speed(snr: Snr, here: Path) -> None:
     answer = snr(*RUN, "--io", "mcu:/dev/ttyNowhere", "--speed", "4")
     assert answer.status == 2
-    assert "devices are real, and so is time" in answer.err
+    assert "uses real devices, which run in real time only" in answer.err
     assert_nothing_written(here)
 
 
 @pytest.mark.parametrize("io", ["mcu:/dev/ttyNowhere", "pi"])
-def test_real_outputs_that_nobody_has_typed_are_told_first(snr: Snr, monkeypatch: pytest.MonkeyPatch, io: str) -> None:
-    told = f"real outputs: {io}, from SNR_SIM_IO"
-    assert told not in snr(*RUN, "--io", io).err
+def test_real_outputs_from_environment_are_printed_first(snr: Snr, monkeypatch: pytest.MonkeyPatch, io: str) -> None:
+    warning = f"real outputs: {io}, from SNR_SIM_IO"
+    assert warning not in snr(*RUN, "--io", io).err
     monkeypatch.setenv("SNR_SIM_IO", io)
-    assert snr(*RUN).err.splitlines()[0] == told
-    assert told not in snr(*RUN, "--io", io).err
-    monkeypatch.setenv("SNR_SIM_IO", "mirror")
+    assert snr(*RUN).err.splitlines()[0] == warning
+    assert warning not in snr(*RUN, "--io", io).err
+    monkeypatch.setenv("SNR_SIM_IO", "loopback")
     assert "real outputs" not in snr(*RUN).err
 
 
-def test_a_device_that_cannot_be_opened_is_told_first_and_nothing_of_what_did_not_come(snr: Snr) -> None:
+def test_device_that_fails_to_open_is_reported_first_and_alone(snr: Snr) -> None:
     answer = snr("run", "urov_depth_hold", "--no-rrd", "--io", "mcu:/dev/null")
     assert answer.status == 1
     assert answer.err.splitlines()[0].startswith("/dev/null cannot be opened as a serial port")
@@ -566,7 +562,7 @@ def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("speed", ["fast", "real"])
-def test_a_view_without_a_display_is_refused_before_the_run(snr: Snr, here: Path, speed: str, no_display: None) -> None:
+def test_view_without_display_is_rejected_before_the_run(snr: Snr, here: Path, speed: str, no_display: None) -> None:
     answer = snr("run", "lander_vertical", "--view", "--speed", speed)
     assert answer.status == 2
     assert answer.err.splitlines() == [
@@ -576,7 +572,7 @@ def test_a_view_without_a_display_is_refused_before_the_run(snr: Snr, here: Path
     assert not list(here.iterdir())
 
 
-def test_snr_view_without_a_display_names_the_browser_at_once(snr: Snr, here: Path, no_display: None) -> None:
+def test_view_verb_without_display_suggests_browser(snr: Snr, here: Path, no_display: None) -> None:
     run = snr("run", "lander_vertical", "--json").json["run_dir"]
     answer = snr("view", run)
     assert answer.status == 2

@@ -40,12 +40,12 @@ def assert_whole(folder: Path, fields: dict[str, Any]) -> None:
     assert json.loads((folder / RESULT_NAME).read_bytes()) == fields
     trace = read_trace(folder / FILE_NAME)
     assert isinstance(trace.records[-1], EndRecord)
-    assert not trace.is_cut
+    assert not trace.is_truncated
     assert trace.digest == fields["trace_digest"]
 
 
 @pytest.mark.wall_clock
-def test_a_run_ends_in_order_at_a_signal_at_any_moment(here: Path, mine: Mine) -> None:
+def test_signal_at_any_time_ends_run_in_order(here: Path, mine: Mine) -> None:
     spins = mine((WIRED, f"        while self.ticks == 2:\n            pass\n{WIRED}"), name="spins.py")
     sleeps = mine((WIRED, f"        import time; time.sleep(30 if self.ticks == 3 else 0)\n{WIRED}"), name="sleeps.py")
     command = [sys.executable, Path(__file__).with_name("signalled.py"), "8", "7", here / "runs"]
@@ -69,9 +69,9 @@ def test_a_run_ends_in_order_at_a_signal_at_any_moment(here: Path, mine: Mine) -
 
 
 @pytest.mark.slow
-def test_a_handler_that_never_returns_is_named_with_its_line_and_its_run_replays(here: Path, mine: Mine) -> None:
+def test_hanging_handler_is_named_with_line_and_run_replays(here: Path, mine: Mine) -> None:
     stuck = "        if self.ticks == 5:\n            open('stuck', 'w').close()\n"
-    spins = mine((WIRED, f"{stuck}        while self.ticks == 5:\n            pass  # for ever\n{WIRED}"))
+    spins = mine((WIRED, f"{stuck}        while self.ticks == 5:\n            pass  # without end\n{WIRED}"))
     words = ["run", "lander_vertical", "--no-rrd", "--json", "--controller", str(spins)]
     child = subprocess.Popen(
         [sys.executable, "-m", "snr_sim", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -95,13 +95,14 @@ def test_a_handler_that_never_returns_is_named_with_its_line_and_its_run_replays
 EARLY = [
     ("cli/main.py:<module>", "SIGINT"), ("typer/main.py:<module>", "SIGTERM"), ("cli/main.py:main", "SIGINT"),
     ("snr_sim/scenario/simulation.py:<module>", "SIGTERM"), ("snr_sim/scenario/simulation.py:prepare", "SIGINT"),
-    ("library.py:load_controller", "SIGTERM"), ("trace.py:__init__", "SIGINT"), ("flight.py:__init__", "SIGTERM"),
-    ("interrupts.py:orderly", "SIGINT"),
+    ("library.py:load_controller", "SIGTERM"), ("trace.py:__init__", "SIGINT"),
+    ("simulation_run.py:__init__", "SIGTERM"),
+    ("interrupts.py:graceful_shutdown", "SIGINT"),
 ]  # fmt: skip
-FIRST_TICK = [("flight.py:run", "SIGINT"), ("node.py:begin", "SIGTERM"), ("lander_1d.py:step", "SIGINT")]
+FIRST_TICK = [("simulation_run.py:run", "SIGINT"), ("node.py:begin", "SIGTERM"), ("lander_1d.py:step", "SIGINT")]
 AFTERWARDS = [
     ("view.py:write_view", "SIGTERM", 0),
-    ("run.py:_say", "SIGINT", 130),
+    ("run.py:_print_result", "SIGINT", 130),
     ("run.py:_write_view", "SIGTERM", 143),
 ]
 
@@ -136,7 +137,7 @@ def signalled(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Signa
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("phase", "kind"), EARLY)
-def test_a_signal_before_anything_has_begun_ends_it_in_a_word_and_leaves_nothing(
+def test_signal_before_start_ends_program_and_writes_nothing(
     signalled: Callable[[str], Signalled], phase: str, kind: str
 ) -> None:
     done = signalled(phase)
@@ -146,9 +147,7 @@ def test_a_signal_before_anything_has_begun_ends_it_in_a_word_and_leaves_nothing
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("phase", "kind"), FIRST_TICK)
-def test_a_signal_at_the_first_tick_ends_the_run_in_order(
-    signalled: Callable[[str], Signalled], phase: str, kind: str
-) -> None:
+def test_signal_at_first_tick_ends_run_in_order(signalled: Callable[[str], Signalled], phase: str, kind: str) -> None:
     done = signalled(phase)
     fields = json.loads(done.out)
     assert (done.status, fields["outcome"], fields["signal"]) == (1, "interrupted", kind)
@@ -158,7 +157,7 @@ def test_a_signal_at_the_first_tick_ends_the_run_in_order(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("phase", "kind", "status"), AFTERWARDS)
-def test_a_signal_after_the_run_costs_only_what_was_not_yet_written(
+def test_signal_after_run_loses_unwritten_files_only(
     signalled: Callable[[str], Signalled], phase: str, kind: str, status: int
 ) -> None:
     pytest.importorskip("rerun")
@@ -173,7 +172,7 @@ def test_a_signal_after_the_run_costs_only_what_was_not_yet_written(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("room", [2_000, 100_000])
-def test_a_full_disk_stops_the_run_with_a_sentence_and_a_whole_trace(here: Path, room: int) -> None:
+def test_full_disk_stops_run_with_message_and_complete_trace(here: Path, room: int) -> None:
     run_limited(10**9, "run", "lander_pad", "--no-rrd", "--out", "first")
     (first,) = (here / "first").iterdir()
     limit = room + sum(map(len, (first / FILE_NAME).read_bytes().split(b"\n")[:2]))
@@ -186,7 +185,7 @@ def test_a_full_disk_stops_the_run_with_a_sentence_and_a_whole_trace(here: Path,
     assert "Try: make room on the disk" in fields["error"]
     (folder,) = (here / "runs").iterdir()
     trace = read_trace(folder / FILE_NAME)
-    assert not trace.is_cut
+    assert not trace.is_truncated
     assert trace.path.stat().st_size <= limit
     assert trace.digest == fields["trace_digest"]
     assert json.loads((folder / RESULT_NAME).read_bytes()) == fields
@@ -195,7 +194,7 @@ def test_a_full_disk_stops_the_run_with_a_sentence_and_a_whole_trace(here: Path,
 
 
 @pytest.mark.slow
-def test_a_disk_that_is_full_from_the_first_line_is_told_too(here: Path) -> None:
+def test_disk_full_from_first_line_is_reported(here: Path) -> None:
     done = run_limited(100, "run", "lander_vertical", "--json", "--no-rrd")
     assert done.returncode == 2
     assert not (here / "runs").exists()
@@ -205,7 +204,7 @@ def test_a_disk_that_is_full_from_the_first_line_is_told_too(here: Path) -> None
 
 @pytest.mark.parametrize("step", ["open", "replace"])
 @pytest.mark.parametrize("words", [["--rrd"], []], ids=["with a view", "without"])
-def test_a_result_that_could_not_be_written_is_said_and_the_run_counts(
+def test_unwritten_result_is_noted_and_run_counts(
     snr: Callable[..., Any], here: Path, monkeypatch: pytest.MonkeyPatch, step: str, words: list[str]
 ) -> None:
     really = getattr(os, step)
@@ -218,15 +217,15 @@ def test_a_result_that_could_not_be_written_is_said_and_the_run_counts(
     monkeypatch.setattr(os, step, fail)
     answer = snr("run", "lander_vertical", "--json", *words)
     assert answer.status == 0
-    (said,) = [note for note in answer.json["notes"] if RESULT_NAME in note]
-    assert "could not be written: No space left on device. What it would say is printed here. Try: make room" in said
-    assert said in answer.err
+    (note,) = [note for note in answer.json["notes"] if RESULT_NAME in note]
+    assert "could not be written: No space left on device. What it would say is printed here. Try: make room" in note
+    assert note in answer.err
     (folder,) = (here / "runs").iterdir()
     assert {path.name for path in folder.iterdir()} <= {FILE_NAME, "view.rrd"}
 
 
 @pytest.mark.slow
-def test_a_disk_without_room_for_the_view_costs_only_the_view(here: Path) -> None:
+def test_full_disk_during_view_loses_view_only(here: Path) -> None:
     pytest.importorskip("rerun")
     run_limited(10**9, "run", "lander_vertical", "--json", "--no-rrd", "--out", "first")
     (first,) = (here / "first").iterdir()
@@ -239,7 +238,7 @@ def test_a_disk_without_room_for_the_view_costs_only_the_view(here: Path) -> Non
 
 
 @pytest.mark.slow
-def test_a_disk_without_room_for_two_runs_side_by_side_ends_compare_with_a_sentence(here: Path) -> None:
+def test_full_disk_during_compare_reports_error(here: Path) -> None:
     pytest.importorskip("rerun")
     run_limited(10**9, "run", "lander_vertical", "--json")
     (run,) = (here / "runs").iterdir()
@@ -282,7 +281,7 @@ RUN_MINE = ["run", "lander_vertical", "--no-rrd", "--controller", "./mine.py"]
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_file_that_swallows_interrupts_while_it_is_read_ends_with_the_process(here: Path, number: int) -> None:
+def test_file_that_ignores_interrupts_during_import_ends_process(here: Path, number: int) -> None:
     done = ended(here, SWALLOW, number, *RUN_MINE)
     assert done.returncode == 128 + number
     assert done.stderr.startswith("mine.py, line ")
@@ -291,7 +290,7 @@ def test_a_file_that_swallows_interrupts_while_it_is_read_ends_with_the_process(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_exit_function_that_swallows_interrupts_is_ended_at_once(here: Path, number: int) -> None:
+def test_exit_function_that_ignores_interrupts_is_ended_at_once(here: Path, number: int) -> None:
     at_exit = "".join(f"    {line}\n" for line in SWALLOW.splitlines())
     controller = f"import atexit\n@atexit.register\ndef spin():\n{at_exit}def factories(robot):\n    return []\n"
     done = ended(here, controller, number, *RUN_MINE)
@@ -304,7 +303,7 @@ def test_an_exit_function_that_swallows_interrupts_is_ended_at_once(here: Path, 
 @pytest.mark.parametrize(
     "words", ["list", "run lander_vertical --no-rrd", "run lander_vertical --json", "bench --help"]
 )
-def test_without_standard_streams_a_verb_ends_quietly(here: Path, words: str, closed: str) -> None:
+def test_verb_without_standard_streams_ends_without_output(here: Path, words: str, closed: str) -> None:
     command = ["sh", "-c", f'"$0" -m snr_sim {words} {closed}', sys.executable]
     done = subprocess.run(command, cwd=here, capture_output=True, text=True, timeout=100)
     assert (done.returncode, done.stdout) == (0, "")
@@ -315,7 +314,7 @@ def test_without_standard_streams_a_verb_ends_quietly(here: Path, words: str, cl
 
 
 @pytest.mark.wall_clock
-def test_a_run_ends_within_half_a_second_of_a_signal_with_no_core_free(here: Path) -> None:
+def test_signal_ends_run_within_half_a_second_under_full_load(here: Path) -> None:
     count = os.cpu_count() or 1
     busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
     try:

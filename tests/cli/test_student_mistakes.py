@@ -8,27 +8,27 @@ from typing import Any
 
 import pytest
 
-from snr_sim.scenario.flight import Flight
+from snr_sim.scenario.simulation_run import SimulationRun
 from tests.cli.student_mistakes import GENTLE, MISTAKES, Mistake
 
 Snr = Callable[..., Any]
 BEGINS = "=== the run begins\n"
-LEAST_MEAN, LEAST_BEFORE = 5.4, 0.6
+MIN_MEAN, MIN_BEFORE = 5.4, 0.6
 TRIED = [one for one in MISTAKES if not one.elsewhere]
 
 
 @pytest.fixture(autouse=True)
 def _show_where_a_run_begins(monkeypatch: pytest.MonkeyPatch) -> None:
-    run = Flight.run
+    run = SimulationRun.run
 
-    def begin(self: Flight, *args: Any) -> Any:
+    def begin(self: SimulationRun, *args: Any) -> Any:
         print(BEGINS, end="", file=sys.stderr)
         return run(self, *args)
 
-    monkeypatch.setattr(Flight, "run", begin)
+    monkeypatch.setattr(SimulationRun, "run", begin)
 
 
-def said_of(mistake: Mistake, snr: Snr, here: Path) -> str:
+def output_of(mistake: Mistake, snr: Snr, here: Path) -> str:
     """Make a mistake as a student would, and return the messages."""
     (here / "gentle.py").write_text(GENTLE)
     for name, change in mistake.files.items():
@@ -45,10 +45,10 @@ def said_of(mistake: Mistake, snr: Snr, here: Path) -> str:
     return f"{answer.err}\n{answer.out}"
 
 
-def messages(said: str) -> Iterator[str]:
+def messages(output: str) -> Iterator[str]:
     """Yield each message with the lines that belong to it."""
     lines: list[str] = []
-    for line in filter(str.strip, said.splitlines()):
+    for line in filter(str.strip, output.splitlines()):
         if not line.startswith(" ") and lines:
             yield "\n".join(lines)
             lines = []
@@ -57,11 +57,11 @@ def messages(said: str) -> Iterator[str]:
         yield "\n".join(lines)
 
 
-def points_of(mistake: Mistake, said: str) -> tuple[int, str]:
+def points_of(mistake: Mistake, output: str) -> tuple[int, str]:
     """Return how many points the best message gets, and which they are not."""
     best, missing = 0, "silent"
-    for message in messages(said):
-        marks = [bool(one and re.search(one, message)) for one in mistake.said]
+    for message in messages(output):
+        marks = [bool(one and re.search(one, message)) for one in mistake.patterns]
         is_short = len(message.splitlines()) <= 6 and "snr_sim/" not in message.splitlines()[0]
         points = sum(marks) + (is_short if any(marks) else 0)
         if points > best:
@@ -75,34 +75,32 @@ def points_of(mistake: Mistake, said: str) -> tuple[int, str]:
 
 
 @pytest.mark.parametrize("mistake", TRIED, ids=lambda one: f"{one.number}_{one.what}")
-def test_mistake_is_told_with_line_and_cure(mistake: Mistake, snr: Snr, here: Path) -> None:
-    said = said_of(mistake, snr, here)
-    points, missing = points_of(mistake, said)
-    assert points >= 5, f"{points} of 6, without {missing}:\n{said}"
-    before = points_of(mistake, said.partition(BEGINS)[0])[0] >= 5 if not mistake.then or mistake.is_before else False
-    assert before or not mistake.is_before, f"told only in the run:\n{said}"
+def test_mistake_is_reported_with_line_and_fix(mistake: Mistake, snr: Snr, here: Path) -> None:
+    output = output_of(mistake, snr, here)
+    points, missing = points_of(mistake, output)
+    assert points >= 5, f"{points} of 6, without {missing}:\n{output}"
+    before = points_of(mistake, output.partition(BEGINS)[0])[0] >= 5 if not mistake.then or mistake.is_before else False
+    assert before or not mistake.is_before, f"reported only in the run:\n{output}"
 
 
-def test_three_of_five_mistakes_are_told_before_the_run() -> None:
-    assert sum(one.is_before for one in MISTAKES) >= LEAST_BEFORE * len(MISTAKES)
+def test_three_of_five_mistakes_are_reported_before_the_run() -> None:
+    assert sum(one.is_before for one in MISTAKES) >= MIN_BEFORE * len(MISTAKES)
     assert len({one.number for one in MISTAKES}) == len(MISTAKES)
 
 
 @pytest.mark.parametrize("place", [one.elsewhere for one in MISTAKES if "::" in one.elsewhere])
-def test_what_is_tried_elsewhere_is_tried(place: str) -> None:
+def test_mistake_tested_elsewhere_has_its_test(place: str) -> None:
     file, _, name = place.partition("::")
     assert f"def {name}(" in (Path(__file__).parents[2] / file).read_text()
 
 
-def test_mean_of_all_that_are_tried_is_at_least_wanted(
-    snr: Snr, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_mean_score_reaches_minimum(snr: Snr, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     points = {}
     for mistake in TRIED:
         here = tmp_path / str(mistake.number)
         here.mkdir()
         monkeypatch.chdir(here)
-        points[mistake.number] = points_of(mistake, said_of(mistake, snr, here))
+        points[mistake.number] = points_of(mistake, output_of(mistake, snr, here))
     mean = sum(one for one, _ in points.values()) / len(points)
-    assert mean >= LEAST_MEAN, f"{mean:.2f}: { {number: lacks for number, (one, lacks) in points.items() if one < 6} }"
+    assert mean >= MIN_MEAN, f"{mean:.2f}: { {number: lacks for number, (one, lacks) in points.items() if one < 6} }"
     assert min(one for one, _ in points.values()) > 0, points

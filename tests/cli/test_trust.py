@@ -89,10 +89,10 @@ def add_file(run: Path, path: str, text: str) -> None:
     write_table(run, [{"path": path, "sha256": sha256, "mark": ""}, *table(run)])
 
 
-def edit(run: Path, opening: dict[str, Any] | None = None, **header: Any) -> None:
+def edit(run: Path, trace_info: dict[str, Any] | None = None, **header: Any) -> None:
     """Change the first lines of a trace."""
     lines = (run / FILE_NAME).read_text().split("\n", 2)
-    lines[0] = json.dumps({**json.loads(lines[0]), **(opening or {})})
+    lines[0] = json.dumps({**json.loads(lines[0]), **(trace_info or {})})
     lines[1] = json.dumps({**json.loads(lines[1]), **header})
     (run / FILE_NAME).write_text("\n".join(lines))
 
@@ -100,9 +100,7 @@ def edit(run: Path, opening: dict[str, Any] | None = None, **header: Any) -> Non
 # One's own runs
 
 
-def test_own_run_replays_from_its_folder_after_its_files_have_gone(
-    snr: Snr, run: Path, here: Path, tmp_path: Path
-) -> None:
+def test_own_run_replays_from_copies_after_files_were_deleted(snr: Snr, run: Path, here: Path, tmp_path: Path) -> None:
     names = [Path(line["path"]).name for line in table(run)]
     assert sorted(names) == ["gains.py", "late.py", "mine.py"]
     for name in names:
@@ -115,14 +113,14 @@ def test_own_run_replays_from_its_folder_after_its_files_have_gone(
     assert snr("replay", moved, "--json").json["executed"] == listed.split(", ")
 
 
-def test_own_run_replays_what_was_recorded_and_today_s_with_with(snr: Snr, run: Path, here: Path) -> None:
+def test_own_run_replays_recorded_files_unless_with_is_given(snr: Snr, run: Path, here: Path) -> None:
     (here / "late.py").write_text("OFFSET = 0.1\n")
     assert snr("replay", run).status == 0
     answer = snr("replay", run, "--with", here / "mine.py", "--json")
     assert answer.json["first_divergence"]["replayed"] == pytest.approx(0.3)
 
 
-def test_failure_in_a_replay_shows_the_recorded_line_under_its_own_name(snr: Snr, here: Path, mine: Mine) -> None:
+def test_replay_failure_shows_recorded_line_under_original_name(snr: Snr, here: Path, mine: Mine) -> None:
     path = mine((WIRED, "        return 1 / (now_s < 1.0)  # as it was"))
     run = snr("run", "lander_low_gate", "--no-rrd", "--json", "--controller", path).json["run_dir"]
     path.write_text("\n" * 40)
@@ -130,7 +128,7 @@ def test_failure_in_a_replay_shows_the_recorded_line_under_its_own_name(snr: Snr
     assert answer.status == 0, answer.out + answer.err  # the message of the failure is compared, too
 
 
-def test_robot_and_scenario_of_a_users_own_replay_from_the_run_folder(snr: Snr, here: Path) -> None:
+def test_users_robot_and_scenario_replay_from_run_folder(snr: Snr, here: Path) -> None:
     assert snr("new", "robot", "moth", "--from", "lander").status == 0
     assert snr("new", "scenario", "fall", "--from", "lander_low_gate", "--robot", "moth").status == 0
     run = snr("run", "fall", "--no-rrd", "--json").json["run_dir"]
@@ -141,13 +139,13 @@ def test_robot_and_scenario_of_a_users_own_replay_from_the_run_folder(snr: Snr, 
     assert "robots/moth/robot.py" in answer.err
 
 
-def test_key_of_marks_can_be_read_by_its_user_alone(run: Path) -> None:
+def test_signing_key_is_readable_by_its_user_only(run: Path) -> None:
     key = Path(os.environ["XDG_STATE_HOME"]) / "snr_sim" / "key"
     assert (key.stat().st_mode & 0o777, key.stat().st_size) == (0o600, 32)
     assert key.read_bytes().hex() not in (run / "sources" / "files.jsonl").read_text()
 
 
-def test_file_too_large_to_keep_is_told_and_asked_for(
+def test_file_too_large_to_copy_is_noted_and_confirmed(
     snr: Snr, here: Path, mine: Mine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sources, "MAX_FILE_BYTES", 100)
@@ -170,7 +168,7 @@ def strange(run: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("verb", ["replay", "resim"])
-def test_run_of_somebody_else_names_its_files_and_executes_nothing(
+def test_run_of_other_user_names_files_and_executes_nothing(
     snr: Snr, strange: Path, verb: str, mine: Mine, marker: Path, here: Path
 ) -> None:
     mine(text=EVIL.format(marker=str(marker)))
@@ -184,16 +182,14 @@ def test_run_of_somebody_else_names_its_files_and_executes_nothing(
     assert snr(verb, strange, "--with", "optimal").status == (0 if verb == "resim" else 1)
 
 
-def test_run_of_somebody_else_is_replayed_from_its_folder_once_it_is_trusted(
-    snr: Snr, strange: Path, mine: Mine, marker: Path
-) -> None:
+def test_trusted_run_of_other_user_replays_from_its_folder(snr: Snr, strange: Path, mine: Mine, marker: Path) -> None:
     mine(text=EVIL.format(marker=str(marker)))
     assert snr("replay", strange, "--trust").status == 0
     assert not marker.exists()
 
 
 @pytest.mark.parametrize("answer", [True, False])
-def test_terminal_is_asked_and_no_is_no(monkeypatch: pytest.MonkeyPatch, answer: bool) -> None:
+def test_answer_no_executes_nothing(monkeypatch: pytest.MonkeyPatch, answer: bool) -> None:
     asked = []
     monkeypatch.setattr(sys.stdin, "isatty", lambda: True, raising=False)
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
@@ -206,7 +202,7 @@ def test_terminal_is_asked_and_no_is_no(monkeypatch: pytest.MonkeyPatch, answer:
     assert "/a/b.py" in asked[0]
 
 
-def test_answer_to_the_question_is_no_if_only_enter_is_pressed() -> None:
+def test_empty_answer_means_no() -> None:
     import inspect
 
     assert inspect.signature(trust.typer.confirm).parameters["default"].default is False
@@ -248,7 +244,7 @@ def robot_by_path(run: Path, evil: Path) -> None:
     [without_copies, relative_path, scenario_by_path, no_files_in_the_header, a_path_out_of_the_kit, robot_by_path],
 )
 @pytest.mark.parametrize("verb", ["replay", "resim"])
-def test_path_in_a_trace_is_not_executed_unasked(
+def test_path_in_trace_is_not_executed_without_confirmation(
     snr: Snr, run: Path, evil: Path, marker: Path, change: Callable[[Path, Path], None], verb: str
 ) -> None:
     change(run, evil)
@@ -258,7 +254,7 @@ def test_path_in_a_trace_is_not_executed_unasked(
     assert not marker.exists()
 
 
-def test_with_does_not_let_a_trace_name_a_file_beside_it(
+def test_with_option_rejects_other_files_named_in_trace(
     snr: Snr, run: Path, evil: Path, marker: Path, mine: Mine
 ) -> None:
     edit(run, {"scenario": str(evil)}, sources={})

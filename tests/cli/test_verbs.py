@@ -32,12 +32,12 @@ VERBS = tuple(verbs.VERBS)
 
 @pytest.fixture(scope="session")
 def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder that caches the run of `flown`, so that it is simulated once."""
+    """A folder that caches the run of `recorded_run`, so that it is simulated once."""
     return tmp_path_factory.mktemp("kept")
 
 
 @pytest.fixture
-def flown(snr: Snr, here: Path, kept: Path) -> Path:
+def recorded_run(snr: Snr, here: Path, kept: Path) -> Path:
     """A run of lander_vertical."""
     if not (kept / "runs").exists():
         snr("run", "lander_vertical", "--no-rrd", "--json", "--out", kept / "runs")
@@ -46,7 +46,7 @@ def flown(snr: Snr, here: Path, kept: Path) -> Path:
 
 
 @pytest.fixture
-def flown_mine(snr: Snr, here: Path, mine: Mine) -> Path:
+def recorded_mine(snr: Snr, here: Path, mine: Mine) -> Path:
     """A run of mine.py."""
     fields = snr("run", "lander_vertical", "--no-rrd", "--json", "--controller", mine()).json
     return here / str(fields["run_dir"])
@@ -64,7 +64,7 @@ def test_every_verb_explains_itself(snr: Snr, verb: str) -> None:
 
 
 @pytest.mark.parametrize("verb", verbs.VERBS)
-def test_help_of_a_verb_begins_with_its_line_and_ends_with_examples_that_are_understood(snr: Snr, verb: str) -> None:
+def test_verb_help_begins_with_summary_and_ends_with_valid_examples(snr: Snr, verb: str) -> None:
     known = verbs.VERBS[verb]
     helped = snr(verb, "--help").out
     assert helped.split("\n\n")[1].strip() == known.about
@@ -83,7 +83,7 @@ def test_help_imports_no_verb() -> None:
     assert done.stdout.splitlines()[-1] == str([f"snr_sim.cli.{one}" for one in ("stopping", "verbs", "main")])
 
 
-def test_completion_of_the_shell_knows_the_verbs(snr: Snr, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_shell_completion_contains_verbs(snr: Snr, monkeypatch: pytest.MonkeyPatch) -> None:
     assert "--install-completion" in snr("--help").out
     monkeypatch.setenv("_SNR_COMPLETE", "complete_bash")
     monkeypatch.setenv("COMP_WORDS", "snr re")
@@ -91,7 +91,7 @@ def test_completion_of_the_shell_knows_the_verbs(snr: Snr, monkeypatch: pytest.M
     assert snr().out.split() == ["replay", "resim"]
 
 
-def test_help_lists_every_verb_and_no_word_at_all_shows_it(snr: Snr) -> None:
+def test_no_arguments_print_help_with_every_verb(snr: Snr) -> None:
     answer = snr("--help")
     assert answer.status == 0
     assert all(f"  {verb} " in answer.out for verb in VERBS)
@@ -114,21 +114,21 @@ def test_python_m_snr_sim_is_snr(here: Path) -> None:
 # replay
 
 
-def test_a_replay_of_unchanged_code_says_identical(snr: Snr, flown: Path) -> None:
-    for words in ((flown,), (flown / FILE_NAME,), (flown, "--check")):
+def test_replay_of_unchanged_code_is_identical(snr: Snr, recorded_run: Path) -> None:
+    for words in ((recorded_run,), (recorded_run / FILE_NAME,), (recorded_run, "--check")):
         answer = snr("replay", *words)
         assert answer.status == 0
         assert answer.out.startswith("identical: ")
         assert answer.err == ""
-    fields = snr("replay", flown, "--json", "--check").json
+    fields = snr("replay", recorded_run, "--json", "--check").json
     assert fields["identical"] is True
     assert fields["first_divergence"] is None
     assert fields["outside_calls"] == []
-    assert fields["trace_digest"] == json.loads((flown / RESULT_NAME).read_bytes())["trace_digest"]
+    assert fields["trace_digest"] == json.loads((recorded_run / RESULT_NAME).read_bytes())["trace_digest"]
     assert fields["tasks"] == fields["nodes"][0]["recorded"] > 0
 
 
-def test_a_replay_with_another_policy_file_says_that_it_is_the_file_and_not_the_code(snr: Snr, here: Path) -> None:
+def test_replay_with_other_policy_file_names_the_file(snr: Snr, here: Path) -> None:
     def save(throttle: int) -> None:
         table = QTable(Discretiser(("altitude_m", "velocity_mps"), ((), ())), ("off", "low", "half", "full"), VERTICAL)
         table.visits[0, throttle] = 1
@@ -138,10 +138,10 @@ def test_a_replay_with_another_policy_file_says_that_it_is_the_file_and_not_the_
     policy = ("--controller", "q", "--policy", "policy.npz")
     run = snr("run", "lander_vertical", "--no-rrd", "--json", *policy).json["run_dir"]
     assert "option/policy" in read_trace(here / run / FILE_NAME).header.sources
-    said = f"executes, as recorded: {here / 'policy.npz'}\n"
-    assert (snr("replay", run).status, snr("replay", run).err) == (0, said)
+    expected = f"executes, as recorded: {here / 'policy.npz'}\n"
+    assert (snr("replay", run).status, snr("replay", run).err) == (0, expected)
     save(3)
-    assert (snr("replay", run).status, snr("replay", run).err) == (0, said)
+    assert (snr("replay", run).status, snr("replay", run).err) == (0, expected)
     shutil.rmtree(here / run / "sources")  # a run as it was before files were kept
     answer = snr("replay", run)
     assert answer.status == 2
@@ -152,15 +152,15 @@ def test_a_replay_with_another_policy_file_says_that_it_is_the_file_and_not_the_
     assert "Changed since the run" not in answer.err
 
 
-def test_a_replay_after_one_constant_was_changed_names_the_record(snr: Snr, flown_mine: Path, mine: Mine) -> None:
+def test_replay_with_changed_constant_names_the_record(snr: Snr, recorded_mine: Path, mine: Mine) -> None:
     path = mine((WIRED, '        return self.store_data_task("engine", {"throttle": 0.2 if now_s < 20.0 else 0.23})'))
-    as_recorded = snr("replay", flown_mine, "--check")
+    as_recorded = snr("replay", recorded_mine, "--check")
     assert as_recorded.status == 0
     assert "Changed since the run: controller/mine.py. This replay executes it as it was recorded" in as_recorded.err
-    today = ("replay", flown_mine, "--with", path)
+    today = ("replay", recorded_mine, "--with", path)
     answer = snr(*today, "--check")
     assert answer.status == 1
-    records = read_trace(flown_mine / FILE_NAME).records
+    records = read_trace(recorded_mine / FILE_NAME).records
     processed = (one for one in records if isinstance(one, TaskRecord) and one.name == "radar")
     seq = next(one.seq for one in processed if one.t >= 20.0)
     for part in (
@@ -190,44 +190,44 @@ def test_a_replay_after_one_constant_was_changed_names_the_record(snr: Snr, flow
 def elsewhere(run: Path) -> None:
     """Have a recorded run say that it was recorded under another Python, with another numpy."""
     trace = run / FILE_NAME
-    opening, header, rest = trace.read_text().split("\n", 2)
+    trace_info, header, rest = trace.read_text().split("\n", 2)
     fields = json.loads(header)
     fields["python"], fields["packages"]["numpy"] = "3.10.0", "1.0"
-    trace.write_text("\n".join([opening, json.dumps(fields), rest]))
+    trace.write_text("\n".join([trace_info, json.dumps(fields), rest]))
 
 
-def test_replay_under_another_python_names_it_before_the_handler(snr: Snr, flown_mine: Path, mine: Mine) -> None:
-    elsewhere(flown_mine)
-    assert "Recorded with something else" not in snr("replay", flown_mine).err, "the same tasks all the same"
+def test_replay_under_other_python_names_it_before_the_handler(snr: Snr, recorded_mine: Path, mine: Mine) -> None:
+    elsewhere(recorded_mine)
+    assert "Recorded with something else" not in snr("replay", recorded_mine).err, "the same tasks all the same"
     path = mine((WIRED, '        return self.store_data_task("engine", {"throttle": 0.2 if now_s < 20.0 else 0.23})'))
-    answer = snr("replay", flown_mine, "--with", path)
+    answer = snr("replay", recorded_mine, "--with", path)
     assert answer.status == 1
-    said = f"Recorded with something else: Python 3.10.0 then, {platform.python_version()} now; numpy 1.0 then, "
-    assert said in answer.err
+    expected = f"Recorded with something else: Python 3.10.0 then, {platform.python_version()} now; numpy 1.0 then, "
+    assert expected in answer.err
     assert "Look there before you look at the code." in answer.err
-    assert said in snr("replay", flown_mine, "--with", path, "--json").json["notes"][0]
+    assert expected in snr("replay", recorded_mine, "--with", path, "--json").json["notes"][0]
 
 
-def test_a_replay_with_another_file_warns_where_the_loop_opens(snr: Snr, flown_mine: Path, mine: Mine) -> None:
+def test_replay_with_other_file_warns_where_loop_opens(snr: Snr, recorded_mine: Path, mine: Mine) -> None:
     other = mine(("0.2", "0.5"), name="other.py")
-    answer = snr("replay", flown_mine, "--with", other, "--json")
+    answer = snr("replay", recorded_mine, "--with", other, "--json")
     assert answer.status == 1
     assert "no longer answer your code" in answer.json["warning"]
     nan = mine(("0.2", "float('nan')"), name="nan.py")
-    assert snr("replay", flown_mine, "--with", nan, "--json").json["first_divergence"]["replayed"] == "nan"
-    for wrong, said in (("no.py", "There is no file 'no.py'"), ("optiml", "There is no controller 'optiml'")):
-        answer = snr("replay", flown_mine, "--with", wrong, "--json")
-        assert (answer.status, said in answer.json["error"]) == (2, True)
+    assert snr("replay", recorded_mine, "--with", nan, "--json").json["first_divergence"]["replayed"] == "nan"
+    for wrong, expected in (("no.py", "There is no file 'no.py'"), ("optiml", "There is no controller 'optiml'")):
+        answer = snr("replay", recorded_mine, "--with", wrong, "--json")
+        assert (answer.status, expected in answer.json["error"]) == (2, True)
 
 
-def test_a_check_names_what_asks_the_outside_with_its_line(snr: Snr, here: Path, mine: Mine) -> None:
+def test_check_names_nondeterministic_call_with_line(snr: Snr, here: Path, mine: Mine) -> None:
     path = mine((WIRED, f"        import time; time.time()  # asks\n{WIRED}"))
-    flown = snr("run", "lander_vertical", "--no-rrd", "--json", "--controller", path).json["run_dir"]
+    recorded_run = snr("run", "lander_vertical", "--no-rrd", "--json", "--controller", path).json["run_dir"]
     number = path.read_text().splitlines().index("        import time; time.time()  # asks") + 1
-    answer = snr("replay", flown, "--check")
+    answer = snr("replay", recorded_run, "--check")
     assert answer.status == 0  # it made no difference, this time
     assert f"asks the outside: mine.py, line {number}: time.time() does not repeat; self.get_time_s()" in answer.out
-    (call,) = snr("replay", flown, "--check", "--json").json["outside_calls"]
+    (call,) = snr("replay", recorded_run, "--check", "--json").json["outside_calls"]
     assert (call["file"], call["line"]) == ("mine.py", number)
 
 
@@ -240,7 +240,7 @@ def test_a_check_names_what_asks_the_outside_with_its_line(snr: Snr, here: Path,
         "return [tasks.event('part', [name]) for name in {'port', 'starboard', 'bow', 'stern', 'keel'}]",
     ],
 )
-def test_a_replay_that_differs_by_the_order_of_a_set_says_so(here: Path, mine: Mine, line: str) -> None:
+def test_replay_that_differs_by_set_order_hints_at_it(here: Path, mine: Mine, line: str) -> None:
     def snr_in(hash_seed: str, *words: str) -> subprocess.CompletedProcess[str]:
         environment = {**os.environ, "PYTHONHASHSEED": hash_seed}
         command = [sys.executable, "-m", "snr_sim", *words]
@@ -256,50 +256,50 @@ def test_a_replay_that_differs_by_the_order_of_a_set_says_so(here: Path, mine: M
     assert "PYTHONHASHSEED was 1 then, and is 2 now." in replayed.stdout
 
 
-def test_what_handlers_print_is_no_part_of_the_answer(snr: Snr, mine: Mine) -> None:
+def test_handler_output_is_not_part_of_json(snr: Snr, mine: Mine) -> None:
     path = mine((WIRED, f"        print('altitude', flush=True)\n{WIRED}"))
-    flown = snr("run", "lander_vertical", "--no-rrd", "--json", "--controller", path).json["run_dir"]
-    assert snr("replay", flown, "--json").json["identical"]
-    assert "altitude" not in snr("replay", flown).out
+    recorded_run = snr("run", "lander_vertical", "--no-rrd", "--json", "--controller", path).json["run_dir"]
+    assert snr("replay", recorded_run, "--json").json["identical"]
+    assert "altitude" not in snr("replay", recorded_run).out
 
 
-def test_a_trace_that_cannot_be_used_ends_with_status_2(snr: Snr, here: Path, flown: Path) -> None:
+def test_unusable_trace_returns_status_2(snr: Snr, here: Path, recorded_run: Path) -> None:
     for verb in ("replay", "resim", "trace", "view"):
         answer = snr(verb, here / "gone")
         assert answer.status == 2
         assert "There is no run at" in answer.err
         assert "snr run" in answer.err or "newest run" in answer.err
-    (here / "cut.jsonl").write_bytes((flown / FILE_NAME).read_bytes()[:-3000])
+    (here / "cut.jsonl").write_bytes((recorded_run / FILE_NAME).read_bytes()[:-3000])
     answer = snr("replay", "cut.jsonl")
     assert (answer.status, "cut short" in answer.err) == (0, True)
-    (here / "other.jsonl").write_bytes((flown / FILE_NAME).read_bytes().replace(b'"schema":3', b'"schema":9', 1))
+    (here / "other.jsonl").write_bytes((recorded_run / FILE_NAME).read_bytes().replace(b'"schema":3', b'"schema":9', 1))
     for verb in ("replay", "resim", "trace"):
         assert snr(verb, "other.jsonl", *(["--json"] if verb != "trace" else [])).status == 2
 
 
-def test_a_trace_that_was_edited_is_said_to_be(snr: Snr, flown: Path) -> None:
-    data = (flown / FILE_NAME).read_bytes()
-    (flown / FILE_NAME).write_bytes(data.replace(b'"altitude_m":9', b'"altitude_m":8', 1))
-    answer = snr("replay", flown)
+def test_edited_trace_is_reported(snr: Snr, recorded_run: Path) -> None:
+    data = (recorded_run / FILE_NAME).read_bytes()
+    (recorded_run / FILE_NAME).write_bytes(data.replace(b'"altitude_m":9', b'"altitude_m":8', 1))
+    answer = snr("replay", recorded_run)
     assert "The trace was changed after the run" in answer.err
     assert answer.status in (0, 1)  # something to look at, but nothing to prove by
-    checked = snr("replay", flown, "--check", "--json")
+    checked = snr("replay", recorded_run, "--check", "--json")
     assert checked.status == 2
     assert "so it proves nothing: result.json says its digest is" in checked.json["error"]
-    (flown / FILE_NAME).write_bytes(data[: data.rindex(b"\n", 0, -1) + 1])  # its last record is gone
-    assert snr("replay", flown, "--check").status == 2
-    (flown / FILE_NAME).write_bytes(data)
-    assert snr("replay", flown).err == ""
-    assert snr("replay", flown, "--check").status == 0
+    (recorded_run / FILE_NAME).write_bytes(data[: data.rindex(b"\n", 0, -1) + 1])  # its last record is gone
+    assert snr("replay", recorded_run, "--check").status == 2
+    (recorded_run / FILE_NAME).write_bytes(data)
+    assert snr("replay", recorded_run).err == ""
+    assert snr("replay", recorded_run, "--check").status == 0
 
 
 @pytest.mark.slow
-def test_a_program_without_a_scenario_replays_and_can_be_replayed_with_a_changed_file(snr: Snr, here: Path) -> None:
+def test_program_without_scenario_replays_with_same_or_changed_file(snr: Snr, here: Path) -> None:
     program = """
 import sys
 from snr_sim import Config, TaskType, tasks
 from snr_sim.scenario.program import record_program
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 ticks = []
 
@@ -308,8 +308,8 @@ def answer(task, task_id):
     return tasks.terminate("done") if len(ticks) == 20 else tasks.event("tock", [GAIN * len(ticks)])
 
 config = Config(factories={"r": [
-    TickerFactory(lambda loop: loop.schedule(tasks.event("tick")), rate_hz=500),
-    PartFactory({(TaskType.event, "tick"): answer}),
+    FunctionLoopFactory(lambda loop: loop.schedule(tasks.event("tick")), rate_hz=500),
+    FunctionEndpointFactory({(TaskType.event, "tick"): answer}),
 ]})
 if __name__ == "__main__":
     print(record_program("r", config, __file__))
@@ -332,11 +332,11 @@ if __name__ == "__main__":
 
 
 @pytest.mark.slow
-def test_roles_in_processes_are_recorded_side_by_side_and_each_replays(snr: Snr, here: Path) -> None:
+def test_roles_in_processes_are_recorded_and_replay_separately(snr: Snr, here: Path) -> None:
     program = """
 from snr_sim import Config, Loop, LoopFactory, TaskType, tasks
 from snr_sim.scenario.program import record_roles
-from snr_sim.testing.parts import PartFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory
 
 
 def answer(task, task_id):
@@ -345,7 +345,7 @@ def answer(task, task_id):
 
 
 class Eye(Loop):
-    backing = "process"
+    executor = "process"
     count = 0
 
     def loop(self):
@@ -359,7 +359,7 @@ class EyeFactory(LoopFactory):
 
 
 config = Config(factories={
-    role: [EyeFactory(), PartFactory({(TaskType.store_page, "seen"): answer})] for role in ("left", "right")
+    role: [EyeFactory(), FunctionEndpointFactory({(TaskType.store_page, "seen"): answer})] for role in ("left", "right")
 })
 if __name__ == "__main__":
     print(record_roles(config, __file__))
@@ -375,11 +375,11 @@ if __name__ == "__main__":
 
 
 @pytest.mark.slow
-def test_a_picture_of_what_has_no_trace_or_no_body_says_what_to_type(snr: Snr, here: Path, flown: Path) -> None:
-    (flown / "replayed.rrd").write_bytes(b"RRF2")
-    answer = snr("view", flown / "replayed.rrd", "--png", "a.png")
+def test_picture_without_trace_or_body_reports_fix(snr: Snr, here: Path, recorded_run: Path) -> None:
+    (recorded_run / "replayed.rrd").write_bytes(b"RRF2")
+    answer = snr("view", recorded_run / "replayed.rrd", "--png", "a.png")
     assert (answer.status, "is for the rerun viewer; a picture is drawn from a trace" in answer.err) == (2, True)
-    assert f"Try: snr view {flown} --png a.png draws the recorded run" in answer.err
+    assert f"Try: snr view {recorded_run} --png a.png draws the recorded run" in answer.err
     (here / "alone").mkdir()
     (here / "alone" / "replayed.rrd").write_bytes(b"RRF2")
     answer = snr("view", "alone", "--png", "a.png")
@@ -393,7 +393,7 @@ def test_a_picture_of_what_has_no_trace_or_no_body_says_what_to_type(snr: Snr, h
     )
     done = subprocess.run([sys.executable, "prog.py"], capture_output=True, text=True, check=True)
     answer = snr("view", done.stdout.strip(), "--png", "a.png")
-    assert (answer.status, "has no true states of a body to draw: only simulated" in answer.err) == (2, True)
+    assert (answer.status, "contains no true states of a body to draw: only simulated" in answer.err) == (2, True)
     assert f"Try: snr view {done.stdout.strip()} shows its pages as plots." in answer.err
     assert not (here / "a.png").exists()
 
@@ -401,41 +401,39 @@ def test_a_picture_of_what_has_no_trace_or_no_body_says_what_to_type(snr: Snr, h
 # resim
 
 
-def test_a_resim_of_unchanged_code_has_the_same_digest(snr: Snr, flown: Path) -> None:
-    answer = snr("resim", flown, "--no-rrd", "--json")
+def test_resim_of_unchanged_code_has_same_digest(snr: Snr, recorded_run: Path) -> None:
+    answer = snr("resim", recorded_run, "--no-rrd", "--json")
     assert answer.status == 0
     assert answer.json["identical"] is True
-    assert answer.json["run_dir"] != str(flown)
-    words = snr("resim", flown, "--no-rrd")
-    assert f"the same digest as {flown}" in words.out
-    changed = snr("resim", flown, "--no-rrd", "--json", "--with", "coast").json
+    assert answer.json["run_dir"] != str(recorded_run)
+    words = snr("resim", recorded_run, "--no-rrd")
+    assert f"the same digest as {recorded_run}" in words.out
+    changed = snr("resim", recorded_run, "--no-rrd", "--json", "--with", "coast").json
     assert (changed["identical"], changed["outcome"]) == (False, "crashed")
 
 
-def test_resim_under_another_python_tells_the_records_from_the_header(snr: Snr, flown: Path) -> None:
-    elsewhere(flown)
-    answer = snr("resim", flown, "--no-rrd")
-    assert f"the same records, with another header, as {flown}" in answer.out
+def test_resim_under_other_python_compares_records_without_header(snr: Snr, recorded_run: Path) -> None:
+    elsewhere(recorded_run)
+    answer = snr("resim", recorded_run, "--no-rrd")
+    assert f"the same records, with another header, as {recorded_run}" in answer.out
     assert "Recorded with something else: Python 3.10.0 then" in answer.err
-    assert "another digest than" in snr("resim", flown, "--no-rrd", "--with", "coast").out
+    assert "another digest than" in snr("resim", recorded_run, "--no-rrd", "--with", "coast").out
 
 
 @pytest.mark.parametrize("io", ["mcu:/dev/ttyUSB0", "maestro:/dev/ttyACM0", "pca9685:1:0x40", "sysfs", "pi"])
-def test_a_run_with_real_outputs_is_not_simulated_anew_with_them_unless_it_is_said(
-    snr: Snr, flown: Path, here: Path, io: str
-) -> None:
-    trace = flown / FILE_NAME
+def test_resim_of_real_outputs_requires_io_option(snr: Snr, recorded_run: Path, here: Path, io: str) -> None:
+    trace = recorded_run / FILE_NAME
     trace.write_text(trace.read_text().replace('"io":"sim"', f'"io":"{io}"', 1))
     before = sorted((here / "runs").iterdir())
-    answer = snr("resim", flown, "--no-rrd")
+    answer = snr("resim", recorded_run, "--no-rrd")
     assert answer.status == 2
     assert f"recorded with --io {io}" in answer.err
     assert "simulate it with --io sim" in answer.err
     assert sorted((here / "runs").iterdir()) == before
-    assert snr("resim", flown, "--no-rrd", "--json", "--io", "sim").json["outcome"] == "landed"
+    assert snr("resim", recorded_run, "--no-rrd", "--json", "--io", "sim").json["outcome"] == "landed"
 
 
-def test_a_vehicle_whose_roles_ran_apart_on_real_parts_is_simulated_whole() -> None:
+def test_resim_of_separate_roles_on_hardware_simulates_all_roles() -> None:
     asked = Request("urov_depth_hold", role="urov", io="pi")
     assert with_devices(asked, "sim") == Request("urov_depth_hold", io="sim")
     assert with_devices(asked, "pi") == asked
@@ -446,36 +444,36 @@ def test_a_vehicle_whose_roles_ran_apart_on_real_parts_is_simulated_whole() -> N
 # trace
 
 
-def test_records_are_printed_and_picked_by_kind_name_and_node(snr: Snr, flown: Path) -> None:
-    lines = (flown / FILE_NAME).read_text().splitlines()[2:]  # after opening and header
-    assert len(snr("trace", flown).out.splitlines()) == len(lines)
-    whole = list(map(json.loads, snr("trace", flown, "--json").out.splitlines()))
+def test_trace_filters_records_by_kind_name_and_node(snr: Snr, recorded_run: Path) -> None:
+    lines = (recorded_run / FILE_NAME).read_text().splitlines()[2:]  # after opening and header
+    assert len(snr("trace", recorded_run).out.splitlines()) == len(lines)
+    whole = list(map(json.loads, snr("trace", recorded_run, "--json").out.splitlines()))
     assert [(one["kind"], one["seq"]) for one in whole] == [(one["kind"], one["seq"]) for one in map(json.loads, lines)]
     # Each says all of its task, where the file refers to the record that brought it.
     assert all(
         one.keys() >= {"t", "node", "type", "name", "values"} for one in whole if one["kind"] in ("task", "page")
     )
-    inputs = snr("trace", flown, "--kind", "input", "--json").out.splitlines()
+    inputs = snr("trace", recorded_run, "--kind", "input", "--json").out.splitlines()
     assert {json.loads(line)["kind"] for line in inputs} == {"input"}
-    engine = snr("trace", flown, "--name", "eng*", "--kind", "page", "--json").out.splitlines()
+    engine = snr("trace", recorded_run, "--name", "eng*", "--kind", "page", "--json").out.splitlines()
     assert {json.loads(line)["name"] for line in engine} == {"engine"}
     for node in ("lander", "lander_node"):
-        of_node = snr("trace", flown, "--node", node, "--json").out.splitlines()
+        of_node = snr("trace", recorded_run, "--node", node, "--json").out.splitlines()
         assert {json.loads(line)["node"] for line in of_node} == {"lander_node"}
-    assert "radar_sensor -> store_page radar" in snr("trace", flown, "--kind", "input").out
-    assert len(snr("trace", flown, "--kind", "end").out.splitlines()) == 1
+    assert "radar_sensor -> store_page radar" in snr("trace", recorded_run, "--kind", "input").out
+    assert len(snr("trace", recorded_run, "--kind", "end").out.splitlines()) == 1
 
 
-def test_an_unknown_kind_or_node_is_told_the_nearest(snr: Snr, flown: Path) -> None:
-    answer = snr("trace", flown, "--kind", "pages")
+def test_unknown_kind_or_node_suggests_nearest(snr: Snr, recorded_run: Path) -> None:
+    answer = snr("trace", recorded_run, "--kind", "pages")
     assert (answer.status, "did you mean 'page'?" in answer.err) == (2, True)
-    answer = snr("trace", flown, "--node", "landr")
+    answer = snr("trace", recorded_run, "--node", "landr")
     assert (answer.status, "did you mean 'lander_node'?" in answer.err) == (2, True)
 
 
 @pytest.mark.slow
-def test_a_pipe_that_closes_early_is_no_trouble(here: Path, flown: Path) -> None:
-    command = f"{sys.executable} -m snr_sim trace {flown} | head -n 1"
+def test_pipe_closed_early_is_not_an_error(here: Path, recorded_run: Path) -> None:
+    command = f"{sys.executable} -m snr_sim trace {recorded_run} | head -n 1"
     done = subprocess.run(command, shell=True, capture_output=True, text=True)
     assert done.stderr == ""
     assert len(done.stdout.splitlines()) == 1
@@ -484,13 +482,13 @@ def test_a_pipe_that_closes_early_is_no_trouble(here: Path, flown: Path) -> None
 # list, new, doctor
 
 
-def test_the_list_names_what_there_is_and_where(snr: Snr, here: Path) -> None:
+def test_list_names_items_and_locations(snr: Snr, here: Path) -> None:
     rows = snr("list", "--json").json["found"]
     by_name = {(row["kind"], row["name"]): row for row in rows}
     assert "optimal" in by_name["robots", "lander"]["controllers"]
     assert by_name["scenarios", "lander_vertical"]["about"]
-    assert by_name["robots", "urov"]["options"]["pilot"].startswith("who flies")
-    assert "--option pilot=...  who flies" in snr("list", "robots").out
+    assert by_name["robots", "urov"]["options"]["pilot"].startswith("scripted")
+    assert "--option pilot=...  scripted" in snr("list", "robots").out
     assert by_name["scenarios", "lander_pad"]["engines"] == "pymunk, mujoco"  # the default first
     assert "engines: mujoco, pymunk\n" in snr("list", "scenarios").out
     assert {row["place"] for row in rows} == {"the kit"}
@@ -504,7 +502,7 @@ def test_the_list_names_what_there_is_and_where(snr: Snr, here: Path) -> None:
     assert "(does not parse)" in snr("list", "scenarios").out
 
 
-def test_a_new_robot_and_a_new_scenario_are_copies_that_run(snr: Snr, here: Path) -> None:
+def test_new_robot_and_new_scenario_run(snr: Snr, here: Path) -> None:
     assert snr("new", "robot", "moth").status == 0
     assert snr("new", "scenario", "moth_first", "--from", "lander_pad", "--robot", "moth").status == 0
     assert "snr_sim_robot_lander" not in (here / "scenarios" / "moth_first.py").read_text()
@@ -522,23 +520,21 @@ def test_a_new_robot_and_a_new_scenario_are_copies_that_run(snr: Snr, here: Path
     ("words", "found"),
     [
         (("robt", "x"), "did you mean 'robot'?"),
-        (("robot", "My Robot"), "no name for a robot"),
-        (("robot", "../x"), "no name for a robot"),
+        (("robot", "My Robot"), "is not a valid robot name"),
+        (("robot", "../x"), "is not a valid robot name"),
         (("robot", "x", "--from", "landr"), "did you mean 'lander'?"),
-        (("robot", "x", "--robot", "lander"), "A robot is for no robot"),
+        (("robot", "x", "--robot", "lander"), "--robot does not apply to a robot"),
         (("scenario", "x", "--robot", "landr"), "did you mean 'lander'?"),
         (("scenario", "x", "--from", "lander_verticl"), "did you mean 'lander_vertical'?"),
     ],
 )
-def test_a_new_thing_that_cannot_be_made_leaves_nothing(
-    snr: Snr, here: Path, words: tuple[str, ...], found: str
-) -> None:
+def test_failed_new_writes_nothing(snr: Snr, here: Path, words: tuple[str, ...], found: str) -> None:
     answer = snr("new", *words)
     assert (answer.status, found in answer.err) == (2, True)
     assert list(here.iterdir()) == []
 
 
-def test_a_copy_never_overwrites(snr: Snr, here: Path) -> None:
+def test_new_never_overwrites(snr: Snr, here: Path) -> None:
     assert snr("new", "scenario", "first").status == 0
     before = (here / "scenarios" / "first.py").read_bytes()
     answer = snr("new", "scenario", "first", "--from", "lander_pad")
@@ -546,21 +542,21 @@ def test_a_copy_never_overwrites(snr: Snr, here: Path) -> None:
     assert (here / "scenarios" / "first.py").read_bytes() == before
 
 
-def test_the_doctor_lands_a_module(snr: Snr) -> None:
+def test_doctor_lands_a_module(snr: Snr) -> None:
     answer = snr("doctor", "--json")
     findings = answer.json["findings"]
-    assert any("lander_vertical, seed 0: landed" in finding["what"] for finding in findings)
-    assert answer.status == (0 if all(finding["is_well"] for finding in findings) else 1)
+    assert any("lander_vertical, seed 0: landed" in finding["message"] for finding in findings)
+    assert answer.status == (0 if all(finding["is_ok"] for finding in findings) else 1)
     assert os.listdir() == []
 
 
 # Without the name of a run
 
 
-def test_verbs_without_a_run_take_the_newest_and_say_which(snr: Snr, flown: Path, here: Path) -> None:
-    older = shutil.copytree(flown, here / "runs" / "z_older")  # by its name it would be the newest
+def test_verbs_without_run_use_newest_and_print_it(snr: Snr, recorded_run: Path, here: Path) -> None:
+    older = shutil.copytree(recorded_run, here / "runs" / "z_older")  # by its name it would be the newest
     os.utime(older / FILE_NAME, ns=(1, 1))
-    newest = Path("runs") / flown.name
+    newest = Path("runs") / recorded_run.name
     for words in (["trace", "--kind", "end"], ["replay"], ["resim"], ["view", "--png", "a.png"]):
         answer = snr(*words)
         assert answer.status == 0
@@ -571,7 +567,7 @@ def test_verbs_without_a_run_take_the_newest_and_say_which(snr: Snr, flown: Path
     assert f"the newest run but that: {newest}\n" in snr("compare", older).err
 
 
-def test_verbs_without_a_run_where_there_is_none_say_how_to_make_one(snr: Snr, here: Path) -> None:
+def test_verbs_without_any_run_report_how_to_make_one(snr: Snr, here: Path) -> None:
     for verb in ("trace", "replay", "resim", "view", "compare"):
         answer = snr(verb)
         assert answer.status == 2
@@ -580,7 +576,7 @@ def test_verbs_without_a_run_where_there_is_none_say_how_to_make_one(snr: Snr, h
         )
 
 
-def test_list_cuts_nothing_and_keeps_its_columns(snr: Snr, here: Path) -> None:
+def test_list_truncates_nothing_and_aligns_columns(snr: Snr, here: Path) -> None:
     (here / "scenarios").mkdir()
     (here / "scenarios" / "a_name_of_more_than_eighteen_letters.py").write_text('"""One line\nand another.\n\nMore."""')
     lines = snr("list", "scenarios").out.splitlines()
@@ -589,6 +585,6 @@ def test_list_cuts_nothing_and_keeps_its_columns(snr: Snr, here: Path) -> None:
     assert begins == {len("  a_name_of_more_than_eighteen_letters ")}
 
 
-def test_a_fall_has_no_fuel_ratio(snr: Snr) -> None:
+def test_crash_has_no_fuel_ratio(snr: Snr) -> None:
     answer = snr("run", "lander_vertical", "--controller", "coast")
     assert "fuel_ratio       not reached" in answer.out

@@ -23,7 +23,7 @@ import msgspec
 from snr_sim.grading.remote.piped_process import PipedProcess, begin_process
 from snr_sim.grading.remote.protocol import Call
 from snr_sim.grading.sandbox.sandbox import Limits
-from snr_sim.grading.lab.verdicts import Misbehaved
+from snr_sim.grading.lab.verdicts import SubmissionError
 child = begin_process(Path(sys.argv[1]), "none", Limits(), (), None)
 assert type(child) is PipedProcess
 call = lambda function, cpu_s=5.0: child.ask(Call("mine.py", function, msgspec.Raw(b"[]")), cpu_s)
@@ -110,7 +110,7 @@ def test_verbs_without_a_run_work(words: list[str], status: int, tmp_path: Path)
     assert snr(*words, cwd=tmp_path).returncode == status
 
 
-def test_practice_gives_the_reference_of_a_lab_all_points(tmp_path: Path) -> None:
+def test_check_gives_reference_solution_all_points(tmp_path: Path) -> None:
     snr("new", "lab", "hello_thruster", cwd=tmp_path)
     reference = ROOT / "tests" / "assignments" / "hello_thruster" / "reference"
     shutil.copytree(reference, tmp_path / "hello_thruster", dirs_exist_ok=True)
@@ -119,7 +119,7 @@ def test_practice_gives_the_reference_of_a_lab_all_points(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("more", [[], ["--isolation", "none"], ["--gradescope", "autograder"]])
-def test_official_grading_says_what_it_needs(more: list[str], tmp_path: Path) -> None:
+def test_grade_reports_required_platform(more: list[str], tmp_path: Path) -> None:
     done = snr("grade", "hello_thruster", "handed_in", "--out", "results", *more, cwd=tmp_path)
     assert done.returncode == 2
     assert "snr grade does not run on Windows" in done.stderr
@@ -127,12 +127,12 @@ def test_official_grading_says_what_it_needs(more: list[str], tmp_path: Path) ->
     assert not list(tmp_path.iterdir())
 
 
-def test_a_students_process_answers_and_prints(tmp_path: Path) -> None:
+def test_student_process_replies_and_prints(tmp_path: Path) -> None:
     done = held(tmp_path, "print(bytes(call('add').value), child.printed.strip()); child.close(); child.close()")
     assert done.stdout == "b'2' added\n", done.stderr
 
 
-def test_a_loop_without_an_end_is_ended_where_it_is(tmp_path: Path) -> None:
+def test_endless_loop_is_stopped_with_its_line(tmp_path: Path) -> None:
     done = held(tmp_path, "print(call('turn', 0.2).error.text); print(bytes(call('add').value)); child.close()")
     assert re.match(r"mine.py, line [78]: ", done.stdout), done.stderr
     assert "takes too long" in done.stdout
@@ -143,6 +143,8 @@ def test_a_loop_without_an_end_is_ended_where_it_is(tmp_path: Path) -> None:
     ("function", "words"),
     [("stick", "used up its CPU time"), ("leave", "exit status 3"), ("shout", "printed more than a megabyte")],
 )
-def test_what_a_program_does_wrong_is_told(function: str, words: str, tmp_path: Path) -> None:
-    done = held(tmp_path, f"try:\n    call('{function}', 1.0)\nexcept Misbehaved as wrong:\n    print(wrong.message)\n")
+def test_error_of_student_program_is_reported(function: str, words: str, tmp_path: Path) -> None:
+    done = held(
+        tmp_path, f"try:\n    call('{function}', 1.0)\nexcept SubmissionError as wrong:\n    print(wrong.message)\n"
+    )
     assert words in done.stdout, done.stderr

@@ -6,8 +6,8 @@ import pytest
 
 from snr_sim import Config, Mode, Node, SimClock, Task, TaskType
 from snr_sim.console.commands import TABLE
-from snr_sim.console.session import Session
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.console.session import ConsoleSession
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 
 class Talk:
@@ -20,12 +20,15 @@ class Talk:
             (TaskType.reload, "part"): self._note,
             (TaskType.process_data, "depth_m"): self._note,
         }
-        factories = [PartFactory(handlers), TickerFactory(lambda loop: loop.store_data("beat", 1), rate_hz=10.0)]
+        factories = [
+            FunctionEndpointFactory(handlers),
+            FunctionLoopFactory(lambda loop: loop.store_data("beat", 1), rate_hz=10.0),
+        ]
         self.clock = SimClock()
         self.node = Node("urov", Config(mode, {"urov": factories}), clock=self.clock)
         self.node.begin()
         self.tick()
-        self.session = Session(self.node, TABLE)
+        self.session = ConsoleSession(self.node, TABLE)
 
     def _note(self, task: Task, task_id: Any) -> None:
         self.events.append(task)
@@ -38,9 +41,9 @@ class Talk:
     def settle(self) -> None:
         self.node.run_ready()
 
-    def say(self, line: str) -> str:
+    def run(self, line: str) -> str:
         """Execute a command and the node's tasks that follow from it; return the answer's text."""
-        answer = self.session.answer(line)
+        answer = self.session.execute(line)
         assert not answer.is_error, answer.text
         self.settle()
         answer = self.session.outcome(0.0) or answer
@@ -49,9 +52,9 @@ class Talk:
 
     def refused(self, line: str) -> str:
         """Send a command that is rejected and must have no effect; return the answer's text."""
-        answer = self.session.answer(line)
+        answer = self.session.execute(line)
         assert answer.is_error, answer.text
-        assert not self.node.door.waiting
+        assert not self.node.inbox.waiting
         return answer.text
 
 

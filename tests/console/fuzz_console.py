@@ -24,19 +24,19 @@ import msgspec
 
 from snr_sim import CommandReceiverFactory, Config, ConsoleClient, Node, SimClock, Task, TaskType, tasks
 from snr_sim.console.commands import TABLE
-from snr_sim.console.conversation import LINES_AT_ONCE, LINES_PER_S, OUTPUT_MAX_BYTES, Conversation
-from snr_sim.console.readable import TEXT_MAX_CHARS
-from snr_sim.console.session import NEW_NAMES_MAX, Session
-from snr_sim.console.table import Answer
-from snr_sim.console.wire import PURPOSE, Command, Complete, asked, decode_answered
-from snr_sim.links.allowance import Allowance
+from snr_sim.console.formatting import MAX_TEXT_CHARS
+from snr_sim.console.protocol import LINES_AT_ONCE, LINES_PER_S, MAX_OUTPUT_BYTES, ConsoleProtocol
+from snr_sim.console.session import MAX_NEW_NAMES, ConsoleSession
+from snr_sim.console.table import CommandResult
+from snr_sim.console.wire import PURPOSE, CommandMessage, CompleteMessage, decode_response, encode_request
 from snr_sim.links.frames import HEADER_BYTES, MAX_FRAME_BYTES, encode_frame
 from snr_sim.links.security import as_secret
 from snr_sim.links.session import Session as WireSession
-from snr_sim.links.session import Terms
+from snr_sim.links.session import SessionConfig
+from snr_sim.links.token_bucket import TokenBucket
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.values import encode_value
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 TOKEN = "a token of at least sixteen bytes"
 KEYS = ("depth_m", "engine", "beat", "link_topside", "k1", "k2", "reload", "_prev", "depth_m_prev")
@@ -46,7 +46,7 @@ WORDS = (
     "datastore", "NaN", "Infinity", "null", "true", "1e400", "-0", "1.5", "[]", "{}", '""', '"', "[", "]", "{", "}",
     "\\", '"\\', '"\\ud800"', "__class__", "{'a': 1}", "\x00", "\x1b[2J", "\n", "\u2028", "\ud800", "𝕊", "é" * 50,
 )  # fmt: skip
-MEMORY_MAX_MB = 60.0  # maximum growth of the process after the warm-up
+MAX_MEMORY_MB = 60.0  # maximum growth of the process after the warm-up
 
 
 class Errors(logging.Handler):
@@ -60,7 +60,7 @@ class Errors(logging.Handler):
         self.records.append(f"{record.getMessage()} {record.exc_info}")
 
 
-class FailingFactory(PartFactory):
+class FailingFactory(FunctionEndpointFactory):
     """Makes its endpoint once; a reload fails, and keeps the endpoint."""
 
     made = 0
@@ -81,9 +81,9 @@ class Subject:
 
         self.clock = SimClock()
         factories = [
-            PartFactory(handlers),
+            FunctionEndpointFactory(handlers),
             FailingFactory({(TaskType.event, "stop"): lambda *_: None}, "failing"),
-            TickerFactory(lambda loop: loop.store_data("beat", loop.get_time_s()), rate_hz=10.0),
+            FunctionLoopFactory(lambda loop: loop.store_data("beat", loop.get_time_s()), rate_hz=10.0),
         ]
         self.node = Node("urov", Config(factories={"urov": factories}), clock=self.clock)
         self.node.begin()
@@ -94,8 +94,8 @@ class Subject:
         self.errors = Errors()
         logging.getLogger("snr").addHandler(self.errors)
 
-    def new_session(self) -> Session:
-        return Session(self.node, TABLE, new_names=self._new_names)
+    def new_session(self) -> ConsoleSession:
+        return ConsoleSession(self.node, TABLE, new_names=self._new_names)
 
     def _start(self, task: Task, task_id: Any) -> None:
         self.started += 1
@@ -109,25 +109,25 @@ class Subject:
         assert self.errors.records == [], self.errors.records[:3]
         if not node.is_terminated:
             before = self.started
-            assert not self.new_session().answer("task start").is_error
+            assert not self.new_session().execute("task start").is_error
             self.settle()
             assert self.started == before + 1
         assert set(node.components) == {"node_core", "part", "failing", "ticker"}
-        assert len(node.datastore.pages) <= NEW_NAMES_MAX + 10
-        assert sum(map(len, node.machine.lookup.seen().values())) <= 3 * NEW_NAMES_MAX
+        assert len(node.datastore.pages) <= MAX_NEW_NAMES + 10
+        assert sum(map(len, node.machine.lookup.seen_tasks().values())) <= 3 * MAX_NEW_NAMES
         assert len(node.notes) < 100
         assert len(node.datastore.missed) < 10
         logging.getLogger("snr").removeHandler(self.errors)
         with suppress(SnrError):
             node.end()
 
-    def line(self, line: str) -> Answer:
+    def line(self, line: str) -> CommandResult:
         """Execute a line, and check the invariants of any line."""
-        node, waiting, stored = self.node, len(self.node.door.waiting), self.node.datastore.stored
-        answer = self.session.answer(line)
-        assert len(answer.text) <= TEXT_MAX_CHARS + 100
+        node, waiting, stored = self.node, len(self.node.inbox.waiting), self.node.datastore.stored
+        answer = self.session.execute(line)
+        assert len(answer.text) <= MAX_TEXT_CHARS + 100
         assert answer.text.replace("\n", "").isprintable() or answer.is_error, answer.text[:100]
-        brought = len(node.door.waiting) - waiting
+        brought = len(node.inbox.waiting) - waiting
         assert brought <= (not answer.is_error), f"{line[:100]!r} was refused and did something"
         assert node.datastore.stored == stored
         was_over = node.is_terminated
@@ -196,37 +196,37 @@ def fuzz_commands(rng: random.Random, count: int) -> None:
 def fuzz_bytes(rng: random.Random, count: int) -> None:
     """Send bytes to a node's end: invalid data, damaged greetings, and damaged commands after a valid greeting."""
     subject = Subject()
-    now_s, has_token, conversation = 0.0, False, None
-    allowance = Allowance(LINES_PER_S, LINES_AT_ONCE)
+    now_s, has_token, protocol = 0.0, False, None
+    token_bucket = TokenBucket(LINES_PER_S, LINES_AT_ONCE)
     for _ in range(count):
-        if conversation is None or conversation.is_over:
+        if protocol is None or protocol.is_over:
             has_token = rng.random() < 0.5
             is_greeted = rng.random() < 0.8
-            conversation, far = line_to(subject, allowance, now_s, has_token, is_greeted)
+            protocol, far = line_to(subject, token_bucket, now_s, has_token, is_greeted)
         data = some_bytes(rng)
         if has_token and is_greeted and len(data) >= HEADER_BYTES and rng.random() < 0.9:
             data = far.seal(data)  # a console with the token sends invalid data
-        conversation.receive(data, now_s)
+        protocol.receive(data, now_s)
         now_s += rng.choice((0.0, 0.2, 1.0))
-        conversation.work(now_s)
-        assert conversation.wire.is_up or not subject.node.door.waiting, "a stranger has done something"
-        assert len(conversation.output) <= OUTPUT_MAX_BYTES + MAX_FRAME_BYTES
+        protocol.work(now_s)
+        assert protocol.wire.is_up or not subject.node.inbox.waiting, "an unauthenticated client changed the node"
+        assert len(protocol.output) <= MAX_OUTPUT_BYTES + MAX_FRAME_BYTES
         subject.settle()
         assert not subject.node.is_terminated
         if rng.random() < 0.5:
-            conversation.output.clear()  # the console reads
+            protocol.output.clear()  # the console reads
     subject.close()
 
 
 def line_to(
-    subject: Subject, allowance: Allowance, now_s: float, has_token: bool, is_greeted: bool
-) -> tuple[Conversation, WireSession]:
+    subject: Subject, token_bucket: TokenBucket, now_s: float, has_token: bool, is_greeted: bool
+) -> tuple[ConsoleProtocol, WireSession]:
     """Return a node's end of a new connection, and the console's, after their greeting if `is_greeted`."""
     secret = as_secret(TOKEN) if has_token else None
-    near = Conversation(
-        Terms("urov_node", True, secret, PURPOSE), subject.new_session(), now_s, allowance
+    near = ConsoleProtocol(
+        SessionConfig("urov_node", True, secret, PURPOSE), subject.new_session(), now_s, token_bucket
     )  # fmt: skip
-    far = WireSession(Terms("console", False, secret, PURPOSE), now_s, decode_answered)
+    far = WireSession(SessionConfig("console", False, secret, PURPOSE), now_s, decode_response)
     if is_greeted:
         for _ in range(3):
             near.receive(b"".join(map(far.seal, far.take_output())), now_s)
@@ -250,7 +250,7 @@ def frame(rng: random.Random) -> bytes:
     number = rng.choice((1, 0, -1, 2**63, 7))
     if kind < 3:
         with suppress(msgspec.ValidationError, OverflowError, UnicodeEncodeError):
-            return asked((Command if kind else Complete)(number, valid_command(rng)))
+            return encode_request((CommandMessage if kind else CompleteMessage)(number, valid_command(rng)))
     if kind == 3:
         return rng.randbytes(rng.randrange(64))
     if kind == 4:
@@ -267,7 +267,7 @@ def frame(rng: random.Random) -> bytes:
 def fuzz_port(rng: random.Random, count: int) -> None:
     """Do the same over real sockets, with several unauthenticated clients at a time; then serve an honest console."""
     console, done = CommandReceiverFactory(0), threading.Event()
-    part = PartFactory({(TaskType.event, "start"): lambda *_: done.set()})
+    part = FunctionEndpointFactory({(TaskType.event, "start"): lambda *_: done.set()})
     errors = Errors()
     logging.getLogger("snr").addHandler(errors)
     node = Node("urov", Config(factories={"urov": [console, part]}))
@@ -293,7 +293,7 @@ def fuzz_port(rng: random.Random, count: int) -> None:
         client.wait_until_up(30.0)
         assert not client.ask("task start").is_error
         assert done.wait(30.0)
-    node.enter(tasks.terminate("enough"), "fuzz")
+    node.enqueue_input(tasks.terminate("enough"), "fuzz")
     thread.join(30.0)
     assert node.exit_reason == "enough"
     logging.getLogger("snr").removeHandler(errors)
@@ -356,7 +356,7 @@ def mutated_bytes(rng: random.Random, data: bytes) -> bytes:
     return bytes(changed)
 
 
-def after(subject: Subject, answer: Answer) -> Subject:
+def after(subject: Subject, answer: CommandResult) -> Subject:
     """Return the same node, or a new one if a command has ended it."""
     if not subject.node.is_terminated:
         return subject
@@ -386,18 +386,18 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=1_000_000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", choices=list(FUZZERS))
-    wanted = parser.parse_args()
+    options = parser.parse_args()
     begun_s = time.monotonic()
     for name, (fuzz, share) in FUZZERS.items():
-        if wanted.only not in (None, name):
+        if options.only not in (None, name):
             continue
-        count = int(wanted.count * share)
-        fuzz(random.Random(wanted.seed), max(1, count // 20))  # fills caches, and the memory that Python keeps
+        count = int(options.count * share)
+        fuzz(random.Random(options.seed), max(1, count // 20))  # fills caches, and the memory that Python keeps
         before_mb, start_s = resident_mb(), time.monotonic()
-        fuzz(random.Random(wanted.seed + 1), count)
+        fuzz(random.Random(options.seed + 1), count)
         grown_mb = resident_mb() - before_mb
         print(f"{name:<10} {count:>8} inputs  {time.monotonic() - start_s:6.1f} s  {grown_mb:+6.1f} MB", flush=True)
-        assert grown_mb < MEMORY_MAX_MB, "memory has grown"
+        assert grown_mb < MAX_MEMORY_MB, "memory has grown"
     print(f"all well, {time.monotonic() - begun_s:.0f} s")
 
 

@@ -11,6 +11,6 @@ INPUTS = 4_000
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FUZZERS)
-def test_no_input_ends_a_node_changes_what_it_should_not_or_fills_memory(name: str) -> None:
+def test_fuzzed_input_keeps_node_running_and_memory_bounded(name: str) -> None:
     fuzz, share = FUZZERS[name]
     fuzz(random.Random(20211121), int(INPUTS * share))

@@ -20,7 +20,7 @@ from snr_sim import (
     tasks,
 )
 from snr_sim.prelude.clock import Clock
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 pytestmark = pytest.mark.slow
 
@@ -34,15 +34,15 @@ def keyboard() -> Iterator[tuple[IO[str], IO[str]]]:
 
 
 @pytest.mark.parametrize("clock", [WallClock, None])
-def test_a_command_typed_at_the_terminal_is_answered_and_carried_out(
-    keyboard: tuple[IO[str], IO[str]], clock: type[Clock] | None
-) -> None:
+def test_typed_command_is_executed_and_answered(keyboard: tuple[IO[str], IO[str]], clock: type[Clock] | None) -> None:
     reads, types = keyboard
     screen = io.StringIO()
     types.write("stroe\n\nwatch depth_m\nstore depth_m 2.5\nexit surfac")
     console = LocalConsoleFactory(reads, screen)
-    rest = PartFactory({(TaskType.process_data, "depth_m"): lambda task, task_id: types.write("ed\n") and None})
-    config = Config(factories={"r": [console, rest, TickerFactory(rate_hz=50.0)]})
+    rest = FunctionEndpointFactory(
+        {(TaskType.process_data, "depth_m"): lambda task, task_id: types.write("ed\n") and None}
+    )
+    config = Config(factories={"r": [console, rest, FunctionLoopFactory(rate_hz=50.0)]})
     if clock is not None:
         node = Node("r", config, clock=clock())
         node.loop()
@@ -51,13 +51,13 @@ def test_a_command_typed_at_the_terminal_is_answered_and_carried_out(
         runner.run()
         node = runner.nodes["r"]
     assert node.exit_reason == "surfaced"
-    said = screen.getvalue()
-    assert "did you mean 'store'" in said
-    assert "Nothing has stored a page 'depth_m'" in said
-    assert "depth_m = 2.5 is stored" in said
+    output = screen.getvalue()
+    assert "did you mean 'store'" in output
+    assert "Nothing has stored a page 'depth_m'" in output
+    assert "depth_m = 2.5 is stored" in output
 
 
-def test_a_node_ends_at_once_although_nobody_types(keyboard: tuple[IO[str], IO[str]]) -> None:
+def test_node_ends_at_once_without_typed_input(keyboard: tuple[IO[str], IO[str]]) -> None:
     config = Config(factories={"r": [LocalConsoleFactory(keyboard[0]), TimeoutLoopFactory(ms=10)]})
     node = Node("r", config)
     start_s = time.monotonic()
@@ -66,10 +66,10 @@ def test_a_node_ends_at_once_although_nobody_types(keyboard: tuple[IO[str], IO[s
     assert node.notes == []
 
 
-def test_the_end_of_the_input_ends_the_console_and_not_the_node(keyboard: tuple[IO[str], IO[str]]) -> None:
+def test_end_of_input_ends_the_console_and_not_the_node(keyboard: tuple[IO[str], IO[str]]) -> None:
     reads, types = keyboard
     types.close()
-    closed = TickerFactory(
+    closed = FunctionLoopFactory(
         lambda ticker: (
             ticker.schedule(tasks.terminate("console is over"))
             if ticker.parent.components["local_console"].is_terminated()
@@ -81,7 +81,7 @@ def test_the_end_of_the_input_ends_the_console_and_not_the_node(keyboard: tuple[
     assert node.exit_reason == "console is over"
 
 
-def test_commands_from_a_file_are_carried_out_one_after_another_to_its_end(keyboard: tuple[IO[str], IO[str]]) -> None:
+def test_commands_from_a_file_are_executed_in_order(keyboard: tuple[IO[str], IO[str]]) -> None:
     reads, types = keyboard
     types.write("store depth_m 2.5\ndump depth_m\nexit read")
     types.close()
@@ -92,14 +92,14 @@ def test_commands_from_a_file_are_carried_out_one_after_another_to_its_end(keybo
     assert "depth_m = 2.5  (" in screen.getvalue()
 
 
-def test_without_a_terminal_the_node_runs_all_the_same() -> None:
+def test_node_runs_without_a_terminal() -> None:
     config = Config(factories={"r": [LocalConsoleFactory(io.StringIO("exit\n")), TimeoutLoopFactory(ms=20)]})
     node = Node("r", config)
     node.loop()
     assert node.exit_reason == "timeout"
 
 
-def test_in_lock_step_it_adds_no_moments() -> None:
+def test_local_console_in_lock_step_adds_no_moments() -> None:
     with open(os.devnull) as nothing:
         config = Config(factories={"r": [LocalConsoleFactory(nothing), TimeoutLoopFactory(seconds=3)]})
         clock = SimClock()

@@ -12,8 +12,8 @@ from prompt_toolkit.output import DummyOutput
 
 from snr_sim import RemoteConsole
 from snr_sim.console import prompt
-from snr_sim.console.prompt import FileOfLines, NodeCompleter, Prompt, history_file
-from snr_sim.console.table import Answer
+from snr_sim.console.prompt import BoundedFileHistory, NodeCompleter, Prompt, history_file
+from snr_sim.console.table import CommandResult
 from snr_sim.prelude.errors import LinkError
 
 CTRL_C, CTRL_D, UP = "\x03", "\x04", "\x1b[A"
@@ -27,10 +27,10 @@ class Client:
     def complete(self, line: str) -> list[str]:
         return [word for word in ("start", "stop") if word.startswith(line.split()[-1])] if line[-1:] != " " else []
 
-    def ask(self, line: str) -> Answer:
+    def ask(self, line: str) -> CommandResult:
         if line == "gone":
             raise LinkError("There is no line.")
-        return Answer(f"answer to {line}")
+        return CommandResult(f"answer to {line}")
 
     def __enter__(self) -> "Client":
         return self
@@ -57,11 +57,11 @@ def typed(keys: PipeInput, text: str, history: Path | None = None) -> list[str]:
         return list(lines)
 
 
-def test_lines_come_until_ctrl_d_and_ctrl_c_drops_only_the_begun_one(keys: PipeInput) -> None:
+def test_ctrl_d_ends_the_prompt_and_ctrl_c_drops_one_line(keys: PipeInput) -> None:
     assert typed(keys, f" list \r\rbegun{CTRL_C}dump x\r{CTRL_D}") == ["list", "dump x"]
 
 
-def test_earlier_lines_come_back_also_those_of_an_earlier_console(keys: PipeInput, tmp_path: Path) -> None:
+def test_history_returns_lines_of_earlier_consoles(keys: PipeInput, tmp_path: Path) -> None:
     file = tmp_path / "deep" / "history"
     assert typed(keys, f"store x 1\r{CTRL_D}", file) == ["store x 1"]
     assert file.read_text() == "store x 1\n"
@@ -70,7 +70,7 @@ def test_earlier_lines_come_back_also_those_of_an_earlier_console(keys: PipeInpu
 
 
 @pytest.mark.slow
-def test_tab_completes_with_what_the_node_knows(keys: PipeInput) -> None:
+def test_tab_returns_completions_of_the_node(keys: PipeInput) -> None:
     assert typed(keys, f"task sta\t\r{CTRL_D}") in (["task start"], ["task sta"])  # the second if the tab is late
     client: Any = Client()
     event: Any = None
@@ -78,31 +78,29 @@ def test_tab_completes_with_what_the_node_knows(keys: PipeInput) -> None:
     assert [(one.text, one.start_position) for one in found] == [("start", -2), ("stop", -2)]
 
 
-def test_history_is_bounded_and_a_folder_that_cannot_be_written_is_no_error(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(prompt, "HISTORY_MAX_LINES", 3)
-    history = FileOfLines(tmp_path / "history")
+def test_history_is_bounded_and_ignores_an_unwritable_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(prompt, "MAX_HISTORY_LINES", 3)
+    history = BoundedFileHistory(tmp_path / "history")
     for i in range(5):
         history.store_string(f"line {i}\nsecond")
     assert list(history.load_history_strings()) == ["line 4 second", "line 3 second", "line 2 second"]
     assert (tmp_path / "history").read_text().count("\n") == 3
     (tmp_path / "file").write_text("")
-    nowhere = FileOfLines(tmp_path / "file" / "history")
+    nowhere = BoundedFileHistory(tmp_path / "file" / "history")
     nowhere.store_string("x")
     assert list(nowhere.load_history_strings()) == []
 
 
-def test_history_lies_in_the_folder_for_such_things(tmp_path: Path) -> None:
+def test_history_file_is_in_the_user_folder(tmp_path: Path) -> None:
     assert history_file() == tmp_path / "snr_sim" / "console_history"
 
 
-def test_a_person_sees_each_answer_and_hears_of_a_lost_line(keys: PipeInput, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_prompt_prints_answers_and_lost_connection(keys: PipeInput, monkeypatch: pytest.MonkeyPatch) -> None:
     remote, seen = RemoteConsole(("127.0.0.1", 1)), []
     client: Any = Client()
     remote.client = client
     monkeypatch.setattr(remote, "show", lambda answer: seen.append(answer.text))
-    monkeypatch.setattr(remote, "tell", seen.append)
+    monkeypatch.setattr(remote, "print_line", seen.append)
     keys.send_text(f"list\rgone\rlist\r{CTRL_D}")
     assert remote.run() == []
     assert seen == ["answer to list", "There is no line.", "answer to list"]

@@ -10,50 +10,50 @@ import pytest
 from snr_sim import Config, Mode, Node, Page, SimClock, Task, TaskType
 from snr_sim.console import commands, session
 from snr_sim.console.commands import TABLE
-from snr_sim.console.readable import TEXT_MAX_CHARS
-from snr_sim.console.session import Session
-from snr_sim.prelude.recorder import Ticket
-from snr_sim.testing.parts import PartFactory
+from snr_sim.console.formatting import MAX_TEXT_CHARS
+from snr_sim.console.session import ConsoleSession
+from snr_sim.prelude.recorder import TaskRef
+from snr_sim.testing.function_components import FunctionEndpointFactory
 
 from .conftest import Talk
 
 
-def test_exit_ends_the_node_with_the_reason_given(talk: Talk) -> None:
-    assert "urov_node" in talk.say("exit back to the shore")
+def test_exit_ends_the_node_with_its_reason(talk: Talk) -> None:
+    assert "urov_node" in talk.run("exit back to the shore")
     assert talk.node.is_terminated
     assert talk.node.exit_reason == "back to the shore"
 
 
-def test_a_task_is_an_event_if_no_type_is_given_and_its_values_are_json(talk: Talk) -> None:
-    talk.say('task start 1.5 [1, 2] {"a": null} "two words"')
-    talk.say("task event start")
+def test_task_without_type_is_an_event_with_json_values(talk: Talk) -> None:
+    talk.run('task start 1.5 [1, 2] {"a": null} "two words"')
+    talk.run("task event start")
     assert [task.val_list for task in talk.events] == [[1.5, [1, 2], {"a": None}, "two words"], []]
 
 
 @pytest.mark.parametrize("line", ["store depth_m 3.5", "task store_page depth_m 3.5"])
-def test_store_stores_a_page_and_has_it_processed(talk: Talk, line: str) -> None:
-    talk.say(line)
+def test_store_command_stores_and_processes_a_page(talk: Talk, line: str) -> None:
+    talk.run(line)
     assert talk.node.get_data("depth_m") == 3.5
     assert [(task.id(), task.page) for task in talk.events] == [
         ((TaskType.process_data, "depth_m"), talk.node.get_page("depth_m"))
     ]
-    talk.say("task process_data depth_m")
+    talk.run("task process_data depth_m")
     assert len(talk.events) == 2
 
 
 @pytest.mark.parametrize("line", ["reload part", "task reload part"])
 def test_reload_queues_the_task(talk: Talk, line: str) -> None:
-    talk.say(line)
+    talk.run(line)
     assert talk.events == [Task(TaskType.reload, "part")]
 
 
-def test_a_type_of_task_can_end_the_node_too(talk: Talk) -> None:
-    talk.say("task terminate enough")
+def test_task_of_type_terminate_ends_the_node(talk: Talk) -> None:
+    talk.run("task terminate enough")
     assert talk.node.exit_reason == "enough"
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("line", "expected"),
     [
         ("", "empty line"),
         ("stroe x 1", "'store'"),
@@ -63,22 +63,22 @@ def test_a_type_of_task_can_end_the_node_too(talk: Talk) -> None:
         ("task process_data dept_m", "'depth_m'"),
         ("task process_data depth_m 5", "no values"),
         ("task store_page depth_m", "takes one value"),
-        ("task event add_component 1", "Nobody here handles|the node's own"),
+        ("task event add_component 1", "No component of this node handles|the node's own"),
         ("task terminate", "needs NAME"),
         ("store depth_m", "needs JSON"),
         ("store depth_m deep", 'text needs quotes: "deep"'),
         ("store depth_m NaN", "not JSON"),
-        ("task evnt start foo", "'evnt' is no TYPE"),
+        ("task evnt start foo", "'evnt' is not a valid TYPE"),
         ("task start foo", "not JSON"),
         ("store depth_m 1 2", "does not take '2'"),
         ("store depth_m 123456789012345678901234567890", "not JSON|too large"),
         ("store depth_m -9223372036854775809", "too large"),
-        ("store depth_m [1, 2", "opened and not closed"),
-        ('store depth_m "deep', "opened and not closed"),
+        ("store depth_m [1, 2", "is not closed"),
+        ('store depth_m "deep', "is not closed"),
         ("store depth_m 1]", "not JSON"),
-        ("store \x1b[2J] 1", "is no KEY"),
-        (f"store {'k' * 201} 1", "is no KEY"),
-        ('store "" 1', "is no KEY"),
+        ("store \x1b[2J] 1", "is not a valid KEY"),
+        (f"store {'k' * 201} 1", "is not a valid KEY"),
+        ('store "" 1', "is not a valid KEY"),
         ("store 5 \ud800", "not JSON"),
         ("reload pat", "'part'"),
         ("reload node_core", "no component 'node_core'"),
@@ -94,57 +94,57 @@ def test_a_type_of_task_can_end_the_node_too(talk: Talk) -> None:
         ("__import__('os')", "no command"),
     ],
 )
-def test_what_is_no_command_is_refused_in_words(talk: Talk, line: str, said: str) -> None:
-    talk.say("store depth_m 1.0")
+def test_invalid_command_returns_error_with_reason(talk: Talk, line: str, expected: str) -> None:
+    talk.run("store depth_m 1.0")
     before = dict(talk.node.datastore.pages)
     answer = talk.refused(line)
-    assert any(part in answer for part in said.split("|")), answer
+    assert any(part in answer for part in expected.split("|")), answer
     assert len(answer) < 600
     talk.settle()
     assert talk.node.datastore.pages == before
     assert not talk.node.is_terminated
 
 
-def test_what_only_the_nodes_core_handles_cannot_be_sent_as_an_event(talk: Talk) -> None:
+def test_event_of_the_node_core_returns_error(talk: Talk) -> None:
     core = talk.node.components["node_core"]
     core.task_handlers[TaskType.event, "inner"] = lambda task, task_id: None
-    assert "Nobody here handles" not in talk.refused("task inner")
+    assert "No component of this node handles" not in talk.refused("task inner")
 
 
-def test_list_says_what_there_is(talk: Talk) -> None:
-    talk.say('store link_topside {"up": true, "age_s": 0.25, "dropped": 3, "rtt_s": null}')
-    text = talk.say("list")
-    for said in ("part", "endpoint", "ticker", "loop", "10", "link_topside", "topside", "beat"):
-        assert said in text
-    assert "depth_m" not in talk.say("list components")
-    data = talk.session.answer("list links").data
+def test_list_returns_components_pages_links_and_loops(talk: Talk) -> None:
+    talk.run('store link_topside {"up": true, "age_s": 0.25, "dropped": 3, "rtt_s": null}')
+    text = talk.run("list")
+    for word in ("part", "endpoint", "ticker", "loop", "10", "link_topside", "topside", "beat"):
+        assert word in text
+    assert "depth_m" not in talk.run("list components")
+    data = talk.session.execute("list links").data
     assert data == {"links": [{"link": "topside", "up": True, "age_s": 0.25, "dropped": 3, "rtt_s": None}]}
 
 
-def test_list_knows_the_lists_of_the_thesis(talk: Talk) -> None:
-    assert talk.say("list commands") == talk.say("help")
-    assert talk.say("list endpoints") == talk.say("list components")
+def test_list_accepts_the_names_of_the_thesis(talk: Talk) -> None:
+    assert talk.run("list commands") == talk.run("help")
+    assert talk.run("list endpoints") == talk.run("list components")
 
 
 def test_loops_are_shown_with_their_ticks_and_lag(talk: Talk) -> None:
     talk.tick()
     talk.tick()
-    (row,) = talk.session.answer("dump loops").data["loops"]
+    (row,) = talk.session.execute("dump loops").data["loops"]
     assert row == {"loop": "ticker", "rate_hz": 10.0, "ticks": 3, "late_s": 0.0, "runs": "yes"}
 
 
 def test_the_profiler_is_shown_if_there_is_one(talk: Talk) -> None:
-    assert "Mode.DEBUG" in talk.say("dump profiler")
+    assert "Mode.DEBUG" in talk.run("dump profiler")
     debug = Talk(Mode.DEBUG)
-    debug.say("task start")
-    assert "part._note" in debug.say("dump profiler")
+    debug.run("task start")
+    assert "part._note" in debug.run("dump profiler")
 
 
 def test_every_dump_together_and_each_alone(talk: Talk) -> None:
-    whole = talk.session.answer("dump").data
+    whole = talk.session.execute("dump").data
     assert list(whole) == list(commands.DUMPS)
     for what in commands.DUMPS:
-        assert list(talk.session.answer(f"dump {what}").data) == [what]
+        assert list(talk.session.execute(f"dump {what}").data) == [what]
 
 
 class Nasty:
@@ -159,7 +159,7 @@ class Nasty:
 
 
 @pytest.mark.parametrize(
-    ("value", "said"),
+    ("value", "expected"),
     [
         (math.nan, "x = nan "),
         ([math.inf, -0.0], "[inf, -0.0]"),
@@ -182,100 +182,100 @@ class Nasty:
         (Page("inner", 1, "n", 0.0), "inner"),
     ],
 )
-def test_odd_pages_are_shown_readably_and_bounded(talk: Talk, value: Any, said: str) -> None:
+def test_unusual_page_data_is_shown_readably_and_bounded(talk: Talk, value: Any, expected: str) -> None:
     talk.node.store_data("x", value, process=False)
     talk.settle()
     for line in ("dump x", "dump", "list", "watch x"):
-        answer = talk.session.answer(line)
+        answer = talk.session.execute(line)
         assert not answer.is_error, answer.text
-        assert len(answer.text) < TEXT_MAX_CHARS + 100
+        assert len(answer.text) < MAX_TEXT_CHARS + 100
         assert answer.text.replace("\n", "").isprintable()
         assert len(json.dumps(answer.data)) < 1 << 18
-    assert any(part in talk.say("dump x") for part in said.split("|")), talk.say("dump x")
+    assert any(part in talk.run("dump x") for part in expected.split("|")), talk.run("dump x")
 
 
-def test_a_page_that_holds_itself_is_cut(talk: Talk) -> None:
+def test_page_that_contains_itself_is_truncated(talk: Talk) -> None:
     loop: list[Any] = []
     loop.append(loop)
     talk.node.store_data("x", loop, process=False)
     talk.settle()
-    assert "nested deeper" in talk.say("dump x")
+    assert "nested deeper" in talk.run("dump x")
 
 
-def test_a_page_without_an_honest_time_or_origin_is_still_shown(talk: Talk) -> None:
+def test_page_with_invalid_time_or_origin_is_shown(talk: Talk) -> None:
     talk.node.schedule(Task.store_page(Page("x", 1, object(), None, False)))  # type: ignore[arg-type]
     talk.settle()
-    assert "x = 1 (nobody knows when" in talk.say("dump x").replace("  ", " ")
-    talk.say("list")
+    assert "x = 1 (time unknown" in talk.run("dump x").replace("  ", " ")
+    talk.run("list")
 
 
-def test_a_watched_page_is_shown_when_it_changes_and_not_too_often(talk: Talk) -> None:
-    assert "Nothing has stored" in talk.say("watch depth_m")
+def test_watched_page_is_shown_on_change_at_a_limited_rate(talk: Talk) -> None:
+    assert "Nothing has stored" in talk.run("watch depth_m")
     assert talk.session.changes(0.0) == []
     shown = []
     for i in range(100):  # pages at 100 Hz, for a second
-        talk.say(f"store depth_m {i}")
+        talk.run(f"store depth_m {i}")
         shown += talk.session.changes(i / 100)
     assert len(shown) == 10
     assert {answer.about for answer in shown} == {"depth_m"}
     assert [answer.data["data"] for answer in talk.session.changes(2.0)] == [99]
     assert talk.session.changes(3.0) == []
-    assert talk.say("unwatch depth_m") == "watched: nothing"
-    talk.say("store depth_m 5")
+    assert talk.run("unwatch depth_m") == "watched: nothing"
+    talk.run("store depth_m 5")
     assert talk.session.changes(4.0) == []
 
 
-def test_a_watch_begins_with_what_is_there_and_ends_altogether(talk: Talk) -> None:
-    talk.say("store depth_m 2.5")
-    assert "depth_m = 2.5" in talk.say("watch depth_m")
-    talk.say("watch beat")
+def test_watch_shows_current_data_and_unwatch_ends_all(talk: Talk) -> None:
+    talk.run("store depth_m 2.5")
+    assert "depth_m = 2.5" in talk.run("watch depth_m")
+    talk.run("watch beat")
     assert talk.session.is_watching
-    talk.say("unwatch")
+    talk.run("unwatch")
     assert not talk.session.is_watching
 
 
-def test_watches_are_few(talk: Talk) -> None:
-    for i in range(session.WATCHES_MAX):
-        talk.say(f"watch k{i}")
-    talk.say("watch k0")
-    assert "16 pages, which is the most" in talk.refused("watch more")
+def test_watch_beyond_the_maximum_returns_error(talk: Talk) -> None:
+    for i in range(session.MAX_WATCHES):
+        talk.run(f"watch k{i}")
+    talk.run("watch k0")
+    assert "16 pages, the maximum" in talk.refused("watch more")
 
 
-def test_names_the_node_has_never_heard_are_few(talk: Talk) -> None:
-    for i in range(session.NEW_NAMES_MAX):
-        talk.say(f"store k{i} 0")
+def test_new_names_beyond_the_maximum_return_error(talk: Talk) -> None:
+    for i in range(session.MAX_NEW_NAMES):
+        talk.run(f"store k{i} 0")
     assert "new names" in talk.refused("store more 0")
-    other = Session(talk.node, TABLE, new_names=talk.session.new_names)
-    assert other.answer("store more 0").is_error
-    talk.say("store k0 1")
-    talk.say("store beat 1")  # a name that the node knows already
+    other = ConsoleSession(talk.node, TABLE, new_names=talk.session.new_names)
+    assert other.execute("store more 0").is_error
+    talk.run("store k0 1")
+    talk.run("store beat 1")  # a name that the node knows already
 
 
-def test_a_node_that_does_not_keep_up_gets_no_more(talk: Talk) -> None:
-    for _ in range(session.WAITING_MAX):
-        assert not talk.session.answer("task start").is_error
-    assert "does not keep up" in talk.session.answer("task start").text
+def test_overloaded_node_rejects_commands(talk: Talk) -> None:
+    for _ in range(session.MAX_WAITING_TASKS):
+        assert not talk.session.execute("task start").is_error
+    assert "does not keep up" in talk.session.execute("task start").text
     talk.settle()
-    talk.say("task start")
+    talk.run("task start")
 
 
-def test_a_node_that_has_ended_is_only_looked_at(talk: Talk) -> None:
-    talk.say("exit")
+def test_ended_node_rejects_tasks_and_answers_list(talk: Talk) -> None:
+    talk.run("exit")
     talk.node.end()
-    assert "has ended" in talk.session.answer("task start").text
-    assert "part" in talk.say("list")
+    assert "has ended" in talk.session.execute("task start").text
+    assert "part" in talk.run("list")
 
 
-def test_help_is_the_table_and_each_command_has_a_line(talk: Talk) -> None:
-    assert talk.say("help").count("\n") + 1 == len(commands.TABLE)
+def test_help_has_one_line_per_command(talk: Talk) -> None:
+    assert talk.run("help").count("\n") + 1 == len(commands.TABLE)
     for name, command in commands.TABLE.items():
-        assert talk.say(f"help {name}").startswith(command.usage)
+        assert talk.run(f"help {name}").startswith(command.usage)
 
 
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("", list(sorted(commands.TABLE))),
+        ("", sorted(commands.TABLE)),
         ("re", ["reload"]),
         ("reload ", ["all", "part", "ticker"]),
         ("reload p", ["part"]),
@@ -292,47 +292,47 @@ def test_help_is_the_table_and_each_command_has_a_line(talk: Talk) -> None:
         ('task "\ud800 [', []),
     ],
 )
-def test_completion_knows_commands_components_keys_and_events(talk: Talk, line: str, words: list[str]) -> None:
+def test_completion_returns_commands_components_keys_and_events(talk: Talk, line: str, words: list[str]) -> None:
     assert talk.session.complete(line) == words
 
 
-class Witness:
+class FakeRecorder:
     """A recorder that keeps the inputs."""
 
     def __init__(self) -> None:
         self.inputs: list[tuple[str, Task]] = []
 
-    def for_node(self, name: str) -> "Witness":
+    def for_node(self, name: str) -> "FakeRecorder":
         return self
 
-    def begun(self, now_s: float, component: str, scheduled: Any) -> list[Ticket]:
+    def begun(self, now_s: float, component: str, scheduled: Any) -> list[TaskRef]:
         return []
 
-    def input(self, now_s: float, source: str, task: Task) -> Ticket:
+    def input(self, now_s: float, source: str, task: Task) -> TaskRef:
         self.inputs.append((source, task))
         return (task, 1, 0, b"[]")
 
-    def task(self, now_s: float, ticket: Ticket, handled: Any) -> list[Ticket]:
+    def task(self, now_s: float, task_ref: TaskRef, handled: Any) -> list[TaskRef]:
         return [(task, 1, 0, b"[]") for _, outputs in handled for task in outputs]
 
     def error(self, *args: Any) -> None: ...
 
-    def said(self, *args: Any) -> None: ...
+    def record_text(self, *args: Any) -> None: ...
 
     def end(self, *args: Any) -> None: ...
 
 
-def test_what_a_console_changes_is_an_input_and_what_it_reads_is_nothing() -> None:
-    witness = Witness()
-    config = Config(factories={"r": [PartFactory({(TaskType.event, "start"): lambda task, task_id: None})]})
-    node = Node("r", config, clock=SimClock(), recorder=witness)
+def test_changing_commands_are_recorded_inputs_and_reads_are_not() -> None:
+    recorder = FakeRecorder()
+    config = Config(factories={"r": [FunctionEndpointFactory({(TaskType.event, "start"): lambda task, task_id: None})]})
+    node = Node("r", config, clock=SimClock(), recorder=recorder)
     node.begin()
-    mine = Session(node, TABLE, "my_console")
+    mine = ConsoleSession(node, TABLE, "my_console")
     for line in ("list", "dump", "watch depth_m", "help", "task start", "store depth_m 1", "reload part", "exit"):
-        assert not mine.answer(line).is_error
+        assert not mine.execute(line).is_error
     node.run_ready()
-    assert [source for source, _ in witness.inputs] == ["my_console"] * 4
-    assert {task.type for _, task in witness.inputs} == {
+    assert [source for source, _ in recorder.inputs] == ["my_console"] * 4
+    assert {task.type for _, task in recorder.inputs} == {
         TaskType.event,
         TaskType.store_page,
         TaskType.reload,

@@ -17,8 +17,8 @@ from contextlib import suppress
 from typing import Any
 
 from snr_sim import Config, SimClock, SimRunner, SynchronousRunner, TaskType, tasks
-from snr_sim.core.interrupts import Interrupted
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.core.interrupts import RunInterrupted
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 AT_ONCE = 4
 GIVE_UP_S = 40.0
@@ -40,37 +40,40 @@ def stubborn(*args: Any) -> None:
             time.sleep(0.005)
 
 
-def handles(function: Callable[..., Any]) -> PartFactory:
-    return PartFactory({TaskType.event: function}, "worker", begin=lambda part: part.schedule(tasks.event("work")))
+def handles(function: Callable[..., Any]) -> FunctionEndpointFactory:
+    return FunctionEndpointFactory(
+        {TaskType.event: function}, "worker", begin=lambda part: part.schedule(tasks.event("work"))
+    )
 
 
 THREADS = [
-    TickerFactory(lambda loop: loop.store_data("x", 1), f"loop{i}", rate) for i, rate in enumerate((0.5, 50, 1000))
+    FunctionLoopFactory(lambda loop: loop.store_data("x", 1), f"loop{i}", rate)
+    for i, rate in enumerate((0.5, 50, 1000))
 ]
 KINDS: dict[str, list[Any]] = {
     "idle": [],
     "loops on threads": THREADS,
-    "busy for ever": [handles(lambda task, task_id: task)],
+    "busy without end": [handles(lambda task, task_id: task)],
     "busy, with threads": [*THREADS, handles(lambda task, task_id: task)],
     "sleeps in a handler": [handles(doze)],
     "spins in a handler": [handles(spin)],
     "swallows exceptions": [handles(stubborn)],
-    "loop sleeps": [TickerFactory(doze, "sleeper"), *THREADS],
-    "loop spins": [TickerFactory(spin, "spinner")],
-    "sleeps in begin": [PartFactory(name="beginner", begin=doze)],
+    "loop sleeps": [FunctionLoopFactory(doze, "sleeper"), *THREADS],
+    "loop spins": [FunctionLoopFactory(spin, "spinner")],
+    "sleeps in begin": [FunctionEndpointFactory(name="beginner", begin=doze)],
     "slow to begin and end": [
-        TickerFactory(name="slow", setup=lambda loop: time.sleep(0.1), halt=lambda loop: time.sleep(0.05))
+        FunctionLoopFactory(name="slow", setup=lambda loop: time.sleep(0.1), halt=lambda loop: time.sleep(0.05))
     ],
-    "halt sleeps": [PartFactory(name="sleeper", halt=doze), *THREADS],
-    "in lock step": [TickerFactory(lambda loop: loop.store_data("x", 1), "ticker", 1000)],
-    "in lock step, paced": [TickerFactory(lambda loop: loop.store_data("x", 1), "ticker", 20)],
-    "in lock step, loop spins": [TickerFactory(spin, "spinner")],
+    "halt sleeps": [FunctionEndpointFactory(name="sleeper", halt=doze), *THREADS],
+    "in lock step": [FunctionLoopFactory(lambda loop: loop.store_data("x", 1), "ticker", 1000)],
+    "in lock step, paced": [FunctionLoopFactory(lambda loop: loop.store_data("x", 1), "ticker", 20)],
+    "in lock step, loop spins": [FunctionLoopFactory(spin, "spinner")],
 }
 
 
 def run_child(kind: str, out: int) -> None:
     """Run a node; write h and t when its first component is halted and terminated, e when all is over."""
-    motor = PartFactory(
+    motor = FunctionEndpointFactory(
         name="motor",
         begin=lambda part: os.write(out, b"b"),
         halt=lambda part: os.write(out, b"h"),
@@ -83,7 +86,7 @@ def run_child(kind: str, out: int) -> None:
         else:
             SynchronousRunner("r", config).run()
         os.write(out, b"e")
-    except Interrupted:
+    except RunInterrupted:
         os.write(out, b"i")
     os.close(out)
 

@@ -23,11 +23,11 @@ class StepsFactory(LoopFactory):
         setup: Callable[[Any], Any] | None = None,
         halt: Callable[[Any], Any] | None = None,
         terminate: Callable[[Any], Any] | None = None,
-        backing: Literal["thread", "process"] = "process",
+        executor: Literal["thread", "process"] = "process",
     ) -> None:
         super().__init__(sys.modules[__name__])  # a module among a factory's attributes
         self.steps = {"loop": loop, "setup": setup, "halt": halt, "terminate": terminate}
-        self.given, self.name, self.rate_hz, self.backing = given, name, rate_hz, backing
+        self.given, self.name, self.rate_hz, self.executor = given, name, rate_hz, executor
 
     def get(self, parent: Node) -> Loop:
         return Steps(self, parent, self.name, self.rate_hz)
@@ -46,7 +46,7 @@ class Steps(Loop):
 
     def __init__(self, factory: StepsFactory, parent: Node, name: str, rate_hz: float) -> None:
         super().__init__(factory, parent, name, rate_hz)
-        self.backing = factory.backing
+        self.executor = factory.executor
         self.count = 0
 
     def step(self, name: str) -> None:
@@ -68,7 +68,7 @@ class Steps(Loop):
         self.step("terminate")
 
 
-def say_where(loop: Any) -> None:
+def report_position(loop: Any) -> None:
     loop.store_data("where", {"pid": os.getpid(), "time_s": loop.get_time_s(), "role": loop.parent.role})
     loop.schedule(tasks.terminate("said"))
 

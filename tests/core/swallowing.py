@@ -16,17 +16,17 @@ from pathlib import Path
 from typing import Any
 
 from snr_sim import Config, Loop, LoopFactory, Node, SimClock, SimRunner, SynchronousRunner, TaskType
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 
 class MotorFactory(LoopFactory):
-    def __init__(self, folder: Path, backing: Any = "thread", loops: Callable[[], None] | None = None) -> None:
+    def __init__(self, folder: Path, executor: Any = "thread", loops: Callable[[], None] | None = None) -> None:
         super().__init__()
-        self.folder, self.backing, self.loops = folder, backing, loops
+        self.folder, self.executor, self.loops = folder, executor, loops
 
     def get(self, parent: Node) -> Loop:
         motor = Motor(self, parent, "motor", 50)
-        motor.backing = self.backing
+        motor.executor = self.executor
         return motor
 
 
@@ -59,16 +59,18 @@ def wait_in_c() -> None:
     libc.pthread_mutex_lock(lock)
 
 
-def stuck_in(wait: Callable[..., None]) -> PartFactory:
+def stuck_in(wait: Callable[..., None]) -> FunctionEndpointFactory:
     def handle(task: Any, task_id: Any) -> None:
         signal.raise_signal(signal.SIGTERM)
         wait()
 
-    return PartFactory({(TaskType.process_data, "turns"): handle}, "worker")
+    return FunctionEndpointFactory({(TaskType.process_data, "turns"): handle}, "worker")
 
 
-def sends(number: int) -> PartFactory:
-    return PartFactory({(TaskType.process_data, "turns"): lambda task, task_id: signal.raise_signal(number)}, "sender")
+def sends(number: int) -> FunctionEndpointFactory:
+    return FunctionEndpointFactory(
+        {(TaskType.process_data, "turns"): lambda task, task_id: signal.raise_signal(number)}, "sender"
+    )
 
 
 KINDS: dict[str, Callable[[Path], list[Any]]] = {
@@ -78,17 +80,17 @@ KINDS: dict[str, Callable[[Path], list[Any]]] = {
     "handler, and a motor in a process": lambda folder: [MotorFactory(folder, "process"), stuck_in(swallow)],
     "begin": lambda folder: [
         MotorFactory(folder),
-        PartFactory(name="worker", begin=lambda part: (signal.raise_signal(signal.SIGTERM), swallow())),
+        FunctionEndpointFactory(name="worker", begin=lambda part: (signal.raise_signal(signal.SIGTERM), swallow())),
     ],
     "halt": lambda folder: [
-        PartFactory(name="worker", halt=lambda part: swallow()),
+        FunctionEndpointFactory(name="worker", halt=lambda part: swallow()),
         MotorFactory(folder),
         sends(signal.SIGINT),
     ],
     "lock step": lambda folder: [MotorFactory(folder), stuck_in(swallow)],
     "lock step, another loop": lambda folder: [
         MotorFactory(folder),
-        TickerFactory(lambda loop: (signal.raise_signal(signal.SIGINT), swallow()), "worker", 50),
+        FunctionLoopFactory(lambda loop: (signal.raise_signal(signal.SIGINT), swallow()), "worker", 50),
     ],
 }
 

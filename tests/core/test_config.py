@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Mode, Node
-from snr_sim.core.reload.watch import watched
-from snr_sim.prelude.errors import ConfigError, UnknownName
-from snr_sim.testing.parts import PartFactory
+from snr_sim.core.reload.watch import with_watch
+from snr_sim.prelude.errors import ConfigError, UnknownNameError
+from snr_sim.testing.function_components import FunctionEndpointFactory
 
 
 @pytest.mark.parametrize("factories", [None, {}])
@@ -18,7 +18,7 @@ def test_a_config_without_roles_is_refused(factories: Any) -> None:
 
 def test_factories_given_where_the_mode_belongs_are_noticed() -> None:
     with pytest.raises(ConfigError, match="factories="):
-        Config({"robot": [PartFactory()]})  # type: ignore[arg-type]
+        Config({"robot": [FunctionEndpointFactory()]})  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("mode", ["nonsense", None, 3, ["debug"]])
@@ -31,13 +31,13 @@ def test_a_mode_may_be_given_as_its_word() -> None:
     assert Config("debug", {"robot": []}).mode is Mode.DEBUG  # type: ignore[arg-type]
 
 
-def test_factories_that_are_no_dict_are_refused() -> None:
+def test_non_dict_factories_raise_config_error() -> None:
     with pytest.raises(ConfigError, match=r"factories are a list(.|\n)*a dict"):
-        Config(Mode.TEST, [PartFactory()])  # type: ignore[arg-type]
+        Config(Mode.TEST, [FunctionEndpointFactory()])  # type: ignore[arg-type]
 
 
-def test_a_role_that_is_no_text_is_refused() -> None:
-    with pytest.raises(UnknownName, match=r"None is no name of a role(.|\n)*robot"):
+def test_non_text_role_raises_unknown_name() -> None:
+    with pytest.raises(UnknownNameError, match=r"None is not the name of a role(.|\n)*robot"):
         Node(None, Config(factories={"robot": []}))  # type: ignore[arg-type]
 
 
@@ -46,14 +46,14 @@ def test_a_node_without_its_config_says_where_it_belongs() -> None:
         Node("robot", {"robot": []})  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("components", [PartFactory(), "abc", None])
+@pytest.mark.parametrize("components", [FunctionEndpointFactory(), "abc", None])
 def test_a_role_is_a_list_of_factories(components: Any) -> None:
     with pytest.raises(ConfigError, match=r"role 'robot'(.|\n)*a list"):
         Config(factories={"robot": components})
 
 
 def test_a_config_keeps_its_own_lists() -> None:
-    mine = [PartFactory()]
+    mine = [FunctionEndpointFactory()]
     config = Config(factories={"robot": mine})
     mine.clear()
     assert len(config.get("robot")) == 1
@@ -61,7 +61,7 @@ def test_a_config_keeps_its_own_lists() -> None:
 
 
 def test_an_unknown_role_names_the_nearest() -> None:
-    with pytest.raises(UnknownName, match="did you mean 'robot'"):
+    with pytest.raises(UnknownNameError, match="did you mean 'robot'"):
         Config(factories={"robot": []}).get("robto")
 
 
@@ -71,10 +71,10 @@ def test_only_debug_mode_profiles() -> None:
 
 
 def test_a_factory_keeps_its_own_reload_targets() -> None:
-    PartFactory().reload_targets.append(pytest)
-    assert PartFactory().reload_targets == []
+    FunctionEndpointFactory().reload_targets.append(pytest)
+    assert FunctionEndpointFactory().reload_targets == []
 
 
 def test_the_bounds_of_a_run_outlast_what_is_put_beside_its_components() -> None:
     config = Config(factories={"robot": []}, max_tasks_per_moment=7, stall_limit_s=3.0)
-    assert watched(config).bounds == config.bounds == {"max_tasks_per_moment": 7, "stall_limit_s": 3.0}
+    assert with_watch(config).bounds == config.bounds == {"max_tasks_per_moment": 7, "stall_limit_s": 3.0}

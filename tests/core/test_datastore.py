@@ -38,19 +38,19 @@ def test_a_page_that_is_really_called_prev_wins() -> None:
     assert data_of(store, "x_prev") == "mine"
 
 
-def test_what_was_asked_for_in_vain_is_remembered() -> None:
+def test_missed_keys_are_kept() -> None:
     store = store_of(1)
     assert store.get("y") is None
     assert list(store.missed) == ["y"]
 
 
-def test_asking_for_the_page_before_one_that_was_never_stored_is_remembered() -> None:
+def test_missed_previous_key_is_kept() -> None:
     store = store_of(1)
     assert store.get("y_prev") is None
     assert list(store.missed) == ["y"]
 
 
 @pytest.mark.parametrize("page", [None, 5, Page(5, 1, "n", 0.0), Page(["x"], 1, "n", 0.0)])  # type: ignore[arg-type]
-def test_what_is_no_page_is_refused(page: Any) -> None:
+def test_non_page_raises_task_error(page: Any) -> None:
     with pytest.raises(TaskError, match="page"):
         store_of(1).put(page)

@@ -7,8 +7,8 @@ from itertools import count
 import pytest
 
 from snr_sim import Config, Endpoint, EndpointFactory, Node, SimClock, Task, TaskType, WallClock, tasks
-from snr_sim.core.machine import DRAIN_GENERATIONS, DRAIN_MAX_S
-from snr_sim.testing.parts import PartFactory
+from snr_sim.core.machine import DRAIN_GENERATIONS, MAX_DRAIN_S
+from snr_sim.testing.function_components import FunctionEndpointFactory
 
 
 class CounterFactory(EndpointFactory):
@@ -46,7 +46,7 @@ class TickingClock:
         pass
 
 
-def test_a_task_that_asks_for_itself_is_cut_off_after_ten_generations() -> None:
+def test_self_scheduling_task_stops_after_ten_generations() -> None:
     factory = CounterFactory(asks_again=True)
     node = Node("test", Config(factories={"test": [factory]}))
     node.schedule([tasks.event("count"), tasks.terminate("done")])
@@ -60,12 +60,12 @@ def test_a_long_queue_on_the_wall_clock_does_not_hold_up_the_end() -> None:
     node = Node("test", Config(factories={"test": [factory]}), clock=TickingClock())
     node.schedule([*[tasks.event("count")] * 1000, tasks.terminate("done")])
     node.loop()
-    assert 1 <= factory.calls <= DRAIN_MAX_S / 0.1 + 2
+    assert 1 <= factory.calls <= MAX_DRAIN_S / 0.1 + 2
     assert any("tasks undone" in note for note in node.notes)
 
 
 @pytest.mark.parametrize("clock", [SimClock, WallClock, TickingClock])
-def test_a_node_that_is_to_finish_takes_its_time_for_what_is_queued_and_what_follows(clock: type) -> None:
+def test_finish_executes_queued_tasks_and_their_results(clock: type) -> None:
     """One is asked for ten times, each asks for another, and that for a third; then comes what is to end the node."""
     done: list[int] = []
 
@@ -75,7 +75,9 @@ def test_a_node_that_is_to_finish_takes_its_time_for_what_is_queued_and_what_fol
         return tasks.event("step", [generation + 1]) if generation < 3 else None
 
     first = [tasks.event("step", [1])] * 10
-    part = PartFactory({(TaskType.event, "step"): step}, begin=lambda it: it.schedule([*first, tasks.finish("enough")]))
+    part = FunctionEndpointFactory(
+        {(TaskType.event, "step"): step}, begin=lambda it: it.schedule([*first, tasks.finish("enough")])
+    )
     node = Node("r", Config(factories={"r": [part]}), clock=clock())
     node.loop()
     assert done == [1] * 10 + [2] * 10 + [3] * 10

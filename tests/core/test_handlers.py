@@ -20,7 +20,7 @@ from snr_sim import (
 )
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.task import TaskHandlerMap
-from snr_sim.testing.parts import Part, PartFactory
+from snr_sim.testing.function_components import FunctionEndpoint, FunctionEndpointFactory
 
 X = (TaskType.event, "x")
 Y = (TaskType.event, "y")
@@ -30,7 +30,7 @@ def new(task: Task, task_id: Any) -> SomeTasks:
     return tasks.terminate("new")
 
 
-CHANGES: dict[str, Callable[[Part], object]] = {
+CHANGES: dict[str, Callable[[FunctionEndpoint], object]] = {
     "set": lambda part: part.task_handlers.__setitem__(X, new),
     "delete": lambda part: part.task_handlers.__delitem__(X),
     "update": lambda part: part.task_handlers.update({X: new}),
@@ -49,8 +49,8 @@ REMOVES = {"delete", "pop", "popitem", "clear"}
 def test_a_component_that_changes_its_handlers_while_running_is_seen(change: str) -> None:
     called: list[str] = []
 
-    class Changing(PartFactory):
-        def get(self, parent: Node) -> Part:
+    class Changing(FunctionEndpointFactory):
+        def get(self, parent: Node) -> FunctionEndpoint:
             part = super().get(parent)
 
             def old(task: Task, task_id: Any) -> SomeTasks:
@@ -64,9 +64,9 @@ def test_a_component_that_changes_its_handlers_while_running_is_seen(change: str
             part.task_handlers = {Y: change_now, X: old}
             return part
 
-    end = PartFactory({(TaskType.event, "end"): lambda task, task_id: tasks.event("end2"),
+    end = FunctionEndpointFactory({(TaskType.event, "end"): lambda task, task_id: tasks.event("end2"),
                        (TaskType.event, "end2"): lambda task, task_id: tasks.terminate("end")}, "end")  # fmt: skip
-    start = PartFactory(name="start", begin=lambda part: part.schedule(Task(*X)))
+    start = FunctionEndpointFactory(name="start", begin=lambda part: part.schedule(Task(*X)))
     node = Node("r", Config(factories={"r": [Changing(), end, start]}), clock=SimClock())
     node.loop()
     if change in KEEPS_OLD:
@@ -74,7 +74,7 @@ def test_a_component_that_changes_its_handlers_while_running_is_seen(change: str
     else:
         assert called == ["old", "old"]
         assert node.exit_reason == ("end" if change in REMOVES else "new")
-    assert not [note for note in node.notes if "nobody sent" in note]  # tasks from before the change still count
+    assert not [note for note in node.notes if "never sent" in note]  # tasks from before the change still count
 
 
 class OfTheClass(Endpoint):
@@ -110,10 +110,10 @@ def test_handlers_of_the_class_are_methods_and_belong_to_each_object() -> None:
     assert second.count == 2
 
 
-def test_weakness_29_who_handles_a_task_is_looked_up_once_and_not_at_every_task() -> None:
+def test_weakness_29_handler_lookup_is_cached() -> None:
     looked: list[None] = []
 
-    class Watched(Part):
+    class Watched(FunctionEndpoint):
         @property
         def task_handlers(self) -> TaskHandlerMap:
             looked.append(None)
@@ -123,8 +123,8 @@ def test_weakness_29_who_handles_a_task_is_looked_up_once_and_not_at_every_task(
         def task_handlers(self, handlers: TaskHandlerMap) -> None:
             pass
 
-    class WatchedFactory(PartFactory):
-        def get(self, parent: Node) -> Part:
+    class WatchedFactory(FunctionEndpointFactory):
+        def get(self, parent: Node) -> FunctionEndpoint:
             return Watched(self, parent, self.name)
 
     turns: list[None] = []
@@ -133,7 +133,7 @@ def test_weakness_29_who_handles_a_task_is_looked_up_once_and_not_at_every_task(
         turns.append(None)
         return tasks.terminate("done") if len(turns) == 1000 else task
 
-    busy = PartFactory({X: again}, "busy", begin=lambda part: part.schedule(Task(*X)))
+    busy = FunctionEndpointFactory({X: again}, "busy", begin=lambda part: part.schedule(Task(*X)))
     others = [WatchedFactory(name=f"other{i}") for i in range(10)]
     Node("r", Config(factories={"r": [*others, busy]}), clock=SimClock()).loop()
     assert len(turns) == 1000
@@ -206,8 +206,8 @@ def test_a_wrong_handler_is_also_refused_when_it_is_added_later() -> None:
         node.components["mixer"].task_handlers["x", TaskType.event] = lambda task, task_id: None  # type: ignore[index]
 
 
-def test_an_endpoint_without_handlers_is_no_mistake() -> None:
-    node = Node("r", Config(factories={"r": [PartFactory()]}), clock=SimClock())
+def test_endpoint_without_handlers_is_accepted() -> None:
+    node = Node("r", Config(factories={"r": [FunctionEndpointFactory()]}), clock=SimClock())
     node.loop()
     assert node.notes == []
 
@@ -238,25 +238,27 @@ LATE_HANDLERS: list[list[Any]] = [
 
 
 @pytest.mark.parametrize("task_ids", LATE_HANDLERS)
-def test_what_is_known_of_handlers_grows_by_those_of_a_component_that_comes(task_ids: list[Any]) -> None:
+def test_added_component_appends_to_cached_handlers(task_ids: list[Any]) -> None:
     every = [Task(kind, name) for kind in TaskType for name in ("fly", "land", "add_component")]
-    parts = [PartFactory({TaskType.event: noop, TaskType.reload: noop, TaskType.process_data: noop}, "early")]
+    parts = [
+        FunctionEndpointFactory({TaskType.event: noop, TaskType.reload: noop, TaskType.process_data: noop}, "early")
+    ]
     node = Node("r", Config(factories={"r": parts}))
     lookup = node.machine.lookup
     for task in every:
         lookup.find(task)
-    node.registry.exchange(None, PartFactory(dict.fromkeys(task_ids, noop), "late").get(node))
+    node.registry.replace_component(None, FunctionEndpointFactory(dict.fromkeys(task_ids, noop), "late").get(node))
     grown = [[entry[2:] for entry in lookup.find(task)] for task in every]
     node.handlers_changed()
     assert grown == [[entry[2:] for entry in lookup.find(task)] for task in every]
 
 
-def test_a_component_that_comes_is_not_looked_for_among_all_others() -> None:
-    parts = [PartFactory({(TaskType.event, "fly"): noop}, f"part{i}") for i in range(5)]
+def test_added_component_keeps_cached_entries() -> None:
+    parts = [FunctionEndpointFactory({(TaskType.event, "fly"): noop}, f"part{i}") for i in range(5)]
     node = Node("r", Config(factories={"r": parts}))
     lookup, task = node.machine.lookup, tasks.event("fly")
     before = lookup.find(task)
-    node.registry.exchange(None, PartFactory({(TaskType.event, "fly"): noop}, "late").get(node))
+    node.registry.replace_component(None, FunctionEndpointFactory({(TaskType.event, "fly"): noop}, "late").get(node))
     assert all(one is other for one, other in zip(before, lookup.find(task), strict=False))
 
 

@@ -16,9 +16,9 @@ import pytest
 
 from snr_sim import Config, SimClock, SimRunner, SynchronousRunner, TaskType, TestRunner, tasks
 from snr_sim.core import interrupts
-from snr_sim.core.interrupts import Interrupted, orderly
-from snr_sim.prelude.errors import ComponentFailed
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.core.interrupts import RunInterrupted, graceful_shutdown
+from snr_sim.prelude.errors import ComponentFailedError
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 COUNT = 225  # fifteen of each kind
 HERE = Path(__file__).parent
@@ -42,16 +42,16 @@ def test_weakness_1_nodes_interrupted_at_random_moments_all_halt_in_order_and_so
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_that_comes_just_before_a_handler_falls_asleep_ends_the_run_all_the_same(
-    number: int, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_signal_just_before_sleep_ends_run(number: int, capfd: pytest.CaptureFixture[str]) -> None:
     """Python has set its flag but the sleep continues: as with `interrupt_main`, which does not wake a thread."""
 
     def sleeps(task: Any, task_id: Any) -> None:
         threading.Timer(0.05, _thread.interrupt_main, [number]).start()
         time.sleep(60)
 
-    worker = PartFactory({TaskType.event: sleeps}, "worker", begin=lambda part: part.schedule(tasks.event("work")))
+    worker = FunctionEndpointFactory(
+        {TaskType.event: sleeps}, "worker", begin=lambda part: part.schedule(tasks.event("work"))
+    )
     began_s = time.monotonic()
     runner = SynchronousRunner("r", Config(factories={"r": [worker]}))
     runner.run()
@@ -63,7 +63,7 @@ def test_a_signal_that_comes_just_before_a_handler_falls_asleep_ends_the_run_all
 
 
 @pytest.mark.slow
-def test_a_signal_to_a_copy_of_the_process_is_not_taken_for_ours() -> None:
+def test_signal_to_forked_child_does_not_end_parent() -> None:
     def fork_and_end(task: Any, task_id: Any) -> Any:
         pid = os.fork()
         if pid == 0:
@@ -74,7 +74,7 @@ def test_a_signal_to_a_copy_of_the_process_is_not_taken_for_ours() -> None:
         time.sleep(0.5)
         return tasks.terminate("by itself")
 
-    worker = PartFactory(
+    worker = FunctionEndpointFactory(
         {TaskType.event: fork_and_end}, "worker", begin=lambda part: part.schedule(tasks.event("work"))
     )
     runner = TestRunner(Config(factories={"test": [worker]}))
@@ -83,7 +83,7 @@ def test_a_signal_to_a_copy_of_the_process_is_not_taken_for_ours() -> None:
 
 
 @pytest.mark.slow
-def test_a_copy_of_the_process_that_lives_on_holds_up_no_end() -> None:
+def test_surviving_forked_child_does_not_delay_shutdown() -> None:
     copies: list[int] = []
 
     def fork(task: Any, task_id: Any) -> Any:
@@ -94,7 +94,9 @@ def test_a_copy_of_the_process_that_lives_on_holds_up_no_end() -> None:
         copies.append(pid)
         return tasks.terminate("by itself")
 
-    worker = PartFactory({TaskType.event: fork}, "worker", begin=lambda part: part.schedule(tasks.event("work")))
+    worker = FunctionEndpointFactory(
+        {TaskType.event: fork}, "worker", begin=lambda part: part.schedule(tasks.event("work"))
+    )
     began_s = time.monotonic()
     try:
         TestRunner(Config(factories={"test": [worker]})).run()
@@ -105,19 +107,19 @@ def test_a_copy_of_the_process_that_lives_on_holds_up_no_end() -> None:
             os.waitpid(pid, 0)
 
 
-def sends(*numbers: int) -> TickerFactory:
+def sends(*numbers: int) -> FunctionLoopFactory:
     def send(loop: Any) -> None:
         for number in numbers:
             signal.raise_signal(number)
 
-    return TickerFactory(send, "sender", 1.0)
+    return FunctionLoopFactory(send, "sender", 1.0)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_a_signal_is_a_terminate_task_whose_reason_is_its_name(name: str) -> None:
     log: list[str] = []
-    motor = PartFactory(
+    motor = FunctionEndpointFactory(
         {TaskType.terminate: lambda task, task_id: log.append(task.name)}, halt=lambda part: log.append("halt")
     )
     runner = TestRunner(Config(factories={"test": [motor, sends(getattr(signal, name))]}))
@@ -128,7 +130,7 @@ def test_a_signal_is_a_terminate_task_whose_reason_is_its_name(name: str) -> Non
 
 @pytest.mark.slow
 def test_a_signal_ends_all_nodes_of_a_simulated_run() -> None:
-    config = Config(factories={"a": [sends(signal.SIGINT)], "b": [TickerFactory()], "c": []})
+    config = Config(factories={"a": [sends(signal.SIGINT)], "b": [FunctionLoopFactory()], "c": []})
     runner = SimRunner(config, until_s=100.0)
     runner.run()
     assert runner.signals == ["SIGINT"]
@@ -136,15 +138,15 @@ def test_a_signal_ends_all_nodes_of_a_simulated_run() -> None:
 
 
 @pytest.mark.slow
-def test_what_is_queued_at_a_signal_is_still_finished() -> None:
+def test_signal_keeps_queued_tasks() -> None:
     handled: list[str] = []
-    listener = PartFactory({TaskType.event: lambda task, task_id: handled.append(task.name)})
+    listener = FunctionEndpointFactory({TaskType.event: lambda task, task_id: handled.append(task.name)})
 
     def bring(loop: Any) -> None:
         loop.schedule([tasks.event(name) for name in "abc"])
         signal.raise_signal(signal.SIGTERM)
 
-    TestRunner(Config(factories={"test": [listener, TickerFactory(bring)]})).run()
+    TestRunner(Config(factories={"test": [listener, FunctionLoopFactory(bring)]})).run()
     assert handled == ["a", "b", "c"]
 
 
@@ -157,18 +159,18 @@ def test_a_second_signal_interrupts_a_component_at_once() -> None:
         signal.raise_signal(signal.SIGTERM)
         halted.append("not reached")
 
-    spinner = PartFactory(
+    spinner = FunctionEndpointFactory(
         {TaskType.event: spin},
         begin=lambda part: part.schedule(tasks.event("go")),
         halt=lambda part: halted.append("halt"),
     )
-    with pytest.raises(Interrupted, match="component 'part' did not return"):
+    with pytest.raises(RunInterrupted, match="component 'part' did not return"):
         TestRunner(Config(factories={"test": [spinner]})).run()
     assert halted == ["halt"]
 
 
 @pytest.mark.slow
-def test_no_number_of_signals_keeps_motors_from_being_stopped() -> None:
+def test_repeated_signals_do_not_prevent_halt() -> None:
     halted: list[str] = []
 
     def stop_motor(part: Any) -> None:
@@ -176,22 +178,22 @@ def test_no_number_of_signals_keeps_motors_from_being_stopped() -> None:
             signal.raise_signal(number)
         halted.append(part.name)
 
-    motors = [PartFactory(name=name, halt=stop_motor) for name in "abc"]
+    motors = [FunctionEndpointFactory(name=name, halt=stop_motor) for name in "abc"]
     TestRunner(Config(factories={"test": [*motors, sends(signal.SIGINT)]})).run()
     assert halted == ["a", "b", "c"]
 
 
 @pytest.mark.wall_clock
-def test_a_halt_has_its_own_time_however_long_others_took(monkeypatch: pytest.MonkeyPatch) -> None:
-    patience_s = 1.0
-    monkeypatch.setattr(interrupts, "PATIENCE_S", patience_s)
+def test_halt_timeout_is_per_component(monkeypatch: pytest.MonkeyPatch) -> None:
+    grace_period_s = 1.0
+    monkeypatch.setattr(interrupts, "GRACE_PERIOD_S", grace_period_s)
     halted: list[str] = []
 
     def stop_slowly(part: Any) -> None:
-        time.sleep(0.4 * patience_s)  # so that a busy computer has as much again
+        time.sleep(0.4 * grace_period_s)  # so that a busy computer has as much again
         halted.append(part.name)
 
-    motors = [PartFactory(name=name, halt=stop_slowly) for name in "abc"]
+    motors = [FunctionEndpointFactory(name=name, halt=stop_slowly) for name in "abc"]
     TestRunner(Config(factories={"test": [*motors, sends(signal.SIGINT)]})).run()
     assert halted == ["a", "b", "c"]
 
@@ -205,9 +207,12 @@ def test_a_halt_that_never_returns_does_not_keep_others_from_being_halted() -> N
         while True:
             pass
 
-    parts = [PartFactory(name="stuck", halt=spin), PartFactory(name="motor", halt=lambda part: halted.append("motor"))]
+    parts = [
+        FunctionEndpointFactory(name="stuck", halt=spin),
+        FunctionEndpointFactory(name="motor", halt=lambda part: halted.append("motor")),
+    ]
     start_s = time.monotonic()
-    with pytest.raises(ComponentFailed, match="component 'stuck' did not return"):
+    with pytest.raises(ComponentFailedError, match="component 'stuck' did not return"):
         TestRunner(Config(factories={"test": [*parts, sends(signal.SIGINT)]})).run()
     assert halted == ["stuck", "motor"]
     assert time.monotonic() - start_s < 1.0
@@ -222,13 +227,13 @@ def test_a_component_that_never_returns_is_interrupted_where_it_is_and_named() -
         while True:
             pass
 
-    spinner = PartFactory(
+    spinner = FunctionEndpointFactory(
         {TaskType.event: spin},
         "spinner",
         begin=lambda part: part.schedule(tasks.event("go")),
         halt=lambda part: halted.append("spinner"),
     )
-    with pytest.raises(Interrupted, match="component 'spinner' did not return"):
+    with pytest.raises(RunInterrupted, match="component 'spinner' did not return"):
         TestRunner(Config(factories={"test": [spinner]})).run()
     assert halted == ["spinner"]
 
@@ -246,14 +251,16 @@ def test_a_plant_that_never_returns_is_interrupted_too() -> None:
                 pass
 
     clock.follow(hang)
-    config = Config(factories={"a": [TickerFactory(), PartFactory(halt=lambda part: halted.append("part"))]})
-    with pytest.raises(Interrupted, match="the plant"):
+    config = Config(
+        factories={"a": [FunctionLoopFactory(), FunctionEndpointFactory(halt=lambda part: halted.append("part"))]}
+    )
+    with pytest.raises(RunInterrupted, match="the plant"):
         SimRunner(config, clock=clock).run()
     assert halted == ["part"]
 
 
 @pytest.mark.slow
-def test_afterwards_signals_mean_what_they_meant_before() -> None:
+def test_signal_handlers_are_restored_after_run() -> None:
     watched = [signal.SIGINT, signal.SIGTERM, signal.SIGALRM]
     before = [signal.getsignal(number) for number in watched]
     TestRunner(Config(factories={"test": [sends(signal.SIGINT)]})).run()
@@ -266,9 +273,12 @@ def test_in_another_thread_than_the_main_one_a_run_works_without_signals() -> No
     results: list[Any] = []
 
     def run() -> None:
-        with orderly([]) as caught:
+        with graceful_shutdown([]) as caught:
             runner = SynchronousRunner(
-                "r", Config(factories={"r": [PartFactory(begin=lambda part: part.schedule(tasks.terminate("x")))]})
+                "r",
+                Config(
+                    factories={"r": [FunctionEndpointFactory(begin=lambda part: part.schedule(tasks.terminate("x")))]}
+                ),
             )
             runner.run()
             results.extend([caught, runner.node.exit_reason])

@@ -13,8 +13,8 @@ import pytest
 
 from snr_sim import Config, Node
 from snr_sim.core import last_resort
-from snr_sim.core.last_resort import FILES_S, STUCK_S, LastResort, at_once
-from snr_sim.testing.parts import PartFactory
+from snr_sim.core.last_resort import FILES_S, STUCK_S, LastResort, run_in_parallel
+from snr_sim.testing.function_components import FunctionEndpointFactory
 
 HERE = Path(__file__).parent
 STATUS = {"halt": 130, "lock step, another loop": 130}
@@ -42,9 +42,7 @@ def ended(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         "lock step, another loop",
     ],
 )
-def test_what_swallows_every_interrupt_is_ended_with_the_process_and_motors_halted(
-    ended: dict[str, Any], kind: str
-) -> None:
+def test_swallowed_interrupts_end_process_with_motors_halted(ended: dict[str, Any], kind: str) -> None:
     row = ended[kind]
     assert row["status"] == STATUS.get(kind, 143), row
     assert row["is_halted"], row
@@ -54,59 +52,59 @@ def test_what_swallows_every_interrupt_is_ended_with_the_process_and_motors_halt
     assert row["took_s"] < 20.0  # most of them 2.3 s
 
 
-class Look(LastResort):
+class Check(LastResort):
     """Looks at a run at given moments, and ends no process."""
 
     ended_s: float | None = None
 
-    def _end_process(self, why: str, status: int) -> None:
+    def _end_process(self, reason: str, status: int) -> None:
         self.ended_s = self.ended_s or last_resort.time.monotonic()
 
 
 @pytest.fixture
-def looks(monkeypatch: pytest.MonkeyPatch) -> Callable[[Node, Callable[[float], None]], float | None]:
+def checks(monkeypatch: pytest.MonkeyPatch) -> Callable[[Node, Callable[[float], None]], float | None]:
     """Return a function that polls a node for 30 s after a signal, and returns when the process was ended."""
 
-    def look(node: Node, at: Callable[[float], None]) -> float | None:
-        watch = Look([node], 0)
+    def check(node: Node, at: Callable[[float], None]) -> float | None:
+        watch = Check([node], 0)
         for moment in range(300):
             now_s = 0.1 * moment
             monkeypatch.setattr(last_resort.time, "monotonic", partial(float, now_s))
             at(now_s)
-            watch.look("SIGTERM", 143)
+            watch.check("SIGTERM", 143)
         return watch.ended_s
 
-    return look
+    return check
 
 
-def test_a_component_that_does_not_return_has_two_seconds(looks: Any) -> None:
-    node = Node("r", Config(factories={"r": [PartFactory()]}))
+def test_a_component_that_does_not_return_has_two_seconds(checks: Any) -> None:
+    node = Node("r", Config(factories={"r": [FunctionEndpointFactory()]}))
     node.machine.running = node.components["part"]
-    assert looks(node, lambda now_s: None) == pytest.approx(STUCK_S)
+    assert checks(node, lambda now_s: None) == pytest.approx(STUCK_S)
 
 
-def test_components_that_return_one_after_the_other_have_their_time(looks: Any) -> None:
-    parts = [PartFactory(name=f"part{i}") for i in range(20)]
+def test_components_that_return_one_after_the_other_have_their_time(checks: Any) -> None:
+    parts = [FunctionEndpointFactory(name=f"part{i}") for i in range(20)]
     node = Node("r", Config(factories={"r": parts}))
 
     def run_next(now_s: float) -> None:
         node.machine.running = node.components[f"part{min(int(now_s / 1.5), 19)}"]
 
-    assert looks(node, run_next) is None
+    assert checks(node, run_next) is None
 
 
-def test_files_that_are_written_to_a_slow_disk_have_ten_seconds(looks: Any) -> None:
-    node = Node("r", Config(factories={"r": [PartFactory()]}))
+def test_files_that_are_written_to_a_slow_disk_have_ten_seconds(checks: Any) -> None:
+    node = Node("r", Config(factories={"r": [FunctionEndpointFactory()]}))
     node.end("by a signal")
-    assert looks(node, lambda now_s: None) == pytest.approx(FILES_S)
+    assert checks(node, lambda now_s: None) == pytest.approx(FILES_S)
 
 
 @pytest.mark.slow
-def test_a_step_that_hangs_keeps_no_other_from_being_taken() -> None:
+def test_hanging_step_does_not_block_other_steps() -> None:
     taken: list[str] = []
 
     def fail() -> None:
         raise ValueError
 
-    at_once([lambda: last_resort.time.sleep(5.0), fail, lambda: taken.append("neutral")], 0.3)
+    run_in_parallel([lambda: last_resort.time.sleep(5.0), fail, lambda: taken.append("neutral")], 0.3)
     assert taken == ["neutral"]

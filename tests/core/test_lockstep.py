@@ -9,21 +9,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from snr_sim import Config, Node, SimClock, SomeTasks, Task, TaskType, WallClock, tasks
-from snr_sim.core.lockstep import NOTHING_LEFT, TIME_LIMIT, LockStep
-from snr_sim.prelude.errors import ClockError, ComponentFailed
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.core.lockstep import NO_MORE_EVENTS, TIME_LIMIT, LockStep
+from snr_sim.prelude.errors import ClockError, ComponentFailedError
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 
 def node_of(*factories: Any, role: str = "r", clock: SimClock | None = None) -> Node:
     return Node(role, Config(factories={role: list(factories)}), clock=clock or SimClock())
 
 
-def ender(after_s: float) -> TickerFactory:
+def ender(after_s: float) -> FunctionLoopFactory:
     def end(loop: Any) -> None:
         if loop.get_time_s() >= after_s:
             loop.schedule(tasks.terminate("done"))
 
-    return TickerFactory(end, "ender", 1.0)
+    return FunctionLoopFactory(end, "ender", 1.0)
 
 
 @given(st.floats(0.5, 2000.0))
@@ -35,7 +35,7 @@ def test_tick_k_comes_at_exactly_k_over_the_rate(rate_hz: float) -> None:
         if len(times) == 300:
             loop.stop()
 
-    node_of(TickerFactory(tick, rate_hz=rate_hz)).loop()
+    node_of(FunctionLoopFactory(tick, rate_hz=rate_hz)).loop()
     assert times == [k / rate_hz for k in range(300)]
     exact = Fraction(299) / Fraction(rate_hz)
     assert abs(Fraction(times[-1]) - exact) <= exact * Fraction(2) ** -52  # no drift: rounded once
@@ -43,7 +43,7 @@ def test_tick_k_comes_at_exactly_k_over_the_rate(rate_hz: float) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("clock", [SimClock, WallClock])
-def test_a_loop_may_say_itself_when_its_next_tick_is_to_come(clock: type) -> None:
+def test_next_tick_at_s_sets_next_tick(clock: type) -> None:
     moments_s = [0.0, 0.001, 0.01, 0.01, 0.05]
     came: list[float] = []
 
@@ -55,10 +55,10 @@ def test_a_loop_may_say_itself_when_its_next_tick_is_to_come(clock: type) -> Non
         else:
             loop.next_tick_at_s = moments_s[len(came)]
 
-    Node("r", Config(factories={"r": [TickerFactory(tick, rate_hz=1)]}), clock=clock()).loop()
+    Node("r", Config(factories={"r": [FunctionLoopFactory(tick, rate_hz=1)]}), clock=clock()).loop()
     if clock is SimClock:
         assert came == moments_s
-    assert all(came_s >= wanted_s for came_s, wanted_s in zip(came, moments_s, strict=True))
+    assert all(came_s >= expected_s for came_s, expected_s in zip(came, moments_s, strict=True))
     assert len(came) == 5
 
 
@@ -69,34 +69,34 @@ def test_work_in_a_tick_does_not_slow_a_loop_down() -> None:
         ticks.append(loop.get_time_s())
         sum(range(10_000))
 
-    node_of(TickerFactory(work, rate_hz=100), ender(2.0)).loop()
+    node_of(FunctionLoopFactory(work, rate_hz=100), ender(2.0)).loop()
     assert len(ticks) == 201
 
 
-def test_equal_moments_of_different_rates_meet_and_go_in_component_order() -> None:
+def test_ticks_at_equal_instants_run_in_component_order() -> None:
     log: list[tuple[float, str]] = []
 
-    def says(name: str) -> Any:
+    def logs(name: str) -> Any:
         return lambda loop: log.append((loop.get_time_s(), name))
 
-    loops = [TickerFactory(says(name), name, rate) for name, rate in (("slow", 10), ("fast", 30), ("mid", 20))]
+    loops = [FunctionLoopFactory(logs(name), name, rate) for name, rate in (("slow", 10), ("fast", 30), ("mid", 20))]
     node_of(*loops, ender(1.0)).loop()
-    meeting = [name for moment, name in log if moment == 0.5]
-    assert meeting == ["slow", "fast", "mid"]
+    order = [name for moment, name in log if moment == 0.5]
+    assert order == ["slow", "fast", "mid"]
     assert [name for moment, name in log if moment == 1.0] == ["slow", "fast", "mid"]
 
 
-def test_what_a_loop_brings_is_worked_off_before_the_next_loop_of_the_same_moment() -> None:
+def test_inputs_of_loop_are_executed_before_next_loop_of_same_instant() -> None:
     log: list[str] = []
-    listener = PartFactory({TaskType.event: lambda task, task_id: log.append(f"handle {task.name}")})
+    listener = FunctionEndpointFactory({TaskType.event: lambda task, task_id: log.append(f"handle {task.name}")})
 
-    def brings(name: str) -> TickerFactory:
+    def brings(name: str) -> FunctionLoopFactory:
         def bring(loop: Any) -> None:
             log.append(f"tick {name}")
             loop.schedule(tasks.event(name))
             loop.stop()
 
-        return TickerFactory(bring, name)
+        return FunctionLoopFactory(bring, name)
 
     node_of(brings("a"), brings("b"), listener).loop()
     assert log == ["tick a", "handle a", "tick b", "handle b"]
@@ -104,20 +104,20 @@ def test_what_a_loop_brings_is_worked_off_before_the_next_loop_of_the_same_momen
 
 def test_an_unlimited_loop_runs_at_1000_hz_so_that_time_can_move() -> None:
     ticks: list[float] = []
-    node_of(TickerFactory(lambda loop: ticks.append(loop.get_time_s()), rate_hz=0), ender(1.0)).loop()
+    node_of(FunctionLoopFactory(lambda loop: ticks.append(loop.get_time_s()), rate_hz=0), ender(1.0)).loop()
     assert ticks[:3] == [0.0, 0.001, 0.002]
 
 
 def test_a_run_ends_when_nothing_is_due_any_more() -> None:
-    node = node_of(TickerFactory(lambda loop: loop.stop()))
+    node = node_of(FunctionLoopFactory(lambda loop: loop.stop()))
     node.loop()
-    assert node.exit_reason == NOTHING_LEFT
+    assert node.exit_reason == NO_MORE_EVENTS
 
 
 def test_a_run_ends_at_its_time_limit_inclusive() -> None:
     times: list[float] = []
     clock = SimClock()
-    node = node_of(TickerFactory(lambda loop: times.append(loop.get_time_s()), rate_hz=10), clock=clock)
+    node = node_of(FunctionLoopFactory(lambda loop: times.append(loop.get_time_s()), rate_hz=10), clock=clock)
     LockStep([node], clock, until_s=0.5).run()
     assert node.exit_reason == TIME_LIMIT
     assert times[-1] == 0.5
@@ -127,8 +127,10 @@ def test_a_handler_that_sleeps_is_refused_under_the_virtual_clock() -> None:
     def doze(task: Task, task_id: Any) -> None:
         node.clock.sleep_until(node.clock.now_s() + 1.0)
 
-    node = node_of(PartFactory({TaskType.event: doze}, begin=lambda part: part.schedule(tasks.event("doze"))))
-    with pytest.raises(ComponentFailed, match=r"slept until 1.000 s(.|\n)*max_tick_rate_hz"):
+    node = node_of(
+        FunctionEndpointFactory({TaskType.event: doze}, begin=lambda part: part.schedule(tasks.event("doze")))
+    )
+    with pytest.raises(ComponentFailedError, match=r"slept until 1.000 s(.|\n)*max_tick_rate_hz"):
         node.loop()
 
 
@@ -161,7 +163,9 @@ def test_a_plant_that_fails_still_lets_the_nodes_be_halted() -> None:
         raise ValueError("physics")
 
     clock.follow(explode)
-    node = node_of(TickerFactory(rate_hz=10), PartFactory(halt=lambda part: halted.append("part")), clock=clock)
+    node = node_of(
+        FunctionLoopFactory(rate_hz=10), FunctionEndpointFactory(halt=lambda part: halted.append("part")), clock=clock
+    )
     with pytest.raises(ValueError, match="physics"):
         node.loop()
     assert halted == ["part"]
@@ -175,8 +179,8 @@ def test_time_is_the_same_all_through_a_task_and_moves_between_ticks_only() -> N
         return tasks.event("again") if len(seen) % 3 else None
 
     node = node_of(
-        PartFactory({TaskType.event: look}),
-        TickerFactory(lambda loop: loop.schedule(tasks.event("x")), rate_hz=4),
+        FunctionEndpointFactory({TaskType.event: look}),
+        FunctionLoopFactory(lambda loop: loop.schedule(tasks.event("x")), rate_hz=4),
         ender(0.9),
     )
     node.loop()
@@ -185,7 +189,7 @@ def test_time_is_the_same_all_through_a_task_and_moves_between_ticks_only() -> N
 
 def test_a_paced_run_takes_as_long_as_it_should() -> None:
     clock = SimClock()
-    node = node_of(TickerFactory(rate_hz=100), clock=clock)
+    node = node_of(FunctionLoopFactory(rate_hz=100), clock=clock)
     start_s = time.monotonic()
     LockStep([node], clock, pace=10.0, until_s=1.0).run()
     assert 0.1 <= time.monotonic() - start_s < 0.5  # 1 s at the speed of the world
@@ -196,7 +200,7 @@ def test_two_nodes_share_one_time_and_one_that_ends_does_not_end_the_other() -> 
     ticks: dict[str, list[float]] = {"a": [], "b": []}
     nodes = [
         node_of(
-            TickerFactory(lambda loop, role=role: ticks[role].append(loop.get_time_s()), rate_hz=10),
+            FunctionLoopFactory(lambda loop, role=role: ticks[role].append(loop.get_time_s()), rate_hz=10),
             ender(until_s),
             role=role,
             clock=clock,
@@ -216,10 +220,12 @@ def test_a_failure_in_one_node_halts_all() -> None:
         raise ValueError("sensor fell off")
 
     nodes = [
-        node_of(PartFactory(halt=lambda part, role=role: halted.append(role)), *extra, role=role, clock=clock)
-        for role, extra in (("a", []), ("b", [TickerFactory(fail)]), ("c", []))
+        node_of(
+            FunctionEndpointFactory(halt=lambda part, role=role: halted.append(role)), *extra, role=role, clock=clock
+        )
+        for role, extra in (("a", []), ("b", [FunctionLoopFactory(fail)]), ("c", []))
     ]
-    with pytest.raises(ComponentFailed, match="sensor fell off"):
+    with pytest.raises(ComponentFailedError, match="sensor fell off"):
         LockStep(nodes, clock).run()
     assert halted == ["a", "b", "c"]
 
@@ -229,7 +235,7 @@ def test_student_code_gives_the_same_pages_in_lock_step_and_on_threads() -> None
     def pages(clock: Any) -> list[Any]:
         stored: list[Any] = []
 
-        class Doubler(PartFactory):
+        class Doubler(FunctionEndpointFactory):
             def get(self, parent: Node) -> Any:
                 part = super().get(parent)
 
@@ -248,7 +254,7 @@ def test_student_code_gives_the_same_pages_in_lock_step_and_on_threads() -> None
                 loop.store_data("x", value)
                 return
 
-        node = Node("r", Config(factories={"r": [Doubler(), TickerFactory(bring, rate_hz=500)]}), clock=clock)
+        node = Node("r", Config(factories={"r": [Doubler(), FunctionLoopFactory(bring, rate_hz=500)]}), clock=clock)
         node.loop()
         return [*stored, node.get_data("y"), node.exit_reason]
 

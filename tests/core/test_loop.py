@@ -1,4 +1,4 @@
-"""A loop's rate and backing may be class attributes, and are checked when the loop is created."""
+"""A loop's rate and executor may be class attributes, and are checked when the loop is created."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Slow(Loop):
 
 
 class SlowInAProcess(Slow):
-    backing = "process"
+    executor = "process"
 
 
 class LoopOf(LoopFactory):
@@ -52,7 +52,7 @@ def test_a_rate_in_the_class_is_checked(rate: Any) -> None:
         ticks_in_two_seconds(LoopOf(wrong))
 
 
-def test_an_unknown_backing_is_refused_in_lock_step_too_with_the_nearest_word() -> None:
-    wrong = type("Wrong", (Slow,), {"backing": "proces"})
+def test_unknown_executor_raises_in_lock_step_with_suggestion() -> None:
+    wrong = type("Wrong", (Slow,), {"executor": "proces"})
     with pytest.raises(ParameterError, match="did you mean 'process'"):
         ticks_in_two_seconds(LoopOf(wrong))

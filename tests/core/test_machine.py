@@ -9,14 +9,16 @@ import pytest
 
 from snr_sim import Config, Mode, Node, Page, SimClock, SomeTasks, Task, TaskType, WallClock, tasks
 from snr_sim.core.endpoint import Endpoint
-from snr_sim.prelude.errors import ComponentFailed
-from snr_sim.testing.parts import PartFactory, TickerFactory
-from snr_sim.testing.witness import Witness
+from snr_sim.prelude.errors import ComponentFailedError
+from snr_sim.testing.fake_recorder import FakeRecorder
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 MACHINES = {
     "bare": lambda factories: Node("r", Config(factories={"r": factories}), clock=SimClock()),
     "on the wall clock": lambda factories: Node("r", Config(factories={"r": factories}), clock=WallClock()),
-    "recorded": lambda factories: Node("r", Config(factories={"r": factories}), clock=SimClock(), recorder=Witness()),
+    "recorded": lambda factories: Node(
+        "r", Config(factories={"r": factories}), clock=SimClock(), recorder=FakeRecorder()
+    ),
     "profiled": lambda factories: Node("r", Config(Mode.DEBUG, {"r": factories}), clock=SimClock()),
 }
 Make = Callable[[list[Any]], Node]
@@ -27,15 +29,15 @@ def make(request: pytest.FixtureRequest) -> Make:
     return MACHINES[request.param]
 
 
-def listener(heard: list[str], name: str = "listener") -> PartFactory:
-    def hear(task: Task, task_id: Any) -> None:
-        heard.append(task.name)
+def listener(received: list[str], name: str = "listener") -> FunctionEndpointFactory:
+    def on_event(task: Task, task_id: Any) -> None:
+        received.append(task.name)
 
-    return PartFactory({TaskType.event: hear}, name)
+    return FunctionEndpointFactory({TaskType.event: on_event}, name)
 
 
-def starts_with(*first: Task) -> PartFactory:
-    return PartFactory(name="starter", begin=lambda part: part.schedule(list(first)))
+def starts_with(*first: Task) -> FunctionEndpointFactory:
+    return FunctionEndpointFactory(name="starter", begin=lambda part: part.schedule(list(first)))
 
 
 def events(names: Iterable[str]) -> list[Task]:
@@ -48,37 +50,49 @@ def run(node: Node) -> Node:
 
 
 def test_weakness_3_events_are_handled_in_the_order_they_were_scheduled(make: Make) -> None:
-    heard: list[str] = []
-    on_last = PartFactory({(TaskType.event, "e5"): lambda task, task_id: tasks.terminate("done")})
-    run(make([listener(heard), starts_with(*events(["e1", "e2", "e3", "e4", "e5"])), on_last]))
-    assert heard == ["e1", "e2", "e3", "e4", "e5"]
+    received: list[str] = []
+    on_last = FunctionEndpointFactory({(TaskType.event, "e5"): lambda task, task_id: tasks.terminate("done")})
+    run(make([listener(received), starts_with(*events(["e1", "e2", "e3", "e4", "e5"])), on_last]))
+    assert received == ["e1", "e2", "e3", "e4", "e5"]
 
 
-def test_weakness_2_an_event_that_reschedules_itself_starves_nobody(make: Make) -> None:
+def test_weakness_2_self_scheduling_event_does_not_starve_others(make: Make) -> None:
     turns = []
 
     def again(task: Task, task_id: Any) -> Task:
         turns.append(task)
         return task
 
-    quitter = PartFactory({(TaskType.event, "quit"): lambda task, task_id: tasks.terminate("done")}, "quitter")
-    run(make([PartFactory({(TaskType.event, "again"): again}), quitter, starts_with(*events(["again", "quit"]))]))
+    quitter = FunctionEndpointFactory(
+        {(TaskType.event, "quit"): lambda task, task_id: tasks.terminate("done")}, "quitter"
+    )
+    run(
+        make(
+            [
+                FunctionEndpointFactory({(TaskType.event, "again"): again}),
+                quitter,
+                starts_with(*events(["again", "quit"])),
+            ]
+        )
+    )
     assert len(turns) < 20
 
 
 def test_terminate_passes_everything_that_is_queued(make: Make) -> None:
-    heard: list[str] = []
-    stop = PartFactory({(TaskType.event, "stop"): lambda task, task_id: tasks.terminate("stop")}, "stopper")
+    received: list[str] = []
+    stop = FunctionEndpointFactory({(TaskType.event, "stop"): lambda task, task_id: tasks.terminate("stop")}, "stopper")
     count_at_end: list[int] = []
-    at_end = PartFactory({TaskType.terminate: lambda task, task_id: count_at_end.append(len(heard))}, "at_end")
-    run(make([listener(heard), stop, at_end, starts_with(*events(["stop", *"abcdef"]))]))
+    at_end = FunctionEndpointFactory(
+        {TaskType.terminate: lambda task, task_id: count_at_end.append(len(received))}, "at_end"
+    )
+    run(make([listener(received), stop, at_end, starts_with(*events(["stop", *"abcdef"]))]))
     assert count_at_end == [1]
 
 
 @pytest.mark.slow
-def test_a_terminate_task_from_another_thread_ends_a_node_that_is_busy_for_ever() -> None:
+def test_terminate_from_other_thread_ends_busy_node() -> None:
     node = MACHINES["on the wall clock"](
-        [PartFactory({TaskType.event: lambda task, task_id: task}), starts_with(tasks.event("again"))]
+        [FunctionEndpointFactory({TaskType.event: lambda task, task_id: task}), starts_with(tasks.event("again"))]
     )
     threading.Timer(0.02, lambda: node.schedule(tasks.terminate("enough"))).start()
     node.loop()
@@ -87,25 +101,25 @@ def test_a_terminate_task_from_another_thread_ends_a_node_that_is_busy_for_ever(
 
 
 def test_all_handlers_of_a_task_run_before_anything_they_returned(make: Make) -> None:
-    heard: list[str] = []
+    received: list[str] = []
 
-    def says(name: str) -> Callable[[Task, Any], SomeTasks]:
+    def handler_of(name: str) -> Callable[[Task, Any], SomeTasks]:
         def handler(task: Task, task_id: Any) -> list[Task]:
-            heard.append(f"{name} runs")
+            received.append(f"{name} runs")
             return events([f"{name}1", f"{name}2"])
 
         return handler
 
-    parts = [PartFactory({(TaskType.event, "go"): says(name)}, name) for name in ("a", "b")]
-    done = PartFactory({(TaskType.event, "b2"): lambda task, task_id: tasks.terminate("done")}, "done")
-    run(make([*parts, listener(heard), done, starts_with(tasks.event("go"))]))
-    assert heard == ["a runs", "b runs", "go", "a1", "a2", "b1", "b2"]
+    parts = [FunctionEndpointFactory({(TaskType.event, "go"): handler_of(name)}, name) for name in ("a", "b")]
+    done = FunctionEndpointFactory({(TaskType.event, "b2"): lambda task, task_id: tasks.terminate("done")}, "done")
+    run(make([*parts, listener(received), done, starts_with(tasks.event("go"))]))
+    assert received == ["a runs", "b runs", "go", "a1", "a2", "b1", "b2"]
 
 
-def test_what_a_handler_schedules_comes_before_what_it_returns(make: Make) -> None:
-    heard: list[str] = []
+def test_scheduled_tasks_precede_returned_tasks(make: Make) -> None:
+    received: list[str] = []
 
-    class Both(PartFactory):
+    class Both(FunctionEndpointFactory):
         def get(self, parent: Node) -> Any:
             part = super().get(parent)
 
@@ -116,8 +130,8 @@ def test_what_a_handler_schedules_comes_before_what_it_returns(make: Make) -> No
             part.task_handlers = {(TaskType.event, "go"): go}
             return part
 
-    run(make([Both(), listener(heard), starts_with(tasks.event("go"))]))
-    assert heard == ["go", "scheduled", "returned"]
+    run(make([Both(), listener(received), starts_with(tasks.event("go"))]))
+    assert received == ["go", "scheduled", "returned"]
 
 
 def test_of_one_component_the_handler_of_the_exact_name_runs_and_no_other(make: Make) -> None:
@@ -130,7 +144,7 @@ def test_of_one_component_the_handler_of_the_exact_name_runs_and_no_other(make: 
         called.append(f"general {task_id}")
         return tasks.terminate("done")
 
-    part = PartFactory({TaskType.event: general, (TaskType.event, "x"): exact})
+    part = FunctionEndpointFactory({TaskType.event: general, (TaskType.event, "x"): exact})
     run(make([part, starts_with(*events(["x", "y"]))]))
     assert called == ["exact (<TaskType.event: 'event'>, 'x')", "general event"]
 
@@ -138,9 +152,10 @@ def test_of_one_component_the_handler_of_the_exact_name_runs_and_no_other(make: 
 def test_components_handle_a_task_in_the_order_of_the_config(make: Make) -> None:
     called: list[str] = []
     parts = [
-        PartFactory({TaskType.event: lambda task, task_id, name=name: called.append(name)}, name) for name in "cab"
+        FunctionEndpointFactory({TaskType.event: lambda task, task_id, name=name: called.append(name)}, name)
+        for name in "cab"
     ]
-    end = PartFactory({TaskType.event: lambda task, task_id: tasks.terminate("done")}, "end")
+    end = FunctionEndpointFactory({TaskType.event: lambda task, task_id: tasks.terminate("done")}, "end")
     run(make([*parts, end, starts_with(tasks.event("x"))]))
     assert called == ["c", "a", "b"]
 
@@ -162,14 +177,14 @@ class Reader(Endpoint):
         self.seen.append((task.type.value, self.get_data("x"), self.get_data("x_prev")))
 
 
-class ReaderFactory(PartFactory):
+class ReaderFactory(FunctionEndpointFactory):
     def get(self, parent: Node) -> Any:
         return Reader(self, parent, "reader")
 
 
-def test_handlers_of_store_page_see_the_new_page_and_process_data_follows_if_asked_for(make: Make) -> None:
+def test_store_page_handlers_get_new_page_before_process_data(make: Make) -> None:
     # Page 2 is stored before page 1 is processed.
-    end = PartFactory(
+    end = FunctionEndpointFactory(
         {(TaskType.event, "end"): lambda task, task_id: tasks.event("end2"),
          (TaskType.event, "end2"): lambda task, task_id: tasks.terminate("done")}
     )  # fmt: skip
@@ -208,7 +223,7 @@ def stores(key: str, values: Iterable[Any], process: bool = True) -> list[Task]:
     return [Task.store_page(Page(key, value, "r_node", 0.0, process)) for value in values]
 
 
-class SamplerFactory(PartFactory):
+class SamplerFactory(FunctionEndpointFactory):
     def get(self, parent: Node) -> Any:
         return Sampler(self, parent, "sampler")
 
@@ -228,7 +243,7 @@ def test_get_data_in_a_handler_of_anything_else_gives_the_newest_page(make: Make
 
 
 @pytest.mark.slow
-def test_get_data_on_another_thread_gives_the_newest_page_while_an_older_one_is_processed() -> None:
+def test_get_data_on_other_thread_returns_newest_page() -> None:
     seen: list[Any] = []
 
     def on_x(task: Task, task_id: Any) -> None:
@@ -236,7 +251,9 @@ def test_get_data_on_another_thread_gives_the_newest_page_while_an_older_one_is_
         reader.start()
         reader.join()
 
-    node = MACHINES["bare"]([PartFactory({(TaskType.process_data, "x"): on_x}), starts_with(*stores("x", range(3)))])
+    node = MACHINES["bare"](
+        [FunctionEndpointFactory({(TaskType.process_data, "x"): on_x}), starts_with(*stores("x", range(3)))]
+    )
     part: Any = node.components["part"]
     run(node)
     assert seen == [2, 2, 2]
@@ -248,7 +265,7 @@ def test_a_process_data_task_without_a_page_is_of_the_newest_one(make: Make) -> 
     def on_x(task: Task, task_id: Any) -> None:
         seen.append((task.page and task.page.data, part.get_data("x"), part.get_data("x_prev")))
 
-    factory = PartFactory({(TaskType.process_data, "x"): on_x})
+    factory = FunctionEndpointFactory({(TaskType.process_data, "x"): on_x})
     node = make(
         [factory, starts_with(*stores("x", (1, 2), process=False), tasks.process_data("x"), tasks.finish("done"))]
     )
@@ -259,7 +276,9 @@ def test_a_process_data_task_without_a_page_is_of_the_newest_one(make: Make) -> 
 
 def test_the_age_in_a_handler_is_that_of_the_page_that_is_processed() -> None:
     ages: list[float] = []
-    factory = PartFactory({(TaskType.process_data, "x"): lambda task, task_id: ages.append(part.get_age_s("x"))})
+    factory = FunctionEndpointFactory(
+        {(TaskType.process_data, "x"): lambda task, task_id: ages.append(part.get_age_s("x"))}
+    )
     old, new = (Task.store_page(Page("x", 0, "r_node", -age_s)) for age_s in (2.0, 1.0))
     node = MACHINES["bare"]([factory, starts_with(old, new)])
     part: Any = node.components["part"]
@@ -278,7 +297,9 @@ def test_pages_that_were_processed_are_not_kept_while_the_queue_is_never_empty()
         return [tasks.event("again"), part.store_data_task("x", [count])] if count < 100 else tasks.terminate("done")
 
     alive: list[int] = []
-    node = MACHINES["bare"]([PartFactory({(TaskType.event, "again"): again}), starts_with(tasks.event("again"))])
+    node = MACHINES["bare"](
+        [FunctionEndpointFactory({(TaskType.event, "again"): again}), starts_with(tasks.event("again"))]
+    )
     part: Any = node.components["part"]
     run(node)
     assert max(alive) - alive[0] < 10
@@ -291,7 +312,9 @@ def test_time_stands_still_while_one_task_is_handled() -> None:
         times.extend(node.get_time_s() for _ in range(1000))
         return None if task.name == "one" else tasks.terminate("done")
 
-    node = MACHINES["on the wall clock"]([PartFactory({TaskType.event: spend}), starts_with(*events(["one", "two"]))])
+    node = MACHINES["on the wall clock"](
+        [FunctionEndpointFactory({TaskType.event: spend}), starts_with(*events(["one", "two"]))]
+    )
     node.loop()
     assert len(set(times[:1000])) == 1
     assert len(set(times)) == 2
@@ -302,7 +325,7 @@ def test_time_stands_still_while_one_task_is_handled() -> None:
 def test_pages_stored_just_before_the_end_are_still_processed(make: Make, count: int) -> None:
     processed: list[int] = []
 
-    class Last(PartFactory):
+    class Last(FunctionEndpointFactory):
         def get(self, parent: Node) -> Any:
             part = super().get(parent)
             part.task_handlers = {
@@ -316,24 +339,24 @@ def test_pages_stored_just_before_the_end_are_still_processed(make: Make, count:
         loop.schedule(tasks.terminate("done"))
         loop.stop()
 
-    run(make([Last(), TickerFactory(store_and_end)]))
+    run(make([Last(), FunctionLoopFactory(store_and_end)]))
     assert len(processed) == count
 
 
-def test_what_follows_from_what_was_queued_at_the_end_is_finished_too(make: Make) -> None:
-    heard: list[str] = []
+def test_results_of_queued_tasks_are_executed_at_end(make: Make) -> None:
+    received: list[str] = []
 
     def next_one(task: Task, task_id: Any) -> SomeTasks:
         return tasks.event(f"e{int(task.name[1:]) + 1}") if task.name != "e8" else None
 
-    chain = PartFactory({TaskType.event: next_one}, "chain")
-    node = run(make([chain, listener(heard), starts_with(tasks.event("e1"), tasks.terminate("done"))]))
-    assert heard == [f"e{i}" for i in range(1, 9)]
+    chain = FunctionEndpointFactory({TaskType.event: next_one}, "chain")
+    node = run(make([chain, listener(received), starts_with(tasks.event("e1"), tasks.terminate("done"))]))
+    assert received == [f"e{i}" for i in range(1, 9)]
     assert node.notes == []
 
 
-def test_at_the_end_a_task_that_asks_for_itself_is_cut_off_and_the_run_says_so(make: Make) -> None:
-    again = PartFactory({TaskType.event: lambda task, task_id: task})
+def test_self_scheduling_task_is_cut_off_at_end_with_note(make: Make) -> None:
+    again = FunctionEndpointFactory({TaskType.event: lambda task, task_id: task})
     node = run(make([again, starts_with(tasks.event("again"), tasks.terminate("done"))]))
     assert len(node.notes) == 1
     assert node.notes[0].startswith("The node ended with 1 tasks undone")
@@ -343,8 +366,8 @@ def test_at_the_end_a_task_that_asks_for_itself_is_cut_off_and_the_run_says_so(m
 def test_a_fast_loop_is_not_taken_for_tasks_that_keep_scheduling() -> None:
     node = MACHINES["on the wall clock"](
         [
-            TickerFactory(lambda loop: loop.store_data("x", 1), rate_hz=0),
-            TickerFactory(lambda loop: loop.get_data("x") and loop.schedule(tasks.terminate("done")), "ender"),
+            FunctionLoopFactory(lambda loop: loop.store_data("x", 1), rate_hz=0),
+            FunctionLoopFactory(lambda loop: loop.get_data("x") and loop.schedule(tasks.terminate("done")), "ender"),
         ]
     )
     node.loop()
@@ -364,9 +387,9 @@ def test_a_fast_loop_is_not_taken_for_tasks_that_keep_scheduling() -> None:
         ((TaskType.event, "a"), "which is not a task"),
     ],
 )
-def test_a_handler_that_returns_something_else_is_told_what_it_returned(make: Make, returned: Any, hint: str) -> None:
-    part = PartFactory({(TaskType.event, "go"): lambda task, task_id: returned}, "navigator")
-    with pytest.raises(ComponentFailed) as caught:
+def test_handler_returning_non_task_raises_with_value(make: Make, returned: Any, hint: str) -> None:
+    part = FunctionEndpointFactory({(TaskType.event, "go"): lambda task, task_id: returned}, "navigator")
+    with pytest.raises(ComponentFailedError) as caught:
         run(make([part, starts_with(tasks.event("go"))]))
     assert hint in str(caught.value)
     assert "'navigator'" in str(caught.value)
@@ -387,9 +410,9 @@ async def waiting() -> None: ...
         (lambda: [object()], "a list with <object object>, which is not a task"),
     ],
 )
-def test_no_message_tells_where_an_object_is_in_memory(make: Make, returned: Any, found: str) -> None:
-    part = PartFactory({(TaskType.event, "go"): lambda task, task_id: returned()}, "navigator")
-    with pytest.raises(ComponentFailed) as caught:
+def test_messages_contain_no_memory_addresses(make: Make, returned: Any, found: str) -> None:
+    part = FunctionEndpointFactory({(TaskType.event, "go"): lambda task, task_id: returned()}, "navigator")
+    with pytest.raises(ComponentFailedError) as caught:
         run(make([part, starts_with(tasks.event("go"))]))
     assert found in str(caught.value)
     assert "0x" not in str(caught.value)
@@ -397,8 +420,8 @@ def test_no_message_tells_where_an_object_is_in_memory(make: Make, returned: Any
 
 @pytest.mark.parametrize("empty", [None, [], ()])
 def test_a_handler_may_return_nothing(make: Make, empty: SomeTasks) -> None:
-    quiet = PartFactory({(TaskType.event, "go"): lambda task, task_id: empty}, "quiet")
-    node = run(make([quiet, starts_with(tasks.event("go"), tasks.terminate("done"))]))
+    idle = FunctionEndpointFactory({(TaskType.event, "go"): lambda task, task_id: empty}, "quiet")
+    node = run(make([idle, starts_with(tasks.event("go"), tasks.terminate("done"))]))
     assert node.exit_reason == "done"
 
 
@@ -407,21 +430,21 @@ def test_the_reason_to_end_is_kept_and_the_first_one_counts(make: Make) -> None:
     assert node.exit_reason == "first"
 
 
-def test_a_store_page_task_without_a_page_says_how_to_make_one(make: Make) -> None:
-    with pytest.raises(ComponentFailed, match=r"store_data_task\(key, data\)"):
+def test_store_page_task_without_page_raises_with_fix(make: Make) -> None:
+    with pytest.raises(ComponentFailedError, match=r"store_data_task\(key, data\)"):
         run(make([starts_with(Task(TaskType.store_page, "x"))]))
-    with pytest.raises(ComponentFailed, match="carries 5, which is not a page"):
+    with pytest.raises(ComponentFailedError, match="carries 5, which is not a page"):
         run(make([starts_with(Task(TaskType.store_page, "x", [5]))]))
 
 
 def test_a_task_of_a_kind_that_does_not_exist_is_named(make: Make) -> None:
-    with pytest.raises(ComponentFailed, match=r"(?s)'evnt'.*did you mean 'event'"):
+    with pytest.raises(ComponentFailedError, match=r"(?s)'evnt'.*did you mean 'event'"):
         run(make([starts_with(Task("evnt", "x"))]))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("name", [5, ["x"], None])
-def test_a_task_whose_name_is_no_text_is_named(make: Make, name: Any) -> None:
-    with pytest.raises(ComponentFailed, match="which is not text"):
+def test_task_with_non_text_name_raises_task_error(make: Make, name: Any) -> None:
+    with pytest.raises(ComponentFailedError, match="which is not text"):
         run(make([starts_with(tasks.event("x"), Task(TaskType.event, name))]))
 
 
@@ -432,21 +455,21 @@ def test_pages_go_through_the_machine_by_reference_and_keep_their_stamp(make: Ma
 
 
 def test_the_recorded_run_executes_the_same_tasks_in_the_same_order_as_the_bare_one() -> None:
-    def program(heard: list[str]) -> list[Any]:
+    def program(received: list[str]) -> list[Any]:
         def fan_out(task: Task, task_id: Any) -> list[Task]:
             return events(f"{task.name}{i}" for i in range(3)) if len(task.name) < 4 else []
 
-        hear = listener(heard)
-        fan = PartFactory({TaskType.event: fan_out}, "fan")
-        return [fan, hear, TickerFactory(lambda loop: loop.schedule(events("xy")), rate_hz=5)]
+        receiver = listener(received)
+        fan = FunctionEndpointFactory({TaskType.event: fan_out}, "fan")
+        return [fan, receiver, FunctionLoopFactory(lambda loop: loop.schedule(events("xy")), rate_hz=5)]
 
     orders: list[list[str]] = []
     for kind in ("bare", "recorded", "profiled"):
-        heard: list[str] = []
-        ender = TickerFactory(
+        received: list[str] = []
+        ender = FunctionLoopFactory(
             lambda loop: loop.get_time_s() >= 1.0 and loop.schedule(tasks.terminate("done")), "ender", 1
         )
-        run(MACHINES[kind]([*program(heard), ender]))
-        orders.append(heard)
+        run(MACHINES[kind]([*program(received), ender]))
+        orders.append(received)
     assert len(orders[0]) > 100
     assert orders[0] == orders[1] == orders[2]

@@ -76,7 +76,7 @@ def test_arrays_inside_pages_tuples_and_lists_are_found(ends: Any) -> None:
     np.testing.assert_array_equal(after[7], big + 2)
 
 
-def test_an_object_is_refused_and_the_line_goes_on(ends: Any) -> None:
+def test_object_is_rejected_and_connection_stays_open(ends: Any) -> None:
     with pytest.raises(ValueEncodingError, match="store_page 'eye' holds an object that cannot be sent"):
         ends[0].send("task", "store_page", "eye", threading.Event())
     assert sent(ends, 1)[1] == [1]
@@ -97,12 +97,12 @@ def test_an_end_in_the_middle_of_an_array_is_the_end_of_the_line(ends: Any) -> N
 def test_a_process_that_died_in_the_middle_of_an_array_is_not_waited_for() -> None:
     """Another one, which it had forked, keeps the far end open."""
     here, there = Pipe()
-    death, dead = os.pipe()
-    line = MessageLine(there, death=death)
+    pidfd, dead = os.pipe()
+    line = MessageLine(there, pidfd=pidfd)
     MessageLine(here).send_bytes(b'["task", {"$": "array_bytes", "dtype": "|u1", "shape": [9]}]')
     os.close(dead)
     with pytest.raises(EOFError):
         line.receive()
-    os.close(death)
+    os.close(pidfd)
     line.close()
     here.close()

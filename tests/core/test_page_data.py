@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from snr_sim import Config, ListReplayerFactory, Node, SimClock, SimRunner, SomeTasks, Task, TaskType, tasks
-from snr_sim.prelude.errors import ComponentFailed
+from snr_sim.prelude.errors import ComponentFailedError
 from snr_sim.prelude.page import KINDS
 from snr_sim.prelude.values import decode_value
 from snr_sim.recording.reader import Trace, read_trace
@@ -18,7 +18,7 @@ from snr_sim.recording.records import EndRecord, PageRecord
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario.program import program_header
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 
 @dataclass
@@ -27,7 +27,7 @@ class Pose:
     path_m: list[float] = field(default_factory=list)
 
 
-class Wanted(msgspec.Struct):
+class Target(msgspec.Struct):
     path_m: list[float]
 
 
@@ -64,7 +64,10 @@ def ticking(store: Any) -> list[Any]:
         counts.append(1)
         loop.schedule(tasks.event("tick", [len(counts) - 1]))
 
-    return [TickerFactory(tick, rate_hz=10.0), PartFactory({(TaskType.event, "tick"): on_tick}, "mine", begin=begin)]
+    return [
+        FunctionLoopFactory(tick, rate_hz=10.0),
+        FunctionEndpointFactory({(TaskType.event, "tick"): on_tick}, "mine", begin=begin),
+    ]
 
 
 def recorded(tmp_path: Path, factories: list[Any]) -> tuple[Node, Trace]:
@@ -113,15 +116,15 @@ CHANGED = [
     (np.zeros(3), change_array),
     ({"pose": np.zeros(3)}, lambda data: change_array(data["pose"])),
     (Pose(), change_record),
-    (Wanted([0.0]), change_record),
+    (Target([0.0]), change_record),
     (Frozen([0.0]), change_record),
     (Pair([0.0], 1.0), lambda data: data.first.append(1.0)),
 ]
 
 
 @pytest.mark.parametrize(("data", "change"), CHANGED, ids=lambda one: type(one).__name__)
-def test_what_its_owner_changes_later_changes_no_page(data: Any, change: Any) -> None:
-    node = Node("r", Config(factories={"r": [PartFactory()]}), clock=SimClock())
+def test_page_keeps_data_when_owner_changes_it(data: Any, change: Any) -> None:
+    node = Node("r", Config(factories={"r": [FunctionEndpointFactory()]}), clock=SimClock())
     part: Any = node.components["part"]
     before = repr(data)
     pages = [part.page("x", data), node.page("x", data), part.store_data_task("x", data).page]
@@ -133,7 +136,7 @@ def test_what_its_owner_changes_later_changes_no_page(data: Any, change: Any) ->
     assert node.notes == []
 
 
-def test_a_list_that_grows_is_in_prev_in_trace_and_in_replay_as_it_was_stored(tmp_path: Path) -> None:
+def test_growing_list_is_kept_as_stored_in_prev_trace_and_replay(tmp_path: Path) -> None:
     def factories() -> list[Any]:
         path_m: list[float] = []
         seen: dict[str, Any] = {}
@@ -160,7 +163,7 @@ def note_of(node: Node) -> str:
     return note
 
 
-def test_an_object_in_a_page_is_noted_once_with_page_class_place_and_line(tmp_path: Path) -> None:
+def test_object_in_page_is_noted_once_with_class_and_line(tmp_path: Path) -> None:
     def store(part: Any, count: int) -> SomeTasks:
         return part.store_data_task("plan", {"next": [count, Plan(1.5)]})
 
@@ -175,7 +178,7 @@ def test_an_object_in_a_page_is_noted_once_with_page_class_place_and_line(tmp_pa
     assert trace.path.read_bytes().count(b'"fields":{"held":{"$":"tuple","v":[1.5]}}') == 3
 
 
-def test_an_object_that_a_part_of_the_kit_passes_on_blames_no_line_of_the_program(tmp_path: Path) -> None:
+def test_object_stored_by_library_names_no_program_line(tmp_path: Path) -> None:
     node, trace = recorded(tmp_path, [ListReplayerFactory([Plan(1.5), 2.0], "x", exit_when_done=True)])
     assert node.notes == []
     assert b'"fields":{"held":{"$":"tuple","v":[1.5]}}' in trace.path.read_bytes()
@@ -197,33 +200,36 @@ def test_a_list_that_contains_itself_is_noted_with_its_line() -> None:
         (lambda part: Pose(part), "data.x_m"),
     ],
 )
-def test_a_component_in_a_page_is_refused_with_page_class_and_line(tmp_path: Path, hold: Any, where: str) -> None:
+def test_component_in_page_raises_with_class_and_line(tmp_path: Path, hold: Any, where: str) -> None:
     def store(part: Any, count: int) -> SomeTasks:
         return part.store_data_task("me", hold(part))
 
-    with pytest.raises(ComponentFailed) as caught:
+    with pytest.raises(ComponentFailedError) as caught:
         recorded(tmp_path, ticking(store))
     first, second, *_, last = str(caught.value).splitlines()
     assert 'return part.store_data_task("me", hold(part))' in first
-    assert f"Page 'me' holds 'mine' of class Part ({where}), which is a part of the program and not data." in second
+    assert (
+        f"Page 'me' holds 'mine' of class FunctionEndpoint ({where}), which is a part of the program and not data."
+        in second
+    )
     assert last.strip().startswith("Try: store numbers, text, lists, dicts, numpy arrays")
 
 
-def test_the_node_and_the_clock_are_parts_of_the_program_too() -> None:
+def test_node_and_clock_in_page_raise() -> None:
     node = Node("r", Config(factories={"r": []}), clock=SimClock())
     for part in (node, node.clock, node.datastore):
         with pytest.raises(Exception, match=f"class {type(part).__name__}.*, which is a part of the program"):
             node.store_data("x", part)
 
 
-def test_an_object_that_leads_to_a_component_is_recorded_by_that_components_name(tmp_path: Path) -> None:
+def test_object_referring_to_component_is_recorded_with_component_name(tmp_path: Path) -> None:
     _, trace = recorded(tmp_path, ticking(lambda part, count: part.store_data_task("plan", Plan(part))))
     (line,) = (one for one in trace.path.read_bytes().splitlines() if b'"held"' in one and b'"seq":3,' in one)
-    assert b'"type":"snr_sim.testing.parts.Part","fields":{"name":"mine"}' in line
+    assert b'"type":"snr_sim.testing.function_components.FunctionEndpoint","fields":{"name":"mine"}' in line
     assert len(line) < 500
 
 
-def test_a_named_tuple_and_a_dict_of_another_class_are_recorded_with_what_they_hold(tmp_path: Path) -> None:
+def test_named_tuple_and_dict_subclass_are_recorded_with_content(tmp_path: Path) -> None:
     odd: dict[str, float] = defaultdict(float, a=float("nan"))
     _, trace = recorded(
         tmp_path, ticking(lambda part, count: part.store_data_task("x", {"p": Pair([0.5], 1.0), "d": odd}))

@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Mode, Node, Profiler, SimClock, TaskType, tasks
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 
-def test_weakness_27_the_mean_is_over_all_calls_and_the_largest_is_kept() -> None:
+def test_weakness_27_mean_covers_all_calls_and_max_is_kept() -> None:
     profiler = Profiler()
     for duration_s in [0.001] * 968 + [0.0] * 32:
         profiler.store_task("part.handler", duration_s)
@@ -36,13 +36,15 @@ def test_a_call_that_raises_is_counted_too() -> None:
     assert profiler.timings["div"].count == 1
 
 
-def test_a_run_in_debug_mode_knows_each_handler_and_each_loop() -> None:
+def test_debug_mode_times_each_handler_and_loop() -> None:
     def work(task: Any, task_id: Any) -> None:
         time.sleep(0.002)
 
-    loop = TickerFactory(lambda loop: loop.schedule(tasks.event("x")), rate_hz=10)
-    end = TickerFactory(lambda loop: loop.get_time_s() > 0.4 and loop.schedule(tasks.terminate("done")), "end", 10)
-    config = Config(Mode.DEBUG, {"r": [PartFactory({(TaskType.event, "x"): work}), loop, end]})
+    loop = FunctionLoopFactory(lambda loop: loop.schedule(tasks.event("x")), rate_hz=10)
+    end = FunctionLoopFactory(
+        lambda loop: loop.get_time_s() > 0.4 and loop.schedule(tasks.terminate("done")), "end", 10
+    )
+    config = Config(Mode.DEBUG, {"r": [FunctionEndpointFactory({(TaskType.event, "x"): work}), loop, end]})
     node = Node("r", config, clock=SimClock())
     node.loop()
     assert node.profiler is not None

@@ -8,9 +8,9 @@ import pytest
 from snr_sim import Task, TaskType, WatchLoopFactory, tasks
 from snr_sim.core.reload.rollback import PROBATION_CALLS, PROBATION_S
 from snr_sim.core.reload.state_snapshot import Snapshot
-from snr_sim.prelude.errors import ComponentFailed
-from snr_sim.testing.parts import PartFactory
-from tests.core.test_reload import LOOP, Student, fly, outcome, reload, run, run_on_the_wall_clock, student
+from snr_sim.prelude.errors import ComponentFailedError
+from snr_sim.testing.function_components import FunctionEndpointFactory
+from tests.core.test_reload import LOOP, Student, outcome, reload, run, run_on_the_wall_clock, student, thrust_task
 
 __all__ = ["student"]
 
@@ -31,10 +31,10 @@ PILOT = """
 
         def on_fly(self, task, task_id):
             self.count += 1
-            self.factory.flown += 1
+            self.factory.moved += 1
             self.factory.law.gain += 1
-            self.factory.log.append("flown")
-            return self.store_data_task("thrust", [self.count, self.factory.flown, self.factory.law.gain])
+            self.factory.log.append("moved")
+            return self.store_data_task("thrust", [self.count, self.factory.moved, self.factory.law.gain])
 
         def halt(self):
             self.factory.log.append("halted")
@@ -42,7 +42,7 @@ PILOT = """
     class PilotFactory(EndpointFactory):
         def __init__(self, name="pilot"):
             super().__init__()
-            self.name, self.flown, self.law, self.log = name, 0, Law(), []
+            self.name, self.moved, self.law, self.log = name, 0, Law(), []
 
         def get(self, parent):
             return Pilot(self, parent, self.name)
@@ -69,13 +69,13 @@ def test_new_code_that_fails_leaves_its_task_to_the_old_code_and_its_state(
     factory = student.load(PILOT).PilotFactory()
     law, log = factory.law, factory.log
     change = reload(student, PILOT.replace(ANSWER, f"{broken}\n            {ANSWER}"))
-    node, thrusts = run([factory], [fly, fly, change, fly, fly])
+    node, thrusts = run([factory], [thrust_task, thrust_task, change, thrust_task, thrust_task])
     assert thrusts == [[1, 1, 2], [2, 2, 3], [3, 3, 4], [4, 4, 5]]
     assert factory.law is law
     assert factory.log is log
-    assert log == ["begun", "flown", "flown", "halted", "begun", "flown", "flown", "halted"]
+    assert log == ["begun", "moved", "moved", "halted", "begun", "moved", "moved", "halted"]
     page = outcome(node)
-    assert (page["component"], page["ok"], page["made"]) == ("pilot", False, [])
+    assert (page["component"], page["ok"], page["created"]) == ("pilot", False, [])
     first, *rest = page["message"].splitlines()
     assert first.endswith(f": {line}")
     assert "pilot.py, line " in first
@@ -88,26 +88,26 @@ def test_new_code_that_fails_leaves_its_task_to_the_old_code_and_its_state(
     assert node.notes == [page["message"]]
 
 
-def test_file_that_was_rolled_back_can_be_mended_and_saved_again(student: Student) -> None:
+def test_rolled_back_file_can_be_repaired_and_reloaded(student: Student) -> None:
     factory = student.load(PILOT).PilotFactory()
-    mended = reload(student, PILOT.replace("+= 1", "+= 10"))
-    _, thrusts = run([factory], [fly, reload(student, FAILING), fly, mended, fly])
+    repaired = reload(student, PILOT.replace("+= 1", "+= 10"))
+    _, thrusts = run([factory], [thrust_task, reload(student, FAILING), thrust_task, repaired, thrust_task])
     assert thrusts == [[1, 1, 2], [2, 2, 3], [10, 12, 13]]
 
 
-def test_code_of_before_two_reloads_goes_on_if_neither_of_them_has_passed(student: Student) -> None:
+def test_rollback_of_two_unproven_reloads_restores_first_code(student: Student) -> None:
     factory = student.load(PILOT).PilotFactory()
     worse = reload(student, FAILING.replace("missing", "absent"))
-    _, thrusts = run([factory], [fly, reload(student, FAILING), worse, fly, fly])
+    _, thrusts = run([factory], [thrust_task, reload(student, FAILING), worse, thrust_task, thrust_task])
     assert thrusts == [[1, 1, 2], [2, 2, 3], [3, 3, 4]]
 
 
-def test_nothing_goes_back_behind_code_that_has_passed(student: Student) -> None:
+def test_rollback_stops_at_code_that_passed_probation(student: Student) -> None:
     factory = student.load(PILOT).PilotFactory()
     faster = reload(student, PILOT.replace("self.count += 1", "self.count += 10"))
-    many = [lambda: [fly()] * PROBATION_CALLS] * 5
+    many = [lambda: [thrust_task()] * PROBATION_CALLS] * 5
     never_called = reload(student, PILOT)
-    _, thrusts = run([factory], [never_called, faster, *many, reload(student, FAILING), fly])
+    _, thrusts = run([factory], [never_called, faster, *many, reload(student, FAILING), thrust_task])
     assert thrusts[-2:] == [[10 * 5 * PROBATION_CALLS, 500, 501], [10 * 5 * PROBATION_CALLS + 10, 501, 502]]
 
 
@@ -117,8 +117,12 @@ def test_new_code_is_on_probation_for_three_seconds_and_a_hundred_calls(
 ) -> None:
     factory = student.load(PILOT).PilotFactory()
     late = PILOT.replace(ANSWER, f"if self.count > {calls}: self.missing()\n            {ANSWER}")
-    steps: list[Callable[[], Any]] = [reload(student, late), lambda: [fly()] * calls, *[lambda: None] * (seconds - 1)]
-    node, thrusts = run([factory], [*steps, fly])
+    steps: list[Callable[[], Any]] = [
+        reload(student, late),
+        lambda: [thrust_task()] * calls,
+        *[lambda: None] * (seconds - 1),
+    ]
+    node, thrusts = run([factory], [*steps, thrust_task])
     assert thrusts[-1] == [1, 1, 2]
     assert not outcome(node)["ok"]
 
@@ -126,45 +130,43 @@ def test_new_code_is_on_probation_for_three_seconds_and_a_hundred_calls(
 def test_failure_after_probation_ends_the_run(student: Student) -> None:
     factory = student.load(PILOT).PilotFactory()
     late = PILOT.replace(ANSWER, f"if self.count > {2 * PROBATION_CALLS}: self.missing()\n            {ANSWER}")
-    many = [lambda: [fly()] * PROBATION_CALLS, *[lambda: None] * 3]
-    with pytest.raises(ComponentFailed, match="missing"):
-        run([factory], [reload(student, late), *many, *many, fly])
+    many = [lambda: [thrust_task()] * PROBATION_CALLS, *[lambda: None] * 3]
+    with pytest.raises(ComponentFailedError, match="missing"):
+        run([factory], [reload(student, late), *many, *many, thrust_task])
 
 
 def test_old_code_that_fails_too_ends_the_run_with_its_own_line(student: Student) -> None:
     odd = PILOT.replace(ANSWER, f"if task.val_list[0] == 7: self.absent()\n            {ANSWER}")
     factory = student.load(odd).PilotFactory()
-    with pytest.raises(ComponentFailed, match=r"pilot.py, line 20\n  AttributeError: .* 'absent'\n"):
-        run([factory], [reload(student, FAILING), lambda: fly(7)])
+    with pytest.raises(ComponentFailedError, match=r"pilot.py, line 20\n  AttributeError: .* 'absent'\n"):
+        run([factory], [reload(student, FAILING), lambda: thrust_task(7)])
 
 
 @pytest.mark.parametrize("new", [FAILING, FAILING.replace("missing", "missing(")])
-def test_line_of_old_code_that_goes_on_is_shown_as_it_was_and_not_as_it_stands_in_the_file(
-    student: Student, new: str
-) -> None:
+def test_error_in_old_code_shows_old_source_line(student: Student, new: str) -> None:
     odd = PILOT.replace(ANSWER, f"if task.val_list[0] == 7: self.absent()\n            {ANSWER}")
     factory = student.load(odd).PilotFactory()
-    saved = [lambda: student.save("\n" + new) and None, lambda: None, lambda: fly(7)]
-    with pytest.raises(ComponentFailed, match=r"pilot.py, line 20: if task.val_list\[0\] == 7: self.absent\(\)"):
+    saved = [lambda: student.save("\n" + new) and None, lambda: None, lambda: thrust_task(7)]
+    with pytest.raises(ComponentFailedError, match=r"pilot.py, line 20: if task.val_list\[0\] == 7: self.absent\(\)"):
         run([factory, WatchLoopFactory()], saved, until_s=5.0)
 
 
-def test_all_that_a_reload_has_made_go_back_and_each_handles_the_task_once(student: Student) -> None:
+def test_rollback_restores_all_components_of_reload(student: Student) -> None:
     module = student.load(PILOT)
     one, two = module.PilotFactory("one"), module.PilotFactory("two")
-    heard: list[str] = []
-    ear = PartFactory({(TaskType.event, "fly"): lambda task, task_id: heard.append("ear")}, "ear")
+    received: list[str] = []
+    listener = FunctionEndpointFactory({(TaskType.event, "fly"): lambda task, task_id: received.append("ear")}, "ear")
     failing = FAILING.replace("self.missing()", "if self.name == 'one': self.missing()")
-    node, thrusts = run([one, two, ear], [fly, reload(student, failing, "one", "two"), fly])
+    node, thrusts = run([one, two, listener], [thrust_task, reload(student, failing, "one", "two"), thrust_task])
     assert thrusts == [[1, 1, 2]] * 2 + [[2, 2, 3]] * 2
-    assert heard == ["ear", "ear"]
+    assert received == ["ear", "ear"]
     assert "rolled back: one, two as before it." in outcome(node)["message"]
 
 
 def test_component_that_was_removed_since_does_not_come_back(student: Student) -> None:
     module = student.load(PILOT)
     one, two = module.PilotFactory("one"), module.PilotFactory("two")
-    steps = [reload(student, FAILING, "one", "two"), lambda: tasks.remove_component("two"), fly]
+    steps = [reload(student, FAILING, "one", "two"), lambda: tasks.remove_component("two"), thrust_task]
     node, thrusts = run([one, two], steps)
     assert thrusts == [[1, 1, 2]]
     assert list(node.components) == ["node_core", "one"]
@@ -186,13 +188,13 @@ def test_loop_that_fails_in_its_first_ticks_leaves_its_place_to_the_old_one(stud
 def test_loop_that_fails_later_ends_the_run(student: Student) -> None:
     factory = student.load(LOOP).CounterFactory()
     late = LOOP.replace("+= 1", "+= 1\n            if self.get_time_s() > 4.0: self.missing()")
-    with pytest.raises(ComponentFailed, match="missing"):
+    with pytest.raises(ComponentFailedError, match="missing"):
         run([factory], [reload(student, late, "counter")], 0.25, until_s=5.0)
 
 
 @pytest.mark.parametrize("values", [[], [1], ["pilot", 1, "why"], ["pilot", "1", 2], [["pilot"], 1, "why"]])
-def test_task_of_anybody_to_roll_back_what_is_not_on_probation_changes_nothing(values: list[Any]) -> None:
-    node, _ = run([PartFactory(name="pilot")], [lambda: tasks.event("roll_back", values), lambda: None])
+def test_roll_back_task_without_probation_changes_nothing(values: list[Any]) -> None:
+    node, _ = run([FunctionEndpointFactory(name="pilot")], [lambda: tasks.event("roll_back", values), lambda: None])
     assert node.get_page("reload") is None
     assert list(node.components) == ["node_core", "pilot"]
 
@@ -234,6 +236,6 @@ def test_snapshot_restores_in_place_what_attributes_hold() -> None:
 
 def test_handlers_that_are_not_on_probation_are_called_directly() -> None:
     handlers: dict[Any, Any] = {(TaskType.event, "fly"): lambda task, task_id: None}
-    node, _ = run([PartFactory(handlers)], [fly])
+    node, _ = run([FunctionEndpointFactory(handlers)], [thrust_task])
     ((_, handler, _, _),) = node.machine.lookup.find(Task(TaskType.event, "fly"))
     assert handler is handlers[TaskType.event, "fly"]

@@ -20,30 +20,30 @@ from snr_sim import (
 )
 from snr_sim.core.config import MAX_TASKS_PER_MOMENT
 from snr_sim.core.runaway import cycle_of
-from snr_sim.links.faults import LEAST_TRANSIT_S
-from snr_sim.prelude.errors import ComponentFailed, ConfigError
+from snr_sim.links.faults import MIN_TRANSIT_S
+from snr_sim.prelude.errors import ComponentFailedError, ConfigError
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import ErrorRecord
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario.program import program_header
-from snr_sim.testing.parts import Part, PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpoint, FunctionEndpointFactory, FunctionLoopFactory
 
 BOUND = 1000
 
 
-def echo(key: str, answer: str, name: str) -> PartFactory:
+def echo(key: str, answer: str, name: str) -> FunctionEndpointFactory:
     """A part that answers each page of a key with one of another."""
-    parts: list[Part] = []
+    parts: list[FunctionEndpoint] = []
 
     def reply(task: Task, task_id: Any) -> Task:
         return parts[0].store_data_task(answer, 1)
 
-    return PartFactory({(TaskType.process_data, key): reply}, name, begin=parts.append)
+    return FunctionEndpointFactory({(TaskType.process_data, key): reply}, name, begin=parts.append)
 
 
-def once(key: str) -> TickerFactory:
-    return TickerFactory(lambda loop: loop.store_data(key, 0), "starter", 0.001)
+def once(key: str) -> FunctionLoopFactory:
+    return FunctionLoopFactory(lambda loop: loop.store_data(key, 0), "starter", 0.001)
 
 
 def config(roles: dict[str, list[Any]], at_most: int = BOUND) -> Config:
@@ -51,17 +51,17 @@ def config(roles: dict[str, list[Any]], at_most: int = BOUND) -> Config:
 
 
 def failure_of(run: Any) -> str:
-    with pytest.raises(ComponentFailed) as caught:
+    with pytest.raises(ComponentFailedError) as caught:
         run()
     return str(caught.value)
 
 
 def test_a_controller_that_answers_its_own_page_is_named_with_its_tasks() -> None:
-    said = failure_of(TestRunner(config({"test": [once("thrust"), echo("thrust", "thrust", "pilot")]})).run)
-    assert f"'test_node' has executed {BOUND} tasks at t = 0.000 s" in said
-    assert "[test_node] process_data 'thrust' -> pilot.reply" in said
-    assert "[test_node] store_page 'thrust'" in said
-    assert said.count("[test_node]") == 2
+    message = failure_of(TestRunner(config({"test": [once("thrust"), echo("thrust", "thrust", "pilot")]})).run)
+    assert f"'test_node' has executed {BOUND} tasks at t = 0.000 s" in message
+    assert "[test_node] process_data 'thrust' -> pilot.reply" in message
+    assert "[test_node] store_page 'thrust'" in message
+    assert message.count("[test_node]") == 2
 
 
 def links_between(kind: str) -> tuple[list[Any], list[Any], list[Any]]:
@@ -78,13 +78,13 @@ def links_between(kind: str) -> tuple[list[Any], list[Any], list[Any]]:
 @pytest.mark.parametrize("kind", ["memory", "sockets", "net"])
 def test_two_nodes_that_answer_each_other_without_latency_move_on_in_time(kind: str) -> None:
     of_a, of_b, links = links_between(kind)
-    begins = TickerFactory(lambda loop: loop.store_data("ping", 0), "starter", 0.001)
+    begins = FunctionLoopFactory(lambda loop: loop.store_data("ping", 0), "starter", 0.001)
     roles = {"a": [echo("pong", "ping", "a_part"), *of_a, begins], "b": [echo("ping", "pong", "b_part"), *of_b]}
     runner = SimRunner(config(roles, 100), links=links, until_s=0.02)
     runner.run()
-    assert runner.clock.now_s() == pytest.approx(0.02, abs=LEAST_TRANSIT_S)
+    assert runner.clock.now_s() == pytest.approx(0.02, abs=MIN_TRANSIT_S)
     pages = runner.nodes["b"].datastore.stored
-    assert pytest.approx(pages / 2, rel=0.05) == 0.02 / (2 * LEAST_TRANSIT_S)  # each ping and each pong is stored in b
+    assert pytest.approx(pages / 2, rel=0.05) == 0.02 / (2 * MIN_TRANSIT_S)  # each ping and each pong is stored in b
 
 
 @pytest.mark.parametrize("does", ["stores", "stores nothing"])
@@ -94,12 +94,12 @@ def test_a_loop_that_wants_each_tick_at_once_is_named(does: str) -> None:
         if does == "stores":
             loop.store_data("x", 1)
 
-    said = failure_of(TestRunner(config({"test": [TickerFactory(tick, "eager", 10.0)]})).run)
-    assert "time stands still" in said
-    assert ("next_tick_at_s was 0" in said) == (does == "stores nothing")
+    message = failure_of(TestRunner(config({"test": [FunctionLoopFactory(tick, "eager", 10.0)]})).run)
+    assert "time stands still" in message
+    assert ("next_tick_at_s was 0" in message) == (does == "stores nothing")
     if does == "stores nothing":
-        assert "component 'eager' at t = 0.000 s" in said
-        assert f"After each of {BOUND} ticks in a row" in said
+        assert "component 'eager' at t = 0.000 s" in message
+        assert f"After each of {BOUND} ticks in a row" in message
 
 
 @pytest.mark.parametrize("runner", ["node", "test", "sim"])
@@ -110,43 +110,43 @@ def test_every_runner_in_lock_step_has_the_bound(runner: str) -> None:
         "test": lambda: TestRunner(config({"test": factories})).run(),
         "sim": lambda: SimRunner(config({"test": factories})).run(),
     }
-    assert "tasks ask for each other for ever" in failure_of(runs[runner])
+    assert "tasks schedule each other without end" in failure_of(runs[runner])
 
 
-def test_everybody_is_halted_and_tasks_that_multiply_are_cut_off() -> None:
+def test_runaway_halts_all_components_and_drops_tasks() -> None:
     log: list[str] = []
 
     def double(task: Task, task_id: Any) -> list[Task]:
         return [tasks.event("split"), tasks.event("split")]
 
-    part = PartFactory(
+    part = FunctionEndpointFactory(
         {(TaskType.event, "split"): double},
         "amoeba",
         begin=lambda part: part.schedule(tasks.event("split")),
         halt=lambda part: log.append("halted"),
     )
-    said = failure_of(TestRunner(config({"test": [part]})).run)
-    assert "event 'split' -> amoeba.double" in said
+    message = failure_of(TestRunner(config({"test": [part]})).run)
+    assert "event 'split' -> amoeba.double" in message
     assert log == ["halted"]
 
 
-def count_to(most: int, seen: list[int]) -> PartFactory:
+def count_to(limit: int, seen: list[int]) -> FunctionEndpointFactory:
     def count(task: Task, task_id: Any) -> Task | None:
         (number,) = task.val_list
         seen.append(number)
-        return tasks.event("count", [number + 1]) if number < most else None
+        return tasks.event("count", [number + 1]) if number < limit else None
 
-    def begin(part: Part) -> None:
+    def begin(part: FunctionEndpoint) -> None:
         part.schedule(tasks.event("count", [1]))
 
-    return PartFactory({(TaskType.event, "count"): count}, "counter", begin=begin)
+    return FunctionEndpointFactory({(TaskType.event, "count"): count}, "counter", begin=begin)
 
 
-def test_as_many_tasks_as_the_bound_are_no_runaway() -> None:
+def test_task_count_at_limit_does_not_raise() -> None:
     seen: list[int] = []
     TestRunner(config({"test": [count_to(BOUND, seen)]})).run()
     assert seen[-1] == BOUND
-    assert "tasks ask" in failure_of(TestRunner(config({"test": [count_to(BOUND + 1, seen)]})).run)
+    assert "tasks schedule" in failure_of(TestRunner(config({"test": [count_to(BOUND + 1, seen)]})).run)
 
 
 def test_each_moment_has_the_whole_bound_and_each_node_its_own() -> None:
@@ -155,8 +155,8 @@ def test_each_moment_has_the_whole_bound_and_each_node_its_own() -> None:
     def burst(loop: Any) -> None:
         loop.schedule([tasks.event("work")] * (BOUND - 1))
 
-    worker = PartFactory({(TaskType.event, "work"): lambda task, task_id: seen.append(0.0)}, "worker")
-    roles: dict[str, list[Any]] = {role: [TickerFactory(burst, "loop", 10.0), worker] for role in ("a", "b")}
+    worker = FunctionEndpointFactory({(TaskType.event, "work"): lambda task, task_id: seen.append(0.0)}, "worker")
+    roles: dict[str, list[Any]] = {role: [FunctionLoopFactory(burst, "loop", 10.0), worker] for role in ("a", "b")}
     SimRunner(config(roles), until_s=0.5).run()
     assert len(seen) == 2 * 6 * (BOUND - 1)
 
@@ -168,29 +168,29 @@ def test_on_the_wall_clock_there_is_no_bound() -> None:
     assert len(seen) == 3 * BOUND
 
 
-def ender() -> PartFactory:
+def ender() -> FunctionEndpointFactory:
     def end(task: Task, task_id: Any) -> Task | None:
         return tasks.terminate("done") if task.val_list == [3 * BOUND] else None
 
-    return PartFactory({(TaskType.event, "count"): end}, "ender")
+    return FunctionEndpointFactory({(TaskType.event, "count"): end}, "ender")
 
 
 def test_its_trace_is_whole_and_small_and_replays(tmp_path: Path) -> None:
     roles: dict[str, list[Any]] = {"test": [echo("thrust", "thrust", "pilot"), once("thrust")]}
     whole = config(roles, MAX_TASKS_PER_MOMENT)
     writer = TraceWriter(tmp_path / FILE_NAME, program_header(["test"], whole, __file__, SimClock()))
-    said = failure_of(SimRunner(whole, recorder=writer).run)
+    message = failure_of(SimRunner(whole, recorder=writer).run)
     writer.close()
     assert (tmp_path / FILE_NAME).stat().st_size < 25e6
     trace = read_trace(tmp_path / FILE_NAME)
-    assert [one.message for one in trace.records if isinstance(one, ErrorRecord)] == [said]
+    assert [one.message for one in trace.records if isinstance(one, ErrorRecord)] == [message]
     replayed = replay_node(trace, "test", whole)
     assert replayed.is_identical, replayed.divergences[0]
     assert replayed.executed > MAX_TASKS_PER_MOMENT
 
 
 @pytest.mark.parametrize("at_most", [0, -1, 1.5, True, "many", None])
-def test_a_bound_that_is_none_is_refused(at_most: Any) -> None:
+def test_invalid_task_limit_raises_config_error(at_most: Any) -> None:
     with pytest.raises(ConfigError, match="max_tasks_per_moment"):
         config({"test": []}, at_most)
 

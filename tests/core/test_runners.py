@@ -21,19 +21,19 @@ from snr_sim import (
     TimeoutLoopFactory,
     tasks,
 )
-from snr_sim.prelude.errors import ComponentFailed, ConfigError, UnknownName
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.prelude.errors import ComponentFailedError, ConfigError, UnknownNameError
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 
-def quits(name: str = "quitter") -> PartFactory:
-    return PartFactory(name=name, begin=lambda part: part.schedule(tasks.terminate("done")))
+def quits(name: str = "quitter") -> FunctionEndpointFactory:
+    return FunctionEndpointFactory(name=name, begin=lambda part: part.schedule(tasks.terminate("done")))
 
 
 ROLES = {"topside": [quits()], "robot": [quits()]}
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         ([], "Which role? None was given."),
         (["robt"], "There is no role 'robt'.\n  Try: did you mean 'robot'?"),
@@ -43,14 +43,14 @@ ROLES = {"topside": [quits()], "robot": [quits()]}
     ],
 )
 def test_without_a_known_role_the_command_line_lists_the_roles_and_exits_with_2(
-    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as caught:
         CliRunner(ROLES, ["robot.py", *words]).run()
     assert caught.value.code == 2
     out, err = capsys.readouterr()
     assert out == ""
-    assert said in err
+    assert message in err
     assert "usage: robot.py [-d] [--watch] ROLE" in err
     assert "roles: topside, robot" in err
 
@@ -88,18 +88,22 @@ def talks(part: Any) -> None:
 
 def test_with_d_the_command_line_shows_all_that_is_logged_and_the_profile(capsys: pytest.CaptureFixture[str]) -> None:
     go = tasks.event("x")
-    handler = PartFactory({go.id(): lambda task, task_id: None}, "worker", begin=lambda part: part.schedule(go))
-    CliRunner({"robot": [PartFactory(name="power", begin=talks), handler, quits()]}, ["robot.py", "-d", "robot"]).run()
+    handler = FunctionEndpointFactory(
+        {go.id(): lambda task, task_id: None}, "worker", begin=lambda part: part.schedule(go)
+    )
+    CliRunner(
+        {"robot": [FunctionEndpointFactory(name="power", begin=talks), handler, quits()]}, ["robot.py", "-d", "robot"]
+    ).run()
     err = capsys.readouterr().err
     assert "WARNING snr.robot_node.power: battery low" in err
     assert "DEBUG snr.robot_node.power: cell 3 at 3.1 V" in err
     assert "worker.<lambda>" in err
 
 
-def test_a_log_call_that_is_wrong_is_told_with_its_line_where_logs_are_shown_and_ends_no_run(
+def test_wrong_log_call_is_reported_and_does_not_end_run(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    worker = PartFactory(name="worker", begin=lambda part: part.log.warning("%d percent", "no number"))
+    worker = FunctionEndpointFactory(name="worker", begin=lambda part: part.log.warning("%d percent", "no number"))
     CliRunner({"robot": [worker, quits()]}, ["robot.py", "-d", "robot"]).run()
     err = capsys.readouterr().err
     assert "TypeError: %d format: a real number is required, not str" in err
@@ -112,10 +116,10 @@ def test_debug_on_the_command_line_leaves_the_config_as_it_was() -> None:
     assert config.mode is Mode.DEPLOYED
 
 
-def test_what_hung_loose_is_said_after_the_run(capsys: pytest.CaptureFixture[str]) -> None:
-    sender = PartFactory(begin=lambda part: part.schedule(tasks.event("landed")))
+def test_run_diagnostics_are_printed_after_run(capsys: pytest.CaptureFixture[str]) -> None:
+    sender = FunctionEndpointFactory(begin=lambda part: part.schedule(tasks.event("landed")))
     SynchronousRunner("r", Config(factories={"r": [sender, quits()]})).run()
-    assert capsys.readouterr().err == "note: Nobody handled event 'landed'; handlers wait for: none.\n"
+    assert capsys.readouterr().err == "note: No component handled event 'landed'; handlers wait for: none.\n"
 
 
 def test_a_test_runner_runs_the_role_test_in_virtual_time() -> None:
@@ -123,7 +127,7 @@ def test_a_test_runner_runs_the_role_test_in_virtual_time() -> None:
     runner.run()
     assert runner.node.exit_reason == "timeout"
     assert runner.clock.now_s() == 1000.0
-    with pytest.raises(UnknownName, match="no role 'test'"):
+    with pytest.raises(UnknownNameError, match="no role 'test'"):
         TestRunner(Config(factories={"robot": []}))
 
 
@@ -131,8 +135,8 @@ def sensor(loop: Any) -> None:
     loop.store_data("depth", loop.get_time_s())
 
 
-def echo_of(key: str, into: list[tuple[float, Any]]) -> PartFactory:
-    class Listening(PartFactory):
+def echo_of(key: str, into: list[tuple[float, Any]]) -> FunctionEndpointFactory:
+    class Listening(FunctionEndpointFactory):
         def get(self, parent: Node) -> Any:
             part = super().get(parent)
             part.task_handlers = {
@@ -144,28 +148,28 @@ def echo_of(key: str, into: list[tuple[float, Any]]) -> PartFactory:
 
 
 def test_two_roles_exchange_pages_over_a_link_and_both_end() -> None:
-    heard: list[tuple[float, Any]] = []
+    received: list[tuple[float, Any]] = []
     config = Config(
         factories={
-            "robot": [TickerFactory(sensor, rate_hz=10), TimeoutLoopFactory(seconds=0.45)],
-            "topside": [echo_of("depth", heard), TimeoutLoopFactory(seconds=1.0)],
+            "robot": [FunctionLoopFactory(sensor, rate_hz=10), TimeoutLoopFactory(seconds=0.45)],
+            "topside": [echo_of("depth", received), TimeoutLoopFactory(seconds=1.0)],
         }
     )
     runner = SimRunner(config, links=[MemoryLink(["depth"], "robot", "topside", latency_s=0.25)])
     runner.run()
-    assert [sent_s for _, sent_s in heard] == [0.0, 0.1, 0.2, 0.3, 0.4]
-    assert all(abs(came_s - sent_s - 0.25) < 1e-12 for came_s, sent_s in heard)
+    assert [sent_s for _, sent_s in received] == [0.0, 0.1, 0.2, 0.3, 0.4]
+    assert all(abs(came_s - sent_s - 0.25) < 1e-12 for came_s, sent_s in received)
     assert {role: node.exit_reason for role, node in runner.nodes.items()} == {"robot": "timeout", "topside": "timeout"}
 
 
 def test_a_run_of_several_roles_is_the_same_each_time() -> None:
     def run() -> list[tuple[float, Any]]:
-        heard: list[tuple[float, Any]] = []
-        noisy = TickerFactory(lambda loop: loop.store_data("depth", loop.rng.random()), rate_hz=50)
-        config = Config(factories={"robot": [noisy], "topside": [echo_of("depth", heard)]})
+        received: list[tuple[float, Any]] = []
+        noisy = FunctionLoopFactory(lambda loop: loop.store_data("depth", loop.rng.random()), rate_hz=50)
+        config = Config(factories={"robot": [noisy], "topside": [echo_of("depth", received)]})
         link = MemoryLink(["depth"], "robot", "topside", 0.01, jitter_s=0.02, loss=0.3)
         SimRunner(config, links=[link], seed=5, until_s=2.0).run()
-        return heard
+        return received
 
     first = run()
     assert first == run()
@@ -176,7 +180,7 @@ def test_a_role_named_twice_or_unknown_is_refused() -> None:
     config = Config(factories=ROLES)
     with pytest.raises(ConfigError, match="named twice: robot, robot"):
         SimRunner(config, ["robot", "robot"])
-    with pytest.raises(UnknownName, match="did you mean 'robot'"):
+    with pytest.raises(UnknownNameError, match="did you mean 'robot'"):
         SimRunner(config, ["robt"])
 
 
@@ -184,8 +188,8 @@ def test_a_failure_in_one_role_leaves_the_runner_with_the_students_line() -> Non
     def fail(loop: Any) -> None:
         raise ValueError("no echo")
 
-    with pytest.raises(ComponentFailed, match=r'raise ValueError\("no echo"\)'):
-        SimRunner(Config(factories={"a": [], "b": [TickerFactory(fail)]}), clock=SimClock()).run()
+    with pytest.raises(ComponentFailedError, match=r'raise ValueError\("no echo"\)'):
+        SimRunner(Config(factories={"a": [], "b": [FunctionLoopFactory(fail)]}), clock=SimClock()).run()
 
 
 class _Unwilling(EndpointFactory):
@@ -193,13 +197,13 @@ class _Unwilling(EndpointFactory):
         raise ConfigError("The port is taken.", fix="another port.")
 
 
-def test_a_command_line_tells_an_error_without_a_traceback(capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_line_prints_error_without_traceback(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         CliRunner({"robot": [_Unwilling()]}, ["robot.py", "robot"]).run()
-    said = capsys.readouterr().err
+    message = capsys.readouterr().err
     assert ended.value.code == 1
-    assert "The port is taken.\n  Try: another port." in said
-    assert "Traceback" not in said
+    assert "The port is taken.\n  Try: another port." in message
+    assert "Traceback" not in message
 
 
 def test_a_command_line_in_debug_mode_raises_the_error() -> None:
@@ -207,11 +211,15 @@ def test_a_command_line_in_debug_mode_raises_the_error() -> None:
         CliRunner({"robot": [_Unwilling()]}, ["robot.py", "-d", "robot"]).run()
 
 
-def test_the_roles_of_a_simulation_tell_their_notes_with_the_name_of_the_node(
+def test_notes_of_simulation_are_printed_with_node_name(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    config = Config(factories={role: [PartFactory(begin=lambda part: part.parent.note("low tide"))] for role in "ab"})
+    config = Config(
+        factories={
+            role: [FunctionEndpointFactory(begin=lambda part: part.parent.add_note("low tide"))] for role in "ab"
+        }
+    )
     SimRunner(config).run()
     assert capsys.readouterr().err == "note: a_node: low tide\nnote: b_node: low tide\n"
-    SimRunner(config, tells_notes=False).run()
+    SimRunner(config, log_notes=False).run()
     assert capsys.readouterr().err == ""

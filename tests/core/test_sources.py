@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Node, SimClock, TimeoutLoopFactory, tasks
-from snr_sim.core.reload.sources import Reading, modules_of, source_of
-from snr_sim.scenario.library import Found, load_controller, load_program, load_robot
-from snr_sim.testing.parts import PartFactory
+from snr_sim.core.reload.sources import ModuleReload, modules_of, source_of
+from snr_sim.scenario.library import FoundItem, load_controller, load_program, load_robot
+from snr_sim.testing.function_components import FunctionEndpointFactory
 
 
 def node_of(*factories: Any) -> Node:
@@ -22,14 +22,14 @@ def node_of(*factories: Any) -> Node:
 
 def reloaded(node: Node, name: str) -> dict[str, Any]:
     """Reload a component of a node in virtual time; return the page that reports it."""
-    node.enter([tasks.reload_component(name), tasks.finish("done")], "test")
+    node.enqueue_input([tasks.reload_component(name), tasks.finish("done")], "test")
     node.loop()
     return dict(node.get_data("reload"))
 
 
 ROBOT = """
     ROLES, IO = ("r",), ("sim",)
-    def roles(rig, controller):
+    def roles(context, controller):
         return {}
 """
 CONTROLLER = """
@@ -54,7 +54,7 @@ def test_a_controller_in_a_robots_folder_is_read_again_with_its_relative_imports
     (folder / "mixer.py").write_text("def mix(x):\n    return x\n")
     path = folder / "controllers" / "pilot.py"
     path.write_text(dedent(CONTROLLER))
-    found = Found("robots", "boat", folder, "the path given")
+    found = FoundItem("robots", "boat", folder, "the path given")
     load_robot(found)
     node = node_of(*load_controller(found, "pilot").factories(None))
     path.write_text(dedent(CONTROLLER).replace("mix(1)", "mix(7)"))
@@ -89,7 +89,7 @@ def test_a_helper_is_read_again_if_the_factory_names_it(tmp_path: Path) -> None:
 
 
 def test_of_the_kits_own_components_no_file_is_read(tmp_path: Path) -> None:
-    node = node_of(TimeoutLoopFactory(seconds=5), PartFactory())
+    node = node_of(TimeoutLoopFactory(seconds=5), FunctionEndpointFactory())
     assert [modules_of(one.factory, one) for one in node.components.values()] == [[], [], []]  # type: ignore[attr-defined]
 
 
@@ -98,12 +98,15 @@ def test_of_the_kits_own_components_no_file_is_read(tmp_path: Path) -> None:
     [
         ("mixer", "list 'mixer', which is not a module"),
         (json.decoder.scanstring, "which is not a module"),
-        (sys, "The reload target 'sys' of PartFactory cannot be read again, as it was not read from a Python file"),
-        (ModuleType("ghost"), "The reload target 'ghost' of PartFactory cannot be read again"),
+        (
+            sys,
+            "The reload target 'sys' of FunctionEndpointFactory cannot be read again, as it was not read from a Python",
+        ),
+        (ModuleType("ghost"), "The reload target 'ghost' of FunctionEndpointFactory cannot be read again"),
     ],
 )
-def test_a_reload_target_that_does_not_exist_is_named_and_the_node_goes_on(target: Any, message: str) -> None:
-    factory = PartFactory()
+def test_missing_reload_target_is_reported_and_node_continues(target: Any, message: str) -> None:
+    factory = FunctionEndpointFactory()
     factory.reload_targets = [target]
     node = node_of(factory)
     page = reloaded(node, "part")
@@ -114,19 +117,19 @@ def test_a_reload_target_that_does_not_exist_is_named_and_the_node_goes_on(targe
 def test_a_reload_target_whose_file_is_gone_is_named_with_its_path(tmp_path: Path) -> None:
     path = tmp_path / "soon_gone.py"
     path.write_text("x = 1\n")
-    factory = PartFactory()
+    factory = FunctionEndpointFactory()
     factory.reload_targets = [load_program(str(path))]
     path.unlink()
     assert f"there is no file {path}" in reloaded(node_of(factory), "part")["message"]
 
 
-def test_what_the_new_code_no_longer_defines_is_gone_and_what_was_set_from_outside_stays(tmp_path: Path) -> None:
+def test_reload_deletes_removed_names_and_keeps_external_ones(tmp_path: Path) -> None:
     path = tmp_path / "forgetful.py"
     path.write_text("import json\ndef old(): ...\ndef kept(): ...\nCOUNT = 1\n")
     module = load_program(str(path))
     module.note = "from outside"  # type: ignore[attr-defined]
     path.write_text("def kept(): ...\n")
-    Reading(module).execute()
+    ModuleReload(module).execute()
     assert not hasattr(module, "old")
     assert module.note == "from outside"
     assert callable(module.kept)
@@ -137,7 +140,7 @@ def test_a_bad_text_that_was_undone_is_not_what_the_module_runs(tmp_path: Path) 
     path.write_text("x = 1\n")
     module = load_program(str(path))
     path.write_text("x = 1 / 0\n")
-    reading = Reading(module)
+    reading = ModuleReload(module)
     with pytest.raises(ZeroDivisionError):
         reading.execute()
     reading.undo()
@@ -174,22 +177,22 @@ SCRIPT = """
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("start", "said"),
+    ("start", "message"),
     [
-        ("if __name__ == '__main__': CliRunner(roles, ['', 'r']).run()", "2 True Made anew: pilot. __main__"),
-        ("if '__main__' == __name__ and roles: CliRunner(roles, ['', 'r']).run()", "2 True Made anew: pilot. __main__"),
+        ("if __name__ == '__main__': CliRunner(roles, ['', 'r']).run()", "2 True Recreated: pilot. __main__"),
+        ("if '__main__' == __name__ and roles: CliRunner(roles, ['', 'r']).run()", "2 True Recreated: pilot. __main__"),
         ("CliRunner(roles, ['', 'r']).run()", "1 False   Kept as before: pilot. __main__"),
     ],
 )
 def test_a_script_reloads_its_own_classes_without_starting_its_robot_again(
-    tmp_path: Path, start: str, said: str
+    tmp_path: Path, start: str, message: str
 ) -> None:
     (tmp_path / "script.py").write_text(dedent(SCRIPT).replace("START", start))
     done = subprocess.run(
         [sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=True
     )
-    assert done.stdout.splitlines() == ["read", "read", said]
-    if "False" in said:
+    assert done.stdout.splitlines() == ["read", "read", message]
+    if "False" in message:
         assert done.stderr.splitlines()[0].startswith("script.py, line 23: CliRunner(roles")
         assert "script.py makes a node while it is read again for a reload." in done.stderr
         assert "put what starts the robot under: if __name__ == '__main__':" in done.stderr

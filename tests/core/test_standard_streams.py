@@ -10,16 +10,16 @@ import pytest
 
 from snr_sim import Config, SynchronousRunner, TaskType, tasks
 from snr_sim.core.left_threads import notes_on_threads
-from snr_sim.testing.parts import PartFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory
 
 OPENED = """
 import os, sys
 from snr_sim.core.standard_streams import open_closed_streams
 open_closed_streams()
-print("to nobody")
-print("to nobody", file=sys.stderr)
-os.write(1, b"to nobody")
-with open("told", "w") as file:
+print("unread")
+print("unread", file=sys.stderr)
+os.write(1, b"unread")
+with open("report", "w") as file:
     file.write(f"{file.fileno() > 2} {sys.stdin.read()!r}")
 """
 
@@ -29,11 +29,11 @@ with open("told", "w") as file:
 def test_a_closed_standard_stream_is_neither_none_nor_the_next_file_that_is_opened(tmp_path: Path, closed: str) -> None:
     command = f'"$0" -c "$1" {closed}'
     subprocess.run(["sh", "-c", command, sys.executable, OPENED], cwd=tmp_path, stdin=subprocess.DEVNULL, check=True)
-    assert (tmp_path / "told").read_text() == "True ''"
+    assert (tmp_path / "report").read_text() == "True ''"
 
 
 @pytest.mark.slow
-def test_a_thread_that_a_component_leaves_behind_is_named_with_its_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_leftover_thread_is_reported_with_its_line(capsys: pytest.CaptureFixture[str]) -> None:
     may_end = threading.Event()
 
     def begin(part: object) -> None:
@@ -41,7 +41,7 @@ def test_a_thread_that_a_component_leaves_behind_is_named_with_its_line(capsys: 
         threading.Thread(target=lambda: may_end.wait(60), name="poll").start()
         threading.Thread(target=lambda: may_end.wait(60), name="daemon", daemon=True).start()
 
-    end = PartFactory(
+    end = FunctionEndpointFactory(
         {TaskType.event: lambda task, task_id: tasks.terminate("done")},
         begin=lambda part: (begin(part), part.schedule(tasks.event("end"))),
     )

@@ -18,8 +18,8 @@ from snr_sim import (
     TimeoutLoopFactory,
     tasks,
 )
-from snr_sim.prelude.errors import ComponentFailed, ConfigError, RetiredName
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.prelude.errors import ComponentFailedError, ConfigError, RetiredNameError
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 LEVELS = {
     "dbg": logging.DEBUG,
@@ -42,8 +42,8 @@ def test_short_ways_to_log_reach_the_log_with_their_level(
 ) -> None:
     caplog.set_level(logging.DEBUG)
     node = run(
-        PartFactory(begin=lambda part: getattr(part, name)("%s of %d", "part", 2)),
-        TickerFactory(lambda loop: getattr(loop, name)("a tick"), rate_hz=1),
+        FunctionEndpointFactory(begin=lambda part: getattr(part, name)("%s of %d", "part", 2)),
+        FunctionLoopFactory(lambda loop: getattr(loop, name)("a tick"), rate_hz=1),
         TimeoutLoopFactory(seconds=0.5),
     )
     getattr(node, name)("over")
@@ -64,8 +64,8 @@ def test_an_endpoint_and_a_loop_store_pages_that_they_have_made() -> None:
         loop.store_page(loop.page("of_loop", 2))
 
     node = run(
-        PartFactory(begin=lambda part: part.store_page(Page("of_part", 1, "elsewhere", 0.5))),
-        TickerFactory(tick, rate_hz=1),
+        FunctionEndpointFactory(begin=lambda part: part.store_page(Page("of_part", 1, "elsewhere", 0.5))),
+        FunctionLoopFactory(tick, rate_hz=1),
         TimeoutLoopFactory(seconds=0.5),
     )
     assert node.get_page("of_part") == Page("of_part", 1, "elsewhere", 0.5)
@@ -80,18 +80,18 @@ def test_a_loop_that_sets_its_terminate_flag_ticks_no_more() -> None:
         loop.set_terminate_flag()
         assert loop.is_terminated()
 
-    run(TickerFactory(tick, rate_hz=10), TimeoutLoopFactory(seconds=1))
+    run(FunctionLoopFactory(tick, rate_hz=10), TimeoutLoopFactory(seconds=1))
     assert ticks == [0.0]
 
 
-def test_a_retired_member_in_a_handler_tells_the_line_and_what_to_write() -> None:
+def test_retired_member_in_handler_raises_with_line_and_fix() -> None:
     def on_go(task: Any, task_id: Any) -> None:
         part[0].task_store_data("depth", 1.0)
 
     part: list[Any] = []
-    with pytest.raises(ComponentFailed) as caught:
+    with pytest.raises(ComponentFailedError) as caught:
         run(
-            PartFactory(
+            FunctionEndpointFactory(
                 {(TaskType.event, "go"): on_go},
                 begin=lambda one: (part.append(one), one.schedule(tasks.event("go"))),
             )
@@ -121,22 +121,22 @@ def test_a_component_may_have_a_member_of_its_own_by_a_retired_name() -> None:
 
 
 def test_a_factory_does_not_reload_by_itself() -> None:
-    with pytest.raises(RetiredName, match=r"(?s)factory\.reload.*tasks\.reload_component"):
-        PartFactory().reload()
+    with pytest.raises(RetiredNameError, match=r"(?s)factory\.reload.*tasks\.reload_component"):
+        FunctionEndpointFactory().reload()
 
 
-def test_a_task_of_data_alone_says_what_to_write() -> None:
-    with pytest.raises(RetiredName, match=r"(?s)tasks\.store_data.*self\.store_data_task\(key, data\)"):
+def test_task_store_data_raises_with_fix() -> None:
+    with pytest.raises(RetiredNameError, match=r"(?s)tasks\.store_data.*self\.store_data_task\(key, data\)"):
         tasks.store_data("depth", 1.0)
     assert TaskType.store_data is TaskType.store_page
 
 
-def test_a_task_source_is_not_called_and_a_note_says_so() -> None:
+def test_task_source_is_not_called_and_is_noted() -> None:
     class Polled(Endpoint):
         def task_source(self) -> None:
             raise AssertionError
 
-    class PolledFactory(PartFactory):
+    class PolledFactory(FunctionEndpointFactory):
         def get(self, parent: Node) -> Any:
             return Polled(self, parent, "polled")
 
@@ -145,6 +145,6 @@ def test_a_task_source_is_not_called_and_a_note_says_so() -> None:
 
 
 def test_a_factory_can_be_annotated_with_what_it_makes() -> None:
-    assert PartFactory[Endpoint]().get is not None
+    assert FunctionEndpointFactory[Endpoint]().get is not None
     with pytest.raises(ConfigError):
-        run(PartFactory[Endpoint])
+        run(FunctionEndpointFactory[Endpoint])

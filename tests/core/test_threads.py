@@ -1,4 +1,4 @@
-"""Loops on threads of their own: rates, shutdown, failures, and the inbox (`Door`) that connects them to the node."""
+"""Loops on threads of their own: rates, shutdown, failures, and the inbox that connects them to the node."""
 
 import re
 import threading
@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Node, SomeTasks, Task, TaskType, TimeoutLoopFactory, WallClock, tasks
-from snr_sim.core.backing import JOIN_TIMEOUT_S, ThreadBacking
-from snr_sim.core.door import Door
-from snr_sim.prelude.errors import ComponentFailed, ParameterError
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.core.executors import JOIN_TIMEOUT_S, ThreadExecutor
+from snr_sim.core.inbox import Inbox
+from snr_sim.prelude.errors import ComponentFailedError, ParameterError
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 
 def node_of(*factories: Any) -> Node:
@@ -41,7 +41,7 @@ def cost_of(node: Node) -> tuple[float, float]:
 @pytest.mark.wall_clock
 def test_weakness_5_an_idle_node_costs_nothing() -> None:
     to_begin_and_end_s, _ = cost_of(node_of(TimeoutLoopFactory(seconds=0.0)))
-    node = node_of(PartFactory({TaskType.event: lambda task, task_id: None}))
+    node = node_of(FunctionEndpointFactory({TaskType.event: lambda task, task_id: None}))
     threading.Timer(0.4, lambda: node.schedule(tasks.terminate("enough"))).start()
     cost_s, took_s = cost_of(node)
     assert node.exit_reason == "enough"
@@ -51,7 +51,7 @@ def test_weakness_5_an_idle_node_costs_nothing() -> None:
 @pytest.mark.wall_clock
 def test_a_node_whose_loops_wait_costs_nothing_either() -> None:
     ticks: list[tuple[float, float]] = []
-    look = TickerFactory(lambda loop: ticks.append((time.thread_time(), time.monotonic())), rate_hz=5)
+    look = FunctionLoopFactory(lambda loop: ticks.append((time.thread_time(), time.monotonic())), rate_hz=5)
     to_begin_and_end_s, _ = cost_of(node_of(TimeoutLoopFactory(seconds=0.0)))
     node = node_of(TimeoutLoopFactory(seconds=0.5), look)
     cost_s, took_s = cost_of(node)
@@ -126,9 +126,9 @@ class Wakes(Waits):
 
 
 def ticks_of(
-    rate_hz: float, works_s: Sequence[float], hurried_at_s: Sequence[float] = ()
-) -> tuple[list[float], ThreadBacking]:
-    """Return the tick times of a threaded loop with this work per tick and these `hurry` times, and its caller."""
+    rate_hz: float, works_s: Sequence[float], woken_at_s: Sequence[float] = ()
+) -> tuple[list[float], ThreadExecutor]:
+    """Return the tick times of a threaded loop with this work per tick and these `wake` times, and its caller."""
     ticks: list[float] = []
     clock = WorkClock()
 
@@ -136,48 +136,48 @@ def ticks_of(
         ticks.append(clock.time_s)
         clock.time_s += works_s[len(ticks) - 1]
         if len(ticks) == len(works_s):
-            backing.stop()
+            executor.stop()
 
-    node = Node("r", Config(factories={"r": [TickerFactory(work, rate_hz=rate_hz)]}), clock=clock)
-    backing = ThreadBacking(node.components["ticker"], node.life)  # type: ignore[arg-type]
-    backing._stopping, backing._waking = Waits(clock), Wakes(clock, hurried_at_s)
-    backing._run()
-    return ticks, backing
+    node = Node("r", Config(factories={"r": [FunctionLoopFactory(work, rate_hz=rate_hz)]}), clock=clock)
+    executor = ThreadExecutor(node.components["ticker"], node.life)  # type: ignore[arg-type]
+    executor._stopping, executor._waking = Waits(clock), Wakes(clock, woken_at_s)
+    executor._run()
+    return ticks, executor
 
 
 @pytest.mark.parametrize("rate_hz", [50, 100, 500])
 @pytest.mark.parametrize("share", [0.0, 0.5, 0.9])
 def test_weakness_26_a_loop_on_a_thread_keeps_its_rate_although_it_works(rate_hz: int, share: float) -> None:
-    ticks, backing = ticks_of(rate_hz, [share / rate_hz] * 500)
+    ticks, executor = ticks_of(rate_hz, [share / rate_hz] * 500)
     assert ticks == pytest.approx([k / rate_hz + (LATE_S if k else 0.0) for k in range(500)])
-    assert backing.late_s == 0.0
+    assert executor.late_s == 0.0
 
 
-def test_a_loop_that_cannot_keep_up_leaves_ticks_out_and_does_not_hurry_after_them() -> None:
-    ticks, backing = ticks_of(100, [0.0, 0.0, 0.125, 0.0, 0.0, 0.0])
+def test_late_loop_skips_ticks() -> None:
+    ticks, executor = ticks_of(100, [0.0, 0.0, 0.125, 0.0, 0.0, 0.0])
     assert ticks == pytest.approx([0.0, 0.0101, 0.0201, 0.1451, 0.1501, 0.1601])
-    assert backing.late_s == pytest.approx(0.1151)
+    assert executor.late_s == pytest.approx(0.1151)
 
 
-def test_a_loop_that_is_hurried_once_a_period_ticks_then_and_only_then() -> None:
-    hurried_s = [0.007 + 0.01 * k for k in range(20)]
-    ticks, backing = ticks_of(100, [0.0] * 20, hurried_s)
-    assert ticks == pytest.approx([0.0, *hurried_s[:19]])
-    assert backing.late_s == 0.0
+def test_loop_woken_once_per_period_ticks_only_at_wakes() -> None:
+    woken_s = [0.007 + 0.01 * k for k in range(20)]
+    ticks, executor = ticks_of(100, [0.0] * 20, woken_s)
+    assert ticks == pytest.approx([0.0, *woken_s[:19]])
+    assert executor.late_s == 0.0
 
 
-def test_a_loop_that_is_hurried_too_often_ticks_twice_a_period_at_most() -> None:
+def test_loop_woken_often_ticks_at_most_twice_per_period() -> None:
     ticks, _ = ticks_of(100, [0.001] * 40, [0.0003 * k for k in range(1, 2000)])
     assert min(later - earlier for earlier, later in pairwise(ticks)) == pytest.approx(0.005 + LATE_S)
 
 
-def test_a_loop_that_is_hurried_no_more_goes_on_at_its_rate() -> None:
+def test_loop_no_longer_woken_keeps_its_rate() -> None:
     ticks, _ = ticks_of(100, [0.0] * 5, [0.007])
     assert ticks == pytest.approx([0.0, 0.007, 0.0221, 0.0321, 0.0421])
 
 
 @pytest.mark.slow
-def test_a_real_thread_that_waits_for_long_is_woken_by_a_hurry_and_its_end() -> None:
+def test_waiting_thread_is_woken_by_wake_and_by_stop() -> None:
     came = threading.Event()
 
     def work(loop: Any) -> None:
@@ -185,16 +185,16 @@ def test_a_real_thread_that_waits_for_long_is_woken_by_a_hurry_and_its_end() -> 
         if loop.caller is not None and loop.caller.ticks >= 2:
             came.set()
 
-    node = node_of(TickerFactory(work, rate_hz=1000), TimeoutLoopFactory(seconds=60))
+    node = node_of(FunctionLoopFactory(work, rate_hz=1000), TimeoutLoopFactory(seconds=60))
     loop: Any = node.components["ticker"]
     running = threading.Thread(target=node.loop)
     running.start()
     while not came.wait(0.001):
-        loop.hurry()
+        loop.wake()
     node.schedule(tasks.terminate("enough"))
     running.join(60.0)
     assert not running.is_alive()
-    assert loop.caller.ticks >= 2  # one more after a second `hurry` that came before this check
+    assert loop.caller.ticks >= 2  # one more after a second `wake` that came before this check
 
 
 @pytest.mark.wall_clock
@@ -208,7 +208,7 @@ def test_a_real_thread_ticks_once_a_period_and_not_a_period_after_its_work() -> 
         if len(ticks) == 16:
             loop.schedule(tasks.terminate("enough"))
 
-    node_of(TickerFactory(work, rate_hz=25), TimeoutLoopFactory(seconds=60)).loop()
+    node_of(FunctionLoopFactory(work, rate_hz=25), TimeoutLoopFactory(seconds=60)).loop()
     assert median(later - earlier for earlier, later in pairwise(ticks)) < 1.2 * 0.04
 
 
@@ -217,7 +217,7 @@ def test_a_real_thread_ticks_once_a_period_and_not_a_period_after_its_work() -> 
 
 @pytest.mark.slow
 def test_a_timeout_does_not_hold_up_the_end() -> None:
-    stop = TickerFactory(lambda loop: loop.schedule(tasks.terminate("stop")), "stop")
+    stop = FunctionLoopFactory(lambda loop: loop.schedule(tasks.terminate("stop")), "stop")
     node = node_of(TimeoutLoopFactory(seconds=60), stop)
     assert run_s(node) < 0.4
     assert (node.exit_reason, node.notes) == ("stop", [])  # no loop that had to be left behind
@@ -237,8 +237,8 @@ def test_weakness_17_fifty_loops_at_10_hz_end_together_and_not_one_after_the_oth
     def arrive(loop: Any) -> None:
         loop.schedule(tasks.event(loop.name))
 
-    slow = [TickerFactory(arrive, f"slow{i}", rate_hz=10, halt=lambda loop: together.wait()) for i in range(50)]
-    node = node_of(*slow, PartFactory({TaskType.event: count}))
+    slow = [FunctionLoopFactory(arrive, f"slow{i}", rate_hz=10, halt=lambda loop: together.wait()) for i in range(50)]
+    node = node_of(*slow, FunctionEndpointFactory({TaskType.event: count}))
     node.loop()
     assert all_halted.wait(15.0)
 
@@ -248,27 +248,27 @@ def test_loops_that_hang_are_halted_from_outside_named_and_cost_one_timeout_toge
     halted: list[str] = []
     there: set[str] = set()
     asked_s: list[float] = []
-    let_go = threading.Event()
+    released = threading.Event()
 
     def hang(loop: Any) -> None:
         loop.schedule(tasks.event(loop.name))
-        let_go.wait(60)
+        released.wait(60)
 
     def arrived(task: Task, task_id: Any) -> SomeTasks:
         there.add(task.name)
         asked_s.append(time.monotonic())
         return tasks.terminate("all there") if len(there) == 4 else None
 
-    stuck = [TickerFactory(hang, f"stuck{i}", halt=lambda loop: halted.append(loop.name)) for i in range(4)]
-    node = node_of(*stuck, PartFactory({TaskType.event: arrived}))
+    stuck = [FunctionLoopFactory(hang, f"stuck{i}", halt=lambda loop: halted.append(loop.name)) for i in range(4)]
+    node = node_of(*stuck, FunctionEndpointFactory({TaskType.event: arrived}))
     node.loop()
     took_s = time.monotonic() - asked_s[-1]
-    let_go.set()
+    released.set()
     assert halted == ["stuck0", "stuck1", "stuck2", "stuck3"]
     assert took_s < JOIN_TIMEOUT_S + 0.3  # in turn they would take four times as long
     (note,) = [note for note in node.notes if "stuck2" in note]
     assert note.startswith(f"Loop 'stuck2' did not end within {JOIN_TIMEOUT_S} s: something in its loop() blocks (")
-    assert re.search(r"test_threads\.py, line \d+: let_go\.wait\(60\)\)\.$", note)
+    assert re.search(r"test_threads\.py, line \d+: released\.wait\(60\)\)\.$", note)
 
 
 def boom(component: Any) -> None:
@@ -279,10 +279,12 @@ def boom(component: Any) -> None:
 @pytest.mark.parametrize("step", ["setup", "loop", "halt", "terminate"])
 def test_a_loop_that_fails_on_its_thread_ends_the_node_with_its_error(step: str) -> None:
     log: list[str] = []
-    other = PartFactory(name="other", halt=lambda part: log.append("halt"), terminate=lambda part: log.append("end"))
+    other = FunctionEndpointFactory(
+        name="other", halt=lambda part: log.append("halt"), terminate=lambda part: log.append("end")
+    )
     culprit = {"loop": lambda loop: loop.schedule(tasks.terminate("enough")), step: boom}
-    node = node_of(TickerFactory(**culprit, name="culprit"), other)
-    with pytest.raises(ComponentFailed) as caught:
+    node = node_of(FunctionLoopFactory(**culprit, name="culprit"), other)
+    with pytest.raises(ComponentFailedError) as caught:
         node.loop()
     assert "the wire is loose" in str(caught.value)
     assert "component 'culprit'" in str(caught.value)
@@ -300,8 +302,8 @@ def test_a_loop_that_fails_is_halted_and_terminated_itself(step: str) -> None:
         "halt": lambda loop: log.append("halt"),
         "terminate": lambda loop: log.append("terminate"),
     }
-    with pytest.raises(ComponentFailed):
-        node_of(TickerFactory(**steps)).loop()
+    with pytest.raises(ComponentFailedError):
+        node_of(FunctionLoopFactory(**steps)).loop()
     assert log == ["halt", "terminate"]
 
 
@@ -313,7 +315,7 @@ def test_setup_loop_and_halt_run_on_the_loops_thread_and_handlers_on_the_nodes()
         return lambda *args: where.setdefault(step, set()).add(threading.get_ident())
 
     loops = [
-        TickerFactory(
+        FunctionLoopFactory(
             lambda loop: (here("loop")(), loop.schedule(tasks.event("x"))),
             f"loop{i}",
             200,
@@ -329,7 +331,7 @@ def test_setup_loop_and_halt_run_on_the_loops_thread_and_handlers_on_the_nodes()
         came.append(task)
         return tasks.terminate("enough") if len(came) == 20 and len(where["loop"]) == 2 else None
 
-    node_of(*loops, PartFactory({TaskType.event: handle})).loop()
+    node_of(*loops, FunctionEndpointFactory({TaskType.event: handle})).loop()
     main = threading.get_ident()
     assert where["handler"] == {main}
     assert where["setup"] == where["loop"] == where["halt"]
@@ -352,7 +354,9 @@ def test_a_loop_can_stop_itself() -> None:
         if sum(looks) == 10:
             loop.schedule(tasks.terminate("seen"))
 
-    node = node_of(TickerFactory(once, rate_hz=1000), TickerFactory(look, "look", 500), TimeoutLoopFactory(seconds=60))
+    node = node_of(
+        FunctionLoopFactory(once, rate_hz=1000), FunctionLoopFactory(look, "look", 500), TimeoutLoopFactory(seconds=60)
+    )
     node.loop()
     assert node.exit_reason == "seen"
     assert len(ticks) == 1
@@ -360,13 +364,13 @@ def test_a_loop_can_stop_itself() -> None:
 
 
 @pytest.mark.parametrize("rate_hz", [-1.0, float("nan"), float("inf")])
-def test_a_rate_that_is_none_is_refused_when_the_loop_is_made(rate_hz: float) -> None:
+def test_invalid_rate_raises_when_loop_is_created(rate_hz: float) -> None:
     with pytest.raises(ParameterError, match="'ticker' has max_tick_rate_hz="):
-        node_of(TickerFactory(rate_hz=rate_hz))
+        node_of(FunctionLoopFactory(rate_hz=rate_hz))
 
 
 @pytest.mark.slow
-def test_many_threads_at_one_door_lose_nothing_and_keep_their_own_order() -> None:
+def test_inbox_keeps_order_per_thread_and_loses_nothing() -> None:
     came: dict[str, list[int]] = {f"t{i}": [] for i in range(8)}
     per_thread = 2000
 
@@ -374,7 +378,7 @@ def test_many_threads_at_one_door_lose_nothing_and_keep_their_own_order() -> Non
         came[task.name].append(task.val_list[0])
         return tasks.terminate("all") if sum(map(len, came.values())) == 8 * per_thread else None
 
-    node = node_of(PartFactory({TaskType.event: take}))
+    node = node_of(FunctionEndpointFactory({TaskType.event: take}))
 
     def bring(name: str) -> None:
         for i in range(per_thread):
@@ -388,13 +392,13 @@ def test_many_threads_at_one_door_lose_nothing_and_keep_their_own_order() -> Non
 
 
 @pytest.mark.slow
-def test_a_door_wakes_who_waits_and_never_sleeps_over_what_is_there() -> None:
-    door = Door()
+def test_inbox_put_wakes_waiting_thread() -> None:
+    inbox = Inbox()
     taken = 0
 
     def bring() -> None:
         for i in range(5000):
-            door.put(tasks.event("x"), "t")
+            inbox.put(tasks.event("x"), "t")
             if i % 100 == 0:
                 time.sleep(0.0002)  # so that the other side falls asleep in between
 
@@ -402,9 +406,9 @@ def test_a_door_wakes_who_waits_and_never_sleeps_over_what_is_there() -> None:
     thread.start()
     start_s = time.monotonic()
     while taken < 5000:
-        door.wait(30.0)  # may also return with nothing there; only sleeping over something would be wrong
-        while door.waiting:
-            door.waiting.popleft()
+        inbox.wait(30.0)  # may also return with nothing there; only sleeping over something would be wrong
+        while inbox.waiting:
+            inbox.waiting.popleft()
             taken += 1
     thread.join()
     assert time.monotonic() - start_s < 10.0  # one sleep over something takes 30 s
@@ -420,7 +424,7 @@ def test_pages_of_a_loop_carry_the_nodes_name_and_time() -> None:
         loop.schedule(tasks.terminate("stored"))
         loop.stop()
 
-    node = node_of(TickerFactory(store))
+    node = node_of(FunctionLoopFactory(store))
     node.loop()
     page = node.get_page("x")
     assert page is not None

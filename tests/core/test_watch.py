@@ -11,7 +11,7 @@ from snr_sim import Config, Node, SimClock, TaskType, TimeoutLoopFactory, WatchL
 from snr_sim.core.lockstep import LockStep
 from snr_sim.core.runners import CliRunner
 from snr_sim.scenario.library import load_program
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 PILOT = """
 from snr_sim import Endpoint, EndpointFactory, TaskType
@@ -46,14 +46,16 @@ def watch(factories: list[Any], *saves: Callable[[], object], until_s: float = 6
     for i, save in enumerate(saves, 1):
         clock.call_at(i - 0.1, lambda save=save: save() and None)  # type: ignore[misc]
     reloads: list[Any] = []
-    node.tap("reload", lambda page: reloads.append((page.created_at_s, page.data["made"], page.data["ok"])))
+    node.add_store_listener(
+        "reload", lambda page: reloads.append((page.created_at_s, page.data["created"], page.data["ok"]))
+    )
     LockStep([node], clock, until_s=until_s).run()
     return node, reloads
 
 
-def test_a_saved_file_has_its_component_reloaded_at_the_next_look(file: Path) -> None:
-    fly = TickerFactory(lambda loop: loop.schedule(tasks.event("fly")), rate_hz=1.0)
-    node, reloads = watch([load_program(str(file)).PilotFactory(), fly], lambda: file.write_text(FASTER))
+def test_saved_file_reloads_component_at_next_check(file: Path) -> None:
+    ticker = FunctionLoopFactory(lambda loop: loop.schedule(tasks.event("fly")), rate_hz=1.0)
+    node, reloads = watch([load_program(str(file)).PilotFactory(), ticker], lambda: file.write_text(FASTER))
     assert reloads == [(1.0, ["pilot"], True)]
     assert node.get_data("thrust") == 5
 
@@ -63,21 +65,21 @@ def test_a_file_that_was_saved_unchanged_reloads_nothing(file: Path) -> None:
     assert reloads == []
 
 
-def test_all_who_stand_in_a_file_are_reloaded_together_and_the_others_are_not(file: Path) -> None:
+def test_saved_file_reloads_only_its_components(file: Path) -> None:
     module = load_program(str(file))
-    factories = [module.PilotFactory("a"), PartFactory(), module.PilotFactory("b")]
+    factories = [module.PilotFactory("a"), FunctionEndpointFactory(), module.PilotFactory("b")]
     _, reloads = watch(factories, lambda: file.write_text(FASTER))
     assert reloads == [(1.0, ["a", "b"], True)]
 
 
-def test_a_file_saved_halfway_is_told_once_and_tried_again_when_the_rest_has_come(file: Path) -> None:
+def test_partly_saved_file_is_reported_once_and_retried(file: Path) -> None:
     def break_it() -> None:
         file.write_text(FASTER + "x = (")
 
-    def mend_it() -> None:
+    def repair_it() -> None:
         file.write_text(FASTER)
 
-    node, reloads = watch([load_program(str(file)).PilotFactory()], break_it, lambda: None, mend_it)
+    node, reloads = watch([load_program(str(file)).PilotFactory()], break_it, lambda: None, repair_it)
     assert reloads == [(1.0, [], False), (3.0, ["pilot"], True)]
     assert len([note for note in node.notes if "SyntaxError" in note]) == 1
 
@@ -94,19 +96,19 @@ def test_a_file_that_an_editor_has_emptied_or_moved_away_is_waited_for(file: Pat
 
 def test_the_file_of_an_added_component_is_watched_too(file: Path) -> None:
     factory = load_program(str(file)).PilotFactory("late")
-    adder = PartFactory({(TaskType.event, "more"): lambda task, task_id: tasks.add_component(factory)})
+    adder = FunctionEndpointFactory({(TaskType.event, "more"): lambda task, task_id: tasks.add_component(factory)})
     once = TimeoutLoopFactory(seconds=0.5, task=tasks.event("more"))
     _, reloads = watch([adder, once], lambda: None, lambda: file.write_text(FASTER))
     assert reloads == [(2.0, ["late"], True)]
 
 
-def test_the_watch_is_no_part_of_the_robot_and_goes_on_through_reload_all(file: Path) -> None:
+def test_reload_all_excludes_watch(file: Path) -> None:
     def once(loop: Any) -> None:
         if "is_done" not in vars(loop.factory):  # the loop itself is recreated
             loop.factory.is_done = True
             loop.schedule(tasks.reload_component("all"))
 
-    factories = [load_program(str(file)).PilotFactory(), TickerFactory(once)]
+    factories = [load_program(str(file)).PilotFactory(), FunctionLoopFactory(once)]
     _, reloads = watch(factories, lambda: None, lambda: file.write_text(FASTER))
     assert [made for _, made, _ in reloads] == [["pilot", "ticker"], ["pilot"]]
 
@@ -124,10 +126,10 @@ def test_a_robot_started_with_watch_takes_an_edited_file_while_its_threads_run(
             threading.Thread(target=lambda: file.write_text(FASTER)).start()
         return tasks.terminate("faster") if thrusts[-1] == 5 else None
 
-    ear = PartFactory({(TaskType.store_page, "thrust"): on_thrust})
-    fly = TickerFactory(lambda loop: loop.schedule(tasks.event("fly")), rate_hz=50.0)
-    factories = [load_program(str(file)).PilotFactory(), ear, fly, TimeoutLoopFactory(seconds=120)]
+    listener = FunctionEndpointFactory({(TaskType.store_page, "thrust"): on_thrust})
+    ticker = FunctionLoopFactory(lambda loop: loop.schedule(tasks.event("fly")), rate_hz=50.0)
+    factories = [load_program(str(file)).PilotFactory(), listener, ticker, TimeoutLoopFactory(seconds=120)]
     CliRunner({"r": factories}, ["robot.py", "--watch", "r"]).run()
     assert thrusts[:3] == [1, 1, 1]
     assert thrusts[-1] == 5
-    assert "INFO snr.r_node.node_core: Made anew: pilot." in capsys.readouterr().err
+    assert "INFO snr.r_node.node_core: Recreated: pilot." in capsys.readouterr().err

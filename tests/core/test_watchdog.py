@@ -15,47 +15,47 @@ from snr_sim import Config, Node, SimClock, SimRunner, SynchronousRunner, Task, 
 from snr_sim.core import watchdog
 from snr_sim.core.last_resort import LastResort
 from snr_sim.core.overload import SAMPLES
-from snr_sim.core.standstill import SLOW_LOOKS
-from snr_sim.core.watchdog import LOOK_S, Watchdog
-from snr_sim.prelude.errors import ComponentFailed, ConfigError, SnrError
+from snr_sim.core.standstill import SLOW_CHECKS
+from snr_sim.core.watchdog import CHECK_PERIOD_S, Watchdog
+from snr_sim.prelude.errors import ComponentFailedError, ConfigError, SnrError
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario.program import program_header
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 GO = (TaskType.event, "go")
 
 
-class Looks:
+class Checks:
     """A watchdog without a thread: the test triggers its checks and sets its clock."""
 
     def __init__(self, node: Node) -> None:
-        self.told: list[str] = []
+        self.reports: list[str] = []
         self.now_s = 0.0
-        self.watchdog = Watchdog([node], now_s=lambda: self.now_s, tell=self.told.append, pause=lambda s: None)
+        self.watchdog = Watchdog([node], now_s=lambda: self.now_s, report=self.reports.append, pause=lambda s: None)
         self.watchdog.begin(sys._getframe(1))
 
     def pass_by(self, seconds: float, at_each: Callable[[], object] = lambda: None) -> None:
         """Advance the wall time, and let the watchdog poll at its own rate."""
-        for _ in range(round(seconds / LOOK_S)):
+        for _ in range(round(seconds / CHECK_PERIOD_S)):
             at_each()
-            self.now_s += LOOK_S
-            self.watchdog.look()
+            self.now_s += CHECK_PERIOD_S
+            self.watchdog.check()
 
 
-def run_with(handler: Callable[[Looks], Any], *, limit_s: float = float("inf"), recorder: Any = None) -> Looks:
+def run_with(handler: Callable[[Checks], Any], *, limit_s: float = float("inf"), recorder: Any = None) -> Checks:
     """Run one task whose handler is given the watchdog of its own run."""
-    looks: list[Looks] = []
+    checks: list[Checks] = []
 
     def on_go(task: Task, task_id: Any) -> Any:
-        return handler(looks[0])
+        return handler(checks[0])
 
-    factories = [PartFactory({GO: on_go}, "pilot", begin=lambda part: part.schedule(tasks.event("go")))]
+    factories = [FunctionEndpointFactory({GO: on_go}, "pilot", begin=lambda part: part.schedule(tasks.event("go")))]
     config = Config(factories={"test": factories}, stall_limit_s=limit_s)
     node = Node("test", config, clock=SimClock(), recorder=recorder)
-    looks.append(Looks(node))
+    checks.append(Checks(node))
     node.begin()
     node.run_ready()
-    return looks[0]
+    return checks[0]
 
 
 @pytest.mark.parametrize("is_recorded", [False, True])
@@ -64,98 +64,105 @@ def test_a_handler_that_does_not_return_is_named_with_task_and_line(is_recorded:
     if is_recorded:
         whole = Config(factories={"test": []})
         recorder = TraceWriter(tmp_path / FILE_NAME, program_header(["test"], whole, __file__, SimClock()))
-    looks = run_with(lambda looks: looks.pass_by(2.5), recorder=recorder)
+    checks = run_with(lambda checks: checks.pass_by(2.5), recorder=recorder)
     if recorder is not None:
         recorder.close()
-    (said,) = looks.told
-    assert said.startswith("tests/core/test_watchdog.py, line ")
-    assert "on_go() of component 'pilot', which handles event 'go', has not returned for 2 s at t = 0.000 s" in said
-    assert "Try: a handler, and a loop's loop(), does its work once and returns." in said
+    (message,) = checks.reports
+    assert message.startswith("tests/core/test_watchdog.py, line ")
+    assert "on_go() of component 'pilot', which handles event 'go', has not returned for 2 s at t = 0.000 s" in message
+    assert "Try: a handler, and a loop's loop(), does its work once and returns." in message
 
 
-def test_it_is_told_after_two_seconds_and_again_every_ten() -> None:
-    looks = run_with(lambda looks: looks.pass_by(35.0))
-    assert ["for 2 s" in looks.told[0], "for 12 s" in looks.told[1]] == [True, True]
-    assert len(looks.told) == 4
+def test_standstill_is_reported_after_2_s_and_every_10_s() -> None:
+    checks = run_with(lambda checks: checks.pass_by(35.0))
+    assert ["for 2 s" in checks.reports[0], "for 12 s" in checks.reports[1]] == [True, True]
+    assert len(checks.reports) == 4
 
 
-def test_a_handler_that_returns_in_time_is_not_told() -> None:
-    assert run_with(lambda looks: looks.pass_by(1.5)).told == []
+def test_handler_that_returns_in_time_is_not_reported() -> None:
+    assert run_with(lambda checks: checks.pass_by(1.5)).reports == []
 
 
-def test_a_process_that_was_stopped_for_an_hour_is_not_told() -> None:
-    def stopped(looks: Looks) -> None:
-        looks.now_s += 3600.0
-        looks.watchdog.look()
+def test_stopped_process_is_not_reported() -> None:
+    def stopped(checks: Checks) -> None:
+        checks.now_s += 3600.0
+        checks.watchdog.check()
 
-    assert run_with(stopped).told == []
+    assert run_with(stopped).reports == []
 
 
-def test_many_handlers_that_return_at_one_moment_are_no_standstill() -> None:
-    looks: list[Looks] = []
+def test_many_handlers_at_one_instant_report_no_standstill() -> None:
+    checks: list[Checks] = []
     left = [20]
 
     def work(task: Task, task_id: Any) -> Any:
-        looks[0].pass_by(0.5)
+        checks[0].pass_by(0.5)
         left[0] -= 1
         return tasks.event("go") if left[0] else None
 
-    factories = [PartFactory({GO: work}, "pilot", begin=lambda part: part.schedule(tasks.event("go")))]
+    factories = [FunctionEndpointFactory({GO: work}, "pilot", begin=lambda part: part.schedule(tasks.event("go")))]
     node = Node("test", Config(factories={"test": factories}), clock=SimClock())
-    looks.append(Looks(node))
+    checks.append(Checks(node))
     node.begin()
     node.run_ready()
-    assert not any("has not returned" in said for said in looks[0].told)
+    assert not any("has not returned" in message for message in checks[0].reports)
     # but the place where the run spends its time is reported, once
-    assert sum(f"{SLOW_LOOKS} times in a row: the run spends its time there" in said for said in looks[0].told) == 1
+    assert (
+        sum(f"{SLOW_CHECKS} times in a row: the run spends its time there" in message for message in checks[0].reports)
+        == 1
+    )
 
 
-def test_what_runs_in_begin_in_a_loop_and_in_halt_is_watched_too() -> None:
-    told: dict[str, list[str]] = {}
+def test_standstill_in_begin_loop_and_halt_is_reported() -> None:
+    reports: dict[str, list[str]] = {}
 
     def stuck(step: str) -> Callable[[Any], None]:
         def hang(component: Any) -> None:
-            looks = Looks(component.parent)
-            looks.pass_by(2.5)
-            told[step] = looks.told
+            checks = Checks(component.parent)
+            checks.pass_by(2.5)
+            reports[step] = checks.reports
 
         return hang
 
-    beginner = PartFactory(name="beginner", begin=stuck("begin"), halt=stuck("halt"))
-    TestRunner(Config(factories={"test": [beginner, TickerFactory(stuck("loop"), "ticker", 1.0)]}), until_s=0.5).run()
-    assert {step: len(said) for step, said in told.items()} == {"begin": 1, "loop": 1, "halt": 1}
-    assert "component 'ticker' has not returned" in told["loop"][0]
+    beginner = FunctionEndpointFactory(name="beginner", begin=stuck("begin"), halt=stuck("halt"))
+    TestRunner(
+        Config(factories={"test": [beginner, FunctionLoopFactory(stuck("loop"), "ticker", 1.0)]}), until_s=0.5
+    ).run()
+    assert {step: len(message) for step, message in reports.items()} == {"begin": 1, "loop": 1, "halt": 1}
+    assert "component 'ticker' has not returned" in reports["loop"][0]
 
 
-def test_kit_code_without_a_students_line_is_told_later() -> None:
-    node = Node("test", Config(factories={"test": [PartFactory(name="device")]}), clock=SimClock())
-    looks = Looks(node)
-    looks.watchdog._frames = dict  # type: ignore[method-assign]
+def test_standstill_without_student_line_is_reported_later() -> None:
+    node = Node("test", Config(factories={"test": [FunctionEndpointFactory(name="device")]}), clock=SimClock())
+    checks = Checks(node)
+    checks.watchdog._frames = dict  # type: ignore[method-assign]
     node.machine.running = node.components["device"]
-    looks.pass_by(9.0)
-    assert looks.told == []
-    looks.pass_by(2.0)
-    assert ["component 'device' has not returned for 10 s" in said for said in looks.told] == [True]
+    checks.pass_by(9.0)
+    assert checks.reports == []
+    checks.pass_by(2.0)
+    assert ["component 'device' has not returned for 10 s" in message for message in checks.reports] == [True]
 
 
 def test_at_the_limit_the_run_is_ended_with_the_line(monkeypatch: pytest.MonkeyPatch) -> None:
     interrupted: list[str] = []
-    monkeypatch.setattr(watchdog, "interrupt_what_runs", lambda: interrupted.append("pilot"))
-    monkeypatch.setattr(LastResort, "_end_process", lambda self, why, status: interrupted.append(f"{why}, {status}"))
-    with pytest.raises(ComponentFailed) as caught:
-        run_with(lambda looks: (looks.pass_by(7.0), tasks.event("go"))[1], limit_s=5.0)
+    monkeypatch.setattr(watchdog, "interrupt_main_thread", lambda: interrupted.append("pilot"))
+    monkeypatch.setattr(
+        LastResort, "_end_process", lambda self, reason, status: interrupted.append(f"{reason}, {status}")
+    )
+    with pytest.raises(ComponentFailedError) as caught:
+        run_with(lambda checks: (checks.pass_by(7.0), tasks.event("go"))[1], limit_s=5.0)
     assert interrupted[0] == "pilot"
     assert "on_go() of component 'pilot'" in str(caught.value)
     assert "has not returned for 5 s at t = 0.000 s: the run was ended." in str(caught.value)
 
 
 def test_without_a_limit_nothing_is_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(watchdog, "interrupt_what_runs", lambda: pytest.fail("it was"))
-    assert run_with(lambda looks: looks.pass_by(3600.0)).watchdog.failure is None
+    monkeypatch.setattr(watchdog, "interrupt_main_thread", lambda: pytest.fail("it was"))
+    assert run_with(lambda checks: checks.pass_by(3600.0)).watchdog.failure is None
 
 
 @pytest.mark.parametrize("limit_s", [0, -1.0, float("nan"), "60", True, None])
-def test_a_limit_that_is_none_is_refused(limit_s: Any) -> None:
+def test_invalid_stall_limit_raises_config_error(limit_s: Any) -> None:
     with pytest.raises(ConfigError, match="stall_limit_s"):
         Config(factories={"test": []}, stall_limit_s=limit_s)
 
@@ -173,74 +180,74 @@ class Steps:
         self.time_s = time_s
 
 
-def overloaded(at_look: Callable[[Looks, Node, int], object], looks_s: float) -> list[str]:
-    """Run a node whose one slow handler is looked at; before each look `at_look` is called with its number."""
-    looks: list[Looks] = []
+def overloaded(at_check: Callable[[Checks, Node, int], object], checks_s: float) -> list[str]:
+    """Run a node whose one slow handler is looked at; before each look `at_check` is called with its number."""
+    checks: list[Checks] = []
     numbers = iter(range(1000))
 
     def on_picture(task: Task, task_id: Any) -> Any:
-        looks[0].pass_by(looks_s, lambda: at_look(looks[0], node, next(numbers)))
+        checks[0].pass_by(checks_s, lambda: at_check(checks[0], node, next(numbers)))
         return tasks.terminate("done")
 
-    detector = PartFactory({(TaskType.event, "picture"): on_picture}, "detector")
+    detector = FunctionEndpointFactory({(TaskType.event, "picture"): on_picture}, "detector")
     node = Node("robot", Config(factories={"robot": [detector]}), clock=Steps())
-    looks.append(Looks(node))
+    checks.append(Checks(node))
     node.begin()
-    node.enter(tasks.event("picture"), "camera_loop")
+    node.enqueue_input(tasks.event("picture"), "camera_loop")
     node.run_ready()
-    return looks[0].told
+    return checks[0].reports
 
 
-def bring(count: int) -> Callable[[Looks, Node, int], object]:
-    def at_look(looks: Looks, node: Node, number: int) -> None:
+def bring(count: int) -> Callable[[Checks, Node, int], object]:
+    def at_check(checks: Checks, node: Node, number: int) -> None:
         node.machine.now_s += 0.1  # the handlers return, each after its time
         for _ in range(count):
-            node.enter(tasks.event("picture"), "camera_loop")
+            node.enqueue_input(tasks.event("picture"), "camera_loop")
 
-    return at_look
-
-
-def test_a_node_that_falls_behind_is_told_with_what_waits_who_brings_it_and_works() -> None:
-    told = overloaded(bring(1000), 1.5)
-    (said,) = [one for one in told if "tasks wait" in one]
-    assert said.startswith("2000 tasks wait in node 'robot_node', the oldest for about 1.0 s: they come faster")
-    assert "brought by camera_loop 100 %" in said
-    assert "the node's time goes to detector.on_picture 100 % (tests/core/test_watchdog.py, line " in said
-    assert "Try: a lower max_tick_rate_hz for what brings them" in said
+    return at_check
 
 
-def test_an_overload_is_told_again_every_ten_seconds_and_not_more_often() -> None:
-    told = overloaded(bring(1000), 30.0)
-    assert len([one for one in told if "tasks wait" in one]) == 3
+def test_overload_reports_tasks_senders_and_slow_handler() -> None:
+    reports = overloaded(bring(1000), 1.5)
+    (message,) = [one for one in reports if "tasks wait" in one]
+    assert message.startswith("2000 tasks wait in node 'robot_node', the oldest for about 1.0 s: they come faster")
+    assert "brought by camera_loop 100 %" in message
+    assert "the node's time goes to detector.on_picture 100 % (tests/core/test_watchdog.py, line " in message
+    assert "Try: a lower max_tick_rate_hz for what brings them" in message
 
 
-def test_a_burst_that_is_worked_off_is_no_overload() -> None:
-    def burst(looks: Looks, node: Node, number: int) -> None:
+def test_overload_is_reported_every_10_s() -> None:
+    reports = overloaded(bring(1000), 30.0)
+    assert len([one for one in reports if "tasks wait" in one]) == 3
+
+
+def test_executed_burst_reports_no_overload() -> None:
+    def burst(checks: Checks, node: Node, number: int) -> None:
         node.machine.now_s += 0.1
         if number % 2:
-            node.door.waiting.clear()
+            node.inbox.waiting.clear()
         else:
-            bring(5000)(looks, node, number)
+            bring(5000)(checks, node, number)
 
     assert [one for one in overloaded(burst, 10.0) if "tasks wait" in one] == []
 
 
-def test_kinds_of_waiting_tasks_are_told_and_who_brings_them_is_sampled() -> None:
-    def let_in(looks: Looks, node: Node, number: int) -> None:
-        bring(3000)(looks, node, number)
-        node.machine.let_in()
-        node.enter(tasks.event("sonar"), "link_tether")
+def test_overload_reports_task_kinds_and_sampled_senders() -> None:
+    def accept_inputs(checks: Checks, node: Node, number: int) -> None:
+        bring(3000)(checks, node, number)
+        node.machine.accept_inputs()
+        node.enqueue_input(tasks.event("sonar"), "link_tether")
 
-    said = next(one for one in overloaded(let_in, 1.5) if "tasks wait" in one)
-    assert "most of them: event 'picture' 100 %" in said
-    assert "brought by link_tether 100 %" in said
+    message = next(one for one in overloaded(accept_inputs, 1.5) if "tasks wait" in one)
+    assert "most of them: event 'picture' 100 %" in message
+    assert "brought by link_tether 100 %" in message
     assert SAMPLES > 1
 
 
 def test_a_watched_run_has_no_thread_left_and_keeps_no_frame() -> None:
     import threading
 
-    TestRunner(Config(factories={"test": [TickerFactory()]}), until_s=0.1).run()
+    TestRunner(Config(factories={"test": [FunctionLoopFactory()]}), until_s=0.1).run()
     assert not [thread for thread in threading.enumerate() if thread.name == "watchdog"]
 
 
@@ -249,40 +256,42 @@ def hang(task: Task, task_id: Any) -> None:
         time.sleep(0.01)
 
 
-STUCK = {"a": [PartFactory({GO: hang}, "pilot", begin=lambda part: part.schedule(tasks.event("go")))]}
+STUCK = {"a": [FunctionEndpointFactory({GO: hang}, "pilot", begin=lambda part: part.schedule(tasks.event("go")))]}
 
 
 @pytest.mark.wall_clock
 @pytest.mark.parametrize("runner", ["sim", "wall"])
-def test_a_run_that_stands_still_is_interrupted_at_its_limit(runner: str, capfd: pytest.CaptureFixture[str]) -> None:
+def test_stalled_run_is_interrupted_at_its_limit(runner: str, capfd: pytest.CaptureFixture[str]) -> None:
     halted: list[str] = []
-    motor = PartFactory(name="motor", halt=lambda part: halted.append("motor"))
+    motor = FunctionEndpointFactory(name="motor", halt=lambda part: halted.append("motor"))
     config = Config(factories={"a": [*STUCK["a"], motor]}, stall_limit_s=3.0)
     began_s = time.monotonic()
-    with pytest.raises(ComponentFailed, match="hang\\(\\) of component 'pilot', which handles event 'go', has not"):
+    with pytest.raises(
+        ComponentFailedError, match="hang\\(\\) of component 'pilot', which handles event 'go', has not"
+    ):
         (SimRunner(config) if runner == "sim" else SynchronousRunner("a", config)).run()
     assert halted == ["motor"]
     assert 3.0 <= time.monotonic() - began_s < 10.0
-    said = capfd.readouterr().err
-    assert said.count("nothing else runs meanwhile") == 1
-    assert "the run was ended" not in said  # the exception says so, and no note as well
+    message = capfd.readouterr().err
+    assert message.count("nothing else runs meanwhile") == 1
+    assert "the run was ended" not in message  # the exception says so, and no note as well
 
 
 @pytest.mark.wall_clock
-def test_a_handler_that_sleeps_a_little_each_time_is_told_once_with_its_line(
+def test_repeatedly_sleeping_handler_is_reported_once_with_line(
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     def doze(task: Task, task_id: Any) -> None:
         time.sleep(0.05)
 
     factories = [
-        PartFactory({GO: doze}, "pilot"),
-        TickerFactory(lambda loop: loop.schedule(tasks.event("go")), "t", 10),
+        FunctionEndpointFactory({GO: doze}, "pilot"),
+        FunctionLoopFactory(lambda loop: loop.schedule(tasks.event("go")), "t", 10),
     ]
     TestRunner(Config(factories={"test": factories}), until_s=13.0).run()
-    said = capfd.readouterr().err
-    assert said.count("doze() of component 'pilot' was in this line whenever the run was looked at") == 1
-    assert ": time.sleep(0.05)" in said
+    message = capfd.readouterr().err
+    assert message.count("doze() of component 'pilot' was in this line whenever the run was looked at") == 1
+    assert ": time.sleep(0.05)" in message
 
 
 CONTROLLERS = {"returns never": "pass", "swallows everything": "swallow()"}
@@ -339,7 +348,7 @@ def test_snr_run_ends_a_run_that_stands_still_and_names_the_line(kind: str, tmp_
 
 
 @pytest.mark.parametrize("error", [RuntimeError("can't start new thread"), SnrError("A graded program has one.")])
-def test_a_run_goes_on_where_no_thread_is_to_be_had(error: Exception, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_run_continues_without_watchdog_thread(error: Exception, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(thread: threading.Thread) -> None:
         raise error
 

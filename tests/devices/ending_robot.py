@@ -17,7 +17,7 @@ from typing import Any
 from snr_sim import Config, Mode, SynchronousRunner, TaskType
 from snr_sim.devices.pwm.pwm_backend import PwmBackend
 from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 FAST, STILL = [1900.0, 1900.0], [1500.0, 1500.0]
 PUSHES = 60  # commands before it ends
@@ -33,25 +33,25 @@ def held_up_ns() -> int:
     return sum(HELD_UP_NS.values())
 
 
-def say(word: str) -> None:
+def print_word(word: str) -> None:
     os.write(1, f"{time.monotonic_ns()} {held_up_ns()} {word}\n".encode())
 
 
-class SpokenPwm(PwmBackend):
+class PrintingPwm(PwmBackend):
     """Outputs that print the applied pulses."""
 
     title = "The outputs that speak"
-    fails_safe_alone = True
+    has_independent_failsafe = True
 
     def __init__(self) -> None:
         super().__init__(time.monotonic, 2)
 
-    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
-        say("pushing" if pulses_us == FAST else "still")
+    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, reasons: list[str]) -> list[float]:
+        print_word("pushing" if pulses_us == FAST else "still")
         return pulses_us
 
     def on_deactivate(self, reason: str) -> None:
-        say("still")
+        print_word("still")
 
 
 def ends(how: str) -> Any:
@@ -63,7 +63,7 @@ def ends(how: str) -> Any:
         if counted[0] < PUSHES or how == "signal":
             return
         if counted[0] == PUSHES:
-            say("now")
+            print_word("now")
         if how == "raise":
             raise ValueError("as a student's handler does")
         if how == "exit":
@@ -76,34 +76,34 @@ def ends(how: str) -> Any:
 
 def robot(how: str) -> None:
     """Run a node with outputs."""
-    outputs: list[SpokenPwm] = []
+    outputs: list[PrintingPwm] = []
 
-    def opened() -> SpokenPwm:
-        outputs.append(SpokenPwm())
+    def opened() -> PrintingPwm:
+        outputs.append(PrintingPwm())
         outputs[0].now_s = clock.now_s
         return outputs[0]
 
-    said = [0]
+    command_count = [0]
 
     def push(loop: Any) -> None:
-        said[0] += 1  # it arms by true after false
-        loop.store_data("pwm", {"pulses_us": FAST, "is_armed": said[0] > ARMS_AFTER})
+        command_count[0] += 1  # it arms by true after false
+        loop.store_data("pwm", {"pulses_us": FAST, "is_armed": command_count[0] > ARMS_AFTER})
 
-    pusher = TickerFactory(push, "pusher", rate_hz=100.0)
-    handler = PartFactory({(TaskType.process_data, "pwm"): ends(how)})
+    pusher = FunctionLoopFactory(push, "pusher", rate_hz=100.0)
+    handler = FunctionEndpointFactory({(TaskType.process_data, "pwm"): ends(how)})
     config = Config(Mode.TEST, {"robot": [pusher, handler, PwmLoopFactory("pwm", opened, 50.0, timeout_s=0.2)]})
     runner = SynchronousRunner("robot", config)
     clock = runner.node.clock
     runner.run()
 
 
-def alone(how: str) -> SpokenPwm | None:
+def alone(how: str) -> PrintingPwm | None:
     """Command thrust without a node; drop the outputs, or leave them to the end of the program."""
-    out = SpokenPwm()
+    out = PrintingPwm()
     out.configure()
     out.activate()
     out.write_us(FAST, time.monotonic())
-    say("now")
+    print_word("now")
     if how == "leave":
         return out
     if how == "cycle":  # a reference cycle, which only the garbage collector finds
@@ -115,5 +115,5 @@ def alone(how: str) -> SpokenPwm | None:
 
 
 if __name__ == "__main__":
-    wanted = sys.argv[1]
-    left = alone(wanted) if wanted in ("drop", "cycle", "leave") else robot(wanted)
+    ending = sys.argv[1]
+    left = alone(ending) if ending in ("drop", "cycle", "leave") else robot(ending)

@@ -11,9 +11,9 @@ from snr_sim.devices.sensors.camera import Camera, CameraReading
 from snr_sim.plants.urov.dive import Dive
 from snr_sim.plants.urov.pool import Gate, Pool
 from snr_sim.plants.urov.urov_2d import Urov2D
-from snr_sim.plants.urov.urov_outputs import Pose
+from snr_sim.plants.urov.urov_outputs import PoseOutput
 from snr_sim.plants.urov.vehicle_file import read_vehicle
-from snr_sim.prelude.errors import ParameterError, SnrError, UnknownName
+from snr_sim.prelude.errors import ParameterError, SnrError, UnknownNameError
 from snr_sim.prelude.values import decode_value, encode_value
 from snr_sim.testing.contracts import check_sensor
 from snr_sim.testing.fakes import FakePlant
@@ -44,16 +44,16 @@ class SeenPlant(FakePlant):
 
 
 def opened(camera: Camera) -> Any:
-    plant = SeenPlant({"pose": Pose([0.0, 0.0, -1.0], UPRIGHT, 0.0)})
+    plant = SeenPlant({"pose": PoseOutput([0.0, 0.0, -1.0], UPRIGHT, 0.0)})
     return plant, camera.simulated(plant, "pose", np.random.default_rng(1))
 
 
-def test_it_keeps_the_promise_of_sensors() -> None:
+def test_camera_passes_sensor_contract() -> None:
     check_sensor(lambda: opened(Camera("down"))[1])
 
 
 @pytest.mark.parametrize(("away_m", "half_m"), [(2.0, 0.5), (2.0, 0.3), (4.0, 0.5), (1.0, 0.25)])
-def test_a_box_covers_as_many_pixels_as_its_size_and_distance_say(away_m: float, half_m: float) -> None:
+def test_camera_box_covers_expected_pixels(away_m: float, half_m: float) -> None:
     top = 2.0 - away_m
     scene = {"box": box([0.0, 0.0, top - 0.1], [half_m, half_m, 0.1]), "floor": floor(top - 0.2)}
     without = SQUARE.picture({"floor": scene["floor"]}, ABOVE, UPRIGHT)
@@ -65,7 +65,7 @@ def test_a_box_covers_as_many_pixels_as_its_size_and_distance_say(away_m: float,
         assert edges.tolist() == [40 - round(side_px / 2), 39 + round(side_px / 2)]
 
 
-def test_looking_down_ahead_is_up_and_port_is_left_and_a_quarter_turn_turns_the_picture() -> None:
+def test_camera_down_image_follows_vehicle_heading() -> None:
     scene = {"box": box([1.0, 0.5, 0.0], [0.1, 0.1, 0.01])}
     where = np.argwhere(reddish(SQUARE.picture(scene, ABOVE, UPRIGHT)))
     assert where.mean(axis=0).tolist() == pytest.approx([39.5 - 20.0, 39.5 - 10.0], abs=0.6)
@@ -74,14 +74,14 @@ def test_looking_down_ahead_is_up_and_port_is_left_and_a_quarter_turn_turns_the_
     assert where.mean(axis=0).tolist() == pytest.approx([39.5 - 10.0, 39.5 + 20.0], abs=0.6)
 
 
-def test_looking_ahead_up_is_up_and_what_is_behind_is_not_seen() -> None:
+def test_camera_ahead_excludes_objects_behind() -> None:
     ahead = Camera("ahead", 80, 80, math.radians(90.0))
     above = np.argwhere(reddish(ahead.picture({"box": box([2.0, 0.5, 3.0], [0.01, 0.1, 0.1])}, ABOVE, UPRIGHT)))
     assert above.mean(axis=0).tolist() == pytest.approx([39.5 - 20.0, 39.5 - 10.0], abs=0.6)
     assert not reddish(ahead.picture({"box": box([-2.0, 0.0, 2.0], [0.1, 0.1, 0.1])}, ABOVE, UPRIGHT)).any()
 
 
-def test_what_is_nearer_hides_what_is_farther_in_whichever_order_they_are_named() -> None:
+def test_camera_nearer_object_hides_farther_in_any_order() -> None:
     near, far = box([0.0, 0.0, 1.0], [3.0, 3.0, 0.1], (0, 255, 0)), box([0.0, 0.0, 0.0], [3.0, 3.0, 0.1])
     for scene in ({"near": near, "far": far}, {"far": far, "near": near}):
         rgb = SQUARE.picture(scene, ABOVE, UPRIGHT)
@@ -89,15 +89,15 @@ def test_what_is_nearer_hides_what_is_farther_in_whichever_order_they_are_named(
         assert (rgb[..., 1] > 200).all()
 
 
-def test_a_bar_is_as_wide_as_it_is_and_never_thinner_than_a_pixel() -> None:
+def test_camera_bar_is_at_least_one_pixel_wide() -> None:
     bar = {"kind": "polyline", "points_m": [[-9.0, 0.0, 0.0], [9.0, 0.0, 0.0]], "rgb": [255, 0, 0]}
     for radius_m, wide_px in ((0.25, 10), (0.001, 1)):
-        eye = [0.0, 0.0 if wide_px > 1 else 0.5 * 2.0 * SQUARE.pixel, 2.0]  # the thin one in a pixel's middle
-        seen = reddish(SQUARE.picture({"bar": bar | {"radius_m": radius_m}}, eye, UPRIGHT))
+        position_m = [0.0, 0.0 if wide_px > 1 else 0.5 * 2.0 * SQUARE.pixel, 2.0]  # the thin one in a pixel's middle
+        seen = reddish(SQUARE.picture({"bar": bar | {"radius_m": radius_m}}, position_m, UPRIGHT))
         assert set(seen.sum(axis=1)) == {wide_px}
 
 
-def test_a_thin_bar_just_between_two_rows_is_not_lost() -> None:
+def test_camera_thin_bar_between_rows_is_visible() -> None:
     bar = {"kind": "polyline", "points_m": [[3.0, -9.0, 2.0], [3.0, 9.0, 2.0]], "radius_m": 0.001, "rgb": [255, 0, 0]}
     seen = reddish(Camera("ahead").picture({"bar": bar}, ABOVE, UPRIGHT))
     assert seen[23:25].any(axis=0).all()
@@ -105,7 +105,7 @@ def test_a_thin_bar_just_between_two_rows_is_not_lost() -> None:
     assert not seen[25:].any()
 
 
-def test_deeper_water_takes_red_before_green_and_green_before_blue() -> None:
+def test_camera_deep_water_attenuates_red_most() -> None:
     shown = []
     for depth_m in (0.5, 2.0, 4.0):
         scene = {"box": box([0.0, 0.0, -depth_m - 0.6], [2.0, 2.0, 0.1], (200, 200, 200))}
@@ -117,7 +117,7 @@ def test_deeper_water_takes_red_before_green_and_green_before_blue() -> None:
     assert shown[1][0] / shown[0][0] == pytest.approx(math.exp(-0.340 * 1.5), rel=0.03)
 
 
-def test_there_is_a_new_picture_each_period_and_the_same_one_in_between() -> None:
+def test_camera_returns_one_image_per_period() -> None:
     plant, sensor = opened(Camera("down"))
     stamps = []
     for _ in range(10):
@@ -126,7 +126,7 @@ def test_there_is_a_new_picture_each_period_and_the_same_one_in_between() -> Non
     assert stamps == pytest.approx([0.0] * 4 + [0.2] * 4 + [0.4] * 2)
 
 
-def test_a_picture_cannot_be_changed_and_comes_back_from_a_file_byte_for_byte() -> None:
+def test_camera_image_is_read_only_and_survives_recording() -> None:
     reading: CameraReading = opened(Camera("down"))[1].read()
     assert (reading.rgb.shape, reading.rgb.dtype) == ((48, 64, 3), np.uint8)
     with pytest.raises(ValueError, match="read-only"):
@@ -139,19 +139,19 @@ def test_a_picture_cannot_be_changed_and_comes_back_from_a_file_byte_for_byte() 
 @pytest.mark.parametrize(
     ("numbers", "error"),
     [
-        ({"looks": "donw"}, UnknownName),
+        ({"direction": "donw"}, UnknownNameError),
         ({"width_px": 0}, ParameterError),
         ({"height_px": 5000}, ParameterError),
         ({"field_of_view_rad": math.pi}, ParameterError),
         ({"period_s": 0.0}, ParameterError),
     ],
 )
-def test_numbers_that_make_no_sense_are_refused(numbers: dict[str, Any], error: type[SnrError]) -> None:
-    with pytest.raises(error, match="camera"):
+def test_camera_invalid_number_raises_error(numbers: dict[str, Any], error: type[SnrError]) -> None:
+    with pytest.raises(error, match=r"[Cc]amera"):
         Camera(**numbers)
 
 
-def test_the_vehicle_in_the_plane_has_eyes_too() -> None:
+def test_camera_in_2d_plant_shows_gate() -> None:
     vehicle = read_vehicle(Path(__file__).parents[2] / "robots" / "urov" / "vehicles" / "benzon2022.toml")
     pool = Pool(gates=(Gate("red", (2.0, 0.0, -2.0)),))
     plant = Urov2D(vehicle, pool, lambda seed: Dive(position_m=(0.0, 0.0, -2.0)))
@@ -164,21 +164,21 @@ def test_the_vehicle_in_the_plane_has_eyes_too() -> None:
     assert not is_gate[20:28, 28:36].any()  # it looks through the middle
 
 
-def test_murky_water_takes_the_contrast_and_a_cloud_takes_it_for_a_while() -> None:
+def test_camera_murky_water_and_cloud_reduce_contrast() -> None:
     scene = {"box": box([0.0, 0.0, -1.0], [0.5, 0.5, 0.1]), "floor": floor(-2.0)}
-    eye = [0.0, 0.0, 0.5]
+    position_m = [0.0, 0.0, 0.5]
 
     def contrast(camera: Camera, time_s: float = 0.0) -> int:
-        red = camera.picture(scene, eye, UPRIGHT, time_s)[..., 0].astype(int)
+        red = camera.picture(scene, position_m, UPRIGHT, time_s)[..., 0].astype(int)
         return int(red.max() - red.min())
 
     clear = contrast(SQUARE)
-    assert 0 < contrast(replace(SQUARE, veiled_per_m=1.0)) < clear / 2
+    assert 0 < contrast(replace(SQUARE, backscatter_per_m=1.0)) < clear / 2
     clouded = replace(SQUARE, clouds=((2.0, 3.0, 9.0),))
     assert [contrast(clouded, time_s) for time_s in (1.9, 2.0, 2.9, 3.0)] == [clear, 0, 0, clear]
 
 
-def test_water_that_veils_less_than_nothing_is_refused() -> None:
-    for camera in ({"veiled_per_m": -1.0}, {"clouds": ((0.0, 1.0, math.nan),)}):
-        with pytest.raises(ParameterError, match="veiled_per_m"):
+def test_camera_negative_backscatter_raises_error() -> None:
+    for camera in ({"backscatter_per_m": -1.0}, {"clouds": ((0.0, 1.0, math.nan),)}):
+        with pytest.raises(ParameterError, match="backscatter_per_m"):
             Camera(**camera)  # type: ignore[arg-type]

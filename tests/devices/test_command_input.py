@@ -15,14 +15,14 @@ class Store:
 
     def __init__(self) -> None:
         self.page: Page | None = None
-        self.taps: list[Any] = []
+        self.listeners: list[Any] = []
         self.time_s = 0.0
 
-    def tap(self, key: str, way_out: Any) -> None:
-        self.taps.append(way_out)
+    def add_store_listener(self, key: str, callback: Any) -> None:
+        self.listeners.append(callback)
 
-    def untap(self, key: str, way_out: Any) -> None:
-        self.taps.remove(way_out)
+    def remove_store_listener(self, key: str, callback: Any) -> None:
+        self.listeners.remove(callback)
 
     def get_page(self, key: str) -> Page | None:
         return self.page
@@ -32,15 +32,15 @@ class Store:
 
     def store(self, data: Any) -> Page:
         self.page = Page("engine", data, self.name, self.time_s)
-        for way_out in self.taps:
-            way_out(self.page)
+        for callback in self.listeners:
+            callback(self.page)
         return self.page
 
 
-def test_newest_page_is_that_of_the_node_before_begin_after_it_and_after_an_absence() -> None:
+def test_newest_page_is_the_nodes_before_and_after_begin() -> None:
     store = Store()
     wakes: list[float] = []
-    loop: Any = SimpleNamespace(parent=store, hurry=lambda: wakes.append(store.time_s))
+    loop: Any = SimpleNamespace(parent=store, wake=lambda: wakes.append(store.time_s))
     commands = CommandInput(loop, "engine")
     assert commands.newest() == (None, math.inf)
     early = store.store(1)

@@ -23,12 +23,12 @@ LIMITS = {"pulses_us": (1100.0, 1900.0)}
     "data",
     [Pwm([1500.0]), {"pulses_us": [1500]}, {"pulses_us": np.array([1500.0])}, {"pulses_us": (np.float32(1500),)}],
 )
-def test_a_command_a_dict_and_numbers_of_numpy_are_taken(data: Any) -> None:
+def test_command_of_accepts_struct_dict_and_numpy(data: Any) -> None:
     assert command_of(data, Pwm, LIMITS) == Pwm([1500.0])
 
 
 @pytest.mark.parametrize(
-    ("data", "said", "fix"),
+    ("data", "message", "fix"),
     [
         ({}, "it has no field 'pulses_us'.", '{"pulses_us": ..., "gear": 1, "mode": \'idle\'}'),
         ({"pulses_us": [1500, "x"]}, "pulses_us[1] is the text 'x', but must be a number from 1100 to 1900.", "pulses"),
@@ -42,9 +42,9 @@ def test_a_command_a_dict_and_numbers_of_numpy_are_taken(data: Any) -> None:
         ({"pulses_us": ["x" * 500]}, "xxx..., but must be a number", "pulses_us"),
     ],
 )
-def test_what_is_no_command_is_told_in_plain_words(data: Any, said: str, fix: str) -> None:
+def test_command_of_invalid_data_raises_command_error(data: Any, message: str, fix: str) -> None:
     with pytest.raises(CommandError) as caught:
         command_of(data, Pwm, LIMITS)
-    assert said in caught.value.message
+    assert message in caught.value.message
     assert fix in caught.value.fix
     assert len(caught.value.message) < 200

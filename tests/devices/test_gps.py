@@ -26,7 +26,7 @@ class Receiver:
     name = "/dev/ttyS0"
 
     def __init__(self) -> None:
-        self.says = b""
+        self.pending = b""
         self.is_plugged = True
         self.time_s = 0.0
 
@@ -48,11 +48,11 @@ class Receiver:
 
     def read(self) -> bytes:
         self._check()
-        said, self.says = self.says, b""
-        return said
+        sent, self.pending = self.pending, b""
+        return sent
 
     def wait(self, seconds: float) -> bool:
-        return bool(self.says)
+        return bool(self.pending)
 
     def close(self) -> None:
         pass
@@ -64,69 +64,69 @@ class Receiver:
 
 def stale(reading: object) -> str:
     assert isinstance(reading, Stale), reading
-    return reading.why
+    return reading.reason
 
 
-def test_it_keeps_the_promise_of_sensors() -> None:
+def test_gps_passes_sensor_contract() -> None:
     def opened() -> Gps:
         receiver = Receiver()
-        receiver.says = line(GGA)
+        receiver.pending = line(GGA)
         return receiver.gps()
 
     check_sensor(opened)
 
 
-def test_place_speed_and_course_of_one_moment_are_one_reading() -> None:
+def test_gps_joins_position_and_course_of_same_time() -> None:
     receiver = Receiver()
     gps = receiver.started()
-    receiver.says = line(RMC) + line(GGA)
+    receiver.pending = line(RMC) + line(GGA)
     reading = gps.read()
     assert isinstance(reading, GpsReading)
     assert reading.latitude_deg == pytest.approx(48 + 7.038 / 60)
     assert reading.longitude_deg == pytest.approx(11.5166667)
     assert reading.speed_mps == pytest.approx(5.14444, abs=1e-4)
     assert reading.course_rad == pytest.approx(0.0)  # 090 is east
-    receiver.says = line(GGA, "123520")
+    receiver.pending = line(GGA, "123520")
     later = gps.read()
     assert isinstance(later, GpsReading)
     assert later.speed_mps is None  # it was reported a moment before
 
 
-def test_a_course_to_the_north_is_a_quarter_turn_to_the_left_of_east() -> None:
+def test_gps_course_north_equals_yaw_of_quarter_turn() -> None:
     receiver = Receiver()
     gps = receiver.started()
-    receiver.says = line(RMC.replace("090.0", "000.0")) + line(GGA)
+    receiver.pending = line(RMC.replace("090.0", "000.0")) + line(GGA)
     reading = gps.read()
     assert isinstance(reading, GpsReading)
     assert reading.course_rad == pytest.approx(math.pi / 2)
 
 
-def test_silence_other_bytes_no_fix_and_stopping_are_told_apart() -> None:
+def test_gps_stale_reason_names_the_cause() -> None:
     receiver = Receiver()
     gps = receiver.started()
-    assert "/dev/ttyS0 says nothing: 0 bytes. Is its TX at our RX" in stale(gps.read())
-    receiver.says = b"\x00\xe6\x98\xf8" * 8
-    why = stale(gps.read())
-    assert "says 32 bytes that are no NMEA, such as 00 e6 98 f8" in why
-    assert "another baud rate" in why
-    receiver.says = b"\n" + line("GPGGA,{time},,,,,0,00,99.99,,,,,,")
+    assert "/dev/ttyS0 sends nothing: 0 bytes. Is its TX at our RX" in stale(gps.read())
+    receiver.pending = b"\x00\xe6\x98\xf8" * 8
+    reason = stale(gps.read())
+    assert "sent 32 bytes that are not NMEA, such as 00 e6 98 f8" in reason
+    assert "another baud rate" in reason
+    receiver.pending = b"\n" + line("GPGGA,{time},,,,,0,00,99.99,,,,,,")
     assert "has no fix: it needs the open sky" in stale(gps.read())
-    receiver.says = line(GGA)
+    receiver.pending = line(GGA)
     assert isinstance(gps.read(), GpsReading)
     receiver.time_s = 3.0
     assert "has stopped telling where it is" in stale(gps.read())
     assert gps.health().counts["garbage"] == 1
 
 
-def test_a_cable_that_is_pulled_and_put_back_is_told_and_read_again() -> None:
+def test_gps_pulled_cable_is_stale_and_recovers() -> None:
     receiver = Receiver()
     gps = receiver.started()
-    receiver.says = line(GGA)
+    receiver.pending = line(GGA)
     gps.read()
     receiver.is_plugged = False
     assert "/dev/ttyS0 is gone" in stale(gps.read())
     assert gps.health().state == "error"
     receiver.is_plugged = True
     receiver.time_s = 5.0
-    receiver.says = line(GGA)
+    receiver.pending = line(GGA)
     assert isinstance(gps.read(), GpsReading)

@@ -70,7 +70,7 @@ def start() -> Iterator[Callable[[str], Robot]]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_h8_a_signal_leaves_neutral_within_a_frame(start: Callable[[str], Robot], number: signal.Signals) -> None:
+def test_h8_signal_leaves_neutral_within_one_frame(start: Callable[[str], Robot], number: signal.Signals) -> None:
     robot = start("signal")
     _, held_up_s, _ = robot.read_until("pushing")
     robot.process.send_signal(number)
@@ -82,7 +82,7 @@ def test_h8_a_signal_leaves_neutral_within_a_frame(start: Callable[[str], Robot]
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("how", "status"), [("raise", 1), ("exit", 1)])
-def test_h8_a_handler_that_raises_or_exits_leaves_neutral_within_a_frame(
+def test_h8_handler_error_or_exit_leaves_neutral_within_one_frame(
     start: Callable[[str], Robot], how: str, status: int
 ) -> None:
     robot = start(how)
@@ -93,7 +93,7 @@ def test_h8_a_handler_that_raises_or_exits_leaves_neutral_within_a_frame(
 
 
 @pytest.mark.slow
-def test_h8_a_second_ctrl_c_leaves_neutral_also_while_a_handler_hangs(start: Callable[[str], Robot]) -> None:
+def test_h8_second_ctrl_c_with_hanging_handler_leaves_neutral(start: Callable[[str], Robot]) -> None:
     robot = start("hang")
     began = robot.read_until("now")
     for _ in range(2):
@@ -105,19 +105,19 @@ def test_h8_a_second_ctrl_c_leaves_neutral_also_while_a_handler_hangs(start: Cal
 
 
 @pytest.mark.slow
-def test_h11_a_handler_that_never_returns_leaves_neutral_when_its_last_command_is_too_old(
+def test_h11_hanging_handler_leaves_neutral_after_lease(
     start: Callable[[str], Robot],
 ) -> None:
     robot = start("hang")
     began = robot.read_until("now")
     robot.read_until("still")
-    assert robot.process.poll() is None, "it hangs, and nobody has told it to end"
+    assert robot.process.poll() is None, "it hangs, and no signal has ended it"
     assert robot.still_after_s(began) <= LEASE_S + 2 * FRAME_S
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("how", ["drop", "cycle", "leave"])
-def test_h8_outputs_that_nobody_holds_any_more_are_neutral(start: Callable[[str], Robot], how: str) -> None:
+def test_h8_unreferenced_outputs_go_to_neutral(start: Callable[[str], Robot], how: str) -> None:
     robot = start(how)
     began = robot.read_until("now")
     robot.read_until("still")

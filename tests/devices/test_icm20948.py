@@ -12,15 +12,15 @@ from snr_sim.prelude.errors import DeviceError, ParameterError
 from snr_sim.prelude.signals import ImuReading
 from snr_sim.testing.busio_bus import BusioBus
 from snr_sim.testing.contracts import check_sensor
-from snr_sim.testing.i2c_parts import FakeBus
-from snr_sim.testing.icm20948_part import Ak09916Part, Icm20948Part
+from snr_sim.testing.fake_i2c import FakeBus
+from snr_sim.testing.fake_icm20948 import FakeAk09916, FakeIcm20948
 
 
 class Bench:
     def __init__(self) -> None:
         self.time_s = 0.0
-        self.part = Icm20948Part()
-        self.compass = Ak09916Part(self.part)
+        self.part = FakeIcm20948()
+        self.compass = FakeAk09916(self.part)
         self.raw = FakeBus({0x69: self.part, 0x0C: self.compass})
 
     def sleep(self, seconds: float) -> None:
@@ -46,11 +46,11 @@ class Bench:
         return reading
 
 
-def test_it_keeps_the_promise_of_sensors() -> None:
+def test_icm20948_passes_sensor_contract() -> None:
     check_sensor(Bench().open)
 
 
-def test_what_it_feels_is_told_in_si_units_and_microtesla() -> None:
+def test_icm20948_returns_si_units_and_microtesla() -> None:
     bench = Bench()
     sensor = bench.started()
     bench.part.rate_radps = (0.5, -1.0, 2.0)
@@ -63,7 +63,7 @@ def test_what_it_feels_is_told_in_si_units_and_microtesla() -> None:
     assert reading.stamp_s == bench.time_s
 
 
-def test_an_independent_driver_reads_the_same_of_the_same_part(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_icm20948_equals_independent_driver(monkeypatch: pytest.MonkeyPatch) -> None:
     """Rates and forces, in other scales than ours; it reads the magnetometer in a way that the emulated part lacks."""
     monkeypatch.setattr(adafruit_icm20x, "sleep", lambda seconds: None)
     monkeypatch.setattr(adafruit_icm20x.ICM20948, "_magnetometer_init", lambda self: True)
@@ -77,7 +77,7 @@ def test_an_independent_driver_reads_the_same_of_the_same_part(monkeypatch: pyte
     assert ours.rate_radps == pytest.approx(rates, abs=math.radians(1 / 65.5))
 
 
-def test_at_rest_and_level_it_tells_the_heading_by_the_field() -> None:
+def test_icm20948_level_at_rest_returns_heading_of_field() -> None:
     bench = Bench()
     bench.compass.field_ut = (20.0, 0.0, -40.0)  # its x points north
     reading = bench.reading(bench.started())
@@ -85,7 +85,7 @@ def test_at_rest_and_level_it_tells_the_heading_by_the_field() -> None:
     assert reading.yaw_rad == pytest.approx(math.pi / 2, abs=1e-2)
 
 
-def test_built_in_the_other_way_round_it_tells_the_body_all_the_same() -> None:
+def test_icm20948_rotated_axes_return_body_frame() -> None:
     """Its y points forward, its x to the right: so the body's x is its y, and the body's y its -x."""
     bench = Bench()
     sensor = bench.started(axes=("y", "-x", "z"))
@@ -99,19 +99,19 @@ def test_built_in_the_other_way_round_it_tells_the_body_all_the_same() -> None:
 @pytest.mark.parametrize(
     "axes", [("x", "y", "-z"), ("x", "x", "z"), ("y", "x", "z"), ("x", "y"), ("forward", "y", "z")]
 )
-def test_axes_that_no_right_hand_has_are_refused(axes: tuple[str, str, str]) -> None:
-    with pytest.raises(ParameterError, match="as a right hand has them"):
+def test_icm20948_left_handed_axes_raise_error(axes: tuple[str, str, str]) -> None:
+    with pytest.raises(ParameterError, match="are not right-handed axes"):
         Bench().open(axes)
 
 
-def test_iron_of_the_vehicle_is_taken_off_the_field() -> None:
+def test_icm20948_subtracts_hard_iron() -> None:
     bench = Bench()
     bench.compass.field_ut = (30.0, 20.0, -40.0)
     reading = bench.reading(bench.started(iron=(30.0, 0.0, 0.0)))
     assert reading.field_ut == pytest.approx([0.0, 20.0, -40.0], abs=0.08)
 
 
-def test_a_field_too_strong_to_measure_leaves_the_last_one() -> None:
+def test_icm20948_saturated_field_keeps_last_value() -> None:
     bench = Bench()
     sensor = bench.started()
     bench.compass.field_ut, bench.compass.is_too_strong = (4000.0, 0.0, 0.0), True
@@ -121,11 +121,11 @@ def test_a_field_too_strong_to_measure_leaves_the_last_one() -> None:
 @pytest.mark.parametrize(
     ("who", "words"),
     [
-        ("part", "0x69 on /dev/i2c-1 is not an ICM-20948: it says 0x71"),
-        ("compass", "0x0c on .* is not its magnetometer: it says 0x71"),
+        ("part", "0x69 on /dev/i2c-1 is not an ICM-20948: its identity is 0x71"),
+        ("compass", "0x0c on .* is not its magnetometer: its identity is 0x71"),
     ],
 )
-def test_another_part_at_its_address_is_told_by_what_it_says_who_it_is(who: str, words: str) -> None:
+def test_icm20948_wrong_identity_raises_device_error(who: str, words: str) -> None:
     bench = Bench()
     getattr(bench, who).identity = 0x71  # an MPU-9250
     with pytest.raises(DeviceError, match=words) as e:
@@ -133,14 +133,14 @@ def test_another_part_at_its_address_is_told_by_what_it_says_who_it_is(who: str,
     assert "AD0" in e.value.fix
 
 
-def test_one_that_does_not_feel_gravity_is_told() -> None:
+def test_icm20948_without_gravity_raises_device_error() -> None:
     bench = Bench()
     bench.part.force_mps2 = (0.0, 0.0, 2.0)
-    with pytest.raises(DeviceError, match=r"feels 2.0 m/s2 at the start, not 9.8"):
+    with pytest.raises(DeviceError, match=r"measures 2.0 m/s2 at the start, not 9.8"):
         bench.open().configure()
 
 
-def test_pulled_it_is_stale_and_put_back_it_is_set_up_again() -> None:
+def test_icm20948_unplugged_is_stale_and_replugged_reinitialises() -> None:
     bench = Bench()
     sensor = bench.started()
     bench.reading(sensor)
@@ -148,7 +148,7 @@ def test_pulled_it_is_stale_and_put_back_it_is_set_up_again() -> None:
     stale = sensor.read()
     assert isinstance(stale, Stale)
     assert stale.since_s is not None
-    assert "Nobody answers at 0x69" in stale.why
+    assert "No device answers at 0x69" in stale.reason
     bench.raw.is_there = True
     bench.part.power_on()
     assert isinstance(sensor.read(), Stale)  # asleep: it would report zeros

@@ -24,8 +24,8 @@ from snr_sim import (
 )
 from snr_sim.core.lockstep import LockStep
 from snr_sim.devices.loops import ActuatorLoopFactory, CommandLoop, SensorLoopFactory
-from snr_sim.prelude.errors import ComponentFailed, DeviceError, SensorLost
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.prelude.errors import ComponentFailedError, DeviceError, SensorLostError
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 
 class Depth(msgspec.Struct, frozen=True):
@@ -55,12 +55,14 @@ def run(*factories: Any, clock: Callable[[], Any] = SimClock, end_s: float = 0.1
     return node
 
 
-def ends_when(is_so: Callable[[Node], bool]) -> TickerFactory:
+def ends_when(is_so: Callable[[Node], bool]) -> FunctionLoopFactory:
     """End the run as soon as a condition is true: a run on the wall clock takes as long as its computer needs."""
-    return TickerFactory(lambda loop: is_so(loop.parent) and loop.schedule(tasks.terminate("enough")), "ender", 200.0)
+    return FunctionLoopFactory(
+        lambda loop: is_so(loop.parent) and loop.schedule(tasks.terminate("enough")), "ender", 200.0
+    )
 
 
-def commands(*commands: Any, rate_hz: float = 100.0, taken_by: FakeActuator[Any] | None = None) -> TickerFactory:
+def commands(*commands: Any, rate_hz: float = 100.0, taken_by: FakeActuator[Any] | None = None) -> FunctionLoopFactory:
     """Store these command pages, one per tick, then stop; with `taken_by`, each only after it applied the last one."""
     left = list(commands)
 
@@ -73,7 +75,7 @@ def commands(*commands: Any, rate_hz: float = 100.0, taken_by: FakeActuator[Any]
         else:
             loop.stop()
 
-    return TickerFactory(send, "pilot", rate_hz)
+    return FunctionLoopFactory(send, "pilot", rate_hz)
 
 
 def engine(actuator: FakeActuator[Push], rate_hz: float = 100.0, timeout_s: float = 0.5) -> ActuatorLoopFactory:
@@ -82,7 +84,7 @@ def engine(actuator: FakeActuator[Push], rate_hz: float = 100.0, timeout_s: floa
 
 @pytest.mark.slow
 @CLOCKS
-def test_each_reading_becomes_a_page_and_the_sensor_is_closed_at_the_end(clock: Callable[[], Any]) -> None:
+def test_sensor_loop_stores_each_reading_and_closes_sensor(clock: Callable[[], Any]) -> None:
     sensor = FakeSensor([Depth(1.0, 0.0), Depth(2.0, 0.01)])
     enough = ends_when(lambda node: node.datastore.stored >= 5)
     node = run(SensorLoopFactory("depth", lambda: sensor, 100), enough, clock=clock, end_s=60.0)
@@ -92,25 +94,27 @@ def test_each_reading_becomes_a_page_and_the_sensor_is_closed_at_the_end(clock: 
 
 
 @pytest.mark.parametrize("process", [True, False])
-def test_a_reading_sets_off_work_only_if_it_is_to(process: bool) -> None:
+def test_sensor_loop_process_false_triggers_no_task(process: bool) -> None:
     seen: list[Any] = []
     sensor = FakeSensor([Depth(1.0, 0.0), Depth(2.0, 0.01)])
-    watcher = PartFactory({(TaskType.process_data, "depth"): lambda task, task_id: seen.append(task)})
+    watcher = FunctionEndpointFactory({(TaskType.process_data, "depth"): lambda task, task_id: seen.append(task)})
     node = run(SensorLoopFactory("depth", lambda: sensor, 100, process), watcher)
     assert bool(seen) is process
     assert node.get_data("depth")["depth_m"] == 2.0
 
 
-def test_a_sensor_that_is_lost_ends_the_run_in_its_own_words_and_is_closed() -> None:
-    sensor: FakeSensor[Depth] = FakeSensor([Depth(1.0, 0.0), SensorLost("The depth sensor has not answered for 2 s.")])
-    with pytest.raises(ComponentFailed, match=r"has not answered for 2 s(.|\n)*'depth_sensor'"):
+def test_lost_sensor_ends_run_with_its_message_and_is_closed() -> None:
+    sensor: FakeSensor[Depth] = FakeSensor(
+        [Depth(1.0, 0.0), SensorLostError("The depth sensor has not answered for 2 s.")]
+    )
+    with pytest.raises(ComponentFailedError, match=r"has not answered for 2 s(.|\n)*'depth_sensor'"):
         run(SensorLoopFactory("depth", lambda: sensor, 100))
     assert sensor.is_closed
 
 
 @pytest.mark.slow
 @CLOCKS
-def test_commands_are_written_once_each_and_neutral_comes_first_and_last(clock: Callable[[], Any]) -> None:
+def test_actuator_loop_writes_each_command_once_between_neutrals(clock: Callable[[], Any]) -> None:
     actuator = FakeActuator(Push, LIMITS)
     run(
         commands({"thrust_n": 5.0}, {"thrust_n": 6.0, "gimbal_rad": 0.05}, taken_by=actuator),
@@ -125,7 +129,7 @@ def test_commands_are_written_once_each_and_neutral_comes_first_and_last(clock: 
     assert actuator.neutral_count >= 3  # when opened, when halted, when closed
 
 
-def test_a_command_is_written_in_the_moment_it_was_made() -> None:
+def test_actuator_loop_writes_command_at_time_of_page() -> None:
     actuator = FakeActuator(Push, LIMITS)
     clock = SimClock()
     node = Node("r", Config(factories={"r": [commands({"thrust_n": 5.0}), engine(actuator)]}), clock=clock)
@@ -133,30 +137,30 @@ def test_a_command_is_written_in_the_moment_it_was_made() -> None:
     assert actuator.written == [Push(5.0, 0.0)]
 
 
-def test_the_loop_is_hurried_by_each_command_and_by_nothing_else() -> None:
+def test_actuator_loop_is_woken_by_each_command_only() -> None:
     """On the wall clock, so that a command does not wait for a tick: in lock step that changes nothing."""
-    hurried: list[float] = []
+    wake_times_s: list[float] = []
 
-    class Hurried(ActuatorLoopFactory):
+    class WakeRecordingFactory(ActuatorLoopFactory):
         def get(self, parent: Node) -> CommandLoop:
             loop = super().get(parent)
-            loop.hurry = lambda: hurried.append(parent.clock.now_s())  # type: ignore[method-assign]
+            loop.wake = lambda: wake_times_s.append(parent.clock.now_s())  # type: ignore[method-assign]
             return loop
 
     actuator = FakeActuator(Push, LIMITS)
-    other = TickerFactory(lambda loop: loop.store_data("depth", 1.0), "other", 200.0)
+    other = FunctionLoopFactory(lambda loop: loop.store_data("depth", 1.0), "other", 200.0)
     sent = commands({"thrust_n": 5.0}, {"thrust_n": 6.0}, rate_hz=50.0)
-    run(other, sent, Hurried("engine", lambda: actuator, 100.0))
-    assert hurried == [0.0, 0.02]
+    run(other, sent, WakeRecordingFactory("engine", lambda: actuator, 100.0))
+    assert wake_times_s == [0.0, 0.02]
 
 
-def test_a_command_may_be_the_struct_itself() -> None:
+def test_actuator_loop_accepts_command_struct() -> None:
     actuator = FakeActuator(Push, LIMITS)
     run(commands(Push(5.0, 0.0)), engine(actuator))
     assert actuator.written == [Push(5.0, 0.0)]
 
 
-def test_a_command_that_is_too_old_no_longer_counts() -> None:
+def test_actuator_loop_command_too_old_writes_neutral() -> None:
     actuator = FakeActuator(Push, LIMITS)
     neutral_at: list[float] = []
 
@@ -164,11 +168,11 @@ def test_a_command_that_is_too_old_no_longer_counts() -> None:
         if actuator.written and actuator.is_neutral:
             neutral_at.append(loop.get_time_s())
 
-    run(commands({"thrust_n": 5.0}), engine(actuator, timeout_s=0.2), TickerFactory(watch, "watch"), end_s=1.0)
+    run(commands({"thrust_n": 5.0}), engine(actuator, timeout_s=0.2), FunctionLoopFactory(watch, "watch"), end_s=1.0)
     assert 0.2 < neutral_at[0] <= 0.2 + 0.011
 
 
-def test_a_command_that_was_already_old_when_it_came_is_not_written() -> None:
+def test_actuator_loop_command_old_on_arrival_is_ignored() -> None:
     actuator = FakeActuator(Push, LIMITS)
     old = Page("engine", {"thrust_n": 5.0}, "topside_node", 0.0)  # delayed on a link
     late = TimeoutLoopFactory(seconds=0.9, task=tasks.store_page(old), name="late")
@@ -177,18 +181,18 @@ def test_a_command_that_was_already_old_when_it_came_is_not_written() -> None:
     assert actuator.is_neutral
 
 
-def test_a_command_outside_the_limits_is_clamped_and_that_is_said_once() -> None:
+def test_actuator_loop_clamps_command_and_logs_once() -> None:
     actuator = FakeActuator(Push, LIMITS)
     node = run(commands({"thrust_n": 99.0}, {"thrust_n": 98.0}, {"gimbal_rad": -1.0}), engine(actuator))
     assert actuator.written == [Push(40.0, 0.0), Push(40.0, 0.0), Push(0.0, -0.1)]
     assert all("test_loops.py, line " in note.splitlines()[0] for note in node.notes)
-    assert [note.splitlines()[1].strip().split(" (said")[0] for note in node.notes] == [
+    assert [note.splitlines()[1].strip().split(" (reported")[0] for note in node.notes] == [
         "Command 'engine.thrust_n' = 99 is outside (0.0, 40.0) and was clamped to 40",
         "Command 'engine.gimbal_rad' = -1 is outside (-0.1, 0.1) and was clamped to -0.1",
     ]
 
 
-def test_a_command_of_a_list_is_clamped_number_by_number() -> None:
+def test_actuator_loop_clamps_each_number_of_list() -> None:
     actuator = FakeActuator(Pwm, {"pulses_us": (1100.0, 1900.0)})
     node = run(commands({"pulses_us": [1500.0, 2000, 0]}), ActuatorLoopFactory("engine", lambda: actuator, 100))
     assert actuator.written == [Pwm([1500.0, 1900.0, 1100.0])]
@@ -198,7 +202,7 @@ def test_a_command_of_a_list_is_clamped_number_by_number() -> None:
 @pytest.mark.slow
 @CLOCKS
 @pytest.mark.parametrize(
-    ("command", "said"),
+    ("command", "message"),
     [
         ({"thrust_n": math.nan}, "thrust_n"),
         ({"thrust_n": math.inf}, "thrust_n"),
@@ -208,13 +212,13 @@ def test_a_command_of_a_list_is_clamped_number_by_number() -> None:
         (None, 'these fields: {"thrust_n": 0.0, "gimbal_rad": 0.0}'),
     ],
 )
-def test_a_command_that_is_none_leaves_the_actuator_neutral_and_stops_the_run(
-    command: Any, said: str, clock: Callable[[], Any]
+def test_invalid_command_leaves_actuator_neutral_and_stops_run(
+    command: Any, message: str, clock: Callable[[], Any]
 ) -> None:
     actuator = FakeActuator(Push, LIMITS)
-    with pytest.raises(ComponentFailed) as caught:
+    with pytest.raises(ComponentFailedError) as caught:
         run(commands({"thrust_n": 5.0}, command, taken_by=actuator), engine(actuator), clock=clock, end_s=20.0)
-    assert said in str(caught.value)
+    assert message in str(caught.value)
     assert "'engine_actuator'" in str(caught.value)
     assert "by send() of component 'pilot'" in str(caught.value)
     assert re.match(
@@ -225,23 +229,26 @@ def test_a_command_that_is_none_leaves_the_actuator_neutral_and_stops_the_run(
     assert actuator.is_closed
 
 
-def test_a_wrong_command_from_another_node_is_said_to_be_its() -> None:
+def test_invalid_command_from_another_node_names_the_node() -> None:
     far = Page("engine", {"thrust_n": math.nan}, "topside_node", 0.0)
-    with pytest.raises(ComponentFailed, match=r"It was made at t = 0.000 s by node 'topside_node'"):
-        run(PartFactory(begin=lambda part: part.schedule(tasks.store_page(far))), engine(FakeActuator(Push, LIMITS)))
+    with pytest.raises(ComponentFailedError, match=r"It was made at t = 0.000 s by node 'topside_node'"):
+        run(
+            FunctionEndpointFactory(begin=lambda part: part.schedule(tasks.store_page(far))),
+            engine(FakeActuator(Push, LIMITS)),
+        )
 
 
-def test_numbers_of_numpy_are_numbers() -> None:
+def test_actuator_loop_accepts_numpy_numbers() -> None:
     actuator = FakeActuator(Push, LIMITS)
     run(commands({"thrust_n": np.float64(5.0), "gimbal_rad": np.float32(0.0)}), engine(actuator))
     assert actuator.written == [Push(5.0, 0.0)]
 
 
-def test_after_a_wrong_command_the_actuator_does_not_wait_for_its_turn_to_be_halted() -> None:
+def test_invalid_command_makes_actuator_neutral_before_halt() -> None:
     actuator = FakeActuator(Push, LIMITS)
     neutral_when_others_are_halted: list[bool] = []
-    first = PartFactory(halt=lambda part: neutral_when_others_are_halted.append(actuator.is_neutral))
-    with pytest.raises(ComponentFailed):
+    first = FunctionEndpointFactory(halt=lambda part: neutral_when_others_are_halted.append(actuator.is_neutral))
+    with pytest.raises(ComponentFailedError):
         run(first, commands({"thrust_n": 5.0}, {"thrust_n": math.nan}), engine(actuator))
     assert neutral_when_others_are_halted == [True]
 
@@ -252,13 +259,13 @@ def fail(task: Task, task_id: Any) -> None:
 
 @pytest.mark.slow
 @CLOCKS
-def test_whatever_fails_the_actuator_goes_to_neutral(clock: Callable[[], Any]) -> None:
+def test_component_failure_makes_actuator_neutral(clock: Callable[[], Any]) -> None:
     actuator = FakeActuator(Push, LIMITS)
-    with pytest.raises(ComponentFailed, match="the controller's own mistake"):
+    with pytest.raises(ComponentFailedError, match="the controller's own mistake"):
         run(
             commands({"thrust_n": 5.0}, {"thrust_n": 6.0}, rate_hz=50),
             engine(actuator),
-            PartFactory({TaskType.event: fail}),
+            FunctionEndpointFactory({TaskType.event: fail}),
             TimeoutLoopFactory(ms=30, task=tasks.event("go"), name="trigger"),
             clock=clock,
             end_s=60.0,
@@ -272,29 +279,29 @@ class Unplugged(FakeActuator[Push]):
         raise DeviceError("The port /dev/ttyUSB0 is gone.", fix="check the plug.")
 
 
-def test_an_actuator_that_breaks_is_closed_and_its_error_is_told() -> None:
+def test_broken_actuator_is_closed_and_reports_error() -> None:
     actuator = Unplugged(Push, LIMITS)
-    with pytest.raises(ComponentFailed, match=r"/dev/ttyUSB0 is gone.(.|\n)*check the plug"):
+    with pytest.raises(ComponentFailedError, match=r"/dev/ttyUSB0 is gone.(.|\n)*check the plug"):
         run(commands({"thrust_n": 5.0}), engine(actuator))
     assert actuator.is_closed
 
 
 @pytest.mark.slow
 @CLOCKS
-def test_a_device_that_cannot_be_opened_is_told_and_everything_else_is_halted(clock: Callable[[], Any]) -> None:
+def test_device_open_failure_reports_error_and_halts_others(clock: Callable[[], Any]) -> None:
     actuator = FakeActuator(Push, LIMITS)
 
     def open_nothing() -> Any:
         raise DeviceError("There is no device at /dev/ttyUSB7.", fix="ls /dev/tty*")
 
-    with pytest.raises(ComponentFailed, match="no device at /dev/ttyUSB7"):
+    with pytest.raises(ComponentFailedError, match="no device at /dev/ttyUSB7"):
         run(engine(actuator), SensorLoopFactory("depth", open_nothing, 10), clock=clock, end_s=60.0)
     assert actuator.is_neutral
     # In lock step the actuator is opened before the sensor fails; on threads either may come first.
     assert actuator.is_closed or clock is WallClock
 
 
-def test_in_a_replay_no_device_is_opened() -> None:
+def test_replay_opens_no_device() -> None:
     def refuse() -> Any:
         raise AssertionError("opened")
 

@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 
 from snr_sim.devices.pwm.maestro import Maestro
-from snr_sim.devices.pwm.plain_pwm import PlainPwm
+from snr_sim.devices.pwm.passive_pwm import PassivePwm
 from snr_sim.devices.wire.serial_port import SerialPort
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import LOST, NOT_ACTIVE
-from snr_sim.testing.maestro_board import MaestroBoard
+from snr_sim.testing.fake_maestro import FakeMaestro
 from snr_sim.testing.pwm_contract import check_pwm_out
 
 STOP, FAST = [1500.0] * 8, [1700.0] * 8
@@ -30,13 +30,13 @@ class Bench:
     def __init__(self, channels: int = 8, has_crc: bool = False, **settings: Any) -> None:
         self.time_s = 0.0
         self.channels, self.has_crc = channels, has_crc
-        self.board = MaestroBoard(self.now_s, channels, has_crc=has_crc, **settings)
+        self.board = FakeMaestro(self.now_s, channels, has_crc=has_crc, **settings)
 
-    def open(self, channels: int | None = None, **wanted: Any) -> PlainPwm:
+    def open(self, channels: int | None = None, **wanted: Any) -> PassivePwm:
         settings = {"has_crc": self.has_crc, "sleep": self.advance, **wanted}
-        return PlainPwm(Maestro(self._port, self.now_s, channels or self.channels, **settings), self.now_s, 1.0)
+        return PassivePwm(Maestro(self._port, self.now_s, channels or self.channels, **settings), self.now_s, 1.0)
 
-    def armed(self) -> PlainPwm:
+    def armed(self) -> PassivePwm:
         out = self.open()
         out.configure()
         out.activate()
@@ -45,7 +45,7 @@ class Bench:
             self.advance(0.02)
         return out
 
-    def _port(self) -> MaestroBoard:
+    def _port(self) -> FakeMaestro:
         self.board.read()  # as when a real port is opened
         return self.board
 
@@ -67,37 +67,37 @@ class Bench:
 
 @pytest.mark.parametrize("channels", [2, 6, 8, 12])
 @pytest.mark.parametrize("has_crc", [False, True])
-def test_it_keeps_the_promise_of_outputs(channels: int, has_crc: bool) -> None:
+def test_maestro_passes_pwm_contract(channels: int, has_crc: bool) -> None:
     check_pwm_out(Bench(channels, has_crc))
 
 
-def test_a_board_whose_timeout_is_off_as_when_it_is_new_is_not_opened() -> None:
+def test_maestro_without_timeout_raises_device_error() -> None:
     with pytest.raises(
-        DeviceError, match=r"sent nothing for 0.24 s and did not mind: if this program were killed"
+        DeviceError, match=r"did not time out after 0.24 s without commands: if this program were killed"
     ) as e:
         Bench(timeout_s=0.0).open().configure()
     assert "Timeout 0.20 s" in e.value.fix
 
 
-def test_a_timeout_later_than_the_lease_is_too_late() -> None:
-    with pytest.raises(DeviceError, match="did not mind"):
+def test_maestro_timeout_beyond_lease_raises_device_error() -> None:
+    with pytest.raises(DeviceError, match="did not time out"):
         Bench(timeout_s=0.5).open().configure()
 
 
 @pytest.mark.parametrize(("home_us", "shown"), [(None, "1501"), (0.0, "0"), (1600.0, "1600")])
-def test_a_board_that_goes_elsewhere_than_neutral_is_not_opened(home_us: float | None, shown: str) -> None:
-    with pytest.raises(DeviceError, match=f"channel 0 makes {shown} us, not 1500: .*'Ignore'"):
+def test_maestro_home_not_neutral_raises_device_error(home_us: float | None, shown: str) -> None:
+    with pytest.raises(DeviceError, match=f"channel 0 makes {shown} us, not 1500: .*does not go to 1500 us"):
         Bench(home_us=home_us).open().configure()
 
 
-def test_trying_it_moves_nothing() -> None:
+def test_maestro_timeout_test_moves_no_thruster() -> None:
     bench = Bench(timeout_s=0.0)
     with pytest.raises(DeviceError):
         bench.open().configure()
     assert bench.pins_us() == [1501.0] * 8  # inside of any speed controller's dead band
 
 
-def test_silence_is_told_with_port_bytes_and_next_step() -> None:
+def test_maestro_without_reply_names_port_bytes_and_fix() -> None:
     bench = Bench()
     bench.board.write = lambda data: None  # type: ignore[method-assign]
     with pytest.raises(DeviceError, match=r"/dev/ttyACM0 does not answer when asked for its errors: 0 bytes in 0.5 s"):
@@ -108,12 +108,12 @@ def test_silence_is_told_with_port_bytes_and_next_step() -> None:
     ("answer", "words"),
     [
         (b"$GPGGA,1235", "answers 11 bytes when asked for its errors, a Maestro 2: 24 47 50"),
-        (b"\xff\xff", "0xffff for its errors, which has bits that no Maestro has: it is another device"),
+        (b"\xff\xff", "the errors 0xffff, with bits that no Maestro has: it is another device"),
         (b"\x00", "answers 1 bytes"),
     ],
 )
-def test_another_device_that_answers_is_told_with_its_bytes(answer: bytes, words: str) -> None:
-    class Other(MaestroBoard):
+def test_maestro_reply_of_other_device_is_shown(answer: bytes, words: str) -> None:
+    class Other(FakeMaestro):
         def write(self, data: bytes) -> None:
             self._answers = answer
 
@@ -123,29 +123,29 @@ def test_another_device_that_answers_is_told_with_its_bytes(answer: bytes, words
         bench.open().configure()
 
 
-def test_a_board_with_fewer_channels_is_told() -> None:
-    with pytest.raises(DeviceError, match=r"(?s)channel 7: 0 bytes.*does it have so many channels"):
+def test_maestro_too_few_channels_raises_device_error() -> None:
+    with pytest.raises(DeviceError, match=r"(?s)channel 7: 0 bytes.*its number of channels"):
         Bench(channels=6).open(channels=8).configure()
 
 
 @pytest.mark.parametrize(("there", "here"), [(True, False), (False, True)])
-def test_crc_at_one_end_only_is_told(there: bool, here: bool) -> None:
+def test_maestro_crc_at_one_end_only_raises_device_error(there: bool, here: bool) -> None:
     with pytest.raises(DeviceError, match=r"Enable CRC|does not answer"):
         Bench(has_crc=there).open(has_crc=here).configure()
 
 
-def test_after_silence_it_is_armed_again_only_from_neutral() -> None:
+def test_maestro_after_silence_rearms_only_from_neutral() -> None:
     bench = Bench()
     out = bench.armed()
-    assert out.write_us(FAST, bench.time_s).why == []
+    assert out.write_us(FAST, bench.time_s).reason == []
     assert bench.pins_us() == FAST
     bench.advance(0.21)
     assert bench.pins_us() == STOP
     applied = out.write_us(FAST, bench.time_s)
-    assert (applied.pulses_us, applied.why) == (STOP, [NOT_ACTIVE])
+    assert (applied.pulses_us, applied.reason) == (STOP, [NOT_ACTIVE])
     assert bench.pins_us() == STOP
     assert out.health().state == "inactive"
-    assert "sent nothing for 0.21 s" in out.health().why
+    assert "sent nothing for 0.21 s" in out.health().reason
     out.activate()
     for _ in range(200):
         bench.advance(0.02)
@@ -153,31 +153,31 @@ def test_after_silence_it_is_armed_again_only_from_neutral() -> None:
     assert out.health().state == "activating"
 
 
-def test_a_timeout_shorter_than_our_own_is_heard_from_the_board() -> None:
+def test_maestro_short_board_timeout_is_reported() -> None:
     bench = Bench(timeout_s=0.1)
     out = bench.armed()
     out.write_us(FAST, bench.time_s)
     bench.advance(0.15)
     applied = out.write_us(FAST, bench.time_s)
-    assert NOT_ACTIVE in applied.why
+    assert NOT_ACTIVE in applied.reason
     assert bench.pins_us() == STOP
-    assert "its serial timeout came" in out.health().why
+    assert "its serial timeout came" in out.health().reason
     assert out.health().counts["timeout"] == 1
 
 
-def test_a_board_that_stops_answering_is_lost() -> None:
+def test_maestro_that_stops_answering_is_lost() -> None:
     bench = Bench()
     out = bench.armed()
-    bench.board._obey = lambda command: None  # type: ignore[method-assign]
+    bench.board._execute = lambda command: None  # type: ignore[method-assign]
     applied = out.write_us(FAST, bench.time_s)
     for _ in range(30):
         bench.advance(0.02)
         applied = out.write_us(FAST, bench.time_s)
-    assert LOST in applied.why
-    assert "has not answered for 0.5 s" in out.health().why
+    assert LOST in applied.reason
+    assert "has not answered for 0.5 s" in out.health().reason
 
 
-def test_noise_on_the_line_is_counted_and_too_much_of_it_is_told() -> None:
+def test_maestro_line_noise_is_counted_and_excess_is_lost() -> None:
     bench = Bench()
     out = bench.armed()
     bench.board.write(b"\x01\x02")
@@ -190,7 +190,7 @@ def test_noise_on_the_line_is_counted_and_too_much_of_it_is_told() -> None:
         bench.board.write(b"\x01")
         out.write_us(FAST, bench.time_s)
     assert out.health().state == "error"
-    assert "bytes that are no command" in out.health().why
+    assert "bytes that are not a command" in out.health().reason
 
 
 @pytest.fixture
@@ -214,9 +214,9 @@ def bench_on_a_line(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Bench, st
 
 
 @pytest.mark.slow
-def test_through_a_serial_line_the_pins_do_as_they_are_told(bench_on_a_line: tuple[Bench, str]) -> None:
+def test_maestro_on_serial_line_applies_commands_at_pins(bench_on_a_line: tuple[Bench, str]) -> None:
     bench, path = bench_on_a_line
-    out = PlainPwm(Maestro(lambda: SerialPort(path), bench.now_s, 8, sleep=bench.advance), bench.now_s, 0.0)
+    out = PassivePwm(Maestro(lambda: SerialPort(path), bench.now_s, 8, sleep=bench.advance), bench.now_s, 0.0)
     out.configure()
     out.activate()
 

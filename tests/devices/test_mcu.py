@@ -9,7 +9,7 @@ import pytest
 
 from snr_sim.devices.emulated.board import PINS
 from snr_sim.devices.mcu.mcu import McuPower, McuPwm, PowerScale
-from snr_sim.devices.wire.mcu_messages import State
+from snr_sim.devices.wire.mcu_messages import McuState
 from snr_sim.prelude.device import LEASE_S, Stale
 from snr_sim.prelude.errors import DeviceError, ParameterError
 from snr_sim.prelude.signals import LOST, NOT_ACTIVE, SLEWING, STOPPED, TOO_OLD
@@ -42,40 +42,40 @@ class Pilot:
 
 @pytest.mark.parametrize("mcu", list(PINS))
 @pytest.mark.parametrize("channels", [8, 3])
-def test_outputs_on_an_emulated_board_keep_the_promise(make_bench: Callable[..., Any], mcu: str, channels: int) -> None:
+def test_mcu_pwm_passes_pwm_contract(make_bench: Callable[..., Any], mcu: str, channels: int) -> None:
     check_pwm_out(make_bench(mcu, channels))
 
 
-def test_the_power_monitor_keeps_the_promise_of_a_sensor(bench: Any) -> None:
+def test_mcu_power_passes_sensor_contract(bench: Any) -> None:
     check_sensor(lambda: McuPower(bench.open_board()))
 
 
-def test_what_is_at_the_pins_is_answered_and_not_what_was_asked_for(bench: Any) -> None:
+def test_mcu_pwm_returns_pulses_at_the_pins(bench: Any) -> None:
     out = bench.open()
     pilot = Pilot(bench, out)
     pilot.arm()
     applied = pilot.hold([1900.0] * 8, 3 * TICK_S)
-    assert applied.why == [SLEWING]
+    assert applied.reason == [SLEWING]
     assert all(1500.0 < one < 1600.0 for one in applied.pulses_us)  # 400 us in 100 ms
     assert pilot.hold([1900.0] * 8, 0.2).pulses_us == [1900.0] * 8 == pytest.approx(bench.pins_us(), abs=0.5)
     out.close()
 
 
-def test_it_is_armed_only_after_the_speed_controllers_have_been_shown_neutral(bench: Any) -> None:
+def test_mcu_pwm_arms_only_after_neutral_for_speed_controllers(bench: Any) -> None:
     out = bench.open()
     out.configure()
     out.activate()
     pilot = Pilot(bench, out)
     applied = pilot.hold(AHEAD, 0.5)  # a command that is not neutral is not sent until the outputs are armed
     assert out.health().state == "activating"
-    assert NOT_ACTIVE in applied.why
+    assert NOT_ACTIVE in applied.reason
     assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
     pilot.hold(STILL, 1.5)
     assert out.health().state == "active"
     out.close()
 
 
-def test_a_command_that_nobody_renews_ends_though_somebody_goes_on_sending_it(bench: Any) -> None:
+def test_mcu_pwm_resent_old_command_expires(bench: Any) -> None:
     """The lease counts from when a command was computed: a stuck planner behind a live loop stops the robot (H11)."""
     out = bench.open()
     pilot = Pilot(bench, out)
@@ -88,26 +88,26 @@ def test_a_command_that_nobody_renews_ends_though_somebody_goes_on_sending_it(be
     assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
     bench.advance(0.06)  # the board sends every 50 ms, also without a command
     applied = out.write_us(AHEAD, computed_s)
-    assert TOO_OLD in applied.why
+    assert TOO_OLD in applied.reason
     assert out.health().state == "inactive"
-    assert "no new command in time" in out.health().why
+    assert "no new command in time" in out.health().reason
     assert pilot.hold(AHEAD, 0.5).pulses_us == STILL  # it stays so until it is armed again
     assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
     out.close()
 
 
-def test_a_program_that_ends_and_has_closed_nothing_says_farewell(bench: Any) -> None:
+def test_mcu_board_unclosed_at_exit_sends_disarm(bench: Any) -> None:
     out = bench.open()
     pilot = Pilot(bench, out)
     pilot.arm()
     pilot.hold(AHEAD, 0.5)
-    out.board._farewell()  # which Python calls at exit
+    out.board._finalizer()  # which Python calls at exit
     bench.advance(TICK_S)
     assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
     out.close()
 
 
-def test_the_board_is_told_how_old_a_command_is(bench: Any) -> None:
+def test_mcu_pwm_sends_age_of_command(bench: Any) -> None:
     out = bench.open()
     Pilot(bench, out).arm()
     bench.advance(0.16)  # a command that was computed before the last one is not accepted
@@ -117,7 +117,7 @@ def test_the_board_is_told_how_old_a_command_is(bench: Any) -> None:
     assert 150 <= out.board.telemetry.command_age_ms < 170
 
 
-def test_a_yes_to_what_was_asked_before_it_was_deactivated_arms_nothing(bench: Any) -> None:
+def test_mcu_pwm_late_arm_reply_after_deactivate_arms_nothing(bench: Any) -> None:
     out = bench.open()
     out.configure()
     bench.advance(1.6)
@@ -128,19 +128,19 @@ def test_a_yes_to_what_was_asked_before_it_was_deactivated_arms_nothing(bench: A
     bench.advance(0.03)
     out.write_us(STILL, bench.now_s())
     assert out.health().state == "activating"
-    assert out.board.telemetry.state == State.DISARMED
+    assert out.board.telemetry.state == McuState.DISARMED
     out.close()
 
 
-def test_a_board_that_starts_anew_is_noticed_and_does_not_move_until_armed(bench: Any) -> None:
+def test_mcu_pwm_reset_board_is_lost_and_stays_neutral_until_armed(bench: Any) -> None:
     out = bench.open()
     pilot = Pilot(bench, out)
     pilot.arm()
     pilot.hold(AHEAD, 0.5)
     bench.board.reset()
     applied = pilot.hold(AHEAD, 0.3)
-    assert LOST in applied.why
-    assert "has started anew (its reset pin" in out.health().why
+    assert LOST in applied.reason
+    assert "has restarted (its reset pin" in out.health().reason
     assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
     out.configure()
     pilot.hold(AHEAD, 0.5)
@@ -152,30 +152,30 @@ def test_a_board_that_starts_anew_is_noticed_and_does_not_move_until_armed(bench
     out.close()
 
 
-def test_another_program_on_the_line_is_told(bench: Any) -> None:
+def test_mcu_pwm_session_of_another_program_is_reported(bench: Any) -> None:
     out = bench.open()
     pilot = Pilot(bench, out)
     pilot.arm()
     other = bench.open_board(session=500)
     other.open(other)
     applied = pilot.hold(AHEAD, 0.2)
-    assert LOST in applied.why
-    assert "another program has greeted the microcontroller" in out.health().why
+    assert LOST in applied.reason
+    assert "another program has greeted the microcontroller" in out.health().reason
     assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
     out.close()
-    other.leave(other)
+    other.release(other)
 
 
-def test_an_emergency_stop_holds_until_it_is_cleared(bench: Any) -> None:
+def test_mcu_pwm_emergency_stop_holds_until_cleared(bench: Any) -> None:
     out = bench.open()
     pilot = Pilot(bench, out)
     pilot.arm()
     pilot.hold(AHEAD, 0.5)
     out.stop()
-    assert STOPPED in pilot.hold(AHEAD, TICK_S).why
+    assert STOPPED in pilot.hold(AHEAD, TICK_S).reason
     assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
     pilot.hold(STILL, 0.5)
-    assert out.health().why == "emergency stop"
+    assert out.health().reason == "emergency stop"
     with pytest.raises(DeviceError, match="has its emergency stop set"):
         out.activate()
     assert out.health().state == "inactive"
@@ -189,17 +189,17 @@ def test_an_emergency_stop_holds_until_it_is_cleared(bench: Any) -> None:
     again.close()
 
 
-def test_a_silent_board_is_lost_though_its_port_is_open(bench: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_mcu_pwm_silent_board_with_open_port_is_lost(bench: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     out = bench.open()
     pilot = Pilot(bench, out)
     pilot.arm()
     monkeypatch.setattr(bench.board, "uart_out", lambda: b"")
-    assert LOST in pilot.hold(STILL, 0.4).why
-    assert "no telemetry for 0." in out.health().why
+    assert LOST in pilot.hold(STILL, 0.4).reason
+    assert "no telemetry for 0." in out.health().reason
     out.close()
 
 
-def test_outputs_that_a_program_forgot_are_neutral_within_a_frame(bench: Any) -> None:
+def test_mcu_pwm_unreferenced_outputs_are_neutral_within_one_frame(bench: Any) -> None:
     """Without `close`: not in 200 ms, when the lease expires, but as soon as they are deleted (H8)."""
     out = bench.open()
     pilot = Pilot(bench, out)
@@ -211,7 +211,7 @@ def test_outputs_that_a_program_forgot_are_neutral_within_a_frame(bench: Any) ->
     assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
 
 
-def test_noise_on_the_line_is_counted_and_changes_nothing(bench: Any) -> None:
+def test_mcu_pwm_line_noise_is_counted_and_changes_nothing(bench: Any) -> None:
     out = bench.open()
     pilot = Pilot(bench, out)
     pilot.arm()
@@ -223,19 +223,19 @@ def test_noise_on_the_line_is_counted_and_changes_nothing(bench: Any) -> None:
     bench.advance(0.1)
     out.write_us(AHEAD, bench.now_s())
     counts = out.health().counts
-    assert counts["refused_there"] >= 20
+    assert counts["crc_errors_at_mcu"] >= 20
     assert counts["crc_errors"] == counts["gaps"] == 0
     out.close()
 
 
-def test_a_firmware_with_too_few_channels_is_refused(bench: Any) -> None:
+def test_mcu_pwm_too_few_channels_raises_device_error(bench: Any) -> None:
     out = McuPwm(bench.open_board(), bench.now_s, 9)
-    with pytest.raises(DeviceError, match=r"8 channels \(wanted: 9 at least\)(.|\n)*a second board"):
+    with pytest.raises(DeviceError, match=r"8 channels \(required: 9 at least\)(.|\n)*a second board"):
         out.configure()
     out.close()
 
 
-def test_power_is_what_stands_at_the_pins_and_stale_when_the_plug_is_out(bench: Any) -> None:
+def test_mcu_power_equals_pin_voltage_and_is_stale_when_unplugged(bench: Any) -> None:
     scale = PowerScale()
     for pin, millivolts in enumerate(scale.pins_mv(14.8, 25.0)):
         bench.board.set_millivolts(pin, millivolts)
@@ -255,18 +255,18 @@ def test_power_is_what_stands_at_the_pins_and_stale_when_the_plug_is_out(bench: 
     assert isinstance(gone, Stale)
     assert gone.since_s == reading.stamp_s
     bench.plug_in()
-    board.lose("pulled")
+    board.mark_lost("pulled")
     out.fail("pulled")
     out.configure()  # the device that acts brings it back for both
     assert not isinstance(power.read(), Stale)
     out.close()
-    assert not isinstance(power.read(), Stale), "the board stays open for who is left"
+    assert not isinstance(power.read(), Stale), "the board stays open for its other user"
     power.close()
     assert not board.is_open
 
 
-def test_a_power_module_without_scale_is_refused() -> None:
-    with pytest.raises(ParameterError, match="scales above 0"):
+def test_power_scale_zero_raises_error() -> None:
+    with pytest.raises(ParameterError, match="must be positive"):
         PowerScale(volts_per_volt=0.0)
     assert PowerScale().pins_mv(1000.0, -1000.0) == (5000.0, 0.0)
     assert math.isclose(PowerScale().reading(*PowerScale().pins_mv(14.8, 25.0), 1.0).current_a, 25.0, abs_tol=1e-3)

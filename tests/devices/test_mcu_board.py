@@ -17,7 +17,7 @@ from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
 from snr_sim.devices.wire.mcu_messages import BAUD
 from snr_sim.devices.wire.serial_port import SerialPort
 from snr_sim.prelude.errors import DeviceError
-from snr_sim.testing.parts import TickerFactory
+from snr_sim.testing.function_components import FunctionLoopFactory
 from snr_sim.testing.pwm_contract import check_pwm_out
 
 FIRMWARE = Path(__file__).parents[2] / "robots" / "urov" / "firmware"
@@ -25,12 +25,12 @@ STILL, AHEAD = [1500.0] * 8, [1700.0] * 8
 
 
 @pytest.mark.slow
-def test_outputs_behind_a_real_serial_port_keep_the_promise(pty_bench: Any) -> None:
+def test_mcu_pwm_on_serial_port_passes_pwm_contract(pty_bench: Any) -> None:
     """Through the system's terminal and pyserial, with the plug pulled and put back."""
     check_pwm_out(pty_bench)
 
 
-def test_of_two_nodes_on_one_port_the_second_is_told_who_has_it(pty_bench: Any) -> None:
+def test_mcu_board_busy_port_raises_device_error(pty_bench: Any) -> None:
     first, second = pty_bench.open(), pty_bench.open()
     first.configure()
     with pytest.raises(DeviceError, match=rf"{pty_bench.link} is busy"):
@@ -41,7 +41,7 @@ def test_of_two_nodes_on_one_port_the_second_is_told_who_has_it(pty_bench: Any) 
     second.close()
 
 
-def test_a_port_that_is_not_there_is_told_and_opened_once_it_is(pty_bench: Any) -> None:
+def test_mcu_board_missing_port_raises_until_it_appears(pty_bench: Any) -> None:
     out = pty_bench.open()
     pty_bench.unplug()
     with pytest.raises(DeviceError, match=rf"no serial port {pty_bench.link}"):
@@ -52,13 +52,13 @@ def test_a_port_that_is_not_there_is_told_and_opened_once_it_is(pty_bench: Any) 
     out.close()
 
 
-def test_a_plug_that_is_pulled_in_the_middle_of_a_run_and_put_back(pty_bench: Any) -> None:
+def test_mcu_board_replugged_during_run_recovers(pty_bench: Any) -> None:
     """The node continues; it logs this once, and the outputs turn again only after half a second of neutral."""
     pulled_s, back_s, rests_s, end_s = 4.0, 5.0, 7.0, 11.0
     board_s: list[float] = []
     pins: list[tuple[float, float]] = []
 
-    def says(loop: Any) -> None:
+    def store_command(loop: Any) -> None:
         t = loop.get_time_s()
         neutral = t < 2.0 or rests_s <= t < rests_s + 2.0
         loop.store_data("pwm", {"pulses_us": STILL if neutral else AHEAD})
@@ -78,7 +78,7 @@ def test_a_plug_that_is_pulled_in_the_middle_of_a_run_and_put_back(pty_bench: An
 
     clock = SimClock()
     out = McuPwm(McuBoard(pty_bench.open_port, clock.now_s, pty_bench.now_s), clock.now_s, 8)
-    parts = [TickerFactory(says, "pilot", 50.0), PwmLoopFactory("pwm", lambda: out, 50.0)]
+    parts = [FunctionLoopFactory(store_command, "pilot", 50.0), PwmLoopFactory("pwm", lambda: out, 50.0)]
     config = Config(factories={"r": [*parts, TimeoutLoopFactory(seconds=end_s)]})
     node = Node("r", config, clock=clock)
     clock.follow(follow)
@@ -94,7 +94,7 @@ def test_a_plug_that_is_pulled_in_the_middle_of_a_run_and_put_back(pty_bench: An
 
 
 @pytest.mark.slow
-def test_two_loops_on_threads_share_one_board_in_real_time(emulators: None, tmp_path: Path) -> None:
+def test_mcu_board_is_shared_by_two_threads_in_real_time(emulators: None, tmp_path: Path) -> None:
     """As on the vehicle: the wall clock, a thread for each device, and a board in a separate process."""
     link = tmp_path / "ttyUSB0"
     words = ["-m", "snr_sim.devices.emulated.pty_board", str(FIRMWARE), "--link", str(link)]
@@ -102,10 +102,10 @@ def test_two_loops_on_threads_share_one_board_in_real_time(emulators: None, tmp_
         assert far.stdout is not None
         assert far.stdout.readline() == f"atmega328p at {link}\n"
         clock = WallClock()
-        board = McuBoard(lambda: SerialPort(str(link), BAUD), clock.now_s, patience_s=60.0)
+        board = McuBoard(lambda: SerialPort(str(link), BAUD), clock.now_s, timeout_s=60.0)
         state: dict[str, str] = {}
 
-        def says(loop: Any) -> None:
+        def store_command(loop: Any) -> None:
             applied, power = loop.parent.get_page("pwm_applied"), loop.parent.get_page("power")
             state["pwm"] = "" if applied is None else applied.data["state"]
             is_ahead = state["pwm"] == "active"
@@ -113,11 +113,11 @@ def test_two_loops_on_threads_share_one_board_in_real_time(emulators: None, tmp_
             if is_ahead and applied.data["pulses_us"] == AHEAD and power is not None:
                 state["power"] = power.data["voltage_v"]
                 loop.stop()
-                loop.parent.enter(tasks.terminate("done"), "test")
+                loop.parent.enqueue_input(tasks.terminate("done"), "test")
 
         parts = [
             SensorLoopFactory("power", lambda: McuPower(board), 5.0),
-            TickerFactory(says, "pilot", 50.0),
+            FunctionLoopFactory(store_command, "pilot", 50.0),
             PwmLoopFactory("pwm", lambda: McuPwm(board, clock.now_s, 8), 50.0),
         ]
         config = Config(factories={"r": [*parts, TimeoutLoopFactory(seconds=60.0)]})
@@ -129,16 +129,16 @@ def test_two_loops_on_threads_share_one_board_in_real_time(emulators: None, tmp_
     assert not board.is_open
 
 
-def test_a_session_is_another_one_each_time() -> None:
+def test_mcu_board_uses_new_session_each_time() -> None:
     boards = [McuBoard(lambda: SerialPort("/dev/null", BAUD), lambda: 0.0) for _ in range(20)]
     assert len({board.session for board in boards}) > 1
     assert all(0 <= board.session < 0xFFFF for board in boards)
 
 
-def test_nothing_is_opened_before_a_device_needs_it(tmp_path: Path) -> None:
+def test_mcu_board_opens_port_only_on_demand(tmp_path: Path) -> None:
     board = McuBoard(lambda: SerialPort(str(tmp_path / "none"), BAUD), lambda: 0.0)
     assert not board.is_open
     with pytest.raises(DeviceError, match="port has not been opened"):
         board.poll()
-    board.leave(object())
-    board.lose("again")
+    board.release(object())
+    board.mark_lost("again")

@@ -9,14 +9,14 @@ from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import DepthReading
 from snr_sim.testing.contracts import check_sensor
-from snr_sim.testing.i2c_parts import FakeBus
-from snr_sim.testing.ms5837_part import Ms5837Part
+from snr_sim.testing.fake_i2c import FakeBus
+from snr_sim.testing.fake_ms5837 import FakeMs5837
 
 
 class Bench:
     def __init__(self) -> None:
         self.time_s = 0.0
-        self.part = Ms5837Part(self.now_s)
+        self.part = FakeMs5837(self.now_s)
         self.raw = FakeBus({0x76: self.part})
         self.slept_s = 0.0
 
@@ -44,15 +44,15 @@ class Bench:
         return reading
 
 
-def test_it_keeps_the_promise_of_sensors() -> None:
+def test_ms5837_i2c_passes_sensor_contract() -> None:
     check_sensor(Bench().open)
 
 
-def test_it_tells_depth_pressure_and_temperature_from_where_it_was_switched_on() -> None:
+def test_ms5837_i2c_depth_is_relative_to_pressure_at_start() -> None:
     bench = Bench()
-    bench.part.feel(99_000.0, 15.0)  # low air pressure, and the sensor's offset
+    bench.part.set_environment(99_000.0, 15.0)  # low air pressure, and the sensor's offset
     sensor = bench.started()
-    bench.part.feel(99_000.0 + 1000.0 * 9.81 * 2.5, 12.0)
+    bench.part.set_environment(99_000.0 + 1000.0 * 9.81 * 2.5, 12.0)
     reading = bench.reading(sensor, ticks=12)
     assert isinstance(reading, DepthReading)
     assert reading.depth_m == pytest.approx(2.5, abs=0.002)
@@ -60,19 +60,19 @@ def test_it_tells_depth_pressure_and_temperature_from_where_it_was_switched_on()
     assert bench.time_s - reading.stamp_s < 0.1
 
 
-def test_switched_on_under_water_it_does_not_take_that_for_the_surface() -> None:
+def test_ms5837_i2c_started_under_water_keeps_default_surface() -> None:
     bench = Bench()
-    bench.part.feel(101_325.0 + 20_000.0, 15.0)
+    bench.part.set_environment(101_325.0 + 20_000.0, 15.0)
     reading = bench.reading(bench.started())
     assert isinstance(reading, DepthReading)
     assert reading.depth_m == pytest.approx(20_000.0 / (1000.0 * 9.81), abs=0.01)
 
 
-def test_a_sensor_that_came_back_under_water_keeps_its_surface() -> None:
+def test_ms5837_i2c_reconnected_under_water_keeps_its_surface() -> None:
     bench = Bench()
-    bench.part.feel(100_000.0, 15.0)
+    bench.part.set_environment(100_000.0, 15.0)
     sensor = bench.started()
-    bench.part.feel(104_000.0, 15.0)
+    bench.part.set_environment(104_000.0, 15.0)
     sensor.fail("for a test")
     sensor.configure()
     sensor.activate()
@@ -81,7 +81,7 @@ def test_a_sensor_that_came_back_under_water_keeps_its_surface() -> None:
     assert reading.depth_m == pytest.approx(0.408, abs=0.002)
 
 
-def test_no_tick_waits_and_at_twenty_a_second_nearly_each_has_a_new_reading() -> None:
+def test_ms5837_i2c_read_never_waits_and_is_fresh_at_20_hz() -> None:
     bench = Bench()
     sensor = bench.started()
     slept_s = bench.slept_s
@@ -95,7 +95,7 @@ def test_no_tick_waits_and_at_twenty_a_second_nearly_each_has_a_new_reading() ->
     assert 89 <= len(stamps) <= 91  # in one of ten ticks the temperature was measured
 
 
-def test_asked_more_often_than_it_converts_it_tells_the_last_reading_again() -> None:
+def test_ms5837_i2c_read_during_conversion_returns_last_reading() -> None:
     bench = Bench()
     sensor = bench.started()
     readings = []
@@ -106,7 +106,7 @@ def test_asked_more_often_than_it_converts_it_tells_the_last_reading_again() -> 
     assert 70 <= len({one.stamp_s for one in readings if isinstance(one, DepthReading)}) <= 100  # in two seconds
 
 
-def test_a_wire_that_was_pulled_makes_it_stale_and_one_put_back_mends_it() -> None:
+def test_ms5837_i2c_unplugged_is_stale_and_replugged_recovers() -> None:
     bench = Bench()
     sensor = bench.started()
     good = bench.reading(sensor)
@@ -114,7 +114,7 @@ def test_a_wire_that_was_pulled_makes_it_stale_and_one_put_back_mends_it() -> No
     stale = bench.reading(sensor, ticks=20)
     assert isinstance(stale, Stale)
     assert isinstance(good, DepthReading)
-    assert "Nobody answers at 0x76 on /dev/i2c-1" in stale.why
+    assert "No device answers at 0x76 on /dev/i2c-1" in stale.reason
     assert stale.since_s is not None
     assert sensor.health().counts["errors"] > 3
     bench.raw.is_there = True
@@ -122,27 +122,27 @@ def test_a_wire_that_was_pulled_makes_it_stale_and_one_put_back_mends_it() -> No
     assert isinstance(bench.reading(sensor), DepthReading)
 
 
-def test_a_wrong_check_sum_of_its_calibration_is_told_with_the_words() -> None:
+def test_ms5837_i2c_wrong_calibration_checksum_raises_device_error() -> None:
     bench = Bench()
     bench.part.words[3] ^= 0x0010
     with pytest.raises(
-        DeviceError, match=r"MS5837 at 0x76 on /dev/i2c-1: its calibration has the check sum 2, but counts up to 1"
+        DeviceError, match=r"MS5837 at 0x76 on /dev/i2c-1: its calibration has the checksum 2, but 1"
     ) as e:
         bench.open().configure()
     assert "shorter wires" in e.value.fix
 
 
-def test_another_part_at_its_address_is_told_by_its_calibration() -> None:
+def test_ms5837_i2c_zero_calibration_raises_device_error() -> None:
     bench = Bench()
     bench.part.words = [0] * 7  # its check sum is right
     with pytest.raises(DeviceError, match="0000 0000 0000"):
         bench.open().configure()
 
 
-def test_a_pressure_that_cannot_be_is_no_reading() -> None:
+def test_ms5837_i2c_implausible_pressure_is_stale() -> None:
     bench = Bench()
     sensor = bench.started()
     bench.part.d1 = 2**24 - 1
     stale = bench.reading(sensor, ticks=20)
     assert isinstance(stale, Stale)
-    assert "Pa, which cannot be" in stale.why
+    assert "Pa, outside its range of" in stale.reason

@@ -5,13 +5,13 @@ from typing import Any
 import pytest
 from adafruit_pca9685 import PCA9685
 
+from snr_sim.devices.pwm.passive_pwm import PassivePwm
 from snr_sim.devices.pwm.pca9685 import PRE_SCALE, Pca9685
-from snr_sim.devices.pwm.plain_pwm import PlainPwm
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.prelude.errors import DeviceError, ParameterError
 from snr_sim.prelude.signals import LOST
 from snr_sim.testing.busio_bus import BusioBus
-from snr_sim.testing.i2c_parts import FakeBus, Pca9685Part
+from snr_sim.testing.fake_i2c import FakeBus, FakePca9685
 from snr_sim.testing.pwm_contract import check_pwm_out
 
 
@@ -20,16 +20,16 @@ class Bench:
 
     can_unplug = True
 
-    def __init__(self, channels: int = 8, part: Pca9685Part | None = None, **settings: Any) -> None:
+    def __init__(self, channels: int = 8, part: FakePca9685 | None = None, **settings: Any) -> None:
         self.time_s = 0.0
         self.channels, self.settings = channels, settings
-        self.part = part or Pca9685Part()
+        self.part = part or FakePca9685()
         self.raw = FakeBus({0x40: self.part})
 
-    def open(self, is_supervised: bool = True, esc_start_s: float = 1.0, **more: Any) -> PlainPwm:
+    def open(self, is_supervised: bool = True, esc_start_s: float = 1.0, **more: Any) -> PassivePwm:
         settings = {"sleep": self.advance, **self.settings, **more}
         chip = Pca9685(lambda: I2cBus(1, self.raw.opened), 0x40, self.channels, **settings)
-        return PlainPwm(chip, self.now_s, esc_start_s, is_supervised)
+        return PassivePwm(chip, self.now_s, esc_start_s, is_supervised)
 
     def now_s(self) -> float:
         return self.time_s
@@ -48,24 +48,24 @@ class Bench:
 
 
 @pytest.mark.parametrize("channels", [1, 8, 9, 16])
-def test_it_keeps_the_promise_of_outputs(channels: int) -> None:
+def test_pca9685_passes_pwm_contract(channels: int) -> None:
     check_pwm_out(Bench(channels))
 
 
 @pytest.mark.parametrize(("oscillator_hz", "external"), [(26_200_000.0, False), (24_576_000.0, True)])
-def test_it_keeps_it_with_a_measured_oscillator_and_with_a_clock_outside(oscillator_hz: float, external: bool) -> None:
-    check_pwm_out(Bench(2, Pca9685Part(oscillator_hz), oscillator_hz=oscillator_hz, has_external_clock=external))
+def test_pca9685_with_other_clocks_passes_pwm_contract(oscillator_hz: float, external: bool) -> None:
+    check_pwm_out(Bench(2, FakePca9685(oscillator_hz), oscillator_hz=oscillator_hz, has_external_clock=external))
 
 
 @pytest.mark.parametrize("pulse_us", [1100.0, 1234.0, 1500.0, 1500.7, 1899.0, 1900.0])
-def test_an_independent_driver_sets_the_same_registers_for_the_same_pulse(pulse_us: float) -> None:
+def test_pca9685_registers_equal_independent_driver(pulse_us: float) -> None:
     ours = Bench()
     out = ours.open(esc_start_s=0.0)
     out.configure()
     out.activate()
     out.write_us([1500.0] * 8, 0.0)
     made_us = out.write_us([pulse_us] * 8, 0.0).pulses_us[0]
-    part = Pca9685Part()
+    part = FakePca9685()
     theirs = PCA9685(BusioBus({0x40: part}))  # type: ignore[arg-type]
     theirs.frequency = 50
     assert isinstance(out.chip, Pca9685)
@@ -76,7 +76,7 @@ def test_an_independent_driver_sets_the_same_registers_for_the_same_pulse(pulse_
     assert part.pins_us(1) == [pytest.approx(made_us, abs=1e-6)]
 
 
-def test_what_is_told_is_what_is_made_in_whole_counts() -> None:
+def test_pca9685_returns_generated_pulses_in_whole_counts() -> None:
     bench = Bench()
     out = bench.open(esc_start_s=0.0)
     out.configure()
@@ -88,8 +88,8 @@ def test_what_is_told_is_what_is_made_in_whole_counts() -> None:
     assert made[:2] == [pytest.approx(1102.9, abs=0.05), pytest.approx(1898.3, abs=0.05)]  # 225 counts were too short
 
 
-def test_an_oscillator_that_was_not_measured_makes_other_pulses_than_told() -> None:
-    bench = Bench(part=Pca9685Part(oscillator_hz=27_000_000.0))
+def test_pca9685_unmeasured_oscillator_shifts_pulses() -> None:
+    bench = Bench(part=FakePca9685(oscillator_hz=27_000_000.0))
     out = bench.open(esc_start_s=0.0)
     out.configure()
     assert bench.pins_us()[0] == pytest.approx(1498.2 * 25 / 27, abs=0.1)  # 1387 us: astern
@@ -99,7 +99,7 @@ def test_an_oscillator_that_was_not_measured_makes_other_pulses_than_told() -> N
     assert bench.pins_us()[0] == pytest.approx(1500.0, abs=2.5)
 
 
-def test_a_chip_that_was_pushing_when_this_program_comes_is_stopped_first() -> None:
+def test_pca9685_configure_stops_running_pulses_first() -> None:
     bench = Bench()
     before = bench.open(esc_start_s=0.0)
     before.configure()
@@ -112,19 +112,19 @@ def test_a_chip_that_was_pushing_when_this_program_comes_is_stopped_first() -> N
     assert bench.pins_us() == [pytest.approx(1498.2, abs=0.05)] * 8
 
 
-def test_without_the_supervisor_it_is_not_armed_and_stays_neutral() -> None:
+def test_pca9685_without_supervisor_stays_neutral() -> None:
     bench = Bench()
     out = bench.open(is_supervised=False)
-    assert not out.fails_safe_alone
+    assert not out.has_independent_failsafe
     out.configure()
-    with pytest.raises(DeviceError, match=r"keeps its last pulse for ever if this program is killed") as e:
+    with pytest.raises(DeviceError, match=r"keeps its last pulse if this program is killed") as e:
         out.activate()
     assert "behind the supervisor" in e.value.fix
     out.write_us([1900.0] * 8, 0.0)
     assert bench.pins_us() == [pytest.approx(1498.2, abs=0.05)] * 8
 
 
-def test_a_brown_out_that_put_it_to_sleep_is_lost_and_told() -> None:
+def test_pca9685_brown_out_is_reported_as_lost() -> None:
     bench = Bench()
     out = bench.open(esc_start_s=0.0)
     out.configure()
@@ -132,11 +132,11 @@ def test_a_brown_out_that_put_it_to_sleep_is_lost_and_told() -> None:
     out.write_us([1500.0] * 8, 0.0)
     bench.part.power_on()
     applied = out.write_us([1700.0] * 8, 0.0)
-    assert LOST in applied.why
-    assert "it was reset, so it makes no pulses" in out.health().why
+    assert LOST in applied.reason
+    assert "it was reset, so it makes no pulses" in out.health().reason
 
 
-def test_another_part_at_its_address_is_told() -> None:
+def test_pca9685_other_part_at_address_raises_device_error() -> None:
     class PowerMonitor:
         def write(self, register: int, data: list[int]) -> None:
             pass
@@ -147,28 +147,28 @@ def test_another_part_at_its_address_is_told() -> None:
     bench = Bench()
     bench.raw.parts = {0x40: PowerMonitor()}
     with pytest.raises(
-        DeviceError, match=r"at 0x40 on /dev/i2c-1 is no PCA9685: MODE1 was written 0x20 and shows"
+        DeviceError, match=r"at 0x40 on /dev/i2c-1 is not a PCA9685: MODE1 was written 0x20 and reads"
     ) as e:
         bench.open().configure()
     assert "INA219" in e.value.fix
 
 
-def test_a_chip_that_keeps_to_the_clock_outside_is_told_to_be_switched_off() -> None:
+def test_pca9685_stuck_on_external_clock_raises_device_error() -> None:
     bench = Bench(has_external_clock=True)
     bench.open().configure()
-    with pytest.raises(DeviceError, match="still goes by a clock at its EXTCLK pin"):
+    with pytest.raises(DeviceError, match="still uses the clock at its EXTCLK pin"):
         bench.open(has_external_clock=False).configure()
 
 
-def test_a_missing_chip_is_told_with_who_is_there() -> None:
+def test_pca9685_missing_chip_lists_devices_on_bus() -> None:
     bench = Bench()
     bench.raw.parts = {0x41: bench.part}
-    with pytest.raises(DeviceError, match="Nobody answers at 0x40 on /dev/i2c-1; on that bus there is: 0x41"):
+    with pytest.raises(DeviceError, match="No device answers at 0x40 on /dev/i2c-1; devices on that bus: 0x41"):
         bench.open().configure()
 
 
-def test_more_channels_than_there_are_and_an_impossible_clock_are_refused() -> None:
+def test_pca9685_too_many_channels_or_invalid_clock_raises_error() -> None:
     with pytest.raises(ParameterError, match="1 to 16"):
         Bench(17).open()
-    with pytest.raises(ParameterError, match="no 50 Hz"):
+    with pytest.raises(ParameterError, match="cannot make 50 Hz"):
         Bench().open(oscillator_hz=1e9)

@@ -6,7 +6,7 @@ import pytest
 from snr_sim import Page
 from snr_sim.devices.replayed import ReplayedSensor
 from snr_sim.prelude.device import Sensor, Stale
-from snr_sim.prelude.errors import DeviceError, SensorLost
+from snr_sim.prelude.errors import DeviceError, SensorLostError
 
 
 class Depth(msgspec.Struct, frozen=True):
@@ -33,7 +33,7 @@ def sensor(*pages: Page) -> tuple[ReplayedSensor, Clock]:
     return opened, clock
 
 
-def test_each_reading_comes_when_it_came_then() -> None:
+def test_replayed_sensor_returns_readings_at_recorded_times() -> None:
     replayed, clock = sensor(page(0.0, 1.0), page(0.05, 1.1), page(0.1, 1.2))
     assert isinstance(replayed, Sensor)
     got = []
@@ -43,17 +43,17 @@ def test_each_reading_comes_when_it_came_then() -> None:
     assert got == [Depth(1.0, 0.0), Depth(1.1, 0.05), Depth(1.2, 0.1)]
 
 
-def test_one_who_reads_less_often_gets_the_newest() -> None:
+def test_replayed_sensor_read_less_often_returns_newest() -> None:
     replayed, clock = sensor(page(0.0, 1.0), page(0.05, 1.1), page(0.1, 1.2))
     clock.time_s = 0.1
     assert replayed.read() == Depth(1.2, 0.1)
 
 
-def test_where_there_was_none_there_is_none() -> None:
+def test_replayed_sensor_without_recorded_page_is_stale() -> None:
     replayed, clock = sensor(page(0.1, 1.0), page(0.4, 1.1))
     first = replayed.read()
     assert isinstance(first, Stale)
-    assert (first.since_s, first.why) == (None, "in the recording it had none until 0.1 s.")
+    assert (first.since_s, first.reason) == (None, "in the recording it had none until 0.1 s.")
     clock.time_s = 0.1
     assert replayed.read() == Depth(1.0, 0.1)
     clock.time_s = 0.2
@@ -63,10 +63,10 @@ def test_where_there_was_none_there_is_none() -> None:
     assert replayed.read() == Stale("the recording of it ended at 0.4 s.", 0.4)
 
 
-def test_a_page_that_is_no_such_reading_and_one_that_was_closed_say_so() -> None:
+def test_replayed_sensor_invalid_page_or_closed_raises() -> None:
     replayed, _ = sensor(page(0.0, "deep"))
     with pytest.raises(DeviceError, match=r"The recorded sensor 'depth': the page of 0 s holds no Depth"):
         replayed.read()
     replayed.close()
-    with pytest.raises(SensorLost, match="closed"):
+    with pytest.raises(SensorLostError, match="closed"):
         replayed.read()

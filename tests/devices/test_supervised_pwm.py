@@ -15,20 +15,20 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Node, SimClock, TimeoutLoopFactory
+from snr_sim.devices.pwm.passive_pwm import PassivePwm
 from snr_sim.devices.pwm.pca9685 import Pca9685
-from snr_sim.devices.pwm.plain_pwm import PlainPwm
 from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
-from snr_sim.devices.pwm.pwm_supervisor import Supervisor
+from snr_sim.devices.pwm.pwm_supervisor import OutputSupervisor
 from snr_sim.devices.pwm.supervised_pwm import SupervisedPwm
 from snr_sim.devices.wire.child_port import ChildPort
 from snr_sim.devices.wire.i2c_bus import I2cBus
-from snr_sim.devices.wire.lease_messages import Answer, Message, Open, decode, encode, receive
+from snr_sim.devices.wire.lease_messages import LeaseStatus, Message, OpenOutputs, decode, encode, receive
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import LOST, NOT_ACTIVE
-from snr_sim.testing.i2c_parts import FakeBus, Pca9685Part
-from snr_sim.testing.parts import TickerFactory
+from snr_sim.testing.fake_i2c import FakeBus, FakePca9685
+from snr_sim.testing.fake_sysfs_pwm import FakeSysfsPwm
+from snr_sim.testing.function_components import FunctionLoopFactory
 from snr_sim.testing.pwm_contract import check_pwm_out
-from snr_sim.testing.pwm_tree import PwmTree
 
 HERE = Path(__file__).parent
 GENEROUS_S = 60.0
@@ -40,16 +40,16 @@ class Line:
     name = "supervisor"
 
     def __init__(self, now_s: Callable[[], float]) -> None:
-        self.supervisor = Supervisor(now_s)
-        self._answers: list[Answer] = []
-        self.is_deaf = self.is_dead = False
+        self.supervisor = OutputSupervisor(now_s)
+        self._answers: list[LeaseStatus] = []
+        self.is_silent = self.is_dead = False
 
     def write(self, order: bytes) -> None:
         self._check()
-        if not self.is_deaf:
-            self._answers.append(self.supervisor.obey(decode(order)))
+        if not self.is_silent:
+            self._answers.append(self.supervisor.execute(decode(order)))
 
-    def read(self) -> list[Answer]:
+    def read(self) -> list[LeaseStatus]:
         self._check()
         answers, self._answers = self._answers, []
         return answers
@@ -73,16 +73,16 @@ class Bench:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.time_s = 100.0
-        self.part = Pca9685Part()
+        self.part = FakePca9685()
         self.raw = FakeBus({0x40: self.part})
         self.line = Line(self.now_s)
         opener = ModuleType("bench_of_this_test")
         opener.open = self._chip  # type: ignore[attr-defined]
         monkeypatch.setitem(sys.modules, opener.__name__, opener)
 
-    def _chip(self, takes_over: bool = False) -> PlainPwm:
+    def _chip(self, reclaim: bool = False) -> PassivePwm:
         chip = Pca9685(lambda: I2cBus(1, self.raw.opened), 0x40, 8, sleep=lambda seconds: None)
-        return PlainPwm(chip, self.now_s, esc_start_s=1.0, is_supervised=True)
+        return PassivePwm(chip, self.now_s, esc_start_s=1.0, is_supervised=True)
 
     def open(self) -> SupervisedPwm:
         return SupervisedPwm(
@@ -99,7 +99,7 @@ class Bench:
         out.activate()
         for _ in range(100):
             self.advance(0.02)
-            if not out.write_us([1500.0] * 8, self.time_s).why:
+            if not out.write_us([1500.0] * 8, self.time_s).reason:
                 return out
         raise AssertionError(out.health())
 
@@ -111,7 +111,7 @@ class Bench:
         until_s = self.time_s + seconds
         while self.time_s < until_s - 1e-9:
             self.time_s = min(until_s, self.time_s + 0.005)
-            self.line.supervisor.look()
+            self.line.supervisor.poll()
 
     def pins_us(self) -> list[float]:
         return self.part.pins_us(8)
@@ -128,19 +128,19 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
     return Bench(monkeypatch)
 
 
-def test_it_keeps_the_promise_of_outputs_and_fails_safe_alone(bench: Bench) -> None:
-    assert bench.open().fails_safe_alone
+def test_supervised_pwm_passes_pwm_contract_with_failsafe(bench: Bench) -> None:
+    assert bench.open().has_independent_failsafe
     check_pwm_out(bench)
 
 
-def test_after_a_lease_ran_out_it_is_armed_again_only_by_hand_and_from_neutral(bench: Bench) -> None:
+def test_supervised_pwm_expired_lease_rearms_only_by_activate_and_neutral(bench: Bench) -> None:
     out = bench.armed()
     out.write_us([1700.0] * 8, bench.time_s)
     bench.advance(0.21)
     assert bench.pins_us() == [pytest.approx(1498.2, abs=0.1)] * 8
-    assert NOT_ACTIVE in out.write_us([1700.0] * 8, bench.time_s).why
-    assert NOT_ACTIVE in out.write_us([1700.0] * 8, bench.time_s).why
-    assert "the lease ran out" in out.health().why
+    assert NOT_ACTIVE in out.write_us([1700.0] * 8, bench.time_s).reason
+    assert NOT_ACTIVE in out.write_us([1700.0] * 8, bench.time_s).reason
+    assert "the lease ran out" in out.health().reason
     out.activate()
     for _ in range(100):
         bench.advance(0.02)
@@ -149,7 +149,7 @@ def test_after_a_lease_ran_out_it_is_armed_again_only_by_hand_and_from_neutral(b
     assert bench.pins_us() == [pytest.approx(1498.2, abs=0.1)] * 8
 
 
-def test_a_command_is_as_old_in_the_supervisor_as_it_is_in_the_program(bench: Bench) -> None:
+def test_supervised_pwm_command_age_equals_age_in_program(bench: Bench) -> None:
     """It was computed 0.15 s ago, so 0.05 s are left of it."""
     out = bench.armed()
     out.write_us([1700.0] * 8, bench.time_s - 0.15)
@@ -159,36 +159,36 @@ def test_a_command_is_as_old_in_the_supervisor_as_it_is_in_the_program(bench: Be
     assert bench.pins_us() == [pytest.approx(1498.2, abs=0.1)] * 8
 
 
-def test_the_chips_wire_that_was_pulled_is_told_in_the_supervisors_words(bench: Bench) -> None:
+def test_supervised_pwm_pulled_wire_reports_supervisors_error(bench: Bench) -> None:
     out = bench.armed()
     bench.raw.is_there = False
     applied = out.write_us([1700.0] * 8, bench.time_s)
-    assert LOST in applied.why
-    assert "Nobody answers at 0x40 on /dev/i2c-1" in out.health().why
-    with pytest.raises(DeviceError, match="Nobody answers at 0x40"):
+    assert LOST in applied.reason
+    assert "No device answers at 0x40 on /dev/i2c-1" in out.health().reason
+    with pytest.raises(DeviceError, match="No device answers at 0x40"):
         out.configure()
     bench.raw.is_there = True
     out.configure()
     assert out.health().state == "inactive"
 
 
-def test_a_supervisor_that_hangs_is_told(bench: Bench) -> None:
+def test_supervised_pwm_hanging_supervisor_is_reported(bench: Bench) -> None:
     out = bench.armed()
-    bench.line.is_deaf = True
+    bench.line.is_silent = True
     for _ in range(60):
         bench.advance(0.02)
         out.write_us([1500.0] * 8, bench.time_s)
-    assert "has not answered for 1 s" in out.health().why
+    assert "has not answered for 1 s" in out.health().reason
 
 
-def test_a_robot_whose_supervisor_dies_is_neutral_until_it_has_commanded_neutral_for_a_while(bench: Bench) -> None:
+def test_supervised_pwm_dead_supervisor_is_neutral_until_rearmed(bench: Bench) -> None:
     """In lock step: 1700 us from 1.5 s on, the supervisor dies at 2 s, neutral from 3 to 5.5 s, then 1700 us again."""
     seen: list[tuple[float, bool]] = []
     bench.time_s = 0.0
 
-    def fly(loop: Any) -> None:
+    def store_command(loop: Any) -> None:
         bench.time_s = now_s = loop.get_time_s()
-        bench.line.supervisor.look()
+        bench.line.supervisor.poll()
         if 2.0 <= now_s < 2.02:
             bench.line.is_dead = True
         seen.append((now_s, bench.pins_us()[0] > 1600.0))
@@ -196,7 +196,7 @@ def test_a_robot_whose_supervisor_dies_is_neutral_until_it_has_commanded_neutral
         loop.store_data("pwm", {"pulses_us": [1700.0 if pushes else 1500.0] * 8})
 
     factories = [
-        TickerFactory(fly, "pilot", 50.0),
+        FunctionLoopFactory(store_command, "pilot", 50.0),
         PwmLoopFactory("pwm", bench.open, 50.0),
         TimeoutLoopFactory(seconds=6.0),
     ]
@@ -210,27 +210,27 @@ def test_a_robot_whose_supervisor_dies_is_neutral_until_it_has_commanded_neutral
     assert moved(1.6, 2.0) == {True}
     assert moved(2.1, 5.5) == {False}  # the next supervisor holds neutral, and it is not armed
     assert moved(5.6, 6.0) == {True}
-    (told,) = [note for note in node.notes if "error" in note]
-    assert "The process 7 was killed by SIGKILL." in told
+    (note,) = [note for note in node.notes if "error" in note]
+    assert "The process 7 was killed by SIGKILL." in note
 
 
 @pytest.mark.parametrize("data", [b"abc", b'{"type":"Arx"}'])
-def test_bytes_that_are_no_message_are_refused(data: bytes) -> None:
-    with pytest.raises(DeviceError, match="is no message of a supervisor"):
+def test_decode_invalid_bytes_raises_device_error(data: bytes) -> None:
+    with pytest.raises(DeviceError, match="is not a supervisor message"):
         decode(data)
 
 
-def write_for_ever(port: ChildPort[Message]) -> None:
+def write_indefinitely(port: ChildPort[Message]) -> None:
     while True:
         port.write(bytes(8192))
 
 
 @pytest.mark.slow
-def test_a_process_that_does_not_read_or_has_ended_is_told_without_waiting() -> None:
+def test_child_port_hung_or_ended_process_raises_at_once() -> None:
     port = ChildPort("snr_sim.devices.pwm.pwm_supervisor:run", receive)
     os.kill(port.pid, signal.SIGSTOP)
-    with pytest.raises(DeviceError, match=f"process {port.pid} does not read what it is sent: it hangs"):
-        write_for_ever(port)
+    with pytest.raises(DeviceError, match=f"process {port.pid} does not read its input: it hangs"):
+        write_indefinitely(port)
     os.kill(port.pid, signal.SIGKILL)
     assert port.wait(GENEROUS_S)
     for call in (port.read, lambda: port.write(b"x")):
@@ -239,13 +239,13 @@ def test_a_process_that_does_not_read_or_has_ended_is_told_without_waiting() -> 
     port.close()
 
 
-def test_an_order_before_the_outputs_are_open_is_answered_with_what_to_do() -> None:
-    from snr_sim.devices.wire.lease_messages import Arm
+def test_supervisor_order_before_open_returns_error_with_fix() -> None:
+    from snr_sim.devices.wire.lease_messages import ArmOutputs
 
-    answer = Supervisor(lambda: 0.0).obey(Arm())
-    assert (answer.state, answer.why) == ("error", "These outputs are not open.")
+    answer = OutputSupervisor(lambda: 0.0).execute(ArmOutputs())
+    assert (answer.state, answer.reason) == ("error", "These outputs are not open.")
     with pytest.raises(DeviceError, match="at most 8192"):
-        encode(Open("x:y", ["z" * 9000]))
+        encode(OpenOutputs("x:y", ["z" * 9000]))
 
 
 # From here on with real processes.
@@ -272,7 +272,7 @@ def place_and_pins(kind: str, folder: Path) -> tuple[str, Callable[[], list[floa
         file = chip_file(folder)
         part = from_tests(lambda held: held.chip_in(file))
         return file, lambda: part.pins_us(2)
-    tree = PwmTree(folder / "pwm")
+    tree = FakeSysfsPwm(folder / "pwm")
     return str(tree.root), lambda: [tree.pulse_us(0), tree.pulse_us(1)]
 
 
@@ -306,7 +306,7 @@ def pushing(kind: str, place: str) -> Iterator[subprocess.Popen[str]]:
 @pytest.mark.wall_clock
 @pytest.mark.parametrize("kind", ["open_tree", "open_chip"])
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
-def test_h9_a_program_that_is_killed_or_hangs_leaves_neutral_within_a_quarter_of_a_second(
+def test_h9_killed_or_hanging_program_leaves_neutral_within_250_ms(
     tmp_path: Path, kind: str, how: signal.Signals
 ) -> None:
     """Tried up to four times: a busy computer may keep any process waiting for longer than that."""
@@ -342,7 +342,7 @@ def is_alive(pid: int) -> bool:
 
 @pytest.mark.wall_clock
 @pytest.mark.parametrize("kind", ["open_tree", "open_chip"])
-def test_h9_a_supervisor_that_is_killed_leaves_neutral_by_its_guard_is_told_and_the_next_one_takes_over(
+def test_h9_killed_supervisor_is_neutral_by_watchdog_and_next_reclaims(
     tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.syspath_prepend(str(HERE))
@@ -352,12 +352,12 @@ def test_h9_a_supervisor_that_is_killed_leaves_neutral_by_its_guard_is_told_and_
     follow(out, [1900.0] * 2, lambda: pins_us()[0] > 1890.0)
     os.kill(pid_of(out), signal.SIGKILL)
     wait_until(lambda: is_neutral(pins_us()), "the guard does nothing")
-    wait_until(lambda: LOST in out.write_us([1900.0] * 2, time.monotonic()).why, "it is told")
+    wait_until(lambda: LOST in out.write_us([1900.0] * 2, time.monotonic()).reason, "the loss is not reported")
     assert out.health().state == "error"
-    assert "was ended by SIGKILL" in out.health().why
+    assert "was ended by SIGKILL" in out.health().reason
     out.configure()
     assert is_neutral(pins_us())
-    assert LOST not in out.write_us([1900.0] * 2, time.monotonic()).why
+    assert LOST not in out.write_us([1900.0] * 2, time.monotonic()).reason
     assert is_neutral(pins_us())
     follow(out, [1900.0] * 2, lambda: pins_us()[0] > 1890.0)
     (guard,) = children_of(pid_of(out))
@@ -385,7 +385,7 @@ def follow(out: SupervisedPwm, pulses_us: list[float], is_so: Callable[[], bool]
 
 
 @pytest.mark.slow
-def test_h9_a_supervisor_that_hangs_leaves_neutral_by_its_guard_and_follows_nothing_when_it_goes_on(
+def test_h9_hanging_supervisor_is_neutral_by_watchdog_after_resuming(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.syspath_prepend(str(HERE))
@@ -399,15 +399,13 @@ def test_h9_a_supervisor_that_hangs_leaves_neutral_by_its_guard_and_follows_noth
         out.write_us([1900.0] * 2, time.monotonic())  # which it will read when it continues
     finally:
         os.kill(pid_of(out), signal.SIGCONT)
-    wait_until(lambda: NOT_ACTIVE in out.write_us([1900.0] * 2, time.monotonic()).why, "it is not told")
+    wait_until(lambda: NOT_ACTIVE in out.write_us([1900.0] * 2, time.monotonic()).reason, "it is not reported")
     assert is_neutral(pins_us())
     out.close()
 
 
 @pytest.mark.slow
-def test_a_guard_that_was_killed_is_missed_by_nobody_and_outputs_go_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_killed_watchdog_keeps_outputs_following(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is needed when its supervisor is killed; no protection is provided against the end of both."""
     monkeypatch.syspath_prepend(str(HERE))
     place, pins_us = place_and_pins("open_chip", tmp_path)
@@ -422,11 +420,11 @@ def test_a_guard_that_was_killed_is_missed_by_nobody_and_outputs_go_on(
 
 
 @pytest.mark.slow
-def test_what_a_supervisor_cannot_open_is_told_in_its_words_and_it_is_gone(
+def test_supervisor_open_failure_reports_its_error_and_ends(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.syspath_prepend(str(HERE))
-    tree = PwmTree(tmp_path)
+    tree = FakeSysfsPwm(tmp_path)
     tree.write(tmp_path / "pwmchip0/export", "0")
     out: SupervisedPwm = from_tests(lambda held: held.supervised("open_tree", str(tmp_path)))
     with pytest.raises(DeviceError, match="pwm0 is in use: another program has exported it") as e:

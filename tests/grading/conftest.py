@@ -15,7 +15,7 @@ import pytest
 
 from snr_sim.grading.remote import launch
 from snr_sim.grading.remote.isolation import find_isolation
-from snr_sim.grading.sandbox.sandbox import IsolationMissing
+from snr_sim.grading.sandbox.sandbox import IsolationMissingError
 
 # They run in the sandbox, and never in pytest, which imports whatever it collects.
 collect_ignore_glob = ["attacks/*", "labs/*"]
@@ -109,7 +109,7 @@ def docker() -> list[str]:
 def _isolation_here() -> str:
     try:
         return find_isolation()
-    except IsolationMissing:
+    except IsolationMissingError:
         return ""
 
 

@@ -7,7 +7,7 @@ LIMITS = ("NPROC", "CORE", "FSIZE", "CPU", "AS", "NOFILE")
 
 
 def tried(what, *args, **options):
-    """Returns what comes of a call: "done", or the error's name."""
+    """Return the result of a call: "done", or the error's name."""
     try:
         what(*args, **options)
     except OSError as error:

@@ -24,7 +24,7 @@ def grade(lab: Path, given: list[Path], folder: Path, *words: str) -> dict[str, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("isolation", ["none", "required"])
-def test_what_the_sandbox_stops_succeeds_without_it(
+def test_attacks_score_without_sandbox_and_fail_with_it(
     sandbox: None, double_lab: Path, listener: tuple[int, list[str]], tmp_path: Path, isolation: str
 ) -> None:
     given = []
@@ -40,23 +40,23 @@ def test_what_the_sandbox_stops_succeeds_without_it(
 
 
 @pytest.mark.slow
-def test_what_a_program_says_in_a_hidden_case_reaches_no_student(
+def test_output_of_hidden_cases_is_not_in_student_reports(
     sandbox: None, double_lab: Path, handed_in: Handed, tmp_path: Path
 ) -> None:
     """Output, errors and answers that contain the input appear only in the instructor's report."""
     lines = ["print('printed', x)", "if x > 9: raise ValueError(f'given {x}')", "return 2 * x"]
-    tells = "def double(x):\n" + "".join(f"    {line}\n" for line in lines)
-    assert grade(double_lab, handed_in(tells=tells), tmp_path) == {"tells": 70.0}
-    kept = (tmp_path / "out" / "results" / "tells.json").read_text()
+    leaks = "def double(x):\n" + "".join(f"    {line}\n" for line in lines)
+    assert grade(double_lab, handed_in(leaks=leaks), tmp_path) == {"leaks": 70.0}
+    kept = (tmp_path / "out" / "results" / "leaks.json").read_text()
     assert "given" in kept
-    for path in (tmp_path / "out" / "students" / "tells").iterdir():
+    for path in (tmp_path / "out" / "students" / "leaks").iterdir():
         text = path.read_text()
         assert "given" not in text
         assert "printed 5" not in text
         assert "0 of 1 passed" in text
 
 
-def test_what_is_handed_in_is_never_imported_by_pytest(pytestconfig: pytest.Config) -> None:
+def test_pytest_ignores_attacks_and_labs(pytestconfig: pytest.Config) -> None:
     """It imports whatever it collects, to look for doctests: attacks would be in its own process."""
     conftest = pytestconfig.pluginmanager.get_plugin(str(Path(__file__).parent / "conftest.py"))
     assert conftest is not None

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.grading.lab.verdicts import LabFault
+from snr_sim.grading.lab.verdicts import GraderError
 from snr_sim.grading.remote import launch
 from snr_sim.grading.remote.child_process import ChildProcess
 from snr_sim.grading.remote.protocol import Hello
@@ -14,7 +14,7 @@ from snr_sim.grading.sandbox.sandbox import Limits
 
 @pytest.mark.slow
 @pytest.mark.parametrize("ending", ["raise MemoryError('no room for numpy')", "import os; os._exit(3)", "print('hm')"])
-def test_a_process_that_ends_before_it_has_read_the_submission_is_no_fault_of_the_students(
+def test_process_that_ends_before_loading_raises_grader_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str
 ) -> None:
     start = launch.start_command
@@ -25,12 +25,12 @@ def test_a_process_that_ends_before_it_has_read_the_submission_is_no_fault_of_th
 
     monkeypatch.setattr(launch, "start_command", broken)
     child = ChildProcess(tmp_path, "none", Limits())
-    with pytest.raises(LabFault, match="could not be started"):
+    with pytest.raises(GraderError, match="could not be started"):
         child.ask(Hello(), 1.0)
     child.close()
 
 
-def test_a_process_that_cannot_be_started_leaves_no_line_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_start_closes_both_sockets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fails(*args: object) -> tuple[list[str], Path]:
         raise OSError(24, "Too many open files")
 

@@ -116,7 +116,7 @@ def hand_in_lab_ten(folder: Path, port: int) -> dict[str, dict[Path, float | Non
         return write_solution(LAB_TEN, folder / name, mistake, starter=False)
 
     right: dict[Path, float | None] = {submission("reference"): 100.0, submission("untrained"): 95.0}
-    (folder / "untrained" / "policy.npz").unlink()  # the table that the grader trains is flown instead
+    (folder / "untrained" / "policy.npz").unlink()  # the table that the grader trains is used instead
     with zipfile.ZipFile(folder / "zipped.zip", "w") as archive:
         for file in REFERENCE.iterdir():
             if file.is_file():
@@ -205,8 +205,8 @@ def grade_class(
     with (tmp_path / "out" / "class.csv").open(newline="") as file:
         rows = {row["submission"]: row for row in csv.DictReader(file)}
     table = {name: (float(row["points"]), row["status"]) for name, row in rows.items()}
-    wanted = {path.stem: (points or 0.0, "refused" if points is None else "graded") for path, points in due.items()}
-    assert table == wanted
+    expected = {path.stem: (points or 0.0, "rejected" if points is None else "graded") for path, points in due.items()}
+    assert table == expected
     assert {row["isolation"] for row in rows.values() if row["status"] == "graded"} <= {isolation}
     for path in (tmp_path / "out" / "results").iterdir():
         assert "AssertionError" not in path.read_text(), f"{path.stem} has not acted at all"
@@ -219,7 +219,7 @@ def grade_class(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("isolation", ["sandbox", "confined"])
-def test_everybody_gets_exactly_what_is_due(
+def test_class_of_sixty_gets_exact_points(
     isolation: str,
     request: pytest.FixtureRequest,
     double_lab: Path,
@@ -235,7 +235,7 @@ def test_everybody_gets_exactly_what_is_due(
     grade_class(str(double_lab), due, reached, tmp_path, open_folder, 6, isolation, prefix)
 
 
-def test_every_wrong_solution_of_lab_ten_is_in_its_class(tmp_path: Path) -> None:
+def test_class_of_lab_ten_contains_every_mistake(tmp_path: Path) -> None:
     (tmp_path / "submissions").mkdir()
     wrong = hand_in_lab_ten(tmp_path / "submissions", port=0)["wrong"]
     assert {path.name for path in wrong} == {*mistakes_of(LAB_TEN), "pickled", "cut"}
@@ -247,7 +247,7 @@ def test_every_wrong_solution_of_lab_ten_is_in_its_class(tmp_path: Path) -> None
     "is_whole", [False, pytest.param(True, marks=pytest.mark.nightly(minutes=7))], ids=["one", "all"]
 )
 @pytest.mark.parametrize("kind", ["right", "wrong", "attacks", "no program"])
-def test_everybody_gets_exactly_what_is_due_in_lab_ten(
+def test_class_of_lab_ten_gets_exact_points(
     kind: str, is_whole: bool, sandbox: None, listener: tuple[int, list[str]], tmp_path: Path, open_folder: Path
 ) -> None:
     """Of each kind one; in nightly all, which takes minutes: one attack is busy for ten seconds in each case."""
@@ -259,7 +259,7 @@ def test_everybody_gets_exactly_what_is_due_in_lab_ten(
 
 
 @pytest.mark.slow
-def test_a_lab_of_the_course_gives_in_the_sandbox_what_its_own_tests_say(sandbox: None, tmp_path: Path) -> None:
+def test_sandboxed_points_equal_those_of_the_lab_tests(sandbox: None, tmp_path: Path) -> None:
     lab, submissions = "09_debug_by_replay", tmp_path / "submissions"
     due = {"reference": 100.0, "not_toml": 100.0 - sum(mistakes_of(lab)["not_toml"].lost.values())}
     given = [

@@ -18,10 +18,10 @@ from typing import Any
 
 import pytest
 
-from snr_sim.grading.batch.class_folder import ClassFolder, Terms
+from snr_sim.grading.batch.class_folder import ClassFolder, ClassSettings
 from snr_sim.grading.batch.class_run import ClassRun
-from snr_sim.grading.batch.intake import remove
 from snr_sim.grading.batch.stop_signals import StopSignals
+from snr_sim.grading.batch.submission_import import remove
 from snr_sim.grading.batch.submissions import name_submissions
 from snr_sim.grading.batch.workers import LocalWorkers
 from snr_sim.grading.lab.lab import load_lab
@@ -61,17 +61,19 @@ def files_under(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
-def test_everybody_has_a_result_and_faults_are_no_marks(double_lab: Path, handed_in: HandedIn, tmp_path: Path) -> None:
+def test_every_submission_has_a_result_and_grader_errors_no_points(
+    double_lab: Path, handed_in: HandedIn, tmp_path: Path
+) -> None:
     programs = ["right", "visible_only", "raises", "finds_a_fault", "quits", "def double(:", "", "talks_nonsense"]
     given = handed_in(**{f"s{i}": program for i, program in enumerate(programs)})
     done = grade(double_lab, given, tmp_path / "out", "--json", "--jobs", 2)
     assert done.returncode == 1
     answer = json.loads(done.stdout)
-    assert (answer["faults"], answer["refused"], answer["unjudged"]) == (["s3"], ["s6"], ["s7"])
+    assert (answer["grader_errors"], answer["rejected"], answer["unjudged"]) == (["s3"], ["s6"], ["s7"])
     rows = table(tmp_path / "out")
     assert [(row["submission"], row["points"], row["status"]) for row in rows] == [
-        ("s0", "100", "graded"), ("s1", "70", "graded"), ("s2", "0", "graded"), ("s3", "", "fault"),
-        ("s4", "0", "graded"), ("s5", "0", "graded"), ("s6", "0", "refused"),
+        ("s0", "100", "graded"), ("s1", "70", "graded"), ("s2", "0", "graded"), ("s3", "", "grader_error"),
+        ("s4", "0", "graded"), ("s5", "0", "graded"), ("s6", "0", "rejected"),
         ("s7", "40", "graded"),
     ]  # fmt: skip
     assert "a mistake in the lab" in rows[3]["error"]
@@ -85,9 +87,7 @@ def test_everybody_has_a_result_and_faults_are_no_marks(double_lab: Path, handed
         assert [row["submission"] for row in csv.DictReader(file)] == ["s0", "s1"]
 
 
-def test_the_run_of_a_visible_case_that_failed_goes_to_its_student_and_of_hidden_ones_none(
-    landing_lab: Path, tmp_path: Path
-) -> None:
+def test_only_runs_of_failed_visible_cases_are_kept(landing_lab: Path, tmp_path: Path) -> None:
     in_flight = Path(__file__).parent / "attacks" / "in_flight"
     given = tmp_path / "submissions" / "eve"
     given.mkdir(parents=True)
@@ -96,15 +96,15 @@ def test_the_run_of_a_visible_case_that_failed_goes_to_its_student_and_of_hidden
     assert grade(landing_lab, [given], tmp_path / "out").returncode == 0
     student = tmp_path / "out" / "students" / "eve"
     assert [str(path.relative_to(student)) for path in student.rglob("trace.jsonl")] == [
-        "runs/lands-1/flight-1/trace.jsonl"
+        "runs/lands-1/run-1/trace.jsonl"
     ]
-    (told,) = re.findall(r"`(snr replay [^`]*) FILE`", (student / "report.md").read_text())
-    replay = [sys.executable, "-m", "snr_sim", *told.split()[1:], str(given / "pilot.py")]
+    (replay_command,) = re.findall(r"`(snr replay [^`]*) FILE`", (student / "report.md").read_text())
+    replay = [sys.executable, "-m", "snr_sim", *replay_command.split()[1:], str(given / "pilot.py")]
     done = subprocess.run(replay, cwd=student, capture_output=True, text=True)
     assert (done.returncode, done.stdout[:9]) == (0, "identical"), done.stderr
 
 
-def test_one_at_a_time_or_several_and_again_the_bytes_are_the_same(
+def test_results_are_byte_identical_for_any_number_of_jobs(
     double_lab: Path, handed_in: HandedIn, tmp_path: Path
 ) -> None:
     given = handed_in(ada="right", bob="visible_only", eve="raises")
@@ -114,15 +114,15 @@ def test_one_at_a_time_or_several_and_again_the_bytes_are_the_same(
     assert one == more
 
 
-def test_killed_anywhere_it_goes_on_where_it_was(double_lab: Path, handed_in: HandedIn, tmp_path: Path) -> None:
+def test_killed_run_resumes_without_regrading(double_lab: Path, handed_in: HandedIn, tmp_path: Path) -> None:
     given = handed_in(**{f"s{i}": "right" if i % 3 else "visible_only" for i in range(7)})
     out = tmp_path / "out"
     kept: dict[str, int] = {}
-    for wanted in (1, 3, 5):  # how many results there are when it is killed
+    for count in (1, 3, 5):  # how many results there are when it is killed
         words = ["--jobs", "2", *(["--resume"] if out.exists() else [])]
         process = subprocess.Popen(command(double_lab, given, out, *words), stderr=subprocess.PIPE)
         give_up_s = time.monotonic() + 240
-        while len(list(out.glob("results/*.json"))) < wanted:
+        while len(list(out.glob("results/*.json"))) < count:
             assert process.poll() is None
             assert time.monotonic() < give_up_s
             time.sleep(0.002)
@@ -141,7 +141,7 @@ def test_killed_anywhere_it_goes_on_where_it_was(double_lab: Path, handed_in: Ha
     assert left == whole
 
 
-def test_interrupted_it_says_how_to_go_on_and_leaves_nothing_private(
+def test_interrupted_run_prints_resume_hint_and_removes_private_files(
     double_lab: Path, handed_in: HandedIn, tmp_path: Path
 ) -> None:
     out, private = tmp_path / "out", tmp_path / "private"
@@ -155,15 +155,15 @@ def test_interrupted_it_says_how_to_go_on_and_leaves_nothing_private(
         assert time.monotonic() < give_up_s
         time.sleep(0.002)
     process.send_signal(signal.SIGTERM)
-    told = process.communicate()[1]
+    stderr = process.communicate()[1]
     assert process.returncode == 128 + signal.SIGTERM
-    assert "go on with --resume" in told
-    assert "Traceback" not in told
+    assert "continue with --resume" in stderr
+    assert "Traceback" not in stderr
     assert list(private.iterdir()) == []
 
 
 @pytest.mark.parametrize("raced", ["tempfile.mkdtemp", "remove"])
-def test_signal_while_the_private_place_is_made_or_removed_leaves_nothing(
+def test_signal_during_private_folder_setup_or_removal_leaves_nothing(
     double_lab: Path, handed_in: HandedIn, tmp_path: Path, raced: str
 ) -> None:
     private = tmp_path / "private"
@@ -194,7 +194,7 @@ def test_signal_while_the_private_place_is_made_or_removed_leaves_nothing(
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux ends a program with the worker that started it")
-def test_stopped_in_a_flight_it_leaves_no_recording_and_no_program(landing_lab: Path, tmp_path: Path) -> None:
+def test_stopped_scenario_run_leaves_no_recording_and_no_process(landing_lab: Path, tmp_path: Path) -> None:
     given, private = tmp_path / "submissions" / "eve", tmp_path / "private"
     given.mkdir(parents=True)
     private.mkdir()
@@ -232,9 +232,7 @@ def test_stopped_in_a_flight_it_leaves_no_recording_and_no_program(landing_lab: 
     assert is_ended
 
 
-def test_a_submission_that_has_changed_is_graded_again_and_a_late_one_too(
-    double_lab: Path, handed_in: HandedIn, tmp_path: Path
-) -> None:
+def test_resume_grades_changed_and_new_submissions(double_lab: Path, handed_in: HandedIn, tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert grade(double_lab, handed_in(ada="visible_only", bob="right"), out).returncode == 0
     before = (out / "results" / "bob.json").stat().st_mtime_ns
@@ -248,7 +246,7 @@ def test_a_submission_that_has_changed_is_graded_again_and_a_late_one_too(
     assert (out / "results" / "bob.json").stat().st_mtime_ns == before
 
 
-def test_a_fault_is_tried_again(double_lab: Path, handed_in: HandedIn, tmp_path: Path) -> None:
+def test_resume_regrades_grader_errors(double_lab: Path, handed_in: HandedIn, tmp_path: Path) -> None:
     out = tmp_path / "out"
     given = handed_in(ada="finds_a_fault")
     assert grade(double_lab, given, out).returncode == 1
@@ -256,13 +254,13 @@ def test_a_fault_is_tried_again(double_lab: Path, handed_in: HandedIn, tmp_path:
     assert grade(double_lab, given, out, "--resume").returncode == 0
 
 
-def test_marks_of_two_secrets_or_two_labs_are_not_mixed(double_lab: Path, handed_in: HandedIn, tmp_path: Path) -> None:
+def test_resume_rejects_another_secret_or_lab_version(double_lab: Path, handed_in: HandedIn, tmp_path: Path) -> None:
     out = tmp_path / "out"
     given = handed_in(ada="right")
     assert grade(double_lab, given, out).returncode == 0
     before = files_under(out)
     again = grade(double_lab, given, out)
-    assert (again.returncode, "go on with --resume" in again.stderr) == (2, True)
+    assert (again.returncode, "continue with --resume" in again.stderr) == (2, True)
     other = tmp_path / "other_secret"
     other.write_text("x" * 20)
     refused = subprocess.run(
@@ -277,7 +275,7 @@ def test_marks_of_two_secrets_or_two_labs_are_not_mixed(double_lab: Path, handed
     assert files_under(out) == before
 
 
-def test_a_secret_is_made_for_the_instructor_alone(double_lab: Path, handed_in: HandedIn, tmp_path: Path) -> None:
+def test_generated_secret_is_readable_by_its_owner_only(double_lab: Path, handed_in: HandedIn, tmp_path: Path) -> None:
     given = handed_in(ada="right")
     words = command(double_lab, given, tmp_path / "out")
     i = words.index("--secret")
@@ -291,25 +289,23 @@ def test_a_secret_is_made_for_the_instructor_alone(double_lab: Path, handed_in: 
 
 
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("words", "message"),
     [
-        (["--isolation", "perhaps"], "--isolation is 'perhaps'"),
-        (["--jobs", "-1"], "--jobs is -1"),
+        (["--isolation", "perhaps"], "not 'perhaps'"),
+        (["--jobs", "-1"], "--jobs must be at least 0, not -1"),
         (["nobody.zip"], "There is no submission"),
     ],
 )
-def test_a_wrong_request_writes_nothing(
-    double_lab: Path, handed_in: HandedIn, tmp_path: Path, words: list[str], says: str
+def test_invalid_request_exits_with_2_and_writes_nothing(
+    double_lab: Path, handed_in: HandedIn, tmp_path: Path, words: list[str], message: str
 ) -> None:
     done = grade(double_lab, handed_in(ada="right"), tmp_path / "out", *words)
     assert done.returncode == 2
-    assert says in done.stderr
+    assert message in done.stderr
     assert not (tmp_path / "out").exists()
 
 
-def test_results_and_the_secret_are_not_written_into_a_submission(
-    double_lab: Path, handed_in: HandedIn, tmp_path: Path
-) -> None:
+def test_output_folder_inside_a_submission_is_rejected(double_lab: Path, handed_in: HandedIn, tmp_path: Path) -> None:
     (given,) = handed_in(ada="right")
     done = grade(double_lab, [given], given / "results")
     assert done.returncode == 2
@@ -317,9 +313,7 @@ def test_results_and_the_secret_are_not_written_into_a_submission(
     assert not (given / "results").exists()
 
 
-def test_a_lab_that_cannot_be_read_is_told_before_anything_is_graded(
-    double_lab: Path, handed_in: HandedIn, tmp_path: Path
-) -> None:
+def test_unreadable_lab_is_reported_before_grading(double_lab: Path, handed_in: HandedIn, tmp_path: Path) -> None:
     (double_lab / "checks.py").write_text("lab = 1 / 0\n")
     done = grade(double_lab, handed_in(ada="right"), tmp_path / "out")
     assert done.returncode == 2
@@ -337,10 +331,10 @@ class Class:
         self.folder = ClassFolder(out, is_resumed=False)
         self.results: list[Graded] = []
         submissions = name_submissions(given)
-        terms: Any = dict.fromkeys(("lab", "lab_digest", "kit", "secret_digest", "isolation"), "")
-        self.folder.begin(Terms(**terms), submissions)
-        told: Callable[[Graded, bool], None] = lambda graded, was_there: self.results.append(graded)  # noqa: E731
-        self.run = ClassRun(load_lab(lab / "checks.py"), self.folder, submissions, b"x" * 16, "none", told)
+        settings: Any = dict.fromkeys(("lab", "lab_digest", "version", "secret_digest", "isolation"), "")
+        self.folder.begin(ClassSettings(**settings), submissions)
+        on_done: Callable[[Graded, bool], None] = lambda graded, was_there: self.results.append(graded)  # noqa: E731
+        self.run = ClassRun(load_lab(lab / "checks.py"), self.folder, submissions, b"x" * 16, "none", on_done)
 
     def grade(self, workers: LocalWorkers, **interruptible: Any) -> None:
         with workers:
@@ -369,23 +363,27 @@ def grade_by(double_lab: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     return grade_by
 
 
-def test_a_worker_that_dies_costs_no_mark_and_stops_nobody(grade_by: GradeBy, handed_in: HandedIn) -> None:
+def test_dead_worker_is_a_grader_error_and_others_are_graded(grade_by: GradeBy, handed_in: HandedIn) -> None:
     program = (
         "import os\n"
         "from snr_sim.grading.batch import worker\n"
         "grade = worker.grade\n"
-        "def fails(job, nursery):\n"
-        "    return os.kill(os.getpid(), 9) if job.name == 'bob' else grade(job, nursery)\n"
+        "def fails(job, fork_server):\n"
+        "    return os.kill(os.getpid(), 9) if job.name == 'bob' else grade(job, fork_server)\n"
         "def serve(line):\n"
         "    worker.grade = fails\n"
         "    return worker.serve(line)\n"
     )
     found = grade_by(program, handed_in(ada="right", bob="right", eve="right"))
-    assert {name: graded.status for name, graded in found.items()} == {"ada": "graded", "bob": "fault", "eve": "graded"}
+    assert {name: graded.status for name, graded in found.items()} == {
+        "ada": "graded",
+        "bob": "grader_error",
+        "eve": "graded",
+    }
     assert "ended by SIGKILL" in found["bob"].error
 
 
-def test_worker_held_by_one_submission_is_ended_once_and_the_others_are_graded(
+def test_worker_blocked_by_one_submission_is_ended_and_others_are_graded(
     grade_by: GradeBy, handed_in: HandedIn, tmp_path: Path
 ) -> None:
     program = (
@@ -405,30 +403,33 @@ def test_worker_held_by_one_submission_is_ended_once_and_the_others_are_graded(
         "    return worker.serve(line)\n"
     )
     found = grade_by(program, handed_in(ada="right", bob="right", eve="right", fay="right"), limit_s=60.0)
-    assert [found[name].status for name in ("ada", "bob", "eve", "fay")] == ["graded", "fault", "fault", "graded"]
+    assert [found[name].status for name in ("ada", "bob", "eve", "fay")] == [
+        "graded",
+        "grader_error",
+        "grader_error",
+        "graded",
+    ]
     assert "The grader worked on it for more than" in found["bob"].error
     assert "MemoryError" in found["eve"].error
     assert (tmp_path / "tries").read_text() == "ada bob eve fay "
 
 
-def test_a_worker_that_does_not_end_is_ended(grade_by: GradeBy, handed_in: HandedIn) -> None:
+def test_worker_over_wall_time_is_a_grader_error(grade_by: GradeBy, handed_in: HandedIn) -> None:
     program = "import time\ndef serve(line):\n    line.recv_bytes()\n    time.sleep(1e6)\n"
     found = grade_by(program, handed_in(ada="right"), limit_s=0.0)
-    assert [(graded.status, "took too long" in graded.error) for graded in found.values()] == [("fault", True)]
+    assert [(graded.status, "took too long" in graded.error) for graded in found.values()] == [("grader_error", True)]
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="this system does not tell on which cores one runs")
-def test_where_every_core_has_a_worker_each_stays_on_its_own(
-    grade_by: GradeBy, handed_in: HandedIn, tmp_path: Path
-) -> None:
+def test_workers_are_pinned_when_each_core_has_one(grade_by: GradeBy, handed_in: HandedIn, tmp_path: Path) -> None:
     program = (
         "import os\n"
         "from pathlib import Path\n"
         "from snr_sim.grading.batch import worker\n"
         "def serve(line):\n"
-        f"    told = Path({str(tmp_path)!r}, f'on_{{os.getpid()}}')\n"
+        f"    file = Path({str(tmp_path)!r}, f'on_{{os.getpid()}}')\n"
         "    grade = worker.grade\n"
-        "    worker.grade = lambda *job: told.write_text(str(*os.sched_getaffinity(0))) and grade(*job)\n"
+        "    worker.grade = lambda *job: file.write_text(str(*os.sched_getaffinity(0))) and grade(*job)\n"
         "    return worker.serve(line)\n"
     )
     cores = sorted(os.sched_getaffinity(0))
@@ -438,21 +439,21 @@ def test_where_every_core_has_a_worker_each_stays_on_its_own(
     assert sorted(os.sched_getaffinity(0)) == cores
 
 
-def test_a_disk_that_is_full_ends_it_with_a_sentence_and_no_worker_is_left(
+def test_full_disk_raises_and_ends_all_workers(
     double_lab: Path, handed_in: HandedIn, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
     with Class(double_lab, handed_in(ada="right", bob="right"), tmp_path / "out") as group:
-        monkeypatch.setattr("snr_sim.grading.batch.class_folder.write_whole", full)
+        monkeypatch.setattr("snr_sim.grading.batch.class_folder.write_atomic", full)
         with pytest.raises(OSError, match="No space left"):
             group.grade(LocalWorkers(2))
     assert group.results == []
     assert list((tmp_path / "out" / "results").iterdir()) == []
 
 
-def test_interrupted_grading_keeps_the_result_that_it_has_and_ends_its_workers(
+def test_interrupted_grading_keeps_finished_results_and_ends_workers(
     double_lab: Path, handed_in: HandedIn, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with Class(double_lab, handed_in(ada="right", bob="right"), tmp_path / "out") as group:
@@ -469,12 +470,10 @@ def test_interrupted_grading_keeps_the_result_that_it_has_and_ends_its_workers(
             os.waitpid(-1, os.WNOHANG)
         assert [thread.name for thread in threading.enumerate() if thread.name.startswith("ThreadPool")] == []
     assert [graded.submission for graded in group.results] == ["ada"]
-    assert not group.folder.place.exists()
+    assert not group.folder.private_folder.exists()
 
 
-def test_place_in_which_a_dying_program_still_writes_is_removed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_private_folder_with_late_writes_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = ClassFolder(tmp_path / "out", is_resumed=False)
     calls: list[Path] = []
 
@@ -487,33 +486,33 @@ def test_place_in_which_a_dying_program_still_writes_is_removed(
 
     monkeypatch.setattr("snr_sim.grading.batch.class_folder.remove", remove_before_the_last_write)
     folder.close()
-    assert not folder.place.exists()
+    assert not folder.private_folder.exists()
 
 
-def test_two_do_not_work_in_one_folder(tmp_path: Path) -> None:
+def test_class_folder_in_use_raises(tmp_path: Path) -> None:
     first = ClassFolder(tmp_path / "out", is_resumed=False)
-    with pytest.raises(SnrError, match="Another snr grade works"):
+    with pytest.raises(SnrError, match="Another snr grade uses"):
         ClassFolder(tmp_path / "out", is_resumed=True)
     first.close()
     ClassFolder(tmp_path / "out", is_resumed=True).close()
 
 
-def test_a_folder_of_somebody_elses_is_left_alone(tmp_path: Path) -> None:
+def test_folder_with_other_files_raises_and_is_unchanged(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("x")
-    with pytest.raises(SnrError, match="something else"):
+    with pytest.raises(SnrError, match="contains files that are not results"):
         ClassFolder(tmp_path, is_resumed=True)
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
 
 
-def test_a_class_that_cannot_be_read_is_told_so_each_time(tmp_path: Path) -> None:
+def test_invalid_manifest_raises_each_time(tmp_path: Path) -> None:
     (tmp_path / "class.json").write_text("{")
     for _ in range(2):
         with pytest.raises(SnrError, match=r"class\.json cannot be read"):
             ClassFolder(tmp_path, is_resumed=True)
 
 
-def test_killed_before_the_first_submission_it_goes_on_too(tmp_path: Path) -> None:
-    terms = Terms("01_double", "a", "1", "b", "none")
+def test_run_killed_before_the_first_submission_resumes(tmp_path: Path) -> None:
+    settings = ClassSettings("01_double", "a", "1", "b", "none")
     for left in (".class.json.part", ".secret.part", "results"):
         place = tmp_path / left.strip(".")
         place.mkdir()
@@ -522,16 +521,16 @@ def test_killed_before_the_first_submission_it_goes_on_too(tmp_path: Path) -> No
         (place / left).write_text("")
         if left == "results":  # a file in a folder's place ends it where it would be killed
             with pytest.raises(FileExistsError):
-                folder.begin(terms, [])
+                folder.begin(settings, [])
             (place / left).unlink()
         folder.close()
         folder = ClassFolder(place, is_resumed=True)
-        folder.begin(terms, [])
+        folder.begin(settings, [])
         folder.close()
         assert not list(place.glob(".*.part"))
 
 
-def test_a_short_secret_is_refused(tmp_path: Path) -> None:
+def test_short_secret_raises(tmp_path: Path) -> None:
     (tmp_path / "short").write_text("12345\n")
     folder = ClassFolder(tmp_path / "out", is_resumed=False)
     with pytest.raises(SnrError, match="has 5 bytes"):
@@ -539,7 +538,7 @@ def test_a_short_secret_is_refused(tmp_path: Path) -> None:
     folder.close()
 
 
-def test_what_threads_share_decodes_nothing_that_msgspec_would_have_to_learn_first() -> None:
+def test_modules_shared_by_threads_use_prebuilt_decoders() -> None:
     """msgspec 0.22 crashes when two threads decode a Struct for the first time; a Decoder made at import does not."""
     import snr_sim.grading
 

@@ -40,20 +40,19 @@ def start_cluster(folder: Path, processes: list[subprocess.Popen[bytes]]) -> str
     distributed = pytest.importorskip("distributed")
     file = folder / "scheduler.json"
     dask = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    processes.append(subprocess.Popen([*dask, "--no-dashboard", "--scheduler-file", str(file)], **quiet))
+    no_output = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    processes.append(subprocess.Popen([*dask, "--no-dashboard", "--scheduler-file", str(file)], **no_output))
     wait_for(file.exists, *processes)
     worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(file), "--nthreads", "1"]
     words = ["--no-nanny", "--no-dashboard", "--host", "127.0.0.1", "--local-directory", str(folder)]
-    for _ in range(2):
-        processes.append(subprocess.Popen([*worker, *words], **quiet))
+    processes += [subprocess.Popen([*worker, *words], **no_output) for _ in range(2)]
     with distributed.Client(scheduler_file=str(file), set_as_default=False) as client:
         client.wait_for_workers(2, timeout=GIVE_UP_S)
         address: str = client.scheduler.address
     return address
 
 
-def test_a_worker_is_killed_and_everybody_has_a_mark(
+def test_killed_cluster_worker_costs_no_points(
     double_lab: Path, handed_in: HandedIn, tmp_path: Path, processes: list[subprocess.Popen[bytes]]
 ) -> None:
     address = start_cluster(tmp_path, processes)
@@ -71,25 +70,27 @@ def test_a_worker_is_killed_and_everybody_has_a_mark(
 
 
 @pytest.mark.parametrize(
-    ("address", "says"),
+    ("address", "message"),
     [
         ("tcp://127.0.0.1:1", "No dask scheduler answers at tcp://127.0.0.1:1"),
         ("nonsense://nowhere:1", "'nonsense://nowhere:1' is not the address"),
         ("cluster", "'cluster' is not the address"),
     ],
 )
-def test_nobody_there_is_told(double_lab: Path, handed_in: HandedIn, tmp_path: Path, address: str, says: str) -> None:
+def test_unreachable_scheduler_is_reported(
+    double_lab: Path, handed_in: HandedIn, tmp_path: Path, address: str, message: str
+) -> None:
     pytest.importorskip("distributed")
     words = ["grade", str(double_lab), *map(str, handed_in(ada="right")), "--out", str(tmp_path / "out")]
     command = [sys.executable, "-m", "snr_sim", *words, "--scheduler", address]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 2
-    assert says in done.stderr
+    assert message in done.stderr
     assert "Traceback" not in done.stderr, done.stderr
     assert not (tmp_path / "out").exists()
 
 
-def test_without_dask_it_says_what_to_install(double_lab: Path, handed_in: HandedIn, tmp_path: Path) -> None:
+def test_missing_dask_names_the_extra_to_install(double_lab: Path, handed_in: HandedIn, tmp_path: Path) -> None:
     words = ["grade", str(double_lab), *map(str, handed_in(ada="right")), "--out", str(tmp_path / "out")]
     code = "import sys; sys.modules['distributed'] = None; from snr_sim.cli.main import main; main()"
     command = [sys.executable, "-c", code, *words, "--scheduler", "tcp://127.0.0.1:1"]

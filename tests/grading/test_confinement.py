@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 import snr_sim
-from snr_sim.grading.remote.launch import WAYS_TO_RECKON
-from snr_sim.grading.sandbox.confiner import FIRST, LAST
+from snr_sim.grading.remote.launch import NUMERIC_ENV_VARS
+from snr_sim.grading.sandbox.confiner import FIRST_UID, LAST_UID
 from tests.grading.probe import TRIES
 
 KIT = Path(snr_sim.__file__).resolve().parent
@@ -34,7 +34,7 @@ libc = ctypes.CDLL(None, use_errno=True)
 
 
 def asked(name, *args):
-    """Returns what comes of a function of the C library's: "done", or the error's name."""
+    """Return the result of a function of the C library: "done", or the error's name."""
     ctypes.set_errno(0)
     returned = getattr(libc, name)(*args)
     return "done" if ctypes.c_int(returned).value != -1 else errno.errorcode[ctypes.get_errno()]
@@ -79,7 +79,7 @@ def tries(listener_port):
     buffer = ctypes.create_string_buffer(64)
     return {
         "its own file": tried(write, "mine.py"),
-        "beside it": tried(write, "more.py"),
+        "next to it": tried(write, "more.py"),
         "the kit": tried(write, kit + "/more.py"),
         "/": tried(write, "/more"),
         "/tmp": tried(write, "/tmp/more"),
@@ -148,22 +148,22 @@ def processes():
 folder, secret, port = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])
 allowed = frozenset({"ctypes", "_socket"})
 with Student(folder, find_isolation(), allowed) as ada, Student(folder, find_isolation(), allowed) as bob:
-    told = {"isolation": ada.isolation, "who": ada.call("mine.py", "who"), "bob": bob.call("mine.py", "who")}
-    told["processes"] = processes()
-    told["tries"] = ada.call("mine.py", "tries", port)
-    told["files"] = bob.call("mine.py", "tempfiles")
-    told["looks"] = ada.call("mine.py", "looks", json.loads(secret))
-    told["heavy"] = ada.call("mine.py", "heavy")
-told["left"] = processes()
+    reports = {"isolation": ada.isolation, "who": ada.call("mine.py", "who"), "bob": bob.call("mine.py", "who")}
+    reports["processes"] = processes()
+    reports["tries"] = ada.call("mine.py", "tries", port)
+    reports["files"] = bob.call("mine.py", "tempfiles")
+    reports["looks"] = ada.call("mine.py", "looks", json.loads(secret))
+    reports["heavy"] = ada.call("mine.py", "heavy")
+reports["left"] = processes()
 launch.LABS = KIT / "plants"  # as if these were the labs of an installed kit
 with Student(folder, find_isolation(), allowed) as eve:
-    told["labs"] = eve.call("mine.py", "looks", [f"{KIT}/plants/__init__.py", f"{KIT}/__init__.py"])
-print(json.dumps(told))
+    reports["labs"] = eve.call("mine.py", "looks", [f"{KIT}/plants/__init__.py", f"{KIT}/__init__.py"])
+print(json.dumps(reports))
 """
 
 
 @pytest.fixture(scope="module")
-def told(docker: list[str], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+def reports(docker: list[str], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """Return the reports of two confined processes that ran at the same time."""
     import socket
     import tempfile
@@ -195,51 +195,51 @@ def hidden(secret: Path) -> list[str]:
 
 
 @pytest.mark.slow
-def test_where_bubblewrap_cannot_start_a_program_is_confined(told: dict[str, Any]) -> None:
-    assert told["isolation"] == "confined"
+def test_isolation_without_bubblewrap_is_confined(reports: dict[str, Any]) -> None:
+    assert reports["isolation"] == "confined"
 
 
-def test_each_confined_process_has_a_user_of_its_own_without_any_rights(told: dict[str, Any]) -> None:
-    users = [told[name]["uid"][0] for name in ("who", "bob")]
+def test_confined_processes_have_separate_unprivileged_users(reports: dict[str, Any]) -> None:
+    users = [reports[name]["uid"][0] for name in ("who", "bob")]
     assert len(set(users)) == 2
     for name, user in zip(("who", "bob"), users, strict=True):
-        assert FIRST <= user <= LAST
-        assert told[name]["uid"] == [user] * 4
-        assert told[name]["groups"] == []
-        assert told[name]["session"]
-        assert told[name]["limits"] == [[1, 1], [0, 0], [1 << 20] * 2, [60, 62], [1 << 30] * 2, [64, 64]]
-        assert [one for _, one in told["processes"]].count(user) == 1
-        assert user not in [one for _, one in told["left"]]
+        assert FIRST_UID <= user <= LAST_UID
+        assert reports[name]["uid"] == [user] * 4
+        assert reports[name]["groups"] == []
+        assert reports[name]["session"]
+        assert reports[name]["limits"] == [[1, 1], [0, 0], [1 << 20] * 2, [60, 62], [1 << 30] * 2, [64, 64]]
+        assert [one for _, one in reports["processes"]].count(user) == 1
+        assert user not in [one for _, one in reports["left"]]
 
 
-def test_it_is_told_nothing_but_where_python_the_kit_and_its_own_folders_are(told: dict[str, Any]) -> None:
+def test_confined_process_gets_only_its_own_paths(reports: dict[str, Any]) -> None:
     threads = ["MKL_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"]
     known = {*threads, "LC_ALL", "PYTHONDONTWRITEBYTECODE", "PYTHONHASHSEED", "TMPDIR"}
-    assert set(told["who"]["environment"]) == known | (os.environ.keys() & set(WAYS_TO_RECKON))
-    assert [fd for fd in told["who"]["open files"] if fd > 2] == [200]  # the conversation
-    begin = told["who"]["arguments"][-1]
+    assert set(reports["who"]["environment"]) == known | (os.environ.keys() & set(NUMERIC_ENV_VARS))
+    assert [fd for fd in reports["who"]["open files"] if fd > 2] == [200]  # the conversation
+    begin = reports["who"]["arguments"][-1]
     assert begin.partition("; main(")[0].endswith("from snr_sim.grading.remote.child import main")
     paths = set(re.findall(r"'(/[^']*)'", begin.partition("; main(")[2]))
     assert all(re.match(r"/(usr|lib\w*)$|/tmp/snr-(scratch|test)-", path) or path in KNOWN for path in paths), paths
 
 
-def test_it_reads_no_other_file_and_nothing_of_other_processes(told: dict[str, Any]) -> None:
-    assert told["looks"] == ["EACCES"] * len(hidden(Path("x")))
-    assert told["labs"] == ["EACCES", "done"]
+def test_confined_process_cannot_read_other_files_or_processes(reports: dict[str, Any]) -> None:
+    assert reports["looks"] == ["EACCES"] * len(hidden(Path("x")))
+    assert reports["labs"] == ["EACCES", "done"]
 
 
-def test_it_writes_a_few_short_files_in_its_scratch_folder_and_nowhere_else(told: dict[str, Any]) -> None:
-    tries = told["tries"]
-    places = ("its own file", "beside it", "the kit", "/", "/tmp", "/dev/shm", "a folder")
+def test_confined_process_writes_only_limited_scratch_files(reports: dict[str, Any]) -> None:
+    tries = reports["tries"]
+    places = ("its own file", "next to it", "the kit", "/", "/tmp", "/dev/shm", "a folder")
     assert {place: tries[place] for place in places} == dict.fromkeys(places, "EACCES")
     assert {tries[sort] for sort in ("a link", "a hard link", "a pipe")} == {"ENOSYS"}
     assert tries["much"] == "EFBIG"
-    assert told["files"] == ["done"] * 16 + ["ENOSPC"] * 83
-    assert told["places"] == []
+    assert reports["files"] == ["done"] * 16 + ["ENOSPC"] * 83
+    assert reports["places"] == []
 
 
-def test_it_starts_and_reaches_nothing(told: dict[str, Any]) -> None:
-    tries = told["tries"]
+def test_confined_process_cannot_start_or_reach_others(reports: dict[str, Any]) -> None:
+    tries = reports["tries"]
     assert (tries["fork"], tries["program"], tries["thread"]) == ("EAGAIN", "EAGAIN", "RuntimeError")
     assert [tries[one] for one in ("parent", "first", "everybody")] == ["EPERM"] * 3
     assert tries["itself"] == "done"
@@ -253,9 +253,9 @@ def test_it_starts_and_reaches_nothing(told: dict[str, Any]) -> None:
     assert tries["emptying"] == "EPERM"
 
 
-def test_it_computes_as_any_program_does(told: dict[str, Any]) -> None:
-    assert told["heavy"] == 1.5
-    assert told["who"]["pair"] == "x"
+def test_confined_process_computes_normally(reports: dict[str, Any]) -> None:
+    assert reports["heavy"] == 1.5
+    assert reports["who"]["pair"] == "x"
 
 
 HOLDS = """
@@ -273,7 +273,7 @@ with Student(Path(sys.argv[1]), find_isolation()) as student:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("isolation", ["sandbox", "confined"])
-def test_a_process_ends_with_its_grader_however_that_ends(
+def test_process_ends_when_its_grader_is_killed(
     isolation: str, request: pytest.FixtureRequest, open_folder: Path
 ) -> None:
     prefix = request.getfixturevalue("docker") if isolation == "confined" else request.getfixturevalue("sandbox") or []
@@ -311,9 +311,7 @@ def is_alive(pid: int) -> bool:
 
 
 @pytest.mark.slow
-def test_a_kit_that_other_users_cannot_reach_is_named_before_a_student_is_blamed(
-    docker: list[str], open_folder: Path
-) -> None:
+def test_private_installation_raises_and_names_the_folder(docker: list[str], open_folder: Path) -> None:
     closed = open_folder / "private"
     shutil.copytree(KIT, closed / "snr_sim", ignore=shutil.ignore_patterns("__pycache__"))
     closed.chmod(0o700)
@@ -329,7 +327,7 @@ def test_a_kit_that_other_users_cannot_reach_is_named_before_a_student_is_blamed
 
 
 @pytest.mark.slow
-def test_a_flight_comes_to_the_same_result_in_either_isolation(
+def test_results_are_equal_in_both_isolations(
     docker: list[str], sandbox: None, landing_lab: Path, open_folder: Path, tmp_path: Path
 ) -> None:
     """Results of isolations for landing, crashing, printing and raising programs: equal except for the isolation."""

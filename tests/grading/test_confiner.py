@@ -7,16 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.grading.sandbox.confiner import FIRST, LAST, Confiner
+from snr_sim.grading.sandbox.confiner import FIRST_UID, LAST_UID, Confiner
 
 pytestmark = pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files and processes to other users")
 
 
-def test_two_at_once_are_two_users_with_a_folder_each_which_go_with_them() -> None:
+def test_confiners_get_separate_users_and_folders_and_release_them() -> None:
     with closing(Confiner()) as one, closing(Confiner()) as other:
         confiners = (one, other)
         for confiner in confiners:
-            assert FIRST <= confiner.user <= LAST
+            assert FIRST_UID <= confiner.user <= LAST_UID
             assert confiner.scratch.stat().st_uid == confiner.user
             assert confiner.scratch.stat().st_mode & 0o777 == 0o700
             (confiner.scratch / "left").write_text("x")
@@ -26,7 +26,7 @@ def test_two_at_once_are_two_users_with_a_folder_each_which_go_with_them() -> No
         assert again.user == one.user
 
 
-def test_a_user_for_whose_files_there_is_no_room_is_given_back(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_user_is_released_when_its_folder_cannot_be_created(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     with closing(Confiner()) as before:
         first = before.user
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "absent"))

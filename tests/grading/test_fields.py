@@ -3,20 +3,20 @@
 import numpy as np
 import pytest
 
-from snr_sim.grading.lab.fields import field_of
-from snr_sim.grading.lab.verdicts import Misbehaved
+from snr_sim.grading.lab.fields import require_field
+from snr_sim.grading.lab.verdicts import SubmissionError
 
 
 @pytest.mark.parametrize("value", [np.float32(0.5), np.int64(3)])
-def test_a_number_of_numpys_alone_is_told_as_one(value: object) -> None:
-    with pytest.raises(Misbehaved) as caught:
-        field_of({"right_px": value}, "target", "right_px", float)
+def test_numpy_number_is_rejected_with_a_hint(value: object) -> None:
+    with pytest.raises(SubmissionError) as caught:
+        require_field({"right_px": value}, "target", "right_px", float)
     assert "number of numpy's" in caught.value.hint
     assert "float(...)" in caught.value.hint
 
 
-def test_a_text_is_no_number_and_a_number_of_numpys_that_is_pythons_too_will_do() -> None:
-    with pytest.raises(Misbehaved) as caught:
-        field_of({"right_px": "0.5"}, "target", "right_px", float)
+def test_text_is_rejected_and_numpy_float64_accepted() -> None:
+    with pytest.raises(SubmissionError) as caught:
+        require_field({"right_px": "0.5"}, "target", "right_px", float)
     assert caught.value.hint == "'right_px' of the page 'target' is not a number."
-    assert field_of({"right_px": np.float64(0.5)}, "target", "right_px", float) == 0.5
+    assert require_field({"right_px": np.float64(0.5)}, "target", "right_px", float) == 0.5

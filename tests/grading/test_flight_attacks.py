@@ -51,7 +51,7 @@ def hand_in(folder: Path, name: str) -> Path:
         pytest.param("confined", ATTACKS, id="confined-all", marks=pytest.mark.nightly),
     ],
 )
-def test_no_attack_in_flight_earns_anything_and_neighbours_have_their_due(
+def test_attacks_in_a_run_get_no_points_and_honest_neighbour_gets_all(
     isolation: str,
     attacks: list[str],
     request: pytest.FixtureRequest,
@@ -73,7 +73,7 @@ def test_no_attack_in_flight_earns_anything_and_neighbours_have_their_due(
         table = {
             row["submission"]: (float(row["points"]), row["status"], row["isolation"]) for row in csv.DictReader(file)
         }
-    due = {name: (0.0, "graded", isolation) for name in attacks}
+    due = dict.fromkeys(attacks, (0.0, "graded", isolation))
     assert table == {**due, "honest": (100.0, "graded", isolation)}
     for path in (tmp_path / "out" / "results").iterdir():
         assert "AssertionError" not in path.read_text(), f"{path.stem} has not acted at all"
@@ -82,18 +82,18 @@ def test_no_attack_in_flight_earns_anything_and_neighbours_have_their_due(
 
 
 @pytest.mark.slow
-def test_an_attack_without_effect_leaves_the_flight_as_it_is(sandbox: None, tmp_path: Path) -> None:
+def test_attacks_without_effect_keep_the_run_identical(sandbox: None, tmp_path: Path) -> None:
     """The plant's trajectory and the sensors' readings are equal, to the last bit."""
 
-    def flown(name: str) -> tuple[Any, ...]:
+    def run_outcome(name: str) -> tuple[Any, ...]:
         with Student(hand_in(tmp_path, name), "sandbox") as student:
-            flight = student.fly("lander_vertical", 4, "pilot.py")
+            flight = student.run_scenario("lander_vertical", 4, "pilot.py")
         return flight.outcome, flight.success, flight.metrics, flight.truth(), flight.pages("radar")
 
-    honest = flown("only_falls")
+    honest = run_outcome("only_falls")
     assert honest[:2] == ("crashed", False)
     for name in WITHOUT_EFFECT:
-        assert flown(name) == honest, name
+        assert run_outcome(name) == honest, name
 
 
 FORGER = """
@@ -187,7 +187,7 @@ FORGED: list[tuple[str, dict[str, Any] | bytes]] = [
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("verb", "answer"), FORGED, ids=[f"{verb}-{i}" for i, (verb, _) in enumerate(FORGED)])
-def test_a_forged_answer_is_the_students_failure_and_never_the_graders(
+def test_forged_response_is_a_failed_case_and_not_a_grader_error(
     landing_lab: Path, tmp_path: Path, verb: str, answer: dict[str, Any] | bytes
 ) -> None:
     """A fault of the grader's would be no mark, which is better than none of the points."""

@@ -53,7 +53,7 @@ def run(
 
 
 @pytest.mark.slow
-def test_a_submission_in_the_container_has_its_points(container: Path, handed_in: HandedIn) -> None:
+def test_container_grades_a_submission(container: Path, handed_in: HandedIn) -> None:
     right, visible_only = handed_in(ada="right", bob="visible_only")
     first = run(container, right)
     assert (first["score"], [test["score"] for test in first["tests"]]) == (100.0, [40.0, 60.0])
@@ -64,7 +64,7 @@ def test_a_submission_in_the_container_has_its_points(container: Path, handed_in
 
 
 @pytest.mark.slow
-def test_in_an_ordinary_container_programs_are_confined_and_marks_are_marks(
+def test_ordinary_container_grades_confined(
     container: Path, handed_in: HandedIn, docker: list[str], open_folder: Path
 ) -> None:
     """As Gradescope runs it: as root without namespaces, and without an option to skip isolation."""
@@ -74,28 +74,28 @@ def test_in_an_ordinary_container_programs_are_confined_and_marks_are_marks(
     (root / "source" / "settings.json").write_text(json.dumps({"lab": lab, "isolation": "required"}))
     attack = Path(__file__).parent / "attacks" / "looks_around.py"
     right, looks_around = handed_in(ada="right", eve=attack.read_text())
-    told = run(root, right, prefix=docker)
-    assert (told["score"], told["extra_data"]["isolation"]) == (100.0, "confined")
-    assert "not kept apart" not in told.get("output", "")
+    results = run(root, right, prefix=docker)
+    assert (results["score"], results["extra_data"]["isolation"]) == (100.0, "confined")
+    assert "not kept apart" not in results.get("output", "")
     assert run(root, looks_around, prefix=docker)["score"] == 0.0
     assert [path.name for path in open_folder.iterdir()] == ["autograder"]
 
 
 @pytest.mark.slow
-def test_setting_up_goes_on_without_bubblewrap(container: Path) -> None:
+def test_setup_continues_without_bubblewrap(container: Path) -> None:
     (line,) = [line for line in (container / "source" / "setup.sh").read_text().splitlines() if "bubblewrap" in line]
-    failing = f"set -e\napt-get() {{ false; }}\n{line}\necho went on"
-    assert "went on" in subprocess.run(["bash", "-c", failing], check=True, capture_output=True, text=True).stdout
+    failing = f"set -e\napt-get() {{ false; }}\n{line}\necho continued"
+    assert "continued" in subprocess.run(["bash", "-c", failing], check=True, capture_output=True, text=True).stdout
 
 
 @pytest.mark.slow
-def test_there_is_a_file_whatever_happens(container: Path, handed_in: HandedIn) -> None:
+def test_results_file_exists_after_any_failure(container: Path, handed_in: HandedIn) -> None:
     assert run(container, None)["score"] == 0
     assert "empty" in run(container, None)["output"]
     (fault,) = handed_in(eve="finds_a_fault")
-    told = run(container, fault)
-    assert "score" not in told
-    assert "not you" in told["output"]
+    results = run(container, fault)
+    assert "score" not in results
+    assert "not you" in results["output"]
     (container / "results" / "results.json").unlink()
     broken = run(container, fault, python="/bin/false")
     assert "score" not in broken
@@ -103,7 +103,7 @@ def test_there_is_a_file_whatever_happens(container: Path, handed_in: HandedIn) 
 
 
 @pytest.mark.slow
-def test_the_container_holds_what_is_needed_and_no_more(container: Path) -> None:
+def test_container_contains_only_required_files(container: Path) -> None:
     source = container / "source"
     assert stat.S_IMODE((source / "secret").stat().st_mode) == 0o600
     assert all(os.access(source / name, os.X_OK) for name in ("setup.sh", "run_autograder"))
@@ -115,14 +115,14 @@ def test_the_container_holds_what_is_needed_and_no_more(container: Path) -> None
     assert not list(source.rglob("*.pyc"))
 
 
-def test_what_pip_installs_is_the_base_and_what_simulates() -> None:
+def test_requirements_are_the_base_and_sim_extras() -> None:
     names = {re.split(r"[<>=\[]", line)[0].strip() for line in requirements()}
     assert {"msgspec", "typer", "rich", "numpy", "pymunk", "mujoco-core"} <= names
     assert names.isdisjoint({"pytest", "rerun-sdk", "mypy"})
 
 
 @pytest.mark.slow
-def test_it_writes_into_a_new_folder_only(double_lab: Path, tmp_path: Path) -> None:
+def test_container_in_a_non_empty_folder_raises(double_lab: Path, tmp_path: Path) -> None:
     (tmp_path / "made").mkdir()
     (tmp_path / "made" / "thesis.tex").write_text("x")
     words = ["grade", str(double_lab), "--gradescope", str(tmp_path / "made")]
@@ -133,7 +133,7 @@ def test_it_writes_into_a_new_folder_only(double_lab: Path, tmp_path: Path) -> N
 
 
 @pytest.mark.slow
-def test_an_archive_handed_in_is_opened(container: Path, handed_in: HandedIn, tmp_path: Path) -> None:
+def test_submitted_archive_is_unpacked(container: Path, handed_in: HandedIn, tmp_path: Path) -> None:
     (right,) = handed_in(ada="right")
     (tmp_path / "given").mkdir()
     with zipfile.ZipFile(tmp_path / "given" / "work.zip", "w") as archive:

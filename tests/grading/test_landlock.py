@@ -7,19 +7,19 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.grading.sandbox.landlock import READ, READ_DIR, but_for
+from snr_sim.grading.sandbox.landlock import READ, READ_DIR, paths_except
 
 SCRIPT = """
 import ctypes, json, sys
 from pathlib import Path
-from snr_sim.grading.sandbox.landlock import LandlockMissing, SCRATCH, but_for, restrict
+from snr_sim.grading.sandbox.landlock import LandlockMissingError, SCRATCH, paths_except, restrict
 
 tree = Path(sys.argv[1])
 ctypes.CDLL(None).prctl(38, 1, 0, 0, 0)
 try:
-    kit = dict(but_for(tree / "kit", tree / "kit" / "a" / "labs"))
+    kit = dict(paths_except(tree / "kit", tree / "kit" / "a" / "labs"))
     restrict({**kit, tree / "scratch": SCRATCH, tree / "absent": SCRATCH})
-except LandlockMissing as missing:
+except LandlockMissingError as missing:
     print(json.dumps(str(missing)))
     sys.exit()
 
@@ -52,24 +52,24 @@ def made(folder: Path) -> Path:
     return folder
 
 
-def test_all_but_one_folder_is_granted_and_the_way_to_it_to_list(tmp_path: Path) -> None:
+def test_paths_except_grants_siblings_and_lists_parents(tmp_path: Path) -> None:
     kit = made(tmp_path) / "kit"
-    assert dict(but_for(kit, kit / "a" / "labs")) == {
+    assert dict(paths_except(kit, kit / "a" / "labs")) == {
         kit: READ_DIR,
         kit / "a": READ_DIR,
         kit / "a" / "file": READ,
         kit / "b": READ,
     }
-    assert dict(but_for(kit, tmp_path / "elsewhere")) == {kit: READ}
-    assert dict(but_for(kit, kit)) == {}
+    assert dict(paths_except(kit, tmp_path / "elsewhere")) == {kit: READ}
+    assert dict(paths_except(kit, kit)) == {}
 
 
 @pytest.mark.slow
-def test_the_kernel_opens_what_is_granted_and_nothing_else(tmp_path: Path) -> None:
+def test_kernel_opens_only_granted_paths(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-c", SCRIPT, str(made(tmp_path))], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
-    if isinstance(told, str):
-        pytest.skip(told)
+    results = json.loads(done.stdout)
+    if isinstance(results, str):
+        pytest.skip(results)
     refused = dict.fromkeys(("labs", "beside", "write", "folder"), "PermissionError")
-    assert told == {"kit": "done", "scratch": "done", **refused}
+    assert results == {"kit": "done", "scratch": "done", **refused}

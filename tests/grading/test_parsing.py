@@ -7,13 +7,13 @@ import pytest
 
 from snr_sim.grading.lab.lab import find_lab
 from snr_sim.grading.lab.student import Student
-from snr_sim.grading.lab.verdicts import Misbehaved
+from snr_sim.grading.lab.verdicts import SubmissionError
 
 pytestmark = pytest.mark.slow
 DOTTED = ".".join("a" * 20_000) + " = 1"
 
 
-def findings(folder: Path, text: str) -> Misbehaved | None:
+def findings(folder: Path, text: str) -> SubmissionError | None:
     """Have lab 9 check a findings.toml; return the error. The grader itself must not parse it."""
     (folder / "findings.toml").write_text(text)
     (check,) = (one for one in find_lab("09_debug_by_replay").checks if one.name == "filled_in")
@@ -21,15 +21,15 @@ def findings(folder: Path, text: str) -> Misbehaved | None:
     wrong = None
     with Student(folder) as student:
         try:
-            assert check.judge(student, check.cases("", None)[0]).fraction == 0.0
-        except Misbehaved as error:
+            assert check.evaluate(student, check.cases("", None)[0]).fraction == 0.0
+        except SubmissionError as error:
             wrong = error
     assert time.process_time() - begun_s < 0.5
     return wrong
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "message"),
     [
         (DOTTED, "findings.toml has more than 16384 bytes."),
         (DOTTED[-15_000:], "findings.toml: "),
@@ -41,17 +41,17 @@ def findings(folder: Path, text: str) -> Misbehaved | None:
     ],
     ids=["long", "dotted keys", "open brackets", "brackets", "digits", "hexadecimal", "twice"],
 )
-def test_text_that_holds_tomllib_is_refused_by_its_name(tmp_path: Path, text: str, says: str) -> None:
+def test_slow_toml_is_rejected_with_the_file_name(tmp_path: Path, text: str, message: str) -> None:
     wrong = findings(tmp_path, text)
     assert wrong is not None
-    assert wrong.message.startswith(says)
+    assert wrong.message.startswith(message)
 
 
-def test_date_in_findings_is_read(tmp_path: Path) -> None:
+def test_date_in_findings_is_accepted(tmp_path: Path) -> None:
     assert findings(tmp_path, "[[finding]]\nseq = 0xff\nday = 2026-01-01\n") is None
 
 
-def test_program_that_holds_the_parser_of_python_costs_the_grader_nothing(tmp_path: Path) -> None:
+def test_slow_python_source_costs_the_grader_no_cpu_time(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text("a = 1\ntext = f'" + "{a}" * 70_000 + "'\ndef f():\n    return 1\n")
     begun_s = time.process_time()
     with Student(tmp_path) as student:

@@ -12,8 +12,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from snr_sim.grading import Student
-from snr_sim.grading.lab.verdicts import Misbehaved
-from snr_sim.grading.remote.protocol import MAX_DEPTH, ProtocolError, check_depth, decode_answer, plain_value
+from snr_sim.grading.lab.verdicts import SubmissionError
+from snr_sim.grading.remote.protocol import MAX_DEPTH, ProtocolError, check_depth, decode_response, plain_value
 
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(),
@@ -29,7 +29,7 @@ def depth_of(value: object) -> int:
 
 
 @given(VALUES, st.integers(0, 40), st.text(alphabet='[]{}"\\', max_size=60))
-def test_exactly_what_is_nested_too_deeply_is_refused(value: object, more: int, text: str) -> None:
+def test_check_depth_rejects_exactly_too_deep_values(value: object, more: int, text: str) -> None:
     value = [value, text]
     for _ in range(more):
         value = [value]
@@ -43,8 +43,8 @@ def test_exactly_what_is_nested_too_deeply_is_refused(value: object, more: int, 
 
 @given(st.binary(max_size=60))
 @example(b'"\x80"')
-def test_bytes_that_are_no_answer_are_refused_and_never_raise_anything_else(data: bytes) -> None:
-    for read in (decode_answer, lambda raw: plain_value(msgspec.Raw(raw))):
+def test_invalid_bytes_raise_only_protocol_error(data: bytes) -> None:
+    for read in (decode_response, lambda raw: plain_value(msgspec.Raw(raw))):
         with suppress(ProtocolError):
             read(data)
 
@@ -74,7 +74,7 @@ def student(tmp_path: Path) -> Student:
         ("{'$': 'float', 'v': 'nan'}", {"$": "float", "v": "nan"}),
     ],
 )
-def test_values_come_back_as_plain_ones(student: Student, text: str, value: object) -> None:
+def test_values_return_as_plain_json_types(student: Student, text: str, value: object) -> None:
     with student:
         got = student.call("mine.py", "of", text)
     assert got == value
@@ -82,27 +82,27 @@ def test_values_come_back_as_plain_ones(student: Student, text: str, value: obje
 
 
 @pytest.mark.slow
-def test_tuples_arrays_and_what_is_not_finite_arrive_as_they_are(student: Student) -> None:
+def test_tuples_and_non_finite_numbers_are_passed(student: Student) -> None:
     with student:
         assert student.call("mine.py", "same", (1, 2)) == [1, 2]
         assert student.call("mine.py", "same", [float("inf")], finite=False) == [float("inf")]
-        with pytest.raises(Misbehaved, match="returned inf among its numbers"):
+        with pytest.raises(SubmissionError, match="returned inf among its numbers"):
             student.call("mine.py", "same", [float("inf")])
 
 
 @pytest.mark.slow
-def test_what_must_come_back_may_be_said_exactly(student: Student) -> None:
+def test_result_of_another_type_raises_submission_error(student: Student) -> None:
     with student:
         assert student.call("mine.py", "same", 1, returns=float) == 1.0
         assert student.call("mine.py", "same", [1, 2], returns=list[int]) == [1, 2]
         for value, returns in ((True, float), ("1", int), ([1, "2"], list[int]), ({"a": None}, dict[str, float])):
-            with pytest.raises(Misbehaved) as caught:
+            with pytest.raises(SubmissionError) as caught:
                 student.call("mine.py", "same", value, returns=returns)
             assert caught.value.expected
 
 
 @pytest.mark.slow
-def test_a_hundred_observations_there_and_a_hundred_actions_back_cost_little(student: Student) -> None:
+def test_call_overhead_is_bounded(student: Student) -> None:
     """Both sides together take the CPU time of a few JSON round trips, whatever else this computer does."""
     observations = [[1.123456789 * i, -2.2345678 * i] for i in range(100)]
 

@@ -18,17 +18,17 @@ def graded(**changes: object) -> Graded:
         CaseResult(label="hidden 1", is_visible=False, fraction=0.0, hint="Too deep.", metrics={"fuel_kg": 4.0}),
     )
     checks = (
-        CheckResult(name="loads", title="Loads.", points=0.1, of=0.1),
-        CheckResult(name="settles", title="Settles.", points=0.2, of=0.4, cases=cases),
+        CheckResult(name="loads", title="Loads.", points=0.1, max_points=0.1),
+        CheckResult(name="settles", title="Settles.", points=0.2, max_points=0.4, cases=cases),
     )
     whole = Graded(
         submission="ada", lab="02_depth_hold", title="Depth hold", checks=checks,
-        isolation="sandbox", is_hidden_included=True, kit="0.1.0",
+        isolation="sandbox", includes_hidden=True, version="0.1.0",
     )  # fmt: skip
     return msgspec.structs.replace(whole, **changes)
 
 
-def test_a_record_comes_back_as_it_was_and_the_order_of_metrics_changes_no_byte() -> None:
+def test_encoded_record_round_trips_independent_of_metric_order() -> None:
     one = graded()
     turned = CaseResult(label="1 m to 3 m", is_visible=True, fraction=1.0, metrics={"a": 0.5, "fuel_kg": 2.0})
     cases = (turned, one.checks[1].cases[1])
@@ -37,32 +37,32 @@ def test_a_record_comes_back_as_it_was_and_the_order_of_metrics_changes_no_byte(
     assert decode_graded(encode_graded(one)) == one
 
 
-def test_points_are_added_without_the_dust_of_binary_fractions() -> None:
+def test_points_are_rounded_after_summation() -> None:
     assert graded().points == 0.3
 
 
-def test_a_fault_is_no_mark_and_a_refused_submission_is_zero() -> None:
-    assert graded(checks=(), status="fault", error="KeyError in checks.py").points is None
-    assert graded(checks=(), status="refused", error="It is empty.").points == 0.0
+def test_grader_error_has_no_points_and_rejection_has_zero() -> None:
+    assert graded(checks=(), status="grader_error", error="KeyError in checks.py").points is None
+    assert graded(checks=(), status="rejected", error="It is empty.").points == 0.0
 
 
-def test_metrics_are_means_over_the_cases_that_have_them() -> None:
+def test_metrics_are_means_over_cases() -> None:
     assert graded().metrics == {"settles.fuel_kg": 3.0, "settles.a": 0.5}
 
 
-def test_a_skipped_check_is_not_passed_even_if_it_is_worth_nothing() -> None:
-    check = CheckResult(name="style", title="Style.", points=0.0, of=0.0)
+def test_skipped_check_without_points_is_not_passed() -> None:
+    check = CheckResult(name="style", title="Style.", points=0.0, max_points=0.0)
     assert check.is_passed
     assert not msgspec.structs.replace(check, skipped_because="'loads' failed").is_passed
 
 
 @pytest.mark.parametrize("text", [b"", b"{}", encode_graded(graded())[:-9], b'{"submission": 1}'])
-def test_half_a_record_is_none(text: bytes) -> None:
+def test_truncated_record_raises(text: bytes) -> None:
     with pytest.raises(msgspec.MsgspecError):
         decode_graded(text)
 
 
-def test_the_schema_that_ships_is_the_records(validator: Callable[..., Callable[[Any], bool]]) -> None:
+def test_shipped_schema_equals_the_record_schema(validator: Callable[..., Callable[[Any], bool]]) -> None:
     made = json.loads(json.dumps(msgspec.json.schema(Graded)))
     for definition in made["$defs"].values():
         definition["description"] = inspect.cleandoc(definition["description"])

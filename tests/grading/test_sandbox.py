@@ -13,13 +13,19 @@ import snr_sim
 from snr_sim.grading import Student
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab.lab import load_lab
-from snr_sim.grading.lab.verdicts import LabFault, Misbehaved
+from snr_sim.grading.lab.verdicts import GraderError, SubmissionError
 from snr_sim.grading.remote import isolation
-from snr_sim.grading.remote.isolation import find_isolation, forbidden, try_confinement, try_sandbox, unconfined
-from snr_sim.grading.remote.launch import WAYS_TO_RECKON
-from snr_sim.grading.remote.nursery import Nursery
+from snr_sim.grading.remote.fork_server import ForkServer
+from snr_sim.grading.remote.isolation import (
+    bubblewrap_error,
+    confinement_error,
+    find_isolation,
+    try_confinement,
+    try_sandbox,
+)
+from snr_sim.grading.remote.launch import NUMERIC_ENV_VARS
 from snr_sim.grading.sandbox import sandbox as sandbox_module
-from snr_sim.grading.sandbox.sandbox import IsolationMissing, Limits, find_bubblewrap, is_root
+from snr_sim.grading.sandbox.sandbox import IsolationMissingError, Limits, find_bubblewrap, is_root
 from tests.grading.probe import TRIES
 
 PROBE = (
@@ -73,11 +79,11 @@ def undivided():
         "ptrace": (libc.ptrace, 16, 1, None, None),
         "ioprio_set": (libc.syscall, 251 if intel else 30, 1, 0, 3 << 13),
     }
-    told = {}
+    results = {}
     for name, (function, *args) in asked.items():
         ctypes.set_errno(0)
-        told[name] = errno.errorcode[ctypes.get_errno()] if function(*args) == -1 else "done"
-    return told
+        results[name] = errno.errorcode[ctypes.get_errno()] if function(*args) == -1 else "done"
+    return results
 
 
 def facts():
@@ -136,50 +142,50 @@ def submission(tmp_path: Path) -> Path:
 
 
 @pytest.fixture(params=["fresh", "copied"])
-def nursery(request: pytest.FixtureRequest, submission: Path) -> Iterator[Nursery | None]:
+def fork_server(request: pytest.FixtureRequest, submission: Path) -> Iterator[ForkServer | None]:
     """Where student's processes are copies; none if each gets a sandbox of its own."""
     if request.param == "fresh":
         yield None
         return
     if not is_root():
         pytest.skip("there are copies for root alone")
-    with Nursery("sandbox", Limits(cpu_s=1)) as nursery, nursery.holding(submission):
-        yield nursery
+    with ForkServer("sandbox", Limits(cpu_s=1)) as fork_server, fork_server.with_submission(submission):
+        yield fork_server
 
 
 @pytest.mark.slow
-def test_a_process_in_the_sandbox_is_refused_what_no_other_wall_stops(
-    submission: Path, nursery: Nursery | None
+def test_sandbox_filter_rejects_calls_outside_namespaces_and_limits(
+    submission: Path, fork_server: ForkServer | None
 ) -> None:
     """The last wall covers what no namespace separates (cores, keys), and what no limit counts (shared memory)."""
-    with Student(submission, "sandbox", nursery=nursery) as student:
-        told = student.call("mine.py", "undivided")
-    assert told == dict.fromkeys(told, "ENOSYS")
-    assert len(told) == 15
+    with Student(submission, "sandbox", fork_server=fork_server) as student:
+        errors = student.call("mine.py", "undivided")
+    assert errors == dict.fromkeys(errors, "ENOSYS")
+    assert len(errors) == 15
 
 
 @pytest.mark.slow
-def test_a_process_in_the_sandbox_is_nobody_alone_and_can_write_on_little_but_its_scratch(
-    namespaces_alone: None, submission: Path, nursery: Nursery | None
+def test_sandboxed_process_has_no_rights_and_writes_only_scratch(
+    namespaces_alone: None, submission: Path, fork_server: ForkServer | None
 ) -> None:
     submission.parent.chmod(0o755)
     libc = ctypes.CDLL(None)
     segment = libc.shmget(0x5E9, 4096, 0o1666)  # which everybody outside may use
     try:
-        with Student(submission, "sandbox", nursery=nursery) as student:
+        with Student(submission, "sandbox", fork_server=fork_server) as student:
             facts = student.call("mine.py", "facts")
     finally:
         libc.shmctl(segment, 0, None)  # IPC_RMID
     assert (segment >= 0, facts["segment"]) == (True, -1)
     assert facts["number"] < 10
     assert facts["computer"] == "grader"
-    cpu_s = 1 if nursery is not None else 60
+    cpu_s = 1 if fork_server is not None else 60
     assert facts["limits"] == [[1, 1], [0, 0], [1 << 24] * 2, [cpu_s, cpu_s + 2], [1 << 30] * 2, [64, 64]]
     assert facts["uid"] == [65534, 65534, 65534]
     assert facts["groups"] == [] or os.getuid() != 0
     threads = ["MKL_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"]
     known = {*threads, "LC_ALL", "PWD", "PYTHONDONTWRITEBYTECODE", "PYTHONHASHSEED"}
-    assert set(facts["environment"]) == known | (os.environ.keys() & set(WAYS_TO_RECKON))
+    assert set(facts["environment"]) == known | (os.environ.keys() & set(NUMERIC_ENV_VARS))
     assert facts["here"] == "/submission"
     assert "proc" not in facts["root"]
     assert "etc" not in facts["root"]
@@ -205,8 +211,8 @@ def test_a_process_in_the_sandbox_is_nobody_alone_and_can_write_on_little_but_it
 
 
 @pytest.mark.slow
-def test_a_process_sees_nothing_of_the_grader_or_of_other_submissions(
-    submission: Path, tmp_path: Path, nursery: Nursery | None
+def test_sandbox_hides_the_grader_and_other_submissions(
+    submission: Path, tmp_path: Path, fork_server: ForkServer | None
 ) -> None:
     secret = tmp_path / "secret.txt"
     secret.write_text("do not tell")
@@ -223,19 +229,19 @@ def test_a_process_sees_nothing_of_the_grader_or_of_other_submissions(
         "/sys/",
         "/var/",
     ]
-    with Student(submission, "sandbox", nursery=nursery) as student:
+    with Student(submission, "sandbox", fork_server=fork_server) as student:
         assert student.call("mine.py", "looks", hidden) == ["ENOENT"] * len(hidden)
         assert student.call("mine.py", "seen_under", "/submission") == ["/submission/mine.py"]
         assert not any("do not tell" in argument for argument in student.call("mine.py", "arguments"))
 
 
 @pytest.mark.slow
-def test_labs_that_are_in_the_kit_are_covered(
-    submission: Path, nursery: Nursery | None, monkeypatch: pytest.MonkeyPatch
+def test_sandbox_hides_installed_labs(
+    submission: Path, fork_server: ForkServer | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kit = Path(snr_sim.__file__).parent
     monkeypatch.setattr(sandbox_module, "LABS", kit / "plants")  # as if these were the labs of an installed snr_sim
-    with Student(submission, "sandbox", nursery=nursery) as student:
+    with Student(submission, "sandbox", fork_server=fork_server) as student:
         assert student.call("mine.py", "looks", [f"{kit}/plants/__init__.py", f"{kit}/__init__.py"]) == [
             "ENOENT",
             "done",
@@ -244,56 +250,55 @@ def test_labs_that_are_in_the_kit_are_covered(
 
 
 @pytest.mark.slow
-def test_of_roots_rights_there_are_but_a_few_before_they_are_given_away(
-    submission: Path, nursery: Nursery | None, at_first: Callable[[str], None]
+def test_sandbox_drops_root_capabilities_at_start(
+    submission: Path, fork_server: ForkServer | None, at_first: Callable[[str], None]
 ) -> None:
     if not is_root():
-        pytest.skip("nobody else has any")
+        pytest.skip("other users have no capabilities")
     at_first("import os; os.chroot('/')")
-    with Student(submission, "sandbox", nursery=nursery) as student, pytest.raises(LabFault, match="not permitted"):
+    with (
+        Student(submission, "sandbox", fork_server=fork_server) as student,
+        pytest.raises(GraderError, match="not permitted"),
+    ):
         student.call("mine.py", "looks", [])
 
 
 @pytest.mark.slow
-def test_what_a_process_knows_does_not_depend_on_the_case(submission: Path, nursery: Nursery | None) -> None:
-    def told(n: int) -> list[str]:
-        with Student(submission, "sandbox", nursery=nursery) as student:
+def test_process_arguments_do_not_depend_on_the_case(submission: Path, fork_server: ForkServer | None) -> None:
+    def arguments_after(n: int) -> list[str]:
+        with Student(submission, "sandbox", fork_server=fork_server) as student:
             for _ in range(n):
                 student.call("mine.py", "looks", [])
             arguments: list[str] = student.call("mine.py", "arguments")
             return [argument for argument in arguments if "main(" not in argument]
 
-    assert told(0) == told(2)
+    assert arguments_after(0) == arguments_after(2)
 
 
 @pytest.mark.slow
-def test_a_loop_without_end_is_ended_by_the_kernel_even_if_its_program_will_not_hear_of_it(
-    submission: Path, nursery: Nursery | None
-) -> None:
+def test_endless_loop_that_ignores_signals_is_killed(submission: Path, fork_server: ForkServer | None) -> None:
     (submission / "mine.py").write_text(
         "import signal\n"
         "for number in (signal.SIGPROF, signal.SIGXCPU, signal.SIGTERM):\n"
         "    signal.signal(number, signal.SIG_IGN)\n"
         "while True:\n    pass\n"
     )
-    student = Student(submission, "sandbox", limits=Limits(cpu_s=1), nursery=nursery)
-    with student, pytest.raises(Misbehaved, match="used up its CPU time"):
+    student = Student(submission, "sandbox", limits=Limits(cpu_s=1), fork_server=fork_server)
+    with student, pytest.raises(SubmissionError, match="used up its CPU time"):
         student.call("mine.py", "f")
 
 
 @pytest.mark.slow
-def test_a_program_that_closes_what_it_prints_to_is_graded_all_the_same(
-    submission: Path, nursery: Nursery | None
-) -> None:
+def test_program_with_closed_output_is_graded(submission: Path, fork_server: ForkServer | None) -> None:
     (submission / "mine.py").write_text(
         "import os, sys\nsys.stdout = None\nos.close(1)\nos.close(2)\ndef f():\n    return 1\n"
     )
-    with Student(submission, "sandbox", nursery=nursery) as student:
+    with Student(submission, "sandbox", fork_server=fork_server) as student:
         assert student.call("mine.py", "f") == 1
 
 
 @pytest.mark.slow
-def test_a_submission_that_only_its_owner_may_read_is_graded(submission: Path, tmp_path: Path) -> None:
+def test_owner_only_submission_is_graded(submission: Path, tmp_path: Path) -> None:
     (submission / "mine.py").write_text("def f():\n    return 1\n")
     (submission / "mine.py").chmod(0o600)
     submission.chmod(0o700)
@@ -302,7 +307,7 @@ def test_a_submission_that_only_its_owner_may_read_is_graded(submission: Path, t
 
 
 @pytest.mark.slow
-def test_nothing_of_the_sandbox_is_left_when_a_case_is_over(submission: Path) -> None:
+def test_closed_case_leaves_no_sandbox_process(submission: Path) -> None:
     before = _running("bwrap")
     with Student(submission, "sandbox") as student:
         student.call("mine.py", "looks", [])
@@ -311,7 +316,7 @@ def test_nothing_of_the_sandbox_is_left_when_a_case_is_over(submission: Path) ->
 
 
 @pytest.mark.slow
-def test_official_grading_refuses_to_run_without_bubblewrap_and_says_what_to_install(
+def test_grading_without_bubblewrap_raises_and_names_the_package(
     submission: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lab = load_lab(_lab_in(tmp_path))
@@ -319,7 +324,7 @@ def test_official_grading_refuses_to_run_without_bubblewrap_and_says_what_to_ins
     for cached in (find_bubblewrap, try_sandbox, find_isolation):
         cached.cache_clear()
     try:
-        with pytest.raises(IsolationMissing, match="apt install bubblewrap"):
+        with pytest.raises(IsolationMissingError, match="apt install bubblewrap"):
             grade_submission(lab, submission, b"secret")
         assert grade_submission(lab, submission, b"secret", "none").isolation == "none"
     finally:
@@ -328,59 +333,64 @@ def test_official_grading_refuses_to_run_without_bubblewrap_and_says_what_to_ins
             cached.cache_clear()
 
 
-def test_a_computer_that_forbids_namespaces_is_told_what_allows_them(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bubblewrap_error_names_how_to_allow_namespaces(monkeypatch: pytest.MonkeyPatch) -> None:
     words = "bwrap: setting up uid map: Permission denied"
-    for user, told in ((1000, "kernel.apparmor_restrict_unprivileged_userns=0"), (0, "a container needs --privileged")):
+    for user, fix in ((1000, "kernel.apparmor_restrict_unprivileged_userns=0"), (0, "a container needs --privileged")):
         monkeypatch.setattr(os, "geteuid", lambda user=user: user)
-        assert words in str(forbidden(words))
-        assert told in str(forbidden(words))
-    assert "readable for everybody" in str(forbidden("ModuleNotFoundError: No module named 'snr_sim'"))
-    assert "0.5 or newer" in str(forbidden("bwrap: Unknown option --perms"))
+        assert words in str(bubblewrap_error(words))
+        assert fix in str(bubblewrap_error(words))
+    assert "readable by all users" in str(bubblewrap_error("ModuleNotFoundError: No module named 'snr_sim'"))
+    assert "0.5 or newer" in str(bubblewrap_error("bwrap: Unknown option --perms"))
 
 
 @pytest.mark.slow
-def test_a_computer_without_seccomp_is_told_that_and_nothing_about_namespaces(
+def test_missing_seccomp_raises_isolation_missing(
     at_first: Callable[[str], None],
 ) -> None:
     at_first("from snr_sim.grading.sandbox import seccomp; seccomp.COLUMN = {}")
     with pytest.raises(
-        IsolationMissing, match="filters besides, which are not to be had here: seccomp: the system calls of a computer"
+        IsolationMissingError,
+        match="filters, which are not available here: seccomp: the system calls of the processor",
     ) as refused:
         try_sandbox.__wrapped__()
     assert "x86-64 or aarch64" in refused.value.fix
 
 
-def test_root_who_may_not_mount_is_refused_where_the_kernel_has_no_landlock(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_root_without_mount_and_landlock_raises_both_reasons(monkeypatch: pytest.MonkeyPatch) -> None:
     """Neither isolation is possible: the error has both reasons, and a fix for each."""
 
     def no_landlock(*_: object) -> None:
-        raise unconfined(
-            "Traceback\n  ...\nsnr_sim.grading.sandbox.landlock.LandlockMissing: Landlock: Function not implemented"
+        raise confinement_error(
+            "Traceback\n  ...\nsnr_sim.grading.sandbox.landlock.LandlockMissingError: Landlock: Function missing"
         )
 
     def no_namespaces() -> None:
-        raise forbidden("bwrap: Creating new namespace failed: Operation not permitted")
+        raise bubblewrap_error("bwrap: Creating new namespace failed: Operation not permitted")
 
     monkeypatch.setattr(isolation, "try_sandbox", no_namespaces)
-    monkeypatch.setattr(isolation, "is_for_here", lambda: True)
+    monkeypatch.setattr(isolation, "is_root_without_mount", lambda: True)
     monkeypatch.setattr(isolation, "try_confinement", no_landlock)
     find_isolation.cache_clear()
     try:
-        with pytest.raises(IsolationMissing, match=r"Creating new namespace failed.*Landlock: Function not") as refused:
+        with pytest.raises(
+            IsolationMissingError, match=r"Creating new namespace failed.*Landlock: Function"
+        ) as refused:
             find_isolation()
         assert "--privileged" in refused.value.fix
         assert "Linux 5.13" in refused.value.fix
-        monkeypatch.setattr(isolation, "is_for_here", lambda: False)  # it may mount: then bubblewrap needs the fix
-        with pytest.raises(IsolationMissing, match="Creating new namespace failed") as refused:
+        monkeypatch.setattr(
+            isolation, "is_root_without_mount", lambda: False
+        )  # it may mount: then bubblewrap needs the fix
+        with pytest.raises(IsolationMissingError, match="Creating new namespace failed") as refused:
             find_isolation()
         assert "Landlock" not in str(refused.value)
     finally:
         find_isolation.cache_clear()
 
 
-def test_root_without_the_right_to_become_another_user_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(isolation, "missing_rights", lambda: ["CAP_SETUID"])
-    with pytest.raises(IsolationMissing, match="CAP_SETUID"):
+def test_confinement_without_setuid_capability_raises(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(isolation, "missing_capabilities", lambda: ["CAP_SETUID"])
+    with pytest.raises(IsolationMissingError, match="CAP_SETUID"):
         try_confinement()
 
 

@@ -8,7 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.grading.sandbox.seccomp import ALLOW, ASK, ERRNO, KILL, Instruction, allowing, asking
+from snr_sim.grading.sandbox.seccomp import (
+    ALLOW,
+    ASK,
+    ERRNO,
+    KILL,
+    Instruction,
+    file_creation_filter,
+    system_call_filter,
+)
 from snr_sim.grading.sandbox.system_calls import (
     ABSENT,
     ALLOWED,
@@ -50,46 +58,48 @@ def number(call: str, machine: str) -> int:
 
 
 @MACHINES
-def test_what_is_on_the_list_is_allowed_and_everything_else_is_not(machine: str) -> None:
-    program = allowing(machine, PID)
+def test_only_listed_system_calls_are_allowed(machine: str) -> None:
+    program = system_call_filter(machine, PID)
     allowed = {number(call, machine) for call in ALLOWED} - {ABSENT}
     starts = {number(call, machine) for call in STARTS_A_PROCESS} - {ABSENT}
     conditional = {number(call, machine) for call in WITH_CONDITIONS} - {ABSENT}
     for call in set(range(600)) - conditional:
-        wanted = ALLOW if call in allowed else ERRNO | (errno.EAGAIN if call in starts else errno.ENOSYS)
-        assert run(program, machine, call) == wanted, call
+        expected = ALLOW if call in allowed else ERRNO | (errno.EAGAIN if call in starts else errno.ENOSYS)
+        assert run(program, machine, call) == expected, call
     assert all(0 <= jump < 256 for _, *jumps, _ in program for jump in jumps)
     assert len(program) < 4096
 
 
 @MACHINES
-def test_another_computers_numbers_end_the_process(machine: str) -> None:
+def test_foreign_architecture_kills_the_process(machine: str) -> None:
     other = next(one for one in ARCHITECTURES if one != machine)
-    for program in (allowing(machine, PID), asking(machine)):
+    for program in (system_call_filter(machine, PID), file_creation_filter(machine)):
         assert run(program, other, number("read", other)) == KILL
 
 
-def test_the_numbers_of_32_bits_are_unknown() -> None:
-    assert run(allowing("x86_64", PID), "x86_64", 0x40000000 | number("read", "x86_64")) == ERRNO | errno.ENOSYS
+def test_32_bit_system_calls_return_enosys() -> None:
+    assert (
+        run(system_call_filter("x86_64", PID), "x86_64", 0x40000000 | number("read", "x86_64")) == ERRNO | errno.ENOSYS
+    )
 
 
 @MACHINES
-def test_a_process_sends_signals_to_itself_and_data_to_nobody_by_name(machine: str) -> None:
-    def comes_of(call: str, *arguments: int) -> int:
-        return run(allowing(machine, PID), machine, number(call, machine), *arguments)
+def test_signals_to_others_and_addressed_sends_are_rejected(machine: str) -> None:
+    def result_of(call: str, *arguments: int) -> int:
+        return run(system_call_filter(machine, PID), machine, number(call, machine), *arguments)
 
     refused = ERRNO | errno.EPERM
     for call in ("kill", "tkill", "tgkill"):
-        assert comes_of(call, PID, PID) == ALLOW
-        assert {comes_of(call, pid) for pid in (0, 1, -1, -PID, PID + 1)} == {refused}
-    assert comes_of("socketpair", 1, 1) == comes_of("socketpair", 1, 1 | os.O_CLOEXEC) == ALLOW
-    assert {comes_of("socketpair", *sort) for sort in ((1, 2), (1, 5), (2, 1), (16, 3))} == {refused}
-    assert comes_of("sendto", 3, 0x7F00, 1, 0, 0) == ALLOW
-    assert {comes_of("sendto", 3, 0x7F00, 1, 0, address) for address in (0x7F00, 0x7F00_0000_0000)} == {refused}
+        assert result_of(call, PID, PID) == ALLOW
+        assert {result_of(call, pid) for pid in (0, 1, -1, -PID, PID + 1)} == {refused}
+    assert result_of("socketpair", 1, 1) == result_of("socketpair", 1, 1 | os.O_CLOEXEC) == ALLOW
+    assert {result_of("socketpair", *sort) for sort in ((1, 2), (1, 5), (2, 1), (16, 3))} == {refused}
+    assert result_of("sendto", 3, 0x7F00, 1, 0, 0) == ALLOW
+    assert {result_of("sendto", 3, 0x7F00, 1, 0, address) for address in (0x7F00, 0x7F00_0000_0000)} == {refused}
 
 
 @MACHINES
-def test_each_file_that_would_be_made_is_asked_about_and_none_is_emptied_that_may_only_be_read(machine: str) -> None:
+def test_file_creation_asks_the_listener_and_truncation_is_rejected(machine: str) -> None:
     for call, at in (("open", 1), ("openat", 2)):
         if number(call, machine) == ABSENT:
             continue
@@ -101,8 +111,8 @@ def test_each_file_that_would_be_made_is_asked_about_and_none_is_emptied_that_ma
             (os.O_RDONLY | os.O_TRUNC, False, True),
         ):
             arguments = [7] * at + [flags]
-            asked = run(asking(machine), machine, number(call, machine), *arguments)
-            allowed = run(allowing(machine, PID), machine, number(call, machine), *arguments)
+            asked = run(file_creation_filter(machine), machine, number(call, machine), *arguments)
+            allowed = run(system_call_filter(machine, PID), machine, number(call, machine), *arguments)
             assert (asked, allowed) == (ASK if asks else ALLOW, ERRNO | errno.EPERM if refuses else ALLOW), oct(flags)
 
 
@@ -110,7 +120,7 @@ def test_each_file_that_would_be_made_is_asked_about_and_none_is_emptied_that_ma
     ("machine", "header"),
     [("x86_64", "/usr/include/x86_64-linux-gnu/asm/unistd_64.h"), ("aarch64", "/usr/include/asm-generic/unistd.h")],
 )
-def test_the_numbers_are_those_of_linuxs_own_headers(machine: str, header: str) -> None:
+def test_system_call_numbers_equal_the_linux_headers(machine: str, header: str) -> None:
     if not Path(header).is_file():
         pytest.skip("the kernel's headers are not here (linux-libc-dev)")
     found = re.findall(r"#define __NR(?:3264)?_(\w+)\s+(\d+)\s*$", Path(header).read_text(), re.MULTILINE)

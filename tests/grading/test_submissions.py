@@ -9,7 +9,7 @@ from snr_sim.grading.batch.submissions import name_submissions
 from snr_sim.prelude.errors import SnrError
 
 
-def test_each_submission_has_a_name_of_its_own_that_is_safe(tmp_path: Path) -> None:
+def test_submission_names_are_unique_and_safe(tmp_path: Path) -> None:
     for name in ("1/ada", "2/Ada", "3/..", "4/a b;c$(d)", "5/=SUM(A1)", "6/" + "long" * 50):
         (tmp_path / name).mkdir(parents=True, exist_ok=True)
     given = [tmp_path / "1/ada", tmp_path / "2/Ada", tmp_path / "4/a b;c$(d)", tmp_path / "5/=SUM(A1)"]
@@ -19,7 +19,7 @@ def test_each_submission_has_a_name_of_its_own_that_is_safe(tmp_path: Path) -> N
     assert len(names[4]) == 60
 
 
-def test_a_name_stays_when_submissions_are_added(tmp_path: Path) -> None:
+def test_names_are_kept_when_submissions_are_added(tmp_path: Path) -> None:
     first, late = tmp_path / "a" / "ada", tmp_path / "b" / "ada"
     first.mkdir(parents=True)
     late.mkdir(parents=True)
@@ -27,14 +27,14 @@ def test_a_name_stays_when_submissions_are_added(tmp_path: Path) -> None:
     assert [one.id for one in name_submissions([late, first], known)] == ["ada-2", "ada"]
 
 
-def test_a_class_that_was_moved_is_the_same_class(tmp_path: Path) -> None:
+def test_names_are_kept_when_the_class_folder_moves(tmp_path: Path) -> None:
     (tmp_path / "a" / "ada").mkdir(parents=True)
     known = name_submissions([tmp_path / "a" / "ada"])
     (tmp_path / "a").rename(tmp_path / "b")
     assert [one.id for one in name_submissions([tmp_path / "b" / "ada"], known)] == ["ada"]
 
 
-def test_a_folder_of_submissions_is_not_one(tmp_path: Path) -> None:
+def test_folder_of_submissions_raises(tmp_path: Path) -> None:
     for name in ("ada", "bob"):
         (tmp_path / "class" / name).mkdir(parents=True)
     with pytest.raises(SnrError, match="holds 2: ada, bob") as error:
@@ -44,18 +44,20 @@ def test_a_folder_of_submissions_is_not_one(tmp_path: Path) -> None:
         name_submissions([tmp_path / "nobody"])
 
 
-def test_a_class_with_a_loose_file_is_not_one_but_a_students_folders_stop_nobody(tmp_path: Path) -> None:
+def test_class_folder_with_a_loose_file_raises_only_when_alone(tmp_path: Path) -> None:
     for name in ("ada", "bob"):
         (tmp_path / "class" / name).mkdir(parents=True)
     (tmp_path / "class" / "notes.py").touch()
     with pytest.raises(SnrError, match="holds 2: ada, bob"):
-        name_submissions([tmp_path / "class"], wanted_files=["depth_hold.py"])
-    assert len(name_submissions([tmp_path / "class", tmp_path / "class" / "ada"], wanted_files=["depth_hold.py"])) == 2
+        name_submissions([tmp_path / "class"], required_files=["depth_hold.py"])
+    assert (
+        len(name_submissions([tmp_path / "class", tmp_path / "class" / "ada"], required_files=["depth_hold.py"])) == 2
+    )
     (tmp_path / "class" / "depth_hold.py").touch()
-    assert len(name_submissions([tmp_path / "class"], wanted_files=["depth_hold.py"])) == 1
+    assert len(name_submissions([tmp_path / "class"], required_files=["depth_hold.py"])) == 1
 
 
-def test_a_folder_that_may_not_be_read_is_told_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unreadable_folder_raises(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuses(folder: Path) -> Iterator[Path]:
         raise PermissionError(13, "Permission denied", str(folder))
 

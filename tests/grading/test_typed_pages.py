@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.grading import Given, Student
-from snr_sim.grading.lab.verdicts import Misbehaved
-from snr_sim.scenario.flight import Flight
+from snr_sim.grading import Stimulus, Student
+from snr_sim.grading.lab.verdicts import SubmissionError
 from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import SimulationRun
 
 pytestmark = pytest.mark.slow
 
@@ -44,7 +44,7 @@ class Looks(Endpoint):
     def on_wanted(self, task, task_id):
         wanted, before = self.get_data("wanted"), self.get_data("wanted_prev")
         was_m = before.seen.depth_m if before is not None else None
-        return self.store_data_task("told", [type(wanted).__name__, wanted.goal_m - wanted.seen.depth_m, was_m])
+        return self.store_data_task("difference", [type(wanted).__name__, wanted.goal_m - wanted.seen.depth_m, was_m])
 
 
 class LooksFactory(EndpointFactory):
@@ -60,31 +60,31 @@ def factories(robot):
 def fed(text: str, folder: Path) -> list[tuple[str, object]]:
     (folder / "mine.py").write_text(text)
     with Student(folder) as student:
-        made = student.feed("mine.py", [Given(0.1 * i, "depth", float(i)) for i in (1, 2)])
+        made = student.run_inputs("mine.py", [Stimulus(0.1 * i, "depth", float(i)) for i in (1, 2)])
     return [(one.name, one.value) for one in made if one.kind == "store_page"]
 
 
-def test_outside_it_is_its_fields_and_inside_it_is_the_object_that_was_stored(tmp_path: Path) -> None:
+def test_typed_page_is_fields_outside_and_object_inside(tmp_path: Path) -> None:
     made = fed(TYPED.replace('float("nan")', "0.5"), tmp_path)
     assert [value for name, value in made if name == "wanted"] == [
         {"seen": {"depth_m": depth_m, "around_m": [depth_m, 0.5]}, "goal_m": 2.0} for depth_m in (1.0, 2.0)
     ]
-    assert [value for name, value in made if name == "told"] == [["Wanted", 1.0, None], ["Wanted", 0.0, 1.0]]
+    assert [value for name, value in made if name == "difference"] == [["Wanted", 1.0, None], ["Wanted", 0.0, 1.0]]
 
 
-def test_what_is_in_it_need_not_be_equal_to_itself(tmp_path: Path) -> None:
+def test_typed_page_with_nan_returns_the_stored_object(tmp_path: Path) -> None:
     made = fed(TYPED.replace("[depth_m, float", "[float"), tmp_path)
-    assert [value for name, value in made if name == "told"] == [["Wanted", 1.0, None], ["Wanted", 0.0, 1.0]]
+    assert [value for name, value in made if name == "difference"] == [["Wanted", 1.0, None], ["Wanted", 0.0, 1.0]]
 
 
-def test_an_object_that_has_no_fields_is_told_with_its_class(tmp_path: Path) -> None:
+def test_page_object_without_fields_raises_with_its_class(tmp_path: Path) -> None:
     plain = TYPED.replace("Wanted(Seen(", "Box((").replace("class Looks(", "class Box:\n    pass\n\n\nclass Looks(")
     plain = plain.replace('Box((depth_m, [depth_m, float("nan")]))', "Box()")
-    with pytest.raises(Misbehaved, match=r"value was an object of class .*Box, which cannot be brought back"):
+    with pytest.raises(SubmissionError, match=r"value was an object of class .*Box, which cannot be brought back"):
         fed(plain, tmp_path)
 
 
-def test_a_typed_command_flies_as_in_a_run(tmp_path: Path) -> None:
+def test_typed_command_in_a_graded_run_equals_a_plain_run(tmp_path: Path) -> None:
     text = """
 from snr_sim import Endpoint, EndpointFactory, TaskType
 from snr_sim.prelude.signals import EngineCommand
@@ -110,8 +110,8 @@ def factories(robot):
     (tmp_path / "mine.py").write_text(text)
     simulation = prepare(Request("lander_vertical", seed=1, controller=str(tmp_path / "mine.py")))
     plant = simulation.plant()
-    alone = Flight(simulation, plant, simulation.config(plant)).run()
+    alone = SimulationRun(simulation, plant, simulation.config(plant)).run()
     with Student(tmp_path) as student:
-        graded = student.fly("lander_vertical", 1, "mine.py")
+        graded = student.run_scenario("lander_vertical", 1, "mine.py")
     assert graded.pages("engine")[0][1]["throttle"] == 0.5
     assert (graded.outcome, graded.metrics) == (alone.outcome, alone.metrics)

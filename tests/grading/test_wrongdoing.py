@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.grading import Given, Student
+from snr_sim.grading import Stimulus, Student
 from snr_sim.grading.lab.lab import find_lab
-from snr_sim.grading.lab.verdicts import Misbehaved
+from snr_sim.grading.lab.verdicts import SubmissionError
 from snr_sim.grading.sandbox.sandbox import Limits
 
 CONTROLLER = """
@@ -39,7 +39,7 @@ def f(x):
         except BaseException:
             pass
 """
-HEARS_NOTHING = """
+IGNORES_SIGNALS = """
 import signal
 
 def f(x):
@@ -49,10 +49,10 @@ def f(x):
 """
 
 
-def misbehaviour(folder: Path, source: str, **limits: int) -> Misbehaved:
+def error_of_call(folder: Path, source: str, **limits: int) -> SubmissionError:
     """How a call of `f` in this program ends."""
     (folder / "mine.py").write_text(source)
-    with Student(folder, limits=Limits(**limits)) as student, pytest.raises(Misbehaved) as caught:
+    with Student(folder, limits=Limits(**limits)) as student, pytest.raises(SubmissionError) as caught:
         student.call("mine.py", "f", 1.0, returns=float, budget_s=0.3)
     return caught.value
 
@@ -82,7 +82,7 @@ def misbehaviour(folder: Path, source: str, **limits: int) -> Misbehaved:
         ("def f(x):\n    while True:\n        pass", "mine.py, line ", "loop without an end"),
         ("while True:\n    pass", "mine.py, line ", "loop without an end"),
         (CATCHES_ALL, "It used up its CPU time", "loop without an end"),
-        (HEARS_NOTHING, "It used up its CPU time", "loop without an end"),
+        (IGNORES_SIGNALS, "It used up its CPU time", "loop without an end"),
         ("def f(x):\n    return 'y' * 2_000_000", "It answered with more than 1048576 bytes.", "no more"),
         (
             "def f(x):\n    while True:\n        print('hello' * 1000)",
@@ -101,51 +101,52 @@ def misbehaviour(folder: Path, source: str, **limits: int) -> Misbehaved:
         ("x" * 2_000_000, "mine.py has more than 1048576 bytes.", "program alone"),
     ],
 )
-def test_what_a_function_does_wrong_is_told_with_its_line_first(
-    source: str, first_line: str, hint: str, tmp_path: Path
-) -> None:
+def test_function_error_starts_with_the_student_line(source: str, first_line: str, hint: str, tmp_path: Path) -> None:
     (tmp_path / "beside.py").write_text("import subprocess")
     (tmp_path / "package").mkdir()
     (tmp_path / "package" / "inner.py").write_text("import ctypes")
-    wrong = misbehaviour(tmp_path, source)
+    wrong = error_of_call(tmp_path, source)
     assert wrong.message.startswith(first_line)
     assert hint in wrong.hint
 
 
-def test_a_file_that_is_missing_or_a_link_to_elsewhere_is_told(tmp_path: Path) -> None:
+def test_missing_file_or_outside_link_raises(tmp_path: Path) -> None:
     (tmp_path / "submission").mkdir()
     (tmp_path / "secret.py").write_text("def f(x):\n    return x")
     student = Student(tmp_path / "submission")
-    with pytest.raises(Misbehaved, match=r"There is no file mine\.py"):
+    with pytest.raises(SubmissionError, match=r"There is no file mine\.py"):
         student.call("mine.py", "f")
     (tmp_path / "submission" / "mine.py").symlink_to(tmp_path / "secret.py")
-    with pytest.raises(Misbehaved, match=r"mine\.py is a link to elsewhere"):
+    with pytest.raises(SubmissionError, match=r"mine\.py is a link to elsewhere"):
         student.source("mine.py")
 
 
 @pytest.mark.slow
-def test_memory_without_end_is_the_students_error(tmp_path: Path) -> None:
-    wrong = misbehaviour(tmp_path, "def f(x):\n    y = [0] * 10**9\n    return x", memory_bytes=1 << 29)
+def test_memory_limit_raises_memory_error_in_the_student_line(tmp_path: Path) -> None:
+    wrong = error_of_call(tmp_path, "def f(x):\n    y = [0] * 10**9\n    return x", memory_bytes=1 << 29)
     assert wrong.message.startswith("mine.py, line 2: y = [0] * 10**9\n  MemoryError")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("body", "told"),
+    ("body", "message"),
     [
         (
             "return 1 / 0",
             "line 18: return 1 / 0\n  ZeroDivisionError: division by zero\n  in on_radar(), component 'mine'",
         ),
         ("return 'go'", "'mine.on_radar' returned 'go', which is not a task."),
-        ("return self.store_data_task('radar', 1)", "'mine' stored the page 'radar', which is not its to store."),
-        ("return tasks.event('again')", "set off more than 10000 tasks at one moment"),
-        ("return [tasks.event('x')] * 20_000", "set off more than 10000 tasks at one moment"),
-        ("return tasks.reload_component('radar_sensor')", "asked for a change of components"),
-        ("return tasks.remove_component('radar_sensor')", "asked for a change of components"),
+        (
+            "return self.store_data_task('radar', 1)",
+            "'mine' stored the page 'radar', which it is not allowed to store.",
+        ),
+        ("return tasks.event('again')", "scheduled more than 10000 tasks at one moment"),
+        ("return [tasks.event('x')] * 20_000", "scheduled more than 10000 tasks at one moment"),
+        ("return tasks.reload_component('radar_sensor')", "requested a change of components"),
+        ("return tasks.remove_component('radar_sensor')", "requested a change of components"),
         ("return Task(TaskType.event, 'finish_node', ['x', 10**9])", "made a task 'finish_node' by itself"),
-        ("return Task(TaskType.store_page, 'a', [Page('a', 1, 'me', 1e9)])", "which is still to come"),
-        ("return Task(TaskType.store_page, 'a', [1])", "does not carry this one page"),
+        ("return Task(TaskType.store_page, 'a', [Page('a', 1, 'me', 1e9)])", "which is in the future"),
+        ("return Task(TaskType.store_page, 'a', [1])", "does not carry exactly this page"),
         ("return self.store_data_task('engine', object())", "a value that cannot leave its process"),
         ("return self.store_data_task('engine', {'throttle': float('nan')})", "throttle"),
         ("return self.store_data_task('engine', {'throttle': 'full'})", "throttle"),
@@ -154,52 +155,57 @@ def test_memory_without_end_is_the_students_error(tmp_path: Path) -> None:
         ("import os; os._exit(0)", "It ended with exit status 0 instead of answering."),
     ],
 )
-def test_what_a_component_does_wrong_ends_its_flight_and_is_told(body: str, told: str, tmp_path: Path) -> None:
+def test_component_error_ends_the_run_with_its_message(body: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(CONTROLLER.replace("BODY", body))
-    with pytest.raises(Misbehaved) as caught:
-        Student(tmp_path, limits=Limits(cpu_s=2)).fly("lander_vertical", 3, "mine.py")
-    assert told in caught.value.message
+    with pytest.raises(SubmissionError) as caught:
+        Student(tmp_path, limits=Limits(cpu_s=2)).run_scenario("lander_vertical", 3, "mine.py")
+    assert message in caught.value.message
     assert caught.value.hint
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("ends", ["tasks.terminate('won')", "tasks.finish('won')"])
-def test_who_ends_the_run_before_it_is_over_is_told_so(ends: str, tmp_path: Path) -> None:
+def test_run_ended_early_by_the_program_raises(ends: str, tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(CONTROLLER.replace("BODY", f"return {ends}"))
     student = Student(tmp_path)
-    with pytest.raises(Misbehaved, match=r"Your program ended the run at 0\.\d\d s") as flying:
-        student.fly("lander_vertical", 3, "mine.py")
-    pages = [Given(0.1 * i, "radar", {"altitude_m": 1.0}) for i in range(5)]
-    with pytest.raises(Misbehaved, match=r"Your program ended the run at 0\.00 s") as fed:
-        student.feed("mine.py", pages, robot="lander")
+    with pytest.raises(SubmissionError, match=r"Your program ended the run at 0\.\d\d s") as flying:
+        student.run_scenario("lander_vertical", 3, "mine.py")
+    pages = [Stimulus(0.1 * i, "radar", {"altitude_m": 1.0}) for i in range(5)]
+    with pytest.raises(SubmissionError, match=r"Your program ended the run at 0\.00 s") as fed:
+        student.run_inputs("mine.py", pages, robot="lander")
     assert "tasks.terminate or tasks.finish" in flying.value.hint
     assert fed.value.hint == flying.value.hint
-    assert [one.kind for one in student.feed("mine.py", pages[:1], robot="lander")] != [], "nothing was left to come"
-    assert student.fly("lander_vertical", 3, "mine.py", may_fail=True).outcome == "ended"
+    assert [one.kind for one in student.run_inputs("mine.py", pages[:1], robot="lander")] != [], (
+        "nothing was left to come"
+    )
+    assert student.run_scenario("lander_vertical", 3, "mine.py", may_fail=True).outcome == "ended"
 
 
 @pytest.mark.slow
-def test_an_answer_forged_before_it_was_asked_for_is_no_answer(tmp_path: Path) -> None:
+def test_response_forged_before_its_request_is_rejected(tmp_path: Path) -> None:
     """It is on the line before the kit's own, with the right number and another value."""
     forged = "import os, stat\nfor fd in range(3, 2000):\n    try:\n        if stat.S_ISSOCK(os.fstat(fd).st_mode):\n"
     forged += '            os.write(fd, b\'{"n":3,"value":null}\\n\')\n    except OSError: pass\n'
     (tmp_path / "mine.py").write_text(forged + "class TaskQueue: pass\n")
-    with Student(tmp_path) as student, pytest.raises(Misbehaved, match="It answered with something that is no answer"):
-        student.host("mine.py", find_lab("write_the_queue").module("grader.queue_bench").QueueBench)
+    with (
+        Student(tmp_path) as student,
+        pytest.raises(SubmissionError, match="The submission broke the grading protocol: its answer is not valid"),
+    ):
+        student.create_object("mine.py", find_lab("write_the_queue").module("grader.queue_bench").QueueBench)
 
 
 @pytest.mark.slow
-def test_an_answer_of_another_form_ends_a_flight_with_its_own_hint_whatever_may_fail(tmp_path: Path) -> None:
+def test_malformed_response_raises_even_with_may_fail(tmp_path: Path) -> None:
     body = "import sys; sys.modules['snr_sim.grading.remote.child_node']._encode = lambda answer: b'5'"
     (tmp_path / "mine.py").write_text(CONTROLLER.replace("BODY", body))
-    with pytest.raises(Misbehaved, match="no answer: Expected `object`, got `int`") as caught:
-        Student(tmp_path).fly("lander_vertical", 3, "mine.py", may_fail=True)
-    assert caught.value.hint == "Leave the grader's file descriptors alone."
+    with pytest.raises(SubmissionError, match="its answer is not valid: Expected `object`, got `int`") as caught:
+        Student(tmp_path).run_scenario("lander_vertical", 3, "mine.py", may_fail=True)
+    assert caught.value.hint == "Do not use file descriptors that your program has not opened."
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("source", "told"),
+    ("source", "message"),
     [
         ("", "mine.py has no function `factories`"),
         (
@@ -214,17 +220,17 @@ def test_an_answer_of_another_form_ends_a_flight_with_its_own_hint_whatever_may_
         (CONTROLLER + "\nOPTIONS = 3", "OPTIONS is 3, not a dict"),
     ],
 )
-def test_a_controller_that_cannot_be_put_together_is_told(source: str, told: str, tmp_path: Path) -> None:
+def test_invalid_controller_raises_with_its_reason(source: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(source.replace("BODY", "return None"))
-    with pytest.raises(Misbehaved) as caught:
-        Student(tmp_path).fly("lander_vertical", 3, "mine.py")
-    assert told in caught.value.message
+    with pytest.raises(SubmissionError) as caught:
+        Student(tmp_path).run_scenario("lander_vertical", 3, "mine.py")
+    assert message in caught.value.message
     assert ", line " in caught.value.message or "line named" not in caught.value.hint
 
 
 @pytest.mark.slow
-def test_what_a_component_does_wrong_in_a_bare_node_is_told(tmp_path: Path) -> None:
+def test_component_error_in_a_bare_node_raises_with_its_line(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(CONTROLLER.replace("BODY", "return self.get_data('radar')['altitude']"))
-    with pytest.raises(Misbehaved) as caught:
-        Student(tmp_path).feed("mine.py", [Given(0.0, "radar", {"altitude_m": 1.0})], robot="lander")
+    with pytest.raises(SubmissionError) as caught:
+        Student(tmp_path).run_inputs("mine.py", [Stimulus(0.0, "radar", {"altitude_m": 1.0})], robot="lander")
     assert caught.value.message.startswith("mine.py, line 18: return self.get_data('radar')['altitude']\n  KeyError")

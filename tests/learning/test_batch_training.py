@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 import snr_sim.learning  # noqa: F401 - makes our environments known
-from snr_sim.learning.batch_training import BatchTraining, Course, course_of, new_table, train_vertical, try_table
+from snr_sim.learning.batch_training import (
+    BatchTraining,
+    VerticalBatchTask,
+    evaluate_table,
+    new_table,
+    train_vertical,
+    vertical_batch_task,
+)
 from snr_sim.learning.discretiser import Discretiser
 from snr_sim.learning.lander_envs import VERTICAL_THROTTLES
 from snr_sim.learning.q_table import QTable
@@ -18,8 +25,8 @@ from snr_sim.plants.lander.gear import GearLimits
 from snr_sim.plants.lander.lander_1d import Lander1D, VerticalStart
 from snr_sim.prelude.errors import ParameterError, RecordingError
 from snr_sim.prelude.signals import EngineCommand
-from snr_sim.scenario.flight import Flight
 from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import SimulationRun
 
 
 @pytest.fixture(scope="module")
@@ -28,8 +35,8 @@ def env() -> Any:
 
 
 @pytest.fixture(scope="module")
-def course(env: Any) -> Course:
-    return course_of(env)
+def task(env: Any) -> VerticalBatchTask:
+    return vertical_batch_task(env)
 
 
 @pytest.fixture(scope="module")
@@ -38,9 +45,9 @@ def curve() -> list[tuple[int, float]]:
 
 
 @pytest.fixture(scope="module")
-def learned(course: Course, curve: list[tuple[int, float]]) -> QTable:
+def learned(task: VerticalBatchTask, curve: list[tuple[int, float]]) -> QTable:
     table = new_table()
-    train_vertical(table, course, on_trial=lambda step, trial: curve.append((step, trial.landed)))
+    train_vertical(table, task, on_evaluation=lambda step, trial: curve.append((step, trial.landed)))
     return table
 
 
@@ -49,17 +56,17 @@ def learned_curve(learned: QTable, curve: list[tuple[int, float]]) -> list[tuple
     return curve
 
 
-def test_a_batch_flies_as_the_plant_does(course: Course) -> None:
+def test_batch_step_equals_plant(task: VerticalBatchTask) -> None:
     """Also where the tank runs dry within a step, and where the ground is met."""
     rng = np.random.default_rng(5)
     count = 400
     height, speed = rng.uniform(0.1, 8.0, count), rng.uniform(-30.0, 10.0, count)
     mass, fuel = rng.uniform(6900.0, 8500.0, count), rng.choice([0.0, 0.5, 2.0, 900.0], count)
     throttle = rng.choice([0.0, 0.25, 0.5, 1.0], count)
-    after, touches, speeds = step(Landers(height, speed, mass, fuel), throttle, course.engine, 0.2)
+    after, touches, speeds = step(Landers(height, speed, mass, fuel), throttle, task.engine, 0.2)
     for i in range(count):
         start = VerticalStart(height[i], speed[i], mass[i], fuel[i])
-        plant = Lander1D(lambda seed, start=start: start, course.engine, gear=GearLimits(1e9, 1e9))
+        plant = Lander1D(lambda seed, start=start: start, task.engine, gear=GearLimits(1e9, 1e9))
         plant.write("engine", EngineCommand(throttle[i]))
         plant.step(0.2)
         assert bool(touches[i]) == (plant.touchdown is not None)
@@ -73,9 +80,9 @@ def test_a_batch_flies_as_the_plant_does(course: Course) -> None:
     assert 50 < touches.sum() < 350
 
 
-def test_its_rewards_are_the_environments(env: Any) -> None:
+def test_batch_rewards_equal_environment(env: Any) -> None:
     env.reset(options={"start": 7})
-    course = course_of(env, start=7)
+    task = vertical_batch_task(env, start=7)
     rng, ended = np.random.default_rng(2), False
     while not ended:
         plant = env.plant
@@ -84,14 +91,14 @@ def test_its_rewards_are_the_environments(env: Any) -> None:
         )
         action = int(rng.integers(0, 3))
         _, reward, ended, _, info = env.step(action)
-        after, touches, speeds = step(before, np.array([VERTICAL_THROTTLES[action]]), course.engine, 0.2)
+        after, touches, speeds = step(before, np.array([VERTICAL_THROTTLES[action]]), task.engine, 0.2)
         landed = touches & (speeds <= 3.05)
-        assert course.rewards(before, after, touches, landed)[0] == pytest.approx(reward, abs=1e-3 if ended else 1e-6)
+        assert task.rewards(before, after, touches, landed)[0] == pytest.approx(reward, abs=1e-3 if ended else 1e-6)
     assert info["outcome"] == "crashed"
 
 
 @pytest.mark.slow
-def test_a_learned_table_lands_nearly_all_starts_that_it_has_not_seen(env: Any, learned: QTable) -> None:
+def test_trained_table_lands_unseen_starts(env: Any, learned: QTable) -> None:
     ends = evaluate(env, learned.act, range(1, 101))
     assert sum(end["success"] for end in ends) >= 99
 
@@ -100,36 +107,39 @@ def test_a_learned_table_lands_nearly_all_starts_that_it_has_not_seen(env: Any, 
 @pytest.mark.parametrize(
     "seed", [pytest.param(987_654_321 + i, marks=[pytest.mark.nightly] if i else []) for i in range(20)]
 )
-def test_whatever_the_seed_nearly_all_unseen_starts_are_landed(seed: int, env: Any, course: Course) -> None:
+def test_trained_table_of_any_seed_lands_unseen_starts(seed: int, env: Any, task: VerticalBatchTask) -> None:
     table = new_table()
-    train_vertical(table, course, BatchTraining(seed=seed))
-    assert try_table(table, course, 5000, seed=77).landed >= 0.995
+    train_vertical(table, task, BatchTraining(seed=seed))
+    assert evaluate_table(table, task, 5000, seed=77).landed >= 0.995
     assert sum(end["success"] for end in evaluate(env, table.act, range(1, 101))) >= 99
 
 
-def test_the_same_seed_learns_the_same_table(course: Course) -> None:
-    short = BatchTraining(landers=64, steps=60, try_every=20, tried=10)
+def test_same_seed_gives_same_table(task: VerticalBatchTask) -> None:
+    short = BatchTraining(landers=64, steps=60, eval_interval=20, eval_episodes=10)
     tables = [new_table(), new_table(), new_table()]
     for table, seed in zip(tables, (1, 1, 2), strict=True):
-        train_vertical(table, course, BatchTraining(64, 60, seed, tried=10, try_every=20))
+        train_vertical(table, task, BatchTraining(64, 60, seed, eval_episodes=10, eval_interval=20))
     assert short.seed == 0
     assert (tables[0].values == tables[1].values).all()
     assert (tables[0].values != tables[2].values).any()
 
 
-def test_the_table_that_is_kept_is_the_best_that_was_tried(course: Course) -> None:
+def test_best_evaluated_table_is_kept(task: VerticalBatchTask) -> None:
     table = new_table()
     steps: list[int] = []
     trials = train_vertical(
-        table, course, BatchTraining(256, 400, tried=100, try_every=50), lambda step, trial: steps.append(step)
+        table,
+        task,
+        BatchTraining(256, 400, eval_episodes=100, eval_interval=50),
+        lambda step, trial: steps.append(step),
     )
     assert steps == list(range(0, 401, 50))
     best = max(range(len(trials)), key=lambda i: (trials[i].landed, i))
     assert trials[best].landed > trials[0].landed
-    assert try_table(table, course, 100, seed=[0, steps[best]]) == trials[best]
+    assert evaluate_table(table, task, 100, seed=[0, steps[best]]) == trials[best]
 
 
-def test_the_learning_curve_rises_from_nothing(learned_curve: list[tuple[int, float]]) -> None:
+def test_learning_curve_rises_from_zero(learned_curve: list[tuple[int, float]]) -> None:
     steps, landed = zip(*learned_curve, strict=True)
     assert steps[0] == 0
     assert landed[0] < 0.02
@@ -138,37 +148,38 @@ def test_the_learning_curve_rises_from_nothing(learned_curve: list[tuple[int, fl
 
 
 @pytest.mark.parametrize("steps", [1, 39, 41])
-def test_a_training_too_short_for_a_trial_on_its_way_has_one_at_its_end(steps: int, course: Course) -> None:
+def test_short_training_is_evaluated_at_its_end(steps: int, task: VerticalBatchTask) -> None:
     table = new_table()
-    assert len(train_vertical(table, course, BatchTraining(64, steps, tried=10, try_every=40))) >= 2
+    assert len(train_vertical(table, task, BatchTraining(64, steps, eval_episodes=10, eval_interval=40))) >= 2
     assert table.visits.sum() == 64 * steps
 
 
-def test_a_course_is_the_scenarios_whatever_the_environment_has_flown() -> None:
+def test_vertical_batch_task_ignores_current_plant() -> None:
     env: Any = gymnasium.make("snr_sim/LanderVertical-v0").unwrapped
-    fresh = vars(course_of(env))
+    fresh = vars(vertical_batch_task(env))
     env.reset(seed=1)
-    assert str(vars(course_of(env))) == str(fresh)
+    assert str(vars(vertical_batch_task(env))) == str(fresh)
     while not env.step(3)[2]:
         pass
     assert env.plant.fuel_kg < fresh["tank_kg"]
-    assert str(vars(course_of(env))) == str(fresh)
+    assert str(vars(vertical_batch_task(env))) == str(fresh)
 
 
-def test_a_training_that_makes_no_numbers_stops_and_says_so(course: Course) -> None:
+def test_non_finite_values_stop_training(task: VerticalBatchTask) -> None:
     with pytest.raises(ParameterError, match=r"tank of 0\.0 kg"):
-        Course(course.engine, 0.0, 7000.0, (0.1, 0.1))
-    table, broken = new_table(), Course(course.engine, 1000.0, 7000.0, (0.1, 0.1))
+        VerticalBatchTask(task.engine, 0.0, 7000.0, (0.1, 0.1))
+    table, broken = new_table(), VerticalBatchTask(task.engine, 1000.0, 7000.0, (0.1, 0.1))
     broken.tank_kg = 0.0
     with pytest.raises(ParameterError, match="At step 1 a value is to become"), np.errstate(all="ignore"):
-        train_vertical(table, broken, BatchTraining(16, 10, tried=2))
+        train_vertical(table, broken, BatchTraining(16, 10, eval_episodes=2))
     assert not table.values.any()
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"steps": 0}, {"steps": 1.5}, {"landers": True}, {"seed": -1}, {"tried": 0}, {"epsilon": (2.0, 0.1)}]
+    "wrong",
+    [{"steps": 0}, {"steps": 1.5}, {"landers": True}, {"seed": -1}, {"eval_episodes": 0}, {"epsilon": (2.0, 0.1)}],
 )
-def test_a_training_that_makes_no_sense_is_refused_before_it_begins(wrong: dict[str, Any]) -> None:
+def test_invalid_training_raises_before_it_begins(wrong: dict[str, Any]) -> None:
     with pytest.raises(ParameterError, match=f"A training with {next(iter(wrong))}="):
         BatchTraining(**wrong)
 
@@ -176,20 +187,18 @@ def test_a_training_that_makes_no_sense_is_refused_before_it_begins(wrong: dict[
 def run(**options: str) -> Any:
     simulation = prepare(Request("lander_vertical", seed=7, controller="q", options=options))
     plant: Any = simulation.plant()
-    return Flight(simulation, plant, simulation.config(plant)).run(), plant
+    return SimulationRun(simulation, plant, simulation.config(plant)).run(), plant
 
 
-def test_the_table_goes_back_into_a_node_and_lands_there_as_it_did_here(
-    env: Any, learned: QTable, tmp_path: Path
-) -> None:
+def test_table_in_node_lands_as_in_environment(env: Any, learned: QTable, tmp_path: Path) -> None:
     learned.save(tmp_path / "policy.npz")
     result, plant = run(policy=str(tmp_path / "policy.npz"))
     assert evaluate(env, learned.act, [7])[0]["outcome"] == result.outcome == "landed"
     assert (plant.touchdown, plant.fuel_kg) == (env.plant.touchdown, env.plant.fuel_kg)
 
 
-def test_without_a_table_or_with_another_the_controller_says_what_it_needs(tmp_path: Path) -> None:
-    with pytest.raises(ParameterError, match="needs a file to go by"):
+def test_controller_without_suitable_table_raises(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="requires --policy"):
         run()
     with pytest.raises(RecordingError, match="There is no file"):
         run(policy=str(tmp_path / "none.npz"))

@@ -17,33 +17,35 @@ from snr_sim.learning.gym import COMPATIBLE, ENVIRONMENTS
 
 every_environment = pytest.mark.parametrize("name", [*ENVIRONMENTS, COMPATIBLE])
 either_way = pytest.mark.parametrize(
-    "copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["deepcopy", "pickle"]
+    "duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["deepcopy", "pickle"]
 )
 
 
 def seen(env: Any, steps: int) -> list[Any]:
     """All observations of an agent that acts at random, across the ends of episodes, too."""
-    told: list[Any] = []
+    recorded: list[Any] = []
     for _ in range(steps):
         observation, reward, *ended, info = env.step(env.action_space.sample())
         info.get("episode", {}).pop("t", None)  # how long it took, of RecordEpisodeStatistics
-        told.append((observation.tolist(), reward, ended, info))
+        recorded.append((observation.tolist(), reward, ended, info))
         if any(ended):
-            told.append(env.reset()[0].tolist())
-    return told
+            recorded.append(env.reset()[0].tolist())
+    return recorded
 
 
 @either_way
 @pytest.mark.parametrize("is_wrapped", [True, False], ids=["wrapped", "unwrapped"])
 @every_environment
-def test_copy_mid_episode_continues_as_the_original(name: str, is_wrapped: bool, copied: Callable[[Any], Any]) -> None:
+def test_copy_in_mid_episode_continues_as_original(
+    name: str, is_wrapped: bool, duplicate: Callable[[Any], Any]
+) -> None:
     env: Any = gymnasium.make(name)
     env = RecordEpisodeStatistics(NormalizeReward(env)) if is_wrapped else env.unwrapped
     env.action_space.seed(3)
     env.reset(seed=7)
     env.reset()
     seen(env, 20)
-    twin = copied(env)
+    twin = duplicate(env)
     assert type(twin) is type(env)
     assert twin.unwrapped is not env.unwrapped
     count = 20 if "Urov" in name else 150
@@ -53,13 +55,13 @@ def test_copy_mid_episode_continues_as_the_original(name: str, is_wrapped: bool,
 
 @either_way
 @every_environment
-def test_copy_before_the_first_reset_can_be_reset(name: str, copied: Callable[[Any], Any]) -> None:
+def test_copy_before_first_reset_can_be_reset(name: str, duplicate: Callable[[Any], Any]) -> None:
     env: Any = gymnasium.make(name)
-    twin = copied(env)
+    twin = duplicate(env)
     assert np.array_equal(twin.reset(seed=5)[0], env.reset(seed=5)[0])
 
 
-def test_copy_of_an_ended_episode_has_ended() -> None:
+def test_copy_of_ended_episode_has_ended() -> None:
     env: Any = gymnasium.make("snr_sim/LanderVertical-v0").unwrapped
     env.reset(options={"start": 0})
     while not env.step(0)[2]:
@@ -69,7 +71,7 @@ def test_copy_of_an_ended_episode_has_ended() -> None:
     assert twin.plant.snapshot() == env.plant.snapshot()
 
 
-def test_copy_shares_nothing_with_the_original() -> None:
+def test_copy_shares_no_state_with_original() -> None:
     env: Any = gymnasium.make("snr_sim/LanderPad-v0").unwrapped
     env.reset(seed=1)
     twin = copy.deepcopy(env)
@@ -79,7 +81,7 @@ def test_copy_shares_nothing_with_the_original() -> None:
     assert twin.np_random is not env.np_random
 
 
-def test_copy_takes_actions_as_they_were_when_given() -> None:
+def test_copy_keeps_actions_as_they_were_given() -> None:
     """A training writes its actions into one array again and again."""
     for name in ("snr_sim/LanderPadContinuous-v0", COMPATIBLE):
         env: Any = gymnasium.make(name, **({"continuous": True} if name == COMPATIBLE else {}))

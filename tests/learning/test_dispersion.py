@@ -9,8 +9,8 @@ import pytest
 
 import snr_sim.learning  # noqa: F401 - makes the names known
 from snr_sim.learning.dispersion import factors_of
-from snr_sim.plants.lander.descent import Engine, Motion, after
-from snr_sim.prelude.errors import ParameterError, UnknownName
+from snr_sim.plants.lander.descent import Engine, Motion, propagate
+from snr_sim.prelude.errors import ParameterError, UnknownNameError
 from snr_sim.prelude.signals import EngineCommand
 
 every_scenario = pytest.mark.parametrize("name", ["LanderVertical", "LanderPad", "UrovDepthHold", "UrovStation"])
@@ -20,35 +20,35 @@ def made(name: str, **kwargs: Any) -> Any:
     return gymnasium.make(f"snr_sim/{name}-v0", **kwargs).unwrapped
 
 
-def flown(env: Any, options: dict[str, Any], steps: int = 25) -> tuple[list[Any], dict[str, Any]]:
+def run_episode(env: Any, options: dict[str, Any], steps: int = 25) -> tuple[list[Any], dict[str, Any]]:
     observation, info = env.reset(seed=4, options=options)
     env.action_space.seed(1)
     return [observation.tolist(), *(env.step(env.action_space.sample())[0].tolist() for _ in range(steps))], info
 
 
 @every_scenario
-def test_dispersion_is_told_and_its_factors_repeat_the_episode(name: str) -> None:
+def test_reported_factors_repeat_dispersed_episode(name: str) -> None:
     env = made(name)
     spread = dict.fromkeys(env.plant.SCALABLE, 0.1)
-    seen, info = flown(env, {"start": 2, "dispersion": spread})
+    seen, info = run_episode(env, {"start": 2, "dispersion": spread})
     assert set(info["factors"]) == set(spread)
     assert all(0.9 <= factor <= 1.1 for factor in info["factors"].values())
     assert len(set(info["factors"].values())) == len(spread)
-    nominal, without = flown(env, {"start": 2})
+    nominal, without = run_episode(env, {"start": 2})
     assert "factors" not in without
     assert nominal != seen
-    assert flown(env, {"start": 2, "factors": info["factors"]})[0] == seen
-    assert flown(env, {"start": 2, "factors": dict.fromkeys(spread, 1.0)})[0] == nominal
+    assert run_episode(env, {"start": 2, "factors": info["factors"]})[0] == seen
+    assert run_episode(env, {"start": 2, "factors": dict.fromkeys(spread, 1.0)})[0] == nominal
 
 
 @every_scenario
-def test_every_number_that_can_be_scaled_matters(name: str) -> None:
+def test_every_scalable_number_has_an_effect(name: str) -> None:
     """Legs matter once they stand, and a gimbal's rate once the nozzle turns."""
     env = made(name)
-    nominal = [np.array(one) for one in flown(env, {"start": 2})[0]]
+    nominal = [np.array(one) for one in run_episode(env, {"start": 2})[0]]
     unseen = {"spring_npm", "damper_nspm", "friction", "gimbal_rate_radps"}
     for number in set(env.plant.SCALABLE) - unseen:
-        seen, _ = flown(env, {"start": 2, "factors": {number: 1.2}})
+        seen, _ = run_episode(env, {"start": 2, "factors": {number: 1.2}})
         assert max(float(np.abs(a - b).max()) for a, b in zip(nominal, seen, strict=True)) > 0.001, number
 
 
@@ -61,7 +61,7 @@ def test_legs_of_a_scaled_module_are_scaled() -> None:
     assert module.leg.damper_nspm == leg.damper_nspm
 
 
-def test_scaled_module_flies_by_the_closed_form_of_its_own_numbers() -> None:
+def test_scaled_module_equals_closed_form() -> None:
     env = made("LanderVertical")
     env.reset(options={"start": 0})
     plant = env.plant
@@ -74,7 +74,7 @@ def test_scaled_module_flies_by_the_closed_form_of_its_own_numbers() -> None:
     assert (plant.fuel_kg, plant.mass_kg) == (fuel_kg, pytest.approx(fuel_kg + 1.2 * dry_kg))
     plant.write("engine", EngineCommand(1.0))
     plant.step(5.0)
-    assert (plant.height_m, plant.velocity_mps, plant.mass_kg) == pytest.approx(after(begin, *engine, 5.0))
+    assert (plant.height_m, plant.velocity_mps, plant.mass_kg) == pytest.approx(propagate(begin, *engine, 5.0))
 
 
 def test_next_episode_without_options_is_nominal() -> None:
@@ -86,7 +86,7 @@ def test_next_episode_without_options_is_nominal() -> None:
     assert env.plant.module == module
 
 
-def test_what_the_robot_knows_of_itself_stays_nominal() -> None:
+def test_robot_parameters_stay_nominal() -> None:
     env = made("LanderPad")
     env.reset(options={"start": 1, "factors": {"thrust_n": 0.9, "dry_mass_kg": 1.1}})
     assert env.run.robot.parameters.module.thrust_n == pytest.approx(env.plant.module.thrust_n / 0.9)
@@ -94,14 +94,14 @@ def test_what_the_robot_knows_of_itself_stays_nominal() -> None:
 
 
 @pytest.mark.parametrize(("name", "engine"), [("LanderPad", "mujoco"), ("UrovDepthHold", "pymunk")])
-def test_the_other_engine_takes_the_same_names(name: str, engine: str) -> None:
+def test_other_engine_accepts_same_names(name: str, engine: str) -> None:
     env = made(name, engine=engine)
     assert made(name).plant.SCALABLE == env.plant.SCALABLE
     env.reset(options={"dispersion": dict.fromkeys(env.plant.SCALABLE, 0.05)})
     env.step(env.action_space.sample())
 
 
-def test_copy_of_a_dispersed_episode_continues_with_its_physics() -> None:
+def test_copy_of_dispersed_episode_keeps_its_physics() -> None:
     env = made("LanderPad")
     env.reset(seed=1, options={"dispersion": {"thrust_n": 0.2, "dry_mass_kg": 0.1}})
     env.step(7)
@@ -113,26 +113,26 @@ def test_copy_of_a_dispersed_episode_continues_with_its_physics() -> None:
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"dispersion": {"thrust": 0.1}}, UnknownName, "no 'thrust' to scale"),
-        ({"dispersion": 0.1}, ParameterError, "dispersion=0.1, which is no dict"),
+        ({"dispersion": {"thrust": 0.1}}, UnknownNameError, "no 'thrust' to scale"),
+        ({"dispersion": 0.1}, ParameterError, "dispersion=0.1, which is not a dict"),
         ({"dispersion": {"thrust_n": 0.6}}, ParameterError, "'thrust_n': 0.6"),
         ({"dispersion": {"thrust_n": -0.1}}, ParameterError, "'thrust_n': -0.1"),
         ({"dispersion": {"thrust_n": True}}, ParameterError, "'thrust_n': True"),
         ({"dispersion": {"thrust_n": "5 %"}}, ParameterError, "'thrust_n': '5 %'"),
         ({"factors": {"thrust_n": float("nan")}}, ParameterError, "'thrust_n': nan"),
         ({"factors": {"thrust_n": 0.0}}, ParameterError, "'thrust_n': 0.0"),
-        ({"factors": {3: 1.0}}, UnknownName, "no '3' to scale"),
+        ({"factors": {3: 1.0}}, UnknownNameError, "no '3' to scale"),
         ({"factors": {"thrust_n": 1.1}, "dispersion": {"thrust_n": 0.1}}, ParameterError, "in factors and in disp"),
         ({"physics": {}}, ParameterError, r"options \['physics'\]"),
     ],
 )
-def test_options_that_make_no_sense_are_refused(options: dict[str, Any], error: type[Exception], message: str) -> None:
+def test_invalid_options_raise(options: dict[str, Any], error: type[Exception], message: str) -> None:
     env = made("LanderVertical")
     with pytest.raises(error, match=message):
         env.reset(options=options)
 
 
-def test_refused_name_is_told_with_the_nearest() -> None:
-    with pytest.raises(UnknownName) as refused:
+def test_unknown_name_raises_with_nearest_name() -> None:
+    with pytest.raises(UnknownNameError) as refused:
         factors_of({"factors": {"thrust": 1.0}}, ("thrust_n", "dry_mass_kg"), np.random.default_rng(0))
     assert "thrust_n" in refused.value.fix

@@ -16,29 +16,29 @@ from gymnasium.utils.env_checker import check_env
 
 import snr_sim.learning
 from snr_sim.learning.gym import ENVIRONMENTS
-from snr_sim.learning.lander_envs import VERTICAL_THROTTLES, LanderPad, seen_in_the_plane, suitable_mps
+from snr_sim.learning.lander_envs import VERTICAL_THROTTLES, LanderPad, pad_observation, reference_speed_mps
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.signals import InertialReading, RadarReading
-from snr_sim.scenario.flight import Flight
 from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import SimulationRun
 
 every_environment = pytest.mark.parametrize("name", list(ENVIRONMENTS))
 
 
 @every_environment
-def test_gymnasiums_own_checker_has_no_complaint(name: str) -> None:
+def test_gymnasium_checker_passes(name: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(gymnasium.make(name, render_mode="rgb_array").unwrapped)
 
 
-def episode(name: str, seed: int, most_steps: int = 10_000) -> list[Any]:
+def episode(name: str, seed: int, max_steps: int = 10_000) -> list[Any]:
     """All observations of an episode with random actions."""
     env = gymnasium.make(name)
     env.action_space.seed(seed)
     observation, info = env.reset(seed=seed)
     seen: list[Any] = [observation.tolist(), info]
-    for _ in range(most_steps):
+    for _ in range(max_steps):
         observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
         assert env.observation_space.contains(observation)
         seen.append([observation.tolist(), reward, terminated, truncated, info])
@@ -50,7 +50,7 @@ def episode(name: str, seed: int, most_steps: int = 10_000) -> list[Any]:
 
 @pytest.mark.slow
 @every_environment
-def test_the_same_seed_is_the_same_episode_also_in_another_process(name: str) -> None:
+def test_same_seed_gives_same_episode_in_another_process(name: str) -> None:
     mine = episode(name, 5, 60)
     assert episode(name, 5, 60) == mine
     assert episode(name, 6, 60) != mine
@@ -64,7 +64,7 @@ def test_the_same_seed_is_the_same_episode_also_in_another_process(name: str) ->
 
 
 @pytest.mark.parametrize("name", ["snr_sim/LanderVertical-v0", "snr_sim/LanderPad-v0"])
-def test_episodes_without_a_seed_begin_at_starts_of_their_own(name: str) -> None:
+def test_episodes_without_seed_have_different_starts(name: str) -> None:
     env = gymnasium.make(name)
     env.reset(seed=3)
     starts = [env.reset()[1]["start"] for _ in range(5)]
@@ -73,7 +73,7 @@ def test_episodes_without_a_seed_begin_at_starts_of_their_own(name: str) -> None
     assert len(set(starts)) == 5
 
 
-def test_a_crash_terminates_and_the_time_limit_truncates() -> None:
+def test_crash_terminates_and_time_limit_truncates() -> None:
     env: Any = gymnasium.make("snr_sim/LanderVertical-v0")
     env.reset(options={"start": 0})
     ended, steps = (False, False), 0
@@ -99,12 +99,12 @@ def test_a_crash_terminates_and_the_time_limit_truncates() -> None:
 
 def thrifty(altitude_m: float, velocity_mps: float) -> int:
     """A policy: full throttle while it falls faster than suits the height."""
-    return VERTICAL_THROTTLES.index(1.0) if velocity_mps < suitable_mps(altitude_m) else 0
+    return VERTICAL_THROTTLES.index(1.0) if velocity_mps < reference_speed_mps(altitude_m) else 0
 
 
 CONTROLLER = """
     from snr_sim import Endpoint, EndpointFactory, TaskType
-    from snr_sim.learning.lander_envs import VERTICAL_THROTTLES, suitable_mps
+    from snr_sim.learning.lander_envs import VERTICAL_THROTTLES, reference_speed_mps
     import numpy as np
 
     class ThriftyFactory(EndpointFactory):
@@ -119,7 +119,7 @@ CONTROLLER = """
         def on_radar(self, task, task_id):
             radar = self.get_data("radar")
             height, speed = np.float32(radar["altitude_m"]), np.float32(radar["velocity_mps"])
-            throttle = 1.0 if speed < suitable_mps(float(height)) else 0.0
+            throttle = 1.0 if speed < reference_speed_mps(float(height)) else 0.0
             return self.store_data_task("engine", {"throttle": throttle}, process=False)
 
     def factories(robot):
@@ -128,7 +128,7 @@ CONTROLLER = """
 
 
 @pytest.mark.parametrize("start", [0, 7])
-def test_a_policy_lands_in_a_node_just_as_it_did_here_to_the_last_bit(start: int, tmp_path: Path) -> None:
+def test_policy_in_node_lands_as_in_environment_bitwise(start: int, tmp_path: Path) -> None:
     env: Any = gymnasium.make("snr_sim/LanderVertical-v0").unwrapped
     observation, _ = env.reset(options={"start": start})
     ended = False
@@ -140,13 +140,13 @@ def test_a_policy_lands_in_a_node_just_as_it_did_here_to_the_last_bit(start: int
     file.write_text(textwrap.dedent(CONTROLLER))
     simulation = prepare(Request("lander_vertical", seed=start, controller=str(file)))
     plant: Any = simulation.plant()
-    result = Flight(simulation, plant, simulation.config(plant)).run()
+    result = SimulationRun(simulation, plant, simulation.config(plant)).run()
     assert result.outcome == "landed"
     assert plant.touchdown == env.plant.touchdown
     assert plant.fuel_kg == env.plant.fuel_kg
 
 
-def test_the_reward_of_a_landing_is_its_parts() -> None:
+def test_return_of_landing_equals_sum_of_parts() -> None:
     """Potentials telescope: what is left is the landing, the propellant, and where the episode began."""
     env: Any = gymnasium.make("snr_sim/LanderVertical-v0").unwrapped
     observation, _ = env.reset(options={"start": 7})
@@ -157,7 +157,7 @@ def test_the_reward_of_a_landing_is_its_parts() -> None:
     assert total == pytest.approx(100.0 - 50.0 * (tank_kg - env.plant.fuel_kg) / tank_kg - began, abs=1e-6)
 
 
-def test_an_episode_must_have_begun_and_not_have_ended() -> None:
+def test_step_outside_episode_raises() -> None:
     env: Any = gymnasium.make("snr_sim/LanderVertical-v0").unwrapped
     with pytest.raises(ParameterError, match=r"call reset\(\)"):
         env.step(0)
@@ -179,16 +179,16 @@ def test_an_episode_must_have_begun_and_not_have_ended() -> None:
         ("snr_sim/LanderPadContinuous-v0", "full"),
     ],
 )
-def test_what_is_no_action_is_refused_and_changes_nothing(name: str, action: Any) -> None:
+def test_invalid_action_raises_and_changes_nothing(name: str, action: Any) -> None:
     env: Any = gymnasium.make(name).unwrapped
     env.reset(seed=1)
-    with pytest.raises(ParameterError, match="is no action"):
+    with pytest.raises(ParameterError, match="is not an action"):
         env.step(action)
     assert env.plant.time_s == 0.0
 
 
 @pytest.mark.parametrize("throttle", [np.array([0.5]), np.array([1]), [0.5], (0,), np.array([0.5], np.float16)])
-def test_numbers_of_another_kind_are_taken_if_they_are_within_the_bounds(throttle: Any) -> None:
+def test_action_of_other_dtype_within_bounds_is_accepted(throttle: Any) -> None:
     envs: list[Any] = [gymnasium.make("snr_sim/LanderVerticalContinuous-v0").unwrapped for _ in range(2)]
     for env, action in zip(envs, (throttle, np.array(throttle, np.float32)), strict=True):
         env.reset(options={"start": 7})
@@ -203,10 +203,10 @@ def test_numbers_of_another_kind_are_taken_if_they_are_within_the_bounds(throttl
         (np.array([[0.5]]), r"float64 of shape \(1, 1\)"),
         (np.array([True]), "bool of shape"),
         (0.5, r"float64 of shape \(\)"),
-        ([[0.5], [0.5, 0.5]], "is no action"),
+        ([[0.5], [0.5, 0.5]], "is not an action"),
     ],
 )
-def test_an_action_that_is_refused_is_told_its_kind_and_what_to_write(action: Any, kind: str) -> None:
+def test_invalid_action_error_contains_type_and_example(action: Any, kind: str) -> None:
     env: Any = gymnasium.make("snr_sim/LanderVerticalContinuous-v0").unwrapped
     env.reset(seed=1)
     with pytest.raises(ParameterError, match=kind) as refused:
@@ -214,23 +214,23 @@ def test_an_action_that_is_refused_is_told_its_kind_and_what_to_write(action: An
     assert "np.array([0.0], np.float32)" in refused.value.fix
 
 
-def test_a_film_takes_as_long_as_the_flight() -> None:
+def test_render_fps_equals_step_rate() -> None:
     rates = {"snr_sim/LanderVertical-v0": 5, "snr_sim/LanderPad-v0": 10, "snr_sim/UrovStation-v0": 10}
     assert {name: gymnasium.make(name).metadata["render_fps"] for name in rates} == rates
 
 
-def test_a_module_that_turns_over_is_seen_to_come_round() -> None:
+def test_attitude_observation_wraps() -> None:
     """A little past half a turn to one side is nearly half a turn to the other."""
     turned = [
         InertialReading([0.0, 9.0], [0.0, 0.0], angle, 0.0, 600.0, [False, False], 0.0)
         for angle in (3.0, math.pi + 0.1, -math.pi - 0.1, 2.0 * math.pi + 0.2)
     ]
-    seen = [seen_in_the_plane(RadarReading(9.0, 0.0, 0.0), one)[4] for one in turned]
+    seen = [pad_observation(RadarReading(9.0, 0.0, 0.0), one)[4] for one in turned]
     assert seen == pytest.approx([3.0, 0.1 - math.pi, math.pi - 0.1, 0.2], abs=1e-6)
 
 
 @pytest.mark.parametrize("options", [{"start": "7"}, {"start": True}, {"start": 1.5}, {"begin": 7}])
-def test_options_that_are_none_are_refused(options: dict[str, Any]) -> None:
+def test_invalid_options_raise(options: dict[str, Any]) -> None:
     env: Any = gymnasium.make("snr_sim/LanderVertical-v0").unwrapped
     with pytest.raises(ParameterError, match=r"reset\(\) was given"):
         env.reset(options=options)
@@ -239,7 +239,7 @@ def test_options_that_are_none_are_refused(options: dict[str, Any]) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", ["sync", "async"])
 @pytest.mark.parametrize("name", ["LanderVertical", "LanderPad", "UrovStation", "LunarLanderBox"])
-def test_several_beside_each_other_do_what_each_does_alone(name: str, mode: str) -> None:
+def test_parallel_environments_are_independent(name: str, mode: str) -> None:
     name = f"snr_sim/{name}-v0"
     envs = gymnasium.make_vec(name, num_envs=2, vectorization_mode=mode)
     alone = [gymnasium.make(name) for _ in range(2)]
@@ -257,13 +257,22 @@ def test_several_beside_each_other_do_what_each_does_alone(name: str, mode: str)
 
 
 @pytest.mark.slow
-def test_a_bare_interpreter_makes_one_by_its_module_and_its_name() -> None:
+def test_make_by_module_and_id_in_new_interpreter() -> None:
     code = 'import gymnasium; print(gymnasium.make("snr_sim.learning:snr_sim/LanderPad-v0").reset(seed=1)[0].shape)'
     assert subprocess.check_output([sys.executable, "-W", "error", "-c", code], text=True) == "(9,)\n"
     assert snr_sim.learning is sys.modules["snr_sim.learning"]
 
 
-def test_a_picture_shows_the_module_and_what_pushes_it() -> None:
+@pytest.mark.slow
+def test_environments_are_registered_when_gymnasium_is_imported_later() -> None:
+    code = (
+        "import sys, snr_sim.learning; assert 'gymnasium' not in sys.modules\n"
+        "import gymnasium; print(gymnasium.spec('snr_sim/LanderPad-v0').id)"
+    )
+    assert subprocess.check_output([sys.executable, "-W", "error", "-c", code], text=True) == "snr_sim/LanderPad-v0\n"
+
+
+def test_frame_shows_module_and_thrust() -> None:
     env: Any = gymnasium.make("snr_sim/LanderPad-v0", render_mode="rgb_array")
     env.reset(seed=1)
     off = env.render()
@@ -278,7 +287,7 @@ def test_a_picture_shows_the_module_and_what_pushes_it() -> None:
 
 
 @every_environment
-def test_spec_states_the_scenarios_own_time_limit(name: str) -> None:
+def test_spec_has_time_limit_of_scenario(name: str) -> None:
     """`make` truncates at the step at which the environment itself does, and at no other."""
     env: Any = gymnasium.make(name)
     bare = env.unwrapped
@@ -290,7 +299,7 @@ def test_spec_states_the_scenarios_own_time_limit(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["snr_sim/UrovDepthHold-v0", "snr_sim/UrovStation-v0"])
-def test_spec_of_a_vehicle_ends_with_its_verdict(name: str) -> None:
+def test_vehicle_spec_ends_with_verdict(name: str) -> None:
     env: Any = gymnasium.make(name).unwrapped
     env.reset(seed=1)
     steps = 1
@@ -300,12 +309,12 @@ def test_spec_of_a_vehicle_ends_with_its_verdict(name: str) -> None:
 
 
 @pytest.mark.parametrize("start", [0, 7])
-def test_a_picture_from_high_up_has_ground_from_edge_to_edge(start: int) -> None:
+def test_frame_from_high_altitude_shows_ground_to_both_edges(start: int) -> None:
     """What is drawn of the country is 500 m wide, and a picture from 1000 m up is wider."""
     env: Any = gymnasium.make("snr_sim/LanderVertical-v0", render_mode="rgb_array")
     env.reset(options={"start": start})
     picture = env.render()
-    sky, ground = picture[0, 0].tolist(), picture[-1]
+    background, ground = picture[0, 0].tolist(), picture[-1]
     assert ground.tolist() == [ground[0].tolist()] * picture.shape[1]
-    assert ground[0].tolist() != sky
-    assert (picture[: picture.shape[0] // 2, 0] == sky).all()
+    assert ground[0].tolist() != background
+    assert (picture[: picture.shape[0] // 2, 0] == background).all()

@@ -31,7 +31,7 @@ both_actions = pytest.mark.parametrize("continuous", [False, True], ids=["discre
 
 
 @both_actions
-def test_gymnasiums_own_checker_has_no_complaint(continuous: bool) -> None:
+def test_gymnasium_checker_passes(continuous: bool) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(gymnasium.make(NAME, render_mode="rgb_array", continuous=continuous).unwrapped)
@@ -53,7 +53,7 @@ def episode(seed: int, continuous: bool) -> list[Any]:
 
 @pytest.mark.slow
 @both_actions
-def test_the_same_seed_is_the_same_episode_also_in_another_process(continuous: bool) -> None:
+def test_same_seed_gives_same_episode_in_another_process(continuous: bool) -> None:
     mine = episode(5, continuous)
     assert episode(5, continuous) == mine
     assert episode(6, continuous) != mine
@@ -67,7 +67,7 @@ def test_the_same_seed_is_the_same_episode_also_in_another_process(continuous: b
 
 
 @both_actions
-def test_an_episode_knows_nothing_of_those_before_it(continuous: bool) -> None:
+def test_episode_is_independent_of_previous_ones(continuous: bool) -> None:
     """The engine keeps contacts, orders of shapes and pushes of joints; none may outlive a landing or a crash."""
     used = gymnasium.make(NAME, continuous=continuous)
     for seed in range(12):
@@ -76,13 +76,13 @@ def test_an_episode_knows_nothing_of_those_before_it(continuous: bool) -> None:
 
 def landing(env: Any, seed: int, continuous: bool) -> list[bytes]:
     seen, _ = env.reset(seed=seed)
-    told, ended = [seen.tobytes()], [False]
+    recorded, ended = [seen.tobytes()], [False]
     while not any(ended):
         # Every fourth lands with its engines off: it crashes, or comes to lie on the ground.
         off = np.zeros(2, np.float32) if continuous else 0
         seen, _, *ended, _ = env.step(off if seed % 4 == 3 else published_policy(seen, continuous))
-        told.append(seen.tobytes())
-    return told
+        recorded.append(seen.tobytes())
+    return recorded
 
 
 # What LunarLander-v3 of gymnasium 1.4 with Box2D 2.3.10 observes at the start, and after 40 steps of 0 2 0 1 2 3.
@@ -94,7 +94,7 @@ ORIGINAL = {
 
 
 @pytest.mark.parametrize("seed", list(ORIGINAL))
-def test_a_flight_of_a_seed_is_nearly_the_originals_until_something_touches(seed: int) -> None:
+def test_flight_until_contact_is_close_to_original(seed: int) -> None:
     """Box2D turns the legs out within the first steps, which nudges the hull; each nudge of tilt grows with time."""
     env = gymnasium.make(NAME)
     start, later = ORIGINAL[seed]
@@ -137,7 +137,7 @@ def returns_of(name: str, continuous: bool, seeds: int = 200) -> list[float]:
 
 def tilts_of(name: str, flights: int = 30) -> list[list[float]]:
     """The tilt after every fifth random action, until something touches; for each seed."""
-    env, told = gymnasium.make(name), []
+    env, recorded = gymnasium.make(name), []
     for seed in range(flights):
         rng = np.random.default_rng(seed)
         env.reset(seed=seed)
@@ -148,11 +148,11 @@ def tilts_of(name: str, flights: int = 30) -> list[list[float]]:
                 break
             if k % 5 == 0:
                 tilts.append(round(float(seen[4]), 4))
-        told.append(tilts)
-    return told
+        recorded.append(tilts)
+    return recorded
 
 
-def test_random_actions_tilt_the_lander_as_in_the_original_until_something_touches() -> None:
+def test_random_actions_tilt_as_in_original_until_contact() -> None:
     wrong = [
         np.abs(np.array(ours[:shorter]) - original[:shorter])
         for ours, original in zip(tilts_of(NAME), RECORDED["tilts"], strict=True)
@@ -165,14 +165,14 @@ def test_random_actions_tilt_the_lander_as_in_the_original_until_something_touch
 
 @pytest.mark.slow
 @both_actions
-def test_published_policy_scores_as_in_the_original_on_the_same_seeds(continuous: bool) -> None:
+def test_published_policy_scores_as_in_original(continuous: bool) -> None:
     original = RECORDED["continuous" if continuous else "discrete"]
     gained = np.array(returns_of(NAME, continuous)) - original
     assert abs(float(gained.mean())) <= 2.0 * float(gained.std(ddof=1)) / math.sqrt(len(gained))
 
 
 @pytest.mark.parametrize("action", [1, 2, 3])
-def test_burn_turns_the_lander_no_farther_than_its_rate_says(action: int) -> None:
+def test_burn_changes_angle_by_rate_only(action: int) -> None:
     env: Any = gymnasium.make(NAME).unwrapped
     env.reset(seed=0)
     for _ in range(10):
@@ -181,7 +181,7 @@ def test_burn_turns_the_lander_no_farther_than_its_rate_says(action: int) -> Non
         assert env.world.angle_rad - before == pytest.approx(env.world.turn_radps / 50.0, abs=2e-5)
 
 
-def test_coming_to_rest_is_worth_100_in_place_of_the_last_reward_and_a_crash_costs_100() -> None:
+def test_last_reward_is_100_at_rest_and_minus_100_at_crash() -> None:
     env: Any = gymnasium.make(NAME).unwrapped
     seen, _ = env.reset(seed=0)
     is_over = False
@@ -199,7 +199,7 @@ def test_coming_to_rest_is_worth_100_in_place_of_the_last_reward_and_a_crash_cos
     assert env.world.is_crashed
 
 
-def test_leaving_the_world_sideways_ends_it() -> None:
+def test_leaving_world_sideways_terminates() -> None:
     env: Any = gymnasium.make(NAME, continuous=True).unwrapped
     env.reset(seed=1)
     env.world.hull.velocity = 60.0, 20.0
@@ -210,7 +210,7 @@ def test_leaving_the_world_sideways_ends_it() -> None:
     assert not env.world.is_crashed
 
 
-def test_a_reward_is_the_growth_of_the_potential_less_what_engines_cost() -> None:
+def test_reward_is_potential_difference_less_engine_cost() -> None:
     rewards = {}
     for action in range(4):
         env: Any = gymnasium.make(NAME).unwrapped
@@ -221,7 +221,7 @@ def test_a_reward_is_the_growth_of_the_potential_less_what_engines_cost() -> Non
     assert rewards == pytest.approx({0: 0.0, 1: -0.03, 2: -0.3, 3: -0.03})
 
 
-def test_a_lander_that_hovers_is_stopped_after_a_thousand_steps() -> None:
+def test_hovering_is_truncated_after_1000_steps() -> None:
     env: Any = gymnasium.make(NAME, continuous=True)
     env.reset(seed=0)
     for step in range(1, 1001):
@@ -231,7 +231,7 @@ def test_a_lander_that_hovers_is_stopped_after_a_thousand_steps() -> None:
 
 
 @pytest.mark.parametrize("action", [4, -1, 1.0, "2", None, np.array([1]), math.nan])
-def test_what_is_no_action_is_refused_with_what_is_one(action: Any) -> None:
+def test_invalid_action_raises_with_valid_actions(action: Any) -> None:
     env = gymnasium.make(NAME).unwrapped
     env.reset(seed=0)
     with pytest.raises(ParameterError, match="0, 1, 2 or 3"):
@@ -240,7 +240,7 @@ def test_what_is_no_action_is_refused_with_what_is_one(action: Any) -> None:
 
 
 @pytest.mark.parametrize("action", [0, (0.0,), (0.0, 0.0, 0.0), ("a", "b"), (math.nan, 0.0), (0.0, math.inf), None])
-def test_what_are_no_two_numbers_is_refused(action: Any) -> None:
+def test_continuous_action_without_two_numbers_raises(action: Any) -> None:
     env = gymnasium.make(NAME, continuous=True).unwrapped
     env.reset(seed=0)
     with pytest.raises(ParameterError, match="two numbers from -1 to 1"):
@@ -248,7 +248,7 @@ def test_what_are_no_two_numbers_is_refused(action: Any) -> None:
     env.step((3.0, -2.0))  # counts as (1, -1), as in the original
 
 
-def test_a_step_outside_an_episode_is_refused() -> None:
+def test_step_outside_episode_raises() -> None:
     env = gymnasium.make(NAME).unwrapped
     with pytest.raises(ParameterError, match="call reset"):
         env.step(0)
@@ -263,12 +263,12 @@ def test_a_step_outside_an_episode_is_refused() -> None:
     "kwargs",
     [{"gravity": 1.0}, {"gravity": -12.0}, {"wind_power": 21.0}, {"turbulence_power": -1.0}, {"render_mode": "human"}],
 )
-def test_an_argument_that_cannot_be_is_named(kwargs: dict[str, Any]) -> None:
+def test_invalid_argument_raises_with_name(kwargs: dict[str, Any]) -> None:
     with pytest.raises(ParameterError, match=next(iter(kwargs))):
         LunarLanderBox(**kwargs)
 
 
-def test_wind_blows_the_lander_aside() -> None:
+def test_wind_moves_lander_sideways() -> None:
     def at_end(enable_wind: bool) -> float:
         env = gymnasium.make(NAME, enable_wind=enable_wind, wind_power=20.0).unwrapped
         env.reset(seed=11)
@@ -292,9 +292,9 @@ def test_wind_without_power_changes_nothing() -> None:
 def record() -> None:
     """Record what gymnasium's own LunarLander-v3 does, with Box2D."""
     name = "LunarLander-v3"
-    told = {"tilts": tilts_of(name), "discrete": returns_of(name, False), "continuous": returns_of(name, True)}
+    recorded = {"tilts": tilts_of(name), "discrete": returns_of(name, False), "continuous": returns_of(name, True)}
     by = {package: version(package) for package in ("gymnasium", "box2d")}
-    RECORDED_FILE.write_text(json.dumps({"by": by, **told}, indent=None) + "\n")
+    RECORDED_FILE.write_text(json.dumps({"by": by, **recorded}, indent=None) + "\n")
 
 
 if __name__ == "__main__":

@@ -15,14 +15,14 @@ from msgspec import structs
 
 import snr_sim.learning  # noqa: F401 - makes the names known
 from snr_sim.learning.lander_envs import PAD_THROTTLES, PAD_TURNS, pad_command
-from snr_sim.learning.pad_training import BURN_AXES, LEAN_AXES, PadPolicy, PadTraining, train_pad, try_pad
+from snr_sim.learning.pad_training import BURN_AXES, LEAN_AXES, PadPolicy, PadTraining, evaluate_policy, train_pad
 from snr_sim.learning.q_table import QTable
 from snr_sim.learning.tabular import evaluate
 from snr_sim.prelude.errors import ParameterError, RecordingError
-from snr_sim.scenario.flight import Flight
 from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import SimulationRun
 
-SHORT = PadTraining(landers=192, steps=500, tried=100)
+SHORT = PadTraining(landers=192, steps=500, eval_episodes=100)
 
 
 @pytest.fixture(scope="module")
@@ -37,38 +37,38 @@ def learned(env: Any) -> PadPolicy:
     return policy
 
 
-def test_a_short_training_already_comes_down_more_slowly_or_straighter_than_none(env: Any, learned: PadPolicy) -> None:
-    before, after = (try_pad(policy, env, 200, seed=3) for policy in (PadPolicy(), learned))
+def test_short_training_improves_landings(env: Any, learned: PadPolicy) -> None:
+    before, after = (evaluate_policy(policy, env, 200, seed=3) for policy in (PadPolicy(), learned))
     assert before.slow + before.straight < 0.1
     assert after.slow + after.straight > before.slow + before.straight + 0.1
 
 
-def test_the_same_seed_learns_the_same_and_another_seed_another(env: Any, learned: PadPolicy) -> None:
+def test_same_seed_gives_same_policy_and_other_seed_another(env: Any, learned: PadPolicy) -> None:
     again, other = PadPolicy(), PadPolicy()
     train_pad(again, env, SHORT)
-    train_pad(other, env, PadTraining(landers=192, steps=500, tried=100, seed=1))
+    train_pad(other, env, PadTraining(landers=192, steps=500, eval_episodes=100, seed=1))
     assert np.array_equal(again.burn.weights, learned.burn.weights)
     assert np.array_equal(again.lean.weights, learned.lean.weights)
     assert not np.array_equal(other.lean.weights, learned.lean.weights)
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"steps": 0}, {"landers": 1.5}, {"seed": -1}, {"try_every": 0}, {"least_step": (0.05, -0.1)}]
+    "wrong", [{"steps": 0}, {"landers": 1.5}, {"seed": -1}, {"eval_interval": 0}, {"min_step_size": (0.05, -0.1)}]
 )
-def test_a_training_that_makes_no_sense_is_refused_before_it_begins(wrong: dict[str, Any]) -> None:
+def test_invalid_training_raises_before_it_begins(wrong: dict[str, Any]) -> None:
     with pytest.raises(ParameterError, match=f"A training with {next(iter(wrong))}="):
         PadTraining(**wrong)
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("seed", [0, 1])
-def test_ninety_of_a_hundred_unseen_starts_are_landed_after_a_whole_training(env: Any, seed: int) -> None:
+def test_full_training_lands_90_of_100_unseen_starts(env: Any, seed: int) -> None:
     policy = PadPolicy()
     train_pad(policy, env, PadTraining(seed=seed))
     assert sum(end["success"] for end in evaluate(env, policy.act, range(1, 101))) >= 90
 
 
-def test_all_is_off_once_a_foot_touches(learned: PadPolicy) -> None:
+def test_policy_after_contact_turns_all_off(learned: PadPolicy) -> None:
     learned.lean.weights[:, 2] += 100.0  # it would turn, if it were asked
     try:
         for contact in ((1.0, 0.0), (0.0, 1.0), (1.0, 1.0)):
@@ -79,7 +79,7 @@ def test_all_is_off_once_a_foot_touches(learned: PadPolicy) -> None:
         learned.lean.weights[:, 2] -= 100.0
 
 
-def test_a_policy_comes_back_from_its_file_as_it_was(learned: PadPolicy, tmp_path: Path) -> None:
+def test_loaded_policy_equals_saved_one(learned: PadPolicy, tmp_path: Path) -> None:
     learned.save(tmp_path / "policy.npz")
     found = PadPolicy.load(tmp_path / "policy.npz")
     assert np.array_equal(found.burn.weights, learned.burn.weights)
@@ -88,7 +88,7 @@ def test_a_policy_comes_back_from_its_file_as_it_was(learned: PadPolicy, tmp_pat
     assert found.made_by == repr(SHORT)
 
 
-def test_a_file_that_is_no_policy_is_refused_and_never_unpickled(tmp_path: Path, learned: PadPolicy) -> None:
+def test_non_policy_file_raises_and_is_not_unpickled(tmp_path: Path, learned: PadPolicy) -> None:
     class Trap:
         def __reduce__(self) -> Any:
             return (Path(tmp_path / "sprung").touch, ())
@@ -123,9 +123,7 @@ def test_a_file_that_is_no_policy_is_refused_and_never_unpickled(tmp_path: Path,
         ({"lean": (*LEAN_AXES, BURN_AXES[0])}, "decides how to lean by vx_mps, attitude_rad, rate_radps, altitude_m"),
     ],
 )
-def test_a_policy_that_looks_at_other_numbers_is_refused_at_loading(
-    axes: dict[str, Any], message: str, tmp_path: Path
-) -> None:
+def test_policy_with_other_axes_raises_at_load(axes: dict[str, Any], message: str, tmp_path: Path) -> None:
     PadPolicy(**{name: [structs.replace(axis, intervals=3) for axis in given] for name, given in axes.items()}).save(
         tmp_path / "policy.npz"
     )
@@ -134,7 +132,7 @@ def test_a_policy_that_looks_at_other_numbers_is_refused_at_loading(
 
 
 @pytest.mark.parametrize(("field", "value"), [("intervals", 2**62), ("intervals", 10**6), ("tilings", 10**30)])
-def test_tiles_that_fill_the_memory_are_refused_before_they_are_made(field: str, value: int, tmp_path: Path) -> None:
+def test_too_many_tiles_raise_before_allocation(field: str, value: int, tmp_path: Path) -> None:
     path, short = tmp_path / "policy.npz", [structs.replace(axis, intervals=3) for axis in BURN_AXES]
     PadPolicy(burn=short, lean=[structs.replace(axis, intervals=3) for axis in LEAN_AXES]).save(path)
     with np.load(path) as whole:
@@ -143,13 +141,11 @@ def test_tiles_that_fill_the_memory_are_refused_before_they_are_made(field: str,
     (about["burn"][0] if field == "intervals" else about)[field] = value
     arrays["about"] = np.frombuffer(json.dumps(about).encode(), np.uint8)
     np.savez(path, **arrays)
-    with pytest.raises(RecordingError, match="is no policy of tiles"):
+    with pytest.raises(RecordingError, match="is not a policy of tiles"):
         PadPolicy.load(path)
 
 
-def test_a_policy_flies_in_a_node_just_as_it_did_here_to_the_last_bit(
-    env: Any, learned: PadPolicy, tmp_path: Path
-) -> None:
+def test_policy_in_node_lands_as_in_environment_bitwise(env: Any, learned: PadPolicy, tmp_path: Path) -> None:
     observation, _ = env.reset(options={"start": 5})
     over = False
     while not over:
@@ -159,19 +155,19 @@ def test_a_policy_flies_in_a_node_just_as_it_did_here_to_the_last_bit(
     options = {"policy": str(tmp_path / "policy.npz")}
     simulation = prepare(Request("lander_pad", seed=5, controller="q", options=options))
     plant: Any = simulation.plant()
-    result = Flight(simulation, plant, simulation.config(plant)).run()
+    result = SimulationRun(simulation, plant, simulation.config(plant)).run()
     assert result.outcome == info["outcome"]
     assert plant.touchdown == env.plant.touchdown
     assert plant.fuel_kg == env.plant.fuel_kg
 
 
-def test_without_a_file_the_controller_says_what_makes_one() -> None:
+def test_controller_without_file_raises_with_command() -> None:
     simulation = prepare(Request("lander_pad", controller="q"))
     with pytest.raises(ParameterError, match=r"learn_pad\.py"):
         simulation.config(simulation.plant())
 
 
-def test_actions_are_what_the_environment_says() -> None:
+def test_actions_equal_those_of_environment() -> None:
     commands = [pad_command(action) for action in range(9)]
     assert [command.throttle for command in commands] == [one for one in PAD_THROTTLES for _ in PAD_TURNS]
     assert [command.attitude for command in commands] == list(PAD_TURNS) * 3

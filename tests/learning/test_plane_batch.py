@@ -31,7 +31,7 @@ def as_one(plant: Any) -> PlaneLanders:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_ten_seconds_of_flight_are_the_plants_to_some_centimetres(seed: int) -> None:
+def test_ten_seconds_of_batch_flight_are_close_to_plant(seed: int) -> None:
     """The plant steps 20 times as often; what differs is that here the push is the mean of 0.05 s."""
     env: Any = gymnasium.make("snr_sim/LanderPad-v0").unwrapped
     env.reset(options={"start": seed})
@@ -48,13 +48,13 @@ def test_ten_seconds_of_flight_are_the_plants_to_some_centimetres(seed: int) -> 
         landers = step(landers, np.array([throttle]), np.array([turn]), plant.module, 0.1)
     assert plant.outcome is None
     assert abs(plant._read_pose().attitude_rad) < 1.0
-    found, wanted = [float(one[0]) for one in landers], [float(one[0]) for one in as_one(plant)]
-    assert found[0] == pytest.approx(wanted[0], abs=0.1)  # height
-    assert found[1:5] == pytest.approx(wanted[1:5], abs=0.01)
-    assert found[5:] == pytest.approx(wanted[5:], abs=0.05)
+    found, expected = [float(one[0]) for one in landers], [float(one[0]) for one in as_one(plant)]
+    assert found[0] == pytest.approx(expected[0], abs=0.1)  # height
+    assert found[1:5] == pytest.approx(expected[1:5], abs=0.01)
+    assert found[5:] == pytest.approx(expected[5:], abs=0.05)
 
 
-def test_an_empty_tank_pushes_no_more() -> None:
+def test_empty_tank_gives_no_thrust() -> None:
     module = gymnasium.make("snr_sim/LanderPad-v0").unwrapped.plant.module  # type: ignore[attr-defined]
     one = PlaneLanders(*(np.array([value]) for value in (100.0, 0.0, 0.0, 0.0, 0.0, 7000.0, 1.0, 0.6)))
     for _ in range(20):
@@ -65,7 +65,7 @@ def test_an_empty_tank_pushes_no_more() -> None:
     assert float(falls.vz_mps[0] - one.vz_mps[0]) == pytest.approx(-0.1 * module.gravity_mps2)
 
 
-def test_the_lower_foot_of_a_tilted_lander_touches_first() -> None:
+def test_lower_foot_of_tilted_lander_touches_first() -> None:
     tilt = math.radians(6.0)
     lower_m = FEET_OUT_M * math.sin(tilt) - PADS_BELOW_M * (1.0 - math.cos(tilt))
     heights = np.array([0.01, -0.01, lower_m + 0.01, lower_m - 0.01])

@@ -25,20 +25,20 @@ def table() -> QTable:
     return made
 
 
-def test_the_best_action_is_chosen_and_of_equals_the_first() -> None:
+def test_best_returns_first_of_equal_actions() -> None:
     assert [table().act([x]) for x in (-5.0, 0.5, 5.0)] == [0, 0, 0]
     other = table()
     other.values[1] = 0.1, 0.2
     assert other.act([0.5]) == 1
 
 
-def test_an_action_that_was_never_tried_is_not_chosen_for_its_zero() -> None:
-    young = table()
-    young.values[0], young.visits[0] = (-1.0, 0.0), (4, 0)
-    assert young.act([-5.0]) == 0
+def test_best_ignores_untried_actions() -> None:
+    fresh = table()
+    fresh.values[0], fresh.visits[0] = (-1.0, 0.0), (4, 0)
+    assert fresh.act([-5.0]) == 0
 
 
-def test_a_table_comes_back_from_its_file_to_the_last_bit(tmp_path: Path) -> None:
+def test_loaded_table_equals_saved_one_bitwise(tmp_path: Path) -> None:
     mine = table()
     mine.made_by = "by hand"
     mine.save(tmp_path / "policy.npz")
@@ -53,7 +53,7 @@ def test_a_table_comes_back_from_its_file_to_the_last_bit(tmp_path: Path) -> Non
     )
 
 
-def test_a_file_for_something_else_is_refused(tmp_path: Path) -> None:
+def test_table_of_other_environment_raises(tmp_path: Path) -> None:
     table().save(tmp_path / "policy.npz")
     with pytest.raises(RecordingError, match="was learned in toy/Line-v0, not in snr_sim/LanderVertical-v0"):
         QTable.load(tmp_path / "policy.npz", "snr_sim/LanderVertical-v0")
@@ -69,24 +69,24 @@ class Bomb:
         return (open, (str(self.path), "w"))
 
 
-def test_a_pickle_is_refused_and_not_opened(tmp_path: Path) -> None:
+def test_pickle_raises_and_is_not_opened(tmp_path: Path) -> None:
     trace = tmp_path / "it_ran"
     (tmp_path / "plain.npz").write_bytes(pickle.dumps(Bomb(trace)))
     array = np.empty(1, object)
     array[0] = Bomb(trace)
     np.savez(tmp_path / "inside.npz", about=array, values=array, visits=array)
     for name in ("plain.npz", "inside.npz"):
-        with pytest.raises(RecordingError, match="is no table of action values"):
+        with pytest.raises(RecordingError, match="is not a table of action values"):
             QTable.load(tmp_path / name)
     assert not trace.exists()
 
 
 @pytest.mark.parametrize("length", [0, 10, 100, -30])
-def test_a_file_that_was_cut_is_refused(length: int, tmp_path: Path) -> None:
+def test_truncated_file_raises(length: int, tmp_path: Path) -> None:
     path = tmp_path / "policy.npz"
     table().save(path)
     path.write_bytes(path.read_bytes()[:length])
-    with pytest.raises(RecordingError, match="is no table of action values"):
+    with pytest.raises(RecordingError, match="is not a table of action values"):
         QTable.load(path)
 
 
@@ -107,17 +107,17 @@ def rewritten(path: Path, **arrays: Any) -> None:
         ),
         ({"visits": np.zeros((3, 2))}, "'visits' is float64"),
         ({"values": np.full((3, 2), np.nan)}, "not finite"),
-        ({"about": np.frombuffer(b'{"environment": "x"}', np.uint8)}, "is no table"),
-        ({"about": np.frombuffer(b"not json", np.uint8)}, "is no table"),
+        ({"about": np.frombuffer(b'{"environment": "x"}', np.uint8)}, "is not a table"),
+        ({"about": np.frombuffer(b"not json", np.uint8)}, "is not a table"),
     ],
 )
-def test_a_file_whose_parts_do_not_agree_is_refused(arrays: dict[str, Any], message: str, tmp_path: Path) -> None:
+def test_inconsistent_file_raises(arrays: dict[str, Any], message: str, tmp_path: Path) -> None:
     rewritten(tmp_path / "policy.npz", **arrays)
     with pytest.raises(RecordingError, match=message):
         QTable.load(tmp_path / "policy.npz")
 
 
-def test_a_file_that_unpacks_to_more_than_fits_is_refused_before_it_is_unpacked(tmp_path: Path) -> None:
+def test_oversized_archive_raises_before_unpacking(tmp_path: Path) -> None:
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("values.npy", bytes(300 * 2**20))
@@ -156,9 +156,9 @@ def with_member(path: Path, name: str, data: bytes, packing: int = zipfile.ZIP_D
         (header("(3, 2)") + bytes(48), zipfile.ZIP_BZIP2),
     ],
 )
-def test_an_array_that_says_something_else_of_itself_is_refused(data: bytes, packing: int, tmp_path: Path) -> None:
+def test_array_with_wrong_header_raises(data: bytes, packing: int, tmp_path: Path) -> None:
     with_member(tmp_path / "policy.npz", "values.npy", data, packing)
-    with pytest.raises(RecordingError, match="is no table of action values"):
+    with pytest.raises(RecordingError, match="is not a table of action values"):
         QTable.load(tmp_path / "policy.npz")
 
 
@@ -169,36 +169,34 @@ def test_an_array_that_says_something_else_of_itself_is_refused(data: bytes, pac
         ({"edges": [list(range(3000))] * 6, "names": list("abcdef")}, "numbers are more than"),
         ({"edges": [[1.0, 0.0]]}, "do not grow"),
         ({"edges": [[0.0, 1.0], [2.0]]}, "1 names for 2 lists"),
-        ({"edges": [["a"]]}, "is no table"),
+        ({"edges": [["a"]]}, "is not a table"),
         ({"actions": []}, "nothing to choose"),
-        ({"environment": 3}, "is no table"),
+        ({"environment": 3}, "is not a table"),
         ({"version": 2}, "has version 2; this kit reads 1"),
     ],
 )
-def test_what_a_file_asks_for_is_looked_at_before_there_is_memory_for_it(
-    changes: dict[str, Any], message: str, tmp_path: Path
-) -> None:
+def test_requested_size_is_checked_before_allocation(changes: dict[str, Any], message: str, tmp_path: Path) -> None:
     about = {"environment": "toy", "names": ["x"], "edges": [[0.0, 1.0]], "actions": ["left", "right"], "version": 1}
     rewritten(tmp_path / "policy.npz", about=np.frombuffer(json.dumps({**about, **changes}).encode(), np.uint8))
     with pytest.raises(RecordingError, match=message):
         QTable.load(tmp_path / "policy.npz")
 
 
-def test_visits_below_nothing_are_refused(tmp_path: Path) -> None:
+def test_negative_visits_raise(tmp_path: Path) -> None:
     rewritten(tmp_path / "policy.npz", visits=np.full((3, 2), -1))
     with pytest.raises(RecordingError, match="visits below 0"):
         QTable.load(tmp_path / "policy.npz")
 
 
-def test_what_is_no_file_is_refused_and_not_waited_for(tmp_path: Path) -> None:
+def test_non_regular_file_raises_without_waiting(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "fifo.npz")
     (tmp_path / "folder.npz").mkdir()
     for path in (tmp_path / "fifo.npz", tmp_path / "folder.npz", Path("/dev/zero")):
-        with pytest.raises(RecordingError, match="is no file"):
+        with pytest.raises(RecordingError, match="is not a regular file"):
             QTable.load(path)
 
 
-def test_a_file_with_any_one_byte_changed_is_a_table_or_the_one_error(tmp_path: Path) -> None:
+def test_any_changed_byte_gives_table_or_recording_error(tmp_path: Path) -> None:
     """Every byte, to one of 255 others: most are noticed by the check sums, the rest change nothing that matters."""
     path, whole = tmp_path / "policy.npz", table()
     whole.save(path)
@@ -235,7 +233,7 @@ EDGES = {"altitude_m": (10.0, 100.0), "velocity_mps": (-5.0, 0.0), "fuel_kg": (1
         ((*NAMES, "fuel_kg"), "abcd", "is a table over altitude_m, velocity_mps, fuel_kg; what"),
     ],
 )
-def test_a_table_for_other_numbers_or_other_actions_is_refused_at_loading(
+def test_table_with_other_names_or_actions_raises_at_load(
     names: tuple[str, ...], actions: str, message: str, tmp_path: Path
 ) -> None:
     QTable(Discretiser(names, tuple(EDGES[name] for name in names)), actions, "toy").save(tmp_path / "policy.npz")
@@ -244,7 +242,7 @@ def test_a_table_for_other_numbers_or_other_actions_is_refused_at_loading(
         QTable.load(tmp_path / "policy.npz", "toy", NAMES, ACTIONS)
 
 
-def test_no_such_file_and_no_such_folder_are_told(tmp_path: Path) -> None:
+def test_missing_file_and_missing_folder_raise(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="There is no file"):
         QTable.load(tmp_path / "none.npz")
     with pytest.raises(RecordingError, match="cannot be written") as error:
@@ -252,7 +250,7 @@ def test_no_such_file_and_no_such_folder_are_told(tmp_path: Path) -> None:
     assert error.value.fix == "name a file in a folder that is there."
 
 
-def test_a_disk_that_is_full_leaves_what_was_learned_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_full_disk_keeps_previous_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fails(descriptor: int) -> None:
         raise OSError(28, "No space left on device")
 
@@ -265,6 +263,6 @@ def test_a_disk_that_is_full_leaves_what_was_learned_before(tmp_path: Path, monk
     assert len(list(tmp_path.iterdir())) == 1
 
 
-def test_one_action_leaves_nothing_to_learn() -> None:
+def test_single_action_raises() -> None:
     with pytest.raises(ParameterError, match="nothing to choose"):
         QTable(GRID, ("only",), "toy/Line-v0")

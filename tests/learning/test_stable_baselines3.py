@@ -24,17 +24,17 @@ def sb3() -> Any:
 
 
 @pytest.mark.parametrize("name", list(ENVIRONMENTS))
-def test_its_own_checker_finds_no_error(sb3: Any, name: str) -> None:
-    with warnings.catch_warnings(record=True) as said:
+def test_stable_baselines_checker_passes(sb3: Any, name: str) -> None:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         sb3.common.env_checker.check_env(gymnasium.make(name, render_mode="rgb_array"))
-    words = [str(one.message) for one in said if "snr_sim" in str(one.filename) or "env_checker" in str(one.filename)]
+    words = [str(one.message) for one in caught if "snr_sim" in str(one.filename) or "env_checker" in str(one.filename)]
     # Bounds of continuous actions are physical (a throttle is 0 to 1), not -1 to 1 for each.
     assert [text for text in words if "symmetric and normalized" not in text] == []
 
 
 @pytest.mark.parametrize("name", list(ENVIRONMENTS))
-def test_ppo_trains_on_each_without_a_wrapper(sb3: Any, name: str) -> None:
+def test_ppo_trains_without_wrapper(sb3: Any, name: str) -> None:
     model = sb3.PPO("MlpPolicy", name, n_steps=64, batch_size=64, n_epochs=1, seed=1, device="cpu")
     before = parameters_of(model)
     model.learn(128)
@@ -42,7 +42,7 @@ def test_ppo_trains_on_each_without_a_wrapper(sb3: Any, name: str) -> None:
     assert any(not np.array_equal(one, other) for one, other in zip(before, parameters_of(model), strict=True))
 
 
-def test_ppo_trained_briefly_flies_better_than_chance(sb3: Any) -> None:
+def test_briefly_trained_ppo_beats_random_policy(sb3: Any) -> None:
     """The mean return over unseen starts grows. By 33 to 43 with three seeds: it hovers, and does not crash."""
     envs = sb3.common.env_util.make_vec_env("snr_sim/LanderVertical-v0", n_envs=8, seed=3)
     far_sighted = {"gamma": 0.999, "gae_lambda": 0.98}  # a flight is hundreds of steps long

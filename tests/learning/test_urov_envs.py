@@ -15,7 +15,7 @@ def made(name: str) -> Any:
     return gymnasium.make(f"snr_sim/{name}-v0").unwrapped
 
 
-def flown(env: Any, policy: Any, start: int) -> tuple[float, dict[str, Any]]:
+def run_episode(env: Any, policy: Any, start: int) -> tuple[float, dict[str, Any]]:
     """Flies an episode; returns the sum of rewards, and how it ended."""
     observation, _ = env.reset(options={"start": start})
     total, is_over = 0.0, False
@@ -62,24 +62,22 @@ def station_keeper() -> Any:
         ("UrovStation", station_keeper, 9),
     ],
 )
-def test_what_the_observation_says_is_enough_to_meet_the_scenarios_criterion(
-    name: str, policy_of: Any, start: int
-) -> None:
+def test_observation_suffices_to_meet_scenario_criterion(name: str, policy_of: Any, start: int) -> None:
     env = made(name)
-    _, info = flown(env, policy_of(), start)
+    _, info = run_episode(env, policy_of(), start)
     assert (info["outcome"], info["success"]) == ("held", True)
 
 
 @pytest.mark.parametrize("name", ["UrovDepthHold", "UrovStation"])
-def test_who_does_nothing_misses_the_criterion_and_pays_for_it(name: str) -> None:
+def test_zero_action_fails_criterion_with_negative_return(name: str) -> None:
     env = made(name)
-    total, info = flown(env, lambda seen: np.zeros(env.action_space.shape), 0)
-    assert (info["outcome"], info["success"]) == ("missed", False)
-    assert info["why"]
+    total, info = run_episode(env, lambda seen: np.zeros(env.action_space.shape), 0)
+    assert (info["outcome"], info["success"]) == ("failed", False)
+    assert info["reason"]
     assert total < -60.0  # the policies above pay 20 to 55
 
 
-def test_who_pushes_nothing_is_charged_for_the_distance_alone() -> None:
+def test_reward_of_zero_action_is_distance_only() -> None:
     env = made("UrovDepthHold")
     env.reset(seed=4)
     _, reward, *_ = env.step(np.array([0.0], np.float32))
@@ -90,7 +88,7 @@ def test_who_pushes_nothing_is_charged_for_the_distance_alone() -> None:
 
 @pytest.mark.parametrize(("axis", "seen"), [(0, 4), (1, 5), (2, 6), (3, 7)])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_each_axis_pushes_where_it_says(axis: int, seen: int, sign: float) -> None:
+def test_each_action_axis_pushes_in_its_direction(axis: int, seen: int, sign: float) -> None:
     env = made("UrovStation")
     env.reset(options={"start": 1})
     action = np.zeros(4, np.float32)
@@ -102,29 +100,29 @@ def test_each_axis_pushes_where_it_says(axis: int, seen: int, sign: float) -> No
     assert all(abs(observation[other]) < 0.5 * speed * sign for other in (4, 5, 6, 7) if other != seen)
 
 
-def test_the_first_observation_is_when_speed_controllers_are_armed() -> None:
+def test_first_observation_is_after_arming() -> None:
     env = made("UrovStation")
     _, info = env.reset(seed=1)
     assert info["time_s"] == env.plant.time_s == 2.0
     assert all(esc.is_armed for esc in env.plant.thrusters.escs)
 
 
-def test_the_depth_that_is_wanted_is_the_pilots() -> None:
+def test_target_depth_equals_pilot_script() -> None:
     env = made("UrovDepthHold")
     env.reset(seed=1)
-    assert env.wanted_m == 1.0
+    assert env.target_m == 1.0
     for _ in range(40):
         env.step(np.array([0.0], np.float32))
-    assert env.wanted_m == 3.0
+    assert env.target_m == 3.0
 
 
-def test_the_vehicle_in_the_plane_has_the_same_spaces_and_holds_as_well() -> None:
+def test_planar_vehicle_has_same_spaces_and_holds_depth() -> None:
     env = gymnasium.make("snr_sim/UrovDepthHold-v0", engine="pymunk").unwrapped
-    _, info = flown(env, depth_holder(), 3)
+    _, info = run_episode(env, depth_holder(), 3)
     assert info["success"]
 
 
-def test_a_rate_is_smoothed_over_its_time() -> None:
+def test_rate_is_smoothed_over_time_constant() -> None:
     rate = Rate(smoothing_s=0.5)
     rate.update(0.0, 0.0)
     for i in range(1, 101):

@@ -16,8 +16,8 @@ from contextlib import suppress
 
 from snr_sim import Page
 from snr_sim.links.frames import MAX_FRAME_BYTES, encode_frame
-from snr_sim.links.messages import PROTOCOL, VERSION, Auth, Hello, Ping, encode_message
-from snr_sim.links.session import Session, Terms
+from snr_sim.links.messages import PROTOCOL, VERSION, Auth, HelloMessage, Ping, encode_message
+from snr_sim.links.session import Session, SessionConfig
 
 HERE = "127.0.0.1"
 SECRET = b"a secret of 16 bytes or more"
@@ -54,7 +54,7 @@ class Far:
 
     def __init__(self, secret: bytes = SECRET, node: str = "attacker") -> None:
         self.sock = connect()
-        self.session = Session(Terms(node, is_server=False, secret=secret), time.monotonic())
+        self.session = Session(SessionConfig(node, is_server=False, secret=secret), time.monotonic())
         self.rest = b""  # frames that are not sent yet
         self.greeting = b""  # all data sent until the session was up
         self.is_reading = True
@@ -74,7 +74,7 @@ class Far:
         self.rest += b"".join(map(self.session.seal, self.session.take_output()))
         return self
 
-    def say(self, payloads: Iterable[bytes]) -> None:
+    def send(self, payloads: Iterable[bytes]) -> None:
         """Queue payloads, each in a frame."""
         self.rest += b"".join(map(self.session.seal, [*self.session.take_output(), *map(encode_frame, payloads)]))
 
@@ -94,7 +94,7 @@ class Far:
                 raise ConnectionError("closed by the server")
             self.session.receive(data, time.monotonic())
 
-    def tend(self) -> None:
+    def keep_alive(self) -> None:
         """Do what an honest peer does, too: read, and keep the session alive."""
         if self.is_reading:
             self.pull()
@@ -118,7 +118,7 @@ def peers(
         is_moving = False
         for far in list(fars):
             try:
-                far.tend()
+                far.keep_alive()
                 if not far.rest:
                     act(far)
                 is_moving = far.push() or is_moving
@@ -131,14 +131,14 @@ def peers(
 
 def flood(key: str, count: int, node: str = "attacker") -> None:
     pages = [page(key, i) for i in range(200)]
-    peers(count, lambda far: far.say(pages), node=node)
+    peers(count, lambda far: far.send(pages), node=node)
 
 
 def byte_by_byte() -> None:
     frame = page("other")
 
     def act(far: Far) -> None:
-        far.say([frame])
+        far.send([frame])
         far.rest, rest = far.rest[:1], far.rest[1:]
         for byte in rest:
             with suppress(BlockingIOError):
@@ -155,7 +155,7 @@ def all_at_once() -> None:
     data = large_page("nothing")
     while True:
         for far in fars:
-            far.say([data])
+            far.send([data])
         while any(len(far.rest) > 1 for far in fars):
             for far in fars:
                 with suppress(BlockingIOError):
@@ -185,13 +185,13 @@ def newcomers(act: Callable[[socket.socket], None], kept: int = 0, pause_s: floa
 
 
 def half_open() -> None:
-    hello = encode_frame(encode_message(Hello(PROTOCOL, VERSION, "x", "0" * 32, "pages", True, 1 << 20)))
+    hello = encode_frame(encode_message(HelloMessage(PROTOCOL, VERSION, "x", "0" * 32, "pages", True, 1 << 20)))
     newcomers(lambda sock: sock.sendall(RNG.choice((b"", hello[:20], hello))), kept=300, pause_s=0.001)
 
 
 def drip() -> None:
     """Send greetings byte by byte over many connections."""
-    hello = encode_frame(encode_message(Hello(PROTOCOL, VERSION, "x", "0" * 32, "pages", True, 1 << 20)))
+    hello = encode_frame(encode_message(HelloMessage(PROTOCOL, VERSION, "x", "0" * 32, "pages", True, 1 << 20)))
     held: list[list] = []
     while True:
         while len(held) < 100:
@@ -236,17 +236,17 @@ KINDS: dict[str, Callable[[], None]] = {
     "flood of accepted pages": lambda: flood("other", 1),
     "the same from 60 peers": lambda: flood("other", 60),
     "flood in the pilot's name": lambda: flood("stick2", 4, node="pilot"),
-    "the longest frames": lambda: peers(4, lambda far: far.say([large_page("nothing")])),
-    "the longest frames of an accepted key": lambda: peers(4, lambda far: far.say([large_page("other", b"1.5")])),
+    "the longest frames": lambda: peers(4, lambda far: far.send([large_page("nothing")])),
+    "the longest frames of an accepted key": lambda: peers(4, lambda far: far.send([large_page("other", b"1.5")])),
     "the longest frames of 40 peers at once": all_at_once,
     "senders byte by byte": byte_by_byte,
     "slow readers": lambda: peers(20, lambda far: None, pause_s=0.01, reads=False),
-    "pings whose answers are not read": lambda: peers(4, lambda far: far.say(PINGS), reads=False),
-    "many peers, each within its budget": lambda: peers(60, lambda far: far.say([page("other")]), pause_s=0.02),
-    "nonsense pages": lambda: peers(4, lambda far: far.say([b"[1, 2, 3]"])),
-    "deeply nested pages": lambda: peers(4, lambda far: far.say([NESTED])),
+    "pings whose answers are not read": lambda: peers(4, lambda far: far.send(PINGS), reads=False),
+    "many peers, each within its budget": lambda: peers(60, lambda far: far.send([page("other")]), pause_s=0.02),
+    "nonsense pages": lambda: peers(4, lambda far: far.send([b"[1, 2, 3]"])),
+    "deeply nested pages": lambda: peers(4, lambda far: far.send([NESTED])),
     "announced lengths of 4 GB": lambda: peers(4, lambda far: setattr(far, "rest", b"\xff\xff\xff\xff")),
-    "messages out of turn": lambda: peers(4, lambda far: far.say([encode_message(Auth("0" * 64))])),
+    "messages out of turn": lambda: peers(4, lambda far: far.send([encode_message(Auth("0" * 64))])),
     "coming and going with the secret": come_and_go,
     "half-open connections": half_open,
     "greetings byte by byte": drip,

@@ -19,9 +19,9 @@ import pytest
 from snr_sim import Config, Node, SimRunner, Task, TaskType, tasks
 from snr_sim.core.clocks import WallClock
 from snr_sim.core.config import AnyFactory
-from snr_sim.links.frames import FrameReader, encode_frame
+from snr_sim.links.frames import LengthPrefixedReader, encode_frame
 from snr_sim.links.messages import Ping, Pong, decode_message
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 LIMIT_S = 90.0  # of any wait: long, because a busy machine must not fail a test
 
@@ -35,16 +35,16 @@ def free_port() -> int:
             return port
 
 
-def ear(came: list[Any], key: str | None = "x", field: str = "data") -> PartFactory:
+def collector(came: list[Any], key: str | None = "x", field: str = "data") -> FunctionEndpointFactory:
     """Collect a field of each page stored under a key, or under any key."""
     what: Any = TaskType.store_page if key is None else (TaskType.store_page, key)
-    return PartFactory({what: lambda task, task_id: came.append(getattr(task.val_list[0], field))}, "ear")
+    return FunctionEndpointFactory({what: lambda task, task_id: came.append(getattr(task.val_list[0], field))}, "ear")
 
 
-def ticks(key: str, rate_hz: float = 10.0) -> TickerFactory:
+def ticks(key: str, rate_hz: float = 10.0) -> FunctionLoopFactory:
     """Store 0, 1, 2, ... at a rate."""
     values = itertools.count()
-    return TickerFactory(lambda loop: loop.store_data(key, next(values)), f"ticks_{key}", rate_hz)
+    return FunctionLoopFactory(lambda loop: loop.store_data(key, next(values)), f"ticks_{key}", rate_hz)
 
 
 def simulate(roles: Mapping[str, Sequence[AnyFactory]], until_s: float | None = None, **options: Any) -> SimRunner:
@@ -62,8 +62,8 @@ class Running:
     ) -> None:
         self.stored: defaultdict[str, list[Any]] = defaultdict(list)
         self.news = threading.Condition()
-        probe = PartFactory({TaskType.process_data: lambda task, task_id: self._tell()}, "probe")
-        self.keep = PartFactory({TaskType.store_page: self._keep}, "keep")
+        probe = FunctionEndpointFactory({TaskType.process_data: lambda task, task_id: self._notify()}, "probe")
+        self.keep = FunctionEndpointFactory({TaskType.store_page: self._keep}, "keep")
         self.node = Node(role, Config(factories={role: [*factories, self.keep, probe]}), seed=seed, clock=clock)
         self.failure: BaseException | None = None
         self.thread = threading.Thread(target=self._run, daemon=True)
@@ -71,7 +71,7 @@ class Running:
     def _keep(self, task: Task, task_id: Any) -> None:
         self.stored[task.name].append(task.val_list[0].data)
 
-    def _tell(self) -> None:
+    def _notify(self) -> None:
         with self.news:
             self.news.notify_all()
 
@@ -80,7 +80,7 @@ class Running:
             self.node.loop()
         except BaseException as error:
             self.failure = error
-        self._tell()
+        self._notify()
 
     def until(self, is_so: Callable[[], Any], what: str = "") -> None:
         """Wait until a condition is true, including those that no page reports."""
@@ -91,19 +91,19 @@ class Running:
                 self.news.wait(0.1)
         assert self.failure is None or is_so()
 
-    def until_link(self, name: str, up: bool = True, **wanted: Any) -> dict[str, Any]:
+    def until_link(self, name: str, up: bool = True, **expected: Any) -> dict[str, Any]:
         """Wait until the link's page has these values, and return its data."""
         key = f"link_{name}"
 
-        def state() -> dict[str, Any]:
+        def newest() -> dict[str, Any]:
             return self.stored[key][-1] if self.stored[key] else {}
 
         def is_so() -> bool:
-            said = state()
-            return said.get("up") is up and all(said[field] == value for field, value in wanted.items())
+            state = newest()
+            return state.get("up") is up and all(state[field] == value for field, value in expected.items())
 
-        self.until(is_so, f"{key} up={up} {wanted}")
-        return state()
+        self.until(is_so, f"{key} up={up} {expected}")
+        return newest()
 
     def until_stored(self, key: str, count: int = 1) -> list[Any]:
         """Wait until so many pages of a key have been stored, and return their data."""
@@ -117,7 +117,7 @@ class Running:
 
     def end(self) -> None:
         """End the node, and wait for its end."""
-        self.node.enter(tasks.terminate("test is over"), "test")
+        self.node.enqueue_input(tasks.terminate("test is over"), "test")
         self.thread.join(LIMIT_S)
         assert not self.thread.is_alive()
 
@@ -148,11 +148,11 @@ class Raw:
 
     def __init__(self, port: int, greets: bool = True, node: str = "raw", **fields: Any) -> None:
         self.sock = socket.create_connection(("127.0.0.1", port), LIMIT_S)
-        self.reader = FrameReader(1 << 26)
+        self.reader = LengthPrefixedReader(1 << 26)
         if greets:
-            self.say(hello(node, **fields))
+            self.send(hello(node, **fields))
 
-    def say(self, *payloads: bytes) -> None:
+    def send(self, *payloads: bytes) -> None:
         """Send payloads, each in a frame."""
         self.sock.sendall(b"".join(encode_frame(payload, 1 << 30) for payload in payloads))
 
@@ -206,15 +206,15 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Create certificates of a robot, of a student, of an authority, and of an untrusted authority."""
     trustme = pytest.importorskip("trustme")  # part of snr_sim[dev]
     folder = tmp_path_factory.mktemp("tls")
-    authority, stranger = trustme.CA(), trustme.CA()
+    authority, other_authority = trustme.CA(), trustme.CA()
     robot, student = authority.issue_cert("127.0.0.1"), authority.issue_cert("student@pool.example")
-    evil = stranger.issue_cert("evil@pool.example")
+    evil = other_authority.issue_cert("evil@pool.example")
     paths = {}
     for name, cert in (("robot", robot), ("student", student), ("evil", evil)):
         for kind, blob in (("cert", cert.cert_chain_pems[0]), ("key", cert.private_key_pem)):
             paths[f"{name}_{kind}"] = str(folder / f"{name}.{kind}")
             blob.write_to_path(paths[f"{name}_{kind}"])
-    for name, ca in (("authority", authority), ("stranger", stranger)):
+    for name, ca in (("authority", authority), ("other_authority", other_authority)):
         paths[name] = str(folder / f"{name}.pem")
         ca.cert_pem.write_to_path(paths[name])
     return paths

@@ -8,7 +8,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from snr_sim import Config, Node, PipeLoopFactory, SocketsPair, Task, TaskType, tasks
-from snr_sim.testing.parts import PartFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory
 
 
 def main() -> None:
@@ -25,9 +25,9 @@ def main() -> None:
 
     handlers: dict[Any, Any] = {
         (TaskType.store_page, "question"): answer,
-        (TaskType.store_page, "end"): lambda task, task_id: tasks.terminate("told to"),
+        (TaskType.store_page, "end"): lambda task, task_id: tasks.terminate("as requested"),
     }
-    node = Node("far", Config(factories={"far": [link, PartFactory(handlers)]}))
+    node = Node("far", Config(factories={"far": [link, FunctionEndpointFactory(handlers)]}))
     node.loop()
 
 

@@ -9,7 +9,7 @@ import threading
 import attackers
 
 from snr_sim import Config, Node, SocketsPair, tasks
-from snr_sim.testing.parts import TickerFactory
+from snr_sim.testing.function_components import FunctionLoopFactory
 
 RATE_HZ = 50.0
 
@@ -21,12 +21,12 @@ def main() -> None:
     """
     numbers = itertools.count(1)
     pair = SocketsPair(("127.0.0.1", int(sys.argv[1])), name="t", secret=attackers.SECRET)
-    ticker = TickerFactory(lambda loop: loop.store_data("stick", next(numbers)), rate_hz=RATE_HZ)
+    ticker = FunctionLoopFactory(lambda loop: loop.store_data("stick", next(numbers)), rate_hz=RATE_HZ)
     node = Node("pilot", Config(factories={"pilot": [pair.client("stick"), ticker]}))
 
     def wait() -> None:
         sys.stdin.read()
-        node.enter(tasks.terminate("the test is over"), "test")
+        node.enqueue_input(tasks.terminate("the test is over"), "test")
 
     threading.Thread(target=wait, daemon=True).start()
     node.loop()

@@ -19,7 +19,7 @@ import pytest
 from snr_sim.core.clocks import WallClock
 from snr_sim.core.loop import Loop
 from snr_sim.core.node_life import NodeLife
-from snr_sim.links.tcp_client import Calls
+from snr_sim.links.tcp_client import Connector
 
 BUFFER_BYTES = 4096  # small, so that senders have to wait
 SELECT_S = 1e-4  # duration of a call, so that a loop that spins makes time pass
@@ -39,7 +39,7 @@ class Network:
         self.open: dict[int, Any] = {}  # sockets by descriptor
         self.listeners: dict[int, SimListener] = {}  # by port
         self.is_full = False  # `accept` finds no free descriptor
-        self.patience_s = float("inf")  # maximum duration of a wait before the caller checks again
+        self.max_wait_s = float("inf")  # maximum duration of a wait before the caller checks again
 
     def install(self, patch: pytest.MonkeyPatch) -> None:
         """Replace the computer's network by this one for links."""
@@ -47,9 +47,9 @@ class Network:
         patch.setattr(socket, "socketpair", self.pair)
         patch.setattr("snr_sim.links.socket_port.listen", lambda host, port, who: SimListener(self, port))
         patch.setattr("snr_sim.links.tcp_client.connect", self.connect)
-        patch.setattr(Calls, "begin", Calls._connect)  # at once, without a thread
+        patch.setattr(Connector, "begin", Connector._connect)  # at once, without a thread
         patch.setattr("snr_sim.links.back_off.Random", lambda: self.rng)
-        patch.setattr("snr_sim.core.node.ThreadBacking", StepBacking)
+        patch.setattr("snr_sim.core.node.ThreadExecutor", StepExecutor)
 
     def pass_time(self, time_s: float) -> None:
         """Advance time, and with it what happens in the network by itself."""
@@ -115,8 +115,8 @@ class SimSocket(Descriptor):
         is_readable = is_over or self.is_ended or self.come
         return (selectors.EVENT_READ if is_readable else 0) | (selectors.EVENT_WRITE if is_over or room else 0)
 
-    def part(self, most: int) -> int:
-        return most if self.network.rng.random() < 0.6 else self.network.rng.randint(1, most)
+    def part(self, max_bytes: int) -> int:
+        return max_bytes if self.network.rng.random() < 0.6 else self.network.rng.randint(1, max_bytes)
 
     def check(self) -> None:
         if self.bug is not None:
@@ -124,10 +124,10 @@ class SimSocket(Descriptor):
         if self.descriptor < 0:
             raise failure(errno.EBADF)
 
-    def recv(self, most: int) -> bytes:
+    def recv(self, max_bytes: int) -> bytes:
         self.check()
         if self.come:
-            data = bytes(self.come[: self.part(min(most, len(self.come)))])
+            data = bytes(self.come[: self.part(min(max_bytes, len(self.come)))])
             del self.come[: len(data)]
             return data
         if self.is_reset:
@@ -244,7 +244,7 @@ class SimSelector(selectors.SelectSelector):
         ]
         ready = [(key, events) for key, events in found if events]
         self.network.rng.shuffle(ready)
-        idle_s = min(timeout or 0.0, self.network.patience_s)
+        idle_s = min(timeout or 0.0, self.network.max_wait_s)
         self.network.pass_time(SELECT_S if ready else max(SELECT_S, idle_s))
         return ready
 
@@ -260,10 +260,10 @@ class SimTime(WallClock):
         return self.network.now_s
 
 
-class StepBacking:
+class StepExecutor:
     """Calls a loop when the test requests it, instead of a thread."""
 
-    setup_patience_s = 0.0
+    setup_timeout_s = 0.0
 
     def __init__(self, loop: Loop, life: NodeLife) -> None:
         self.loop, self.life = loop, life
@@ -280,7 +280,7 @@ class StepBacking:
             self.ticks += 1
             self.life.call_loop(self.loop, "loop")
 
-    def hurry(self) -> None:
+    def wake(self) -> None:
         pass
 
     def stop(self) -> None:

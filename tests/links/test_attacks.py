@@ -19,7 +19,7 @@ import pytest
 
 from snr_sim import Config, Node, SocketsPair, Task, TaskType, Tls, tasks
 from snr_sim.links.tcp_server import MAX_NEWCOMERS, MAX_PEERS
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 from .attackers import KINDS, SECRET
 
@@ -38,9 +38,9 @@ class Robot:
         self.pair = SocketsPair((HERE, 0), name="t", secret=SECRET, **options)
         self.came: list[tuple[float, int]] = []
         handlers: dict[Any, Any] = {(TaskType.store_page, "stick"): self._steer, (TaskType.store_page, "other"): _work}
-        photos = TickerFactory(lambda loop: loop.store_data("photo", "x" * 100_000), rate_hz=20.0, name="camera")
+        photos = FunctionLoopFactory(lambda loop: loop.store_data("photo", "x" * 100_000), rate_hz=20.0, name="camera")
         server = self.pair.server("photo", accept=["stick", "other"])
-        self.node = Node("robot", Config(factories={"robot": [server, PartFactory(handlers), photos]}))
+        self.node = Node("robot", Config(factories={"robot": [server, FunctionEndpointFactory(handlers), photos]}))
         self.thread = threading.Thread(target=self.node.loop, daemon=True)
         self.thread.start()
         until(lambda: self.pair.port)
@@ -53,7 +53,7 @@ class Robot:
         return max(later_s - one_s for one_s, later_s in itertools.pairwise([begun_s, *moments_s, ended_s]))
 
     def end(self) -> None:
-        self.node.enter(tasks.terminate("the test is over"), "test")
+        self.node.enqueue_input(tasks.terminate("the test is over"), "test")
         self.thread.join(LIMIT_S)
 
 
@@ -96,30 +96,30 @@ def memory_bytes() -> int:
 @pytest.mark.nightly
 @pytest.mark.wall_clock
 @pytest.mark.parametrize("kind", KINDS)
-def test_pilot_over_real_sockets_under_attack_waits_a_quarter_second_at_most(kind: str) -> None:
+def test_pilot_over_real_sockets_waits_a_quarter_second_at_most(kind: str) -> None:
     robot = Robot()
     pilot = program("pilot.py", robot.pair.port)
     link: Any = robot.node.components["link_t"]
     until(lambda: len(robot.came) > 25)
     memory = memory_bytes()
-    most = 0
+    max_streams = 0
     with attack(kind, robot.pair.port):
         begun_s = time.monotonic()
         while (ended_s := time.monotonic()) < begun_s + ATTACK_S:
-            most = max(most, len(link.transport.streams))
+            max_streams = max(max_streams, len(link.transport.streams))
             time.sleep(0.05)
     grown = memory_bytes() - memory
-    said, _ = pilot.communicate("", LIMIT_S)
-    stored, sent, dropped, unsent = map(int, said.split())
+    output, _ = pilot.communicate("", LIMIT_S)
+    stored, sent, dropped, unsent = map(int, output.split())
     until(lambda: len(robot.came) >= sent)
     gap_s = robot.worst_gap_s(begun_s, ended_s)
     print(f"{kind}: {1000 * gap_s:.0f} ms, {grown / 1e6:.0f} MB more")
     robot.end()
-    assert robot.node.door.failure is None
+    assert robot.node.inbox.failure is None
     assert link.failures == 0
     assert gap_s <= WORST_GAP_S
     assert grown < MAX_GROWTH_BYTES
-    assert most <= MAX_PEERS + MAX_NEWCOMERS + 1
+    assert max_streams <= MAX_PEERS + MAX_NEWCOMERS + 1
     assert stored == sent + dropped + unsent
     first = 1 + dropped  # pages stored before the pilot was connected
     assert [number for _, number in robot.came] == list(range(first, first + sent))  # each once and in order
@@ -127,7 +127,7 @@ def test_pilot_over_real_sockets_under_attack_waits_a_quarter_second_at_most(kin
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["half-open connections", "storm of connections", "wrong secrets"])
-def test_pilot_that_comes_during_an_attack_from_its_own_address_is_served(kind: str) -> None:
+def test_pilot_from_the_attackers_address_is_served_during_an_attack(kind: str) -> None:
     robot = Robot()
     with attack(kind, robot.pair.port):
         pilot = program("pilot.py", robot.pair.port)
@@ -138,17 +138,17 @@ def test_pilot_that_comes_during_an_attack_from_its_own_address_is_served(kind: 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("how", ["stalls", "is nonsense", "stops halfway"])
-def test_tls_handshake_that_fails_holds_up_no_other_client(files: dict[str, str], how: str) -> None:
+def test_failed_tls_handshake_does_not_delay_other_clients(files: dict[str, str], how: str) -> None:
     tls = Tls(certificate=files["robot_cert"], key=files["robot_key"], authority=files["authority"])
     robot = Robot(tls=tls)
     held: list[socket.socket] = []
     hello = ssl.MemoryBIO()
     with suppress(ssl.SSLWantReadError):
         tls.client_context().wrap_bio(ssl.MemoryBIO(), hello, server_hostname=HERE).do_handshake()
-    says = {"stalls": b"", "is nonsense": b"\x16\x03\x01\x00\x05hello" * 20, "stops halfway": hello.read()}
+    payloads = {"stalls": b"", "is nonsense": b"\x16\x03\x01\x00\x05hello" * 20, "stops halfway": hello.read()}
     for _ in range(2 * MAX_NEWCOMERS):
         held.append(socket.create_connection((HERE, robot.pair.port), LIMIT_S))
-        held[-1].sendall(says[how])
+        held[-1].sendall(payloads[how])
     link: Any = robot.node.components["link_t"]
     begun_s = time.monotonic()
     pilot = Node(
@@ -157,7 +157,7 @@ def test_tls_handshake_that_fails_holds_up_no_other_client(files: dict[str, str]
             factories={
                 "pilot": [
                     robot.pair.client("stick"),
-                    TickerFactory(lambda loop: loop.store_data("stick", 1), rate_hz=50.0),
+                    FunctionLoopFactory(lambda loop: loop.store_data("stick", 1), rate_hz=50.0),
                 ]
             }
         ),
@@ -166,7 +166,7 @@ def test_tls_handshake_that_fails_holds_up_no_other_client(files: dict[str, str]
     thread.start()
     until(lambda: len(robot.came) > 25)
     print(f"{how}: served after {robot.came[0][0] - begun_s:.3f} s")
-    pilot.enter(tasks.terminate("the test is over"), "test")
+    pilot.enqueue_input(tasks.terminate("the test is over"), "test")
     thread.join(LIMIT_S)
     robot.end()
     for sock in held:

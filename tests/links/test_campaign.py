@@ -13,11 +13,11 @@ import pytest
 
 from snr_sim import Config, Node, SocketsPair
 from snr_sim.links.frames import encode_frame
-from snr_sim.links.messages import Auth, Bye, Hello, Ping, encode_message
+from snr_sim.links.messages import Auth, Bye, HelloMessage, Ping, encode_message
 from snr_sim.links.restarting import RestartingLoop
 from snr_sim.links.streams import Streams
 from snr_sim.links.tcp_server import MAX_NEWCOMERS
-from snr_sim.prelude.errors import ComponentFailed
+from snr_sim.prelude.errors import ComponentFailedError
 
 from .simulated_network import HERE, Network, SimSocket, SimTime
 
@@ -25,7 +25,10 @@ STEPS = 120
 SETTLED_S = 60.0  # simulated time in which an honest client has to be served again
 SECRET = "a secret of 16 bytes or more"
 STRANGE = [
-    *(encode_message(Hello("snr", 2, "x", "0" * 32, "pages", has_secret, 1 << 20)) for has_secret in (True, False)),
+    *(
+        encode_message(HelloMessage("snr", 2, "x", "0" * 32, "pages", has_secret, 1 << 20))
+        for has_secret in (True, False)
+    ),
     encode_message(Auth("0" * 64)),
     encode_message(Ping(1.0)),
     encode_message(Bye("x")),
@@ -49,10 +52,19 @@ class History:
         self.robot = self.node("robot", self.pair.server("depth"))
         self.operator = self.node("operator", self.pair.client("stick"))
         self.nodes = (self.robot, self.operator)
-        self.strangers: list[SimSocket] = []
+        self.attackers: list[SimSocket] = []
         self.mark = 0  # number of the newest page that marks the end of `settle`
         self.acts: list[Callable[[], None]] = [self.round] * 8 + [self.store] * 3 + [self.connect] * 6
-        self.acts += [self.say, self.say, self.hang_up, self.hang_up, self.break_line, self.crowd, self.fill, self.wait]
+        self.acts += [
+            self.send,
+            self.send,
+            self.hang_up,
+            self.hang_up,
+            self.break_line,
+            self.crowd,
+            self.fill,
+            self.wait,
+        ]
         if self.pair.secret:
             self.acts.append(self.tamper)
         self.has_bugs = seed % 2 == 1
@@ -93,12 +105,12 @@ class History:
     def serve(self, node: Node) -> None:
         """Do what the node's thread does: all queued tasks, and one poll of readable streams."""
         node.run_ready()
-        node.door.wait(0.0)
+        node.inbox.wait(0.0)
         node.run_ready()
         for key in ("depth", "stick"):
             data = node.datastore.pages[key].data if key in node.datastore.pages else 0
             assert isinstance(data, int) or not data.strip("x"), "a page was changed on its way"
-        assert node.door.failure is None
+        assert node.inbox.failure is None
         assert not node.is_terminated
 
     def store(self) -> None:
@@ -108,24 +120,24 @@ class History:
 
     def connect(self) -> None:
         with suppress(ConnectionRefusedError):
-            self.strangers.append(self.network.connect(HERE, self.pair.port, "192.0.2.1"))
+            self.attackers.append(self.network.connect(HERE, self.pair.port, "192.0.2.1"))
 
     def crowd(self) -> None:
         for _ in range(self.rng.randrange(MAX_NEWCOMERS + 10)):
             self.connect()
 
-    def say(self) -> None:
-        for sock in self.rng.sample(self.strangers, min(len(self.strangers), 5)):
+    def send(self) -> None:
+        for sock in self.rng.sample(self.attackers, min(len(self.attackers), 5)):
             data = b"".join(encode_frame(self.rng.choice(STRANGE)) for _ in range(self.rng.randrange(1, 4)))
             with suppress(OSError):
                 sock.send(data if self.rng.random() < 0.7 else self.rng.randbytes(20))
 
     def hang_up(self) -> None:
-        for sock in self.rng.sample(self.strangers, min(len(self.strangers), self.rng.choice((1, 5, 50)))):
+        for sock in self.rng.sample(self.attackers, min(len(self.attackers), self.rng.choice((1, 5, 50)))):
             with suppress(OSError):
                 self.rng.choice((sock.close, sock.reset, sock.reset, lambda sock=sock: sock.shutdown(1)))()
             if sock.descriptor < 0:
-                self.strangers.remove(sock)
+                self.attackers.remove(sock)
 
     def break_line(self) -> None:
         """Break an honest stream: reset at one end, at both, or cut without notice."""
@@ -166,7 +178,7 @@ class History:
     def settle(self) -> None:
         """Disconnect the attackers, and require that the honest client is served."""
         self.network.is_full = False
-        for sock in self.strangers:
+        for sock in self.attackers:
             sock.close()
         give_up_s, is_served = self.network.now_s + SETTLED_S, False
         while not is_served:
@@ -229,16 +241,16 @@ def act_unguarded(streams: Streams, stream: Any, act: Callable[..., object], *ar
     act(stream, *args)
 
 
-def test_campaign_without_guard_of_streams_finds_a_failed_link(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_campaign_without_stream_error_handling_finds_a_failed_link(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Streams, "_for", act_unguarded)
     with pytest.raises(AssertionError):
         play(range(0, 100, 2))  # no other bugs
 
 
-def test_campaign_without_guard_and_restart_finds_a_node_that_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_campaign_without_restart_finds_a_node_that_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Streams, "_for", act_unguarded)
     monkeypatch.setattr(RestartingLoop, "loop", lambda self: self._round())
-    with pytest.raises(ComponentFailed, match=r"list\.remove\(x\): x not in list"):
+    with pytest.raises(ComponentFailedError, match=r"list\.remove\(x\): x not in list"):
         play(range(0, 100, 2))
 
 
@@ -267,7 +279,7 @@ def test_failed_link_shows_down_with_the_reason_and_is_up_again(history: History
     assert history.robot.get_data(LINK)["up"]
 
 
-def test_link_that_fails_again_and_again_waits_longer_and_logs_once(
+def test_repeatedly_failing_link_waits_longer_and_logs_once(
     history: History, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     link = history.link(history.robot)
@@ -279,25 +291,25 @@ def test_link_that_fails_again_and_again_waits_longer_and_logs_once(
     assert len([record for record in caplog.records if "ZeroDivisionError" in record.message]) == 1
 
 
-def test_bug_over_one_stream_closes_that_one_and_no_other(history: History) -> None:
+def test_bug_of_one_stream_closes_only_that_stream(history: History) -> None:
     (honest,) = history.link(history.robot).transport.streams
     history.connect()
     history.rounds(2)
     other = next(stream for stream in history.link(history.robot).transport.streams if stream is not honest)
     other.port._sock.bug = RuntimeError("a bug")
-    history.strangers[0].send(b"x")
+    history.attackers[0].send(b"x")
     history.rounds(2)
     assert history.link(history.robot).transport.streams == [honest]
     assert history.link(history.robot).failures == 1
     assert not history.link(history.robot).is_shut
 
 
-def test_stranger_that_resets_before_it_is_refused_leaves_the_honest_client(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unauthenticated_client_that_resets_keeps_the_honest_client_up(monkeypatch: pytest.MonkeyPatch) -> None:
     history = History(4, monkeypatch)  # unauthenticated clients are refused by their address
     history.settle()
     (honest,) = history.link(history.robot).transport.streams
     history.connect()
-    history.strangers[0].reset()
+    history.attackers[0].reset()
     history.rounds(2)
     assert history.link(history.robot).transport.streams == [honest]
     assert not honest.session.is_closed

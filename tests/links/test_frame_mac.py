@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from snr_sim import Faults, Page, SocketsPair, TaskType
-from snr_sim.console.wire import PURPOSE, Command, asked, decode_answered, decode_asked
+from snr_sim import LinkFaults, Page, SocketsPair, TaskType
+from snr_sim.console.wire import PURPOSE, CommandMessage, decode_request, decode_response, encode_request
 from snr_sim.links.frame_mac import FrameMac
-from snr_sim.links.frames import HEADER_BYTES, MAC_BYTES, FrameReader, encode_frame
-from snr_sim.links.session import Session, Terms
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.links.frames import HEADER_BYTES, MAC_BYTES, LengthPrefixedReader, encode_frame
+from snr_sim.links.session import Session, SessionConfig
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 from .conftest import simulate
 from .test_campaign import LINK, History
@@ -26,15 +26,15 @@ PAGES = [Page("joystick", {"surge": i / 8}, "pilot_node", float(i)) for i in ran
 
 
 def end(node: str, is_server: bool, nonce: bytes, purpose: str = "pages", secret: bytes | None = SECRET) -> Session:
-    decode: Any = {} if purpose == "pages" else {"decode": decode_asked if is_server else decode_answered}
-    return Session(Terms(node, is_server, secret, purpose), 0.0, nonce=nonce, **decode)
+    decode: Any = {} if purpose == "pages" else {"decode": decode_request if is_server else decode_response}
+    return Session(SessionConfig(node, is_server, secret, purpose), 0.0, nonce=nonce, **decode)
 
 
 def pilot_and_robot() -> tuple[Session, Session]:
     return end("pilot_node", False, b"p" * 16), end("robot_node", True, b"r" * 16)
 
 
-def said_by(session: Session) -> list[bytes]:
+def output_of(session: Session) -> list[bytes]:
     return [session.seal(frame) for frame in session.take_output()]
 
 
@@ -43,7 +43,7 @@ def recorded() -> tuple[list[bytes], list[bytes]]:
     pilot, robot = pilot_and_robot()
     there: list[bytes] = []
     back: list[bytes] = []
-    while frames := (said_by(pilot), said_by(robot)):
+    while frames := (output_of(pilot), output_of(robot)):
         if not any(frames):
             break
         there, back = there + frames[0], back + frames[1]
@@ -68,7 +68,7 @@ def taken(stream: bytes, cuts: list[int] = [1 << 20]) -> tuple[list[Any], Sessio
     return pages, robot
 
 
-def test_untouched_stream_comes_whole() -> None:
+def test_unchanged_stream_arrives_complete() -> None:
     pages, robot = taken(STREAM, [7, 1, 300])
     assert pages == PAGES
     assert robot.is_up
@@ -78,12 +78,12 @@ def test_seal_keeps_the_message_and_adds_a_mac_that_no_other_key_makes() -> None
     frame = encode_frame(b"message")
     one, other = FrameMac(b"1" * 32).seal(frame), FrameMac(b"2" * 32).seal(frame)
     assert one[HEADER_BYTES:-MAC_BYTES] == b"message" == other[HEADER_BYTES:-MAC_BYTES]
-    assert len(FrameReader().feed(one)[0]) == len(b"message") + MAC_BYTES
+    assert len(LengthPrefixedReader().feed(one)[0]) == len(b"message") + MAC_BYTES
     assert one[-MAC_BYTES:] != other[-MAC_BYTES:]
 
 
 def test_all_frames_after_hello_and_auth_have_a_mac() -> None:
-    macs = [payload[-1:] != b"}" for frame in THERE for payload in FrameReader().feed(frame)]
+    macs = [payload[-1:] != b"}" for frame in THERE for payload in LengthPrefixedReader().feed(frame)]
     assert macs[:2] == [False, False]
     assert sum(macs[2:]) >= len(PAGES)  # a MAC may end with any byte
 
@@ -103,7 +103,7 @@ ATTACKS = {
 
 
 @pytest.mark.parametrize("attack", ATTACKS)
-def test_what_stands_between_is_found_at_its_first_frame(attack: str) -> None:
+def test_changed_stream_is_detected_at_the_first_wrong_frame(attack: str) -> None:
     frames = ATTACKS[attack]
     same = next(i for i in range(len(frames)) if frames[i : i + 1] != THERE[i : i + 1])
     pages, robot = taken(b"".join(frames))
@@ -114,7 +114,7 @@ def test_what_stands_between_is_found_at_its_first_frame(attack: str) -> None:
     assert robot.rejected == 0
 
 
-def test_each_single_flipped_bit_ends_the_session_before_its_frame_is_taken() -> None:
+def test_each_flipped_bit_closes_the_session_before_its_frame() -> None:
     for i in range(len(STREAM)):
         changed = bytearray(STREAM)
         changed[i] ^= 1 << i % 8
@@ -148,7 +148,7 @@ def frame_edits(draw: st.DrawFn) -> bytes:
 
 
 @given(byte_edits() | frame_edits(), st.lists(st.integers(1, 400), min_size=1, max_size=4))
-def test_stream_is_untouched_or_its_session_ends_and_no_page_is_changed(stream: bytes, cuts: list[int]) -> None:
+def test_randomly_changed_stream_never_returns_a_changed_page(stream: bytes, cuts: list[int]) -> None:
     pages, robot = taken(stream, cuts)
     assert pages == PAGES[: len(pages)]
     if STREAM.startswith(stream):  # only truncated: the rest could still arrive
@@ -172,13 +172,11 @@ def relayed(message: dict[str, Any], **changed: Any) -> bytes:
     ids=["another purpose", "another name", "another limit"],
 )
 @pytest.mark.parametrize("honest", ["client", "server"])
-def test_proof_that_is_passed_on_with_another_greeting_is_refused(
-    purpose: str, changed: dict[str, Any], honest: str
-) -> None:
+def test_proof_with_another_greeting_is_refused(purpose: str, changed: dict[str, Any], honest: str) -> None:
     """A pilot's proof, forwarded to a console of the same secret, used to open it."""
     pilot = end("pilot_node", False, b"p" * 16, purpose if honest == "server" else "pages")
     robot = end("robot_node", True, b"r" * 16, "pages" if honest == "server" else purpose)
-    (there,), (back,) = said_by(pilot), said_by(robot)
+    (there,), (back,) = output_of(pilot), output_of(robot)
     hellos = [msgspec.json.decode(frame[HEADER_BYTES:]) for frame in (there, back)]
     # The attacker sends to each end what the other sent, modified so that it looks like its own protocol.
     to_robot, to_pilot = relayed(hellos[0], **changed), relayed(hellos[1], purpose=hellos[0]["purpose"])
@@ -186,20 +184,22 @@ def test_proof_that_is_passed_on_with_another_greeting_is_refused(
         to_robot = relayed(hellos[0], **{**changed, "purpose": "pages"})
     robot.receive(to_robot, 0.0)
     pilot.receive(to_pilot, 0.0)
-    (proof,) = said_by(pilot)
+    (proof,) = output_of(pilot)
     robot.receive(proof, 0.0)
     assert not robot.is_up
     assert robot.was_refused
-    assert "passed on or changed a greeting" in robot.reason
+    assert "forwarded or changed a greeting" in robot.reason
 
 
-def test_line_of_a_console_that_is_changed_is_not_carried_out() -> None:
+def test_changed_console_line_is_not_executed() -> None:
     console, node = end("console", False, b"c" * 16, PURPOSE), end("rov_node", True, b"n" * 16, PURPOSE)
     for _ in range(3):
-        node.receive(b"".join(said_by(console)), 0.0)
-        console.receive(b"".join(said_by(node)), 0.0)
-    assert node.receive(console.seal(asked(Command(1, "dump depth"))), 0.0) == [Command(1, "dump depth")]
-    changed = console.seal(asked(Command(2, "dump depth"))).replace(b"dump depth", b"task leave")
+        node.receive(b"".join(output_of(console)), 0.0)
+        console.receive(b"".join(output_of(node)), 0.0)
+    assert node.receive(console.seal(encode_request(CommandMessage(1, "dump depth"))), 0.0) == [
+        CommandMessage(1, "dump depth")
+    ]
+    changed = console.seal(encode_request(CommandMessage(2, "dump depth"))).replace(b"dump depth", b"task leave")
     assert node.receive(changed, 0.0) == []
     assert node.was_forged
 
@@ -217,7 +217,7 @@ def history(monkeypatch: pytest.MonkeyPatch) -> Iterator[History]:
     history.end()
 
 
-def test_forged_frame_closes_that_connection_is_counted_and_logged_once(
+def test_forged_frame_closes_its_connection_and_logs_once(
     history: History, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     link = history.link(history.robot)
@@ -238,10 +238,10 @@ def test_forged_frame_closes_that_connection_is_counted_and_logged_once(
 def test_simulated_link_carries_with_macs_what_it_carried_without(monkeypatch: pytest.MonkeyPatch) -> None:
     def run() -> list[Any]:
         stored: list[Any] = []
-        faults = Faults(latency_s=0.02, jitter_s=0.05, loss=0.1, duplication=0.2, reordering=0.3, cut=((2.0, 6.0),))
+        faults = LinkFaults(latency_s=0.02, jitter_s=0.05, loss=0.1, duplication=0.2, reordering=0.3, cut=((2.0, 6.0),))
         pair = SocketsPair(("127.0.0.1", 1), name="t", secret=SECRET, faults=faults)
-        keep = PartFactory({TaskType.store_page: lambda task, task_id: stored.append(task.val_list[0])})
-        source = TickerFactory(lambda loop: loop.store_data("x", loop.get_time_s()))
+        keep = FunctionEndpointFactory({TaskType.store_page: lambda task, task_id: stored.append(task.val_list[0])})
+        source = FunctionLoopFactory(lambda loop: loop.store_data("x", loop.get_time_s()))
         simulate({"a": [source, pair.client("x")], "b": [keep, pair.server()]}, until_s=10.0)
         return stored
 

@@ -18,16 +18,16 @@ import pytest
 from snr_sim import Page, PrinterEndpointFactory, SocketsPair, Task, TaskType
 from snr_sim.links.frames import encode_frame
 from snr_sim.links.link import MAX_TASKS_WAITING
-from snr_sim.links.messages import Hello, Refused, encode_message
+from snr_sim.links.messages import HelloMessage, RefusedMessage, encode_message
 from snr_sim.links.streams import READ_BYTES
-from snr_sim.testing.parts import PartFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory
 
 from .test_session import HOSTILE
 
 pytestmark = pytest.mark.slow
 
 HERE = "127.0.0.1"
-HELLO = encode_frame(encode_message(Hello("snr", 2, "stranger", "0" * 32, "pages", True, 1 << 20)))
+HELLO = encode_frame(encode_message(HelloMessage("snr", 2, "stranger", "0" * 32, "pages", True, 1 << 20)))
 Start = Callable[..., Any]
 Connect = Callable[..., Any]
 
@@ -64,17 +64,17 @@ NONSENSE = {what: HOSTILE[what] for what in SAME} | {
 }
 
 
-@pytest.mark.parametrize("greets", [False, True], ids=["a stranger", "a peer"])
+@pytest.mark.parametrize("greets", [False, True], ids=["unauthenticated", "a peer"])
 @pytest.mark.parametrize("what", NONSENSE)
-def test_nonsense_is_answered_with_a_reason_and_the_end(
+def test_invalid_data_is_refused_with_a_reason(
     robot: Any, start: Start, pair: SocketsPair, raw: Connect, what: str, greets: bool
 ) -> None:
     far = raw(pair.port, greets)
     if greets:
-        far.messages(until=Hello)
+        far.messages(until=HelloMessage)
     far.sock.sendall(NONSENSE[what])
     last = far.messages()[-1]
-    assert isinstance(last, Refused)
+    assert isinstance(last, RefusedMessage)
     assert last.reason
     assert serves(robot, start, pair)
 
@@ -82,40 +82,40 @@ def test_nonsense_is_answered_with_a_reason_and_the_end(
 @pytest.mark.parametrize(
     "data", [{"$": "int", "v": hex(10**5000)}, *({"a": [10**digits]} for digits in (20, 400, 4299))], ids=lambda _: ""
 )
-def test_long_integer_ends_no_printer(start: Start, pair: SocketsPair, raw: Connect, data: Any) -> None:
+def test_long_integer_does_not_end_a_printer(start: Start, pair: SocketsPair, raw: Connect, data: Any) -> None:
     printer = PrinterEndpointFactory([(TaskType.process_data, "x"), TaskType.store_page], StringIO())
     robot = start("robot", [pair.server("depth"), printer], down="t")
     far = raw(pair.port)
-    far.messages(until=Hello)
+    far.messages(until=HelloMessage)
     far.sock.sendall(encode_frame(page("x", 1).replace(b":1,", b":%s," % msgspec.json.encode(data))))
-    assert isinstance(far.messages()[-1], Refused)
-    assert robot.until_link("t", up=False, unwanted=1)
+    assert isinstance(far.messages()[-1], RefusedMessage)
+    assert robot.until_link("t", up=False, rejected=1)
     assert serves(robot, start, pair)
     assert robot.failure is None
 
 
-def test_another_version_is_told_so(robot: Any, pair: SocketsPair, raw: Connect) -> None:
+def test_other_protocol_version_is_refused_with_the_reason(robot: Any, pair: SocketsPair, raw: Connect) -> None:
     assert "version 2, the other end snr version 7" in raw(pair.port, version=7).messages()[-1].reason
 
 
-def test_a_key_of_a_megabyte_is_not_let_in(robot: Any, pair: SocketsPair, raw: Connect) -> None:
+def test_key_of_a_megabyte_is_rejected(robot: Any, pair: SocketsPair, raw: Connect) -> None:
     far = raw(pair.port)
-    far.say(page("k" * 1_000_000), page("", 1), page("good", 2))
+    far.send(page("k" * 1_000_000), page("", 1), page("good", 2))
     robot.until_stored("good")
-    assert robot.until_link("t", unwanted=2)["up"]
+    assert robot.until_link("t", rejected=2)["up"]
     assert set(robot.stored) == {"good", "link_t"}
 
 
-def test_only_keys_that_are_accepted_come_in(start: Start, raw: Connect) -> None:
+def test_keys_not_in_accept_are_rejected(start: Start, raw: Connect) -> None:
     pair = SocketsPair((HERE, 0), name="t")
     robot = start("robot", [pair.server(accept=["controller_input"])], down="t")
-    raw(pair.port).say(page("motor"), page("controller_input"))
+    raw(pair.port).send(page("motor"), page("controller_input"))
     robot.until_stored("controller_input")
     assert "motor" not in robot.stored
 
 
 @pytest.mark.parametrize("how", ["silence", "half a greeting", "half a frame", "a drip"])
-def test_who_says_nothing_more_is_given_up(start: Start, raw: Connect, how: str) -> None:
+def test_silent_peer_is_closed_after_the_timeout(start: Start, raw: Connect, how: str) -> None:
     pair = SocketsPair((HERE, 0), name="t", timeout_s=0.3, keep_alive_s=0.1)
     robot = start("robot", [pair.server("depth")], down="t")
     far = raw(pair.port, greets=how == "half a frame")
@@ -127,11 +127,11 @@ def test_who_says_nothing_more_is_given_up(start: Start, raw: Connect, how: str)
     elif how == "a drip":
         far.sock.sendall(b"\x00")
     far.messages()  # reads to the end of the stream
-    reason = "nothing was heard" if how == "half a frame" else "the greeting was not completed"
+    reason = "nothing was heard" if how == "half a frame" else "the greeting was not completed"  # plain: hear
     robot.until(lambda: reason in robot.stored["link_t"][-1]["reason"], reason)
 
 
-def test_a_peer_that_resets_is_noticed_and_the_next_page_harms_nobody(
+def test_resetting_peer_takes_the_link_down_and_keeps_the_node(
     robot: Any, start: Start, pair: SocketsPair, raw: Connect
 ) -> None:
     far = raw(pair.port)
@@ -142,9 +142,7 @@ def test_a_peer_that_resets_is_noticed_and_the_next_page_harms_nobody(
     assert serves(robot, start, pair)
 
 
-def test_a_peer_that_never_reads_costs_no_more_than_its_queue_and_nobody_waits_for_it(
-    start: Start, raw: Connect
-) -> None:
+def test_non_reading_peer_uses_only_its_queue_and_delays_no_peer(start: Start, raw: Connect) -> None:
     pair = SocketsPair((HERE, 0), name="t", queue_pages=10)
     robot = start("robot", [pair.server("depth")], down="t")
     raw(pair.port)
@@ -161,7 +159,7 @@ def test_a_peer_that_never_reads_costs_no_more_than_its_queue_and_nobody_waits_f
     robot.until(lambda: robot.stored["link_t"][-1]["peers"].get("raw", {}).get("dropped", 0) > 10, "drops")
 
 
-def test_two_peers_of_one_name_are_both_served(robot: Any, pair: SocketsPair, raw: Connect) -> None:
+def test_two_peers_with_one_name_are_both_served(robot: Any, pair: SocketsPair, raw: Connect) -> None:
     one, other = raw(pair.port, node="twin"), raw(pair.port, node="twin")
     robot.until(lambda: set(robot.stored["link_t"][-1]["peers"]) == {"twin", "twin#2"}, "both")
     robot.store("depth", 1.5)
@@ -170,7 +168,7 @@ def test_two_peers_of_one_name_are_both_served(robot: Any, pair: SocketsPair, ra
 
 
 @pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="counts descriptors in /proc")
-def test_a_thousand_connects_leak_no_descriptors(robot: Any, start: Start, pair: SocketsPair, raw: Connect) -> None:
+def test_thousand_connections_leak_no_descriptors(robot: Any, start: Start, pair: SocketsPair, raw: Connect) -> None:
     assert serves(robot, start, pair)
     before = len(os.listdir("/proc/self/fd"))
     for i in range(1000):
@@ -181,10 +179,10 @@ def test_a_thousand_connects_leak_no_descriptors(robot: Any, start: Start, pair:
                 sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\x01\0\0\0\0\0\0\0")
     raw(pair.port, node="last")
     robot.until(lambda: "last" in robot.stored["link_t"][-1]["peers"], "the last, so all before it were accepted")
-    robot.until(lambda: len(os.listdir("/proc/self/fd")) <= before + 5, "strangers gone")
+    robot.until(lambda: len(os.listdir("/proc/self/fd")) <= before + 5, "unauthenticated clients are gone")
 
 
-def test_silent_strangers_cannot_keep_an_honest_client_out(
+def test_silent_unauthenticated_clients_do_not_block_an_honest_client(
     robot: Any, start: Start, pair: SocketsPair, raw: Connect
 ) -> None:
     for _ in range(200):
@@ -216,7 +214,7 @@ def flood(port: int, count: int, seed: int) -> None:
         sock.close()
 
 
-def test_a_flood_of_connections_without_the_secret_ends_no_node(start: Start) -> None:
+def test_flood_of_connections_without_secret_keeps_the_node(start: Start) -> None:
     pair = SocketsPair((HERE, 0), name="t", secret="a secret of 16 bytes or more")
     robot = start("robot", [pair.server("depth")], down="t")
     for seed in range(3):
@@ -225,17 +223,17 @@ def test_a_flood_of_connections_without_the_secret_ends_no_node(start: Start) ->
     assert robot.failure is None
 
 
-def until_deaf(robot: Any) -> None:
+def until_paused(robot: Any) -> None:
     """Wait until the link is paused; the node itself is busy, so no page can report it."""
     link, pause = robot.node.components["link_t"], threading.Event()
     for _ in range(3000):
-        if link.is_deaf:
+        if link.is_paused:
             return
         pause.wait(0.01)
     raise AssertionError("the link never stopped reading")
 
 
-def test_weakness_16_a_flood_waits_at_its_sender_and_comes_whole_and_in_order(start: Start, raw: Connect) -> None:
+def test_weakness_16_flood_waits_at_its_sender_and_arrives_in_order(start: Start, raw: Connect) -> None:
     pair = SocketsPair((HERE, 0), name="t")
     gate = threading.Event()
     came: list[int] = []
@@ -244,36 +242,40 @@ def test_weakness_16_a_flood_waits_at_its_sender_and_comes_whole_and_in_order(st
         gate.wait(30)
         came.append(task.val_list[0].data)
 
-    robot = start("robot", [pair.server(), PartFactory({(TaskType.store_page, "x"): slow}, "slow")], down="t")
+    robot = start(
+        "robot", [pair.server(), FunctionEndpointFactory({(TaskType.store_page, "x"): slow}, "slow")], down="t"
+    )
     far = raw(pair.port)
     count = 60_000
-    flood = threading.Thread(target=lambda: far.say(*(page("x", i) for i in range(count))))
+    flood = threading.Thread(target=lambda: far.send(*(page("x", i) for i in range(count))))
     flood.start()
     machine = robot.node.machine
-    until_deaf(robot)
-    most = MAX_TASKS_WAITING + READ_BYTES // len(encode_frame(page("x", 0)))
-    assert machine.queued <= most
+    until_paused(robot)
+    max_tasks = MAX_TASKS_WAITING + READ_BYTES // len(encode_frame(page("x", 0)))
+    assert machine.queued <= max_tasks
     gate.set()
     robot.until(lambda: len(came) == count, "the flood")
     flood.join(30)
     assert came == list(range(count))
-    assert machine.longest_queue <= most + 100
+    assert machine.longest_queue <= max_tasks + 100
     assert far.sock.fileno() > 0
 
 
-def test_a_flood_of_large_pages_is_held_back_by_their_bytes(start: Start, raw: Connect) -> None:
+def test_flood_of_large_pages_is_limited_by_bytes(start: Start, raw: Connect) -> None:
     pair = SocketsPair((HERE, 0), name="t")
     gate = threading.Event()
 
     def slow(task: Task, task_id: Any) -> None:
         gate.wait(30)
 
-    robot = start("robot", [pair.server(), PartFactory({(TaskType.store_page, "x"): slow}, "slow")], down="t")
+    robot = start(
+        "robot", [pair.server(), FunctionEndpointFactory({(TaskType.store_page, "x"): slow}, "slow")], down="t"
+    )
     far = raw(pair.port)
     large = page("x", "y" * 1_000_000)
-    flood = threading.Thread(target=lambda: [far.say(large) for _ in range(150)])
+    flood = threading.Thread(target=lambda: [far.send(large) for _ in range(150)])
     flood.start()
-    until_deaf(robot)
+    until_paused(robot)
     assert robot.node.machine.queued < 80
     robot.stored.clear()
     gate.set()

@@ -17,7 +17,7 @@ import pytest
 from snr_sim import Page, SocketsPair, Task, TaskType
 from snr_sim.links.frames import encode_frame
 from snr_sim.prelude.errors import ConfigError
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 from .conftest import simulate
 
@@ -37,7 +37,7 @@ def robot(start: Start, pair: SocketsPair) -> Any:
 
 
 @pytest.mark.slow
-def test_weakness_6_a_flood_of_pages_comes_whole_and_in_order(start: Start, robot: Any, pair: SocketsPair) -> None:
+def test_weakness_6_flood_of_pages_arrives_in_order(start: Start, robot: Any, pair: SocketsPair) -> None:
     client = start("client", [pair.client("x")], up="t")
     for value in range(20_000):
         client.node.store_data("x", value, False)
@@ -46,9 +46,7 @@ def test_weakness_6_a_flood_of_pages_comes_whole_and_in_order(start: Start, robo
 
 
 @pytest.mark.slow
-def test_weakness_7_a_page_of_5_mb_arrives_when_the_limit_is_raised(
-    start: Start, robot: Any, pair: SocketsPair
-) -> None:
+def test_weakness_7_page_of_5_mb_arrives_with_a_raised_limit(start: Start, robot: Any, pair: SocketsPair) -> None:
     client = start("client", [pair.client("x")], up="t")
     numbers = [i / 7 for i in range(300_000)]
     client.store("x", numbers)
@@ -57,7 +55,7 @@ def test_weakness_7_a_page_of_5_mb_arrives_when_the_limit_is_raised(
 
 
 @pytest.mark.slow
-def test_weakness_7_a_page_beyond_the_limit_is_a_clear_error_at_the_sender(start: Start, pair: SocketsPair) -> None:
+def test_weakness_7_page_beyond_the_limit_raises_error_at_the_sender(start: Start, pair: SocketsPair) -> None:
     small = SocketsPair((HERE, 9), name="small")
     client = start("client", [small.client("photo")])
     client.store("photo", "x" * (1 << 20))
@@ -69,7 +67,7 @@ def test_weakness_7_a_page_beyond_the_limit_is_a_clear_error_at_the_sender(start
 
 
 @pytest.mark.slow
-def test_weakness_7_a_page_beyond_the_other_ends_limit_is_counted_and_the_link_stays_up(
+def test_weakness_7_page_beyond_the_peers_limit_is_counted_as_dropped(
     start: Start, robot: Any, pair: SocketsPair, raw: Connect
 ) -> None:
     far = raw(pair.port, max_frame_bytes=1000)
@@ -80,13 +78,11 @@ def test_weakness_7_a_page_beyond_the_other_ends_limit_is_counted_and_the_link_s
 
 
 @pytest.mark.wall_clock
-def test_weakness_8_a_round_trip_does_not_wait_for_the_other_ends_acknowledgement(
-    start: Start, pair: SocketsPair
-) -> None:
+def test_weakness_8_round_trip_does_not_wait_for_acknowledgement(start: Start, pair: SocketsPair) -> None:
     def answer(task: Task, task_id: Any) -> Task:
         return robot.node.store_data_task("pong", task.val_list[0].data)
 
-    robot = start("robot", [pair.server("pong"), PartFactory({(TaskType.store_page, "ping"): answer})])
+    robot = start("robot", [pair.server("pong"), FunctionEndpointFactory({(TaskType.store_page, "ping"): answer})])
     client = start("client", [pair.client("ping")], up="t")
     times_s = []
     for i in range(30):
@@ -101,7 +97,7 @@ def test_weakness_8_a_round_trip_does_not_wait_for_the_other_ends_acknowledgemen
 
 
 @pytest.mark.slow
-def test_weakness_10_clients_that_connect_and_close_do_not_end_the_node(robot: Any, pair: SocketsPair) -> None:
+def test_weakness_10_connecting_and_closing_clients_keep_the_node(robot: Any, pair: SocketsPair) -> None:
     for _ in range(2):
         both = [socket.create_connection((HERE, pair.port), 30) for _ in range(2)]
         for sock in both:
@@ -113,16 +109,16 @@ def test_weakness_10_clients_that_connect_and_close_do_not_end_the_node(robot: A
 
 
 @pytest.mark.slow
-def test_weakness_11_a_server_listens_where_it_was_told_and_nowhere_else(robot: Any, pair: SocketsPair) -> None:
+def test_weakness_11_server_listens_at_its_host_only(robot: Any, pair: SocketsPair) -> None:
     assert robot.node.components["link_t"].transport._listener.sock.getsockname()[0] == HERE
     with pytest.raises(OSError, match=r"."):
         socket.create_connection(("127.0.0.2", pair.port), 5)
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.168.2.2", "robot.local", "::"])
-def test_weakness_11_a_server_open_to_everybody_is_refused_when_it_is_made(host: str) -> None:
+def test_weakness_11_server_open_to_any_client_raises_config_error(host: str) -> None:
     pair = SocketsPair((host, 9120))
-    with pytest.raises(ConfigError, match=r"let anybody in that network steer(.|\n)*secret=(.|\n)*allow="):
+    with pytest.raises(ConfigError, match=r"any computer in that network could steer(.|\n)*secret=(.|\n)*allow="):
         pair.server()
     pair.client("x")
     SocketsPair((host, 9120), secret="0123456789abcdef").server()
@@ -130,7 +126,7 @@ def test_weakness_11_a_server_open_to_everybody_is_refused_when_it_is_made(host:
 
 
 @pytest.mark.slow
-def test_weakness_13_a_second_client_leaves_the_first_alone(start: Start, robot: Any, pair: SocketsPair) -> None:
+def test_weakness_13_second_client_keeps_the_first_connected(start: Start, robot: Any, pair: SocketsPair) -> None:
     first = start("first", [pair.client("one")], up="t")
     second = start("second", [pair.client("two")])
     robot.until(lambda: len(robot.stored["link_t"][-1]["peers"]) == 2, "both")
@@ -146,7 +142,7 @@ def test_weakness_13_a_second_client_leaves_the_first_alone(start: Start, robot:
 
 
 @pytest.mark.slow
-def test_weakness_14_a_key_shared_both_ways_does_not_echo(start: Start, pair: SocketsPair) -> None:
+def test_weakness_14_key_sent_in_both_directions_does_not_echo(start: Start, pair: SocketsPair) -> None:
     robot = start("robot", [pair.server(["x", "end"])])
     client = start("client", [pair.client(["x", "end"])], up="t")
     client.store("x", "from the client")
@@ -161,7 +157,7 @@ def test_weakness_14_a_key_shared_both_ways_does_not_echo(start: Start, pair: So
     assert client.stored["x"] == robot.stored["x"] == ["from the client", "from the robot"]
 
 
-def test_weakness_14_a_page_goes_round_a_mesh_of_four_at_most_once_per_link() -> None:
+def test_weakness_14_page_crosses_each_link_of_a_mesh_at_most_once() -> None:
     names = ["a", "b", "c", "d"]
     pairs = {(i, j): SocketsPair((HERE, 1), name=f"{i}{j}") for i in names for j in names if i < j}
     stored: list[str] = []
@@ -170,15 +166,15 @@ def test_weakness_14_a_page_goes_round_a_mesh_of_four_at_most_once_per_link() ->
         keeps = {(TaskType.store_page, "x"): lambda task, task_id, name=name: stored.append(name)}
         factories[name] = [pair.server("x") for (server, _), pair in pairs.items() if server == name]
         factories[name] += [pair.client("x") for (_, client), pair in pairs.items() if client == name]
-        factories[name].append(PartFactory(keeps))  # type: ignore[arg-type]
-    factories["a"].append(TickerFactory(lambda loop: (loop.store_data("x", 1), loop.stop())))
+        factories[name].append(FunctionEndpointFactory(keeps))  # type: ignore[arg-type]
+    factories["a"].append(FunctionLoopFactory(lambda loop: (loop.store_data("x", 1), loop.stop())))
     simulate(factories, until_s=20.0)
     assert set(stored) == set(names)
     assert len(stored) <= 1 + 2 * len(pairs)
 
 
 @pytest.mark.slow
-def test_a_payload_in_many_segments_is_one_page(robot: Any, pair: SocketsPair, raw: Connect) -> None:
+def test_payload_in_many_segments_is_one_page(robot: Any, pair: SocketsPair, raw: Connect) -> None:
     far = raw(pair.port)
     robot.until_link("t")
     for byte in encode_frame(Page("x", [1, 2, 3], "raw", 0.0).serialize()):
@@ -187,7 +183,7 @@ def test_a_payload_in_many_segments_is_one_page(robot: Any, pair: SocketsPair, r
 
 
 @pytest.mark.slow
-def test_a_port_in_use_is_an_error_that_names_it(start: Start, robot: Any, pair: SocketsPair) -> None:
+def test_port_in_use_raises_error_with_the_port(start: Start, robot: Any, pair: SocketsPair) -> None:
     other = start("other", [SocketsPair((HERE, pair.port)).server()])
     other.thread.join(30)
     text = str(other.failure)
@@ -196,7 +192,7 @@ def test_a_port_in_use_is_an_error_that_names_it(start: Start, robot: Any, pair:
 
 
 @pytest.mark.slow
-def test_a_server_that_vanishes_is_called_again_until_it_is_back(start: Start) -> None:
+def test_client_reconnects_to_a_restarted_server(start: Start) -> None:
     pair = SocketsPair((HERE, 0), name="t")
     robot = start("robot", [pair.server()], down="t")
     client = start("client", [pair.client("x")], up="t")
@@ -211,7 +207,7 @@ def test_a_server_that_vanishes_is_called_again_until_it_is_back(start: Start) -
 
 
 @pytest.mark.slow
-def test_a_host_that_does_not_resolve_is_told_and_tried_again_without_holding_anybody_up(
+def test_unresolvable_host_is_reported_and_retried_without_blocking(
     start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hang = threading.Event()

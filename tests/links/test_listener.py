@@ -41,20 +41,20 @@ def sock() -> Iterator[socket.socket]:
         yield sock
 
 
-def test_who_comes_is_taken_and_then_there_is_nobody(sock: socket.socket) -> None:
+def test_accept_returns_a_waiting_client_and_then_none(sock: socket.socket) -> None:
     with selectors.DefaultSelector() as selector, socket.create_connection(sock.getsockname()) as caller:
         listener = Listener(sock, selector, LOG, "a connection")
         assert [key.data for key, _ in selector.select(30.0)] == ["a connection"]
-        come = listener.accept(0.0)
-        assert come is not None
-        assert come[1] == caller.getsockname()
-        come[0].close()
+        accepted = listener.accept(0.0)
+        assert accepted is not None
+        assert accepted[1] == caller.getsockname()
+        accepted[0].close()
         assert listener.accept(0.0) is None
         listener.close()
 
 
 @pytest.mark.parametrize("ends_resting", [False, True])
-def test_without_a_descriptor_it_rests_and_then_takes_who_has_waited(
+def test_listener_without_descriptor_pauses_and_resumes(
     ends_resting: bool, sock: socket.socket, caplog: pytest.LogCaptureFixture
 ) -> None:
     full: Any = Full(sock)
@@ -63,20 +63,20 @@ def test_without_a_descriptor_it_rests_and_then_takes_who_has_waited(
         with caplog.at_level(logging.WARNING, "snr.listener"):
             assert listener.accept(10.0) is None
         assert caplog.messages == ["cannot take a connection: Too many open files"]
-        listener.tend(10.0 + 0.9 * PAUSE_S)
-        assert not selector.get_map(), "or it would be asked again at once, for ever"
+        listener.resume(10.0 + 0.9 * PAUSE_S)
+        assert not selector.get_map(), "or the selector would return at once every time"
         if not ends_resting:
             full.is_full = False
-            listener.tend(10.0 + PAUSE_S)
+            listener.resume(10.0 + PAUSE_S)
             assert len(selector.select(30.0)) == 1
-            come = listener.accept(11.0)
-            assert come is not None
-            come[0].close()
+            accepted = listener.accept(11.0)
+            assert accepted is not None
+            accepted[0].close()
         listener.close()
         assert not selector.get_map()
 
 
-def test_caller_that_has_hung_up_does_not_keep_the_next_one_waiting(sock: socket.socket) -> None:
+def test_aborted_connection_does_not_pause_the_listener(sock: socket.socket) -> None:
     full: Any = Full(sock, errno.ECONNABORTED)
     with selectors.DefaultSelector() as selector:
         listener = Listener(full, selector, LOG)

@@ -12,28 +12,28 @@ from snr_sim.links.tcp_server import MAX_NEWCOMERS
 from .test_fairness import OTHER, PING, Arena, Far
 from .test_fairness import Newcomers as Attackers
 
-STRANGER, HONEST = "192.0.2.1", "192.0.2.2"
+ATTACKER, HONEST = "192.0.2.1", "192.0.2.2"
 
 
 def greetings(newcomers: Newcomers, address: str, time_s: float = 0.0) -> int:
     return sum(newcomers.may_greet(address, time_s) for _ in range(1000))
 
 
-def test_address_gets_some_greetings_at_once_and_then_a_few_a_second() -> None:
+def test_address_gets_a_burst_of_greetings_and_then_a_limited_rate() -> None:
     newcomers = Newcomers()
-    assert greetings(newcomers, STRANGER) == GREETINGS_AT_ONCE
-    assert greetings(newcomers, STRANGER, 2.0) == 2 * GREETINGS_PER_S
+    assert greetings(newcomers, ATTACKER) == GREETINGS_AT_ONCE
+    assert greetings(newcomers, ATTACKER, 2.0) == 2 * GREETINGS_PER_S
     assert newcomers.may_greet(HONEST, 2.0)
 
 
 @pytest.mark.parametrize("address", ["127.0.0.1", "127.0.0.2", "::1", "::ffff:127.0.0.1"])
-def test_this_machine_may_greet_as_often_as_it_likes(address: str) -> None:
+def test_greetings_from_this_machine_are_unlimited(address: str) -> None:
     assert greetings(Newcomers(), address) == 1000
 
 
-def test_address_from_which_somebody_has_come_up_may_greet_as_often_as_it_likes() -> None:
+def test_greetings_from_a_known_address_are_unlimited() -> None:
     newcomers = Newcomers()
-    newcomers.know(HONEST)
+    newcomers.remember(HONEST)
     assert greetings(newcomers, HONEST) == 1000
 
 
@@ -43,11 +43,11 @@ def test_ipv6_network_counts_as_one_address() -> None:
     assert allowed == GREETINGS_AT_ONCE
 
 
-def test_many_addresses_take_bounded_memory() -> None:
+def test_many_addresses_use_bounded_memory() -> None:
     newcomers = Newcomers()
     for i in range(5000):
         newcomers.may_greet(f"10.0.{i // 256}.{i % 256}", 0.0)
-        newcomers.know(f"10.1.{i // 256}.{i % 256}")
+        newcomers.remember(f"10.1.{i // 256}.{i % 256}")
     assert len(newcomers._greetings) == MAX_ADDRESSES
     assert len(newcomers._known) == MAX_KNOWN
 
@@ -58,11 +58,11 @@ def arena(monkeypatch: pytest.MonkeyPatch) -> Arena:
 
 
 @pytest.mark.slow
-def test_storm_from_one_address_is_closed_at_once_beyond_its_greetings(arena: Arena) -> None:
+def test_storm_from_one_address_is_closed_beyond_its_greetings(arena: Arena) -> None:
     greeted: list[str] = []
     begin = arena.link.transport._add_stream
     arena.link.transport._add_stream = lambda port, where: greeted.append(where) or begin(port, where)
-    storm = Attackers(arena, lambda sock: None, address=STRANGER)
+    storm = Attackers(arena, lambda sock: None, address=ATTACKER)
     arena.attack(storm)
     assert storm.count > 3 * GREETINGS_AT_ONCE
     assert len(greeted) <= GREETINGS_AT_ONCE + 1 + GREETINGS_PER_S
@@ -70,9 +70,9 @@ def test_storm_from_one_address_is_closed_at_once_beyond_its_greetings(arena: Ar
 
 
 @pytest.mark.slow
-def test_client_of_another_address_greets_while_a_known_address_fills_all_places(arena: Arena) -> None:
-    arena.link.transport._newcomers.know(STRANGER)  # so its greetings are not limited
-    arena.fars.append(Attackers(arena, lambda sock: None, kept=1000, address=STRANGER))
+def test_client_of_another_address_greets_while_one_fills_all_slots(arena: Arena) -> None:
+    arena.link.transport._newcomers.remember(ATTACKER)  # so its greetings are not limited
+    arena.fars.append(Attackers(arena, lambda sock: None, kept=1000, address=ATTACKER))
     arena.run_for(0.3)
     sock = arena.network.connect("127.0.0.1", arena.pair.port, HONEST)
     arena.run_for(0.5)  # it sends nothing, so it may be the oldest of all
@@ -83,9 +83,7 @@ def test_client_of_another_address_greets_while_a_known_address_fills_all_places
 
 
 @pytest.mark.slow
-def test_peers_of_one_name_that_take_all_places_make_room_for_another_name(
-    arena: Arena, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_peers_of_one_name_in_all_slots_yield_to_another_name(arena: Arena, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tcp_server, "MAX_PEERS", 8)  # each reconnection takes simulated, and real, time
     far: list[Far] = []
     for _ in range(8 + 5):
@@ -102,18 +100,18 @@ def test_peers_of_one_name_that_take_all_places_make_room_for_another_name(
 
 
 @pytest.mark.slow
-def test_peer_that_reads_no_answers_is_closed_before_they_fill_the_memory(arena: Arena) -> None:
-    most = 0
+def test_non_reading_peer_is_closed_before_answers_fill_memory(arena: Arena) -> None:
+    max_bytes = 0
     pump = arena.link.transport._pump
 
     def watch(stream: object) -> None:
-        nonlocal most
+        nonlocal max_bytes
         pump(stream)
-        most = max(most, *(sum(map(len, one._control)) for one in arena.link.transport.streams), 0)
+        max_bytes = max(max_bytes, *(sum(map(len, one._control)) for one in arena.link.transport.streams), 0)
 
     arena.link.transport._pump = watch
     far = Far(arena, lambda: [PING] * 50, reads=False)
     arena.fars.append(far)
     arena.run_for(3.0)
     assert far.comings > 1
-    assert most <= MAX_WAITING_BYTES + 8192
+    assert max_bytes <= MAX_WAITING_BYTES + 8192

@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Faults, SimRunner, SocketsPair
-from snr_sim.testing.parts import TickerFactory
+from snr_sim import LinkFaults, SimRunner, SocketsPair
+from snr_sim.testing.function_components import FunctionLoopFactory
 
-from .conftest import ear, simulate, ticks
+from .conftest import collector, simulate, ticks
 
 HERE = "127.0.0.1"
 Start = Callable[..., Any]
@@ -26,7 +26,7 @@ def pair() -> SocketsPair:
 
 
 @pytest.mark.slow
-def test_pages_between_two_nodes_of_one_name_are_counted_and_told_at_both_ends(
+def test_pages_between_nodes_of_one_name_are_counted_and_logged(
     start: Start, pair: SocketsPair, caplog: pytest.LogCaptureFixture
 ) -> None:
     one = start("robot", [pair.server("depth")], down="t")
@@ -45,21 +45,19 @@ def test_pages_between_two_nodes_of_one_name_are_counted_and_told_at_both_ends(
     one.end()
     for end in (one, other):
         assert [note.startswith(f"'link_t': {words}") for note in end.node.notes].count(True) == 1
-    said = [r for r in caplog.records if words in r.getMessage() and "is up" not in r.getMessage()]
-    assert [(r.levelno, r.name) for r in said] == [(logging.WARNING, "snr.robot_node.link_t")] * 2
+    warnings = [r for r in caplog.records if words in r.getMessage() and "is up" not in r.getMessage()]
+    assert [(r.levelno, r.name) for r in warnings] == [(logging.WARNING, "snr.robot_node.link_t")] * 2
 
 
 @pytest.mark.slow
-def test_a_page_of_one_of_two_far_ends_of_one_name_is_sent_to_the_other_and_that_is_told(
-    start: Start, pair: SocketsPair
-) -> None:
+def test_page_of_one_namesake_is_sent_to_the_other_and_logged(start: Start, pair: SocketsPair) -> None:
     robot = start("robot", [pair.server("chat")], down="t")
     first, second = start("pad", [pair.client("chat")]), start("pad", [pair.client("chat")])
     robot.until(lambda: len(robot.stored["link_t"][-1]["peers"]) == 2, "both")
     first.store("chat", "hello")
     assert robot.until_stored("chat") == ["hello"]
-    second.until_link("t", unwanted=1)  # it takes the page for its own, and counts it
-    assert first.until_link("t", unwanted=0)
+    second.until_link("t", rejected=1)  # it takes the page for its own, and counts it
+    assert first.until_link("t", rejected=0)
     robot.until(lambda: "two far ends are named 'pad_node'" in robot.stored["link_t"][-1]["reason"], "reason")
     assert robot.until_link("t", sent=1)
     robot.end()
@@ -67,7 +65,7 @@ def test_a_page_of_one_of_two_far_ends_of_one_name_is_sent_to_the_other_and_that
 
 
 @pytest.mark.slow
-def test_who_lost_a_connection_and_called_again_is_not_two(start: Start, raw: Callable[..., Any]) -> None:
+def test_reconnected_peer_counts_as_one(start: Start, raw: Callable[..., Any]) -> None:
     pair = SocketsPair((HERE, 0), name="t", keep_alive_s=0.05, timeout_s=1.0)
     robot = start("robot", [pair.server("chat")], down="t")
     raw(pair.port, node="pad_node")  # sends a hello, and nothing after it
@@ -81,17 +79,17 @@ def test_who_lost_a_connection_and_called_again_is_not_two(start: Start, raw: Ca
     assert not any("two far ends" in note for note in robot.node.notes)
 
 
-def test_a_page_that_another_node_passed_on_is_not_sent_to_the_node_that_made_it() -> None:
+def test_forwarded_page_is_not_sent_to_its_origin() -> None:
     with_robot, with_relay, between = (SocketsPair((HERE, 1), name=name) for name in ("ar", "ab", "br"))
     stored: list[Any] = []
     roles = {
         "a": [
-            TickerFactory(lambda loop: (loop.store_data("x", 1), loop.stop())),
+            FunctionLoopFactory(lambda loop: (loop.store_data("x", 1), loop.stop())),
             with_relay.client("x"),
             with_robot.client("other"),
         ],
         "b": [with_relay.server(), between.client("x")],
-        "robot": [between.server(), with_robot.server("x"), ear(stored, field="origin")],
+        "robot": [between.server(), with_robot.server("x"), collector(stored, field="origin")],
     }
     runner = simulate(roles, until_s=3.0)
     assert stored == ["a_node"]
@@ -100,30 +98,30 @@ def test_a_page_that_another_node_passed_on_is_not_sent_to_the_node_that_made_it
 
 
 @pytest.mark.slow
-def test_page_that_is_stored_while_its_far_end_goes_is_counted(start: Start, pair: SocketsPair) -> None:
+def test_page_stored_while_its_peer_leaves_is_counted(start: Start, pair: SocketsPair) -> None:
     robot = start("robot", [pair.server("depth")], down="t")
     start("pad", [pair.client()]).until_link("t")
     robot.until_link("t")
     link: Any = robot.node.components["link_t"]
     (peer,) = link.transport.peers.up
-    going = threading.Thread(target=lambda: peer.session.lost("it went.") or link.transport.wake())  # type: ignore[func-returns-value]
-    takes = peer.takes
+    going = threading.Thread(target=lambda: peer.session.mark_lost("it went.") or link.transport.wake())  # type: ignore[func-returns-value]
+    accepts = peer.accepts
 
-    def take_slowly(frame: bytes) -> bool:
+    def accept_slowly(frame: bytes) -> bool:
         going.start()
         time.sleep(0.3)  # meanwhile the link's thread finds the session closed
-        return takes(frame)
+        return accepts(frame)
 
-    peer.takes = take_slowly
+    peer.accepts = accept_slowly
     robot.store("depth", 1)
     robot.until(lambda: link.transport.peers.up != (peer,), "gone")
     robot.end()
     assert link.sent + link.dropped + link.transport.peers.unsent == 1
 
 
-def fly_late(count: int, begins_s: float, **options: Any) -> tuple[list[Any], SimRunner]:
+def run_late(count: int, begins_s: float, **options: Any) -> tuple[list[Any], SimRunner]:
     """Store pages of two keys before the peer connects; return the pages that arrived there, and the run."""
-    pair = SocketsPair((HERE, 0), name="t", faults=Faults(cut=((0.0, begins_s),)), **options)
+    pair = SocketsPair((HERE, 0), name="t", faults=LinkFaults(cut=((0.0, begins_s),)), **options)
     came: list[Any] = []
     numbers = iter(range(count))
 
@@ -134,15 +132,15 @@ def fly_late(count: int, begins_s: float, **options: Any) -> tuple[list[Any], Si
         loop.stop()
 
     roles: dict[str, list[Any]] = {
-        "robot": [TickerFactory(store, "talker", 100.0), pair.server(["say", "dive"])],
-        "topside": [ear(came, key=None), pair.client()],
+        "robot": [FunctionLoopFactory(store, "talker", 100.0), pair.server(["say", "dive"])],
+        "topside": [collector(came, key=None), pair.client()],
     }
     runner = simulate(roles, until_s=begins_s + 8.0)
     return [data for data in came if isinstance(data, int)], runner
 
 
-def test_all_that_was_stored_before_the_link_was_first_up_crosses_in_order() -> None:
-    came, runner = fly_late(50, 2.0)
+def test_pages_stored_before_the_first_connection_arrive_in_order() -> None:
+    came, runner = run_late(50, 2.0)
     assert came == list(range(50))
     link: Any = runner.nodes["robot"].components["link_t"]
     assert (link.sent, link.dropped, link.transport.peers.unsent) == (50, 0, 0)
@@ -150,24 +148,24 @@ def test_all_that_was_stored_before_the_link_was_first_up_crosses_in_order() -> 
 
 
 @pytest.mark.parametrize("policy", ["drop_oldest", "refuse"])
-def test_what_had_to_go_before_the_link_was_first_up_is_counted_and_told(
+def test_pages_dropped_before_the_first_connection_are_counted_and_logged(
     policy: Any, caplog: pytest.LogCaptureFixture
 ) -> None:
     with caplog.at_level(logging.WARNING):
-        came, runner = fly_late(50, 2.0, queue_pages=10, policy=policy)
+        came, runner = run_late(50, 2.0, queue_pages=10, policy=policy)
     assert came == (list(range(40, 50)) if policy == "drop_oldest" else list(range(10)))
     link: Any = runner.nodes["robot"].components["link_t"]
     assert (link.sent, link.dropped) == (10, 40)
     which = "oldest" if policy == "drop_oldest" else "newest"
-    said = f"the {which} 40 pages that were stored before anybody had connected were dropped (dive 20, say 20)"
-    assert [said in message for message in caplog.messages if "stored before" in message] == [True]
-    assert [said in note for note in runner.nodes["robot"].notes if "stored before" in note] == [True]
+    expected = f"the {which} 40 pages that were stored before a node connected were dropped (dive 20, say 20)"
+    assert [expected in message for message in caplog.messages if "stored before" in message] == [True]
+    assert [expected in note for note in runner.nodes["robot"].notes if "stored before" in note] == [True]
 
 
-def test_once_the_link_was_up_the_newest_of_each_key_is_kept_for_who_comes_again() -> None:
-    pair = SocketsPair((HERE, 0), name="t", faults=Faults(cut=((1.0, 6.0),)))
+def test_disconnected_link_keeps_the_newest_page_of_each_key() -> None:
+    pair = SocketsPair((HERE, 0), name="t", faults=LinkFaults(cut=((1.0, 6.0),)))
     came: list[Any] = []
-    roles: dict[str, list[Any]] = {"robot": [ticks("x"), pair.server("x")], "topside": [ear(came), pair.client()]}
+    roles: dict[str, list[Any]] = {"robot": [ticks("x"), pair.server("x")], "topside": [collector(came), pair.client()]}
     simulate(roles, until_s=10.0)
     gap = max(later - earlier for earlier, later in itertools.pairwise(came))
     assert came[:10] == list(range(10))

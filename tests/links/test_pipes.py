@@ -16,7 +16,7 @@ from .conftest import simulate, ticks
 
 
 @pytest.mark.slow
-def test_pages_cross_a_pipe_both_ways_and_the_end_is_noticed(start: Callable[..., Any]) -> None:
+def test_pipe_carries_pages_in_both_directions_and_reports_its_end(start: Callable[..., Any]) -> None:
     ours, theirs = Pipe()
     a = start("a", [PipeLoopFactory(ours, "x")])
     b = start("b", [PipeLoopFactory(theirs, ["y"])])
@@ -26,28 +26,28 @@ def test_pages_cross_a_pipe_both_ways_and_the_end_is_noticed(start: Callable[...
     b.until_link("pipe")
     assert a.until_stored("y") == [(1, 2)]
     b.until(lambda: b.stored["x"] and b.stored["x"][-1] == 99)
-    assert a.until_link("pipe", up=True)["left"] is False
+    assert a.until_link("pipe", up=True)["has_left"] is False
     b.end()
     gone = a.until_link("pipe", up=False)
-    assert (gone["left"], gone["reason"]) == (True, "'b_node' left: node 'b_node' ended: test is over.")
+    assert (gone["has_left"], gone["reason"]) == (True, "'b_node' left: node 'b_node' ended: test is over.")
 
 
-def test_a_pipes_pair_runs_in_lock_step_too() -> None:
+def test_pipes_pair_runs_in_lock_step() -> None:
     pair = PipesPair()
     runner = simulate({"a": [ticks("x"), pair.client("x")], "b": [pair.server()]}, until_s=1.01)
     assert runner.nodes["b"].get_data("x") == 10
 
 
-def test_a_pipe_that_goes_one_way_is_refused() -> None:
+def test_one_way_pipe_raises_link_error() -> None:
     reader, writer = Pipe(duplex=False)
-    with pytest.raises(LinkError, match="one way only"):
+    with pytest.raises(LinkError, match="needs a pipe for both directions"):
         port_of(reader)
     reader.close()
     writer.close()
 
 
 @pytest.mark.slow
-def test_link_over_a_pipe_that_fails_stays_down_and_its_node_runs(
+def test_failed_pipe_link_stays_down_and_keeps_the_node(
     start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pair = PipesPair()

@@ -44,7 +44,7 @@ def far_role(start: Callable[..., Any], kind: str) -> Iterator[tuple[Any, subpro
 
 @pytest.mark.skipif(os.name == "nt", reason="hands a descriptor on, as POSIX does")
 @pytest.mark.parametrize("kind", ["tcp", "pipe"])
-def test_every_page_goes_to_another_process_and_comes_back_in_order(start: Callable[..., Any], kind: str) -> None:
+def test_pages_cross_to_another_process_and_back_in_order(start: Callable[..., Any], kind: str) -> None:
     with far_role(start, kind) as (near, process):
         for value in range(3000):
             near.store("question", value)
@@ -56,7 +56,7 @@ def test_every_page_goes_to_another_process_and_comes_back_in_order(start: Calla
 
 @pytest.mark.skipif(os.name == "nt", reason="as above")
 @pytest.mark.parametrize("kind", ["tcp", "pipe"])
-def test_a_process_that_is_killed_takes_nothing_but_the_link_down(start: Callable[..., Any], kind: str) -> None:
+def test_killed_process_takes_only_the_link_down(start: Callable[..., Any], kind: str) -> None:
     with far_role(start, kind) as (near, process):
         process.kill()
         near.until_link("t", up=False)

@@ -49,7 +49,7 @@ def serve(start: Callable[..., Any], secret: str | None) -> tuple[Any, int]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("secret", [None, SECRET])
-def test_it_sends_a_page_gets_pages_and_answers_pings(
+def test_second_implementation_sends_and_receives_pages_and_pings(
     start: Callable[..., Any], call: Call, secret: str | None
 ) -> None:
     node, port = serve(start, secret)
@@ -72,28 +72,29 @@ def test_it_sends_a_page_gets_pages_and_answers_pings(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("ours", "theirs", "said"),
+    ("ours", "theirs", "expected"),
     [
         (
             SECRET,
             SECRET + "r",
-            "refused the shared secrets of the two ends differ, or somebody passed on or changed a greeting. Try: ",
+            "refused the shared secrets of the two ends differ, "
+            "or a third party forwarded or changed a greeting. Try: ",
         ),
         (SECRET, "", "refused node 'rov_node' asks for a shared secret"),
         (None, SECRET, "refused node 'plain_node' asks for a shared secret"),
     ],
 )
-def test_it_is_told_why_it_is_refused(
-    start: Callable[..., Any], call: Call, ours: str | None, theirs: str, said: str
+def test_refused_client_receives_the_reason(
+    start: Callable[..., Any], call: Call, ours: str | None, theirs: str, expected: str
 ) -> None:
     node, port = serve(start, ours)
     out, _ = call(port, theirs, 1).communicate(timeout=120)
-    assert said in out
+    assert expected in out
     assert not node.stored["joystick"]
 
 
 @pytest.mark.slow
-def test_it_hears_that_the_node_ends(start: Callable[..., Any], call: Call) -> None:
+def test_client_receives_the_goodbye_of_the_node(start: Callable[..., Any], call: Call) -> None:
     node, port = serve(start, None)
     client = call(port, "", 1)
     node.until_stored("joystick")
@@ -101,7 +102,7 @@ def test_it_hears_that_the_node_ends(start: Callable[..., Any], call: Call) -> N
     assert client.communicate(timeout=120)[0].splitlines()[-1] == "bye node 'rov_node' ended: test is over."
 
 
-def test_the_proofs_and_the_mac_of_the_example_are_what_the_page_says() -> None:
+def test_proofs_and_mac_of_the_example_equal_the_documented_ones() -> None:
     text = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
     hellos = [encode_frame(line.strip().encode()) for line in text.splitlines() if '"auth":true' in line]
     keys = {

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from snr_sim import CommandReceiverFactory, SocketsPair, Tls, secret_from_env, secret_from_file
-from snr_sim.links.faults import Faults
-from snr_sim.links.messages import Refused
+from snr_sim.links.faults import LinkFaults
+from snr_sim.links.messages import RefusedMessage
 from snr_sim.links.security import as_networks, is_allowed, is_loopback
 from snr_sim.prelude.errors import ConfigError
 
@@ -19,38 +19,38 @@ HERE = "127.0.0.1"
 Start = Callable[..., Any]
 
 
-def test_a_short_secret_is_refused_with_a_way_to_make_one() -> None:
-    with pytest.raises(ConfigError, match=r"has 6 bytes, and at least 16(.|\n)*token_hex"):
+def test_short_secret_raises_config_error_with_fix() -> None:
+    with pytest.raises(ConfigError, match=r"has 6 bytes, but needs at least 16(.|\n)*token_hex"):
         SocketsPair((HERE, 0), secret="secret")
 
 
 @pytest.mark.parametrize("secret", [20, [0] * 16, 1234567890123456789, True, bytearray(16), Path("secret")])
-def test_only_text_and_bytes_are_a_secret(secret: Any) -> None:
+def test_secret_of_another_type_raises_config_error(secret: Any) -> None:
     with pytest.raises(ConfigError, match=f"secret=.* is of type {type(secret).__name__}"):
         SocketsPair((HERE, 0), secret=secret)
     with pytest.raises(ConfigError, match=f"token=.* is of type {type(secret).__name__}"):
         CommandReceiverFactory(0, token=secret)
 
 
-def test_text_that_is_none_in_utf8_is_no_secret() -> None:
-    with pytest.raises(ConfigError, match=r"\(secret=\) holds half a character at place 4"):
+def test_secret_that_utf8_cannot_encode_raises_config_error() -> None:
+    with pytest.raises(ConfigError, match=r"\(secret=\) is not valid UTF-8 text: half a character at index 4"):
         SocketsPair((HERE, 0), secret="good\ud800 and sixteen or more")
 
 
 @pytest.mark.parametrize("allow", [None, 5, b"1234", [1], [b"1234"]])
-def test_what_names_no_address_allows_nobody(allow: Any) -> None:
+def test_invalid_address_in_allow_raises_config_error(allow: Any) -> None:
     with pytest.raises(ConfigError, match=r"allow(.|\n)*Try: \[\"192"):
         SocketsPair((HERE, 0), allow=allow)
 
 
-def test_certificates_are_paths() -> None:
-    with pytest.raises(ConfigError, match=r"TLS with certificate=5\.(.|\n)*Try: the path of a PEM file"):
+def test_non_path_certificate_raises_config_error() -> None:
+    with pytest.raises(ConfigError, match=r"Tls certificate is 5\.(.|\n)*Try: use the path of a PEM file"):
         Tls(5, 6)  # type: ignore[arg-type]
-    with pytest.raises(ConfigError, match=r"TLS with server_name=None"):
+    with pytest.raises(ConfigError, match=r"Tls server_name is None"):
         Tls(server_name=None)  # type: ignore[arg-type]
 
 
-def test_a_secret_comes_from_a_file_or_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_secret_is_read_from_a_file_or_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "secret").write_text("0123456789abcdef\n")
     assert secret_from_file(tmp_path / "secret") == b"0123456789abcdef"
     monkeypatch.setenv("SNR_SECRET", "fedcba9876543210")
@@ -88,20 +88,20 @@ def tls(files: dict[str, str]) -> Tls:
 
 
 @pytest.mark.slow
-def test_an_address_that_is_not_allowed_is_told_so_before_it_is_listened_to(
+def test_address_not_in_allow_is_refused_before_its_greeting(
     start: Start, raw: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Every peer of a test connects from this machine, so the rule itself is replaced to reject it.
     monkeypatch.setattr("snr_sim.links.tcp_server.is_allowed", lambda address, networks: False)
     pair = SocketsPair((HERE, 0), name="t")
     robot = start("robot", [pair.server()], down="t")
-    last = raw(pair.port).messages(until=Refused)[-1]
+    last = raw(pair.port).messages(until=RefusedMessage)[-1]
     assert "127.0.0.1 may not connect to node 'robot_node'" in last.reason
     assert robot.stored["link_t"][-1]["up"] is False
 
 
 @pytest.mark.slow
-def test_a_wrong_secret_is_told_to_both_ends_and_the_right_one_connects(start: Start) -> None:
+def test_wrong_secret_is_reported_at_both_ends(start: Start) -> None:
     pair = SocketsPair((HERE, 0), name="t", secret="the right secret of this robot")
     robot = start("robot", [pair.server()], down="t")
     wrong = SocketsPair((HERE, pair.port), name="t", secret="the wrong secret of this robot")
@@ -117,8 +117,8 @@ def test_a_wrong_secret_is_told_to_both_ends_and_the_right_one_connects(start: S
 
 
 @pytest.mark.slow
-def test_a_wrong_secret_is_told_also_through_a_line_that_delays(start: Start) -> None:
-    late = Faults(latency_s=0.02)
+def test_wrong_secret_is_reported_over_a_delayed_link(start: Start) -> None:
+    late = LinkFaults(latency_s=0.02)
     pair = SocketsPair((HERE, 0), name="t", secret="the right secret of this robot", faults=late)
     start("robot", [pair.server()], down="t")
     wrong = SocketsPair((HERE, pair.port), name="t", secret="the wrong secret of this robot", faults=late)
@@ -127,7 +127,7 @@ def test_a_wrong_secret_is_told_also_through_a_line_that_delays(start: Start) ->
 
 
 @pytest.mark.slow
-def test_a_page_that_waits_at_a_server_with_a_secret_goes_to_the_first_who_proves_it(start: Start) -> None:
+def test_waiting_page_is_sent_only_to_an_authenticated_client(start: Start) -> None:
     pair = SocketsPair((HERE, 0), name="t", secret="the right secret of this robot")
     robot = start("robot", [pair.server("depth")], down="t")
     robot.store("depth", 1.5)
@@ -138,7 +138,7 @@ def test_a_page_that_waits_at_a_server_with_a_secret_goes_to_the_first_who_prove
 
 
 @pytest.mark.slow
-def test_pages_large_and_small_cross_tls_both_ways(start: Start, tls: Tls) -> None:
+def test_tls_carries_large_and_small_pages_in_both_directions(start: Start, tls: Tls) -> None:
     pair = SocketsPair((HERE, 0), name="t", tls=tls, max_frame_bytes=1 << 23)
     robot = start("robot", [pair.server("photo")], down="t")
     client = start("client", [pair.client("x")], up="t")
@@ -151,8 +151,8 @@ def test_pages_large_and_small_cross_tls_both_ways(start: Start, tls: Tls) -> No
 
 
 @pytest.mark.slow
-def test_a_server_that_the_authority_did_not_sign_is_not_talked_to(start: Start, files: dict[str, str]) -> None:
-    tls = Tls(files["robot_cert"], files["robot_key"], files["stranger"])
+def test_unsigned_server_receives_no_data(start: Start, files: dict[str, str]) -> None:
+    tls = Tls(files["robot_cert"], files["robot_key"], files["other_authority"])
     pair = SocketsPair((HERE, 0), name="t", tls=tls)
     robot = start("robot", [pair.server()], down="t")
     client = start("client", [pair.client("x")], down="t")
@@ -162,19 +162,19 @@ def test_a_server_that_the_authority_did_not_sign_is_not_talked_to(start: Start,
 
 @pytest.mark.slow
 @pytest.mark.parametrize("has_it", ["server", "client"])
-def test_tls_on_one_end_only_is_said_with_what_to_try(start: Start, tls: Tls, has_it: str) -> None:
+def test_tls_on_one_end_only_is_reported_with_fix(start: Start, tls: Tls, has_it: str) -> None:
     pair = SocketsPair((HERE, 0), name="t", tls=tls if has_it == "server" else None)
     robot = start("robot", [pair.server()], down="t")
     there = SocketsPair((HERE, pair.port), name="t", tls=tls if has_it == "client" else None)
     client = start("client", [there.client("x")])
 
-    def says(end: Any, words: str) -> None:
+    def until_reason(end: Any, words: str) -> None:
         end.until(lambda: any(words in state["reason"] for state in end.stored["link_t"]), words)
 
     fix = "Try: tls=Tls(...) on both ends"
-    says(robot if has_it == "server" else client, f"this end speaks TLS, the other does not. {fix} (")
+    until_reason(robot if has_it == "server" else client, f"this end speaks TLS, the other does not. {fix} (")
     if has_it == "client":  # a server with TLS sends nothing to a client without TLS
-        says(robot, f"The other end speaks TLS, this one does not. {fix}.")
+        until_reason(robot, f"The other end speaks TLS, this one does not. {fix}.")
 
 
 @pytest.mark.slow
@@ -186,9 +186,7 @@ def test_tls_on_one_end_only_is_said_with_what_to_try(start: Start, tls: Tls, ha
         ("named", "is for another name. Try: Tls(server_name="),
     ],
 )
-def test_a_certificate_that_does_not_fit_is_told_with_what_to_try(
-    start: Start, tmp_path: Path, which: str, words: str
-) -> None:
+def test_invalid_certificate_is_reported_with_fix(start: Start, tmp_path: Path, which: str, words: str) -> None:
     trustme = pytest.importorskip("trustme")
     authority = trustme.CA()
     yesterday = datetime.now(UTC) - timedelta(days=1)
@@ -209,14 +207,14 @@ def test_a_certificate_that_does_not_fit_is_told_with_what_to_try(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("who", ["student", "evil", "nobody"])
-def test_with_client_certificates_only_those_of_the_authority_get_in(
-    start: Start, files: dict[str, str], who: str
-) -> None:
+@pytest.mark.parametrize("who", ["student", "evil", "uncertified"])
+def test_only_clients_signed_by_the_authority_are_accepted(start: Start, files: dict[str, str], who: str) -> None:
     server = Tls(files["robot_cert"], files["robot_key"], client_authority=files["authority"])
     pair = SocketsPair((HERE, 0), name="t", tls=server)
     robot = start("robot", [pair.server()], down="t")
-    own = {} if who == "nobody" else {"client_certificate": files[f"{who}_cert"], "client_key": files[f"{who}_key"]}
+    own = (
+        {} if who == "uncertified" else {"client_certificate": files[f"{who}_cert"], "client_key": files[f"{who}_key"]}
+    )
     there = SocketsPair((HERE, pair.port), name="t", tls=Tls(authority=files["authority"], **own))
     client = start("client", [there.client("x")])
     client.store("x", who)
@@ -225,26 +223,26 @@ def test_with_client_certificates_only_those_of_the_authority_get_in(
         return
     words = {
         "evil": "is not signed by the authority this end trusts. Try: ",
-        "nobody": "the client shows no certificate. Try: ",
+        "uncertified": "the client shows no certificate. Try: ",
     }
     robot.until(lambda: words[who] in robot.stored["link_t"][-1]["reason"], "reason")
     assert not robot.stored["x"]
 
 
 @pytest.mark.slow
-def test_who_does_not_speak_tls_gets_nowhere(start: Start, tls: Tls, raw: Callable[..., Any]) -> None:
+def test_client_without_tls_is_refused_and_others_connect(start: Start, tls: Tls, raw: Callable[..., Any]) -> None:
     pair = SocketsPair((HERE, 0), name="t", tls=tls)
     start("robot", [pair.server()], down="t")
     assert raw(pair.port).sock.recv(100)[:1] in (b"\x15", b"")  # an alert of TLS, or the end of the stream
     start("client", [pair.client("x")], up="t")
 
 
-def test_certificates_that_cannot_be_used_are_an_error_at_construction(files: dict[str, str]) -> None:
+def test_unusable_certificates_raise_config_error_at_construction(files: dict[str, str]) -> None:
     with pytest.raises(ConfigError, match=r"cannot use its files \(/nowhere\.pem"):
         SocketsPair((HERE, 0), tls=Tls("/nowhere.pem", files["robot_key"])).server()
     with pytest.raises(ConfigError, match="cannot use its files"):
         SocketsPair((HERE, 0), tls=Tls(files["robot_cert"], files["student_key"])).server()
-    with pytest.raises(ConfigError, match="without the server's certificate"):
+    with pytest.raises(ConfigError, match="needs a certificate"):
         SocketsPair((HERE, 0), tls=Tls(authority=files["authority"])).server()
-    with pytest.raises(ConfigError, match="without the authority"):
+    with pytest.raises(ConfigError, match="needs the authority"):
         SocketsPair((HERE, 0), tls=Tls(files["robot_cert"], files["robot_key"])).client()

@@ -8,7 +8,7 @@ from snr_sim.links.send_queue import Policy, SendQueue
 from snr_sim.prelude.errors import ParameterError
 
 
-def test_the_oldest_goes_or_the_newest_is_refused_by_choice() -> None:
+def test_full_queue_drops_the_oldest_or_refuses_the_newest() -> None:
     oldest, newest = SendQueue(2, "drop_oldest"), SendQueue(2, "refuse")
     assert [oldest.put(frame) for frame in (b"1", b"2", b"3")] == [True, True, True]
     assert [newest.put(frame) for frame in (b"1", b"2", b"3")] == [True, True, False]
@@ -16,7 +16,7 @@ def test_the_oldest_goes_or_the_newest_is_refused_by_choice() -> None:
     assert oldest.dropped == newest.dropped == 1
 
 
-def test_bytes_are_bounded_too_but_one_frame_always_fits() -> None:
+def test_bytes_are_bounded_and_one_frame_always_fits() -> None:
     queue = SendQueue(100, max_bytes=10)
     for frame in (b"four", b"four", b"four", b"a long frame of 26 bytes .."):
         assert queue.put(frame)
@@ -24,7 +24,7 @@ def test_bytes_are_bounded_too_but_one_frame_always_fits() -> None:
     assert queue.dropped == 3
 
 
-def test_as_many_are_taken_as_fill_one_write() -> None:
+def test_take_returns_frames_for_one_write() -> None:
     queue = SendQueue()
     for _ in range(10):
         queue.put(b"12345")
@@ -57,7 +57,7 @@ def test_every_page_is_taken_in_order_or_counted(
     assert queue.waiting_bytes == 0
 
 
-def test_a_queue_that_makes_no_sense_is_refused() -> None:
+def test_invalid_queue_raises_parameter_error() -> None:
     with pytest.raises(ParameterError, match="0 pages"):
         SendQueue(0)
     with pytest.raises(ParameterError, match=r"'newest'(.|\n)*drop_oldest, refuse"):

@@ -13,8 +13,17 @@ from hypothesis import strategies as st
 
 from snr_sim import Page
 from snr_sim.links.frames import encode_frame
-from snr_sim.links.messages import LONG_BYTES, Bye, Hello, Ping, Pong, Refused, decode_message, encode_message
-from snr_sim.links.session import MAX_GREETING_BYTES, MAX_WAITING_BYTES, Session, State, Terms
+from snr_sim.links.messages import (
+    LONG_BYTES,
+    Bye,
+    HelloMessage,
+    Ping,
+    Pong,
+    RefusedMessage,
+    decode_message,
+    encode_message,
+)
+from snr_sim.links.session import MAX_GREETING_BYTES, MAX_WAITING_BYTES, Session, SessionConfig, SessionState
 
 from .conftest import hello
 
@@ -23,12 +32,12 @@ SECRET = b"sixteen or more bytes"
 
 def ends(client: dict[str, Any] | None = None, server: dict[str, Any] | None = None) -> tuple[Session, Session]:
     """Return a client's and a server's session that have not exchanged data yet."""
-    one = Session(Terms("a_node", is_server=False, **(client or {})), 0.0, nonce=b"c" * 16)
-    other = Session(Terms("b_node", is_server=True, **(server or {})), 0.0, nonce=b"s" * 16)
+    one = Session(SessionConfig("a_node", is_server=False, **(client or {})), 0.0, nonce=b"c" * 16)
+    other = Session(SessionConfig("b_node", is_server=True, **(server or {})), 0.0, nonce=b"s" * 16)
     return one, other
 
 
-def said_by(session: Session) -> bytes:
+def output_of(session: Session) -> bytes:
     """Return all bytes that a session has to send, as they are sent."""
     return b"".join(map(session.seal, session.take_output()))
 
@@ -37,21 +46,21 @@ def talk(one: Session, other: Session, now_s: float = 0.0) -> list[Any]:
     """Exchange the output of both until neither has any; return the pages that arrived."""
     came: list[Any] = []
     while True:
-        there, back = said_by(one), said_by(other)
+        there, back = output_of(one), output_of(other)
         if not there and not back:
             return came
         came += other.receive(there, now_s) + one.receive(back, now_s)
 
 
-def greeted(**terms: Any) -> Session:
+def greeted(**config: Any) -> Session:
     """Return a server's session that is up."""
-    client, server = ends(terms, terms)
+    client, server = ends(config, config)
     talk(client, server)
     assert server.is_up
     return server
 
 
-def say(session: Session, *payloads: bytes, now_s: float = 0.0) -> list[Any]:
+def send(session: Session, *payloads: bytes, now_s: float = 0.0) -> list[Any]:
     return session.receive(b"".join(encode_frame(payload, 1 << 30) for payload in payloads), now_s)
 
 
@@ -60,18 +69,18 @@ def last_word(session: Session) -> Any:
     return decode_message(session.take_output()[-1][4:])
 
 
-def test_two_ends_come_up_and_know_each_other() -> None:
+def test_two_ends_come_up_with_each_others_names() -> None:
     client, server = ends()
     talk(client, server)
-    assert (client.state, client.peer_node) == (State.up, "b_node")
-    assert (server.state, server.peer_node) == (State.up, "a_node")
+    assert (client.state, client.peer_node) == (SessionState.up, "b_node")
+    assert (server.state, server.peer_node) == (SessionState.up, "a_node")
 
 
-def test_two_ends_with_one_secret_come_up_and_the_secret_never_crosses() -> None:
+def test_two_ends_with_one_secret_come_up_and_never_send_it() -> None:
     client, server = ends({"secret": SECRET}, {"secret": SECRET})
     crossed = b""
     while not (client.is_up and server.is_up):
-        there, back = said_by(client), said_by(server)
+        there, back = output_of(client), output_of(server)
         assert there or back
         server.receive(there, 0.0)
         client.receive(back, 0.0)
@@ -82,22 +91,22 @@ def test_two_ends_with_one_secret_come_up_and_the_secret_never_crosses() -> None
 
 def test_a_wrong_secret_is_refused_and_the_server_proves_nothing() -> None:
     client, server = ends({"secret": SECRET}, {"secret": SECRET + b"!"})
-    said_by_server = b""
+    server_output = b""
     for _ in range(3):
-        server.receive(said_by(client), 0.0)
-        answer = said_by(server)
-        said_by_server += answer
+        server.receive(output_of(client), 0.0)
+        answer = output_of(server)
+        server_output += answer
         client.receive(answer, 0.0)
     assert not client.is_up
     assert not server.is_up
     assert "secrets of the two ends differ" in client.reason
-    assert b'"auth","proof"' not in said_by_server.replace(b'"$":', b"")
+    assert b'"auth","proof"' not in server_output.replace(b'"$":', b"")
 
 
 @pytest.mark.parametrize("has_it", ["client", "server"])
-def test_a_secret_on_one_end_only_is_refused_by_name(has_it: str) -> None:
-    terms = {"secret": SECRET}
-    client, server = ends(terms, None) if has_it == "client" else ends(None, terms)
+def test_secret_on_one_end_only_is_refused_with_both_names(has_it: str) -> None:
+    config = {"secret": SECRET}
+    client, server = ends(config, None) if has_it == "client" else ends(None, config)
     talk(client, server)
     assert not client.is_up
     assert not server.is_up
@@ -105,84 +114,84 @@ def test_a_secret_on_one_end_only_is_refused_by_name(has_it: str) -> None:
     assert f"node '{who}' asks for a shared secret, node '{other}' has none" in client.reason + server.reason
 
 
-def test_what_a_client_proved_cannot_be_said_back_to_it() -> None:
+def test_reflected_proof_of_a_client_is_refused() -> None:
     # A false server without the secret returns the client's own nonce and proof.
-    client = Session(Terms("a_node", is_server=False, secret=SECRET), 0.0)
+    client = Session(SessionConfig("a_node", is_server=False, secret=SECRET), 0.0)
     own = decode_message(client.take_output()[0][4:])
-    assert isinstance(own, Hello)
-    say(client, hello(nonce=own.nonce, auth=True))
-    say(client, client.take_output()[0][4:])
+    assert isinstance(own, HelloMessage)
+    send(client, hello(nonce=own.nonce, auth=True))
+    send(client, client.take_output()[0][4:])
     assert client.is_closed
     assert "differ" in client.reason
 
 
-def test_a_proof_of_another_session_is_worth_nothing() -> None:
+def test_proof_of_another_session_is_refused() -> None:
     client, server = ends({"secret": SECRET}, {"secret": SECRET})
-    server_says = said_by(server)
-    client_says = said_by(client)
-    client.receive(server_says, 0.0)
-    server.receive(client_says + (proof := said_by(client)), 0.0)
+    server_hello = output_of(server)
+    client_hello = output_of(client)
+    client.receive(server_hello, 0.0)
+    server.receive(client_hello + (proof := output_of(client)), 0.0)
     assert server.is_up
-    again = Session(Terms("b_node", is_server=True, secret=SECRET), 0.0, nonce=b"t" * 16)
-    again.receive(client_says + proof, 0.0)
+    again = Session(SessionConfig("b_node", is_server=True, secret=SECRET), 0.0, nonce=b"t" * 16)
+    again.receive(client_hello + proof, 0.0)
     assert again.is_closed
 
 
 def test_another_version_is_refused_on_both_ends_with_both_numbers() -> None:
     _, server = ends()
-    say(server, hello(version=1))
+    send(server, hello(version=1))
     assert server.is_closed
     assert server.was_refused
     assert "speaks snr version 2, the other end snr version 1. Try: the same release" in last_word(server).reason
 
 
-def test_a_port_for_pages_is_not_one_for_consoles() -> None:
+def test_other_purpose_is_refused() -> None:
     client, server = ends({"purpose": "console"})
     talk(client, server)
     assert "node 'a_node' for console" in server.reason
     assert client.was_refused
 
 
-def test_pages_cross_once_both_are_up_and_keep_what_json_would_lose() -> None:
+def test_pages_keep_values_that_json_would_lose() -> None:
     server = greeted()
     pages = [Page("x", (1.0, float("inf")), "a_node", 0.5), Page("y", [1, 2], "a_node", 0.6, process=False)]
-    assert say(server, *(page.serialize() for page in pages)) == pages
+    assert send(server, *(page.serialize() for page in pages)) == pages
     assert server.received == 2
 
 
-def test_a_long_page_that_is_not_wanted_comes_without_its_data_and_must_still_be_one() -> None:
-    wanted, other = (Page(key, list(range(LONG_BYTES)), "a", 0.0, False) for key in ("wanted", "other"))
+def test_long_page_not_accepted_has_no_data_and_must_be_valid() -> None:
+    accepted, other = (Page(key, list(range(LONG_BYTES)), "a", 0.0, False) for key in ("wanted", "other"))
 
-    def is_wanted(key: str, origin: str) -> bool:
+    def is_acceptable(key: str, origin: str) -> bool:
         return (key, origin) == ("wanted", "a")
 
-    assert decode_message(wanted.serialize(), is_wanted) == wanted
-    assert decode_message(other.serialize(), is_wanted) == Page("other", None, "a", 0.0, False)
+    assert decode_message(accepted.serialize(), is_acceptable) == accepted
+    assert decode_message(other.serialize(), is_acceptable) == Page("other", None, "a", 0.0, False)
     for damaged in (other.serialize()[:-2], other.serialize().replace(b"3,4", b"3;4", 1)):
         with pytest.raises(msgspec.DecodeError):
-            decode_message(damaged, is_wanted)
+            decode_message(damaged, is_acceptable)
 
 
 def test_a_page_before_the_greeting_is_refused() -> None:
     _, server = ends()
-    assert say(server, Page("x", 1, "a_node", 0.0).serialize()) == []
+    assert send(server, Page("x", 1, "a_node", 0.0).serialize()) == []
     assert "before the greeting" in server.reason
 
 
-def test_a_page_right_behind_the_hello_is_taken_even_if_it_is_longer_than_a_greeting_may_be() -> None:
+def test_page_longer_than_a_greeting_is_accepted_after_hello() -> None:
     _, server = ends()
     page = Page("x", "y" * 10_000, "a_node", 0.0)
-    assert say(server, hello(), page.serialize()) == [page]
+    assert send(server, hello(), page.serialize()) == [page]
 
 
-def test_who_has_not_said_hello_gets_no_more_memory_than_a_greeting_needs() -> None:
+def test_peer_before_hello_uses_only_the_memory_of_a_greeting() -> None:
     _, server = ends()
     server.receive((MAX_GREETING_BYTES + 1).to_bytes(4, "big"), 0.0)
     assert server.is_closed
     assert f"at most {MAX_GREETING_BYTES}" in server.reason
 
 
-def test_silence_is_noticed_in_time_and_pings_prevent_it() -> None:
+def test_silence_closes_the_session_and_pings_prevent_it() -> None:
     client, server = ends()
     talk(client, server)
     for tenth in range(100):
@@ -192,14 +201,14 @@ def test_silence_is_noticed_in_time_and_pings_prevent_it() -> None:
         talk(client, server, now_s)
     assert client.is_up
     assert server.is_up
-    server.tick(server.heard_s + 2.9)
+    server.tick(server.last_received_s + 2.9)
     assert server.is_up
-    server.tick(server.heard_s + 3.1)
+    server.tick(server.last_received_s + 3.1)
     assert server.is_closed
-    assert server.reason == "nothing was heard for 3 s."
+    assert server.reason == "nothing was heard for 3 s."  # plain: hear
 
 
-def test_a_greeting_that_drips_is_given_up_however_often_it_drips() -> None:
+def test_slow_greeting_is_closed_after_the_timeout() -> None:
     _, server = ends()
     for i, byte in enumerate(encode_frame(hello())):
         server.receive(bytes([byte]), i / 10)
@@ -208,13 +217,13 @@ def test_a_greeting_that_drips_is_given_up_however_often_it_drips() -> None:
     assert "greeting was not completed for 3 s" in server.reason
 
 
-def test_a_greeting_may_be_given_more_time_than_silence() -> None:
+def test_greeting_timeout_may_exceed_the_silence_timeout() -> None:
     _, server = ends(None, {"greeting_s": float("inf")})
     server.tick(1e6)
     assert not server.is_closed
 
 
-def test_half_a_frame_and_then_silence_is_given_up() -> None:
+def test_half_a_frame_and_silence_closes_the_session() -> None:
     server = greeted()
     server.receive(encode_frame(b'{"$":"page"')[:9], 1.0)
     server.tick(3.9)
@@ -223,37 +232,37 @@ def test_half_a_frame_and_then_silence_is_given_up() -> None:
     assert server.is_closed
 
 
-def test_the_round_trip_is_the_time_from_a_ping_to_its_own_answer() -> None:
+def test_rtt_equals_the_time_from_a_ping_to_its_own_answer() -> None:
     server = greeted()
     server.tick(1.0)
     assert last_word(server) == Ping(1.0)
     assert server.rtt_s == 0.0  # of the ping sent when it came up
-    say(server, encode_message(Pong(0.5)), now_s=1.1)
+    send(server, encode_message(Pong(0.5)), now_s=1.1)
     assert server.rtt_s == 0.0
-    say(server, encode_message(Pong(1.0)), now_s=1.25)
+    send(server, encode_message(Pong(1.0)), now_s=1.25)
     assert server.rtt_s == 0.25
 
 
-def test_who_comes_up_says_at_once_what_time_it_has() -> None:
+def test_end_that_comes_up_sends_its_time_at_once() -> None:
     client, server = ends({"secret": SECRET}, {"secret": SECRET})
     for now_s in (1.0, 2.0):  # hello, then the client's proof
         for one, other in ((client, server), (server, client)):
-            other.receive(said_by(one), now_s)
+            other.receive(output_of(one), now_s)
     assert server.is_up
     assert client.clock_offset_s is not None
 
 
-def test_the_quickest_of_the_last_pings_tells_how_far_the_clocks_are_apart() -> None:
+def test_clock_offset_equals_that_of_the_quickest_recent_ping() -> None:
     session = greeted()
     for latency_s in (0.5, 0.1, 0.3):
-        say(session, encode_message(Ping(100.0)), now_s=40.0 + latency_s)
+        send(session, encode_message(Ping(100.0)), now_s=40.0 + latency_s)
     assert session.clock_offset_s == pytest.approx(-59.9)
     for _ in range(8):
-        say(session, encode_message(Ping(100.0)), now_s=42.0)  # its clock was set back: earlier samples are dropped
+        send(session, encode_message(Ping(100.0)), now_s=42.0)  # its clock was set back: earlier samples are dropped
     assert session.clock_offset_s == pytest.approx(-58.0)
 
 
-def test_goodbye_ends_both_ends_with_its_reason() -> None:
+def test_bye_closes_both_ends_with_its_reason() -> None:
     client, server = ends()
     talk(client, server)
     client.bye("dinner.")
@@ -265,10 +274,10 @@ def test_goodbye_ends_both_ends_with_its_reason() -> None:
 TAKES_OVER = "\x1b[2J\x1b]0;pwned\x07 ok\nlink_t is up: topside_node"
 
 
-@pytest.mark.parametrize("message", [Bye(TAKES_OVER), Refused(TAKES_OVER)])
-def test_a_last_word_is_shown_on_one_line_and_no_terminal_obeys_it(message: Bye | Refused) -> None:
+@pytest.mark.parametrize("message", [Bye(TAKES_OVER), RefusedMessage(TAKES_OVER)])
+def test_reason_of_a_peer_is_printable_on_one_line(message: Bye | RefusedMessage) -> None:
     server = greeted()
-    say(server, encode_message(message))
+    send(server, encode_message(message))
     assert server.is_closed
     assert server.reason.isprintable()
     assert "\\x1b[2J" in server.reason
@@ -284,24 +293,24 @@ def test_a_last_word_is_shown_on_one_line_and_no_terminal_obeys_it(message: Bye 
         msgspec.json.encode({"$": "bye", "reason": "", TAKES_OVER: 1}),
     ],
 )
-def test_what_a_refusal_quotes_no_terminal_obeys(payload: bytes) -> None:
+def test_refusal_escapes_quoted_data(payload: bytes) -> None:
     _, server = ends()
-    say(server, payload)
+    send(server, payload)
     assert server.was_refused
     assert server.reason.isprintable()
     assert last_word(server).reason == server.reason
 
 
-def test_a_node_whose_name_no_terminal_shows_is_refused_in_words() -> None:
+def test_unprintable_node_name_is_refused_with_reason() -> None:
     _, server = ends()
-    say(server, hello(node="a\x1b[2J"))
+    send(server, hello(node="a\x1b[2J"))
     assert "names itself 'a\\x1b[2J', with characters that no terminal shows. Try: " in last_word(server).reason
 
 
-def test_who_asks_and_never_reads_the_answers_is_left() -> None:
+def test_peer_that_reads_no_answers_is_closed() -> None:
     server = greeted()
     for _ in range(MAX_WAITING_BYTES):
-        say(server, encode_message(Ping(1.0)))
+        send(server, encode_message(Ping(1.0)))
         if server.is_closed:
             break
     assert "does not read its answers" in server.reason
@@ -343,10 +352,10 @@ HOSTILE = {
 
 @pytest.mark.parametrize("what", HOSTILE)
 @pytest.mark.parametrize("when", ["first", "once up"])
-def test_nonsense_closes_the_session_with_a_reason_and_costs_no_memory(what: str, when: str) -> None:
+def test_invalid_data_closes_the_session_and_uses_no_memory(what: str, when: str) -> None:
     server = greeted() if when == "once up" else ends()[1]
     if when == "first" and what == "a second hello":
-        say(server, hello())
+        send(server, hello())
     server.take_output()
     tracemalloc.start()
     pages = server.receive(HOSTILE[what], 0.0)
@@ -355,14 +364,14 @@ def test_nonsense_closes_the_session_with_a_reason_and_costs_no_memory(what: str
     assert pages == []
     assert server.is_closed
     assert server.reason
-    assert isinstance(last_word(server), Refused)
+    assert isinstance(last_word(server), RefusedMessage)
     assert peak_bytes < 20 * len(HOSTILE[what]) + 2_000_000
 
 
-def test_a_closed_session_listens_to_nobody() -> None:
+def test_closed_session_ignores_data() -> None:
     server = greeted()
     server.refuse("no.")
-    assert say(server, Page("x", 1, "a_node", 0.0).serialize()) == []
+    assert send(server, Page("x", 1, "a_node", 0.0).serialize()) == []
 
 
 pieces = st.one_of(
@@ -392,9 +401,7 @@ pieces = st.one_of(
 
 
 @given(st.booleans(), st.lists(pieces, max_size=8), st.lists(st.integers(1, 50), min_size=1, max_size=5))
-def test_no_bytes_of_any_kind_raise_or_get_in_as_something_else_than_pages(
-    is_up: bool, parts: list[bytes], cuts: list[int]
-) -> None:
+def test_random_bytes_never_raise_and_return_only_pages(is_up: bool, parts: list[bytes], cuts: list[int]) -> None:
     server = greeted() if is_up else ends()[1]
     stream, start = b"".join(parts), 0
     for i in range(60):

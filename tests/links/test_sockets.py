@@ -11,8 +11,8 @@ import pytest
 
 from snr_sim import SocketsPair, TaskType, tasks
 from snr_sim.links.restarting import error_text
-from snr_sim.links.tcp_client import Calls, connect
-from snr_sim.testing.parts import PartFactory
+from snr_sim.links.tcp_client import Connector, connect
+from snr_sim.testing.function_components import FunctionEndpointFactory
 
 from .conftest import free_port, simulate, ticks
 
@@ -39,7 +39,7 @@ def test_weakness_9_two_way_links_start_in_either_order(start: Callable[..., Any
     assert running["topside"].until_stored("depth") == [1.5]
 
 
-def test_the_same_config_runs_in_lock_step_without_sockets() -> None:
+def test_config_runs_in_lock_step_without_sockets() -> None:
     pair = SocketsPair((HERE, 1), name="tether")
     runner = simulate({"robot": [ticks("x"), pair.client("x")], "topside": [pair.server()]}, until_s=1.95)
     assert runner.nodes["topside"].get_data("x") == 19
@@ -47,10 +47,10 @@ def test_the_same_config_runs_in_lock_step_without_sockets() -> None:
 
 
 @pytest.mark.slow
-def test_a_node_that_never_rests_still_hears_its_links(start: Callable[..., Any]) -> None:
+def test_busy_node_receives_pages_of_its_links(start: Callable[..., Any]) -> None:
     """A node reads its links while it waits in its inbox; if it never waits, the link's thread reads them."""
     pair = SocketsPair(("127.0.0.1", 0), name="wire")
-    busy = PartFactory({(TaskType.event, "again"): lambda task, task_id: tasks.event("again")}, "busy")
+    busy = FunctionEndpointFactory({(TaskType.event, "again"): lambda task, task_id: tasks.event("again")}, "busy")
     server = start("server", [pair.server(), busy], down="wire")
     server.node.schedule(tasks.event("again"))
     client = start("client", [pair.client("depth")], up="wire")
@@ -59,11 +59,13 @@ def test_a_node_that_never_rests_still_hears_its_links(start: Callable[..., Any]
 
 
 @pytest.mark.slow
-def test_a_handler_that_takes_long_does_not_cost_the_link(start: Callable[..., Any]) -> None:
+def test_long_handler_keeps_the_link_up(start: Callable[..., Any]) -> None:
     """The link's thread keeps it alive meanwhile: for longer than the peer's limit of silence."""
     pair = SocketsPair(("127.0.0.1", 0), name="wire", keep_alive_s=0.05, timeout_s=1.0)
     done = threading.Event()
-    slow = PartFactory({(TaskType.process_data, "depth"): lambda task, task_id: done.wait(30.0) and None}, "slow")
+    slow = FunctionEndpointFactory(
+        {(TaskType.process_data, "depth"): lambda task, task_id: done.wait(30.0) and None}, "slow"
+    )
     start("server", [pair.server(), slow], down="wire")
     client = start("client", [pair.client("depth")], up="wire")
     client.store("depth", 1)
@@ -74,20 +76,20 @@ def test_a_handler_that_takes_long_does_not_cost_the_link(start: Callable[..., A
 
 
 @pytest.mark.parametrize("error", [OSError(1, "broken"), UnicodeError("a name"), RuntimeError("a bug"), MemoryError()])
-def test_call_that_fails_in_any_way_gets_an_answer(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
+def test_connector_returns_an_error_of_any_type(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
     def fail(host: str, port: int) -> socket.socket:
         raise error
 
-    told: list[None] = []
-    calls = Calls(lambda: told.append(None))
+    notified: list[None] = []
+    calls = Connector(lambda: notified.append(None))
     monkeypatch.setattr("snr_sim.links.tcp_client.connect", fail)
     calls._connect(HERE, 1)
-    assert calls.answers.get_nowait() == error_text(error)
-    assert told
+    assert calls.results.get_nowait() == error_text(error)
+    assert notified
 
 
 @pytest.mark.slow
-def test_name_that_no_certificate_has_leaves_the_client_calling(
+def test_invalid_server_name_keeps_the_client_reconnecting(
     start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*args: object) -> None:
@@ -101,7 +103,7 @@ def test_name_that_no_certificate_has_leaves_the_client_calling(
 
 
 @pytest.mark.slow
-def test_a_client_does_not_take_itself_for_the_server(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_connection_to_itself_raises_connection_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     def call_oneself(address: tuple[str, int], timeout_s: float) -> socket.socket:
         sock = socket.socket()
         sock.bind((HERE, 0))
@@ -109,5 +111,5 @@ def test_a_client_does_not_take_itself_for_the_server(monkeypatch: pytest.Monkey
         return sock
 
     monkeypatch.setattr(socket, "create_connection", call_oneself)
-    with pytest.raises(ConnectionRefusedError, match="nobody listens"):
+    with pytest.raises(ConnectionRefusedError, match="no server is listening"):
         connect(HERE, 1)

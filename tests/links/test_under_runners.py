@@ -38,11 +38,11 @@ from snr_sim import (
     ZenohNet,
     tasks,
 )
-from snr_sim.core.process.packing import pack, unpack
+from snr_sim.core.process.factory_pickling import pickle_factory, unpickle_factory
 from snr_sim.links.options import LinkOptions
 from snr_sim.links.pipes import PipesPair
-from snr_sim.prelude.errors import ComponentFailed, ConfigError, LinkError
-from snr_sim.testing.parts import TickerFactory
+from snr_sim.prelude.errors import ComponentFailedError, ConfigError, LinkError
+from snr_sim.testing.function_components import FunctionLoopFactory
 
 from .conftest import free_port
 
@@ -110,7 +110,7 @@ class Answers(Endpoint):
         super().__init__(factory, parent, "answers")
         self.came = dict.fromkeys(factory.links, 0)
         self.task_handlers = {(TaskType.process_data, f"there_{link}"): self.on_there for link in factory.links}
-        self.task_handlers[TaskType.process_data, "over"] = lambda task, task_id: tasks.terminate("told to")
+        self.task_handlers[TaskType.process_data, "over"] = lambda task, task_id: tasks.terminate("as requested")
 
     def on_there(self, task: Task, task_id: Any) -> Task:
         link = task.name.removeprefix("there_")
@@ -163,7 +163,7 @@ def both_roles(links: tuple[str, ...], files: dict[str, str], *more: Any, zenoh_
 def assert_all_came(out: str, links: tuple[str, ...]) -> None:
     came = dict.fromkeys(links, PAGES)
     assert f"asked {came} all came back\n" in out
-    assert f"answered {came} told to\n" in out
+    assert f"answered {came} as requested\n" in out
 
 
 @pytest.mark.parametrize("link", ["memory", *WIRES])
@@ -176,7 +176,7 @@ def test_sim_runner_carries_pages_of_every_link_both_ways(
     assert_all_came(capsys.readouterr().out, (link,))
 
 
-def say_go(console: CommandReceiverFactory) -> None:
+def send_go(console: CommandReceiverFactory) -> None:
     """Send what a user would type at `snr console`, as soon as the port is known."""
     deadline_s = time.monotonic() + LIMIT_S
     while console.port == 0 and time.monotonic() < deadline_s:
@@ -190,7 +190,7 @@ def test_multi_proc_runner_carries_pages_of_every_link_both_ways(
 ) -> None:
     console = CommandReceiverFactory(0)
     config = both_roles(WIRES, files, console, zenoh_port=free_port())
-    person = threading.Thread(target=say_go, args=[console])
+    person = threading.Thread(target=send_go, args=[console])
     person.start()
     MultiProcRunner(config).run()
     person.join(LIMIT_S)
@@ -204,7 +204,7 @@ def test_runners_on_threads_carry_pages_of_every_link_both_ways(
     console = CommandReceiverFactory(0)
     config = both_roles(WIRES, files, console, zenoh_port=free_port())
     threads = [threading.Thread(target=SynchronousRunner(role, config).run) for role in config.factories]
-    for thread in [*threads, person := threading.Thread(target=say_go, args=[console])]:
+    for thread in [*threads, person := threading.Thread(target=send_go, args=[console])]:
         thread.start()
     for thread in [*threads, person]:
         thread.join(LIMIT_S)
@@ -224,7 +224,7 @@ def test_rov_py_of_the_readme_runs_under_multi_proc_runner(tmp_path: Path) -> No
     assert process.returncode == 0
 
 
-def test_a_local_console_is_refused_a_process_and_told_of_the_other_one() -> None:
+def test_local_console_in_a_process_raises_config_error_with_fix() -> None:
     with pytest.raises(ConfigError) as caught:
         MultiProcRunner(Config(factories={"a": [LocalConsoleFactory()]})).run()
     assert str(caught.value) == (
@@ -242,14 +242,16 @@ RUNNERS: dict[str, Callable[[Config], Any]] = {
 
 
 @pytest.mark.parametrize("runner", ["synchronous", "simulated", pytest.param("processes", marks=pytest.mark.slow)])
-def test_a_memory_link_among_factories_is_refused_and_told_where_it_belongs(runner: str) -> None:
+def test_memory_link_among_factories_raises_config_error_with_fix(runner: str) -> None:
     config: Any = Config(factories={"a": [MemoryLink(["x"], "a", "b")]})
-    with pytest.raises((ConfigError, ComponentFailed), match=r"SimRunner\(config, links=\[link\]\); between processes"):
+    with pytest.raises(
+        (ConfigError, ComponentFailedError), match=r"SimRunner\(config, links=\[link\]\); between processes"
+    ):
         RUNNERS[runner](config)
 
 
 @pytest.mark.slow
-def test_a_port_that_is_taken_is_told_before_any_process_starts(capsys: pytest.CaptureFixture[str]) -> None:
+def test_port_in_use_raises_error_before_any_process_starts(capsys: pytest.CaptureFixture[str]) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         pair = SocketsPair(("127.0.0.1", taken.getsockname()[1]))
         first = CommandReceiverFactory(0)
@@ -273,23 +275,23 @@ def ends_when_down(ticker: Any) -> None:
 
 
 @pytest.mark.slow
-def test_a_process_that_has_gone_shows_at_once_at_the_far_end_of_its_pipe(capsys: pytest.CaptureFixture[str]) -> None:
+def test_ended_process_takes_its_pipe_link_down_at_once(capsys: pytest.CaptureFixture[str]) -> None:
     pair = PipesPair(LinkOptions("pipe", timeout_s=LIMIT_S))
     config = Config(
         factories={
-            "left": [pair.client(), TimeoutLoopFactory(seconds=LIMIT_S), TickerFactory(ends_when_down)],
-            "right": [pair.server(["link_pipe"]), TickerFactory(goes_when_up)],
+            "left": [pair.client(), TimeoutLoopFactory(seconds=LIMIT_S), FunctionLoopFactory(ends_when_down)],
+            "right": [pair.server(["link_pipe"]), FunctionLoopFactory(goes_when_up)],
         }
     )
     MultiProcRunner(config).run()
     assert "[left] the connection" in capsys.readouterr().out
 
 
-def test_a_pipe_that_goes_to_a_process_keeps_its_descriptor_and_way() -> None:
+def test_pipe_sent_to_a_process_keeps_descriptor_and_direction() -> None:
     ours, theirs = Pipe()
-    packed = pack(PipeLoopFactory(theirs), "a pipe", "Role 'a'")
+    packed = pickle_factory(PipeLoopFactory(theirs), "a pipe", "Role 'a'")
     assert packed["descriptors"] == [theirs.fileno()]
-    there = unpack(packed).conn
+    there = unpickle_factory(packed).conn
     ours.send_bytes(b"hello")
     assert there.recv_bytes() == b"hello"
     there._handle = None  # in this one process both have the same descriptor, and only one may close it

@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from snr_sim import Page
-from snr_sim.console.wire import Reply, answer_of, decode_asked
+from snr_sim.console.wire import Reply, decode_request, result_from_reply
 from snr_sim.links.frames import MAX_FRAME_BYTES, encode_frame
 from snr_sim.links.messages import decode_message
-from snr_sim.links.session import Session, Terms
+from snr_sim.links.session import Session, SessionConfig
 from snr_sim.links.wire_bounds import MAX_DEPTH, check_bounds, decode_page, encode_page
 from snr_sim.prelude.errors import ValueEncodingError
 from snr_sim.prelude.page import KINDS
@@ -64,12 +64,14 @@ WITHIN = {
 
 
 @pytest.mark.parametrize("what", BEYOND)
-def test_value_beyond_the_bounds_is_refused_as_its_peers_nonsense(what: str) -> None:
+def test_value_beyond_the_bounds_closes_the_session(what: str) -> None:
     with pytest.raises((ValueEncodingError, msgspec.DecodeError)):
         decode_message(BEYOND[what])
     with pytest.raises(ValueEncodingError):
         decode_page(BEYOND[what])
-    session, far = (Session(Terms(name, is_server), 0.0) for name, is_server in (("robot", True), ("raw", False)))
+    session, far = (
+        Session(SessionConfig(name, is_server), 0.0) for name, is_server in (("robot", True), ("raw", False))
+    )
     session.receive(b"".join(far.take_output()), 0.0)
     assert session.receive(encode_frame(BEYOND[what]), 0.0) == []
     assert session.is_closed
@@ -77,17 +79,17 @@ def test_value_beyond_the_bounds_is_refused_as_its_peers_nonsense(what: str) -> 
 
 
 @pytest.mark.parametrize("what", WITHIN)
-def test_value_within_the_bounds_comes_in(what: str) -> None:
+def test_value_within_the_bounds_is_accepted(what: str) -> None:
     assert decode_message(WITHIN[what]) == decode_page(WITHIN[what]) == Page.deserialize(WITHIN[what])
 
 
 @pytest.mark.parametrize("data", [2**64, -(2**63) - 1, 10**5000, (1, 2**64), {"a": [2**70]}, {2**64}], ids=type)
-def test_sender_of_a_long_integer_is_told(data: Any) -> None:
+def test_sending_a_long_integer_raises_encoding_error(data: Any) -> None:
     with pytest.raises(ValueEncodingError, match="more than 64 bits"):
         encode_page(Page("x", data, "a", 0.0))
 
 
-def test_sender_of_a_deep_value_is_told() -> None:
+def test_sending_a_deep_value_raises_encoding_error() -> None:
     data: list[Any] = []
     for _ in range(MAX_DEPTH):
         data = [data]
@@ -108,7 +110,7 @@ def is_within(value: Any, depth: int = 0) -> bool:
 
 
 @given(values, st.integers(0, MAX_DEPTH + 5))
-def test_bounds_are_what_a_walk_over_the_value_finds(value: Any, wraps: int) -> None:
+def test_bounds_equal_those_of_a_walk_over_the_value(value: Any, wraps: int) -> None:
     raw = b"[" * wraps + msgspec.json.encode(value) + b"]" * wraps
     try:
         check_bounds(raw)
@@ -135,10 +137,10 @@ def cpu_s(act: Callable[[bytes], object], raw: bytes) -> float:
 @pytest.mark.parametrize("number", [b"-1", b"9223372036854775808", b"9" * 4000])
 def test_number_of_a_consoles_line_is_bounded(number: bytes) -> None:
     with pytest.raises(msgspec.DecodeError):
-        decode_asked(b'{"$":"command","number":%s,"line":"help"}' % number)
+        decode_request(b'{"$":"command","number":%s,"line":"help"}' % number)
 
 
 @pytest.mark.parametrize("data", [b"9" * 400, b'{"$":"int","v":"0x10000000000000000"}', b"[" * 101 + b"]" * 101])
 def test_data_of_a_consoles_answer_is_bounded(data: bytes) -> None:
     with pytest.raises(ValueEncodingError):
-        answer_of(Reply(1, "", msgspec.Raw(data), False, ""))
+        result_from_reply(Reply(1, "", msgspec.Raw(data), False, ""))

@@ -50,7 +50,7 @@ def session() -> Any:
         yield session
 
 
-def test_it_waits_for_the_last_call_of_every_callback(session: Any) -> None:
+def test_wait_returns_after_the_last_call_of_every_callback(session: Any) -> None:
     callbacks, calls, threads = ZenohCallbacks(), [], set()
     is_called = threading.Event()
 
@@ -80,7 +80,7 @@ def test_queries_that_are_over_are_not_kept(session: Any) -> None:
     assert len(callbacks._ending) == 1
 
 
-def test_nothing_is_waited_for_where_there_was_no_callback() -> None:
+def test_wait_without_callbacks_returns_at_once() -> None:
     assert ZenohCallbacks().wait(0.0)
 
 

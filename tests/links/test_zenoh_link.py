@@ -15,9 +15,9 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Faults, Tls, ZenohNet
+from snr_sim import LinkFaults, Tls, ZenohNet
 from snr_sim.links import zenoh_link
-from snr_sim.prelude.errors import MissingExtra
+from snr_sim.prelude.errors import MissingExtraError
 from snr_sim.prelude.page import Page
 
 from .conftest import free_port
@@ -86,12 +86,12 @@ class Process:
     def until_peers(self, *wanted: str) -> None:
         """Wait until its link reports exactly these peers."""
 
-        def tells() -> bool:
+        def has_peers() -> bool:
             pages = self.stored.get("link_fleet")
             return bool(pages) and sorted(pages[-1]["peers"]) == sorted(wanted)
 
         with self.news:
-            assert self.news.wait_for(tells, LIMIT_S), self.stored
+            assert self.news.wait_for(has_peers, LIMIT_S), self.stored
 
     def store(self, key: str, *values: Any) -> None:
         """Store values there."""
@@ -130,7 +130,7 @@ def process() -> Iterator[Callable[..., Process]]:
 
 
 @pytest.fixture
-def stranger(net: ZenohNet) -> Iterator[Callable[[], Any]]:
+def zenoh_session(net: ZenohNet) -> Iterator[Callable[[], Any]]:
     """Connect a program with Zenoh and without snr_sim to the net's first node, which must run already."""
     sessions: list[Any] = []
 
@@ -154,7 +154,7 @@ def stranger(net: ZenohNet) -> Iterator[Callable[[], Any]]:
 
 
 @pytest.mark.slow
-def test_pages_go_both_ways_and_either_node_starts_first(start: Start, net: ZenohNet) -> None:
+def test_pages_cross_in_both_directions_in_either_start_order(start: Start, net: ZenohNet) -> None:
     rov = start("rov", [joins(net, "depth")])
     assert rov.until_link("fleet", up=False)["reason"].startswith(f"waits for {net.listen[0]}")
     rov.store("depth", 1.5)  # before any node receives it
@@ -167,7 +167,7 @@ def test_pages_go_both_ways_and_either_node_starts_first(start: Start, net: Zeno
 
 
 @pytest.mark.slow
-def test_a_program_that_ends_before_its_link_has_left_is_not_aborted(
+def test_program_that_ends_before_its_link_left_is_not_aborted(
     start: Start, process: Callable[..., Process], net: ZenohNet
 ) -> None:
     start("shore", [net.link()])
@@ -177,7 +177,7 @@ def test_a_program_that_ends_before_its_link_has_left_is_not_aborted(
 
 
 @pytest.mark.slow
-def test_three_processes_hear_each_other_through_the_one_that_listens(
+def test_three_processes_exchange_pages_through_the_listening_one(
     start: Start, process: Callable[..., Process], net: ZenohNet
 ) -> None:
     shore = start("shore", [net.link()])
@@ -196,8 +196,8 @@ def test_three_processes_hear_each_other_through_the_one_that_listens(
 
 
 @pytest.mark.slow
-def test_robots_with_the_same_program_are_told_apart(start: Start, net: ZenohNet) -> None:
-    shore = start("shore", [net.link("mission", apart=True)])
+def test_robots_with_the_same_program_have_separate_names(start: Start, net: ZenohNet) -> None:
+    shore = start("shore", [net.link("mission", namespaced=True)])
     rov1 = start("auv", [joins(net, "depth", robot="rov1", robots="shore_node")])
     rov2 = start("auv", [joins(net, "depth", robot="rov2", robots="shore_node")])
     shore.until(lambda: names(shore) == ["rov1/auv_node", "rov2/auv_node"])
@@ -212,12 +212,12 @@ def test_robots_with_the_same_program_are_told_apart(start: Start, net: ZenohNet
 
 
 @pytest.mark.slow
-def test_nets_with_different_names_never_meet(start: Start, net: ZenohNet) -> None:
+def test_nets_with_different_names_exchange_no_pages(start: Start, net: ZenohNet) -> None:
     other = ZenohNet(name="other fleet?", connect=net.listen[0])
     shore = start("shore", [net.link()])
     alien = start("alien", [other.link("x")])
     alien.store("x", "theirs")
-    alien.until_link("other fleet?", up=False, reason="nobody else is in the net.")  # connected, but ignored
+    alien.until_link("other fleet?", up=False, reason="no other node is in the net.")  # connected, but ignored
     friend = start("friend", [joins(net, "x")], up="fleet")
     friend.store("x", "ours")
     assert shore.until_stored("x") == ["ours"]
@@ -226,7 +226,7 @@ def test_nets_with_different_names_never_meet(start: Start, net: ZenohNet) -> No
 
 
 @pytest.mark.slow
-def test_others_are_discovered_on_the_interface_that_was_named_and_only_there(start: Start) -> None:
+def test_discovery_uses_only_the_given_interface(start: Start) -> None:
     # Multicast reaches the whole machine, so this net's name must be unique.
     name = f"fleet {os.getpid()}"
     rov = start("rov", [ZenohNet(name=name, discover=True, listen=free_address()).link("x")])
@@ -240,7 +240,7 @@ def test_others_are_discovered_on_the_interface_that_was_named_and_only_there(st
 
 
 @pytest.mark.slow
-def test_who_comes_late_hears_the_newest_of_each_key_and_nobody_hears_it_twice(start: Start, net: ZenohNet) -> None:
+def test_late_node_receives_the_newest_page_of_each_key_once(start: Start, net: ZenohNet) -> None:
     rov = start("rov", [net.link(["depth", "heading"])])
     early = start("early", [joins(net)])
     rov.until_link("fleet")
@@ -270,7 +270,7 @@ def test_ten_thousand_pages_reach_another_process_in_order(
 
 
 @pytest.mark.slow
-def test_a_large_page_crosses_and_small_ones_keep_their_place(start: Start, net: ZenohNet) -> None:
+def test_large_page_arrives_in_order_with_small_ones(start: Start, net: ZenohNet) -> None:
     photo = "p" * 1_000_000
     rov = start("rov", [net.link("x")])
     shore = start("shore", [joins(net)])
@@ -291,7 +291,7 @@ def test_any_text_may_be_a_key(start: Start, net: ZenohNet) -> None:
 
 
 @pytest.mark.slow
-def test_only_what_is_accepted_comes_in(start: Start, net: ZenohNet) -> None:
+def test_only_accepted_pages_are_stored(start: Start, net: ZenohNet) -> None:
     rov = start("rov", [net.link(["x", "y"])])
     shore = start("shore", [joins(net, accept=["y"])])
     rov.until_link("fleet")
@@ -302,7 +302,7 @@ def test_only_what_is_accepted_comes_in(start: Start, net: ZenohNet) -> None:
 
 
 @pytest.mark.slow
-def test_the_link_says_how_long_a_round_trip_takes(start: Start, net: ZenohNet) -> None:
+def test_link_reports_rtt_and_age(start: Start, net: ZenohNet) -> None:
     start("rov", [net.link("x")])
     shore = start("shore", [joins(net)])
     shore.until(lambda: shore.stored["link_fleet"] and shore.stored["link_fleet"][-1]["rtt_s"] is not None)
@@ -312,8 +312,8 @@ def test_the_link_says_how_long_a_round_trip_takes(start: Start, net: ZenohNet) 
 
 
 @pytest.mark.slow
-def test_faults_delay_and_lose_pages_and_say_how_many(start: Start, net: ZenohNet) -> None:
-    bad = ZenohNet(name="fleet", connect=net.listen[0], faults=Faults(latency_s=0.2, loss=0.5, seed=1))
+def test_faults_delay_and_lose_pages_and_count_them(start: Start, net: ZenohNet) -> None:
+    bad = ZenohNet(name="fleet", connect=net.listen[0], faults=LinkFaults(latency_s=0.2, loss=0.5, seed=1))
     shore = start("shore", [net.link()])
     rov = start("rov", [bad.link("x")], seed=1, up="fleet")
     rov.store("x", *range(40), "last?")
@@ -329,7 +329,7 @@ def test_faults_delay_and_lose_pages_and_say_how_many(start: Start, net: ZenohNe
 
 
 @pytest.mark.slow
-def test_a_process_that_is_killed_is_seen_and_its_successor_too(
+def test_killed_process_and_its_successor_are_reported(
     start: Start, process: Callable[..., Process], net: ZenohNet
 ) -> None:
     shore = start("shore", [net.link("mission")])
@@ -346,7 +346,7 @@ def test_a_process_that_is_killed_is_seen_and_its_successor_too(
 
 
 @pytest.mark.slow
-def test_the_one_that_listens_may_be_killed_and_come_back(
+def test_killed_listening_node_is_reconnected_after_restart(
     start: Start, process: Callable[..., Process], net: ZenohNet
 ) -> None:
     rov = start("rov", [joins(net, "x")])
@@ -363,7 +363,7 @@ def test_the_one_that_listens_may_be_killed_and_come_back(
 
 @pytest.mark.wall_clock
 @pytest.mark.skipif(os.name == "nt", reason="stops a process, as POSIX does")
-def test_a_process_that_hangs_neither_holds_up_a_node_nor_its_end(
+def test_hanging_process_delays_neither_a_node_nor_its_end(
     start: Start, process: Callable[..., Process], net: ZenohNet
 ) -> None:
     shore = start("shore", [net.link("x")])
@@ -406,11 +406,9 @@ def test_twenty_links_leave_neither_threads_nor_descriptors_behind(start: Start,
 
 
 @pytest.mark.slow
-def test_what_is_no_page_is_counted_and_changes_nothing(
-    start: Start, net: ZenohNet, stranger: Callable[[], Any]
-) -> None:
+def test_non_page_is_counted_as_rejected(start: Start, net: ZenohNet, zenoh_session: Callable[[], Any]) -> None:
     shore = start("shore", [net.link(accept=["x", "y", "last"])], down="fleet")
-    session, place = stranger(), "snr/fleet/evil/evil/1"
+    session, place = zenoh_session(), "snr/fleet/evil/evil/1"
     page = Page("x", 1, "evil", 0.0).serialize()
     hostile = [
         (f"{place}/page/x", b""),
@@ -431,7 +429,7 @@ def test_what_is_no_page_is_counted_and_changes_nothing(
         session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
     session.put(f"{place}/page/x", page, attachment=b"long" * 1000, congestion_control=zenoh.CongestionControl.BLOCK)
     assert shore.until_stored("x") == [1]
-    shore.until(lambda: shore.stored["link_fleet"][-1]["unwanted"] >= 10)
+    shore.until(lambda: shore.stored["link_fleet"][-1]["rejected"] >= 10)
     assert shore.stored["y"] == []
     assert shore.stored["link_fleet"][-1]["received"] == 1
     assert shore.failure is None
@@ -441,9 +439,9 @@ def test_what_is_no_page_is_counted_and_changes_nothing(
 
 
 @pytest.mark.slow
-def test_a_page_far_too_long_is_not_even_kept(start: Start, net: ZenohNet, stranger: Callable[[], Any]) -> None:
+def test_page_far_beyond_the_limit_is_not_stored(start: Start, net: ZenohNet, zenoh_session: Callable[[], Any]) -> None:
     shore = start("shore", [net.link()], down="fleet")
-    session, place = stranger(), "snr/fleet/evil/evil/1"
+    session, place = zenoh_session(), "snr/fleet/evil/evil/1"
     session.put(f"{place}/page/x", bytes(1 << 26), congestion_control=zenoh.CongestionControl.BLOCK)
     friend = start("friend", [joins(net, "y")])
     friend.store("y", 1)
@@ -453,8 +451,8 @@ def test_a_page_far_too_long_is_not_even_kept(start: Start, net: ZenohNet, stran
 
 
 @pytest.mark.slow
-def test_only_keys_of_the_net_pass_the_node_that_listens(
-    start: Start, net: ZenohNet, stranger: Callable[[], Any]
+def test_listening_node_forwards_only_keys_of_the_net(
+    start: Start, net: ZenohNet, zenoh_session: Callable[[], Any]
 ) -> None:
     start("shore", [net.link()], down="fleet")
     came: list[str] = []
@@ -465,25 +463,23 @@ def test_only_keys_of_the_net_pass_the_node_that_listens(
             came.append(str(sample.key_expr))
             news.notify_all()
 
-    ear, mouth = stranger(), stranger()
+    subscriber, publisher = zenoh_session(), zenoh_session()
     for keys in ("**", "foreign/**", "snr/other/**", "snr/fleet/**"):
-        ear.declare_subscriber(keys, take)
+        subscriber.declare_subscriber(keys, take)
 
-    def has_heard_the_last() -> bool:
+    def has_received_last() -> bool:
         # Repeated, because a subscription takes time to propagate.
         for key in ("foreign/x", "snr/other/a/a/1/page/x", "snr/fleet/a/a/1/page/x"):
-            mouth.put(key, b"hello", congestion_control=zenoh.CongestionControl.BLOCK)
+            publisher.put(key, b"hello", congestion_control=zenoh.CongestionControl.BLOCK)
         return "snr/fleet/a/a/1/page/x" in came
 
     with news:
-        assert any(has_heard_the_last() or (news.wait(0.1) and has_heard_the_last()) for _ in range(int(LIMIT_S / 0.1)))
+        assert any(has_received_last() or (news.wait(0.1) and has_received_last()) for _ in range(int(LIMIT_S / 0.1)))
     assert set(came) == {"snr/fleet/a/a/1/page/x"}
 
 
 @pytest.mark.slow
-def test_with_certificates_on_both_sides_only_those_of_the_authority_get_in(
-    start: Start, files: dict[str, str]
-) -> None:
+def test_only_nodes_signed_by_the_authority_join_the_net(start: Start, files: dict[str, str]) -> None:
     address = free_address("tls")
     ours = {"authority": files["authority"], "client_authority": files["authority"]}
     shore_tls = Tls(certificate=files["robot_cert"], key=files["robot_key"], **ours)
@@ -496,7 +492,7 @@ def test_with_certificates_on_both_sides_only_those_of_the_authority_get_in(
     student = {"client_certificate": files["student_cert"], "client_key": files["student_key"]}
     evil = {"client_certificate": files["evil_cert"], "client_key": files["evil_key"]}
     intruder = connects("intruder", authority=files["authority"], **evil)
-    doubter = connects("doubter", authority=files["stranger"], **student)
+    doubter = connects("doubter", authority=files["other_authority"], **student)
     rov = connects("rov", authority=files["authority"], **student)
     rov.until_link("fleet")
     rov.store("y", 1)
@@ -511,7 +507,7 @@ def test_with_certificates_on_both_sides_only_those_of_the_authority_get_in(
 
 
 @pytest.mark.slow
-def test_a_port_in_use_is_said_where_the_node_begins(start: Start, net: ZenohNet) -> None:
+def test_port_in_use_raises_error_at_begin(start: Start, net: ZenohNet) -> None:
     start("shore", [net.link()]).until_link("fleet", up=False)
     second = start("second", [net.link()])
     second.until(lambda: second.failure)
@@ -519,21 +515,21 @@ def test_a_port_in_use_is_said_where_the_node_begins(start: Start, net: ZenohNet
 
 
 @pytest.mark.slow
-def test_a_missing_package_says_what_to_install(net: ZenohNet, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_package_raises_error_with_its_extra(net: ZenohNet, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "zenoh", None)
-    with pytest.raises(MissingExtra, match=r"eclipse-zenoh(.|\n)*snr_sim\[zenoh\]"):
+    with pytest.raises(MissingExtraError, match=r"eclipse-zenoh(.|\n)*snr_sim\[zenoh\]"):
         zenoh_link._zenoh()
 
 
 @pytest.mark.slow
-def test_link_that_fails_is_down_with_the_reason_and_joins_again(start: Start, net: ZenohNet) -> None:
+def test_failed_link_is_down_with_the_reason_and_joins_again(start: Start, net: ZenohNet) -> None:
     one = start("one", [net.link("x")])
     other = start("other", [joins(net, "y")])
     for running in (one, other):
         running.until_link("fleet")
         link = running.node.components["link_fleet"]
-        zenoh_way = link.transport
-        zenoh_way._arrive = lambda way=zenoh_way: (way.__dict__.pop("_arrive"), 1 / 0)  # once
+        transport = link.transport
+        transport._deliver_due = lambda way=transport: (way.__dict__.pop("_deliver_due"), 1 / 0)  # once
         running.until(lambda running=running: running.stored["link_fleet"][-1]["failures"] == 1)
         down = next(page for page in running.stored["link_fleet"] if page["failures"] == 1)
         assert not down["up"]

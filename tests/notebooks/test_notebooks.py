@@ -1,4 +1,4 @@
-"""The notebooks run from top to bottom, as they stand in the repository: without outputs, and without hidden state."""
+"""The notebooks run from top to bottom, as committed: without outputs, and without hidden state."""
 
 import json
 import re
@@ -13,14 +13,14 @@ NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 FRAMES = {"01_landing": 1, "02_underwater": 1, "04_replay": 2}  # in which the rerun viewer shows a recorded run
 
 
-def test_there_are_five_and_a_page_that_says_how_to_begin() -> None:
+def test_notebooks_are_five_and_listed_in_readme() -> None:
     assert [one.stem[3:] for one in NOTEBOOKS] == ["landing", "underwater", "filters", "replay", "grading"]
     page = (FOLDER / "README.md").read_text(encoding="utf-8")
     assert all(one.name in page for one in NOTEBOOKS)
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_is_kept_without_outputs(path: Path) -> None:
+def test_notebook_is_stored_without_outputs(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     notebook = json.loads(text)
     nbformat.validate(nbformat.reads(text, 4))
@@ -30,7 +30,7 @@ def test_a_notebook_is_kept_without_outputs(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_cells_keep_their_names_so_that_a_change_of_one_is_a_change_of_one(path: Path) -> None:
+def test_cell_ids_are_unique_and_numbered(path: Path) -> None:
     names = [cell["id"] for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]]
     assert len(set(names)) == len(names)
     assert all(re.fullmatch(path.stem[:2] + r"-\d\d", name) for name in names)
@@ -39,7 +39,7 @@ def test_cells_keep_their_names_so_that_a_change_of_one_is_a_change_of_one(path:
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # those of jupyter's own parts
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_runs_and_shows_pictures(path: Path) -> None:
+def test_notebook_runs_and_shows_pictures(path: Path) -> None:
     notebook = nbformat.read(path, 4)
     # A cell that takes minutes is not for a class; the limit is far above, for a busy computer.
     NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(FOLDER)}}).execute()

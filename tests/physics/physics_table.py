@@ -40,16 +40,16 @@ def row(case: Case, ours: list[float]) -> str:
     errors = " | ".join(_error(case, value) for value in ours)
     allowed = f"{case.allowed:.0e}" + ("" if case.reference else f" {case.unit}")
     shown = f"{ours[1]:.5g}" if case.reference else _error(case, ours[1])
-    return f"| {case.name} | {case.reference:.5g} {case.unit} | {shown} | {errors} | {allowed}: {case.why} |"
+    return f"| {case.name} | {case.reference:.5g} {case.unit} | {shown} | {errors} | {allowed}: {case.reason} |"
 
 
 def _error(case: Case, ours: float) -> str:
     """Return an error to one digit; one that is negligible, and may differ between computers, is 0."""
     error = case.error(ours)
-    return f"{error:+.0e}" if abs(error) >= least_shown(case) else "0"
+    return f"{error:+.0e}" if abs(error) >= min_shown_error(case) else "0"
 
 
-def least_shown(case: Case) -> float:
+def min_shown_error(case: Case) -> float:
     """Return the least error that is shown."""
     return max(1e-9, 1e-4 * case.allowed)
 

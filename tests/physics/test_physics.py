@@ -27,11 +27,11 @@ CASES = table.cases()
 PAGE = table.PAGE.read_text(encoding="utf-8")
 
 
-def shown_alike(cell: str, shown: str, least: float) -> bool:
+def shown_alike(cell: str, shown: str, min_error: float) -> bool:
     """Whether two errors, shown to one digit, can be the same but for how another computer rounds."""
     one, other = float(cell), float(shown)
-    digit = 10.0 ** math.floor(math.log10(max(abs(one), abs(other), least)))
-    return abs(one - other) <= 1.01 * digit or max(abs(one), abs(other)) < 2.0 * least
+    digit = 10.0 ** math.floor(math.log10(max(abs(one), abs(other), min_error)))
+    return abs(one - other) <= 1.01 * digit or max(abs(one), abs(other)) < 2.0 * min_error
 
 
 def errors_alike(case: Any, steps_s: tuple[float, ...]) -> None:
@@ -44,7 +44,7 @@ def errors_alike(case: Any, steps_s: tuple[float, ...]) -> None:
     *fresh, _, f2, f5, f10, f_allowed = (cell.strip() for cell in now.strip("|").split("|"))
     assert (before, allowed) == (fresh, f_allowed)
     pairs = dict(zip(table.STEPS_S, ((e2, f2), (e5, f5), (e10, f10)), strict=True))
-    assert all(shown_alike(*pairs[step_s], table.least_shown(case)) for step_s in steps_s), now
+    assert all(shown_alike(*pairs[step_s], table.min_shown_error(case)) for step_s in steps_s), now
 
 
 every_case = pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
@@ -52,21 +52,21 @@ FAST_STEPS_S = (0.005,)
 
 
 @every_case
-def test_plant_at_5_ms_is_as_near_to_the_reference_as_the_page_says(case: Any) -> None:
+def test_error_at_5_ms_equals_physics_page(case: Any) -> None:
     errors_alike(case, FAST_STEPS_S)
 
 
 @pytest.mark.slow
 @every_case
-def test_plant_at_2_and_10_ms_is_as_near_to_the_reference_as_the_page_says(case: Any) -> None:
+def test_error_at_2_and_10_ms_equals_physics_page(case: Any) -> None:
     errors_alike(case, tuple(step_s for step_s in table.STEPS_S if step_s not in FAST_STEPS_S))
 
 
-def test_the_page_has_each_case_once_and_no_other() -> None:
+def test_physics_page_has_each_case_once() -> None:
     lines = [line for line in PAGE.splitlines() if line.startswith("| ") and not line.startswith("| Case")]
     assert [line.split(" | ")[0][2:] for line in lines] == [case.name for case in CASES]
     assert len({case.name for case in CASES}) == len(CASES)
 
 
-def test_the_page_begins_as_it_is_made() -> None:
+def test_physics_page_begins_with_generated_text() -> None:
     assert PAGE.startswith(table.HEAD)

@@ -3,18 +3,18 @@ from typing import Any
 
 import pytest
 
-from snr_sim.plants.urov.battery import Battery, BenchSupply, Pack, cell_v
+from snr_sim.plants.urov.battery import Battery, BatteryPack, BenchSupply, cell_v
 from snr_sim.prelude.errors import ParameterError
 
 
-def test_full_empty_and_on_average_a_cell_has_the_voltages_that_makers_print() -> None:
+def test_cell_voltage_full_empty_and_mean_equals_data_sheet() -> None:
     assert (cell_v(1.0), cell_v(0.0)) == pytest.approx((4.2, 2.5))
     charges = [(i + 0.5) / 20_000 for i in range(20_000)]
     # "3.7 V" is printed on cells whose mean lies somewhere between 3.6 V and 3.75 V.
     assert sum(map(cell_v, charges)) / len(charges) == pytest.approx(3.7, abs=0.05)
 
 
-def test_the_curve_is_the_published_one() -> None:
+def test_open_circuit_curve_equals_published_table() -> None:
     """Samsung INR21700-40T at C/20, as published; a straight line lies between."""
     published = {0.0352: 3.1179, 0.1357: 3.4193, 0.4523: 3.6941, 0.8392: 4.0664}
     assert {charge: cell_v(charge) for charge in published} == pytest.approx(published)
@@ -26,13 +26,13 @@ def test_voltage_rises_with_charge() -> None:
     assert volts == sorted(volts)
 
 
-def test_current_costs_voltage() -> None:
-    battery = Battery(Pack(resistance_ohm=0.04))
+def test_voltage_under_load_drops_by_current_times_resistance() -> None:
+    battery = Battery(BatteryPack(resistance_ohm=0.04))
     assert battery.voltage_v(0.0) == pytest.approx(16.8)
     assert battery.voltage_v(50.0) == pytest.approx(16.8 - 2.0)
 
 
-def test_a_pack_lasts_as_long_as_its_capacity_says_and_then_gives_nothing() -> None:
+def test_battery_delivers_its_capacity_then_nothing() -> None:
     battery = Battery()
     for _ in range(3600 - 1):
         battery.draw(18.0, 15.0, 1.0)
@@ -51,14 +51,14 @@ def drawn(battery: Battery, current_a: float, time_s: float, dt_s: float = 0.005
     return battery.voltage_v(current_a)
 
 
-def test_the_voltage_follows_the_curve_all_the_way_down() -> None:
+def test_voltage_during_discharge_follows_curve() -> None:
     battery = Battery()
     while battery.charge > 0.02:
         assert battery.voltage_v(5.0) == pytest.approx(4 * cell_v(battery.charge) - 5.0 * 0.03)
         battery.draw(18.0, 14.0, 7.0)
 
 
-def test_under_voltage_the_pack_is_cut_off_and_stays_so_until_it_is_charged() -> None:
+def test_undervoltage_cuts_off_battery_until_reset() -> None:
     battery = Battery(charge=0.05)  # 12.8 V at rest
     assert drawn(battery, 80.0, 2.0) > 10.0
     assert drawn(battery, 110.0, 0.095) < 10.0
@@ -74,14 +74,14 @@ def test_under_voltage_the_pack_is_cut_off_and_stays_so_until_it_is_charged() ->
     assert battery.voltage_v(0.0) == pytest.approx(4 * cell_v(0.05))
 
 
-def test_a_pack_without_protection_gives_until_it_is_empty() -> None:
-    battery = Battery(Pack(cutoff_cell_v=None), charge=0.01)
+def test_unprotected_battery_delivers_until_empty() -> None:
+    battery = Battery(BatteryPack(cutoff_cell_v=None), charge=0.01)
     assert 0.0 < drawn(battery, 110.0, 1.0) < 10.0
     assert drawn(battery, 110.0, 10.0) == 0.0
     assert battery.charge == 0.0
 
 
-def test_a_snapshot_holds_also_how_long_the_voltage_was_low() -> None:
+def test_snapshot_keeps_undervoltage_time() -> None:
     battery = Battery(charge=0.05)
     drawn(battery, 110.0, 0.09)
     snapshot = battery.snapshot()
@@ -93,7 +93,7 @@ def test_a_snapshot_holds_also_how_long_the_voltage_was_low() -> None:
     assert battery.is_cut_off
 
 
-def test_reset_charges_it_as_it_was() -> None:
+def test_reset_restores_initial_charge() -> None:
     battery = Battery(charge=0.8)
     battery.draw(100.0, 15.0, 60.0)
     battery.reset()
@@ -104,8 +104,8 @@ def test_reset_charges_it_as_it_was() -> None:
     ("numbers", "message"),
     [
         ({"cells": 0}, "cells is 0"),
-        ({"cells": 4.5}, "cells is 4.5, which is no whole number"),
-        ({"cells": "4"}, "cells is '4', which is no number"),
+        ({"cells": 4.5}, "cells is 4.5, which is not an integer"),
+        ({"cells": "4"}, "cells is '4', which is not a number"),
         ({"cells": True}, "cells is True"),
         ({"capacity_ah": 0.0}, "capacity_ah is 0.0"),
         ({"capacity_ah": math.nan}, "capacity_ah is nan"),
@@ -120,19 +120,19 @@ def test_reset_charges_it_as_it_was() -> None:
         ({"cutoff_s": None}, "cutoff_s is None"),
     ],
 )
-def test_packs_that_make_no_sense_are_refused_with_what_is_usual(numbers: dict[str, Any], message: str) -> None:
+def test_invalid_pack_raises_with_usual_range(numbers: dict[str, Any], message: str) -> None:
     with pytest.raises(ParameterError, match=f"The battery's {message}") as caught:
-        Pack(**numbers)
+        BatteryPack(**numbers)
     assert caught.value.fix
 
 
 @pytest.mark.parametrize("charge", [-0.1, 1.1, math.nan, True, "full", 80])
-def test_a_charge_that_is_none_is_refused(charge: Any) -> None:
+def test_invalid_charge_raises(charge: Any) -> None:
     with pytest.raises(ParameterError, match="charge"):
         Battery(charge=charge)
 
 
-def test_what_is_no_pack_and_what_are_no_volts_is_told() -> None:
+def test_non_pack_and_non_number_voltage_raise() -> None:
     with pytest.raises(ParameterError, match="pack is 4"):
         Battery(4)  # type: ignore[arg-type]
     with pytest.raises(ParameterError, match="'16'"):

@@ -6,11 +6,11 @@ from snr_sim.plants.lander.descent import (
     Descent,
     Engine,
     Motion,
-    after,
-    cheapest_descent,
     constant_mass_ignition_m,
     find_root,
     free_fall,
+    minimum_fuel_descent,
+    propagate,
     stop_height,
     time_to_stop,
 )
@@ -33,11 +33,11 @@ DIGITS = {"LM_1km_min10pct": (0.0005, 0.05, 0.005, 0.0005, 0.005)}
 
 def best(case: str) -> Descent:
     (height, speed, mass, thrust, exhaust, idle), _ = TABLE[case]
-    return cheapest_descent(Motion(height, -speed, mass), Engine(thrust, exhaust), idle)
+    return minimum_fuel_descent(Motion(height, -speed, mass), Engine(thrust, exhaust), idle)
 
 
 @pytest.mark.parametrize("case", TABLE)
-def test_the_cheapest_descent_is_the_one_of_the_table_to_its_last_digit(case: str) -> None:
+def test_minimum_fuel_descent_equals_reference_table(case: str) -> None:
     for value, expected, half_digit in zip(
         best(case), TABLE[case][1], DIGITS.get(case, (0.00005, 0.0005, 0.00005, 0.00005, 0.0005)), strict=True
     ):
@@ -54,7 +54,7 @@ def test_the_cheapest_descent_is_the_one_of_the_table_to_its_last_digit(case: st
         ("small", 16.452, 143.333),
     ],
 )
-def test_the_bounds_are_those_of_the_table(case: str, bound_kg: float, ignition_m: float) -> None:
+def test_bounds_equal_reference_table(case: str, bound_kg: float, ignition_m: float) -> None:
     (height, speed, mass, thrust, exhaust, _), _ = TABLE[case]
     start, engine = Motion(height, -speed, mass), Engine(thrust, exhaust)
     # No descent is cheaper than that of an infinitely strong engine, which stops at the ground at once.
@@ -64,11 +64,11 @@ def test_the_bounds_are_those_of_the_table(case: str, bound_kg: float, ignition_
     assert best(case).fuel_kg > bound_kg
 
 
-def test_no_other_ignition_of_a_grid_lands_softly_for_less() -> None:
+def test_minimum_fuel_descent_is_cheapest_of_ignition_grid() -> None:
     engine, start = Engine(45040, EXHAUST_MPS), Motion(1000.0, 0.0, 8000.0)
     cheapest = best("LM_1km")
     for early_s in (0.5, 2.0, 8.0):
-        ignition = after(start, 0.0, EXHAUST_MPS, 1.62, cheapest.coast_s - early_s)
+        ignition = propagate(start, 0.0, EXHAUST_MPS, 1.62, cheapest.coast_s - early_s)
         # With just so much thrust that it stops at the ground: weaker and longer.
         thrust = find_root(lambda t, at=ignition: -stop_height(at, engine._replace(thrust_n=t)), 20000.0, 45040.0)
         burn_s = time_to_stop(ignition, engine._replace(thrust_n=thrust))
@@ -81,10 +81,10 @@ GEAR_MPS = 3.05
 
 
 @pytest.mark.parametrize("case", TO_THE_GEAR)
-def test_cheapest_touchdown_at_a_speed_is_found_by_integration_too(case: str) -> None:
+def test_minimum_fuel_touchdown_speed_equals_integration(case: str) -> None:
     (height, speed, mass, thrust, exhaust, _), _ = TABLE[case]
     start, engine = Motion(height, -speed, mass), Engine(thrust, exhaust)
-    gentle, fast = cheapest_descent(start, engine), cheapest_descent(start, engine, touchdown_mps=GEAR_MPS)
+    gentle, fast = minimum_fuel_descent(start, engine), minimum_fuel_descent(start, engine, touchdown_mps=GEAR_MPS)
     assert fast.fuel_kg == pytest.approx(TO_THE_GEAR[case], abs=0.001)
     assert fast.fuel_kg < 0.95 * gentle.fuel_kg
 
@@ -105,69 +105,69 @@ def test_cheapest_touchdown_at_a_speed_is_found_by_integration_too(case: str) ->
     assert fuel_kg == pytest.approx(fast.fuel_kg, abs=0.5)
 
 
-def test_no_other_way_to_the_gears_limit_costs_less() -> None:
+def test_minimum_fuel_descent_to_gear_limit_is_cheapest_of_grid() -> None:
     """Earlier and weaker burns, coming to rest above the ground and falling the rest, and two burns."""
     engine, start = Engine(45040, EXHAUST_MPS), Motion(1000.0, 0.0, 8000.0)
-    least_kg = cheapest_descent(start, engine, touchdown_mps=GEAR_MPS).fuel_kg
+    min_kg = minimum_fuel_descent(start, engine, touchdown_mps=GEAR_MPS).fuel_kg
     drop_m = GEAR_MPS**2 / (2.0 * 1.62)
-    fuels = [cheapest_descent(start._replace(height_m=1000.0 - drop_m), engine).fuel_kg]
-    for share in (0.5, 0.7, 0.9, 0.99):
-        fuels.append(cheapest_descent(start, Engine(share * 45040, EXHAUST_MPS), touchdown_mps=GEAR_MPS).fuel_kg)
+    fuels = [minimum_fuel_descent(start._replace(height_m=1000.0 - drop_m), engine).fuel_kg]
+    weaker = [Engine(share * 45040, EXHAUST_MPS) for share in (0.5, 0.7, 0.9, 0.99)]
+    fuels += [minimum_fuel_descent(start, one, touchdown_mps=GEAR_MPS).fuel_kg for one in weaker]
     for coast_s in (1.0, 10.0, 25.0):
         for burn_s in (0.1, 1.0):
-            first = after(start, 0.0, EXHAUST_MPS, 1.62, coast_s)
-            middle = after(first, 45040, EXHAUST_MPS, 1.62, burn_s)
-            rest = cheapest_descent(middle, engine, touchdown_mps=GEAR_MPS)
+            first = propagate(start, 0.0, EXHAUST_MPS, 1.62, coast_s)
+            middle = propagate(first, 45040, EXHAUST_MPS, 1.62, burn_s)
+            rest = minimum_fuel_descent(middle, engine, touchdown_mps=GEAR_MPS)
             fuels.append(8000.0 - middle.mass_kg + rest.fuel_kg)
-    assert min(fuels) > least_kg
+    assert min(fuels) > min_kg
 
 
-def test_fall_that_the_gear_takes_costs_nothing() -> None:
+def test_fall_within_gear_limit_needs_no_fuel() -> None:
     low = Motion(2.0, 0.0, 8000.0)
-    assert cheapest_descent(low, Engine(45040, EXHAUST_MPS), touchdown_mps=GEAR_MPS).fuel_kg == 0.0
+    assert minimum_fuel_descent(low, Engine(45040, EXHAUST_MPS), touchdown_mps=GEAR_MPS).fuel_kg == 0.0
 
 
-def test_a_burn_in_two_pieces_is_the_burn_in_one() -> None:
+def test_propagate_in_two_parts_equals_one_part() -> None:
     start = Motion(300.0, -40.0, 8000.0)
-    halfway = after(start, 45040, EXHAUST_MPS, 1.62, 3.7)
-    assert after(halfway, 45040, EXHAUST_MPS, 1.62, 4.1) == pytest.approx(
-        after(start, 45040, EXHAUST_MPS, 1.62, 7.8), rel=1e-13
+    halfway = propagate(start, 45040, EXHAUST_MPS, 1.62, 3.7)
+    assert propagate(halfway, 45040, EXHAUST_MPS, 1.62, 4.1) == pytest.approx(
+        propagate(start, 45040, EXHAUST_MPS, 1.62, 7.8), rel=1e-13
     )
 
 
-def test_a_burn_agrees_with_fine_integration() -> None:
+def test_propagate_equals_fine_integration() -> None:
     height, velocity, mass, dt = 300.0, -40.0, 8000.0, 1e-4
     for _ in range(50000):
         middle = velocity + 0.5 * dt * (45040 / (mass - 0.25 * dt * 45040 / EXHAUST_MPS) - 1.62)
         height += middle * dt
         velocity += dt * (45040 / (mass - 0.5 * dt * 45040 / EXHAUST_MPS) - 1.62)
         mass -= dt * 45040 / EXHAUST_MPS
-    assert after(Motion(300.0, -40.0, 8000.0), 45040, EXHAUST_MPS, 1.62, 5.0) == pytest.approx(
+    assert propagate(Motion(300.0, -40.0, 8000.0), 45040, EXHAUST_MPS, 1.62, 5.0) == pytest.approx(
         (height, velocity, mass), rel=1e-8
     )
 
 
-def test_the_rocket_equation_gives_what_the_lunar_modules_tanks_could() -> None:
+def test_propagate_without_gravity_equals_rocket_equation() -> None:
     assert EXHAUST_MPS * math.log(15103 / 6855) == pytest.approx(2409.1, abs=0.05)
     burn_s = (15103 - 6855) / (45040 / EXHAUST_MPS)
     assert burn_s == pytest.approx(558.5, abs=0.05)
-    assert after(Motion(0.0, 0.0, 15103.0), 45040, EXHAUST_MPS, 0.0, burn_s).velocity_mps == pytest.approx(
+    assert propagate(Motion(0.0, 0.0, 15103.0), 45040, EXHAUST_MPS, 0.0, burn_s).velocity_mps == pytest.approx(
         2409.137, abs=0.001
     )
 
 
-def test_a_fall_of_100_metres_takes_11_seconds_on_the_moon() -> None:
+def test_free_fall_100_m_on_moon_takes_11_s() -> None:
     assert free_fall(100.0, 0.0) == pytest.approx((math.sqrt(200 / 1.62), 18.0))
 
 
-def test_who_does_not_fall_needs_no_time_to_stop() -> None:
+def test_time_to_stop_when_rising_is_zero() -> None:
     assert time_to_stop(Motion(10.0, 0.5, 8000.0), Engine(45040, EXHAUST_MPS)) == 0.0
 
 
-def test_too_late_and_too_weak_are_said_with_their_numbers() -> None:
+def test_late_start_and_weak_engine_raise_with_numbers() -> None:
     with pytest.raises(ParameterError, match="even full thrust is too late"):
-        cheapest_descent(Motion(50.0, -60.0, 8000.0), Engine(45040, EXHAUST_MPS))
+        minimum_fuel_descent(Motion(50.0, -60.0, 8000.0), Engine(45040, EXHAUST_MPS))
     with pytest.raises(ParameterError, match="cannot hold 8000 kg"):
         time_to_stop(Motion(50.0, -6.0, 8000.0), Engine(9000, EXHAUST_MPS))
     with pytest.raises(ParameterError, match="already lifts"):
-        cheapest_descent(Motion(50.0, 0.0, 1000.0), Engine(45040, EXHAUST_MPS), 2000.0)
+        minimum_fuel_descent(Motion(50.0, 0.0, 1000.0), Engine(45040, EXHAUST_MPS), 2000.0)

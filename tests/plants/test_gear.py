@@ -13,8 +13,8 @@ def touchdown(vertical: float, lateral: float = 0.0, attitude: float = 0.0, rate
 @pytest.mark.parametrize(
     "good", [(3.05,), (2.13, 1.22), (2.13, -1.22), (2.59, 0.61), (0.5, 0.0, 6.0, 2.0), (0.5, 0.0, -6.0, -2.0)]
 )
-def test_the_gear_holds_up_to_its_limits(good: tuple[float, ...]) -> None:
-    assert APOLLO_GEAR.passed(touchdown(*good)) == []
+def test_touchdown_at_limit_is_landed(good: tuple[float, ...]) -> None:
+    assert APOLLO_GEAR.exceeded_limits(touchdown(*good)) == []
     assert APOLLO_GEAR.outcome(touchdown(*good), 1.0) == "landed"
 
 
@@ -31,14 +31,14 @@ def test_the_gear_holds_up_to_its_limits(good: tuple[float, ...]) -> None:
         (1.0, float("nan")),
     ],
 )
-def test_the_gear_breaks_beyond_them(bad: tuple[float, ...]) -> None:
-    assert APOLLO_GEAR.passed(touchdown(*bad))
+def test_touchdown_beyond_limit_is_crashed(bad: tuple[float, ...]) -> None:
+    assert APOLLO_GEAR.exceeded_limits(touchdown(*bad))
     assert APOLLO_GEAR.outcome(touchdown(*bad), 1.0) == "crashed"
     assert APOLLO_GEAR.outcome(touchdown(*bad), 0.0) == "out_of_fuel"
 
 
 @pytest.mark.parametrize(
-    ("bad", "said"),
+    ("bad", "messages"),
     [
         ((56.92,), ["vertical 56.920 m/s is over 3.05 m/s"]),
         ((2.60, -0.61), ["vertical 2.600 m/s is over 2.59 m/s (3.05 if it did not slide)"]),
@@ -51,26 +51,26 @@ def test_the_gear_breaks_beyond_them(bad: tuple[float, ...]) -> None:
         ((3.05, 0.0, 6.0, 2.0), []),
     ],
 )
-def test_each_limit_that_is_passed_is_named_with_number_and_unit(bad: tuple[float, ...], said: list[str]) -> None:
-    assert APOLLO_GEAR.passed(touchdown(*bad)) == said
+def test_exceeded_limits_names_value_and_unit(bad: tuple[float, ...], messages: list[str]) -> None:
+    assert APOLLO_GEAR.exceeded_limits(touchdown(*bad)) == messages
 
 
-def test_module_at_rest_may_tilt_by_twelve_degrees() -> None:
+def test_outcome_tilted_beyond_twelve_degrees_at_rest() -> None:
     soft = touchdown(1.0)
     assert APOLLO_GEAR.outcome(soft, 1.0, math.radians(12.0)) == "landed"
     assert APOLLO_GEAR.outcome(soft, 1.0, math.radians(12.1)) == "tilted"
     assert APOLLO_GEAR.outcome(soft, 1.0, math.nan) == "tilted"
     assert APOLLO_GEAR.outcome(touchdown(9.0), 1.0, math.radians(33.0)) == "crashed"
-    assert APOLLO_GEAR.passed(soft, math.radians(33.0)) == ["attitude at rest 33.000 deg is over 12 deg"]
+    assert APOLLO_GEAR.exceeded_limits(soft, math.radians(33.0)) == ["attitude at rest 33.000 deg is over 12 deg"]
 
 
-def test_batch_of_landings_is_judged_as_each_alone() -> None:
+def test_is_within_batch_equals_single_landings() -> None:
     """One function for single landers and for arrays of them: also at the limits, and for NaN."""
     rng = np.random.default_rng(1)
     rows = np.array([3.05, 1.22, math.radians(6.0), math.radians(2.0), math.radians(12.0)])[:, None]
     numbers = rows * rng.uniform(-1.2, 1.2, (5, 500))
     numbers[:, :3] = rows * np.array([1.0, 0.0, math.nan])
-    together = np.logical_and.reduce(APOLLO_GEAR.kept(*numbers))
+    together = np.logical_and.reduce(APOLLO_GEAR.is_within(*numbers))
     assert 0 < together.sum() < 500
     for i, (vertical, lateral, attitude, rate, rest) in enumerate(numbers.T.tolist()):
         alone = touchdown(vertical, lateral, math.degrees(attitude), math.degrees(rate))

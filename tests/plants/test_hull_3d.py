@@ -19,15 +19,15 @@ def hull(
 ) -> Hull3D:  # fmt: skip
     made = Hull3D(module, ground, STEP_S)  # type: ignore[arg-type]
     made.put((0.0, 0.0, z, *turn), motion)
-    made.weigh(mass_kg)
-    made.look()
+    made.set_mass(mass_kg)
+    made.update()
     return made
 
 
 def run(made: Hull3D, time_s: float) -> None:
     for _ in range(round(time_s / STEP_S)):
         made.move()
-        made.look()
+        made.update()
 
 
 def about(axis: tuple[float, float, float], angle: float) -> tuple[float, ...]:
@@ -37,9 +37,7 @@ def about(axis: tuple[float, float, float], angle: float) -> tuple[float, ...]:
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("mass_kg", [7000.0, 7500.0, 9000.0])
-def test_a_torque_turns_it_by_its_radius_of_gyration_about_every_axis(
-    apollo: LunarModule, axis: int, mass_kg: float
-) -> None:
+def test_torque_accelerates_by_gyration_radius_about_each_axis(apollo: LunarModule, axis: int, mass_kg: float) -> None:
     made = hull(apollo, mass_kg=mass_kg)
     torque = [0.0, 0.0, 0.0]
     torque[axis] = 3000.0
@@ -50,11 +48,11 @@ def test_a_torque_turns_it_by_its_radius_of_gyration_about_every_axis(
     assert rates[axis] == pytest.approx(3000.0 / (mass_kg * apollo.gyration_m**2), rel=1e-3)
     assert sum(map(abs, rates)) == pytest.approx(abs(rates[axis]), abs=1e-9)
     # Its centre of mass stays where it was but for the fall: the feet's mass is balanced.
-    assert made.place[:2] == pytest.approx([0.0, 0.0], abs=1e-4)
+    assert made.coordinates[:2] == pytest.approx([0.0, 0.0], abs=1e-4)
 
 
 @pytest.mark.parametrize("mass_kg", [7000.0, 8000.0])
-def test_a_force_moves_its_centre_by_the_mass_and_turns_nothing(apollo: LunarModule, mass_kg: float) -> None:
+def test_force_accelerates_centre_without_rotation(apollo: LunarModule, mass_kg: float) -> None:
     made = hull(apollo, turn=about((0.0, 0.0, 1.0), 0.7), mass_kg=mass_kg)
     made.push((0.0, 4000.0, 1.62 * mass_kg), (0.0, 0.0, 0.0))
     run(made, 2.0)
@@ -64,43 +62,43 @@ def test_a_force_moves_its_centre_by_the_mass_and_turns_nothing(apollo: LunarMod
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.3, math.pi / 4, math.pi / 2])
-def test_it_stands_in_every_heading_with_its_weight_on_four_feet(apollo: LunarModule, heading: float) -> None:
+def test_rest_at_any_heading_loads_four_feet_with_weight(apollo: LunarModule, heading: float) -> None:
     made = hull(apollo, z=4.0, turn=about((0.0, 0.0, 1.0), heading))
     run(made, 8.0)
     assert made.contacts == set(PADS_M)
-    carried = sum(0.5 * apollo.leg.spring_npm * made.given_m(name)[2] for name in PADS_M)
+    carried = sum(0.5 * apollo.leg.spring_npm * made.deflection_m(name)[2] for name in PADS_M)
     assert carried == pytest.approx((7500.0 - 4.0 * FOOT_KG) * 1.62, rel=1e-3)
     assert max(map(abs, made.motion)) < 1e-3
 
 
-def test_rolled_to_the_side_it_lands_as_well_and_stays_in_that_plane(apollo: LunarModule) -> None:
+def test_landing_rolled_sideways_stays_in_plane(apollo: LunarModule) -> None:
     made = hull(apollo, z=4.2, turn=about((1.0, 0.0, 0.0), 0.1), motion=(0.0, 0.3, -1.0, 0.0, 0.0, 0.0))
     run(made, 8.0)
     assert made.contacts == set(PADS_M)
-    assert abs(made.place[0]) < 1e-6
+    assert abs(made.coordinates[0]) < 1e-6
     assert made.axes[8] == pytest.approx(1.0, abs=1e-4)
 
 
-def test_the_ground_is_the_same_line_everywhere_to_the_side(apollo: LunarModule) -> None:
+def test_ground_is_extruded_sideways(apollo: LunarModule) -> None:
     ground = make_terrain(5, relief_m=14.0)
     for y in (-20.0, 0.0, 12.5):
         made = Hull3D(apollo, ground, STEP_S)
         made.put((0.0, y, 4.2, *LEVEL), (0.0,) * 6)
-        made.weigh(7500.0)
-        made.look()
+        made.set_mass(7500.0)
+        made.update()
         run(made, 6.0)
-        lowest = made.place[2] - PADS_BELOW_M + sum(made.given_m(name)[2] for name in PADS_M) / 4.0
+        lowest = made.coordinates[2] - PADS_BELOW_M + sum(made.deflection_m(name)[2] for name in PADS_M) / 4.0
         assert lowest == pytest.approx(ground.ground(0.0)[0], abs=0.003)
 
 
-def test_upside_down_its_hull_meets_the_ground(apollo: LunarModule) -> None:
+def test_upside_down_touches_with_hull(apollo: LunarModule) -> None:
     made = hull(apollo, z=3.3, turn=about((1.0, 0.0, 0.0), math.pi))
     assert made.contacts == set()
     run(made, 0.6)
     assert made.contacts == {"hull"}
 
 
-def test_a_state_put_back_goes_on_to_the_bit(apollo: LunarModule) -> None:
+def test_restored_state_continues_bitwise(apollo: LunarModule) -> None:
     made = hull(apollo, z=4.0, turn=about((0.6, 0.8, 0.0), 0.05), motion=(0.2, -0.3, -1.0, 0.0, 0.0, 0.02))
     run(made, 1.0)
     assert made.contacts
@@ -110,7 +108,7 @@ def test_a_state_put_back_goes_on_to_the_bit(apollo: LunarModule) -> None:
     other = hull(apollo)
     for again in (made, other):
         again.put_state(held)
-        again.weigh(7500.0)
-        again.look()
+        again.set_mass(7500.0)
+        again.update()
         run(again, 1.0)
         assert again.state() == first

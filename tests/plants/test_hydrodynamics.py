@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from snr_sim.plants.urov.hydrodynamics import AT_REST, ROUNDS, Hydrodynamics, product_with
+from snr_sim.plants.urov.hydrodynamics import AT_REST, ITERATIONS, Hydrodynamics, product_with
 from snr_sim.plants.urov.vehicle_file import read_vehicle
 
 VEHICLE = read_vehicle(Path(__file__).parents[2] / "robots" / "urov" / "vehicles" / "benzon2022.toml")
@@ -52,7 +52,7 @@ def in_matrices(
 @pytest.mark.parametrize("dt_s", [0.0, STEP_S])
 @pytest.mark.parametrize("wet", [1.0, 0.5])
 @pytest.mark.parametrize("rigid", [np.diag(np.diag(LOPSIDED)), LOPSIDED], ids=["diagonal", "full"])
-def test_step_written_out_equals_the_step_in_matrices(rigid: np.ndarray, wet: float, dt_s: float) -> None:
+def test_advance_equals_matrix_form(rigid: np.ndarray, wet: float, dt_s: float) -> None:
     hydro = Hydrodynamics(VEHICLE, rigid)
     hydro.set_mass(rigid, wet)
     assert hydro.mass == pytest.approx(rigid + wet * VEHICLE.added_mass)
@@ -63,21 +63,21 @@ def test_step_written_out_equals_the_step_in_matrices(rigid: np.ndarray, wet: fl
         # From a guess of zero, rounds continue until they converge; those of the matrices do far more rounds.
         middle, change = hydro.advance(nu.tolist(), tuple(up), push.tolist(), 1.5, tuple(arm), AT_REST, dt_s)
         expected = in_matrices(hydro.mass, wet, nu, up, push, 1.5, arm, dt_s, 30)
-        settled = 1e-12 if dt_s == 0.0 else 1e-3  # SETTLED is of half a step's change of velocity
+        settled = 1e-12 if dt_s == 0.0 else 1e-3  # TOLERANCE is of half a step's change of velocity
         assert change == pytest.approx(expected.tolist(), rel=1e-9, abs=settled)
         assert middle == pytest.approx((nu + 0.5 * dt_s * np.array(change)).tolist())
 
 
-def test_two_rounds_from_a_good_guess_equal_two_rounds_in_matrices() -> None:
+def test_two_iterations_from_good_guess_equal_matrix_form() -> None:
     """To the last digits: nothing is settled by further rounds."""
     hydro = Hydrodynamics(VEHICLE, LOPSIDED)
     nu, up, push, arm = 0.01 * RNG.normal(size=6), np.array([0.0, 0.0, 1.0]), np.zeros(6), np.array([0.0, 0.0, 1.3])
     _, change = hydro.advance(nu.tolist(), (0.0, 0.0, 1.0), push.tolist(), 0.01, (0.0, 0.0, 1.3), AT_REST, 1e-4)
-    assert change == pytest.approx(in_matrices(hydro.mass, 1.0, nu, up, push, 0.01, arm, 1e-4, ROUNDS).tolist())
+    assert change == pytest.approx(in_matrices(hydro.mass, 1.0, nu, up, push, 0.01, arm, 1e-4, ITERATIONS).tolist())
 
 
-def test_momentum_taken_away_changes_the_velocity_by_the_inverse_mass() -> None:
+def test_subtract_impulse_changes_velocity_by_inverse_mass() -> None:
     hydro, momentum, nu = Hydrodynamics(VEHICLE, LOPSIDED), RNG.normal(size=6), RNG.normal(size=6)
     expected = nu - np.linalg.solve(hydro.mass, momentum)
-    assert hydro.less(nu.tolist(), momentum.tolist()) == pytest.approx(expected.tolist())
+    assert hydro.subtract_impulse(nu.tolist(), momentum.tolist()) == pytest.approx(expected.tolist())
     assert product_with(LOPSIDED)(*nu) == pytest.approx((LOPSIDED @ nu).tolist())

@@ -2,9 +2,9 @@ import math
 
 import pytest
 
-from snr_sim.plants.lander.descent import Engine, Motion, cheapest_descent
+from snr_sim.plants.lander.descent import Engine, Motion, minimum_fuel_descent
 from snr_sim.plants.lander.lander_1d import Lander1D, VerticalStart
-from snr_sim.prelude.errors import PlantError, UnknownName
+from snr_sim.prelude.errors import PlantError, UnknownNameError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import EngineCommand
 
@@ -23,11 +23,11 @@ def burn(plant: Lander1D, throttle: float, time_s: float, steps: int = 1) -> Non
         plant.step(time_s / steps)
 
 
-def test_it_keeps_the_promise_of_a_plant() -> None:
+def test_lander_1d_implements_plant() -> None:
     assert isinstance(lander(10.0), Plant)
 
 
-def test_a_fall_ends_at_the_ground_within_one_step_of_any_length() -> None:
+def test_fall_ends_at_ground_within_any_step() -> None:
     plant = lander(100.0)
     plant.step(1000.0)
     assert plant.time_s == pytest.approx(math.sqrt(200.0 / 1.62), abs=1e-12)
@@ -36,7 +36,7 @@ def test_a_fall_ends_at_the_ground_within_one_step_of_any_length() -> None:
     assert plant.outcome == "crashed"
 
 
-def test_a_descent_does_not_depend_on_how_it_is_cut_into_steps() -> None:
+def test_descent_is_independent_of_steps() -> None:
     ends = []
     for steps in (1, 7, 1000):
         plant = lander(1000.0)
@@ -48,11 +48,9 @@ def test_a_descent_does_not_depend_on_how_it_is_cut_into_steps() -> None:
 
 
 @pytest.mark.parametrize(("height", "down", "mass"), [(1000.0, 0.0, 8000.0), (150.0, 5.0, 7500.0)])
-def test_the_cheapest_descent_flown_open_loop_stands_still_at_the_ground(
-    height: float, down: float, mass: float
-) -> None:
+def test_open_loop_minimum_fuel_descent_ends_at_rest(height: float, down: float, mass: float) -> None:
     plant = lander(height, down, mass)
-    best = cheapest_descent(Motion(height, -down, mass), APOLLO)
+    best = minimum_fuel_descent(Motion(height, -down, mass), APOLLO)
     burn(plant, 0.0, best.coast_s)
     # A hair less than to the stop, since at the stop it would float at a height of 0 give or take rounding.
     burn(plant, 1.0, best.burn_s - 1e-6)
@@ -61,9 +59,9 @@ def test_the_cheapest_descent_flown_open_loop_stands_still_at_the_ground(
     assert 1000.0 - plant.fuel_kg == pytest.approx(best.fuel_kg, abs=1e-4)
 
 
-def test_an_engine_that_cannot_be_shut_off_burns_from_the_start() -> None:
-    plant = Lander1D(lambda seed: VerticalStart(1000.0, 0.0, 8000.0, 1000.0), APOLLO, least_throttle=0.1)
-    best = cheapest_descent(Motion(1000.0, 0.0, 8000.0), APOLLO, idle_thrust_n=4504.0)
+def test_min_throttle_burns_from_start() -> None:
+    plant = Lander1D(lambda seed: VerticalStart(1000.0, 0.0, 8000.0, 1000.0), APOLLO, min_throttle=0.1)
+    best = minimum_fuel_descent(Motion(1000.0, 0.0, 8000.0), APOLLO, idle_thrust_n=4504.0)
     burn(plant, 0.0, best.coast_s)
     assert plant.height_m == pytest.approx(205.10, abs=0.005)
     burn(plant, 1.0, best.burn_s - 1e-6)
@@ -71,7 +69,7 @@ def test_an_engine_that_cannot_be_shut_off_burns_from_the_start() -> None:
     assert 1000.0 - plant.fuel_kg == pytest.approx(204.63, abs=0.005)
 
 
-def test_the_tank_runs_dry_in_the_middle_of_a_step() -> None:
+def test_tank_runs_dry_within_step() -> None:
     dry_s = 100.0 / (45040.0 / APOLLO.exhaust_mps)
     plant = lander(5000.0, fuel=100.0)
     burn(plant, 1.0, dry_s + 10.0)
@@ -81,20 +79,20 @@ def test_the_tank_runs_dry_in_the_middle_of_a_step() -> None:
     assert plant.velocity_mps == pytest.approx(gained - 1.62 * (dry_s + 10.0), abs=1e-10)
 
 
-def test_crashing_with_a_dry_tank_is_called_out_of_fuel() -> None:
+def test_crash_with_dry_tank_is_out_of_fuel() -> None:
     plant = lander(300.0, fuel=10.0)
     burn(plant, 1.0, 100.0)
     assert plant.outcome == "out_of_fuel"
 
 
-def test_full_thrust_alone_gives_what_the_rocket_equation_says() -> None:
+def test_full_thrust_equals_rocket_equation() -> None:
     plant = lander(1.0, mass=15103.0, fuel=15103.0 - 6855.0, engine=APOLLO._replace(gravity_mps2=1e-9))
     plant.ceiling_m = 1e9
     burn(plant, 1.0, 558.6, steps=100)
     assert plant.velocity_mps == pytest.approx(2409.137, abs=0.001)
 
 
-def test_a_hop_over_a_step_that_dips_under_ground_touches_at_the_first_crossing() -> None:
+def test_step_dipping_below_ground_touches_at_first_crossing() -> None:
     # At the end of this step it would be high above the ground again; in between it was under it.
     whole, fine = lander(20.0, down=20.0), lander(20.0, down=20.0)
     burn(whole, 1.0, 30.0)
@@ -105,21 +103,21 @@ def test_a_hop_over_a_step_that_dips_under_ground_touches_at_the_first_crossing(
     assert fine.touchdown["vertical_mps"] > 3.05
 
 
-def test_a_stone_thrown_up_is_found_on_its_way_down() -> None:
+def test_upward_throw_touches_on_way_down() -> None:
     plant = lander(10.0, down=-9.0)
     burn(plant, 0.01, 60.0)
     assert plant.outcome == "crashed"
     assert 12.0 < plant.time_s < 13.0
 
 
-def test_a_rise_that_begins_in_a_fall_is_no_touchdown() -> None:
+def test_fall_turned_into_rise_does_not_touch() -> None:
     plant = lander(100.0, down=10.0)
     burn(plant, 1.0, 20.0)
     assert plant.outcome is None
     assert plant.velocity_mps > 0.0
 
 
-def test_after_the_end_it_stands_still_whatever_it_is_told() -> None:
+def test_commands_after_end_change_nothing() -> None:
     plant = lander(1.0)
     plant.step(5.0)
     assert plant.outcome == "landed"
@@ -130,13 +128,13 @@ def test_after_the_end_it_stands_still_whatever_it_is_told() -> None:
     assert plant.outcome == "landed"
 
 
-def test_it_is_lost_above_the_ceiling() -> None:
+def test_above_ceiling_is_lost() -> None:
     plant = lander(49_999.0)
     burn(plant, 1.0, 30.0)
-    assert plant.outcome == "lost"
+    assert plant.outcome == "out_of_bounds"
 
 
-def test_a_throttle_out_of_range_is_clamped_and_one_that_is_no_number_refused() -> None:
+def test_throttle_is_clamped_and_non_finite_raises() -> None:
     plant = lander(500.0)
     plant.write("engine", EngineCommand(7.0))
     assert plant.throttle == 1.0
@@ -146,14 +144,14 @@ def test_a_throttle_out_of_range_is_clamped_and_one_that_is_no_number_refused() 
         plant.write("engine", EngineCommand(math.nan))
 
 
-def test_unknown_names_are_answered_with_the_nearest() -> None:
-    with pytest.raises(UnknownName, match="did you mean 'engine'"):
+def test_unknown_name_raises_with_nearest_name() -> None:
+    with pytest.raises(UnknownNameError, match="did you mean 'engine'"):
         lander(1.0).write("engin", EngineCommand())
-    with pytest.raises(UnknownName, match="did you mean 'radar'"):
+    with pytest.raises(UnknownNameError, match="did you mean 'radar'"):
         lander(1.0).read("rader")
 
 
-def test_a_snapshot_goes_on_to_the_bit() -> None:
+def test_snapshot_continues_bitwise() -> None:
     plant = lander(1000.0)
     burn(plant, 0.3, 13.0, steps=9)
     held = plant.snapshot()
@@ -164,7 +162,7 @@ def test_a_snapshot_goes_on_to_the_bit() -> None:
     assert plant.snapshot() == first
 
 
-def test_after_a_reset_nothing_of_the_run_before_is_left() -> None:
+def test_reset_clears_previous_run() -> None:
     plant, fresh = lander(1000.0), lander(1000.0)
     burn(plant, 0.8, 60.0)
     plant.reset(0)
@@ -183,13 +181,13 @@ def test_after_a_reset_nothing_of_the_run_before_is_left() -> None:
         (80, 332.75, 17555),
     ],
 )
-def test_quadratic_guidance_costs_what_the_table_says(to_go_s: int, fuel_kg: float, thrust_n: float) -> None:
+def test_quadratic_guidance_equals_reference_table(to_go_s: int, fuel_kg: float, thrust_n: float) -> None:
     plant = lander(1000.0)
     largest = 0.0
     for i in range(to_go_s * 100):
         left_s = to_go_s - i * 0.01
-        wanted = -12.0 * plant.height_m / left_s**2 - 6.0 * plant.velocity_mps / left_s
-        throttle = min(1.0, max(0.0, plant.mass_kg * (wanted + 1.62) / 45040.0))
+        target = -12.0 * plant.height_m / left_s**2 - 6.0 * plant.velocity_mps / left_s
+        throttle = min(1.0, max(0.0, plant.mass_kg * (target + 1.62) / 45040.0))
         largest = max(largest, throttle * 45040.0)
         plant.write("engine", EngineCommand(throttle))
         plant.step(0.01)

@@ -7,10 +7,10 @@ import pytest
 
 from snr_sim.plants.lander.gear import GearLimits
 from snr_sim.plants.lander.lander_2d import Lander2D
-from snr_sim.plants.lander.legs import FEET_M, Pose
+from snr_sim.plants.lander.legs import FEET_M, BodyPose
 from snr_sim.plants.lander.module import LunarModule, PlaneStart
 from snr_sim.plants.lander.terrain import FLAT, Terrain, make_terrain
-from snr_sim.prelude.errors import MissingExtra, PlantError
+from snr_sim.prelude.errors import MissingExtraError, PlantError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import EngineCommand
 
@@ -25,7 +25,7 @@ def start(
     return lambda seed: (PlaneStart((x, z), (vx, vz), mass, fuel, tilt, rate), ground)
 
 
-def run(plant: Lander2D, time_s: float, command: EngineCommand | None = None) -> Pose:
+def run(plant: Lander2D, time_s: float, command: EngineCommand | None = None) -> BodyPose:
     if command is not None:
         plant.write("engine", command)
     for _ in range(round(time_s / plant.step_s)):
@@ -33,10 +33,10 @@ def run(plant: Lander2D, time_s: float, command: EngineCommand | None = None) ->
     return pose(plant)
 
 
-def pose(plant: Lander2D) -> Pose:
+def pose(plant: Lander2D) -> BodyPose:
     reading = plant.read("inertial")
     (x, z), (vx, vz) = reading.position_m, reading.velocity_mps
-    return Pose(x, z, reading.attitude_rad, vx, vz, reading.rate_radps)
+    return BodyPose(x, z, reading.attitude_rad, vx, vz, reading.rate_radps)
 
 
 def drop(module: LunarModule, height: float = 0.5, step_s: float = 0.005, **how: object) -> Lander2D:
@@ -59,7 +59,7 @@ def energy(plant: Lander2D) -> float:
     return total
 
 
-def test_it_keeps_the_promise_of_a_plant(apollo: LunarModule) -> None:
+def test_lander_2d_implements_plant(apollo: LunarModule) -> None:
     plant = Lander2D(apollo, start())
     assert isinstance(plant, Plant)
     assert plant.engine.startswith("pymunk 7")
@@ -68,14 +68,14 @@ def test_it_keeps_the_promise_of_a_plant(apollo: LunarModule) -> None:
 # -- flight -----------------------------------------------------------------------------------------------------------
 
 
-def test_free_fall_is_exact_at_any_step(apollo: LunarModule) -> None:
+def test_free_fall_is_exact_for_any_step(apollo: LunarModule) -> None:
     for step_s in (0.002, 0.005, 0.02):
         end = run(Lander2D(apollo, start(z=500.0, vz=3.0), step_s=step_s), 10.0)
         assert end.z_m == pytest.approx(500.0 + 30.0 - 0.81 * 100.0, abs=1e-9)
         assert end.vz_mps == pytest.approx(3.0 - 16.2, abs=1e-10)
 
 
-def test_a_throw_of_10_mps_at_45_degrees_flies_as_far_as_it_should(apollo: LunarModule) -> None:
+def test_throw_at_45_degrees_reaches_ballistic_range(apollo: LunarModule) -> None:
     speed = 10.0 * math.sqrt(0.5)
     plant = Lander2D(apollo, start(z=100.0, vx=speed, vz=speed))
     apex = max(run(plant, 0.005).z_m for _ in range(1745))
@@ -85,13 +85,13 @@ def test_a_throw_of_10_mps_at_45_degrees_flies_as_far_as_it_should(apollo: Lunar
     assert landing.z_m == pytest.approx(100.0, abs=0.005)
 
 
-def test_a_turning_module_in_free_fall_keeps_its_rate(apollo: LunarModule) -> None:
+def test_free_fall_keeps_rate(apollo: LunarModule) -> None:
     end = run(Lander2D(apollo, start(z=500.0, rate=0.3)), 10.0)
     assert end.rate_radps == pytest.approx(0.3, abs=1e-12)
     assert end.attitude_rad == pytest.approx(3.0, abs=1e-10)
 
 
-def test_full_thrust_in_empty_space_gives_what_the_rocket_equation_says(apollo: LunarModule) -> None:
+def test_full_thrust_equals_rocket_equation(apollo: LunarModule) -> None:
     # With a small tank: with a full one it would leave the region at 2409 m/s.
     space = replace(apollo, gravity_mps2=1e-9, throttle_lag_s=0.0)
     plant = Lander2D(space, start(z=9_000.0, vz=-200.0, mass=15103.0, fuel=800.0))
@@ -101,17 +101,17 @@ def test_full_thrust_in_empty_space_gives_what_the_rocket_equation_says(apollo: 
     assert end.vz_mps - before == pytest.approx(apollo.exhaust_mps * math.log(15103.0 / 14303.0), rel=1e-6)
 
 
-def test_an_upright_burn_follows_the_closed_form(apollo: LunarModule) -> None:
-    from snr_sim.plants.lander.descent import Motion, after
+def test_upright_burn_equals_closed_form(apollo: LunarModule) -> None:
+    from snr_sim.plants.lander.descent import Motion, propagate
 
     plant = Lander2D(replace(apollo, throttle_lag_s=0.0), start(z=500.0, vz=-30.0))
     end = run(plant, 10.0, EngineCommand(0.5))
-    exact = after(Motion(500.0, -30.0, 7500.0), 0.5 * apollo.thrust_n, apollo.exhaust_mps, 1.62, 10.0)
+    exact = propagate(Motion(500.0, -30.0, 7500.0), 0.5 * apollo.thrust_n, apollo.exhaust_mps, 1.62, 10.0)
     assert end.z_m == pytest.approx(exact.height_m, abs=1e-5)
     assert end.vz_mps == pytest.approx(exact.velocity_mps, abs=1e-6)
 
 
-def test_gimbal_and_jets_turn_the_way_the_signals_say(apollo: LunarModule) -> None:
+def test_gimbal_and_jets_turn_with_documented_sign(apollo: LunarModule) -> None:
     jets = run(Lander2D(apollo, start()), 1.0, EngineCommand(0.0, 0.0, 0.5))
     assert jets.rate_radps == pytest.approx(0.5 * apollo.jets_nm / (7500.0 * apollo.gyration_m**2), rel=0.01)
     gimbal = run(Lander2D(apollo, start()), 1.0, EngineCommand(0.3, 0.05, 0.0))
@@ -120,14 +120,14 @@ def test_gimbal_and_jets_turn_the_way_the_signals_say(apollo: LunarModule) -> No
     assert tilted.vx_mps < 0.0  # positive attitude: the nose, and the push, to -x
 
 
-def test_the_throttle_runs_off_or_10_to_60_percent_or_full(apollo: LunarModule) -> None:
+def test_throttle_snaps_to_allowed_range(apollo: LunarModule) -> None:
     plant = Lander2D(apollo, start())
     for command, runs_at in ((0.04, 0.0), (0.06, 0.1), (0.35, 0.35), (0.79, 0.6), (0.81, 1.0), (7.0, 1.0), (-1.0, 0.0)):
         run(plant, 2.0, EngineCommand(command))
         assert plant.throttle == runs_at
 
 
-def test_thrust_lags_and_the_nozzle_turns_at_its_rate(apollo: LunarModule) -> None:
+def test_thrust_lags_and_gimbal_is_rate_limited(apollo: LunarModule) -> None:
     plant = Lander2D(apollo, start())
     run(plant, apollo.throttle_lag_s, EngineCommand(0.5, 1.0))
     assert plant.throttle == pytest.approx(0.5 * (1.0 - math.exp(-1.0)), rel=1e-6)
@@ -136,23 +136,23 @@ def test_thrust_lags_and_the_nozzle_turns_at_its_rate(apollo: LunarModule) -> No
     assert plant.gimbal_rad == apollo.gimbal_rad
 
 
-def test_the_nozzle_turns_also_while_the_engine_is_off(apollo: LunarModule) -> None:
+def test_gimbal_turns_while_engine_is_off(apollo: LunarModule) -> None:
     plant = Lander2D(apollo, start())
     end = run(plant, 2.0, EngineCommand(0.0, -0.05))
     assert plant.gimbal_rad == -0.05
     assert end.rate_radps == 0.0
 
 
-def test_a_module_that_flies_away_is_lost(apollo: LunarModule) -> None:
+def test_leaving_region_is_lost(apollo: LunarModule) -> None:
     plant = Lander2D(apollo, start(vx=100.0))
     run(plant, 5.0)
-    assert (plant.outcome, plant.why) == ("lost", "it left the region that is simulated")
+    assert (plant.outcome, plant.reason) == ("out_of_bounds", "it left the region that is simulated")
 
 
 # -- ground -----------------------------------------------------------------------------------------------------------
 
 
-def test_a_gentle_drop_stands_still_on_both_feet(apollo: LunarModule) -> None:
+def test_gentle_drop_rests_on_both_feet(apollo: LunarModule) -> None:
     plant = drop(apollo, height=1.0)
     run(plant, 8.0)
     assert plant.outcome == "landed"
@@ -166,37 +166,37 @@ def test_a_gentle_drop_stands_still_on_both_feet(apollo: LunarModule) -> None:
 @pytest.mark.parametrize(
     "how", [{"vz": -3.2}, {"vx": 1.3}, {"vz": -2.5, "vx": 1.2}, {"tilt": 0.12}, {"rate": 0.04}], ids=str
 )
-def test_what_the_gear_cannot_take_is_a_crash(apollo: LunarModule, how: dict[str, float]) -> None:
+def test_touchdown_beyond_gear_limits_is_crashed(apollo: LunarModule, how: dict[str, float]) -> None:
     plant = drop(apollo, height=0.1 + 3.3 * abs(how.get("tilt", 0.0)), **how)
     run(plant, 8.0)
     assert plant.outcome == "crashed"
     assert plant.touchdown is not None
-    assert plant.why == "; ".join(apollo.gear.passed(plant.touchdown)) != ""
+    assert plant.reason == "; ".join(apollo.gear.exceeded_limits(plant.touchdown)) != ""
 
 
-def test_a_crash_without_propellant_is_called_out_of_fuel(apollo: LunarModule) -> None:
+def test_crash_with_dry_tank_is_out_of_fuel(apollo: LunarModule) -> None:
     plant = drop(apollo, height=50.0, fuel=0.0)
     run(plant, 12.0, EngineCommand(1.0))
     assert plant.outcome == "out_of_fuel"
 
 
-def test_a_module_that_comes_in_head_first_is_stopped_by_its_hull(apollo: LunarModule) -> None:
+def test_head_first_contact_of_hull_is_crashed(apollo: LunarModule) -> None:
     plant = drop(replace(apollo, gear=FORGIVING), height=3.0, tilt=math.pi)
     run(plant, 8.0)
-    assert (plant.outcome, plant.why) == ("crashed", "the hull met the ground")
+    assert (plant.outcome, plant.reason) == ("crashed", "the hull met the ground")
     assert pose(plant).z_m == pytest.approx(3.1, abs=0.05)
 
 
-def test_a_module_that_slides_into_a_slope_tips_over(apollo: LunarModule) -> None:
+def test_sliding_into_slope_tips_over(apollo: LunarModule) -> None:
     steep = make_terrain(3, relief_m=0.0, pad_slope_rad=0.35)
     plant = Lander2D(replace(apollo, gear=FORGIVING), start(z=6.0, vx=4.0, vz=-2.0, rate=-0.5, ground=steep))
     run(plant, 15.0)
     assert plant.outcome == "crashed"
-    assert plant.why in ("the hull met the ground", "it tipped over on its legs")
+    assert plant.reason in ("the hull met the ground", "it tipped over on its legs")
     assert abs(pose(plant).attitude_rad) > 0.5
 
 
-def test_on_a_slope_it_comes_to_rest_along_the_slope(apollo: LunarModule) -> None:
+def test_rest_on_slope_is_parallel_to_slope(apollo: LunarModule) -> None:
     plant = drop(apollo, height=0.6, ground=SLOPE)
     run(plant, 15.0)
     assert plant.outcome == "landed"
@@ -208,24 +208,24 @@ def test_on_a_slope_it_comes_to_rest_along_the_slope(apollo: LunarModule) -> Non
 @pytest.mark.parametrize(
     "how", [{"vz": -2.0}, {"vz": -1.5, "vx": 1.0, "tilt": 0.08, "rate": 0.03}], ids=["plumb", "askew"]
 )
-def test_a_bouncing_leg_never_gains_energy(
+def test_bouncing_leg_does_not_gain_energy(
     apollo: LunarModule, ground: Terrain, step_s: float, how: dict[str, float]
 ) -> None:
     springy = replace(apollo, gear=FORGIVING, leg=replace(apollo.leg, damper_nspm=3e3))
     plant = drop(springy, height=0.9, step_s=step_s, ground=ground, **how)
     fall = energy(plant) - 7500.0 * 1.62 * 3.5
-    least = energy(plant)
+    min_energy = energy(plant)
     for _ in range(round(12.0 / step_s)):
         plant.step(step_s)
         if plant.outcome:
             break
         now = energy(plant)
-        assert now <= least + 5e-5 * fall  # what rounding and the step leave; it does not add up
-        least = min(least, now)
-    assert least < energy(drop(springy, height=0.9, ground=ground, **how)) - 0.3 * fall
+        assert now <= min_energy + 5e-5 * fall  # what rounding and the step leave; it does not add up
+        min_energy = min(min_energy, now)
+    assert min_energy < energy(drop(springy, height=0.9, ground=ground, **how)) - 0.3 * fall
 
 
-def test_a_leg_without_damping_gives_back_what_it_got(apollo: LunarModule) -> None:
+def test_undamped_leg_keeps_energy(apollo: LunarModule) -> None:
     springy = replace(apollo, gear=FORGIVING, leg=replace(apollo.leg, damper_nspm=0.0))
     plant = drop(springy, height=1.0)
     before = energy(plant)
@@ -233,7 +233,7 @@ def test_a_leg_without_damping_gives_back_what_it_got(apollo: LunarModule) -> No
     assert energy(plant) == pytest.approx(before, rel=2e-3)
 
 
-def test_a_touchdown_moves_little_when_the_step_is_halved(apollo: LunarModule) -> None:
+def test_half_step_moves_touchdown_little(apollo: LunarModule) -> None:
     ends = []
     for step_s in (0.005, 0.0025):
         plant = drop(apollo, height=1.0, step_s=step_s, vx=0.4, tilt=0.03, rate=0.01)
@@ -249,7 +249,7 @@ def test_a_touchdown_moves_little_when_the_step_is_halved(apollo: LunarModule) -
 # -- repeatability ----------------------------------------------------------------------------------------------------
 
 
-def test_a_snapshot_before_a_crash_crashes_again_after_it(apollo: LunarModule) -> None:
+def test_snapshot_before_crash_repeats_crash(apollo: LunarModule) -> None:
     plant = drop(replace(apollo, gear=FORGIVING), height=1.0, tilt=math.pi)
     held = plant.snapshot()
     run(plant, 5.0)
@@ -263,7 +263,7 @@ def test_a_snapshot_before_a_crash_crashes_again_after_it(apollo: LunarModule) -
 # -- wrong input ------------------------------------------------------------------------------------------------------
 
 
-def test_a_state_that_is_no_longer_finite_is_said_with_its_time(apollo: LunarModule) -> None:
+def test_non_finite_state_raises_with_time(apollo: LunarModule) -> None:
     plant = Lander2D(apollo, start(z=1000.0))
     held = plant.snapshot()
     plant.restore(held._replace(body=held.body._replace(rate_radps=math.nan)))
@@ -271,7 +271,7 @@ def test_a_state_that_is_no_longer_finite_is_said_with_its_time(apollo: LunarMod
         run(plant, 1.0, EngineCommand(0.5, 0.1, 1.0))
 
 
-def test_a_missing_pymunk_says_how_to_get_it(apollo: LunarModule, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_pymunk_raises_with_install_hint(apollo: LunarModule, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pymunk", None)
-    with pytest.raises(MissingExtra, match=r"snr_sim\[sim\]"):
+    with pytest.raises(MissingExtraError, match=r"snr_sim\[sim\]"):
         Lander2D(apollo, start())

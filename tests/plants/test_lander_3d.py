@@ -10,7 +10,7 @@ from snr_sim.plants.lander.gear import GearLimits
 from snr_sim.plants.lander.lander_3d import Lander3D
 from snr_sim.plants.lander.module import LunarModule, PlaneStart
 from snr_sim.plants.lander.terrain import FLAT, Terrain, make_terrain
-from snr_sim.prelude.errors import MissingExtra, ParameterError, PlantError
+from snr_sim.prelude.errors import MissingExtraError, ParameterError, PlantError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import EngineCommand, InertialReading
 
@@ -50,13 +50,13 @@ def energy(plant: Lander3D) -> float:
     return total + sum(0.25 * module.leg.spring_npm * way**2 for way in given)
 
 
-def test_it_keeps_the_promise_of_a_plant(apollo: LunarModule) -> None:
+def test_lander_3d_implements_plant(apollo: LunarModule) -> None:
     plant = Lander3D(apollo, start())
     assert isinstance(plant, Plant)
     assert plant.engine.startswith("mujoco 4")
 
 
-def test_a_landing_among_hills_stays_in_the_plane_though_nothing_holds_it_there(apollo: LunarModule) -> None:
+def test_landing_among_hills_stays_in_plane(apollo: LunarModule) -> None:
     plant = drop(apollo, height=2.0, vx=0.6, tilt=0.03, rate=0.01, ground=HILLS)
     run(plant, 10.0)
     assert plant.outcome == "landed"
@@ -65,7 +65,7 @@ def test_a_landing_among_hills_stays_in_the_plane_though_nothing_holds_it_there(
     assert math.hypot(qx, qz) < 1e-6
 
 
-def test_at_rest_the_springs_carry_the_weight(apollo: LunarModule) -> None:
+def test_springs_at_rest_carry_weight(apollo: LunarModule) -> None:
     plant = drop(apollo, height=1.0)
     reading = run(plant, 8.0)
     assert plant.outcome == "landed"
@@ -82,22 +82,22 @@ def test_at_rest_the_springs_carry_the_weight(apollo: LunarModule) -> None:
 
 @pytest.mark.parametrize("ground", [FLAT, HILLS], ids=["flat", "hills"])
 @pytest.mark.parametrize("step_s", [0.0025, 0.005, 0.01])
-def test_no_bounce_gives_back_more_than_the_one_before(apollo: LunarModule, ground: Terrain, step_s: float) -> None:
+def test_bounces_do_not_gain_energy(apollo: LunarModule, ground: Terrain, step_s: float) -> None:
     springy = replace(apollo, gear=FORGIVING, leg=replace(apollo.leg, damper_nspm=3e3))
     plant = drop(springy, height=1.5, step_s=step_s, ground=ground, vx=0.4, tilt=0.05)
 
-    before = least = energy(plant)
+    before = min_energy = energy(plant)
     for _ in range(round(20.0 / step_s)):
         plant.step(step_s)
         if not any(run(plant, 0.0).contact) and plant.outcome is None:
             now = energy(plant)
-            assert now <= least + 2e-3 * 7500.0 * 1.62 * 1.5  # of the fall: what the feet's own motion may hold
-            least = min(least, now)
+            assert now <= min_energy + 2e-3 * 7500.0 * 1.62 * 1.5  # of the fall: what the feet's own motion may hold
+            min_energy = min(min_energy, now)
     assert plant.outcome == "landed"
-    assert least < before - 0.9 * 7500.0 * 1.62 * 1.5
+    assert min_energy < before - 0.9 * 7500.0 * 1.62 * 1.5
 
 
-def test_a_touchdown_moves_little_when_the_step_is_halved(apollo: LunarModule) -> None:
+def test_half_step_moves_touchdown_little(apollo: LunarModule) -> None:
     ends = []
     for step_s in (0.005, 0.0025):
         plant = drop(apollo, height=1.0, step_s=step_s, vx=0.4, tilt=0.03, rate=0.01)
@@ -110,7 +110,7 @@ def test_a_touchdown_moves_little_when_the_step_is_halved(apollo: LunarModule) -
     assert math.dist(stands, stands_fine) < 0.01
 
 
-def test_feet_hold_on_a_slope_and_slide_on_ice(apollo: LunarModule) -> None:
+def test_feet_hold_on_slope_and_slide_on_ice(apollo: LunarModule) -> None:
     slope = make_terrain(3, relief_m=0.0, pad_slope_rad=0.15)
     holds = drop(replace(apollo, gear=FORGIVING), height=0.8, ground=slope)
     assert run(holds, 12.0).position_m[0] == pytest.approx(-0.5, abs=0.3)
@@ -119,12 +119,12 @@ def test_feet_hold_on_a_slope_and_slide_on_ice(apollo: LunarModule) -> None:
     assert run(ice, 4.0).position_m[0] < -1.2
 
 
-def test_a_module_that_slides_into_a_slope_tips_over(apollo: LunarModule) -> None:
+def test_sliding_into_slope_tips_over(apollo: LunarModule) -> None:
     steep = make_terrain(3, relief_m=0.0, pad_slope_rad=0.35)
     plant = Lander3D(replace(apollo, gear=FORGIVING), start(z=6.0, vx=4.0, vz=-2.0, rate=-0.5, ground=steep))
     assert abs(run(plant, 15.0).attitude_rad) > 0.5
     assert plant.outcome == "crashed"
-    assert plant.why in ("the hull met the ground", "it tipped over on its legs")
+    assert plant.reason in ("the hull met the ground", "it tipped over on its legs")
 
 
 # -- repeatability ----------------------------------------------------------------------------------------------------
@@ -133,7 +133,7 @@ def test_a_module_that_slides_into_a_slope_tips_over(apollo: LunarModule) -> Non
 # -- wrong input ------------------------------------------------------------------------------------------------------
 
 
-def test_a_push_that_is_no_longer_finite_is_said_with_its_time_and_writes_no_log(
+def test_non_finite_force_raises_with_time_and_writes_no_log(
     apollo: LunarModule, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)  # where MuJoCo would write it
@@ -144,7 +144,7 @@ def test_a_push_that_is_no_longer_finite_is_said_with_its_time_and_writes_no_log
     assert not list(tmp_path.iterdir())
 
 
-def test_a_state_that_is_no_longer_finite_is_said_with_its_time(apollo: LunarModule) -> None:
+def test_non_finite_state_raises_with_time(apollo: LunarModule) -> None:
     plant = Lander3D(apollo, start(z=1000.0))
     run(plant, 0.1)
     held = plant.snapshot()
@@ -154,7 +154,7 @@ def test_a_state_that_is_no_longer_finite_is_said_with_its_time(apollo: LunarMod
         plant.restore(held._replace(body=tuple(body)))
 
 
-def test_a_module_too_small_for_its_feet_is_refused_with_the_other_engine(apollo: LunarModule) -> None:
+def test_module_too_light_for_feet_raises_with_other_engine(apollo: LunarModule) -> None:
     with pytest.raises(ParameterError, match=r"no room for 4 feet of 20 kg") as caught:
         Lander3D(replace(apollo, gyration_m=0.3), start())
     assert "--engine pymunk" in caught.value.fix
@@ -162,7 +162,7 @@ def test_a_module_too_small_for_its_feet_is_refused_with_the_other_engine(apollo
         Lander3D(apollo, start(mass=60.0, fuel=10.0))
 
 
-def test_a_missing_mujoco_says_how_to_get_it(apollo: LunarModule, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_mujoco_raises_with_install_hint(apollo: LunarModule, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(MissingExtra, match=r"snr_sim\[sim\]"):
+    with pytest.raises(MissingExtraError, match=r"snr_sim\[sim\]"):
         Lander3D(apollo, start())

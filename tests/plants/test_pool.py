@@ -28,13 +28,13 @@ RED = Gate("red", (1.0, 0.0, -1.0))
         {"gates": RED},
     ],
 )
-def test_a_pool_that_cannot_be_is_refused(change: dict[str, Any]) -> None:
+def test_invalid_pool_raises(change: dict[str, Any]) -> None:
     (name,) = change
     with pytest.raises(ParameterError, match=f"The pool's {name} is"):
         Pool(**change)
 
 
-def test_a_gate_named_twice_is_refused() -> None:
+def test_duplicate_gate_name_raises() -> None:
     with pytest.raises(ParameterError, match="Two gates have one name: red, red"):
         Pool(gates=(RED, RED))
 
@@ -50,38 +50,38 @@ def test_a_gate_named_twice_is_refused() -> None:
         ({"name": "floor"}, "A gate is named 'floor'"),
     ],
 )
-def test_a_gate_that_cannot_be_is_told_by_name(change: dict[str, Any], message: str) -> None:
+def test_invalid_gate_raises_with_name(change: dict[str, Any], message: str) -> None:
     with pytest.raises(ParameterError, match=message):
         replace(RED, **change)
 
 
-def test_a_gate_in_the_air_or_behind_a_wall_is_told() -> None:
-    for place in ((0.0, 0.0, 1.5), (13.0, 0.0, -1.0), (0.0, 0.0, -4.5)):
-        with pytest.raises(ParameterError, match=r"Gate 'red' stands at .*, which is not in the pool") as caught:
-            Pool(gates=(replace(RED, position_m=place),))
+def test_gate_outside_pool_raises() -> None:
+    for position in ((0.0, 0.0, 1.5), (13.0, 0.0, -1.0), (0.0, 0.0, -4.5)):
+        with pytest.raises(ParameterError, match=r"Gate 'red' is at .*, which is not in the pool") as caught:
+            Pool(gates=(replace(RED, position_m=position),))
         assert "under water z is negative" in caught.value.fix
 
 
-def test_a_gate_may_have_any_name_and_numbers_of_numpy() -> None:
+def test_gate_accepts_any_name_and_numpy_numbers() -> None:
     pool = Pool(gravity_mps2=np.float64(9.81), gates=[Gate('<"a&b>', (np.float64(1.0), 0.0, -1.0))])
     world = MujocoWorld(pool.mjcf(read_vehicle(HEAVY)), 0.005)
     assert world.model.geom('<"a&b>_0').name
 
 
-def test_a_gate_stands_across_its_heading() -> None:
+def test_gate_is_perpendicular_to_its_heading() -> None:
     corners = Gate("red", (5.0, 1.0, -2.0), math.radians(90.0), width_m=2.0, height_m=1.0).corners_m()
     assert [[round(value, 9) for value in corner] for corner in corners] == [
         [4.0, 1.0, -1.5], [4.0, 1.0, -2.5], [6.0, 1.0, -2.5], [6.0, 1.0, -1.5],
     ]  # fmt: skip
 
 
-def test_the_room_around_a_place_is_never_more_than_there_is() -> None:
+def test_clearance_never_exceeds_distance() -> None:
     pool = Pool(gates=(RED,))
-    assert pool.room_m((0.0, 0.0, -3.9)) == pytest.approx(0.1)
-    assert pool.room_m((12.0, 0.0, -2.0)) == pytest.approx(0.5)
-    assert pool.room_m((-9.0, 5.75, -2.0)) == pytest.approx(0.5)
+    assert pool.clearance_m((0.0, 0.0, -3.9)) == pytest.approx(0.1)
+    assert pool.clearance_m((12.0, 0.0, -2.0)) == pytest.approx(0.5)
+    assert pool.clearance_m((-9.0, 5.75, -2.0)) == pytest.approx(0.5)
     corner = RED.corners_m()[0]
     for beyond_m in (0.0, 0.2, 0.5):
-        place = (corner[0], corner[1], corner[2] + beyond_m)
-        assert pool.room_m(place) <= beyond_m
-    assert pool.room_m((5.0, 0.0, -1.0)) == pytest.approx(3.0)  # down to the floor: the gate is farther
+        position = (corner[0], corner[1], corner[2] + beyond_m)
+        assert pool.clearance_m(position) <= beyond_m
+    assert pool.clearance_m((5.0, 0.0, -1.0)) == pytest.approx(3.0)  # down to the floor: the gate is farther

@@ -18,7 +18,7 @@ class HandClock:
         return self.time_s
 
     def sleep_until(self, time_s: float) -> None:
-        raise AssertionError("nobody sleeps")
+        raise AssertionError("no sleep is expected")
 
 
 def paced(step_s: float | None = None) -> tuple[FakePlant, RealTimePlant, HandClock]:
@@ -27,7 +27,7 @@ def paced(step_s: float | None = None) -> tuple[FakePlant, RealTimePlant, HandCl
     return plant, RealTimePlant(plant, clock), clock
 
 
-def test_who_reads_reads_what_is_now() -> None:
+def test_read_advances_plant_to_present() -> None:
     _, real, clock = paced()
     for time_s in (0.5, 0.5, 2.0):
         clock.time_s = time_s
@@ -35,7 +35,7 @@ def test_who_reads_reads_what_is_now() -> None:
         assert real.time_s == time_s
 
 
-def test_a_command_acts_from_now_on_and_not_from_the_last_reading_on() -> None:
+def test_command_acts_from_present() -> None:
     plant, real, clock = paced()
     clock.time_s = 3.0
     real.write("engine", EngineCommand())
@@ -43,13 +43,13 @@ def test_a_command_acts_from_now_on_and_not_from_the_last_reading_on() -> None:
     assert plant.written == [("engine", EngineCommand())]
 
 
-def test_a_plant_with_a_fixed_step_comes_to_the_last_whole_one() -> None:
+def test_fixed_step_plant_advances_to_last_whole_step() -> None:
     plant, real, clock = paced(step_s=0.25)
     clock.time_s = 1.1
     assert real.read("leak").stamp_s == plant.time_s == 1.0
 
 
-def test_it_begins_with_the_clock_that_it_follows_at_last() -> None:
+def test_follow_replaces_clock() -> None:
     _, real, clock = paced()
     clock.time_s = 100.0
     late = HandClock()
@@ -58,14 +58,14 @@ def test_it_begins_with_the_clock_that_it_follows_at_last() -> None:
 
 
 @pytest.mark.slow
-def test_two_threads_never_step_it_at_once() -> None:
+def test_concurrent_reads_step_one_at_a_time() -> None:
     plant, real, clock = paced()
-    inside, most = [0], [0]
+    inside, max_inside = [0], [0]
     step = plant.step
 
     def slow(dt_s: float) -> None:
         inside[0] += 1
-        most[0] = max(most[0], inside[0])
+        max_inside[0] = max(max_inside[0], inside[0])
         step(dt_s)
         inside[0] -= 1
 
@@ -81,4 +81,4 @@ def test_two_threads_never_step_it_at_once() -> None:
         thread.start()
     for thread in threads:
         thread.join()
-    assert most == [1]
+    assert max_inside == [1]

@@ -29,7 +29,7 @@ def shapes(scene: dict[str, Any]) -> list[dict[str, Any]]:
     return [*scene["statics"].values(), *(shape for body in scene["bodies"].values() for shape in body)]
 
 
-def test_a_scene_is_json_in_the_promised_kinds(plant: Lander1D | Lander) -> None:
+def test_scene_is_json_of_documented_kinds(plant: Lander1D | Lander) -> None:
     scene = plant.scene()
     assert json.loads(json.dumps(scene)) == scene
     for shape in shapes(scene):
@@ -46,7 +46,7 @@ def test_a_scene_is_json_in_the_promised_kinds(plant: Lander1D | Lander) -> None
             assert len(shape["half_size_m"]) == len(shape["center_m"]) == 3
 
 
-def test_meshes_of_the_module_are_closed_and_face_outwards(plant: Lander1D | Lander) -> None:
+def test_module_meshes_are_closed_and_face_outwards(plant: Lander1D | Lander) -> None:
     meshes = [s for body in plant.scene()["bodies"].values() for s in body if s["kind"] == "mesh"]
     assert meshes
     for mesh in meshes:
@@ -58,7 +58,7 @@ def test_meshes_of_the_module_are_closed_and_face_outwards(plant: Lander1D | Lan
         assert volume > 0.0
 
 
-def test_the_truth_is_json_and_names_bodies_of_the_scene(plant: Lander1D | Lander) -> None:
+def test_truth_is_json_with_bodies_of_scene(plant: Lander1D | Lander) -> None:
     plant.write("engine", EngineCommand(0.5, 0.0, 0.4))
     for _ in range(20):
         plant.step(plant.step_s or 0.1)
@@ -68,11 +68,11 @@ def test_the_truth_is_json_and_names_bodies_of_the_scene(plant: Lander1D | Lande
     assert {"altitude_m", "vertical_mps", "lateral_mps", "throttle", "fuel_kg", "attitude_deg"} <= set(truth["values"])
     for pose in truth["poses"].values():
         assert math.hypot(*pose[3:]) == pytest.approx(1.0)
-    assert truth["arrows"]["thrust"][5] > 1000.0
+    assert truth["vectors"]["thrust"][5] > 1000.0
 
 
 @pytest.mark.parametrize("body", [Lander2D, Lander3D])
-def test_thrust_points_along_the_module_and_jets_show_as_a_pair(
+def test_thrust_vector_is_along_module_and_jets_are_a_pair(
     apollo: LunarModule, body: type[Lander2D | Lander3D]
 ) -> None:
     start = PlaneStart((0.0, 90.0), (0.0, 0.0), 7500.0, 500.0, attitude_rad=0.3)
@@ -80,7 +80,7 @@ def test_thrust_points_along_the_module_and_jets_show_as_a_pair(
     plant.write("engine", EngineCommand(0.5, 0.0, 0.4))
     for _ in range(200):
         plant.step(0.005)
-    arrows, (_, _, _, _, qy, _, qw) = plant.truth()["arrows"], plant.truth()["poses"]["module"]
+    arrows, (_, _, _, _, qy, _, qw) = plant.truth()["vectors"], plant.truth()["poses"]["module"]
     tilt = -2.0 * math.atan2(qy, qw)  # about -y
     thrust = arrows["thrust"]
     assert math.atan2(-thrust[3], thrust[5]) == pytest.approx(tilt)

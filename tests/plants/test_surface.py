@@ -13,33 +13,33 @@ LENGTH, WIDTH, HEIGHT = HEAVY.size_m
 CENTRE = HEAVY.centre_of_buoyancy_m[2]
 
 
-def test_a_level_box_gets_wet_evenly() -> None:
+def test_submerged_fraction_of_level_box_is_linear() -> None:
     for share in (0.0, 0.1, 0.33, 0.5, 0.9, 1.0):
         z = (0.5 - share) * HEIGHT - CENTRE
-        wet, middle = SURFACE.wetted(z, LEVEL)
+        wet, middle = SURFACE.submerged_fraction(z, LEVEL)
         assert wet == pytest.approx(share, abs=1e-12)
         if share in (0.5, 1.0):  # whole layers of small boxes
             assert middle[2] == pytest.approx(CENTRE - 0.5 * (1.0 - share) * HEIGHT, abs=1e-12)
 
 
-def test_deep_down_or_high_up_nothing_changes_with_attitude() -> None:
+def test_submerged_fraction_far_from_surface_ignores_attitude() -> None:
     for up in (LEVEL, (0.0, 1.0, 0.0), (-0.6, 0.0, -0.8)):
-        assert SURFACE.wetted(-SURFACE.reach_m, up) == (1.0, HEAVY.centre_of_buoyancy_m)
-        assert SURFACE.wetted(SURFACE.reach_m, up)[0] == 0.0
+        assert SURFACE.submerged_fraction(-SURFACE.reach_m, up) == (1.0, HEAVY.centre_of_buoyancy_m)
+        assert SURFACE.submerged_fraction(SURFACE.reach_m, up)[0] == 0.0
 
 
-def test_half_in_the_water_it_rights_itself_as_its_waterplane_says() -> None:
+def test_half_submerged_righting_moment_equals_waterplane() -> None:
     """The wet middle moves sideways by tilt * second moment of the waterplane / wet volume (Bouguer's metacentre)."""
     tilt = 1e-3
-    wet, middle = SURFACE.wetted(-CENTRE, (0.0, math.sin(tilt), math.cos(tilt)))
+    wet, middle = SURFACE.submerged_fraction(-CENTRE, (0.0, math.sin(tilt), math.cos(tilt)))
     assert wet == pytest.approx(0.5, abs=1e-6)
     wet_volume = 0.5 * LENGTH * WIDTH * HEIGHT  # of the box that the displaced volume is spread over
     metacentre = LENGTH * WIDTH**3 / 12.0 / wet_volume
     assert -middle[1] / tilt == pytest.approx(metacentre, rel=0.07)  # 64 small boxes: their moments are 6 % short
 
 
-def test_a_propeller_in_the_air_gives_nothing() -> None:
-    shares = SURFACE.drawing(0.0, LEVEL)
+def test_propeller_in_air_has_no_immersion() -> None:
+    shares = SURFACE.propeller_immersion(0.0, LEVEL)
     assert shares.tolist() == pytest.approx([1.0] * 4 + [0.5] * 4)  # the level ones hang 8.5 cm lower
-    assert SURFACE.drawing(0.2, LEVEL).tolist() == [0.0] * 8
-    assert SURFACE.drawing(-0.2, LEVEL).tolist() == [1.0] * 8
+    assert SURFACE.propeller_immersion(0.2, LEVEL).tolist() == [0.0] * 8
+    assert SURFACE.propeller_immersion(-0.2, LEVEL).tolist() == [1.0] * 8

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from snr_sim.plants.urov.t200 import NEWTONS_PER_KGF, curve, measured
+from snr_sim.plants.urov.t200 import NEWTONS_PER_KGF, curve, load_table
 from snr_sim.prelude.errors import ParameterError
 
 # From the maker's public performance data: [pulse us, kgf at 12 V, kgf at 16 V, A at 16 V, rpm at 16 V].
@@ -29,7 +29,7 @@ VOLTAGES = [7.0, 8.3, 9.99, 10.0, 11.0, 12.7, 14.8, 16.0, 16.79, 18.5, 19.99, 20
 
 
 @pytest.mark.parametrize("row", PRINTED, ids=lambda row: str(row[0]))
-def test_the_curve_is_what_the_maker_prints(row: tuple[float, ...]) -> None:
+def test_curve_equals_data_sheet(row: tuple[float, ...]) -> None:
     pulse, kgf_12, kgf_16, amperes, rpm = row
     assert curve(12.0).at(pulse)[0] / NEWTONS_PER_KGF == pytest.approx(kgf_12, abs=1e-9)
     force, current, speed = curve(16.0).at(pulse)
@@ -37,32 +37,32 @@ def test_the_curve_is_what_the_maker_prints(row: tuple[float, ...]) -> None:
     assert (current, speed) == (pytest.approx(amperes, rel=0.005), pytest.approx(rpm, abs=1))
 
 
-@pytest.mark.parametrize("voltage", sorted(measured()))
-def test_at_a_measured_voltage_no_number_of_the_table_is_lost(voltage: float) -> None:
-    table = measured()[voltage]
+@pytest.mark.parametrize("voltage", sorted(load_table()))
+def test_curve_at_measured_voltage_keeps_table(voltage: float) -> None:
+    table = load_table()[voltage]
     for i, pulse in enumerate(table.pulses_us):
         assert curve(voltage).at(pulse) == pytest.approx([column[i] for column in table[1:]], abs=1e-9)
 
 
 @pytest.mark.parametrize(("voltage", "band"), DEAD_BANDS.items())
-def test_the_dead_band_is_as_measured(voltage: float, band: tuple[float, float]) -> None:
+def test_dead_band_equals_measurement(voltage: float, band: tuple[float, float]) -> None:
     assert curve(voltage).dead_band_us == pytest.approx(band)
 
 
-def test_between_measured_voltages_the_dead_band_lies_between_too() -> None:
+def test_dead_band_between_voltages_is_interpolated() -> None:
     assert curve(13.0).dead_band_us == pytest.approx((1466.0, 1534.0))
     assert curve(15.0).dead_band_us == pytest.approx((1470.0, 1530.0))
     assert curve(13.0).at(1533.5)[0] == 0.0  # though at 14 V it would push already
     assert curve(13.0).at(1534.5)[0] > 0.0  # though at 12 V it would not yet
 
 
-def test_half_way_between_two_voltages_full_thrust_is_the_mean() -> None:
+def test_full_thrust_between_voltages_is_mean() -> None:
     assert curve(15.0).at(1900.0)[0] / NEWTONS_PER_KGF == pytest.approx((4.52 + 5.25) / 2)
     assert curve(15.0).at(1100.0)[0] / NEWTONS_PER_KGF == pytest.approx(-(3.52 + 4.07) / 2)
 
 
 @pytest.mark.parametrize("voltage", VOLTAGES)
-def test_force_never_falls_with_the_pulse_and_nothing_turns_in_the_dead_band(voltage: float) -> None:
+def test_force_is_monotonic_and_zero_in_dead_band(voltage: float) -> None:
     pulses = np.arange(1100.0, 1900.5, 0.5)
     forces, currents, speeds = np.array([curve(voltage).at(pulse) for pulse in pulses]).T
     assert np.all(np.diff(forces) >= 0.0)
@@ -73,20 +73,20 @@ def test_force_never_falls_with_the_pulse_and_nothing_turns_in_the_dead_band(vol
     assert np.all(currents[~still] > 0.0)
 
 
-def test_thrust_never_jumps_with_the_voltage() -> None:
+def test_thrust_is_continuous_in_voltage() -> None:
     volts = np.linspace(7.0, 20.0, 261)
     for pulse in (1100.0, 1380.0, 1537.0, 1610.0, 1900.0):
         forces = np.array([curve.__wrapped__(float(volt)).at(pulse)[0] for volt in volts])
         assert np.abs(np.diff(forces)).max() < 0.25  # N per 0.05 V; full thrust changes by 3.9 N per V
 
 
-def test_below_the_table_full_thrust_goes_on_falling_as_it_did() -> None:
+def test_full_thrust_below_table_extrapolates() -> None:
     falls = [curve(volts).at(1900.0)[0] / curve(volts * 12.0 / 10.0).at(1900.0)[0] for volts in (8.0, 10.0)]
     assert falls[0] == pytest.approx(falls[1], rel=0.01)
 
 
 @pytest.mark.parametrize(("side", "k_n_per_rpm2"), [(1.0, 4.07e-6), (-1.0, 3.25e-6)])
-def test_thrust_goes_with_the_square_of_the_speed(side: float, k_n_per_rpm2: float) -> None:
+def test_thrust_is_proportional_to_square_of_speed(side: float, k_n_per_rpm2: float) -> None:
     """The published table at 16 V fits F = k n^2 to better than R^2 = 0.998."""
     pulses = 1500.0 + side * np.arange(40.0, 401.0, 4.0)
     forces, _, speeds = np.array([curve(16.0).at(pulse) for pulse in pulses]).T
@@ -95,6 +95,6 @@ def test_thrust_goes_with_the_square_of_the_speed(side: float, k_n_per_rpm2: flo
 
 
 @pytest.mark.parametrize("voltage", [0.0, 6.9, 20.1, -12.0, float("nan"), float("inf")])
-def test_a_voltage_that_it_does_not_run_at_is_refused(voltage: float) -> None:
+def test_voltage_out_of_range_raises(voltage: float) -> None:
     with pytest.raises(ParameterError, match="7 to 20 V"):
         curve(voltage)

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from snr_sim.plants.urov.dive import Current, Dive, Leak, Load, ThrusterFault
+from snr_sim.plants.urov.dive import Current, Dive, Leak, Payload, ThrusterFault
 from snr_sim.plants.urov.pool import Gate, Pool
 from snr_sim.plants.urov.propulsion import Propulsion
 from snr_sim.plants.urov.tether import Tether
@@ -55,7 +55,7 @@ def numbers(plant: Urov) -> Numbers:
 
 def go(plants: Sequence[Urov], time_s: float, program: Program = ()) -> list[float]:
     """The largest differences during the run."""
-    most = [0.0] * 6
+    max_errors = [0.0] * 6
     step_s = plants[0].step_s
     commands = {round(at_s / step_s): WrenchCommand(force, moment) for at_s, force, moment in program}
     for i in range(round(time_s / step_s)):
@@ -63,8 +63,8 @@ def go(plants: Sequence[Urov], time_s: float, program: Program = ()) -> list[flo
             if i in commands:
                 plant.write("wrench", commands[i])
             plant.step(step_s)
-        most = [max(worst, abs(a - b)) for worst, a, b in zip(most, *map(numbers, plants), strict=True)]
-    return most
+        max_errors = [max(worst, abs(a - b)) for worst, a, b in zip(max_errors, *map(numbers, plants), strict=True)]
+    return max_errors
 
 
 def weightless(vehicle: Vehicle) -> Vehicle:
@@ -101,7 +101,7 @@ MIXED: Program = [
 @every_set
 @pytest.mark.parametrize("axis", [0, 2], ids=["surge", "heave"])
 @pytest.mark.parametrize("step_s", [0.002, 0.005, 0.01])
-def test_a_step_of_force_is_answered_as_the_closed_form_says(vehicle: Vehicle, axis: int, step_s: float) -> None:
+def test_force_step_response_equals_closed_form(vehicle: Vehicle, axis: int, step_s: float) -> None:
     force = [0.0, 0.0, 0.0]
     force[axis] = -40.0
     plants = both(weightless(vehicle), step_s=step_s)
@@ -114,13 +114,13 @@ def test_a_step_of_force_is_answered_as_the_closed_form_says(vehicle: Vehicle, a
 
 
 @every_set
-def test_a_pitched_vehicle_swings_back_alike(vehicle: Vehicle) -> None:
+def test_pitch_swing_is_equal_in_both(vehicle: Vehicle) -> None:
     differ = go(both(replace(vehicle, net_buoyancy_n=0.0), attitude_rad=(0.0, 0.5, 0.0)), 10.0)
     assert max(differ) < 1e-4
 
 
 @every_set
-def test_a_small_swing_has_the_period_of_the_closed_form(vehicle: Vehicle) -> None:
+def test_small_swing_period_equals_closed_form(vehicle: Vehicle) -> None:
     hung = replace(undamped(vehicle), centre_of_buoyancy_m=vehicle.centre_of_buoyancy_m)
     plant = both(hung, attitude_rad=(0.0, 0.02, 0.0))[1]
     trimmed = plant.vehicle
@@ -139,7 +139,7 @@ def test_a_small_swing_has_the_period_of_the_closed_form(vehicle: Vehicle) -> No
 
 
 @every_set
-def test_it_rises_alike_and_comes_to_rest_at_the_surface(vehicle: Vehicle) -> None:
+def test_ascent_to_surface_is_equal_in_both(vehicle: Vehicle) -> None:
     plants = both(vehicle, Pool(), position_m=(0.0, 0.0, -0.6))
     assert max(go(plants, 20.0)) < 1e-4
     assert plants[1].velocity_mps[2] == pytest.approx(0.0, abs=0.05)
@@ -148,12 +148,12 @@ def test_it_rises_alike_and_comes_to_rest_at_the_surface(vehicle: Vehicle) -> No
 
 @every_set
 @pytest.mark.parametrize(("step_s", "limit"), [(0.0025, 3e-5), (0.005, 1e-4), (0.01, 4e-4)])
-def test_all_motions_at_once_differ_by_the_square_of_the_step(vehicle: Vehicle, step_s: float, limit: float) -> None:
+def test_combined_motion_differs_by_square_of_step(vehicle: Vehicle, step_s: float, limit: float) -> None:
     assert max(go(both(vehicle, step_s=step_s), 10.0, MIXED)) < limit
 
 
 @pytest.mark.parametrize(("name", "limit_m"), [("benzon2022", 2e-5), ("wu2018", 1e-3)])
-def test_twenty_seconds_to_and_fro_lead_them_less_than_a_millimetre_apart(name: str, limit_m: float) -> None:
+def test_twenty_seconds_of_motion_differ_less_than_1_mm(name: str, limit_m: float) -> None:
     """`wu2018` turns at the moment of Munk, which makes more of every difference the longer it lasts."""
     to_and_fro = [
         (t, [25.0 * math.sin(0.6 * t), 0.0, 12.0 * math.cos(0.9 * t)], [0.0, 0.8 * math.sin(1.3 * t), 0.0])
@@ -166,11 +166,11 @@ def test_twenty_seconds_to_and_fro_lead_them_less_than_a_millimetre_apart(name: 
 
 @pytest.mark.parametrize(("z_m", "limit"), [(-50.0, 3e-4), (-0.3, 3e-4), (0.1, 3e-4)], ids=["deep", "under", "over"])
 @pytest.mark.parametrize("seed", range(4))
-def test_lopsided_vehicles_in_any_motion_do_alike(seed: int, z_m: float, limit: float) -> None:
+def test_asymmetric_vehicles_move_equally_in_both(seed: int, z_m: float, limit: float) -> None:
     rng = np.random.default_rng(seed)
 
-    def some(*most: float) -> list[float]:
-        return [rng.uniform(-one, one) for one in most]
+    def some(*max_errors: float) -> list[float]:
+        return [rng.uniform(-one, one) for one in max_errors]
 
     vehicle = list(SETS.values())[seed % 2]
     added = vehicle.added_mass.copy()
@@ -190,22 +190,22 @@ def test_lopsided_vehicles_in_any_motion_do_alike(seed: int, z_m: float, limit: 
     assert max(x, z, *rates) < limit
 
 
-def test_current_loads_leak_and_tether_act_alike() -> None:
+def test_current_loads_leak_and_tether_act_equally_in_both() -> None:
     plants = both(
         pool=Pool(),
         position_m=(0.0, 0.0, -1.0),
         currents=(Current(1.0, (0.3, 0.0, 0.0)), Current(4.0, (-0.1, 0.0, 0.05))),
-        loads=(Load(0.3, 0.0, (0.1, 0.0, -0.1), 1.0, 3.0),),
+        loads=(Payload(0.3, 0.0, (0.1, 0.0, -0.1), 1.0, 3.0),),
         leak=Leak(2.0, 0.1),
         tether=Tether((-3.0, 0.0, 0.0), 3.3),
     )
     assert max(go(plants, 8.0, at([12.0, 0.0, 0.0]))) < 1e-4
     assert plants[1].read("leak").water_l == pytest.approx(0.6, abs=0.01)
-    assert plants[1].truth()["arrows"]["tether"] == pytest.approx(plants[0].truth()["arrows"]["tether"], abs=1e-2)
+    assert plants[1].truth()["vectors"]["tether"] == pytest.approx(plants[0].truth()["vectors"]["tether"], abs=1e-2)
 
 
 @every_set
-def test_undamped_energy_and_momentum_stay(vehicle: Vehicle) -> None:
+def test_undamped_motion_keeps_energy_and_momentum(vehicle: Vehicle) -> None:
     plant = both(undamped(vehicle), velocity_mps=(1.0, 0.0, -0.5), rate_radps=(0.0, 1.5, 0.0), step_s=0.01)[1]
     mass = [plant.vehicle.mass_kg + float(plant.vehicle.added_mass[axis, axis]) for axis in (0, 2)]
 
@@ -230,7 +230,7 @@ PRESSED = [((0.0, 0.0, -3.5), (0.0, 0.0, -40.0)), ((12.0, 0.0, -1.5), (20.0, 0.0
 
 
 @pytest.mark.parametrize(("place", "force"), PRESSED, ids=["floor", "wall"])
-def test_pressed_on_floor_or_wall_it_presses_as_hard(place: tuple[float, ...], force: tuple[float, ...]) -> None:
+def test_contact_force_on_floor_or_wall_equals_load(place: tuple[float, ...], force: tuple[float, ...]) -> None:
     plants = both(replace(HEAVY, net_buoyancy_n=0.0), Pool(), position_m=place)
     go(plants, 4.0, at(force))
     for plant in plants:
@@ -243,7 +243,7 @@ def test_pressed_on_floor_or_wall_it_presses_as_hard(place: tuple[float, ...], f
 
 
 @pytest.mark.parametrize("step_s", [0.002, 0.005, 0.01])
-def test_landing_at_speed_leads_as_far_at_any_step(step_s: float) -> None:
+def test_sliding_distance_after_landing_is_independent_of_step(step_s: float) -> None:
     """Where contacts in space took the plant's own steps, it hopped, and where to depended on the step."""
     plants = both(
         SETS["wu2018"], Pool(40.0, 40.0, 4.0), step_s, position_m=(0.0, 0.0, -3.5), attitude_rad=(0.0, 0.1, 0.0),
@@ -255,7 +255,7 @@ def test_landing_at_speed_leads_as_far_at_any_step(step_s: float) -> None:
     assert plane[0] == pytest.approx(space[0], rel=0.02)
 
 
-def test_a_bump_turns_it_as_its_mass_in_each_direction_says() -> None:
+def test_impact_rotation_follows_directional_mass() -> None:
     plants = both(
         replace(HEAVY, net_buoyancy_n=0.0), Pool(), position_m=(11.5, 0.0, -2.0), attitude_rad=(0.0, 0.6, 0.0),
         velocity_mps=(0.8, 0.0, 0.0),
@@ -268,7 +268,7 @@ def test_a_bump_turns_it_as_its_mass_in_each_direction_says() -> None:
 
 
 @pytest.mark.parametrize(("z_m", "is_through"), [(-2.0, True), (-2.5, False), (-2.45, False)])
-def test_it_swims_through_a_gate_and_against_its_bars_alike(z_m: float, is_through: bool) -> None:
+def test_gate_passage_and_bar_contact_are_equal_in_both(z_m: float, is_through: bool) -> None:
     pool = Pool(gates=(Gate("gate", (2.0, 0.0, -2.0)),))
     plants = both(weightless(HEAVY), pool, position_m=(1.2, 0.0, z_m))
     go(plants, 5.0, at([15.0, 0.0, 0.0]))
@@ -282,7 +282,7 @@ def test_it_swims_through_a_gate_and_against_its_bars_alike(z_m: float, is_throu
 
 
 @pytest.mark.parametrize("z_m", [-1.5, 0.02, -3.87], ids=["in the water", "at the surface", "on the floor"])
-def test_it_keeps_the_promise_of_a_plant_with_the_inputs_and_outputs_of_the_one_in_space(z_m: float) -> None:
+def test_urov_2d_implements_plant_with_inputs_and_outputs_of_urov(z_m: float) -> None:
     def make(kind: type[Urov]) -> Urov:
         return kind(HEAVY, Pool(), lambda seed: Dive(position_m=(0.1 * seed, 0.0, z_m)), Propulsion(8))
 
@@ -294,7 +294,7 @@ def test_it_keeps_the_promise_of_a_plant_with_the_inputs_and_outputs_of_the_one_
     assert set(plane.truth()["values"]) == set(space.truth()["values"])
 
 
-def test_pulses_reach_the_same_thrusters_and_sensors_say_the_same() -> None:
+def test_pulses_and_readings_are_equal_in_both() -> None:
     dive = Dive(position_m=(0.0, 0.0, -2.0), faults=(ThrusterFault(3.0, 4, "weak"),))
     space, plane = (kind(HEAVY, Pool(), lambda seed: dive, Propulsion(8)) for kind in (Urov, Urov2D))
     for i in range(1000):
@@ -310,7 +310,7 @@ def test_pulses_reach_the_same_thrusters_and_sensors_say_the_same() -> None:
     json.dumps(plane.truth())
 
 
-def test_a_snapshot_in_contact_goes_on_to_the_bit_also_in_another_plant() -> None:
+def test_snapshot_in_contact_continues_bitwise_in_another_plant() -> None:
     def start(seed: int) -> Dive:
         return Dive(position_m=(12.1, 0.3 * seed, -3.8), velocity_mps=(0.4, 0.0, -0.3))
 
@@ -332,12 +332,12 @@ def test_a_snapshot_in_contact_goes_on_to_the_bit_also_in_another_plant() -> Non
     assert go_on(other) == first
 
 
-def test_what_of_a_dive_leads_out_of_the_plane_is_left_out() -> None:
+def test_out_of_plane_parts_of_dive_are_ignored() -> None:
     dive = in_plane(
         Dive(
             (1.0, 2.0, -3.0), (0.3, 0.2, 1.0), (0.1, 0.2, 0.3), (0.4, 0.5, 0.6),
-            currents=(Current(0.0, (0.3, 0.2, 0.1)),), leak=Leak(1.0, 0.1, place_m=(0.1, 0.1, 0.1)),
-            tether=Tether((4.0, 5.0, 6.0), place_m=(0.1, 0.2, 0.3)),
+            currents=(Current(0.0, (0.3, 0.2, 0.1)),), leak=Leak(1.0, 0.1, position_m=(0.1, 0.1, 0.1)),
+            tether=Tether((4.0, 5.0, 6.0), attachment_m=(0.1, 0.2, 0.3)),
         )
     )  # fmt: skip
     assert dive.attitude_rad == (0.0, 0.2, 0.0)
@@ -353,14 +353,14 @@ def test_what_of_a_dive_leads_out_of_the_plane_is_left_out() -> None:
 
 
 @pytest.mark.parametrize("force", [1e9, 1e200, math.inf])
-def test_a_push_too_violent_for_the_step_is_an_error_that_says_what_it_was(force: float) -> None:
+def test_wrench_too_large_for_step_raises_with_velocities(force: float) -> None:
     plant = both()[1]
     plant._drive.wrench = (force, 0.0, 0.0, 0.0, 0.0, 0.0)  # `write` would not take infinity
     with pytest.raises(PlantError, match=r"^At surge 0, sway 0, .* a step of 0\.005 s is too long"):
         plant.step(0.005)
 
 
-def test_drag_as_hard_as_no_vehicle_meets_is_still_answered() -> None:
+def test_extreme_drag_still_converges() -> None:
     plant = both(replace(HEAVY, net_buoyancy_n=0.0))[1]
     go([plant, plant], 2.0, at([1e5, 0.0, 0.0]))
     terminal = (math.sqrt(13.7**2 + 4.0 * 141.0 * 1e5) - 13.7) / 282.0

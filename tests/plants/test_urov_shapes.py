@@ -23,7 +23,7 @@ def volume(mesh: dict[str, Any]) -> float:
 
 
 @pytest.mark.parametrize("name", ["benzon2022", "classic"])
-def test_each_thruster_shows_as_a_closed_duct_where_it_pushes(name: str) -> None:
+def test_thruster_shape_is_closed_duct_at_its_position(name: str) -> None:
     vehicle = read_vehicle(VEHICLES / f"{name}.toml")
     meshes = [shape for shape in vehicle_shapes(vehicle) if shape["kind"] == "mesh"]
     ducts = meshes[-len(vehicle.thrusters) :]
@@ -36,7 +36,7 @@ def test_each_thruster_shows_as_a_closed_duct_where_it_pushes(name: str) -> None
         assert middle == pytest.approx(thruster.position_m, abs=1e-4)
 
 
-def test_gates_and_floor_are_shown_where_the_physics_has_them() -> None:
+def test_gate_and_floor_shapes_equal_physics() -> None:
     pool = Pool(gates=(Gate("red", (2.0, 1.0, -1.5), width_m=1.2),))
     shapes = pool_shapes(pool)
     gate = shapes["red"]
@@ -48,7 +48,7 @@ def test_gates_and_floor_are_shown_where_the_physics_has_them() -> None:
     assert volume(floor) < 0.0  # seen from the origin above it, its upper side faces in
 
 
-def test_lines_on_the_floor_are_a_metre_apart_and_reach_from_wall_to_wall() -> None:
+def test_floor_lines_are_one_metre_apart_from_wall_to_wall() -> None:
     pool = Pool(length_m=6.0, width_m=3.0, depth_m=2.0)
     shapes = pool_shapes(pool)
     north, east = shapes["lines_north"]["points_m"], shapes["lines_east"]["points_m"]

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim.plants.urov.dive import Dive, Load, ThrusterFault
+from snr_sim.plants.urov.dive import Dive, Payload, ThrusterFault
 from snr_sim.plants.urov.pool import Gate, Pool
 from snr_sim.plants.urov.propulsion import Propulsion
 from snr_sim.plants.urov.tether import Tether
@@ -32,7 +32,7 @@ def begin(dive: Any, pool: Pool | None = None, kind: Callable[..., Urov] = Urov,
         ((-12.4, 0, -2), "wall_west", "12.9"),
     ],
 )
-def test_a_dive_does_not_begin_in_floor_or_wall(
+def test_start_in_floor_or_wall_raises(
     kind: Callable[..., Urov], place: tuple[float, float, float], solid: str, deep_cm: str
 ) -> None:
     with pytest.raises(ParameterError, match=f"with the vehicle {deep_cm} cm deep in '{solid}'") as caught:
@@ -40,7 +40,7 @@ def test_a_dive_does_not_begin_in_floor_or_wall(
     assert "4 m deep" in caught.value.fix
 
 
-def test_a_tilted_vehicle_reaches_deeper_than_a_level_one() -> None:
+def test_start_check_uses_tilted_extent() -> None:
     begin(Dive((0.0, 0.0, -3.86)))
     with pytest.raises(ParameterError, match="deep in 'floor'"):
         begin(Dive((0.0, 0.0, -3.86), attitude_rad=(0.5, 0.0, 0.0)))
@@ -48,30 +48,30 @@ def test_a_tilted_vehicle_reaches_deeper_than_a_level_one() -> None:
 
 @BOTH
 @pytest.mark.parametrize("bar_z_m", [-2.0, -2.07])
-def test_a_dive_does_not_begin_across_the_bar_of_a_gate(kind: Callable[..., Urov], bar_z_m: float) -> None:
+def test_start_across_gate_bar_raises(kind: Callable[..., Urov], bar_z_m: float) -> None:
     """Also where the bar is in the centre of the vehicle, where no direction leads out of it."""
     pool = Pool(gates=(Gate("red", (0.0, 0.0, bar_z_m - 0.5)),))
     with pytest.raises(ParameterError, match="cm deep in 'red"):
         begin(Dive(BELOW), pool, kind)
 
 
-def test_loads_that_would_float_with_the_vehicle_are_refused_when_they_are_taken_up_together() -> None:
-    foam = Load(0.5, 0.01, from_s=5.0)
+def test_loads_that_would_float_the_vehicle_raise() -> None:
+    foam = Payload(0.5, 0.01, start_s=5.0)
     begin(Dive(BELOW, loads=(foam,)))
     with pytest.raises(
         ParameterError, match=r"At 5 s the dive's loads displace 20 kg of water, more than all weighs: 14\.2 kg"
     ):
         begin(Dive(BELOW, loads=(foam, foam)))
-    begin(Dive(BELOW, loads=(foam, replace(foam, from_s=0.0, until_s=5.0))))
+    begin(Dive(BELOW, loads=(foam, replace(foam, start_s=0.0, end_s=5.0))))
 
 
-def test_contacts_give_way_so_a_dive_may_begin_where_one_ended() -> None:
+def test_start_at_rest_position_of_previous_dive_is_accepted() -> None:
     plant = begin(Dive((0.0, 0.0, -3.88)))
     plant.step(plant.step_s)
     assert plant.contact_n is not None
 
 
-def test_beyond_the_tether_no_dive_begins() -> None:
+def test_start_beyond_tether_raises() -> None:
     with pytest.raises(ParameterError, match=r"begins 10\.39 m from where its tether is held, which is 5 m long"):
         begin(Dive(BELOW, tether=Tether((10.0, 0.0, 0.0), 5.0)))
     # Where it is fixed counts, not the vehicle's origin.
@@ -80,7 +80,7 @@ def test_beyond_the_tether_no_dive_begins() -> None:
         begin(Dive(BELOW, tether=Tether((5.0, 0.0, -2.0), 5.0)))
 
 
-def test_a_tether_too_stiff_for_the_step_is_told_and_the_stiffest_allowed_is_stable() -> None:
+def test_too_stiff_tether_raises_and_limit_is_stable() -> None:
     def taut(modulus_pa: float) -> Dive:
         return Dive(BELOW, velocity_mps=(0.5, 0.3, 0.1), tether=Tether((0.0, 0.0, 0.0), 2.1, modulus_pa=modulus_pa))
 
@@ -98,19 +98,19 @@ def test_a_tether_too_stiff_for_the_step_is_told_and_the_stiffest_allowed_is_sta
 
 
 @pytest.mark.parametrize("thruster", [99, "bogus", -1])
-def test_a_fault_of_no_thruster_is_told_at_the_start_with_those_there_are(thruster: Any) -> None:
+def test_fault_of_unknown_thruster_raises_with_names(thruster: Any) -> None:
     with pytest.raises(ParameterError, match=f"thruster {thruster!r} fail at 3 s, and there is no such") as caught:
         begin(Dive(BELOW, faults=(ThrusterFault(3.0, thruster),)))
     assert "T1, T2, T3, T4, T5, T6, T7, T8" in caught.value.fix
 
 
-def test_a_thruster_that_fails_by_name_is_that_of_the_name() -> None:
+def test_thruster_fault_by_name_hits_that_thruster() -> None:
     plant = begin(Dive(BELOW, faults=(ThrusterFault(0.0, "T8", "off"),)))
     assert plant.truth()["values"]["broken_T8"] == 1.0
-    assert plant.thrusters._shares[7] == (0.0, 0.0)
+    assert plant.thrusters._effectiveness[7] == (0.0, 0.0)
 
 
-def test_what_is_no_vehicle_no_pool_or_no_dive_is_told() -> None:
+def test_wrong_type_of_vehicle_pool_or_dive_raises() -> None:
     with pytest.raises(ParameterError, match="The vehicle is 'benzon2022'"):
         Urov("benzon2022", Pool(), lambda seed: Dive())  # type: ignore[arg-type]
     with pytest.raises(ParameterError, match="The pool is 4"):

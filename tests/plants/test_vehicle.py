@@ -8,37 +8,37 @@ import pytest
 from snr_sim.plants.urov.vehicle import Thruster, Vehicle
 from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError
-from snr_sim.prelude.wrench import AXES, lacking_axes
+from snr_sim.prelude.wrench import AXES, unactuated_axes
 
 VEHICLES = Path(__file__).parents[2] / "robots" / "urov" / "vehicles"
 HEAVY = read_vehicle(VEHICLES / "benzon2022.toml")
 
 
-def test_a_heavy_frame_pushes_along_and_about_all_axes() -> None:
+def test_heavy_frame_actuates_all_axes() -> None:
     matrix = HEAVY.thruster_matrix()
     assert matrix.shape == (6, 8)
-    assert lacking_axes(matrix) == ()
+    assert unactuated_axes(matrix) == ()
     assert np.linalg.cond(matrix) == pytest.approx(8.36, abs=0.01)
     # The first thruster pushes ahead and to the left from low on the right: it rolls right, lifts the nose, turns left.
     expected = [0.7071, 0.7071, 0.0, 0.0601, -0.0601, 0.1888]
     assert matrix[:, 0].tolist() == pytest.approx(expected, abs=5e-5)
 
 
-def test_a_frame_with_six_thrusters_says_that_it_has_no_pitch() -> None:
+def test_six_thruster_frame_lacks_pitch() -> None:
     classic = read_vehicle(VEHICLES / "classic.toml")
-    assert lacking_axes(classic.thruster_matrix()) == ("pitch",)
+    assert unactuated_axes(classic.thruster_matrix()) == ("pitch",)
 
 
-def test_every_missing_rank_names_one_axis() -> None:
+def test_each_missing_rank_names_one_axis() -> None:
     matrix = HEAVY.thruster_matrix()
-    assert lacking_axes(matrix[:, 4:]) == ("surge", "sway", "yaw")  # the upright ones alone
-    assert lacking_axes(matrix[:, :4]) == ("heave", "roll", "pitch")  # the level ones alone
-    assert lacking_axes(np.zeros((6, 0))) == AXES
+    assert unactuated_axes(matrix[:, 4:]) == ("surge", "sway", "yaw")  # the upright ones alone
+    assert unactuated_axes(matrix[:, :4]) == ("heave", "roll", "pitch")  # the level ones alone
+    assert unactuated_axes(np.zeros((6, 0))) == AXES
     one_down = np.delete(matrix, 4, axis=1)
-    assert lacking_axes(one_down) == ()  # seven can still do it all
+    assert unactuated_axes(one_down) == ()  # seven can still do it all
 
 
-def test_ballast_gives_the_net_buoyancy_in_any_water() -> None:
+def test_trimmed_has_net_buoyancy_in_any_water() -> None:
     for density in (1000.0, 1026.0):
         trimmed = HEAVY.trimmed(density, 9.81)
         assert 9.81 * (density * trimmed.volume_m3 - trimmed.mass_kg) == pytest.approx(1.5)
@@ -46,7 +46,7 @@ def test_ballast_gives_the_net_buoyancy_in_any_water() -> None:
     assert as_printed.mass_kg == 13.5
 
 
-def test_trim_that_would_hide_a_wrong_mass_is_refused() -> None:
+def test_trim_beyond_a_tenth_of_mass_raises() -> None:
     """The mass follows from the net buoyancy, so a mass far from that would be ignored silently."""
     wrong = replace(HEAVY, mass_kg=20.0)
     with pytest.raises(ParameterError, match=r"mass_kg 20; .* net_buoyancy_n 1\.5 .* 13\.4 l must weigh 13\.25 kg"):
@@ -80,8 +80,8 @@ def test_trim_that_would_hide_a_wrong_mass_is_refused() -> None:
         ({"inertia_kgm2": 1e-6 * np.diag([0.26, 0.23, 0.37])}, r"inertia_kgm2 has 2\.3e-07 kg m2 about one axis"),
         ({"mass_kg": 13500.0}, r"mass_kg is 13500\.0: grams\?"),
         ({"mass_kg": math.inf}, "mass_kg is inf"),
-        ({"mass_kg": True}, "mass_kg is True, which is no number"),
-        ({"mass_kg": "13.5"}, "mass_kg is '13.5', which is no number"),
+        ({"mass_kg": True}, "mass_kg is True, which is not a number"),
+        ({"mass_kg": "13.5"}, "mass_kg is '13.5', which is not a number"),
         ({"mass_kg": 150.0}, r"mass by volume is 11194\."),
         ({"volume_m3": 13.4}, r"volume_m3 is 13\.4: litres\?"),
         ({"volume_m3": 13400}, r"volume_m3 is 13400: cubic centimetres\?"),
@@ -96,13 +96,13 @@ def test_trim_that_would_hide_a_wrong_mass_is_refused() -> None:
         ({"size_m": (0.4, 0.0, 0.2)}, "size_m of width is 0.0"),
     ],
 )
-def test_a_number_that_cannot_be_is_named(change: dict[str, object], message: str) -> None:
+def test_invalid_number_raises_with_name(change: dict[str, object], message: str) -> None:
     with pytest.raises(ParameterError, match=rf"Vehicle 'benzon2022': {message}") as caught:
         replace(HEAVY, **change)  # type: ignore[arg-type]
     assert caught.value.fix
 
 
-def test_a_thruster_named_twice_or_pointing_nowhere_is_refused() -> None:
+def test_duplicate_name_or_zero_direction_of_thruster_raises() -> None:
     first = HEAVY.thrusters[0]
     with pytest.raises(ParameterError, match="more than one thruster named 'T1'"):
         replace(HEAVY, thrusters=(first, first))
@@ -120,6 +120,6 @@ def test_a_thruster_named_twice_or_pointing_nowhere_is_refused() -> None:
         Thruster("", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
 
 
-def test_a_vehicle_without_thrusters_is_one_too() -> None:
+def test_vehicle_without_thrusters_is_valid() -> None:
     none: Vehicle = replace(HEAVY, thrusters=())
     assert none.thruster_matrix().shape == (6, 0)

@@ -21,7 +21,7 @@ def changed(tmp_path: Path, old: str, new: str) -> Path:
 
 
 @pytest.mark.parametrize("name", ["benzon2022", "wu2018", "classic"])
-def test_each_number_of_each_set_has_a_source(name: str) -> None:
+def test_each_number_of_each_file_has_a_source(name: str) -> None:
     vehicle = read_vehicle(VEHICLES / f"{name}.toml")
     assert vehicle.name == name
     assert set(vehicle.sources) == {
@@ -32,7 +32,7 @@ def test_each_number_of_each_set_has_a_source(name: str) -> None:
     assert vehicle.centre_of_buoyancy_m[2] > vehicle.centre_of_mass_m[2]
 
 
-def test_vectors_and_matrices_are_turned_from_frd(tmp_path: Path) -> None:
+def test_vectors_and_matrices_are_converted_from_frd(tmp_path: Path) -> None:
     vehicle = read_vehicle(VEHICLES / "benzon2022.toml")
     assert vehicle.centre_of_buoyancy_m == (0.0, 0.0, 0.01)
     assert vehicle.thrusters[0].position_m == (0.156, -0.111, -0.085)
@@ -57,40 +57,40 @@ def test_vectors_and_matrices_are_turned_from_frd(tmp_path: Path) -> None:
         ('{ value = 13.5, source = "paper" }', '{ value = 13.5, source = "rumour" }', "not a value with a source"),
         ('thrusters_source = "paper"', "", "the thrusters have no source"),
         ('frame = "FRD"', 'frame = "NED"', "has the frame 'NED'"),
-        ("volume_m3", "volum_m3", "has 'volum_m3', which is no number of a vehicle"),
+        ("volume_m3", "volum_m3", "has 'volum_m3', which is not a key of a vehicle file"),
         ("lacks = []", 'lacks = ["pitch"]', "lack authority in no axis, the file says pitch"),
         ("about =", "about", "cannot be read"),
-        ("value = 13.5,", "value = [13.5],", r"mine\.toml: mass_kg is \[13\.5\], which is no number"),
-        ("value = 13.5,", 'value = "13.5",', r"mine\.toml: mass_kg is '13\.5', which is no number"),
-        ("value = 13.5,", "value = true,", "mass_kg is True, which is no number"),
+        ("value = 13.5,", "value = [13.5],", r"mine\.toml: mass_kg is \[13\.5\], which is not a number"),
+        ("value = 13.5,", 'value = "13.5",', r"mine\.toml: mass_kg is '13\.5', which is not a number"),
+        ("value = 13.5,", "value = true,", "mass_kg is True, which is not a number"),
         ("value = 13.5,", "value = inf,", "mass_kg is inf"),
         ("value = 13.5,", "value = 13500,", r"mine\.toml: .* mass_kg is 13500\.0: grams\?"),
-        ("value = 13.5,", f"value = 1{400 * '0'},", "mass_kg is 1000.*which is no number"),
+        ("value = 13.5,", f"value = 1{400 * '0'},", "mass_kg is 1000.*which is not a number"),
         ("value = 13.5,", "value = 20,", r"mine\.toml: .*mass_kg 20; .* must weigh 13\.25 kg"),
-        ("value = 13.5,", "valeu = 13.5,", "mass_kg has 'valeu', which is no part of a number"),
+        ("value = 13.5,", "valeu = 13.5,", "mass_kg has 'valeu', which is not a key of a value"),
         (ADDED, "[6.4, 7.1, 18.7]", r"added_mass is \[6\.4, 7\.1, 18\.7\]: 3 numbers, not 6"),
-        (ADDED, "6.4", r"added_mass is 6\.4, which is no row of numbers"),
-        (ADDED, "{ surge = 6.4 }", "added_mass is {'surge': 6.4}, which is no row of numbers"),
-        (ADDED, "[6.4, 'x', 18.7, 0.2, 0.1, 0.2]", "added_mass of sway is 'x', which is no number"),
+        (ADDED, "6.4", r"added_mass is 6\.4, which is not a list of numbers"),
+        (ADDED, "{ surge = 6.4 }", "added_mass is {'surge': 6.4}, which is not a list of numbers"),
+        (ADDED, "[6.4, 'x', 18.7, 0.2, 0.1, 0.2]", "added_mass of sway is 'x', which is not a number"),
         (ADDED, "[[1, 2], [3, 4]]", r"added_mass is \[\[1, 2\], \[3, 4\]\]"),
         (ADDED, str([[1.0] * 6] * 5 + [[1.0]]), r"added_mass \(row of yaw\) is \[1\.0\]: 1 numbers, not 6"),
         (ADDED, ASKEW, "added_mass has 0 at surge, yaw, but 0.2 at yaw, surge"),
         ("-0.01]", "-10]", r"centre_of_buoyancy_m of z is 10\.0: millimetres"),
         ("-0.01]", "nan]", "centre_of_buoyancy_m of z is nan"),
         ("[0.457, 0.575, 0.254]", "[0.457, 0.575]", "size_m is .* 2 numbers, not 3"),
-        ("lacks = []", 'lacks = "pitch"', "lacks is 'pitch', which is no list"),
-        ("lacks = []", 'lacks = ["pich"]', "lacks has 'pich', which is no axis"),
+        ("lacks = []", 'lacks = "pitch"', "lacks is 'pitch', which is not a list"),
+        ("lacks = []", 'lacks = ["pich"]', "lacks has 'pich', which is not an axis"),
         ('frame = "FRD"', 'frame = ["FRD"]', r"has the frame \['FRD'\]"),
         ('frame = "FRD"', "", "lacks frame"),
-        ('about = "', 'about = 3 # "', "about is 3, which is no text"),
-        ('paper = "von', 'paper = 3 # "von', "sources: paper is 3, which tells nobody"),
+        ('about = "', 'about = 3 # "', "about is 3, which is not text"),
+        ('paper = "von', 'paper = 3 # "von', "sources: paper is 3, which does not name"),
         ('thrusters_source = "paper"', 'thrusters_source = ["paper"]', r"thrusters_source is \['paper'\]"),
-        ('name = "T1"', "name = 1", "thruster 1: name is 1, which is no text"),
+        ('name = "T1"', "name = 1", "thruster 1: name is 1, which is not text"),
         ('name = "T1"', "", "thruster 1 lacks name"),
         (
             'name = "T1"',
             'name = "T1"\ncolour = "red"',
-            r"thruster 1 \('T1'\) has 'colour', which is no part of a thruster",
+            r"thruster 1 \('T1'\) has 'colour', which is not a key of a thruster",
         ),
         ("position_m = [0.156, 0.111, 0.085]", "", r"thruster 1 \('T1'\) lacks position_m"),
         ("position_m = [0.156, 0.111, 0.085]", "position_m = 3", r"thruster 1 \('T1'\): position_m is 3"),
@@ -103,13 +103,13 @@ def test_vectors_and_matrices_are_turned_from_frd(tmp_path: Path) -> None:
         ("direction = [0.70710678, -0.70710678, 0.0]", "direction = [1, 0]", "direction is .* 2 numbers, not 3"),
     ],
 )
-def test_a_mistake_in_a_file_is_told_in_its_words(tmp_path: Path, old: str, new: str, message: str) -> None:
+def test_file_mistake_raises_with_file_and_field(tmp_path: Path, old: str, new: str, message: str) -> None:
     with pytest.raises(ParameterError, match=message) as caught:
         read_vehicle(changed(tmp_path, old, new))
     assert caught.value.fix
 
 
-def test_a_geometry_without_rank_is_refused_unless_the_file_says_so(tmp_path: Path) -> None:
+def test_geometry_without_rank_raises_unless_declared(tmp_path: Path) -> None:
     level = TEXT[: TEXT.index('[[thruster]]\nname = "T5"')]
     path = tmp_path / "mine.toml"
     path.write_text(level, encoding="utf-8")
@@ -119,12 +119,12 @@ def test_a_geometry_without_rank_is_refused_unless_the_file_says_so(tmp_path: Pa
     assert len(read_vehicle(path).thrusters) == 4
 
 
-def test_a_missing_file_is_told(tmp_path: Path) -> None:
+def test_missing_file_raises(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match=r"nowhere\.toml cannot be read"):
         read_vehicle(tmp_path / "nowhere.toml")
 
 
-def test_a_misspelt_key_is_answered_with_the_nearest_name(tmp_path: Path) -> None:
+def test_misspelt_key_raises_with_nearest_name(tmp_path: Path) -> None:
     for old, new, meant in (
         ("volume_m3", "volum_m3", "volume_m3"),
         ("position_m", "positon_m", "position_m"),
@@ -136,7 +136,7 @@ def test_a_misspelt_key_is_answered_with_the_nearest_name(tmp_path: Path) -> Non
         assert f"did you mean '{meant}'?" in caught.value.fix
 
 
-def test_one_thruster_that_is_no_list_of_them_is_told_how_to_begin(tmp_path: Path) -> None:
+def test_thruster_table_without_list_raises_with_syntax(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     one = '[thruster]\nname = "T1"\nposition_m = [0.0, 0.0, 0.0]\ndirection = [1.0, 0.0, 0.0]\n'
     path.write_text(TEXT[: TEXT.index("[[thruster]]")] + one, encoding="utf-8")
@@ -145,7 +145,7 @@ def test_one_thruster_that_is_no_list_of_them_is_told_how_to_begin(tmp_path: Pat
     assert "[[thruster]]" in caught.value.fix
 
 
-def test_bytes_that_are_no_text_are_told_with_their_line(tmp_path: Path) -> None:
+def test_non_utf8_bytes_raise_with_line(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_bytes(TEXT.replace("von Benzon", "von B\xe9nzon", 1).encode("latin-1"))
     with pytest.raises(
@@ -157,7 +157,7 @@ def test_bytes_that_are_no_text_are_told_with_their_line(tmp_path: Path) -> None
         read_vehicle(path)
 
 
-def test_a_file_as_notepad_saves_it_is_read(tmp_path: Path) -> None:
+def test_file_with_byte_order_mark_is_read(tmp_path: Path) -> None:
     path = tmp_path / "benzon2022.toml"
     path.write_bytes(b"\xef\xbb\xbf" + TEXT.replace("\n", "\r\n").encode())
     assert read_vehicle(path).linear_damping == read_vehicle(VEHICLES / "benzon2022.toml").linear_damping
@@ -178,9 +178,7 @@ LINEAR, QUADRATIC = "[13.7, 0.0, 33.0, 0.0, 0.8, 0.0]", "[141.0, 217.0, 190.0, 1
         (LINEAR, "[141.0, 0.0, 190.0, 0.0, 0.470, 0.0]", "of sway, roll, yaw are 0: nothing would slow it down"),
     ],
 )
-def test_a_file_whose_water_resists_wrongly_or_not_at_all_is_told(
-    tmp_path: Path, linear: str, quadratic: str, message: str
-) -> None:
+def test_missing_or_implausible_drag_raises(tmp_path: Path, linear: str, quadratic: str, message: str) -> None:
     path = tmp_path / "mine.toml"
     text = TEXT.replace(QUADRATIC, "QUADRATIC").replace(LINEAR, linear).replace("QUADRATIC", quadratic)
     path.write_text(text, encoding="utf-8")

@@ -27,7 +27,7 @@ def water(damped: bool = False) -> Water2D:
 
 @pytest.mark.parametrize("damped", [False, True])
 @pytest.mark.parametrize("pitch", [0.0, 0.7, -2.5])
-def test_its_acceleration_is_that_of_fossens_equation_in_any_attitude(damped: bool, pitch: float) -> None:
+def test_acceleration_equals_fossen_equation_at_any_attitude(damped: bool, pitch: float) -> None:
     cos, sin = math.cos(pitch), math.sin(pitch)
     u, w, q = 0.8, -0.5, 0.6
     push, net_n, arm = (5.0, -3.0, 0.4), 1.5, (0.2, 1.3)
@@ -41,11 +41,11 @@ def test_its_acceleration_is_that_of_fossens_equation_in_any_attitude(damped: bo
     dt_s = 1e-6
     velocity = cos * u + sin * w, cos * w - sin * u, q
     after = water(damped).advance(velocity, pitch, push, net_n, arm, dt_s)
-    for before, now, wanted in zip(velocity, after, expected, strict=True):
-        assert (now - before) / dt_s == pytest.approx(wanted, abs=1e-4)
+    for before, now, target in zip(velocity, after, expected, strict=True):
+        assert (now - before) / dt_s == pytest.approx(target, abs=1e-4)
 
 
-def test_undamped_and_left_alone_momentum_and_energy_stay() -> None:
+def test_undamped_free_motion_keeps_momentum_and_energy() -> None:
     free, pitch, velocity, dt_s = water(), 0.3, (1.0, -0.4, 1.2), 0.005
     block = MASS[np.ix_((0, 2, 4), (0, 2, 4))]
 
@@ -65,7 +65,7 @@ def test_undamped_and_left_alone_momentum_and_energy_stay() -> None:
     assert abs(pitch) > 1.0
 
 
-def test_halving_the_step_quarters_the_error() -> None:
+def test_half_step_quarters_error() -> None:
     def end(dt_s: float) -> tuple[float, float, float]:
         damped, pitch, velocity = water(damped=True), 0.3, (1.0, -0.4, 1.2)
         for _ in range(round(3.0 / dt_s)):
@@ -80,7 +80,7 @@ def test_halving_the_step_quarters_the_error() -> None:
 
 
 @pytest.mark.parametrize("pitch", [0.0, 0.7])
-def test_mobility_is_what_an_impulse_does(pitch: float) -> None:
+def test_mobility_equals_velocity_change_per_impulse(pitch: float) -> None:
     still = water()
     cos, sin = math.cos(pitch), math.sin(pitch)
     world = 3.0, -2.0, 0.1

@@ -13,7 +13,7 @@ def test_wrapping_takes_off_whole_turns_and_nothing_else(angle: float, turns: in
     assert wrap_rad(angle + 2.0 * math.pi * turns) == pytest.approx(angle, abs=1e-12)
 
 
-def test_an_angle_within_half_a_turn_is_not_touched_by_rounding() -> None:
+def test_angle_within_half_a_turn_is_returned_unchanged() -> None:
     assert wrap_rad(0.1) == 0.1
     assert -math.pi < wrap_rad(math.nextafter(math.pi, 4.0)) <= math.pi
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from snr_sim.prelude.errors import UnknownName
+from snr_sim.prelude.errors import UnknownNameError
 from snr_sim.prelude.io import Io, parse_io
 
 
@@ -18,38 +18,38 @@ from snr_sim.prelude.io import Io, parse_io
         ("mcu:/dev/serial/by-path/pci-0:1:2", "mcu", "/dev/serial/by-path/pci-0:1:2"),
     ],
 )
-def test_a_string_says_what_kind_and_where_and_comes_back_as_it_was(text: str, kind: str, where: str) -> None:
+def test_parse_io_returns_kind_and_address_and_round_trips(text: str, kind: str, where: str) -> None:
     assert parse_io(text) == Io(kind, where)
     assert str(parse_io(text)) == text
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "expected"),
     [
-        ("mirorr", "did you mean 'mirror'"),
+        ("lopback", "did you mean 'loopback'"),
         ("", "kind ''"),
         ("MCU:/dev/ttyUSB0", "kind 'MCU'"),
         ("mcu", "--io mcu:PORT, such as mcu:/dev/ttyUSB0"),
         ("mcu:", "does not say where"),
         ("pca9685", "pca9685:BUS:ADDR"),
         ("replay", "replay:RUN"),
-        ("pca9685:1:forty", "'1:forty' is no I2C bus and address"),
+        ("pca9685:1:forty", "'1:forty' is not an I2C bus and address"),
         ("pca9685:1:0x80", "addresses go from 0x08 to 0x77"),
         ("pca9685:/dev/ttyUSB0", "BUS:ADDR, such as 1:0x40"),
         ("sim:/dev/ttyUSB0", "'sim' takes nothing after it, but found ':/dev/ttyUSB0'"),
     ],
 )
-def test_one_that_says_too_little_or_too_much_is_refused_with_what_to_type(text: str, said: str) -> None:
-    with pytest.raises(UnknownName) as caught:
+def test_invalid_io_text_raises_with_fix(text: str, expected: str) -> None:
+    with pytest.raises(UnknownNameError) as caught:
         parse_io(text)
-    assert said in str(caught.value)
+    assert expected in str(caught.value)
 
 
-def test_gpiozeros_servos_are_refused_with_what_was_measured() -> None:
+def test_gpiozero_raises_with_measured_reason() -> None:
     """`pins/lgpio.py` makes a duty cycle of int(value * 100) per cent: at 50 Hz, steps of 200 us."""
-    with pytest.raises(UnknownName) as caught:
+    with pytest.raises(UnknownNameError) as caught:
         parse_io("gpiozero:17")
     assert "neutral, 1500, becomes 1400, which is reverse thrust" in caught.value.message
     assert "mcu:PORT" in caught.value.fix
-    made_us = sorted({int(wanted_us / 20_000 * 100) * 200 for wanted_us in range(1100, 1901)})
+    made_us = sorted({int(pulse_us / 20_000 * 100) * 200 for pulse_us in range(1100, 1901)})
     assert ", ".join(map(str, made_us[:-1])) + f" and {made_us[-1]}" in caught.value.message

@@ -3,8 +3,8 @@
 import pytest
 
 from snr_sim.prelude.device import Device, Health, Stale
-from snr_sim.prelude.errors import DeviceError, SensorLost
-from snr_sim.prelude.life_cycle import LifeCycle, SensorLife
+from snr_sim.prelude.errors import DeviceError, SensorLostError
+from snr_sim.prelude.life_cycle import LifeCycle, LifeCycleSensor
 
 
 class Winch(LifeCycle):
@@ -37,7 +37,7 @@ class Winch(LifeCycle):
         return {"turns": len(self.steps)}
 
 
-def test_each_step_is_made_once_however_often_it_is_asked_for() -> None:
+def test_repeated_transition_runs_step_once() -> None:
     winch = Winch()
     assert isinstance(winch, Device)
     assert winch.health() == Health("unconfigured", "", {"turns": 0})
@@ -58,7 +58,7 @@ def test_each_step_is_made_once_however_often_it_is_asked_for() -> None:
     assert winch.steps.count("close") == 1
 
 
-def test_what_is_not_configured_is_not_activated() -> None:
+def test_activate_before_configure_raises() -> None:
     winch = Winch()
     with pytest.raises(DeviceError, match="This winch cannot be activated: it is unconfigured"):
         winch.activate()
@@ -72,24 +72,24 @@ def test_what_is_not_configured_is_not_activated() -> None:
 
 
 @pytest.mark.parametrize("step", ["configure", "activate"])
-def test_a_step_that_fails_says_why_and_configure_begins_anew(step: str) -> None:
+def test_failed_step_sets_reason_and_configure_restarts(step: str) -> None:
     winch = Winch(step)
     if step == "activate":
         winch.configure()
     with pytest.raises(DeviceError, match=f"stuck at {step}"):
         getattr(winch, step)()
     assert winch.state == "error"
-    assert "stuck" in winch.why
+    assert "stuck" in winch.reason
     with pytest.raises(DeviceError, match="cannot be activated: it is error"):
         winch.activate()
     winch.fails.clear()
     winch.configure()
-    assert (winch.state, winch.why) == ("inactive", "")
+    assert (winch.state, winch.reason) == ("inactive", "")
     winch.activate()
     assert winch.state == "active"
 
 
-def test_one_that_takes_its_time_is_activating_and_may_be_asked_again() -> None:
+def test_slow_activation_is_activating_and_repeatable() -> None:
     class Slow(Winch):
         def on_activate(self) -> None:
             self._step("activate")
@@ -105,7 +105,7 @@ def test_one_that_takes_its_time_is_activating_and_may_be_asked_again() -> None:
     assert slow.state == "inactive"
 
 
-def test_ending_never_raises_whatever_fails() -> None:
+def test_deactivate_and_close_never_raise() -> None:
     winch = Winch("deactivate", "close")
     winch.deactivate("before anything")
     assert winch.steps == []
@@ -113,15 +113,15 @@ def test_ending_never_raises_whatever_fails() -> None:
     winch.activate()
     winch.deactivate("now")
     assert winch.state == "error"
-    assert "stuck at deactivate" in winch.why
+    assert "stuck at deactivate" in winch.reason
     winch.close()
     assert winch.state == "closed"
-    assert "stuck at close" in winch.why
+    assert "stuck at close" in winch.reason
     winch.deactivate("after the end")
     winch.close()
 
 
-def test_one_whose_wire_failed_is_still_put_to_neutral_but_stays_in_error() -> None:
+def test_failed_device_is_deactivated_and_stays_in_error() -> None:
     winch = Winch()
     winch.configure()
     winch.activate()
@@ -131,7 +131,7 @@ def test_one_whose_wire_failed_is_still_put_to_neutral_but_stays_in_error() -> N
     assert winch.health() == Health("error", "the wire is cut", {"turns": 3})
 
 
-def test_what_keeps_no_steps_of_its_own_goes_through_all() -> None:
+def test_device_without_own_steps_passes_all_states() -> None:
     plain = LifeCycle()
     plain.configure()
     plain.activate()
@@ -140,11 +140,11 @@ def test_what_keeps_no_steps_of_its_own_goes_through_all() -> None:
     assert plain.health() == Health("closed", "closed")
 
 
-class Thermometer(SensorLife):
+class Thermometer(LifeCycleSensor):
     title = "This thermometer"
 
 
-def test_a_sensor_that_is_not_active_says_so_and_one_that_is_closed_is_lost() -> None:
+def test_inactive_sensor_returns_stale_and_closed_sensor_raises() -> None:
     thermometer = Thermometer()
     assert thermometer.idle() == Stale("This thermometer is unconfigured.")
     thermometer.configure()
@@ -154,6 +154,6 @@ def test_a_sensor_that_is_not_active_says_so_and_one_that_is_closed_is_lost() ->
     thermometer.fail("Its wire is loose.")
     assert thermometer.idle(2.5) == Stale("This thermometer is error: Its wire is loose.", 2.5)
     thermometer.close()
-    with pytest.raises(SensorLost, match="This thermometer was closed") as e:
+    with pytest.raises(SensorLostError, match="This thermometer was closed") as e:
         thermometer.idle()
     assert e.value.fix == "open another."

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from snr_sim.prelude.rng import chance_of, rng_for
+from snr_sim.prelude.rng import component_seed, rng_for
 
 
 @given(st.integers(-(2**70), 2**70), st.text(max_size=10))
-def test_the_same_seed_and_name_give_the_same_chance(seed: int, name: str) -> None:
+def test_same_seed_and_name_give_same_numbers(seed: int, name: str) -> None:
     assert rng_for(seed, name).random(3).tolist() == rng_for(seed, name).random(3).tolist()
 
 
@@ -21,12 +21,12 @@ def test_two_names_or_two_seeds_never_share_a_generator() -> None:
 
 
 @pytest.mark.slow
-def test_chance_does_not_depend_on_the_process() -> None:
+def test_random_numbers_are_equal_in_every_process() -> None:
     command = "from snr_sim.prelude.rng import rng_for; print(rng_for(7, 'radar').integers(2**62))"
     printed = {subprocess.check_output([sys.executable, "-c", command], text=True) for _ in range(2)}
     assert printed == {f"{rng_for(7, 'radar').integers(2**62)}\n"}  # text hashes differ between processes
 
 
-def test_the_chance_of_components_follows_from_the_seed_and_is_not_the_seed() -> None:
-    assert chance_of(7) == chance_of(7)
-    assert len({chance_of(seed) for seed in range(100)} - set(range(100))) == 100
+def test_component_seed_is_derived_from_seed_and_differs_from_it() -> None:
+    assert component_seed(7) == component_seed(7)
+    assert len({component_seed(seed) for seed in range(100)} - set(range(100))) == 100

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 import snr_sim
-from snr_sim.prelude.structs import learned
+from snr_sim.prelude.structs import ensure_type_info
 
 KIT = Path(snr_sim.__file__).parent
 PLAIN = {"int", "float", "str", "bool", "bytes", "Any"}  # types of which there is nothing to learn
@@ -21,13 +21,13 @@ import msgspec
 from snr_sim.devices.commands import command_of
 from snr_sim.devices.replayed import ReplayedSensor
 from snr_sim.prelude.page import Page
-from snr_sim.prelude.structs import learned
+from snr_sim.prelude.structs import ensure_type_info
 
 def read(data, kind):
     return ReplayedSensor("imu", [Page("imu", data, "node", 0.0)], kind, lambda: 1.0).read()
 
 make = {{
-    "learned": lambda data, kind: msgspec.convert(data, learned(kind)),
+    "ensure_type_info": lambda data, kind: msgspec.convert(data, ensure_type_info(kind)),
     "command": lambda data, kind: command_of(data, kind, {{}}),
     "replayed": read,
 }}["{way}"]
@@ -53,30 +53,30 @@ for i in range({types}):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("way", ["learned", "command", "replayed"])
-def test_two_threads_may_make_the_first_values_of_a_type_at_once(way: str) -> None:
+@pytest.mark.parametrize("way", ["ensure_type_info", "command", "replayed"])
+def test_first_use_of_a_type_in_two_threads_is_safe(way: str) -> None:
     program = TWO_THREADS_AT_ONCE.format(way=way, types=150)
     run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=300)
     assert (run.returncode, run.stderr) == (0, "")
 
 
-def test_the_type_itself_comes_back_whatever_kind_it_is() -> None:
+def test_ensure_type_info_returns_the_type() -> None:
     @dataclasses.dataclass
     class Depth:
         depth_m: float
 
-    assert learned(Depth) is Depth
-    assert msgspec.convert({"depth_m": 1.5}, learned(Depth)) == Depth(1.5)
-    assert msgspec.convert([1, 2.5], learned(list[float])) == [1.0, 2.5]
+    assert ensure_type_info(Depth) is Depth
+    assert msgspec.convert({"depth_m": 1.5}, ensure_type_info(Depth)) == Depth(1.5)
+    assert msgspec.convert([1, 2.5], ensure_type_info(list[float])) == [1.0, 2.5]
 
 
-def test_a_type_that_cannot_be_made_of_data_is_said_at_once() -> None:
+def test_unsupported_type_raises_at_once() -> None:
     with pytest.raises(TypeError, match="union"):
-        learned(dict[str, int] | dict[str, float])
+        ensure_type_info(dict[str, int] | dict[str, float])
 
 
-def test_every_type_is_learned_at_import_or_by_learned() -> None:
-    """Functions do not create decoders, and they decode or convert only types that were passed to `learned`."""
+def test_every_decoded_type_is_initialised_at_import_or_ensured() -> None:
+    """Functions do not create decoders, and they decode or convert only types passed to `ensure_type_info`."""
     content = [KIT.parent / folder for folder in ("robots", "scenarios", "assignments")]
     files = [path for folder in (KIT, *content) for path in folder.rglob("*.py") if path.name != "structs.py"]
     texts = {path: path.read_text(encoding="utf-8") for path in files}
@@ -85,12 +85,12 @@ def test_every_type_is_learned_at_import_or_by_learned() -> None:
     assert wrong == []
 
 
-def test_what_learns_late_is_found() -> None:
+def test_late_type_initialisation_is_found() -> None:
     late = (
         "def f(raw):\n    msgspec.convert(raw, Depth)\n    decode(raw, type=Depth)\n    msgspec.json.Decoder(Depth)\n"
     )
     assert sorted(_learns_late(ast.parse(late))) == [2, 3, 4]
-    fine = "d = Decoder(Depth)\ndef f(raw):\n    convert(raw, learned(Depth))\n    decode(raw, type=int)\n"
+    fine = "d = Decoder(Depth)\ndef f(raw):\n    convert(raw, ensure_type_info(Depth))\n    decode(raw, type=int)\n"
     assert list(_learns_late(ast.parse(fine))) == []
 
 
@@ -109,5 +109,5 @@ def _kinds(call: ast.Call) -> list[Any]:
 
 def _is_known(kind: ast.expr) -> bool:
     if isinstance(kind, ast.Call):
-        return getattr(kind.func, "id", "") == "learned"
+        return getattr(kind.func, "id", "") == "ensure_type_info"
     return isinstance(kind, ast.Name) and kind.id in PLAIN

@@ -40,21 +40,21 @@ def test_each_task_has_a_list_of_its_own() -> None:
 
 
 @pytest.mark.parametrize("values", ["hello", 5, {"a": 1}, None, b"x", {1}])
-def test_an_event_with_a_value_where_a_list_belongs_says_what_to_write(values: Any) -> None:
+def test_event_with_scalar_value_raises_with_fix(values: Any) -> None:
     with pytest.raises(TaskError) as caught:
         tasks.event("say", values)
     assert f"event 'say' carries {values!r}" in str(caught.value)
     assert f"tasks.event('say', [{values!r}])" in str(caught.value)
 
 
-def test_an_event_takes_a_list_or_a_tuple_also_an_empty_one() -> None:
+def test_event_accepts_list_or_tuple() -> None:
     assert tasks.event("say", ("hello", 5)).val_list == tasks.event("say", ["hello", 5]).val_list == ["hello", 5]
     assert tasks.event("say", []).val_list == tasks.event("say", ()).val_list == []
 
 
 @pytest.mark.parametrize("nothing", [None, 5, [b"x"], {}])
-def test_what_is_neither_text_nor_bytes_is_no_task_and_no_page(nothing: Any) -> None:
-    with pytest.raises(TaskError, match="no task"):
+def test_deserialize_rejects_other_types_than_text_and_bytes(nothing: Any) -> None:
+    with pytest.raises(TaskError, match="are not a task"):
         Task.deserialize(nothing)
     with pytest.raises(ValueEncodingError, match=f"of type {type(nothing).__name__}"):
         Page.deserialize(nothing)
@@ -80,13 +80,13 @@ def test_the_helpers_make_the_tasks_they_are_named_after() -> None:
 
 
 @given(st.sampled_from(list(TaskType)), st.text('ab$" é'), st.lists(plain, max_size=3))
-def test_a_task_comes_back_from_json(kind: TaskType, name: str, val_list: list[Any]) -> None:
+def test_task_round_trips_through_json(kind: TaskType, name: str, val_list: list[Any]) -> None:
     task = Task(kind, name, val_list)
     assert Task.deserialize(task.serialize()) == task
 
 
 @given(st.text('ab$" é'), plain, st.floats(0, 1e6), st.booleans())
-def test_a_page_comes_back_from_json(key: str, data: Any, created_at_s: float, process: bool) -> None:
+def test_page_round_trips_through_json(key: str, data: Any, created_at_s: float, process: bool) -> None:
     page = Page(key, data, "some_node", created_at_s, process)
     raw = page.serialize()
     assert Page.deserialize(raw) == page
@@ -97,7 +97,7 @@ def test_a_page_comes_back_from_json(key: str, data: Any, created_at_s: float, p
     assert Task.deserialize(stored.serialize()) == stored
 
 
-def test_a_page_of_arrays_comes_back_from_json() -> None:
+def test_page_of_arrays_round_trips_through_json() -> None:
     page = Page("imu", {"rates": np.array([0.1, np.nan]), "ok": (True, None)}, "n", 0.5)
     back = Page.deserialize(page.serialize())
     np.testing.assert_array_equal(back.data["rates"], page.data["rates"])
@@ -118,8 +118,8 @@ def test_a_page_of_arrays_comes_back_from_json() -> None:
         b"5",
     ],
 )
-def test_bytes_that_are_no_task_are_refused(raw: bytes) -> None:
-    with pytest.raises(TaskError, match="no task"):
+def test_invalid_task_bytes_are_rejected(raw: bytes) -> None:
+    with pytest.raises(TaskError, match="are not a task"):
         Task.deserialize(raw)
 
 
@@ -136,6 +136,6 @@ def test_bytes_that_are_no_task_are_refused(raw: bytes) -> None:
         b'{"$":"page","key":"a","data":1,"origin":"n","created_at_s":0.0,"process":"yes"}',
     ],
 )
-def test_bytes_that_are_no_page_are_refused(raw: bytes) -> None:
+def test_invalid_page_bytes_are_rejected(raw: bytes) -> None:
     with pytest.raises(ValueEncodingError):
         Page.deserialize(raw)

@@ -69,7 +69,7 @@ def same(one: Any, other: Any) -> bool:
 @example(2**53 + 1)
 @example(b"\xff\x00")
 @example(10**5000)
-def test_a_value_comes_back_as_it_was(value: Any) -> None:
+def test_value_round_trips(value: Any) -> None:
     assert same(decode_value(encode_value(value)), value)
 
 
@@ -88,7 +88,7 @@ dtypes = st.one_of(
 
 
 @given(hnp.arrays(dtypes, hnp.array_shapes(min_dims=1, max_dims=3, min_side=0, max_side=8)))
-def test_an_array_comes_back_with_its_type_shape_and_values(array: np.ndarray) -> None:
+def test_array_round_trips_with_type_and_shape(array: np.ndarray) -> None:
     back = decode_value(encode_value(array))
     assert back.dtype == array.dtype
     assert back.shape == array.shape
@@ -149,7 +149,7 @@ class SlottedPose:
 
 
 @pytest.mark.parametrize("value", [Pose(1.5, "start"), {"pose": Pose(1.5, "start")}, [SlottedPose(1.5)]])
-def test_an_object_can_be_read_in_the_file_but_says_that_it_cannot_be_brought_back(value: Any) -> None:
+def test_object_is_readable_in_file_and_raises_on_decode(value: Any) -> None:
     raw = encode_value(value)
     assert b'"x_m":1.5' in raw
     assert b"Pose" in raw
@@ -157,7 +157,7 @@ def test_an_object_can_be_read_in_the_file_but_says_that_it_cannot_be_brought_ba
         decode_value(raw)
 
 
-def test_a_value_that_contains_itself_is_refused() -> None:
+def test_recursive_value_is_rejected() -> None:
     loop: list[Any] = []
     loop.append(loop)
     with pytest.raises(ValueEncodingError, match="contains itself"):
@@ -165,7 +165,7 @@ def test_a_value_that_contains_itself_is_refused() -> None:
 
 
 @pytest.mark.parametrize("value", ["\ud800", {"\ud800": 1}])
-def test_text_that_is_no_unicode_is_refused_in_words(value: Any) -> None:
+def test_invalid_unicode_raises_with_message(value: Any) -> None:
     with pytest.raises(ValueEncodingError, match="UTF-8"):
         encode_value(value)
 
@@ -190,7 +190,7 @@ def test_text_that_is_no_unicode_is_refused_in_words(value: Any) -> None:
         b'{"\x80":1}',
     ],
 )
-def test_damaged_values_are_refused_in_words(raw: bytes) -> None:
+def test_damaged_values_raise_with_message(raw: bytes) -> None:
     with pytest.raises(ValueEncodingError):
         decode_value(raw)
 
@@ -218,7 +218,7 @@ def test_equal_values_have_equal_bytes(value: Any) -> None:
 @example({(1, b"x"): {None: 2}})
 @example([Page("a", {"b": {1}}, "n", math.nan), dataclasses.make_dataclass("Pose", ["x_m"])(1.5)])
 @example(Page("a", 1, "n", np.float64(0.5), np.bool_(True)))
-def test_whatever_is_written_is_valid(validator: Any, value: Any) -> None:
+def test_every_encoded_value_matches_schema(validator: Any, value: Any) -> None:
     assert validator("value")(json.loads(encode_value(value)))
 
 
@@ -270,7 +270,7 @@ json_values = st.recursive(
 @example({"$": "page", "key": 5, "data": 1, "origin": "n", "created_at_s": 0.0}, False)
 @example({"$": "page", "key": "k", "data": 1, "origin": "n", "created_at_s": 0.0}, True)
 @example({"$": "tuple", "v": [1]}, True)
-def test_what_is_valid_can_be_decoded_and_nothing_else(validator: Any, value: Any, is_spaced: bool) -> None:
+def test_decoder_accepts_exactly_what_schema_allows(validator: Any, value: Any, is_spaced: bool) -> None:
     raw = json.dumps(value)
     if is_spaced:  # as another program may write it
         raw = re.sub(r'"\$":', '"\\\\u0024" : ', raw)
@@ -285,7 +285,7 @@ def test_what_is_valid_can_be_decoded_and_nothing_else(validator: Any, value: An
 
 
 @pytest.mark.parametrize(
-    ("array", "said"),
+    ("array", "expected"),
     [
         ({"dtype": "int8", "shape": [2], "data": [1]}, "not of shape"),
         ({"dtype": "int8", "shape": [1, 2], "data": [1, 2]}, "not of shape"),
@@ -293,15 +293,15 @@ def test_what_is_valid_can_be_decoded_and_nothing_else(validator: Any, value: An
         ({"dtype": "float64", "shape": [1], "b64": "YQ=="}, "size"),
     ],
 )
-def test_arrays_whose_parts_do_not_agree_are_refused(validator: Any, array: dict[str, Any], said: str) -> None:
+def test_inconsistent_arrays_are_rejected(validator: Any, array: dict[str, Any], expected: str) -> None:
     assert validator("value")({"$": "array", **array})
-    with pytest.raises(ValueEncodingError, match=said):
+    with pytest.raises(ValueEncodingError, match=expected):
         decode_value(json.dumps({"$": "array", **array}))
 
 
 @pytest.mark.parametrize("change", [{"key": 1}, {"created_at_s": "now"}, {"process": 1}, {"extra": 1}, {"$": "pages"}])
 @pytest.mark.parametrize("data", [1, {"$": "tuple", "v": []}])
-def test_a_page_with_a_damaged_field_is_refused(validator: Any, change: dict[str, Any], data: Any) -> None:
+def test_page_with_damaged_field_is_rejected(validator: Any, change: dict[str, Any], data: Any) -> None:
     page = {"$": "page", "key": "k", "data": data, "origin": "n", "created_at_s": 0.5, "process": True}
     assert validator("page")(page)
     assert Page.deserialize(json.dumps(page)).key == "k"
@@ -311,7 +311,7 @@ def test_a_page_with_a_damaged_field_is_refused(validator: Any, change: dict[str
 
 
 @pytest.mark.parametrize("part", [b'"k"', b'"n"', b"1"])
-def test_a_page_with_text_that_is_no_utf8_is_refused(part: bytes) -> None:
+def test_page_with_invalid_utf8_is_rejected(part: bytes) -> None:
     raw = b'{"$":"page","key":"k","data":1,"origin":"n","created_at_s":0.5,"process":true}'
     assert Page.deserialize(raw).key == "k"
     with pytest.raises(ValueEncodingError, match="not a page"):
@@ -319,7 +319,7 @@ def test_a_page_with_text_that_is_no_utf8_is_refused(part: bytes) -> None:
 
 
 @pytest.mark.parametrize("field", ["$", "key", "data", "origin", "created_at_s"])
-def test_a_page_without_one_of_its_fields_is_refused(validator: Any, field: str) -> None:
+def test_page_without_a_field_is_rejected(validator: Any, field: str) -> None:
     page = {"$": "page", "key": "k", "data": 1, "origin": "n", "created_at_s": 0.5, "process": True}
     del page[field]
     assert not validator("page")(page)
@@ -327,6 +327,6 @@ def test_a_page_without_one_of_its_fields_is_refused(validator: Any, field: str)
         decode_value(json.dumps([page]), KINDS) if field != "$" else Page.deserialize(json.dumps(page))
 
 
-def test_a_page_of_an_impossible_moment_comes_back() -> None:
+def test_page_with_non_finite_time_round_trips() -> None:
     page = Page("k", (1, 2), "n", math.inf)
     assert Page.deserialize(page.serialize()) == page

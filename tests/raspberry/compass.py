@@ -3,7 +3,7 @@
     python compass.py sim                   in lock step: a compass that a list plays, outputs that nothing hangs at
     python compass.py mcu:/dev/ttyUSB0      on the wall clock: a compass on I2C, thrusters behind a microcontroller
 
-The node and its numbers stand in the middle and know of neither; the table at the end knows both.
+The node and its numbers, in the middle, depend on neither; the table at the end names both.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from snr_sim import Config, Endpoint, EndpointFactory, LifeCycle, Mode, SimClock
 from snr_sim.devices.loops import SensorLoopFactory
 from snr_sim.devices.mcu.mcu import McuPwm
 from snr_sim.devices.mcu.mcu_board import McuBoard
-from snr_sim.devices.pwm.mirror import MirrorPwm
+from snr_sim.devices.pwm.loopback import LoopbackPwm
 from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.devices.wire.mcu_messages import BAUD
@@ -29,7 +29,7 @@ from snr_sim.testing.fakes import FakeSensor
 CHANNELS = 8
 STILL_S = 4.0  # neutral, until the outputs have armed
 PUSH_US_PER_UT = 20.0
-MOST_US = 350.0
+MAX_US = 350.0
 
 
 class Compass(msgspec.Struct, frozen=True):
@@ -55,14 +55,14 @@ class Turn(Endpoint):
         self.task_handlers = {(TaskType.process_data, "compass"): self.on_compass}
 
     def on_compass(self, task, task_id):
-        self.tell()
+        self.print_state()
         across_ut = self.get_data("compass")["x_ut"]
         push_us = 0.0 if self.get_time_s() < STILL_S else PUSH_US_PER_UT * across_ut
-        push_us = min(max(push_us, -MOST_US), MOST_US)
+        push_us = min(max(push_us, -MAX_US), MAX_US)
         half = CHANNELS // 2
         return self.store_data_task("pwm", {"pulses_us": [1500.0 + push_us] * half + [1500.0 - push_us] * half})
 
-    def tell(self):
+    def print_state(self):
         applied = self.get_data("pwm_applied")
         if applied is not None and applied["state"] != self.state:
             self.state = applied["state"]
@@ -70,7 +70,7 @@ class Turn(Endpoint):
 
 
 class Lsm303(LifeCycle):
-    """The magnetometer of an LSM303DLHC on I2C. Keeps the promise of Sensor.
+    """The magnetometer of an LSM303DLHC on I2C. Implements `Sensor`.
 
     Source: ST, LSM303DLHC data sheet, section 7.2: registers MR 0x02, OUT_X_H 0x03 (x, z, y; high byte first), and
     1100 counts a gauss along x and y, 980 along z, as it starts.
@@ -99,8 +99,8 @@ def played():
 def devices(io, clock):
     """Returns how the compass and the outputs are opened."""
     if io.kind == "sim":
-        return lambda: FakeSensor(played()), lambda: MirrorPwm(clock.now_s, CHANNELS)
-    board = McuBoard(lambda: SerialPort(io.where, BAUD), clock.now_s)
+        return lambda: FakeSensor(played()), lambda: LoopbackPwm(clock.now_s, CHANNELS)
+    board = McuBoard(lambda: SerialPort(io.address, BAUD), clock.now_s)
     return lambda: Lsm303(I2cBus(1), clock.now_s), lambda: McuPwm(board, clock.now_s, CHANNELS)
 
 

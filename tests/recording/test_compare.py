@@ -59,14 +59,14 @@ CRAFTED: list[tuple[Any, Any, list[str], str | None]] = [
 
 
 @pytest.mark.parametrize(("recorded", "replayed", "tolerances", "path"), CRAFTED)
-def test_the_first_difference_that_is_not_tolerated_is_named(
+def test_first_difference_returns_first_path_outside_tolerances(
     recorded: Any, replayed: Any, tolerances: list[str], path: str | None
 ) -> None:
     found = difference(recorded, replayed, *tolerances)
     assert (None if found is None else found.field) == path
 
 
-def test_a_difference_shows_both_values_as_a_student_writes_them() -> None:
+def test_difference_shows_values_in_python_syntax() -> None:
     assert difference({"a": 0.5}, {"a": math.inf}) == Difference("imu.a", 0.5, math.inf)
     found = difference({"a": 0.5}, {"a": math.nan})
     assert found is not None
@@ -74,25 +74,25 @@ def test_a_difference_shows_both_values_as_a_student_writes_them() -> None:
     assert difference([1], (1,)) == Difference("imu", [1], (1,))
 
 
-def test_what_stands_on_the_page_beside_its_data_is_compared_too() -> None:
+def test_page_attributes_outside_data_are_compared() -> None:
     found = first_difference("imu", "store_page", page(1.0), page(1.0, created_at_s=0.75))
     assert found == Difference("imu:created_at_s", 0.5, 0.75)
     found = first_difference("imu", "store_page", page(1.0), page(1.0, process=False))
     assert found == Difference("imu:process", True, False)
 
 
-def test_values_of_an_event_are_named_by_their_place() -> None:
+def test_event_values_are_named_by_index() -> None:
     recorded, replayed = encode_value([1, {"x": 2}]), encode_value([1, {"x": 3}])
     assert first_difference("go", "event", recorded, replayed) == Difference("go[1].x", 2, 3)
 
 
 @pytest.mark.parametrize("text", ["", "imu", "=1", "imu=", "imu=much", "imu=-1", "imu=nan", "imu=-2%"])
-def test_a_tolerance_that_is_none_is_refused_with_an_example(text: str) -> None:
+def test_tolerance_parse_of_invalid_text_raises_with_example(text: str) -> None:
     with pytest.raises(ParameterError, match="engine"):
         Tolerance.parse(text)
 
 
-def test_a_path_may_itself_hold_an_equals_sign() -> None:
+def test_tolerance_parse_accepts_equals_sign_in_path() -> None:
     assert Tolerance.parse("a=b=1e-3") == Tolerance("a=b", absolute=1e-3)
 
 
@@ -110,7 +110,7 @@ def test_a_path_may_itself_hold_an_equals_sign() -> None:
         ([b"[1]"], [b"[1]", b"[1]"], False),
     ],
 )
-def test_values_in_another_order_are_told_from_other_values(
+def test_only_reordered_distinguishes_order_from_values(
     recorded: list[bytes], replayed: list[bytes], expected: bool
 ) -> None:
     assert only_reordered(recorded, replayed) is expected

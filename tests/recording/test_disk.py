@@ -18,15 +18,15 @@ from snr_sim import Config, Node, SimClock, SimRunner, WallClock, tasks
 from snr_sim.core.clocks import SimClock as VirtualClock
 from snr_sim.prelude.errors import TraceError
 from snr_sim.recording import folder as run_folder
-from snr_sim.recording import follower
 from snr_sim.recording import trace as trace_module
+from snr_sim.recording import trace_listener
 from snr_sim.recording.folder import new_run_folder
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import InputRecord, Record
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.recording.trace_file import TraceFile
 from snr_sim.scenario.program import program_header, record_program
-from snr_sim.testing.parts import TickerFactory
+from snr_sim.testing.function_components import FunctionLoopFactory
 
 BLOCK = 4096  # what a disk writes at once
 
@@ -105,13 +105,15 @@ class Robots(NamedTuple):
 
     tmp_path: Path
 
-    def on(self, disk: Disk, rate_hz: float = 100.0, data: Any = 1.5, viewer: follower.Follower | None = None) -> Robot:
-        config = Config(factories={"r": [TickerFactory(lambda loop: loop.store_data("x", data), "x", rate_hz)]})
+    def on(
+        self, disk: Disk, rate_hz: float = 100.0, data: Any = 1.5, viewer: trace_listener.TraceListener | None = None
+    ) -> Robot:
+        config = Config(factories={"r": [FunctionLoopFactory(lambda loop: loop.store_data("x", data), "x", rate_hz)]})
         clock = SimClock()
         header = program_header(["r"], config, __file__, clock)
         writer = TraceWriter(self.tmp_path / FILE_NAME, header, open_file=disk.open)
         if viewer is not None:
-            writer.follow(viewer)
+            writer.add_listener(viewer)
         node = Node("r", config, clock=clock, recorder=writer)
         writer.fail_softly([node])
         node.begin()
@@ -123,7 +125,7 @@ def robots(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Robots:
     """Make robots; nothing waits for long."""
     monkeypatch.setattr(trace_module, "FLUSH_PERIOD_S", 0.002)
     monkeypatch.setattr(trace_module, "SYNC_PERIOD_S", 0.005)
-    monkeypatch.setattr(trace_module, "CLOSE_PATIENCE_S", 0.05)
+    monkeypatch.setattr(trace_module, "CLOSE_TIMEOUT_S", 0.05)
     return Robots(tmp_path)
 
 
@@ -136,104 +138,104 @@ def run_until(robot: Robot, is_so: Callable[[], bool]) -> None:
         time.sleep(0.002)
 
 
-def is_told(robot: Robot) -> Callable[[], bool]:
+def is_reported(robot: Robot) -> Callable[[], bool]:
     return lambda: "recording" in robot.node.datastore.pages
 
 
 def end(robot: Robot) -> None:
-    robot.node.enter(tasks.terminate("done"), "test")
+    robot.node.enqueue_input(tasks.terminate("done"), "test")
     robot.node.run_ready()
     robot.node.end()
     robot.writer.close()
 
 
-def check_told(robot: Robot, reason: str) -> dict[str, Any]:
+def check_report(robot: Robot, reason: str) -> dict[str, Any]:
     """Check that page, words and trace agree on what is lost; return the newest page's data."""
-    told: dict[str, Any] = robot.node.get_data("recording")
-    assert set(told) == {"since_s", "lost", "reason"}
-    assert (told["reason"], told["lost"] > 0) == (reason, True)
+    report: dict[str, Any] = robot.node.get_data("recording")
+    assert set(report) == {"since_s", "lost", "reason"}
+    assert (report["reason"], report["lost"] > 0) == (reason, True)
     trace = read_trace(robot.writer.path)
-    assert not trace.is_cut
+    assert not trace.is_truncated
     assert trace.digest == robot.writer.digest
-    assert trace.records[-1].t <= told["since_s"]
-    assert f"stops at t = {told['since_s']:.2f} s: {reason}" in robot.writer.loss
-    return told
+    assert trace.records[-1].t <= report["since_s"]
+    assert f"stops at t = {report['since_s']:.2f} s: {reason}" in robot.writer.loss
+    return report
 
 
 # A disk that fails while a robot runs on the wall clock, or has real outputs
 
 
 @pytest.mark.parametrize("room", [5_000, 30_001])
-def test_a_full_disk_does_not_end_a_robot_and_its_page_says_what_is_lost(
+def test_full_disk_does_not_end_robot_and_page_reports_loss(
     robots: Robots, capsys: pytest.CaptureFixture[str], room: int
 ) -> None:
     disk = Disk(room)
     robot = robots.on(disk)
-    run_until(robot, is_told(robot))
+    run_until(robot, is_reported(robot))
     stored = robot.node.datastore.stored
     robot.run(1.0)
     assert robot.node.datastore.stored >= stored + 100
     end(robot)
-    told = check_told(robot, "No space left on device")
+    report = check_report(robot, "No space left on device")
     assert len(robot.writer.path.read_bytes()) <= room
     trace = read_trace(robot.writer.path)
     recorded = len(trace.records)
     assert f"{robot.writer.seq - recorded} records are lost" in robot.writer.loss
-    assert told["lost"] <= robot.writer.seq - recorded
-    said = capsys.readouterr().err
-    assert said.count("The recording stops") == 1
-    assert "The run goes on." in said
+    assert report["lost"] <= robot.writer.seq - recorded
+    output = capsys.readouterr().err
+    assert output.count("The recording stops") == 1
+    assert "The run continues." in output
     assert robot.node.exit_reason == "done"
 
 
-def test_a_disk_with_room_again_gets_no_trace_with_a_gap(robots: Robots) -> None:
+def test_disk_with_space_again_leaves_trace_without_gap(robots: Robots) -> None:
     disk = Disk(5_000)
     robot = robots.on(disk)
-    run_until(robot, is_told(robot))
+    run_until(robot, is_reported(robot))
     disk.room = 10**12
     run_until(robot, lambda: robot.clock.now_s() > 3.0)
     end(robot)
-    check_told(robot, "No space left on device")
+    check_report(robot, "No space left on device")
 
 
-def test_a_failure_is_known_only_when_what_it_lost_is_counted(robots: Robots, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failure_is_published_only_after_lost_records_are_counted(
+    robots: Robots, monkeypatch: pytest.MonkeyPatch
+) -> None:
     disk = Disk(5_000)
     robot = robots.on(disk)
     counted: list[bool] = []
-    cut, writer = _FileOn.cut, robot.writer
+    truncate, writer = _FileOn.truncate, robot.writer
 
-    def slow_cut(file: _FileOn, size_bytes: int) -> None:  # of the flusher, after the disk has failed
+    def slow_truncate(file: _FileOn, size_bytes: int) -> None:  # of the flusher, after the disk has failed
         writer.put(1e6, b"{}")  # meanwhile, of the robot
         counted.append(writer.loss == "")
-        cut(file, size_bytes)
+        truncate(file, size_bytes)
 
-    monkeypatch.setattr(_FileOn, "cut", slow_cut)
-    run_until(robot, is_told(robot))
+    monkeypatch.setattr(_FileOn, "truncate", slow_truncate)
+    run_until(robot, is_reported(robot))
     assert robot.node.get_data("recording")["since_s"] < 1.5
     end(robot)
     assert counted == [True]
 
 
-def test_a_disk_that_cannot_sync_loses_all_since_the_last_sync(robots: Robots) -> None:
+def test_sync_failure_counts_records_since_last_sync_as_lost(robots: Robots) -> None:
     disk = Disk()
     robot = robots.on(disk)
     run_until(robot, lambda: len(disk.synced) > 10_000)
     disk.is_broken = True
-    run_until(robot, is_told(robot))
+    run_until(robot, is_reported(robot))
     end(robot)
-    told = robot.node.get_data("recording")
-    assert told["reason"] == "Input/output error"
+    report = robot.node.get_data("recording")
+    assert report["reason"] == "Input/output error"
     (robots.tmp_path / "synced").mkdir()
     kept = robots.tmp_path / "synced" / FILE_NAME
     kept.write_bytes(disk.synced)
-    assert read_trace(kept).records[-1].t <= told["since_s"]
-    assert told["since_s"] - read_trace(kept).records[-1].t < 0.011  # not a page more than those that may be lost
+    assert read_trace(kept).records[-1].t <= report["since_s"]
+    assert report["since_s"] - read_trace(kept).records[-1].t < 0.011  # not a page more than those that may be lost
     assert read_trace(robot.writer.path).records
 
 
-def test_a_disk_that_does_not_answer_never_keeps_the_robot_waiting(
-    robots: Robots, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_blocked_disk_never_blocks_robot(robots: Robots, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(trace_module, "MAX_UNWRITTEN_BYTES", 100_000)
     disk = Disk()
     robot = robots.on(disk)
@@ -244,18 +246,18 @@ def test_a_disk_that_does_not_answer_never_keeps_the_robot_waiting(
     assert robot.node.datastore.stored > 2000
     assert sum(map(len, robot.writer._lines)) <= 100_000  # nor does it fill the memory
     end(robot)
-    told = robot.node.get_data("recording")
-    assert told["reason"] == "the disk is too slow, or does not answer"
+    report = robot.node.get_data("recording")
+    assert report["reason"] == "the disk is too slow, or does not answer"
     assert "does not answer" in robot.writer.loss
     disk.answers.set()  # at last: what was on its way is written, and it is whole
     deadline_s = time.monotonic() + 60.0
     while robot.writer._flusher.is_alive():
         assert time.monotonic() < deadline_s
         time.sleep(0.002)
-    assert read_trace(robot.writer.path).records[-1].t <= told["since_s"]
+    assert read_trace(robot.writer.path).records[-1].t <= report["since_s"]
 
 
-def test_a_run_without_loss_has_no_page_and_no_words_of_it(robots: Robots) -> None:
+def test_run_without_loss_has_no_recording_page_and_no_message(robots: Robots) -> None:
     robot = robots.on(Disk())
     robot.run(1.0)
     end(robot)
@@ -266,8 +268,8 @@ def test_a_run_without_loss_has_no_page_and_no_words_of_it(robots: Robots) -> No
     assert {one.source for one in trace.records if isinstance(one, InputRecord)} == {"x", "test"}
 
 
-def test_in_lock_step_a_full_disk_ends_the_run(tmp_path: Path) -> None:
-    config = Config(factories={"r": [TickerFactory(lambda loop: loop.store_data("x", 1.5), "x", 100.0)]})
+def test_lock_step_run_with_full_disk_ends(tmp_path: Path) -> None:
+    config = Config(factories={"r": [FunctionLoopFactory(lambda loop: loop.store_data("x", 1.5), "x", 100.0)]})
     clock = SimClock()
     header = program_header(["r"], config, __file__, clock)
     writer = TraceWriter(tmp_path / FILE_NAME, header, open_file=Disk(5_000).open)
@@ -275,14 +277,14 @@ def test_in_lock_step_a_full_disk_ends_the_run(tmp_path: Path) -> None:
         SimRunner(config, clock=clock, recorder=writer, pace=20.0, until_s=60.0).run()
     with pytest.raises(TraceError, match="No space left"):
         writer.close()
-    assert not read_trace(writer.path).is_cut
+    assert not read_trace(writer.path).is_truncated
 
 
 # Who watches
 
 
 class Viewer:
-    """A follower that hangs from some record on, until it is released."""
+    """A listener that hangs from some record on, until it is released."""
 
     def __init__(self, hangs_from: int) -> None:
         self.hangs_from = hangs_from
@@ -297,10 +299,10 @@ class Viewer:
             self.answers.wait()
 
 
-def test_a_viewer_that_hangs_delays_no_sync_and_no_end_of_a_run(
+def test_hanging_listener_delays_neither_sync_nor_end(
     robots: Robots, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(follower, "CLOSE_PATIENCE_S", 0.05)
+    monkeypatch.setattr(trace_listener, "CLOSE_TIMEOUT_S", 0.05)
     disk, viewer = Disk(), Viewer(hangs_from=100)
     robot = robots.on(disk, viewer=viewer)
     run_until(robot, lambda: viewer.shown[-1:] > [100])
@@ -311,24 +313,26 @@ def test_a_viewer_that_hangs_delays_no_sync_and_no_end_of_a_run(
     assert len(read_trace(robot.writer.path).records) == robot.writer.seq
     assert robot.writer.path.read_bytes() == disk.synced
     assert viewer.shown == list(range(1, len(viewer.shown) + 1))
-    assert "The live view has stopped: it does not answer. The run goes on" in capsys.readouterr().err
+    assert "The live view has stopped: it does not answer. The run continues" in capsys.readouterr().err
 
 
-def test_a_viewer_that_does_not_keep_up_is_shown_no_more(
+def test_slow_listener_receives_no_more_records(
     robots: Robots, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    viewer, said = Viewer(hangs_from=1), [""]
+    viewer, output = Viewer(hangs_from=1), [""]
     robot = robots.on(Disk(), viewer=viewer)
     run_until(robot, lambda: bool(viewer.shown))
-    monkeypatch.setattr(follower, "MAX_UNSHOWN_BYTES", 30_000)  # not before: its thread may come late
-    run_until(robot, lambda: said.append(capsys.readouterr().err) or "does not keep up. The run goes on" in said[-1])
+    monkeypatch.setattr(trace_listener, "MAX_UNSHOWN_BYTES", 30_000)  # not before: its thread may come late
+    run_until(
+        robot, lambda: output.append(capsys.readouterr().err) or "does not keep up. The run continues" in output[-1]
+    )
     viewer.answers.set()
     end(robot)
     assert len(read_trace(robot.writer.path).records) == robot.writer.seq > len(viewer.shown)
     assert capsys.readouterr().err == ""
 
 
-def test_a_viewer_is_shown_all_of_a_run_before_its_end(robots: Robots) -> None:
+def test_listener_receives_all_records_before_close_returns(robots: Robots) -> None:
     viewer = Viewer(hangs_from=10**9)
     robot = robots.on(Disk(), viewer=viewer)
     robot.run(3.0)
@@ -339,7 +343,7 @@ def test_a_viewer_is_shown_all_of_a_run_before_its_end(robots: Robots) -> None:
 # Before the start
 
 
-def test_a_run_is_not_begun_without_room_for_its_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_new_run_folder_without_free_space_raises(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         shutil, "disk_usage", lambda path: shutil._ntuple_diskusage(10**9, 10**9 - 3_000_000, 3_000_000)
     )
@@ -354,7 +358,7 @@ def test_a_run_is_not_begun_without_room_for_its_recording(tmp_path: Path, monke
 # Power
 
 
-def test_power_lost_at_any_moment_leaves_a_trace_that_is_whole_up_to_the_last_sync(robots: Robots) -> None:
+def test_power_loss_keeps_all_records_up_to_last_sync(robots: Robots) -> None:
     chance = random.Random(5)
     disk = Disk()
     robot = robots.on(disk)
@@ -372,8 +376,8 @@ def test_power_lost_at_any_moment_leaves_a_trace_that_is_whole_up_to_the_last_sy
             trace = read_trace(path)
             assert len(trace.records) >= synced.count(b"\n") - 2
             assert trace.records == records[: len(trace.records)]
-            assert trace.is_cut == (b"\0" in left or not left.endswith(b"\n"))
-            cut += trace.is_cut
+            assert trace.is_truncated == (b"\0" in left or not left.endswith(b"\n"))
+            cut += trace.is_truncated
     assert cut > 30
 
 
@@ -398,7 +402,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 
 @pytest.mark.slow
-def test_a_robot_whose_disk_fills_up_under_way_runs_to_its_end(
+def test_robot_with_disk_filled_during_run_continues_to_its_end(
     small_disk: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(run_folder, "MIN_FREE_BYTES", 20_000_000)
@@ -414,10 +418,10 @@ def test_a_robot_whose_disk_fills_up_under_way_runs_to_its_end(
         if loop.get_time_s() > 3.0:
             loop.schedule(tasks.terminate("done"))
 
-    config = Config(factories={"r": [TickerFactory(loop, "x", 100.0)]})
+    config = Config(factories={"r": [FunctionLoopFactory(loop, "x", 100.0)]})
     folder = record_program("r", config, __file__, small_disk / "runs", clock=WallClock())
     trace = read_trace(folder / FILE_NAME)
-    assert not trace.is_cut
+    assert not trace.is_truncated
     assert not trace.is_ended
     assert trace.records[-1].t <= seen[-1].data["since_s"] < 3.0
     assert seen[-1].data["reason"] == "No space left on device"

@@ -14,7 +14,7 @@ def was_enabled(request: pytest.FixtureRequest) -> Iterator[bool]:
     gc.enable()
 
 
-def test_garbage_collector_stands_still_and_is_as_before_also_after_an_error(was_enabled: bool) -> None:
+def test_no_garbage_collection_restores_state_also_after_error(was_enabled: bool) -> None:
     with no_garbage_collection():
         assert not gc.isenabled()
     assert gc.isenabled() == was_enabled

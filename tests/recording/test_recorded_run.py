@@ -5,18 +5,18 @@ from typing import Any
 
 import pytest
 
-from snr_sim.prelude.errors import PlantError, TraceError, UnknownName
+from snr_sim.prelude.errors import PlantError, TraceError, UnknownNameError
 from snr_sim.prelude.plant import Plant
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.recorded_run import RecordedRun
 from snr_sim.recording.records import InputRecord
 from snr_sim.recording.trace import FILE_NAME
-from snr_sim.scenario.flight import Result, fly_recorded
 from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import RunResult, run_recorded
 
 
-def fly(folder: Path, scenario: str, **request: Any) -> tuple[Result, Trace]:
-    result = fly_recorded(prepare(Request(scenario, **request)), folder / FILE_NAME)
+def record_run(folder: Path, scenario: str, **request: Any) -> tuple[RunResult, Trace]:
+    result = run_recorded(prepare(Request(scenario, **request)), folder / FILE_NAME)
     return result, read_trace(folder / FILE_NAME)
 
 
@@ -29,13 +29,11 @@ def sensor_pages(trace: Trace) -> list[tuple[float, str, bytes]]:
 
 
 @pytest.mark.parametrize(("scenario", "sensors"), [("lander_pad", 2), ("urov_heading_hold", 5)])
-def test_sensors_read_what_was_read_then_byte_for_byte_whoever_controls(
-    tmp_path: Path, scenario: str, sensors: int
-) -> None:
+def test_sensors_return_recorded_pages_byte_for_byte(tmp_path: Path, scenario: str, sensors: int) -> None:
     (tmp_path / "then").mkdir()
     (tmp_path / "now").mkdir()
-    _, then = fly(tmp_path / "then", scenario, seed=3)
-    result, now = fly(tmp_path / "now", scenario, seed=3, io=f"replay:{tmp_path / 'then'}")
+    _, then = record_run(tmp_path / "then", scenario, seed=3)
+    result, now = record_run(tmp_path / "now", scenario, seed=3, io=f"replay:{tmp_path / 'then'}")
     assert (result.error, result.outcome, result.success) == ("", "replayed", True)
     read_then, read_now = sensor_pages(then), sensor_pages(now)
     assert len({source for _, source, _ in read_then}) == sensors
@@ -45,10 +43,8 @@ def test_sensors_read_what_was_read_then_byte_for_byte_whoever_controls(
     assert now.header.io == f"replay:{tmp_path / 'then'}"
 
 
-def test_a_run_is_named_with_its_folder_or_its_trace_and_found_from_another_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    fly(tmp_path, "lander_pad")
+def test_replay_io_accepts_run_folder_or_trace_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    record_run(tmp_path, "lander_pad")
     monkeypatch.chdir(tmp_path)
     for where in (".", FILE_NAME):
         simulation = prepare(Request("lander_pad", io=f"replay:{where}"))
@@ -58,27 +54,27 @@ def test_a_run_is_named_with_its_folder_or_its_trace_and_found_from_another_fold
         assert isinstance(plant, Plant)
 
 
-def test_what_is_no_run_of_this_robot_is_refused_before_there_is_a_run(tmp_path: Path) -> None:
+def test_replay_io_of_missing_or_other_robots_run_raises(tmp_path: Path) -> None:
     with pytest.raises(TraceError, match="There is no run at"):
         prepare(Request("lander_pad", io=f"replay:{tmp_path / 'nowhere'}")).plant()
-    fly(tmp_path, "lander_vertical")
+    record_run(tmp_path, "lander_vertical")
     with pytest.raises(TraceError, match="is a run of the robot 'lander', not of 'urov'"):
         prepare(Request("urov_depth_hold", io=f"replay:{tmp_path}")).plant()
 
 
-def test_a_sensor_that_was_not_there_is_told_with_those_that_were(tmp_path: Path) -> None:
-    _, trace = fly(tmp_path, "lander_vertical")
+def test_unknown_sensor_raises_with_recorded_sensors(tmp_path: Path) -> None:
+    _, trace = record_run(tmp_path, "lander_vertical")
     run = RecordedRun(trace)
     with pytest.raises(TraceError, match=r"there is no sensor 'inertial'(.|\n)*radar"):
         run.pages("inertial")
     with pytest.raises(PlantError, match="nothing moves"):
         run.write("engine", None)
-    with pytest.raises(UnknownName, match="no output 'radar'"):
+    with pytest.raises(UnknownNameError, match="no output 'radar'"):
         run.read("radar")
 
 
-def test_its_true_state_is_what_was_recorded_by_then(tmp_path: Path) -> None:
-    _, trace = fly(tmp_path, "lander_vertical")
+def test_truth_equals_newest_recorded_state(tmp_path: Path) -> None:
+    _, trace = record_run(tmp_path, "lander_vertical")
     run = RecordedRun(trace)
     body = next(iter(run.truth()["poses"]))
     high = run.truth()["poses"][body][2]

@@ -13,13 +13,13 @@ from snr_sim.prelude.errors import TraceError
 from snr_sim.recording.checker import NodeReplay
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import PageRecord
-from snr_sim.recording.reloads import reloads_in_words
+from snr_sim.recording.reloads import describe_reloads
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.sources import read_kept_files
 from snr_sim.recording.trace import FILE_NAME
 from snr_sim.scenario.library import load_program
 from snr_sim.scenario.program import record_program
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 # A robot that reloads, adds and removes in the middle of its run. Its pilot counts in itself and in its factory, and
 # asks for something when it begins.
@@ -103,7 +103,7 @@ def record(folder: Path, *words: str) -> Trace:
 
 
 def replay(trace: Trace) -> NodeReplay:
-    config: Config = load_program(trace.opening.controller).config
+    config: Config = load_program(trace.trace_info.controller).config
     return replay_node(trace, "r", config)
 
 
@@ -113,21 +113,21 @@ def pages(trace: Trace, key: str) -> list[Any]:
 
 
 @pytest.mark.slow
-def test_a_run_with_reloads_additions_and_removals_replays_identically(tmp_path: Path) -> None:
+def test_run_with_reloads_additions_and_removals_replays_identically(tmp_path: Path) -> None:
     trace = record(tmp_path, "sim")
     assert [page["ok"] for page in pages(trace, "reload")] == [True, True, True, False, True]
-    assert pages(trace, "reload")[2]["made"] == ["ticker", "pilot"]
+    assert pages(trace, "reload")[2]["created"] == ["ticker", "pilot"]
     assert [page["component"] for page in pages(trace, "add_component")] == ["late", "ticker 2"]
     assert [page["ok"] for page in pages(trace, "remove_component")] == [True, True, False]
     assert pages(trace, "late thrust")
     replayed = replay(trace)
     assert replayed.is_identical, replayed.divergences[0]
     assert replayed.executed == replayed.recorded > 60
-    assert reloads_in_words(trace, replayed.records) == []
+    assert describe_reloads(trace, replayed.records) == []
 
 
 @pytest.mark.slow
-def test_such_a_run_with_its_loops_on_threads_replays_identically_too(tmp_path: Path) -> None:
+def test_threaded_run_with_reloads_replays_identically(tmp_path: Path) -> None:
     trace = record(tmp_path, "wall")  # what waits for what depends on how busy the computer is; the replay does not
     assert {page["component"] for page in pages(trace, "reload")} == {"pilot", "ticker", "all", "pilto", "late"}
     replayed = replay(trace)
@@ -135,22 +135,25 @@ def test_such_a_run_with_its_loops_on_threads_replays_identically_too(tmp_path: 
 
 
 @pytest.mark.slow
-def test_a_replay_says_that_a_reload_read_other_code_than_the_run_began_with(tmp_path: Path) -> None:
+def test_describe_reloads_reports_reload_of_changed_code(tmp_path: Path) -> None:
     (tmp_path / "edit.py").write_text(PROGRAM.replace("GAIN = 1", "GAIN = 5"))
     trace = record(tmp_path, "sim")
     assert [thrust[0] for thrust in pages(trace, "pilot thrust")][:6] == [1, 2, 3, 5, 10, 5]
     replayed = replay(trace)
     first = replayed.divergences[0]
     assert (first.field, first.recorded, first.replayed) == ("pilot thrust[0]", 1, 5)
-    said = reloads_in_words(trace, replayed.records)
-    assert len(said) == 4
-    assert "'pilot' was reloaded with other code than the run began with" in said[0]
-    assert f"({tmp_path.name}/robot.py). This replay ran what stands in the files now from the beginning." in said[0]
-    assert "changed again" not in said[0]
+    sentences = describe_reloads(trace, replayed.records)
+    assert len(sentences) == 4
+    assert "'pilot' was reloaded with other code than the run began with" in sentences[0]
+    assert (
+        f"({tmp_path.name}/robot.py). This replay ran the current contents of the files from the beginning."
+        in sentences[0]
+    )
+    assert "changed again" not in sentences[0]
     (tmp_path / "robot.py").write_text(PROGRAM)
     replayed = replay(trace)
     assert replayed.divergences[0].seq > first.seq
-    assert "They have changed again since." in reloads_in_words(trace, replayed.records)[0]
+    assert "They have changed again since." in describe_reloads(trace, replayed.records)[0]
 
 
 @pytest.mark.slow
@@ -166,7 +169,7 @@ def test_run_with_reloads_of_edited_files_replays_as_recorded_by_snr(tmp_path: P
 
 
 @pytest.mark.slow
-def test_reload_that_failed_replays_with_the_text_that_was_no_python(tmp_path: Path) -> None:
+def test_failed_reload_replays_with_recorded_invalid_source(tmp_path: Path) -> None:
     (tmp_path / "edit.py").write_text(PROGRAM.replace("GAIN = 1", "GAIN ="))
     trace = record(tmp_path, "sim")
     assert pages(trace, "reload")[0]["ok"] is False
@@ -185,8 +188,8 @@ def test_rollback_of_handler_and_of_loop_replays_identically_and_with_check(tmp_
     )
     (tmp_path / "edit.py").write_text(fails)
     trace = record(tmp_path, clock)
-    told = pages(trace, "reload")
-    rolled_back = [page["component"] for page in told if "which was rolled back" in page["message"]]
+    reloads = pages(trace, "reload")
+    rolled_back = [page["component"] for page in reloads if "which was rolled back" in page["message"]]
     assert set(rolled_back) >= ({"pilot", "ticker"} if clock == "sim" else {"pilot"})
     counts = [count for _, count in pages(trace, "pilot thrust")]
     assert counts == list(range(1, len(counts) + 1))
@@ -194,8 +197,8 @@ def test_rollback_of_handler_and_of_loop_replays_identically_and_with_check(tmp_
     (tmp_path / "elsewhere").mkdir()
     replayed = snr(tmp_path / "elsewhere", "replay", trace.path.parent, "--check")
     assert replayed.stdout.startswith("identical: "), replayed.stdout + replayed.stderr
-    mended = snr(tmp_path, "replay", trace.path.parent, "--with", "robot.py")
-    assert mended.returncode == 1
+    changed = snr(tmp_path, "replay", trace.path.parent, "--with", "robot.py")
+    assert changed.returncode == 1
 
 
 def snr(folder: Path, *words: object) -> subprocess.CompletedProcess[str]:
@@ -203,8 +206,10 @@ def snr(folder: Path, *words: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, check=False)
 
 
-def test_an_input_that_adds_a_component_cannot_be_brought_back_and_says_what_to_do(tmp_path: Path) -> None:
-    adding = TickerFactory(lambda loop: loop.schedule(tasks.add_component(PartFactory())), rate_hz=1.0)
+def test_input_that_adds_component_raises_on_replay_with_fix(tmp_path: Path) -> None:
+    adding = FunctionLoopFactory(
+        lambda loop: loop.schedule(tasks.add_component(FunctionEndpointFactory())), rate_hz=1.0
+    )
     config = Config(factories={"r": [adding]})
     trace = read_trace(record_program("r", config, __file__, tmp_path, clock=SimClock(), until_s=0.5) / FILE_NAME)
     with pytest.raises(TraceError, match=r"add_component(.|\n)*a handler return tasks.add_component\(MyFactory\(\)\)"):

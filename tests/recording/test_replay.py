@@ -10,8 +10,8 @@ import pytest
 
 from snr_sim import Config, SimClock, SimRunner, Task, TaskType, tasks
 from snr_sim.devices.loops import ActuatorLoopFactory
-from snr_sim.prelude.errors import ComponentFailed
-from snr_sim.recording.checker import MAX_FOLLOWERS, Divergence, NodeReplay
+from snr_sim.prelude.errors import ComponentFailedError
+from snr_sim.recording.checker import MAX_FOLLOW_UPS, Divergence, NodeReplay
 from snr_sim.recording.compare import Tolerance
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import EndRecord, ErrorRecord, TaskRecord, encode_record
@@ -19,7 +19,7 @@ from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario.program import program_header
 from snr_sim.scenario.simulation import prepare, request_of
-from snr_sim.testing.parts import Part, PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpoint, FunctionEndpointFactory, FunctionLoopFactory
 
 AT = 7  # the tick at which the mutants of this file begin to differ
 
@@ -43,15 +43,17 @@ class Robot:
         if not self.has_logger:
             del parts["logger"]
         made = [self.part(name, handlers) for name, handlers in parts.items()]
-        sensor = TickerFactory(lambda loop: loop.store_data("depth", math.sin(loop.get_time_s())), "depth_sensor", 10.0)
+        sensor = FunctionLoopFactory(
+            lambda loop: loop.store_data("depth", math.sin(loop.get_time_s())), "depth_sensor", 10.0
+        )
         return [sensor, *made, ActuatorLoopFactory("thrust", lambda: NoThruster(), 10.0)]
 
-    def part(self, name: str, handlers: dict[Any, Any]) -> PartFactory:
+    def part(self, name: str, handlers: dict[Any, Any]) -> FunctionEndpointFactory:
         def begin(part: Any) -> None:
             self.parts[name] = part
             getattr(self, f"begin_{name}", lambda part: None)(part)
 
-        return PartFactory(handlers, name, begin=begin)
+        return FunctionEndpointFactory(handlers, name, begin=begin)
 
     def begin_pilot(self, part: Any) -> None:
         part.schedule(tasks.event("thought", [0]))
@@ -129,15 +131,15 @@ class Counting:
                 parts[0].parent.set_terminate_flag("enough")
             return tasks.event("count", [number + 1])
 
-        def begin(part: Part) -> None:
+        def begin(part: FunctionEndpoint) -> None:
             parts.append(part)
             part.schedule(tasks.event("count", [1]))
 
-        parts: list[Part] = []
-        return [PartFactory({(TaskType.event, "count"): count}, "counting", begin=begin)]
+        parts: list[FunctionEndpoint] = []
+        return [FunctionEndpointFactory({(TaskType.event, "count"): count}, "counting", begin=begin)]
 
 
-def test_a_run_that_the_terminate_flag_has_ended_replays(tmp_path: Path) -> None:
+def test_run_ended_by_terminate_flag_replays_identically(tmp_path: Path) -> None:
     robot: Any = Counting()
     trace = record(robot, tmp_path)
     replayed = replay(trace, robot)
@@ -155,24 +157,26 @@ def test_a_run_that_the_terminate_flag_has_ended_replays(tmp_path: Path) -> None
         ("lander_rough", "pad"),
     ],
 )
-def test_every_controller_replays_identically(fly: Callable[..., Trace], scenario: str, controller: str) -> None:
+def test_every_controller_replays_identically(
+    record_scenario: Callable[..., Trace], scenario: str, controller: str
+) -> None:
     for seed in (0, 1, 12) if scenario in ("lander_vertical", "lander_low_gate") else (0, 5):
-        trace = fly(scenario, controller, seed)
-        config = prepare(request_of(trace.opening, trace.header)).config(None)
+        trace = record_scenario(scenario, controller, seed)
+        config = prepare(request_of(trace.trace_info, trace.header)).config(None)
         replayed = replay_node(trace, "lander", config)
         assert replayed.is_identical, (seed, replayed.divergences[0])
         assert replayed.executed == replayed.recorded > 200
 
 
-def test_a_replay_repeats_to_the_record(recorded: Trace) -> None:
-    wanted = [encode_record(one) for one in recorded.records if not isinstance(one, EndRecord)]
+def test_replay_records_equal_recorded_records(recorded: Trace) -> None:
+    expected = [encode_record(one) for one in recorded.records if not isinstance(one, EndRecord)]
     for _ in range(5):
         replayed = replay(recorded, Robot())
         assert replayed.is_identical
-        assert [encode_record(one) for one in replayed.records] == wanted
+        assert [encode_record(one) for one in replayed.records] == expected
 
 
-def test_a_trace_that_was_cut_replays_up_to_there(recorded: Trace, tmp_path: Path) -> None:
+def test_truncated_trace_replays_up_to_its_end(recorded: Trace, tmp_path: Path) -> None:
     data = recorded.path.read_bytes()
     for length in range(len(data) // 2, len(data) // 2 + 2000, 61):
         path = tmp_path / f"{length}.jsonl"
@@ -182,7 +186,7 @@ def test_a_trace_that_was_cut_replays_up_to_there(recorded: Trace, tmp_path: Pat
         assert replayed.executed == replayed.recorded
 
 
-def test_a_run_that_ended_with_tasks_queued_replays_identically(tmp_path: Path) -> None:
+def test_run_ended_with_queued_tasks_replays_identically(tmp_path: Path) -> None:
     class Restless(Robot):
         def on_thought(self, task: Any, task_id: Any) -> Any:
             ticks = self.parts["pilot"].get_data("smooth")
@@ -241,22 +245,22 @@ class OtherField(Robot):
         return [part.store_data_task("thrust", {"thrust_N": 0.0}), usual[1]] if tick >= AT else usual
 
 
-class SaysNoThrust(Robot):
+class NoThrust(Robot):
     def answer(self, part: Any, tick: int, usual: list[Any]) -> Any:
         return usual[1] if tick >= AT else usual
 
 
-class SaysNothing(Robot):
+class NoOutput(Robot):
     def answer(self, part: Any, tick: int, usual: list[Any]) -> Any:
         return None if tick >= AT else usual
 
 
-class SaysMore(Robot):
+class ExtraEvent(Robot):
     def answer(self, part: Any, tick: int, usual: list[Any]) -> Any:
         return [*usual, tasks.event("surprise")] if tick >= AT else usual
 
 
-class SaysTwice(Robot):
+class DuplicateOutput(Robot):
     def answer(self, part: Any, tick: int, usual: list[Any]) -> Any:
         return [usual[0], *usual] if tick >= AT else usual
 
@@ -286,13 +290,13 @@ class ReturnsText(Robot):
         return usual if tick < AT else "thought"
 
 
-class ForEver(Robot):
+class EndlessEvents(Robot):
     """One more task that asks for itself again and again, and takes the place of what was there."""
 
     def answer(self, part: Any, tick: int, usual: list[Any]) -> Any:
         return [tasks.event("spin")] if tick >= AT else usual
 
-    def part(self, name: str, handlers: dict[Any, Any]) -> PartFactory:
+    def part(self, name: str, handlers: dict[Any, Any]) -> FunctionEndpointFactory:
         if name == "logger":
             handlers = {on("event", "spin"): lambda task, task_id: [task, task], **handlers}
         return super().part(name, handlers)
@@ -328,17 +332,17 @@ MUTANTS: list[tuple[type[Robot], str, str, str, str, str, Any, Any, bool]] = [
     (DrawsTwice, "value", "depth", "filter", "on_depth", "smooth.depth_m", ..., ..., False),
     (OtherThrust, "value", "smooth", "pilot", "on_smooth", "thrust.thrust_n", ..., 0.0, True),
     (OtherField, "value", "smooth", "pilot", "on_smooth", "thrust.thrust_n", ..., "(absent)", True),
-    (SaysNoThrust, "missing", "smooth", "pilot", "on_smooth", "store_page thrust", "store_page thrust", None, True),
-    (SaysNothing, "missing", "smooth", "pilot", "on_smooth", "store_page thrust", "store_page thrust", None, True),
-    (SaysMore, "extra", "smooth", "pilot", "on_smooth", "event surprise", None, "event surprise", False),
-    (SaysTwice, "extra", "smooth", "pilot", "on_smooth", "store_page thrust", None, "store_page thrust", True),
+    (NoThrust, "missing", "smooth", "pilot", "on_smooth", "store_page thrust", "store_page thrust", None, True),
+    (NoOutput, "missing", "smooth", "pilot", "on_smooth", "store_page thrust", "store_page thrust", None, True),
+    (ExtraEvent, "extra", "smooth", "pilot", "on_smooth", "event surprise", None, "event surprise", False),
+    (DuplicateOutput, "extra", "smooth", "pilot", "on_smooth", "store_page thrust", None, "store_page thrust", True),
     (OtherOrder, "reordered", "smooth", "pilot", "on_smooth", "order",
      ["store_page thrust", "event thought"], ["event thought", "store_page thrust"], False),
     (OtherName, "missing", "smooth", "pilot", "on_smooth", "event thought", "event thought", None, False),
     (Raises, "raised", "smooth", "pilot", "on_smooth", "exception", "no exception", ..., False),
     (Exits, "raised", "smooth", "pilot", "on_smooth", "exception", "no exception", ..., False),
     (ReturnsText, "raised", "smooth", "pilot", "on_smooth", "exception", "no exception", ..., False),
-    (ForEver, "missing", "smooth", "pilot", "on_smooth", "store_page thrust", "store_page thrust", None, True),
+    (EndlessEvents, "missing", "smooth", "pilot", "on_smooth", "store_page thrust", "store_page thrust", None, True),
     (LosesHandler, "missing", "thrust", "logger", "on_thrust", "the handler itself", "called", "not called", False),
     (LosesPilot, "missing", "smooth", "pilot", "on_smooth", "store_page thrust", "store_page thrust", None, True),
     (GainsHandler, "extra", "smooth", "logger", "<lambda>", "the handler itself", "not called", "called", False),
@@ -346,7 +350,7 @@ MUTANTS: list[tuple[type[Robot], str, str, str, str, str, Any, Any, bool]] = [
 
 
 @pytest.mark.parametrize("case", MUTANTS, ids=lambda case: case[0].__name__)
-def test_a_mutant_is_found_at_the_record_where_it_first_differs(recorded: Trace, case: Any) -> None:
+def test_mutant_diverges_at_first_differing_record(recorded: Trace, case: Any) -> None:
     mutant, kind, page, component, handler, field, then, now, is_command = case
     replayed = replay(recorded, mutant())
     assert not replayed.is_identical
@@ -358,12 +362,12 @@ def test_a_mutant_is_found_at_the_record_where_it_first_differs(recorded: Trace,
     assert first.node == "r_node"
     assert first.task == f"process_data '{page}'"
     assert first.is_command == is_command
-    for wanted, found in ((then, first.recorded), (now, first.replayed)):
-        assert wanted is ... or repr(wanted) == repr(found)
+    for expected, found in ((then, first.recorded), (now, first.replayed)):
+        assert expected is ... or repr(expected) == repr(found)
 
 
 @pytest.mark.parametrize("mutant", [Raises, Exits, ReturnsText])
-def test_an_exception_that_is_new_is_told_with_the_students_line(recorded: Trace, mutant: type[Robot]) -> None:
+def test_new_exception_reports_the_students_line(recorded: Trace, mutant: type[Robot]) -> None:
     first = replay(recorded, mutant()).divergences[0]
     if mutant is Raises:
         assert "test_replay.py, line" in first.replayed
@@ -372,7 +376,7 @@ def test_an_exception_that_is_new_is_told_with_the_students_line(recorded: Trace
         assert ("SystemExit: 3" if mutant is Exits else "'pilot.on_smooth' returned 'thought'") in first.replayed
 
 
-def test_the_causes_lead_from_the_input_to_the_task(recorded: Trace) -> None:
+def test_causes_list_the_chain_from_input_to_task(recorded: Trace) -> None:
     first = replay(recorded, OtherThrust()).divergences[0]
     input_line, *steps = first.causes
     assert "depth_sensor brought store_page 'depth'" in input_line
@@ -385,19 +389,19 @@ def test_the_causes_lead_from_the_input_to_the_task(recorded: Trace) -> None:
     assert steps[-1].startswith(f"seq {first.seq}:")
 
 
-def test_a_task_that_asks_for_itself_for_ever_is_cut_off(recorded: Trace) -> None:
-    replayed = replay(recorded, ForEver())
+def test_endless_task_chain_is_limited(recorded: Trace) -> None:
+    replayed = replay(recorded, EndlessEvents())
     roots = len({one.seq for one in replayed.divergences if one.field == "event spin"})
     assert roots == 21 - AT
-    assert replayed.executed < replayed.recorded + (roots + 1) * (MAX_FOLLOWERS + 1)
+    assert replayed.executed < replayed.recorded + (roots + 1) * (MAX_FOLLOW_UPS + 1)
 
 
-def test_a_component_that_is_gone_or_new_is_found(recorded: Trace) -> None:
+def test_missing_or_extra_component_diverges(recorded: Trace) -> None:
     class NoLogger(Robot):
         has_logger = False
 
     class Greeter(Robot):
-        def part(self, name: str, handlers: dict[Any, Any]) -> PartFactory:
+        def part(self, name: str, handlers: dict[Any, Any]) -> FunctionEndpointFactory:
             name = "greeter" if name == "logger" else name
             return super().part(name, handlers)
 
@@ -407,9 +411,9 @@ def test_a_component_that_is_gone_or_new_is_found(recorded: Trace) -> None:
     assert kinds == {("missing", "logger"), ("extra", "greeter")}
 
 
-def test_a_handler_may_be_renamed(recorded: Trace) -> None:
+def test_renamed_handler_replays_identically(recorded: Trace) -> None:
     class Renamed(Robot):
-        def part(self, name: str, handlers: dict[Any, Any]) -> PartFactory:
+        def part(self, name: str, handlers: dict[Any, Any]) -> FunctionEndpointFactory:
             def other_name(task: Any, task_id: Any) -> Any:
                 return self.on_depth(task, task_id)
 
@@ -419,9 +423,9 @@ def test_a_handler_may_be_renamed(recorded: Trace) -> None:
 
 
 @pytest.mark.parametrize("where", ["begin", "halt"])
-def test_a_component_that_now_fails_at_the_edges_diverges_there(recorded: Trace, where: str) -> None:
+def test_new_failure_in_begin_or_halt_diverges_there(recorded: Trace, where: str) -> None:
     class FailsThere(Robot):
-        def part(self, name: str, handlers: dict[Any, Any]) -> PartFactory:
+        def part(self, name: str, handlers: dict[Any, Any]) -> FunctionEndpointFactory:
             factory = super().part(name, handlers)
             if name == "filter":
                 setattr(factory, f"on_{where}", lambda part: 1 / 0)
@@ -432,7 +436,7 @@ def test_a_component_that_now_fails_at_the_edges_diverges_there(recorded: Trace,
     assert "ZeroDivisionError" in first.replayed
 
 
-def test_what_begin_schedules_is_compared(recorded: Trace) -> None:
+def test_tasks_scheduled_in_begin_are_compared(recorded: Trace) -> None:
     class BeginsOtherwise(Robot):
         def begin_pilot(self, part: Any) -> None:
             part.schedule(tasks.event("thought", [1]))
@@ -465,8 +469,8 @@ class FailsThen(Robot):
             raise KeyError("thrust_n")
 
 
-def test_a_recorded_failure_of_a_handler_replays_as_identical(tmp_path: Path) -> None:
-    with pytest.raises(ComponentFailed, match="KeyError"):
+def test_recorded_handler_failure_replays_identically(tmp_path: Path) -> None:
+    with pytest.raises(ComponentFailedError, match="KeyError"):
         record(FailsThen(), tmp_path)
     trace = read_trace(tmp_path / FILE_NAME)
     assert isinstance(trace.records[-2], ErrorRecord)
@@ -474,13 +478,13 @@ def test_a_recorded_failure_of_a_handler_replays_as_identical(tmp_path: Path) ->
     assert replayed.is_identical, replayed.divergences[0]
 
 
-def test_a_failure_that_was_mended_or_replaced_is_a_difference(tmp_path: Path) -> None:
+def test_fixed_or_other_failure_diverges(tmp_path: Path) -> None:
     class FailsElse(Robot):
         def on_thrust(self, task: Any, task_id: Any) -> Any:
             if self.parts["pilot"].get_data("smooth")["tick"] == AT:
                 raise ValueError("thrust_n")
 
-    with pytest.raises(ComponentFailed, match="KeyError"):
+    with pytest.raises(ComponentFailedError, match="KeyError"):
         record(FailsThen(), tmp_path)
     trace = read_trace(tmp_path / FILE_NAME)
     for other, now in ((Robot, "no exception"), (FailsElse, "ValueError")):
@@ -491,20 +495,20 @@ def test_a_failure_that_was_mended_or_replaced_is_a_difference(tmp_path: Path) -
         assert now in first.replayed
 
 
-def test_a_loop_that_failed_hides_no_difference_in_the_task_before(tmp_path: Path) -> None:
+def test_failed_loop_keeps_difference_of_preceding_task(tmp_path: Path) -> None:
     class LoopFails(Robot):
         def factories(self) -> list[Any]:
             def fail(loop: Any) -> None:
                 if loop.get_time_s() > 0.95:
                     raise OSError("cable")
 
-            return [*super().factories(), TickerFactory(fail, "cable", 10.0)]
+            return [*super().factories(), FunctionLoopFactory(fail, "cable", 10.0)]
 
     class Silent(LoopFails):
         def on_thought(self, task: Any, task_id: Any) -> Any:
             return tasks.event("more") if task.val_list == [10] else None
 
-    with pytest.raises(ComponentFailed, match="cable"):
+    with pytest.raises(ComponentFailedError, match="cable"):
         record(LoopFails(), tmp_path)
     trace = read_trace(tmp_path / FILE_NAME)
     assert replay(trace, LoopFails()).is_identical
@@ -514,17 +518,17 @@ def test_a_loop_that_failed_hides_no_difference_in_the_task_before(tmp_path: Pat
 # Tolerances and the open loop
 
 
-def test_differences_within_a_tolerance_are_none(recorded: Trace) -> None:
+def test_difference_within_tolerance_is_identical(recorded: Trace) -> None:
     assert replay(recorded, OtherConstant(), "smooth.depth_m=1e-3", "thrust.*=1%").is_identical
     left = replay(recorded, OtherConstant(), "smooth.depth_m=1e-3")
     assert {one.field for one in left.divergences} == {"thrust.thrust_n"}
-    assert not replay(recorded, SaysNoThrust(), "*=ignore").is_identical  # a missing page is not a difference of values
+    assert not replay(recorded, NoThrust(), "*=ignore").is_identical  # a missing page is not a difference of values
 
 
-def test_the_first_command_that_differs_is_known_to_the_seq(recorded: Trace) -> None:
+def test_first_command_returns_divergence_with_seq(recorded: Trace) -> None:
     replayed = replay(recorded, OtherConstant())
     command = replayed.first_command
     assert isinstance(command, Divergence)
     assert command.seq == seq_of(recorded, "smooth")
     assert replayed.divergences[0].seq < command.seq
-    assert replay(recorded, SaysMore()).first_command is None
+    assert replay(recorded, ExtraEvent()).first_command is None

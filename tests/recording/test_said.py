@@ -8,14 +8,14 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Endpoint, SimClock, TaskType, WallClock, tasks
-from snr_sim.core.said import hearing
+from snr_sim.core.output_recording import record_output
 from snr_sim.recording import node_trace
 from snr_sim.recording.reader import read_trace
-from snr_sim.recording.records import MAX_SAID_CHARS, Record, SaidRecord
+from snr_sim.recording.records import MAX_LOG_LINE_CHARS, LogLineRecord, Record
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME
 from snr_sim.scenario.program import record_program
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 
 def recorded(tmp_path: Path, config: Config, clock: Any = None) -> list[Record]:
@@ -23,14 +23,14 @@ def recorded(tmp_path: Path, config: Config, clock: Any = None) -> list[Record]:
     return read_trace(folder / FILE_NAME).records
 
 
-def said(records: list[Record]) -> list[tuple[str, str, str]]:
-    return [(one.component, one.level, one.text) for one in records if isinstance(one, SaidRecord)]
+def log_lines(records: list[Record]) -> list[tuple[str, str, str]]:
+    return [(one.component, one.level, one.text) for one in records if isinstance(one, LogLineRecord)]
 
 
-def saying(words: Any) -> Config:
+def logging_config(words: Any) -> Config:
     """One component that handles one event by saying something."""
 
-    class Part(PartFactory):
+    class Part(FunctionEndpointFactory):
         def get(self, parent: Any) -> Any:
             part = super().get(parent)
             part.task_handlers = {(TaskType.event, "start"): lambda task, task_id: words(part)}
@@ -45,7 +45,7 @@ def helper(words: str) -> None:
     print(" and the rest")
 
 
-def test_prints_and_logs_of_a_loop_are_recorded_with_its_name_and_its_time(tmp_path: Path) -> None:
+def test_loop_output_is_recorded_with_component_and_time(tmp_path: Path) -> None:
     def loop(loop: Any) -> None:
         helper(f"tick {loop.get_time_s():g}")
         loop.log.debug("not this")
@@ -54,36 +54,36 @@ def test_prints_and_logs_of_a_loop_are_recorded_with_its_name_and_its_time(tmp_p
         if loop.get_time_s() >= 0.1:
             loop.schedule(tasks.terminate("done"))
 
-    records = recorded(tmp_path, Config(factories={"r": [TickerFactory(loop, "x", 10.0)]}))
+    records = recorded(tmp_path, Config(factories={"r": [FunctionLoopFactory(loop, "x", 10.0)]}))
     of_one = ("x", "PRINT", "one"), ("x", "INFO", "at work"), ("x", "WARNING", "soon over")
-    assert said(records)[:4] == [of_one[0], ("x", "PRINT", "tick 0 and the rest"), *of_one[1:]]
-    assert said(records)[4:] == [of_one[0], ("x", "PRINT", "tick 0.1 and the rest"), *of_one[1:]]
-    assert {one.t for one in records if isinstance(one, SaidRecord)} == {0.0, 0.1}
-    assert all(one.cause < one.seq for one in records if isinstance(one, SaidRecord))
+    assert log_lines(records)[:4] == [of_one[0], ("x", "PRINT", "tick 0 and the rest"), *of_one[1:]]
+    assert log_lines(records)[4:] == [of_one[0], ("x", "PRINT", "tick 0.1 and the rest"), *of_one[1:]]
+    assert {one.t for one in records if isinstance(one, LogLineRecord)} == {0.0, 0.1}
+    assert all(one.cause < one.seq for one in records if isinstance(one, LogLineRecord))
 
 
-def test_what_is_not_ended_by_a_line_end_is_recorded_at_the_end(tmp_path: Path) -> None:
+def test_unterminated_line_is_recorded_at_end(tmp_path: Path) -> None:
     def words(part: Any) -> None:
         print("no line end", end="")
 
-    records = recorded(tmp_path, saying(words))
-    assert said(records) == [("part", "PRINT", "no line end")]
+    records = recorded(tmp_path, logging_config(words))
+    assert log_lines(records) == [("part", "PRINT", "no line end")]
     assert records[-1].seq == records[-2].seq + 1
 
 
-def test_print_still_reaches_the_terminal_and_of_others_nothing_is_recorded(
+def test_print_reaches_terminal_and_library_logs_are_not_recorded(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def words(part: Any) -> None:
         logging.getLogger("other").warning("of a library")
         print("hello")
 
-    records = recorded(tmp_path, saying(words))
+    records = recorded(tmp_path, logging_config(words))
     assert capsys.readouterr().out == "hello\n"
-    assert said(records) == [("part", "PRINT", "hello")]  # also by a handler that is a plain function
+    assert log_lines(records) == [("part", "PRINT", "hello")]  # also by a handler that is a plain function
 
 
-def test_a_print_of_a_method_is_the_components_and_of_a_second_run_the_same(tmp_path: Path) -> None:
+def test_print_is_recorded_identically_in_a_second_run(tmp_path: Path) -> None:
     def loop(loop: Any) -> None:
         print("half \udc80 a character", "x" * 5000)
         loop.schedule(tasks.terminate("done"))
@@ -91,19 +91,23 @@ def test_a_print_of_a_method_is_the_components_and_of_a_second_run_the_same(tmp_
     digests = []
     for name in ("a", "b"):
         folder = record_program(
-            "r", Config(factories={"r": [TickerFactory(loop, "x", 10.0)]}), __file__, tmp_path / name, clock=SimClock()
+            "r",
+            Config(factories={"r": [FunctionLoopFactory(loop, "x", 10.0)]}),
+            __file__,
+            tmp_path / name,
+            clock=SimClock(),
         )
         trace = read_trace(folder / FILE_NAME)
         digests.append(trace.digest)
-        ((component, _, text),) = said(trace.records)
+        ((component, _, text),) = log_lines(trace.records)
         assert component == "x"
         assert text.startswith("half \\udc80 a character x")
-        assert len(text) <= MAX_SAID_CHARS + len("\\udc80")
+        assert len(text) <= MAX_LOG_LINE_CHARS + len("\\udc80")
     assert digests[0] == digests[1]
 
 
-def test_lines_of_a_node_are_bounded_and_that_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(node_trace, "MAX_SAID_LINES", 20)
+def test_log_lines_of_node_are_limited_with_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(node_trace, "MAX_LOG_LINES", 20)
 
     def loop(loop: Any) -> None:
         for number in range(50):
@@ -111,13 +115,13 @@ def test_lines_of_a_node_are_bounded_and_that_is_said(tmp_path: Path, monkeypatc
         if loop.get_time_s() >= 0.3:
             loop.schedule(tasks.terminate("done"))
 
-    lines = said(recorded(tmp_path, Config(factories={"r": [TickerFactory(loop, "x", 10.0)]})))
+    lines = log_lines(recorded(tmp_path, Config(factories={"r": [FunctionLoopFactory(loop, "x", 10.0)]})))
     assert [text for _, _, text in lines[:20]] == [str(number) for number in range(20)]
     assert lines[20:] == [("x", "WARNING", "what is printed and logged after 20 lines is not recorded")]
 
 
 @pytest.mark.slow
-def test_a_loop_on_its_thread_is_recorded_by_the_nodes_thread(tmp_path: Path) -> None:
+def test_output_of_threaded_loop_is_recorded(tmp_path: Path) -> None:
     ticks: list[float] = []
 
     def loop(loop: Any) -> None:
@@ -126,12 +130,12 @@ def test_a_loop_on_its_thread_is_recorded_by_the_nodes_thread(tmp_path: Path) ->
         if len(ticks) == 3:
             loop.schedule(tasks.terminate("done"))
 
-    lines = said(recorded(tmp_path, Config(factories={"r": [TickerFactory(loop, "x", 50.0)]}), WallClock()))
+    lines = log_lines(recorded(tmp_path, Config(factories={"r": [FunctionLoopFactory(loop, "x", 50.0)]}), WallClock()))
     assert set(lines) == {("x", "PRINT", "from a thread")}
     assert len(lines) >= 2
 
 
-def test_a_replay_goes_its_way_whatever_is_printed(tmp_path: Path) -> None:
+def test_replay_ignores_changed_output(tmp_path: Path) -> None:
     prints = [True]
 
     def words(part: Any) -> Any:
@@ -139,15 +143,15 @@ def test_a_replay_goes_its_way_whatever_is_printed(tmp_path: Path) -> None:
             part.log.info("only in the first run")
         return tasks.event("next")
 
-    config = saying(words)
+    config = logging_config(words)
     folder = record_program("r", config, __file__, tmp_path, clock=SimClock())
     trace = read_trace(folder / FILE_NAME)
-    assert said(trace.records) == [("part", "INFO", "only in the first run")]
+    assert log_lines(trace.records) == [("part", "INFO", "only in the first run")]
     prints[0] = False
     assert replay_node(trace, "r", config).is_identical
 
 
-def test_a_log_call_that_is_wrong_ends_no_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_invalid_log_call_does_not_end_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(logging.getLogger("snr"), "level", logging.CRITICAL)  # pytest's own handler would raise
 
     class Unspeakable:
@@ -162,7 +166,7 @@ def test_a_log_call_that_is_wrong_ends_no_run(tmp_path: Path, monkeypatch: pytes
         return tasks.terminate("done")
 
     logging.getLogger("snr").manager._clear_cache()  # type: ignore[attr-defined]
-    texts = [text for _, _, text in said(recorded(tmp_path, saying(words)))]
+    texts = [text for _, _, text in log_lines(recorded(tmp_path, logging_config(words)))]
     assert texts == [
         "1",
         "a message of str and 1 values cannot be worded: TypeError",
@@ -171,7 +175,7 @@ def test_a_log_call_that_is_wrong_ends_no_run(tmp_path: Path, monkeypatch: pytes
     ]
 
 
-def test_a_component_finds_stdout_as_it_was(tmp_path: Path) -> None:
+def test_component_sees_unchanged_stdout_attributes(tmp_path: Path) -> None:
     seen: list[Any] = []
 
     def words(part: Any) -> Any:
@@ -179,13 +183,13 @@ def test_a_component_finds_stdout_as_it_was(tmp_path: Path) -> None:
         return tasks.terminate("done")
 
     before = sys.stdout.encoding, sys.stdout.buffer, sys.stdout.isatty()
-    recorded(tmp_path, saying(words))
+    recorded(tmp_path, logging_config(words))
     assert seen == [before]
 
 
-def test_two_runs_that_end_in_another_order_than_they_began_leave_stdout_as_it_was() -> None:
+def test_runs_ending_out_of_order_restore_stdout() -> None:
     before = sys.stdout
-    first, second = hearing([]), hearing([])
+    first, second = record_output([]), record_output([])
     first.__enter__()
     second.__enter__()
     first.__exit__(None, None, None)
@@ -194,16 +198,16 @@ def test_two_runs_that_end_in_another_order_than_they_began_leave_stdout_as_it_w
     assert sys.stdout is before
 
 
-def test_a_print_without_a_stdout_is_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_print_without_stdout_is_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def words(part: Any) -> Any:
         print("unheard", flush=True)
         return tasks.terminate("done")
 
     monkeypatch.setattr(sys, "stdout", None)
-    assert said(recorded(tmp_path, saying(words))) == [("part", "PRINT", "unheard")]
+    assert log_lines(recorded(tmp_path, logging_config(words))) == [("part", "PRINT", "unheard")]
 
 
-def test_a_component_may_print_before_it_has_a_node(tmp_path: Path) -> None:
+def test_print_before_node_exists_is_accepted(tmp_path: Path) -> None:
     class Early(Endpoint):
         def __init__(self, factory: Any, parent: Any, name: str) -> None:
             print("early")
@@ -213,4 +217,4 @@ def test_a_component_may_print_before_it_has_a_node(tmp_path: Path) -> None:
         Early(part.factory, part.parent, "early")
         return tasks.terminate("done")
 
-    assert said(recorded(tmp_path, saying(words))) == []
+    assert log_lines(recorded(tmp_path, logging_config(words))) == []

@@ -38,7 +38,7 @@ from snr_sim.recording.records import (
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario.program import program_header, record_program
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 VALUES: list[Any] = [
     0.1 + 0.2, -0.0, math.nan, math.inf, -math.inf, 2**70, "Grüße\n", None, True, b"\x00\xff", (1, 2.5), {1, 2},
@@ -48,13 +48,13 @@ VALUES: list[Any] = [
 ENDER = {(TaskType.process_data, "last"): lambda task, task_id: tasks.terminate("done")}
 
 
-def stores(values: list[Any]) -> PartFactory:
+def stores(values: list[Any]) -> FunctionEndpointFactory:
     def begin(part: Any) -> None:
         for i, value in enumerate(values):
             part.store_data(f"value{i}", value)
         part.store_data("last", True)
 
-    return PartFactory(ENDER, begin=begin)
+    return FunctionEndpointFactory(ENDER, begin=begin)
 
 
 def record(tmp_path: Path, *factories: Any, roles: dict[str, list[Any]] | None = None, links: Any = ()) -> Trace:
@@ -79,16 +79,16 @@ def executed(trace: Trace) -> list[Executed]:
 # What is written comes back
 
 
-def test_every_line_reads_back_to_what_it_was_written_as(fly: Callable[..., Trace]) -> None:
-    trace = fly("lander_pad")
+def test_every_line_encodes_to_the_same_bytes(record_scenario: Callable[..., Trace]) -> None:
+    trace = record_scenario("lander_pad")
     lines = trace.path.read_bytes().splitlines()
-    read = (trace.opening, trace.header, *map(decode_line, lines[2:]))
+    read = (trace.trace_info, trace.header, *map(decode_line, lines[2:]))
     assert [encode_record(line) for line in read] == lines
 
 
-def test_each_page_stands_in_the_trace_once_whoever_had_it(tmp_path: Path) -> None:
+def test_page_sent_over_link_is_stored_once(tmp_path: Path) -> None:
     def roles() -> dict[str, list[Any]]:
-        top = TickerFactory(lambda loop: loop.store_data("joystick", {"x": loop.rng.random()}), "joystick", 20.0)
+        top = FunctionLoopFactory(lambda loop: loop.store_data("joystick", {"x": loop.rng.random()}), "joystick", 20.0)
         return {"top": [top], "rov": [echo("joystick", "thrust")]}
 
     links = [MemoryLink(["joystick"], "top", "rov", latency_s=0.013), MemoryLink(["thrust"], "rov", "top")]
@@ -104,7 +104,7 @@ def test_each_page_stands_in_the_trace_once_whoever_had_it(tmp_path: Path) -> No
         assert replay_node(trace, role, Config(factories=roles())).is_identical
 
 
-def test_tasks_that_carry_their_page_name_it_and_replay_although_newer_ones_came_first(tmp_path: Path) -> None:
+def test_process_data_refers_to_its_page_and_replays_after_newer_pages(tmp_path: Path) -> None:
     def burst() -> list[Any]:
         made: list[Any] = []
 
@@ -112,10 +112,10 @@ def test_tasks_that_carry_their_page_name_it_and_replay_although_newer_ones_came
             seen = [task.page.data, made[-1].get_data("x"), made[-1].get_data("x_prev")]
             return made[-1].store_data_task("seen", {"seen": seen}, process=False)
 
-        ticker = TickerFactory(
+        ticker = FunctionLoopFactory(
             lambda loop: [loop.store_data("x", {"of": loop.rng.random()}) for _ in range(5)], "x", 2.0
         )
-        return [ticker, PartFactory({(TaskType.process_data, "x"): on_x}, begin=made.append)]
+        return [ticker, FunctionEndpointFactory({(TaskType.process_data, "x"): on_x}, begin=made.append)]
 
     trace = record(tmp_path, *burst())
     stored = [one for one in executed(trace) if one.type == "store_page" and one.name == "x"]
@@ -134,9 +134,9 @@ def test_tasks_that_carry_their_page_name_it_and_replay_although_newer_ones_came
     assert [one for one in replay.records if isinstance(one, TaskRecord)] == processed
 
 
-def test_a_page_that_comes_late_stands_in_the_trace_again(tmp_path: Path) -> None:
-    busy = TickerFactory(lambda loop: loop.store_data("x", loop.get_time_s()), "x", 1000.0)
-    slow = TickerFactory(lambda loop: loop.store_data("y", loop.get_time_s()), "y", 1.0)
+def test_late_page_is_stored_again(tmp_path: Path) -> None:
+    busy = FunctionLoopFactory(lambda loop: loop.store_data("x", loop.get_time_s()), "x", 1000.0)
+    slow = FunctionLoopFactory(lambda loop: loop.store_data("y", loop.get_time_s()), "y", 1.0)
     link = MemoryLink(["y"], "one", "two", latency_s=0.5)
     trace = record(tmp_path, roles={"one": [busy, slow], "two": []}, links=[link])
     assert sum(one.source == "link_one" for one in inputs(trace)) >= 4
@@ -147,7 +147,7 @@ def inputs(trace: Trace) -> list[InputRecord]:
     return [one for one in trace.records if isinstance(one, InputRecord)]
 
 
-def test_nan_infinities_arrays_and_other_values_in_pages_survive_to_the_bit(tmp_path: Path) -> None:
+def test_page_values_round_trip_to_the_bit(tmp_path: Path) -> None:
     trace = record(tmp_path, stores(VALUES))
     pages = [decode_value(bytes(one.values), KINDS)[0] for one in trace.records if isinstance(one, PageRecord)]
     for value, page in zip(VALUES, pages, strict=False):
@@ -166,17 +166,17 @@ def test_nan_infinities_arrays_and_other_values_in_pages_survive_to_the_bit(tmp_
         ("lander_rough", "pad"),
     ],
 )
-def test_every_executed_task_is_in_the_trace(fly: Callable[..., Trace], scenario: str, controller: str) -> None:
-    trace = fly(scenario, controller)  # counts them, too
+def test_every_executed_task_is_recorded(record_scenario: Callable[..., Trace], scenario: str, controller: str) -> None:
+    trace = record_scenario(scenario, controller)  # counts them, too
     end = trace.records[-1]
     assert isinstance(end, EndRecord)
     assert end.summary["tasks"] == len(executed(trace))
     assert end.summary["pages"] == sum(isinstance(one, PageRecord) for one in trace.records)
     assert trace.is_ended
-    assert not trace.is_cut
+    assert not trace.is_truncated
 
 
-def test_a_value_that_cannot_be_written_leaves_a_trace_that_can_be_read(tmp_path: Path) -> None:
+def test_unencodable_value_leaves_readable_trace(tmp_path: Path) -> None:
     endless: list[Any] = []
     endless.append(endless)
     trace = record(tmp_path, stores([endless, 1.0]))
@@ -185,25 +185,25 @@ def test_a_value_that_cannot_be_written_leaves_a_trace_that_can_be_read(tmp_path
     assert replay_node(trace, "r", Config(factories={"r": [stores([endless, 1.0])]})).is_identical
 
 
-def test_each_task_names_a_record_before_it_that_brought_it(fly: Callable[..., Trace]) -> None:
-    by_seq = {one.seq: one for one in fly("lander_pad").records}
-    for one in executed(fly("lander_pad")):
+def test_cause_of_task_is_an_earlier_record_with_that_task(record_scenario: Callable[..., Trace]) -> None:
+    by_seq = {one.seq: one for one in record_scenario("lander_pad").records}
+    for one in executed(record_scenario("lander_pad")):
         cause: Any = by_seq[one.cause]
         assert cause.seq < one.seq
         if isinstance(cause, InputRecord):
-            assert (cause.type, cause.name, one.nth) == (one.type, one.name, 0)
+            assert (cause.type, cause.name, one.index) == (one.type, one.name, 0)
         else:
             given = [task for by in getattr(cause, "handled", [cause]) for task in by.returned]
-            assert (given[one.nth].type, given[one.nth].name) == (one.type, one.name)
+            assert (given[one.index].type, given[one.index].name) == (one.type, one.name)
 
 
 # The digest
 
 
-def test_the_digest_leaves_out_when_and_from_which_folder_it_was_run(fly: Callable[..., Trace], tmp_path: Path) -> None:
-    trace = fly()
+def test_digest_excludes_time_and_folder(record_scenario: Callable[..., Trace], tmp_path: Path) -> None:
+    trace = record_scenario()
     lines = trace.path.read_bytes().splitlines(keepends=True)
-    elsewhere = msgspec.structs.replace(trace.opening, started="never", scenario="/else/lander_vertical.py")
+    elsewhere = msgspec.structs.replace(trace.trace_info, started="never", scenario="/else/lander_vertical.py")
     path = tmp_path / FILE_NAME
     path.write_bytes(b"".join([encode_record(elsewhere) + b"\n", *lines[1:]]))
     assert read_trace(path).digest == trace.digest
@@ -212,8 +212,8 @@ def test_the_digest_leaves_out_when_and_from_which_folder_it_was_run(fly: Callab
     assert read_trace(path).digest != trace.digest
 
 
-def test_any_other_byte_changes_the_digest(fly: Callable[..., Trace], tmp_path: Path) -> None:
-    trace = fly()
+def test_digest_depends_on_every_other_byte(record_scenario: Callable[..., Trace], tmp_path: Path) -> None:
+    trace = record_scenario()
     data = trace.path.read_bytes()
     path = tmp_path / FILE_NAME
     path.write_bytes(data.replace(b'"seq":9,"t":', b'"seq":9,"t":1', 1))
@@ -223,7 +223,7 @@ def test_any_other_byte_changes_the_digest(fly: Callable[..., Trace], tmp_path: 
 # Damaged and foreign files
 
 
-def test_a_trace_cut_at_every_byte_of_its_last_three_records_reads_up_to_its_last_whole_one(tmp_path: Path) -> None:
+def test_truncated_trace_reads_up_to_last_whole_record(tmp_path: Path) -> None:
     whole = record(tmp_path, stores(VALUES))
     data = whole.path.read_bytes()
     path = tmp_path / "cut.jsonl"
@@ -234,11 +234,11 @@ def test_a_trace_cut_at_every_byte_of_its_last_three_records_reads_up_to_its_las
         path.write_bytes(data[:length])
         trace = read_trace(path)
         assert len(trace.records) == len(head) + data[start:length].count(b"\n")
-        assert trace.is_cut == (data[:length][-1:] != b"\n")
+        assert trace.is_truncated == (data[:length][-1:] != b"\n")
 
 
-def test_a_header_cut_at_any_byte_is_no_trace(fly: Callable[..., Trace], tmp_path: Path) -> None:
-    first, second = fly().path.read_bytes().splitlines(keepends=True)[:2]
+def test_truncated_header_raises(record_scenario: Callable[..., Trace], tmp_path: Path) -> None:
+    first, second = record_scenario().path.read_bytes().splitlines(keepends=True)[:2]
     path = tmp_path / FILE_NAME
     for length in range(0, len(first + second), 97):
         path.write_bytes((first + second)[:length])
@@ -250,7 +250,7 @@ def swap(lines: list[bytes]) -> None:
     lines[6], lines[7] = lines[7], lines[6]
 
 
-def spoil(lines: list[bytes]) -> None:
+def break_kind(lines: list[bytes]) -> None:
     lines[6] = lines[6].replace(b'"kind"', b'"kjnd"')
 
 
@@ -266,7 +266,7 @@ def other_schema(lines: list[bytes]) -> None:
     lines[0] = lines[0].replace(b'"schema":3', b'"schema":9')
 
 
-def damage_opening(lines: list[bytes]) -> None:
+def damage_trace_info(lines: list[bytes]) -> None:
     lines[0] = lines[0].replace(b'"argv":[', b'"argv":[1,')
 
 
@@ -288,22 +288,22 @@ def damage_header(lines: list[bytes]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("edit", "said"),
+    ("edit", "message"),
     [
         (swap, "record 5 has seq 6; a line was taken out, put in or moved"),
         (lambda lines: lines.pop(6), "record 5 has seq 6"),
         (lambda lines: lines.insert(6, lines[6]), "record 6 has seq 5"),
         (lambda lines: lines.insert(6, b"\n"), "line 7 is not a record"),
         (lambda lines: lines.insert(6, b"Hello\n"), "line 7 is not a record"),
-        (spoil, "line 7 is not a record"),
+        (break_kind, "line 7 is not a record"),
         (break_utf8, "line 7 is not a record"),
         (retype, "line 7 is not a record"),
         (other_schema, "format 9.*this kit reads format 3"),
-        (damage_opening, "its first line is damaged"),
+        (damage_trace_info, "its first line is damaged"),
         (damage_header, "its header is damaged"),
         (loop_cause, "the cause of record 5 does not come before it"),
         (misname_cause, "record 5 refers to task 0 of record 1, which is not there or was executed"),
-        (unlist, r"record \d+ has values that are no list"),
+        (unlist, r"record \d+ has values that are not a list"),
         (lambda lines: lines.pop(1), "its header is damaged"),
         (lambda lines: lines.insert(0, b'{"kind":"header","schema":1}\n'), "format 1; this kit reads format 3"),
         (lambda lines: lines.insert(0, lines[2]), "first line does not say so"),
@@ -312,40 +312,40 @@ def damage_header(lines: list[bytes]) -> None:
         (lambda lines: lines.clear(), "no whole line"),
     ],
 )
-def test_a_changed_or_foreign_file_is_refused_with_the_place(
-    fly: Callable[..., Trace], tmp_path: Path, edit: Callable[[list[bytes]], Any], said: str
+def test_damaged_or_foreign_file_raises_with_line(
+    record_scenario: Callable[..., Trace], tmp_path: Path, edit: Callable[[list[bytes]], Any], message: str
 ) -> None:
-    lines = fly().path.read_bytes().splitlines(keepends=True)
+    lines = record_scenario().path.read_bytes().splitlines(keepends=True)
     edit(lines)
     path = tmp_path / FILE_NAME
     path.write_bytes(b"".join(lines))
-    with pytest.raises(TraceError, match=said) as caught:
+    with pytest.raises(TraceError, match=message) as caught:
         read_trace(path)
-    assert caught.value.fix or "is not a record" in said
+    assert caught.value.fix or "is not a record" in message
 
 
-def test_a_missing_trace_and_a_folder_are_told_from_a_trace(tmp_path: Path) -> None:
+def test_missing_trace_or_folder_raises(tmp_path: Path) -> None:
     with pytest.raises(TraceError, match="No such file"):
         read_trace(tmp_path / "gone.jsonl")
     with pytest.raises(TraceError, match="directory"):
         read_trace(tmp_path)
 
 
-def test_a_recording_is_never_overwritten(fly: Callable[..., Trace]) -> None:
-    before = fly().path.read_bytes()
+def test_existing_trace_is_never_overwritten(record_scenario: Callable[..., Trace]) -> None:
+    before = record_scenario().path.read_bytes()
     with pytest.raises(TraceError, match="File exists"):
-        TraceWriter(fly().path, fly().header)
-    assert fly().path.read_bytes() == before
+        TraceWriter(record_scenario().path, record_scenario().header)
+    assert record_scenario().path.read_bytes() == before
 
 
-def test_arrows_are_rounded_and_numbers_that_are_not_finite_do_not_end_a_run(
-    fly: Callable[..., Trace], tmp_path: Path
+def test_arrows_are_rounded_and_non_finite_numbers_accepted(
+    record_scenario: Callable[..., Trace], tmp_path: Path
 ) -> None:
-    writer = TraceWriter(tmp_path / FILE_NAME, fly().header)
+    writer = TraceWriter(tmp_path / FILE_NAME, record_scenario().header)
     chance = random.Random(0)
     fine = [0.123456, -2.00004, 1e-9, -1e-9, 0.0, -0.0, *(chance.uniform(-1e3, 1e3) for _ in range(1000))]
-    arrows = {"fine": fine, "odd": [math.nan, math.inf, 1e306, 0.123456, 0.0, 1.0]}
-    writer.truth(0.0, {"poses": {}, "arrows": arrows, "values": {}})
+    vectors = {"fine": fine, "odd": [math.nan, math.inf, 1e306, 0.123456, 0.0, 1.0]}
+    writer.truth(0.0, {"poses": {}, "vectors": vectors, "values": {}})
     writer.close()
     line = writer.path.read_bytes().splitlines()[2]
     assert msgspec.json.encode([round(number, 4) for number in fine]) in line
@@ -357,7 +357,7 @@ def test_arrows_are_rounded_and_numbers_that_are_not_finite_do_not_end_a_run(
 
 def write_truths(writer: TraceWriter, count: int) -> None:
     for i in range(count):
-        writer.truth(float(i), {"poses": {}, "arrows": {}, "values": {"x": float(i)}})
+        writer.truth(float(i), {"poses": {}, "vectors": {}, "values": {"x": float(i)}})
 
 
 def write_truths_slowly(writer: TraceWriter) -> None:
@@ -366,8 +366,8 @@ def write_truths_slowly(writer: TraceWriter) -> None:
         time.sleep(0.005)
 
 
-def test_what_was_put_stands_on_disk_a_moment_later(fly: Callable[..., Trace], tmp_path: Path) -> None:
-    writer = TraceWriter(tmp_path / FILE_NAME, fly().header)
+def test_record_is_on_disk_after_flush_period(record_scenario: Callable[..., Trace], tmp_path: Path) -> None:
+    writer = TraceWriter(tmp_path / FILE_NAME, record_scenario().header)
     write_truths(writer, 10)
     deadline_s = time.monotonic() + 60.0
     while len(read_trace(writer.path).records) < 10:
@@ -377,10 +377,13 @@ def test_what_was_put_stands_on_disk_a_moment_later(fly: Callable[..., Trace], t
     writer.close()  # twice is fine
 
 
-def test_a_disk_that_takes_half_a_line_is_cut_back_to_the_last_whole_one(
-    fly: Callable[..., Trace], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_partial_line_on_full_disk_is_truncated(
+    record_scenario: Callable[..., Trace], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    room = len(b"".join(encode_record(line) + b"\n" for line in (fly().opening, fly().header))) + 1000
+    room = (
+        len(b"".join(encode_record(line) + b"\n" for line in (record_scenario().trace_info, record_scenario().header)))
+        + 1000
+    )
     real_write = os.write
 
     def write(file: int, data: Any) -> int:
@@ -392,7 +395,7 @@ def test_a_disk_that_takes_half_a_line_is_cut_back_to_the_last_whole_one(
         return written
 
     monkeypatch.setattr(os, "write", write)
-    writer = TraceWriter(tmp_path / FILE_NAME, fly().header, fly().opening)
+    writer = TraceWriter(tmp_path / FILE_NAME, record_scenario().header, record_scenario().trace_info)
     with pytest.raises(TraceError, match=r"No space left on device\. It is whole up to there") as caught:
         write_truths_slowly(writer)
     assert "make room" in caught.value.fix
@@ -400,12 +403,12 @@ def test_a_disk_that_takes_half_a_line_is_cut_back_to_the_last_whole_one(
         writer.close()
     trace = read_trace(writer.path)
     assert trace.records
-    assert not trace.is_cut
+    assert not trace.is_truncated
     assert trace.digest == writer.digest
 
 
-def test_a_live_view_that_fails_costs_nothing_of_the_recording(
-    fly: Callable[..., Trace], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_failing_listener_loses_no_records(
+    record_scenario: Callable[..., Trace], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     class Broken:
         def add(self, record: Record) -> None:
@@ -414,8 +417,8 @@ def test_a_live_view_that_fails_costs_nothing_of_the_recording(
         def flush(self) -> None:
             pass
 
-    writer = TraceWriter(tmp_path / FILE_NAME, fly().header)
-    writer.follow(Broken())
+    writer = TraceWriter(tmp_path / FILE_NAME, record_scenario().header)
+    writer.add_listener(Broken())
     write_truths(writer, 10)
     writer.close()
     assert len(read_trace(writer.path).records) == 10
@@ -426,9 +429,10 @@ SLOW_PROGRAM = """
 import sys
 from snr_sim import Config, WallClock
 from snr_sim.scenario.program import record_program
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
-config = Config(factories={"r": [TickerFactory(lambda loop: loop.store_data("x", loop.get_time_s()), rate_hz=500)]})
+ticks = FunctionLoopFactory(lambda loop: loop.store_data("x", loop.get_time_s()), rate_hz=500)
+config = Config(factories={"r": [ticks]})
 if __name__ == "__main__":
     clock = WallClock()
     print(clock.now_s() - __import__("time").monotonic(), flush=True)
@@ -437,7 +441,7 @@ if __name__ == "__main__":
 
 
 @pytest.mark.wall_clock
-def test_kill_9_loses_at_most_the_last_tenth_of_a_second(tmp_path: Path) -> None:
+def test_sigkill_loses_at_most_a_tenth_of_a_second(tmp_path: Path) -> None:
     """Of six that are killed one at least: a busy computer keeps threads waiting, but not always."""
     program = tmp_path / "slow.py"
     program.write_text(SLOW_PROGRAM)
@@ -467,19 +471,19 @@ def test_kill_9_loses_at_most_the_last_tenth_of_a_second(tmp_path: Path) -> None
 # Several nodes, and nodes on threads
 
 
-def echo(key: str, answer: str) -> PartFactory:
+def echo(key: str, answer: str) -> FunctionEndpointFactory:
     def on_page(task: Any, task_id: Any) -> Any:
         part = made[-1]
         return part.store_data_task(answer, {"was": part.get_data(key), "chance": part.rng.random()})
 
     made: list[Any] = []
-    return PartFactory({(TaskType.process_data, key): on_page}, name=f"echo_{key}", begin=made.append)
+    return FunctionEndpointFactory({(TaskType.process_data, key): on_page}, name=f"echo_{key}", begin=made.append)
 
 
-def test_two_nodes_with_a_link_in_one_trace_each_replay_identically(tmp_path: Path) -> None:
+def test_linked_nodes_in_one_trace_replay_identically(tmp_path: Path) -> None:
     def roles() -> dict[str, list[Any]]:
-        top = TickerFactory(lambda loop: loop.store_data("joystick", loop.get_time_s()), "joystick", 20.0)
-        bottom = TickerFactory(lambda loop: loop.store_data("depth", loop.get_time_s()), "depth", 33.0)
+        top = FunctionLoopFactory(lambda loop: loop.store_data("joystick", loop.get_time_s()), "joystick", 20.0)
+        bottom = FunctionLoopFactory(lambda loop: loop.store_data("depth", loop.get_time_s()), "depth", 33.0)
         return {"top": [top, echo("thrust", "shown")], "rov": [bottom, echo("joystick", "thrust")]}
 
     links = [
@@ -503,15 +507,15 @@ def replace_link(link: MemoryLink) -> MemoryLink:
     return MemoryLink(link.keys, link.from_role, link.to_role, faults=link.faults)
 
 
-def test_a_failure_in_one_of_several_nodes_names_that_nodes_own_task(tmp_path: Path) -> None:
+def test_failure_names_the_task_of_its_own_node(tmp_path: Path) -> None:
     def fail(task: Any, task_id: Any) -> None:
         raise ZeroDivisionError("depth is 0")
 
-    busy = TickerFactory(lambda loop: loop.store_data("x", 1), "busy", 100.0)
+    busy = FunctionLoopFactory(lambda loop: loop.store_data("x", 1), "busy", 100.0)
     roles: dict[str, list[Any]] = {
         "first": [busy],
-        "second": [TickerFactory(name="late", rate_hz=1.0, loop=lambda loop: loop.schedule(tasks.event("go"))),
-                   PartFactory({(TaskType.event, "go"): fail})],
+        "second": [FunctionLoopFactory(name="late", rate_hz=1.0, loop=lambda loop: loop.schedule(tasks.event("go"))),
+                   FunctionEndpointFactory({(TaskType.event, "go"): fail})],
     }  # fmt: skip
     with pytest.raises(Exception, match="depth is 0"):
         record(tmp_path, roles=roles)
@@ -536,17 +540,17 @@ def threaded() -> Config:
         return [part.store_data_task("seen", seen, process=False), *more]
 
     made: list[Any] = []
-    part = PartFactory({TaskType.process_data: count, TaskType.event: count}, begin=made.append)
+    part = FunctionEndpointFactory({TaskType.process_data: count, TaskType.event: count}, begin=made.append)
     return Config(factories={"r": [
-        TickerFactory(lambda loop: loop.store_data("a", [loop.get_time_s(), loop.rng.random()]), "a", 500),
-        TickerFactory(lambda loop: loop.store_data("b", loop.get_time_s()), "b", 333),
-        TickerFactory(lambda loop: loop.schedule(tasks.event("spin", [3])), "c", 200),
+        FunctionLoopFactory(lambda loop: loop.store_data("a", [loop.get_time_s(), loop.rng.random()]), "a", 500),
+        FunctionLoopFactory(lambda loop: loop.store_data("b", loop.get_time_s()), "b", 333),
+        FunctionLoopFactory(lambda loop: loop.schedule(tasks.event("spin", [3])), "c", 200),
         part,
     ]})  # fmt: skip
 
 
 @pytest.mark.slow
-def test_a_node_with_threads_on_the_wall_clock_replays_identically_time_and_again(tmp_path: Path) -> None:
+def test_threaded_node_on_wall_clock_replays_identically_each_time(tmp_path: Path) -> None:
     stop = threading.Event()
     load = threading.Thread(target=lambda: [sum(range(1000)) for _ in iter(stop.is_set, True)])
     for attempt in range(3):
@@ -565,19 +569,19 @@ def test_a_node_with_threads_on_the_wall_clock_replays_identically_time_and_agai
     load.join()
 
 
-def test_a_component_that_cannot_be_made_leaves_no_run_folder(tmp_path: Path) -> None:
-    two = [PartFactory(name="same"), PartFactory(name="same")]
+def test_failed_component_creation_leaves_no_run_folder(tmp_path: Path) -> None:
+    two = [FunctionEndpointFactory(name="same"), FunctionEndpointFactory(name="same")]
     with pytest.raises(Exception, match="two components named 'same'"):
         record_program("r", Config(factories={"r": two}), __file__, tmp_path / "runs")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_header_tells_what_ran_of_which_version_from_which_sources(fly: Callable[..., Trace]) -> None:
-    header = fly("lander_pad").header
-    opening = fly("lander_pad").opening
-    lines = fly("lander_pad").path.read_bytes().split(b"\n")
+def test_header_contains_names_versions_and_sources(record_scenario: Callable[..., Trace]) -> None:
+    header = record_scenario("lander_pad").header
+    trace_info = record_scenario("lander_pad").trace_info
+    lines = record_scenario("lander_pad").path.read_bytes().split(b"\n")
     assert [json.loads(line)["kind"] for line in lines[:2]] == ["trace", "header"]
-    assert (opening.scenario, opening.controller, opening.argv) == ("lander_pad", "pad", sys.argv)
+    assert (trace_info.scenario, trace_info.controller, trace_info.argv) == ("lander_pad", "pad", sys.argv)
     assert (header.scenario, header.robot, header.controller, header.roles) == (
         "lander_pad",
         "lander",
@@ -592,7 +596,7 @@ def test_the_header_tells_what_ran_of_which_version_from_which_sources(fly: Call
     assert header.commands == {"lander_node": ["engine"]}
 
 
-def test_a_node_is_the_same_with_and_without_a_recorder(tmp_path: Path) -> None:
+def test_node_executes_same_tasks_without_recorder(tmp_path: Path) -> None:
     trace = record(tmp_path, stores([1.0, 2.0]))
     node = Node("r", Config(factories={"r": [stores([1.0, 2.0])]}), clock=SimClock())
     node.loop()

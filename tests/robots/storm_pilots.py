@@ -17,7 +17,7 @@ import threading
 import time
 
 from snr_sim import Config, Loop, Node, SocketsPair, tasks
-from snr_sim.testing.parts import TickerFactory
+from snr_sim.testing.function_components import FunctionLoopFactory
 
 SECRET = b"a secret of 16 bytes or more"  # that of attackers.py
 RATE_HZ = 100.0
@@ -26,7 +26,7 @@ LAST_S = 3.0
 _COUNT = struct.Struct("q")
 
 
-def fly(name: str, port: int, stored: mmap.mmap, lives_s: float | None = None) -> dict[str, int]:
+def run_pilot(name: str, port: int, stored: mmap.mmap, lives_s: float | None = None) -> dict[str, int]:
     """Send controls that command nothing; return their result, if the process lives that long."""
 
     def push(loop: Loop) -> None:
@@ -36,9 +36,9 @@ def fly(name: str, port: int, stored: mmap.mmap, lives_s: float | None = None) -
 
     pair = SocketsPair(("127.0.0.1", port), name="tether", secret=SECRET)
     link = pair.client("controls", accept=["vehicle"])
-    node = Node(name, Config(factories={name: [link, TickerFactory(push, rate_hz=RATE_HZ)]}))
+    node = Node(name, Config(factories={name: [link, FunctionLoopFactory(push, rate_hz=RATE_HZ)]}))
     if lives_s is not None:
-        threading.Timer(lives_s, lambda: node.enter(tasks.terminate("the storm is over"), "storm")).start()
+        threading.Timer(lives_s, lambda: node.enqueue_input(tasks.terminate("the storm is over"), "storm")).start()
     node.loop()
     tether = node.components["link_tether"]
     return {"sent": tether.sent, "dropped": tether.dropped, "unsent": tether.transport.peers.unsent}
@@ -46,22 +46,22 @@ def fly(name: str, port: int, stored: mmap.mmap, lives_s: float | None = None) -
 
 def main() -> None:
     """Let them fly and fall."""
-    port, count, chance = int(sys.argv[1]), int(sys.argv[2]), random.Random(int(sys.argv[3]))
+    port, count, rng = int(sys.argv[1]), int(sys.argv[2]), random.Random(int(sys.argv[3]))
     stored: dict[str, int] = {}
     for i in range(count):
         name, shared = f"pilot_{i}", mmap.mmap(-1, _COUNT.size)
         pid = os.fork()
         if pid == 0:
             try:
-                fly(name, port, shared)
+                run_pilot(name, port, shared)
             finally:
                 os._exit(1)
-        time.sleep(chance.uniform(0.0, LONGEST_S))
+        time.sleep(rng.uniform(0.0, LONGEST_S))
         os.kill(pid, signal.SIGKILL)
         assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == -signal.SIGKILL
         (stored[name],) = _COUNT.unpack_from(shared)
     shared = mmap.mmap(-1, _COUNT.size)
-    last = fly("last", port, shared, LAST_S)
+    last = run_pilot("last", port, shared, LAST_S)
     (stored["last"],) = _COUNT.unpack_from(shared)
     print(json.dumps({"stored": stored, "last": last}))
 

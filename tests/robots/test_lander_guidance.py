@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from snr_sim.plants.lander.descent import Motion, cheapest_descent
-from snr_sim.prelude.scenario import Rig, Robot
+from snr_sim.plants.lander.descent import Motion, minimum_fuel_descent
+from snr_sim.prelude.scenario import RobotContext, RobotInfo
 from snr_sim.prelude.signals import EngineCommand
 
 ROOT = Path(__file__).parents[2]
@@ -52,13 +52,15 @@ def law_of(controller: str) -> Any:
     return getattr(module, LAWS[controller])
 
 
-def fly(scenario_name: str, seed: int, controller: str) -> dict[str, Any]:
+def simulate(scenario_name: str, seed: int, controller: str) -> dict[str, Any]:
     """Flies one run as the node does: sensors, law, engine, plant, at the robot's rate."""
     scenario = load(f"scenario_{scenario_name}", ROOT / "scenarios" / f"{scenario_name}.py")
     parameters, plant = scenario.parameters(seed), scenario.plant(seed, scenario.ENGINES[0])
-    rig = Rig(Robot("lander", "lander", scenario_name, plant.engine, parameters, {}), "sim", seed, plant)
-    sensors = [robot.sim_radar(rig)] + ([robot.sim_inertial(rig)] if parameters.inertial else [])
-    engine, law, rate_hz = robot.sim_engine(rig), law_of(controller)(parameters), parameters.radar.rate_hz
+    context = RobotContext(
+        RobotInfo("lander", "lander", scenario_name, plant.engine, parameters, {}), "sim", seed, plant
+    )
+    sensors = [robot.sim_radar(context)] + ([robot.sim_inertial(context)] if parameters.inertial else [])
+    engine, law, rate_hz = robot.sim_engine(context), law_of(controller)(parameters), parameters.radar.rate_hz
     tick = 0
     while scenario.verdict(plant) is None and tick / rate_hz < scenario.TIME_LIMIT_S:
         engine.write(law.update(*(sensor.read() for sensor in sensors), tick / rate_hz))
@@ -72,39 +74,39 @@ def fly(scenario_name: str, seed: int, controller: str) -> dict[str, Any]:
     return {**scenario.metrics(plant, seed), "outcome": verdict.outcome if verdict else "timeout"}
 
 
-def to_rest(flown: dict[str, Any]) -> float:
+def to_rest(result: dict[str, Any]) -> float:
     """The propellant of a flight relative to that of the best one that comes to rest at the ground."""
-    return float(flown["fuel_kg"] / flown["fuel_optimum_to_rest_kg"])
+    return float(result["fuel_kg"] / result["fuel_optimum_to_rest_kg"])
 
 
 def outcomes(scenario: str, controller: str, seeds: range) -> Counter[str]:
-    return Counter(fly(scenario, seed, controller)["outcome"] for seed in seeds)
+    return Counter(simulate(scenario, seed, controller)["outcome"] for seed in seeds)
 
 
 @pytest.mark.parametrize("scenario", ["lander_vertical", "lander_low_gate", "lander_pad", "lander_rough"])
-def test_who_does_nothing_crashes(scenario: str) -> None:
+def test_coasting_crashes(scenario: str) -> None:
     assert outcomes(scenario, "coast", range(3)) == {"crashed": 3}
 
 
 @pytest.mark.parametrize("scenario", ["lander_vertical", "lander_low_gate"])
 @pytest.mark.parametrize("controller", ["hover_and_drop", "quadratic", "optimal"])
-def test_vertical_controllers_land_from_every_start(scenario: str, controller: str) -> None:
+def test_vertical_controllers_land_from_every_seed(scenario: str, controller: str) -> None:
     assert outcomes(scenario, controller, range(30)) == {"landed": 30}
 
 
 @pytest.mark.parametrize("scenario", ["lander_pad", "lander_rough"])
-def test_the_pad_controller_lands_from_every_start(scenario: str) -> None:
+def test_pad_controller_lands_from_every_seed(scenario: str) -> None:
     assert outcomes(scenario, "pad", range(20)) == {"landed": 20}
 
 
 @pytest.mark.parametrize("scenario", ["lander_vertical", "lander_low_gate"])
-def test_optimal_is_within_2_percent_of_the_optimum_to_rest_in_spite_of_noise(scenario: str) -> None:
-    assert to_rest(fly(scenario, 0, "optimal")) == pytest.approx(1.0, abs=0.02)
-    assert max(to_rest(fly(scenario, seed, "optimal")) for seed in range(1, 30)) < 1.02
+def test_noisy_optimal_stays_within_2_percent_of_optimum_to_rest(scenario: str) -> None:
+    assert to_rest(simulate(scenario, 0, "optimal")) == pytest.approx(1.0, abs=0.02)
+    assert max(to_rest(simulate(scenario, seed, "optimal")) for seed in range(1, 30)) < 1.02
 
 
 @pytest.mark.parametrize("scenario", ["lander_vertical", "lander_low_gate"])
-def test_nothing_that_lands_needs_less_than_the_optimum(scenario: str) -> None:
+def test_fuel_of_landings_is_never_below_optimum(scenario: str) -> None:
     """A perfect burn with a touchdown at the gear's limit needs just that; one to rest needs more."""
     module = load(f"scenario_{scenario}", ROOT / "scenarios" / f"{scenario}.py")
     for seed in range(5):
@@ -112,7 +114,10 @@ def test_nothing_that_lands_needs_less_than_the_optimum(scenario: str) -> None:
         start = Motion(begin.height_m, begin.velocity_mps, begin.mass_kg)
         ratios = []
         for final_mps in (3.0499, 2.0, 0.0):
-            plant, best = module.plant(seed, "closed_form"), cheapest_descent(start, engine, touchdown_mps=final_mps)
+            plant, best = (
+                module.plant(seed, "closed_form"),
+                minimum_fuel_descent(start, engine, touchdown_mps=final_mps),
+            )
             plant.step(best.coast_s)
             plant.write("engine", EngineCommand(1.0))
             plant.step(best.burn_s - 1e-6)
@@ -124,13 +129,13 @@ def test_nothing_that_lands_needs_less_than_the_optimum(scenario: str) -> None:
         assert 1.0 <= ratios[0] < ratios[1] < ratios[2]
 
 
-def test_hovering_costs_twice_the_optimum_and_the_parabola_a_third_more() -> None:
-    assert to_rest(fly("lander_vertical", 0, "hover_and_drop")) > 1.8
-    assert 1.1 < to_rest(fly("lander_vertical", 0, "quadratic")) < 1.5
+def test_hover_needs_twice_and_quadratic_a_third_more_fuel() -> None:
+    assert to_rest(simulate("lander_vertical", 0, "hover_and_drop")) > 1.8
+    assert 1.1 < to_rest(simulate("lander_vertical", 0, "quadratic")) < 1.5
 
 
-def test_the_first_seeds_are_the_cases_of_the_reference_table() -> None:
-    high, low = fly("lander_vertical", 0, "coast"), fly("lander_low_gate", 0, "coast")
+def test_seed_0_equals_case_of_reference_table() -> None:
+    high, low = simulate("lander_vertical", 0, "coast"), simulate("lander_low_gate", 0, "coast")
     assert high["fuel_optimum_to_rest_kg"] == pytest.approx(174.465, abs=0.001)
     assert low["fuel_optimum_to_rest_kg"] == pytest.approx(64.702, abs=0.001)
     assert high["fuel_optimum_kg"] == pytest.approx(163.660, abs=0.001)
@@ -138,7 +143,7 @@ def test_the_first_seeds_are_the_cases_of_the_reference_table() -> None:
 
 
 @pytest.mark.parametrize("scenario", ["lander_vertical", "lander_low_gate", "lander_pad", "lander_rough"])
-def test_every_seed_is_another_start_and_always_the_same(scenario: str) -> None:
+def test_start_differs_per_seed_and_is_reproducible(scenario: str) -> None:
     module = load(f"scenario_{scenario}", ROOT / "scenarios" / f"{scenario}.py")
     starts = [str(module.start(seed)) for seed in range(50)]
     assert len(set(starts)) == 50
@@ -148,6 +153,6 @@ def test_every_seed_is_another_start_and_always_the_same(scenario: str) -> None:
 
 
 @pytest.mark.parametrize("scenario", ["lander_vertical", "lander_pad"])
-def test_a_flight_repeats_to_the_bit(scenario: str) -> None:
+def test_repeated_run_equals_first(scenario: str) -> None:
     controller = "pad" if scenario == "lander_pad" else "optimal"
-    assert fly(scenario, 7, controller) == fly(scenario, 7, controller)
+    assert simulate(scenario, 7, controller) == simulate(scenario, 7, controller)

@@ -18,14 +18,14 @@ def run(script: str, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize("script", ["learn.py", "learn_pad.py"])
-def test_a_folder_that_is_missing_is_told_before_anything_is_learned(script: str, tmp_path: Path) -> None:
+def test_missing_folder_is_reported_before_training(script: str, tmp_path: Path) -> None:
     done = run(script, "--out", str(tmp_path / "nowhere" / "policy.npz"))
     assert done.returncode == 2
     assert f"there is no folder {tmp_path / 'nowhere'}. Make it, or name a file in another one." in done.stderr
 
 
 @pytest.mark.parametrize("script", ["learn.py", "learn_pad.py"])
-def test_a_seed_that_makes_no_sense_is_told_in_a_sentence(script: str, tmp_path: Path) -> None:
+def test_invalid_seed_prints_error(script: str, tmp_path: Path) -> None:
     done = run(script, "--seed", "-1", "--out", str(tmp_path / "policy.npz"))
     assert done.returncode == 1
     assert done.stderr.lstrip().startswith("Error: A training with seed=-1.")  # an older rich ends its bar by a line

@@ -12,7 +12,7 @@ from snr_sim.core.config import Config
 from snr_sim.prelude.signals import DepthReading, ImuReading
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.scenario import library
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 library.load_robot(library.find("robots", "urov"))
 
@@ -21,7 +21,7 @@ from snr_sim_robot_urov.controls import Controls  # noqa: E402
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle  # noqa: E402
 
 
-def told(age_s: float, **controls: Any) -> Autopilot:
+def autopilot_after(age_s: float, **controls: Any) -> Autopilot:
     """The autopilot after ten seconds of controls that are so old when they arrive."""
     number = 0
 
@@ -36,32 +36,32 @@ def told(age_s: float, **controls: Any) -> Autopilot:
         page = Page("controls", data, "topside_node", loop.get_time_s() - age_s, True)
         loop.schedule(Task(TaskType.store_page, "controls", [page]))
 
-    factories = [TickerFactory(bring, "bringer"), AutopilotFactory(UrovParameters(vehicle()))]
-    runner = SimRunner(Config(factories={"urov": factories}), until_s=10.0, tells_notes=False)
+    factories = [FunctionLoopFactory(bring, "bringer"), AutopilotFactory(UrovParameters(vehicle()))]
+    runner = SimRunner(Config(factories={"urov": factories}), until_s=10.0, log_notes=False)
     runner.run()
     autopilot = runner.nodes["urov"].components["autopilot"]
     assert isinstance(autopilot, Autopilot)
     return autopilot
 
 
-@pytest.mark.parametrize(("age_s", "rules"), [(0.01, "pilot"), (0.2, "pilot"), (0.3, "idle"), (5.0, "idle")])
-def test_controls_that_are_old_when_they_come_are_not_obeyed(age_s: float, rules: str) -> None:
-    assert told(age_s, is_armed=True).failsafe.rules(10.0) == rules
+@pytest.mark.parametrize(("age_s", "control_state"), [(0.01, "pilot"), (0.2, "pilot"), (0.3, "idle"), (5.0, "idle")])
+def test_controls_older_than_stale_s_are_ignored(age_s: float, control_state: str) -> None:
+    assert autopilot_after(age_s, is_armed=True).failsafe.control_state(10.0) == control_state
 
 
-def test_a_stop_is_obeyed_however_long_it_was_on_its_way() -> None:
-    assert told(5.0, is_stop=True).failsafe.is_stopped
+def test_old_stop_is_applied() -> None:
+    assert autopilot_after(5.0, is_stop=True).failsafe.is_stopped
 
 
-def test_age_counts_from_when_controls_were_made() -> None:
-    failsafe = told(0.2, is_armed=True).failsafe
-    assert failsafe.heard_s is not None
-    assert failsafe.rules(failsafe.heard_s + 0.24) == "pilot"
-    assert failsafe.rules(failsafe.heard_s + 0.26) == "neutral"
-    assert failsafe.heard_s <= 9.8 + 1e-9
+def test_controls_age_counts_from_creation() -> None:
+    failsafe = autopilot_after(0.2, is_armed=True).failsafe
+    assert failsafe.controls_s is not None
+    assert failsafe.control_state(failsafe.controls_s + 0.24) == "pilot"
+    assert failsafe.control_state(failsafe.controls_s + 0.26) == "neutral"
+    assert failsafe.controls_s <= 9.8 + 1e-9
 
 
-def blind_from(blind_s: float, controls: Controls) -> tuple[Autopilot, list[list[float]]]:
+def run_with_depth_until(depth_until_s: float, controls: Controls) -> tuple[Autopilot, list[list[float]]]:
     """The autopilot of a vehicle whose depth sensor stops, five centimetres above the setpoint, and its pulses."""
     number, pulses = 0, []
 
@@ -69,7 +69,7 @@ def blind_from(blind_s: float, controls: Controls) -> tuple[Autopilot, list[list
         nonlocal number
         number, now_s = number + 1, loop.get_time_s()
         loop.store_data("controls", msgspec.structs.asdict(msgspec.structs.replace(controls, number=number)))
-        if now_s < blind_s:
+        if now_s < depth_until_s:
             loop.store_data("depth", msgspec.to_builtins(DepthReading(0.95, 110_000.0, 18.0, now_s)), process=False)
         level = ImuReading([0.0, 0.0, 0.0], [0.0, 0.0, 9.81], [0.0, 20.0, -40.0], 0.0, 0.0, 0.0, now_s)
         loop.store_data("imu", msgspec.to_builtins(level))
@@ -78,37 +78,39 @@ def blind_from(blind_s: float, controls: Controls) -> tuple[Autopilot, list[list
         pulses.append(task.val_list[0].data["pulses_us"])
 
     factories = [
-        TickerFactory(bring, "bringer", 20.0),
+        FunctionLoopFactory(bring, "bringer", 20.0),
         AutopilotFactory(UrovParameters(vehicle())),
-        PartFactory({(TaskType.store_page, "pwm"): keep}),
+        FunctionEndpointFactory({(TaskType.store_page, "pwm"): keep}),
     ]
-    runner = SimRunner(Config(factories={"urov": factories}), until_s=4.0, tells_notes=False)
+    runner = SimRunner(Config(factories={"urov": factories}), until_s=4.0, log_notes=False)
     runner.run()
     autopilot = runner.nodes["urov"].components["autopilot"]
     assert isinstance(autopilot, Autopilot)
     return autopilot, pulses
 
 
-def test_depth_that_is_no_longer_measured_is_no_longer_held_and_that_is_said_once() -> None:
+def test_stale_depth_ends_depth_hold_and_is_noted_once() -> None:
     holds = Controls(is_armed=True, mode="heading_hold", depth_m=1.0, heading_rad=0.0)
-    seeing, pulses = blind_from(10.0, holds)
-    assert not seeing.is_blind
+    with_depth, pulses = run_with_depth_until(10.0, holds)
+    assert not with_depth.is_depth_stale
     assert pulses[-1] != [1500.0] * 8  # five centimetres too high: it pushes down
-    blind, pulses = blind_from(2.0, holds)
-    assert blind.is_blind
-    assert blind.told(4.0, ImuReading([0.0] * 3, [0.0] * 3, [0.0] * 3, 0.0, 0.0, 0.0, 4.0))["is_blind"]
+    without_depth, pulses = run_with_depth_until(2.0, holds)
+    assert without_depth.is_depth_stale
+    assert without_depth.telemetry(4.0, ImuReading([0.0] * 3, [0.0] * 3, [0.0] * 3, 0.0, 0.0, 0.0, 4.0))[
+        "is_depth_stale"
+    ]
     assert pulses[-1] == [1500.0] * 8  # the last reading does not push it on indefinitely
-    (note,) = [note for note in blind.parent.notes if "no fresh reading of depth" in note]
+    (note,) = [note for note in without_depth.parent.notes if "no fresh reading of depth" in note]
     assert 2.4 < float(note.partition("t = ")[2].partition(" s")[0]) < 2.6
 
 
-def test_a_blind_vehicle_still_obeys_the_sticks() -> None:
-    _, pulses = blind_from(1.0, Controls(is_armed=True, mode="depth_hold", heave=1.0))
+def test_stale_depth_keeps_sticks_active() -> None:
+    _, pulses = run_with_depth_until(1.0, Controls(is_armed=True, mode="depth_hold", heave=1.0))
     assert pulses[-1] != [1500.0] * 8
 
 
-def test_outputs_that_let_go_are_armed_again_only_by_who_disarms_first_and_the_surface_is_told() -> None:
-    state, told, commands = {"state": "inactive", "fault": "", "why": ["not active"]}, [], []
+def test_output_fault_is_reported_and_rearms_only_after_disarm() -> None:
+    state, vehicle_pages, commands = {"state": "inactive", "fault": "", "reason": ["not active"]}, [], []
 
     def bring(loop: Any) -> None:
         now_s = loop.get_time_s()
@@ -117,7 +119,7 @@ def test_outputs_that_let_go_are_armed_again_only_by_who_disarms_first_and_the_s
         if now_s >= 0.5 and state["state"] == "inactive" and not state["fault"]:
             state["state"] = "active"
         if 1.0 <= now_s < 1.05:
-            state.update(state="inactive", fault="nobody renewed the command")
+            state.update(state="inactive", fault="the command was not renewed")
         if 2.3 <= now_s < 2.35:
             state.update(state="active", fault="")
         loop.store_data("pwm_applied", dict(state), process=False)
@@ -127,27 +129,27 @@ def test_outputs_that_let_go_are_armed_again_only_by_who_disarms_first_and_the_s
 
     def keep(task: Task, task_id: Any) -> None:
         page = task.val_list[0]
-        (commands if page.key == "pwm" else told).append((page.created_at_s, page.data))
+        (commands if page.key == "pwm" else vehicle_pages).append((page.created_at_s, page.data))
 
     factories = [
-        TickerFactory(bring, "bringer", 20.0),
+        FunctionLoopFactory(bring, "bringer", 20.0),
         AutopilotFactory(UrovParameters(vehicle())),
-        PartFactory({(TaskType.store_page, "pwm"): keep, (TaskType.store_page, "vehicle"): keep}),
+        FunctionEndpointFactory({(TaskType.store_page, "pwm"): keep, (TaskType.store_page, "vehicle"): keep}),
     ]
-    SimRunner(Config(factories={"urov": factories}), until_s=3.0, tells_notes=False).run()
+    SimRunner(Config(factories={"urov": factories}), until_s=3.0, log_notes=False).run()
     armed = [(round(t, 2), data["is_armed"]) for t, data in commands]
     assert {is_armed for t, is_armed in armed if 0.1 < t < 0.95} == {True}
     assert {is_armed for t, is_armed in armed if 1.1 < t < 2.15} == {False}, "though the surface still says armed"
     assert {is_armed for t, is_armed in armed if t > 2.3} == {True}
-    (said,) = {data["let_go"] for t, data in told if 1.1 < t < 1.95}
-    assert said == "nobody renewed the command"
-    assert {data["is_armed"] for t, data in told if 1.1 < t < 1.95} == {False}
-    assert {data["let_go"] for t, data in told if t > 2.3} == {""}
+    (fault,) = {data["output_fault"] for t, data in vehicle_pages if 1.1 < t < 1.95}
+    assert fault == "the command was not renewed"
+    assert {data["is_armed"] for t, data in vehicle_pages if 1.1 < t < 1.95} == {False}
+    assert {data["output_fault"] for t, data in vehicle_pages if t > 2.3} == {""}
 
 
-def test_an_emergency_stop_of_the_surface_is_one_of_the_outputs() -> None:
+def test_surface_emergency_stop_reaches_outputs() -> None:
     for is_stop in (True, False):
-        autopilot, _ = blind_from(10.0, Controls(is_armed=True, is_stop=is_stop))
+        autopilot, _ = run_with_depth_until(10.0, Controls(is_armed=True, is_stop=is_stop))
         page = autopilot.parent.get_page("pwm")
         assert page is not None
         assert (page.data["is_stop"], page.data["is_armed"]) == (is_stop, not is_stop)

@@ -16,22 +16,22 @@ import pytest
 
 from snr_sim import Config, SimRunner
 from snr_sim.core.clocks import SimClock
-from snr_sim.devices.emulated.lock_step import PlantOnBoard
+from snr_sim.devices.emulated.lock_step import ProcessorInLoopPlant
 from snr_sim.devices.emulated.port import EmulatedPort
 from snr_sim.devices.loops import SensorLoop, SensorLoopFactory
 from snr_sim.devices.mcu.mcu_board import McuBoard
 from snr_sim.devices.pwm.sim_pwm import SimPwm
 from snr_sim.plants.stepping import Stepper
-from snr_sim.plants.urov.t200 import LEAST_US, MOST_US
+from snr_sim.plants.urov.t200 import MAX_PULSE_US, MIN_PULSE_US
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.page import Page
-from snr_sim.prelude.scenario import Rig, Robot
+from snr_sim.prelude.scenario import RobotContext, RobotInfo
 from snr_sim.prelude.signals import RESET, LeakReading
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.scenario import library
 from snr_sim.teleop.scripted_pilot import Cue
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 robot = library.load_robot(library.find("robots", "urov"))
 
@@ -44,7 +44,7 @@ GREETS_S = 2.0  # a link that was cut needs so long to greet again
 REARM, WITHIN_S = "rearm", 5.0
 LIMITS = {"lost_s": 0.5, "hold_s": 0.8, "low_s": 0.4}
 EMPTY = 0.03  # charge of a battery that is low
-QUIET_N, PUSH_N = 0.5, 2.0
+NEUTRAL_N, PUSH_N = 0.5, 2.0
 SETTLED_S = 0.4  # the lease of the last command, and what propellers need to stand still
 CELLS = [
     (cause, action)
@@ -82,15 +82,15 @@ class Gap:
 class TornPwm(SimPwm):
     """Simulated outputs whose line, or whose microcontroller, fails at FROM_S for GAP_S."""
 
-    def __init__(self, rig: Rig, is_reset: bool) -> None:
-        super().__init__(rig.plant, rig.now_s, 8, limits_us=(LEAST_US, MOST_US))
+    def __init__(self, context: RobotContext, is_reset: bool) -> None:
+        super().__init__(context.plant, context.now_s, 8, limits_us=(MIN_PULSE_US, MAX_PULSE_US))
         self.is_reset, self.failed = is_reset, False
 
-    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
+    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, reasons: list[str]) -> list[float]:
         if not self.failed and self.now_s() >= FROM_S:
-            self.failed, self.let_go_for = True, [RESET] if self.is_reset else []
+            self.failed, self.disarm_reasons = True, [RESET] if self.is_reset else []
             raise DeviceError("nothing answers")
-        return super().put(pulses_us, stamp_s, lease_s, why)
+        return super().put(pulses_us, stamp_s, lease_s, reasons)
 
     def on_configure(self) -> None:
         if self.failed and self.now_s() < FROM_S + GAP_S:
@@ -98,7 +98,7 @@ class TornPwm(SimPwm):
         super().on_configure()
 
     def on_activate(self) -> None:
-        self.let_go_for = []
+        self.disarm_reasons = []
         super().on_activate()
 
 
@@ -135,9 +135,9 @@ class Dive:
     """A dive at 2 m, the pilot going ahead, in which something fails at FROM_S.
 
     Attributes:
-        rules: control states, in order, from just before.
-        told: every page 'vehicle' from then on.
-        samples: (time_s, rules, thrust of all thrusters [N], widths at the pins of an emulated board [us]).
+        control_state: control states, in order, from just before.
+        vehicle_pages: every page 'vehicle' from then on.
+        samples: (time_s, control_state, thrust of all thrusters [N], widths at the pins of an emulated board [us]).
     """
 
     def __init__(self, io: str, cause: str, person: bool, actions: dict[str, Any]) -> None:
@@ -160,24 +160,24 @@ class Dive:
         if cause == "link_lost":
             parameters = replace(parameters, tether=replace(parameters.tether, cut=((FROM_S, TO_S),)))
         bare = scenario.plant(1, "mujoco")
-        rig = Rig(Robot("urov", "urov", "test", "mujoco", parameters, {}), io, 1, bare)
-        plant = robot.dressed(rig)
-        rig = replace(rig, plant=plant)
+        context = RobotContext(RobotInfo("urov", "urov", "test", "mujoco", parameters, {}), io, 1, bare)
+        plant = robot.wrap_plant(context)
+        context = replace(context, plant=plant)
         clock = SimClock()
         self.plant, self.now_s = plant, clock.now_s
-        self.told: list[dict[str, Any]] = []
+        self.vehicle_pages: list[dict[str, Any]] = []
         self.samples: list[tuple[float, str, float, list[float]]] = []
         with pytest.MonkeyPatch.context() as patch:
             self._break_devices(patch, io, cause)
-            parts = robot.roles(rig, [WatchFactory(), AutopilotFactory(parameters)])
+            parts = robot.roles(context, [WatchFactory(), AutopilotFactory(parameters)])
             self._meddle(parts["urov"], cause, bare)
-            parts["urov"].append(TickerFactory(lambda loop: self._sample(bare), "sampler", 50.0))
-            parts["urov"].append(PartFactory({(TaskType.store_page, "vehicle"): self._keep}))
+            parts["urov"].append(FunctionLoopFactory(lambda loop: self._sample(bare), "sampler", 50.0))
+            parts["urov"].append(FunctionEndpointFactory({(TaskType.store_page, "vehicle"): self._keep}))
             clock.follow(Stepper(plant).advance_to)
-            runner = SimRunner(Config(factories=parts), clock=clock, until_s=end_s + later_s, tells_notes=False)
+            runner = SimRunner(Config(factories=parts), clock=clock, until_s=end_s + later_s, log_notes=False)
             runner.run()
         self.notes = runner.nodes["urov"].notes
-        if isinstance(plant, PlantOnBoard):
+        if isinstance(plant, ProcessorInLoopPlant):
             plant.board.close()
 
     def _break_devices(self, patch: pytest.MonkeyPatch, io: str, cause: str) -> None:
@@ -185,7 +185,7 @@ class Dive:
 
         def meddled(name: str, change: Callable[[Any], Any]) -> None:
             open_device = row[name]
-            patch.setitem(row, name, lambda rig: Meddled(open_device(rig), change, self.now_s))
+            patch.setitem(row, name, lambda context: Meddled(open_device(context), change, self.now_s))
 
         if cause == "stale_sensor":
             meddled("depth", lambda reading: Stale("the plug is out"))
@@ -193,8 +193,8 @@ class Dive:
             meddled("depth", lambda reading: msgspec.structs.replace(reading, depth_m=math.nan))
         if cause == "leak":
             meddled("leak", lambda reading: LeakReading(True, reading.stamp_s))
-        if cause in (*OUTPUTS, "no_rearm") and not isinstance(plant, PlantOnBoard):
-            patch.setitem(row, "pwm", lambda rig: TornPwm(rig, cause == "controller_reset"))
+        if cause in (*OUTPUTS, "no_rearm") and not isinstance(plant, ProcessorInLoopPlant):
+            patch.setitem(row, "pwm", lambda context: TornPwm(context, cause == "controller_reset"))
         elif cause in ("line_lost", "no_rearm"):
             board = plant.board
             plant.mcu = McuBoard(
@@ -215,46 +215,46 @@ class Dive:
         if cause == "low_battery":
             supply = bare.thrusters.supply
             urov.append(once(FROM_S, "drain", lambda loop: supply.restore((EMPTY, supply.energy_j, 0.0, False))))
-        if cause == "controller_reset" and isinstance(self.plant, PlantOnBoard):
+        if cause == "controller_reset" and isinstance(self.plant, ProcessorInLoopPlant):
             urov.append(once(FROM_S, "reset", lambda loop: self.plant.board.reset()))
 
     def _keep(self, task: Task, task_id: Any) -> None:
         page = task.val_list[0]
         if page.created_at_s >= FROM_S - 0.3:
-            self.told.append({**page.data, "t": page.created_at_s})
+            self.vehicle_pages.append({**page.data, "t": page.created_at_s})
 
     def _sample(self, bare: Any) -> None:
         thrust_n = sum(map(abs, bare.thrusters.forces_n))
-        pins = [pin.width_us for pin in self.plant.board.pins()] if isinstance(self.plant, PlantOnBoard) else []
-        if self.told:
-            self.samples.append((self.now_s(), self.told[-1]["rules"], thrust_n, pins))
+        pins = [pin.width_us for pin in self.plant.board.pins()] if isinstance(self.plant, ProcessorInLoopPlant) else []
+        if self.vehicle_pages:
+            self.samples.append((self.now_s(), self.vehicle_pages[-1]["control_state"], thrust_n, pins))
 
     @property
-    def rules(self) -> list[str]:
-        return [rules for rules, _ in groupby(one["rules"] for one in self.told)]
+    def control_state(self) -> list[str]:
+        return [control_state for control_state, _ in groupby(one["control_state"] for one in self.vehicle_pages)]
 
     def check_outputs(self) -> None:
         """Nothing pushes in the states idle and neutral, and something does in the others; also at the pins."""
-        for rules, group in groupby(self.samples, lambda one: one[1]):
+        for control_state, group in groupby(self.samples, lambda one: one[1]):
             samples = list(group)
             settled = [one for one in samples if one[0] > samples[0][0] + SETTLED_S]
-            if rules in ("idle", "neutral"):
-                assert max((thrust_n for _, _, thrust_n, _ in settled), default=0.0) < QUIET_N, rules
-                assert all(abs(width - 1500.0) < 1.0 for _, _, _, pins in settled for width in pins), rules
+            if control_state in ("idle", "neutral"):
+                assert max((thrust_n for _, _, thrust_n, _ in settled), default=0.0) < NEUTRAL_N, control_state
+                assert all(abs(width - 1500.0) < 1.0 for _, _, _, pins in settled for width in pins), control_state
             elif settled:
-                assert max(thrust_n for _, _, thrust_n, _ in settled) > PUSH_N, rules
+                assert max(thrust_n for _, _, thrust_n, _ in settled) > PUSH_N, control_state
 
 
-def once(at_s: float, name: str, do: Callable[[Any], Any]) -> TickerFactory:
+def once(at_s: float, name: str, do: Callable[[Any], Any]) -> FunctionLoopFactory:
     """A component that does something once."""
     done = []
 
-    def look(loop: Any) -> None:
+    def poll(loop: Any) -> None:
         if not done and loop.get_time_s() >= at_s:
             done.append(True)
             do(loop)
 
-    return TickerFactory(look, name, 50.0)
+    return FunctionLoopFactory(poll, name, 50.0)
 
 
 def expected(cause: str, action: str) -> list[str]:
@@ -280,15 +280,15 @@ def dive_of(io: str, cause: str, action: str) -> Dive:
 
 def check_cell(io: str, cause: str, action: str) -> None:
     dive = dive_of(io, cause, action)
-    assert dive.rules == expected(cause, action)
+    assert dive.control_state == expected(cause, action)
     dive.check_outputs()
-    told = [one["failsafes"][cause] for one in dive.told if cause in one.get("failsafes", {})]
-    assert told, "the surface is told"
+    vehicle_pages = [one["failsafes"][cause] for one in dive.vehicle_pages if cause in one.get("failsafes", {})]
+    assert vehicle_pages, "page 'vehicle' reports the failsafe"
     assert any(f"Failsafe {cause}, t = " in note for note in dive.notes)
-    ends = dive.told[-1].get("failsafes", {})
+    ends = dive.vehicle_pages[-1].get("failsafes", {})
     lasts = cause in LASTING or (cause in (*OUTPUTS, "no_rearm") and action in ("hold", "surface"))
     assert (cause in ends) == lasts
-    if dive.rules[-1] == "surface":
+    if dive.control_state[-1] == "surface":
         depths_m = [sample.depth_m for sample in dive.plant.course]
         assert depths_m[-1] < depths_m[-6] - 0.02, "and it rises"
 
@@ -304,9 +304,9 @@ def test_cell_at_pins_of_emulated_board(cause: str, action: str) -> None:
     check_cell("emulated", cause, action)
 
 
-def test_rearm_goes_on_once_and_not_after_its_time() -> None:
+def test_rearm_resumes_once_and_only_within_limit() -> None:
     late = Dive("sim", "line_lost", False, {"line_lost": REARM})
-    assert late.rules[-1] == "pilot"
+    assert late.control_state[-1] == "pilot"
     from snr_sim_robot_urov.controls import Controls
     from snr_sim_robot_urov.failsafe_monitor import FailsafeLimits, FailsafeMonitor
     from snr_sim_robot_urov.failsafes import Failsafes, Rearm
@@ -314,30 +314,30 @@ def test_rearm_goes_on_once_and_not_after_its_time() -> None:
     failsafe = FailsafeMonitor(FailsafeLimits(), Failsafes(line_lost=Rearm(5.0), overloaded=Rearm(1.0)))
     now_s = 0.0
 
-    def rules_after(seconds: float, state: str, overloaded: str = "") -> str:
+    def control_state_after(seconds: float, state: str, overloaded: str = "") -> str:
         nonlocal now_s
         for _ in range(round(20 * seconds)):
             now_s += 0.05
-            failsafe.hear(Controls(round(20 * now_s), is_armed=True), now_s)
-            failsafe.see("overloaded", overloaded, now_s)
-            failsafe.see_outputs(state, now_s)
-            rules = failsafe.rules(now_s)
-        return rules
+            failsafe.on_controls(Controls(round(20 * now_s), is_armed=True), now_s)
+            failsafe.update_cause("overloaded", overloaded, now_s)
+            failsafe.update_outputs(state, now_s)
+            control_state = failsafe.control_state(now_s)
+        return control_state
 
-    assert rules_after(1.0, "active") == "pilot"
+    assert control_state_after(1.0, "active") == "pilot"
     for after in ("pilot", "idle"):
-        failsafe.lose_outputs(False, "nothing answers", False, now_s)
-        assert rules_after(1.0, "error") == "idle"
-        rules_after(1.0, "inactive")
-        assert rules_after(1.0, "active") == after
-    failsafe.hear(Controls(10**6), now_s + 0.05)
-    failsafe.hear(Controls(10**6 + 1, is_armed=True), now_s + 0.1)
+        failsafe.mark_outputs_lost(False, "nothing answers", False, now_s)
+        assert control_state_after(1.0, "error") == "idle"
+        control_state_after(1.0, "inactive")
+        assert control_state_after(1.0, "active") == after
+    failsafe.on_controls(Controls(10**6), now_s + 0.05)
+    failsafe.on_controls(Controls(10**6 + 1, is_armed=True), now_s + 0.1)
     now_s += 1.0
-    assert rules_after(0.5, "active") == "pilot", "a person has disarmed and armed"
-    failsafe.lose_outputs(False, "emergency stop", True, now_s)
-    assert rules_after(3.0, "inactive") == "idle", "who stopped it is a person, and so is who starts it again"
-    failsafe.hear(Controls(10**6 + 2), now_s + 1.0)
+    assert control_state_after(0.5, "active") == "pilot", "a person has disarmed and armed"
+    failsafe.mark_outputs_lost(False, "emergency stop", True, now_s)
+    assert control_state_after(3.0, "inactive") == "idle", "who stopped it is a person, and so is who starts it again"
+    failsafe.on_controls(Controls(10**6 + 2), now_s + 1.0)
     now_s += 2.0
-    assert rules_after(0.5, "active", "late") == "neutral"
-    assert rules_after(1.0, "active", "late") == "neutral"
-    assert rules_after(1.0, "active") == "neutral", "it took longer than a second"
+    assert control_state_after(0.5, "active", "late") == "neutral"
+    assert control_state_after(1.0, "active", "late") == "neutral"
+    assert control_state_after(1.0, "active") == "neutral", "it took longer than a second"

@@ -16,7 +16,7 @@ from snr_sim.core.config import Config
 from snr_sim.prelude.signals import DepthReading, ImuReading, LeakReading, PowerReading
 from snr_sim.prelude.task import TaskType
 from snr_sim.scenario import library
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 library.load_robot(library.find("robots", "urov"))
 
@@ -45,12 +45,12 @@ class Dive:
     """An autopilot whose sensor `key` sends junk from 2 s to 3 s.
 
     Attributes:
-        rules: control states, and when.
+        control_states: control states, and when.
         pulses: that were commanded, and when.
     """
 
     def __init__(self, key: str, junk: Any, until_s: float = 5.0, **failsafes: Any) -> None:
-        self.rules: list[tuple[float, str]] = []
+        self.control_states: list[tuple[float, str]] = []
         self.pulses: list[tuple[float, list[float]]] = []
         number = 0
 
@@ -60,37 +60,37 @@ class Dive:
             loop.store_data("controls", msgspec.structs.asdict(msgspec.structs.replace(HOLDS, number=number)))
 
         def measure(name: str) -> Any:
-            def tell(loop: Any) -> None:
+            def store_reading(loop: Any) -> None:
                 now_s = loop.get_time_s()
                 data = msgspec.to_builtins(readings(now_s)[name])
                 if name == key and JUNK_S <= now_s < OVER_S:
                     data = junk(data) if callable(junk) else junk
                 loop.store_data(name, data, process=name != "depth")
 
-            return TickerFactory(tell, f"{name}_sensor", RATES_HZ[name])
+            return FunctionLoopFactory(store_reading, f"{name}_sensor", RATES_HZ[name])
 
         def keep(task: Any, task_id: Any) -> None:
             page = task.val_list[0]
             if page.key == "pwm":
                 self.pulses.append((page.created_at_s, page.data["pulses_us"]))
             else:
-                self.rules.append((page.created_at_s, page.data["rules"]))
+                self.control_states.append((page.created_at_s, page.data["control_state"]))
 
         factories = [
             *map(measure, ("depth", "power", "leak", "imu")),
-            TickerFactory(steer, "surface", 20.0),
+            FunctionLoopFactory(steer, "surface", 20.0),
             WatchFactory(),
             AutopilotFactory(UrovParameters(vehicle(), failsafes=Failsafes(**failsafes))),
-            PartFactory({(TaskType.store_page, one): keep for one in ("pwm", "vehicle")}),
+            FunctionEndpointFactory({(TaskType.store_page, one): keep for one in ("pwm", "vehicle")}),
         ]
-        runner = SimRunner(Config(factories={"urov": factories}), until_s=until_s, tells_notes=False)
+        runner = SimRunner(Config(factories={"urov": factories}), until_s=until_s, log_notes=False)
         runner.run()
         autopilot = runner.nodes["urov"].components["autopilot"]
         assert isinstance(autopilot, Autopilot)
         self.autopilot, self.notes = autopilot, autopilot.parent.notes
 
-    def during(self, from_s: float, to_s: float) -> set[str]:
-        return {rules for at_s, rules in self.rules if from_s <= at_s <= to_s}
+    def states_between(self, from_s: float, to_s: float) -> set[str]:
+        return {control_states for at_s, control_states in self.control_states if from_s <= at_s <= to_s}
 
 
 def changed(**fields: Any) -> Any:
@@ -142,17 +142,17 @@ JUNK = [
 
 
 @pytest.mark.parametrize(("key", "junk"), JUNK)
-def test_junk_page_puts_the_vehicle_in_its_failsafe_and_the_node_lives(key: str, junk: Any) -> None:
+def test_junk_page_triggers_failsafe_and_node_continues(key: str, junk: Any) -> None:
     dive = Dive(key, junk)
-    assert dive.during(0.5, 1.9) == {"pilot"}
-    assert dive.during(JUNK_S + 0.6, OVER_S) == {"hold"}, "as the table says for nonsense from a sensor"
-    assert dive.during(OVER_S + 1.6, 5.0) == {"pilot"}, "and the pilot is obeyed when it is over"
+    assert dive.states_between(0.5, 1.9) == {"pilot"}
+    assert dive.states_between(JUNK_S + 0.6, OVER_S) == {"hold"}, "as the table says for nonsense from a sensor"
+    assert dive.states_between(OVER_S + 1.6, 5.0) == {"pilot"}, "and the pilot controls it when it is over"
     (note,) = [note for note in dive.notes if "nonsense" in note]
     assert f"{key}: " in note
     assert "hold for 10 s, then surface" in note
 
 
-def test_junk_depth_is_not_held_and_the_last_reading_counts_until_it_is_old() -> None:
+def test_junk_depth_is_ignored_and_last_reading_ages() -> None:
     dive = Dive("depth", changed(depth_m=math.nan))
     at = dict(dive.pulses)
     assert at[2.2] != [1500.0] * 8, "the last good depth is 0.25 s old, and 5 cm too high"
@@ -160,25 +160,25 @@ def test_junk_depth_is_not_held_and_the_last_reading_counts_until_it_is_old() ->
     assert at[4.8] != [1500.0] * 8
 
 
-def test_without_an_attitude_nothing_pushes_but_outputs_hear_neutral() -> None:
+def test_missing_attitude_sends_neutral_pulses() -> None:
     dive = Dive("imu", changed(roll_rad=math.nan))
     between = [(at_s, pulses) for at_s, pulses in dive.pulses if 2.27 < at_s < OVER_S]
     assert {tuple(pulses) for _, pulses in between} == {(1500.0,) * 8}
     assert max(b[0] - a[0] for a, b in pairwise(between)) < 0.15, "or the outputs would disarm"
 
 
-def test_junk_leak_page_is_no_leak_and_junk_power_page_no_low_battery() -> None:
+def test_junk_leak_and_power_pages_set_no_failure() -> None:
     for key in ("leak", "power"):
         failsafe = Dive(key, changed(is_wet="yes", voltage_v=math.nan)).autopilot.failsafe
-        assert not failsafe.is_wet
-        assert not failsafe.is_low
+        assert not failsafe.is_leaking
+        assert not failsafe.is_battery_low
 
 
-def test_nonsense_can_send_the_vehicle_up_or_only_be_told() -> None:
-    assert Dive("power", None, nonsense="surface").during(2.6, 3.0) == {"surface"}
-    told = Dive("power", None, nonsense="warn")
-    assert told.during(0.5, 5.0) == {"pilot"}
-    assert any("nonsense" in note for note in told.notes)
+def test_nonsense_action_can_be_surface_or_warn() -> None:
+    assert Dive("power", None, nonsense="surface").states_between(2.6, 3.0) == {"surface"}
+    warned = Dive("power", None, nonsense="warn")
+    assert warned.states_between(0.5, 5.0) == {"pilot"}
+    assert any("nonsense" in note for note in warned.notes)
 
 
 VALUES = st.recursive(
@@ -207,8 +207,8 @@ def pages(draw: Any) -> tuple[str, Any]:
 
 
 @given(pages())
-def test_no_junk_page_ends_the_node(page: tuple[str, Any]) -> None:
+def test_junk_pages_never_end_node(page: tuple[str, Any]) -> None:
     """The vehicle continues, each pulse is one, and then the pilot is in control unless the battery is low."""
     dive = Dive(*page, until_s=4.6)
     assert all(1100.0 <= pulse <= 1900.0 for _, pulses in dive.pulses for pulse in pulses)
-    assert dive.during(4.5, 4.6) == ({"surface"} if dive.autopilot.failsafe.is_wet else {"pilot"})
+    assert dive.states_between(4.5, 4.6) == ({"surface"} if dive.autopilot.failsafe.is_leaking else {"pilot"})

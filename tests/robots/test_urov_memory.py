@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.scenario.flight import Flight
 from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import SimulationRun
 
 HOUR_S = 3600.0
 WARM_UP_S = 300.0  # until the thrusters' curves have been looked up at nearly all pulses
-MOST_KIB = 4096  # 3244 were measured; 2.1 MB of that are the course: eight numbers, ten times a second
+MAX_KIB = 4096  # 3244 were measured; 2.1 MB of that are the course: eight numbers, ten times a second
 
 SCENARIO = f"""
 from snr_sim.plants.urov.dive import Dive
@@ -19,7 +19,7 @@ from snr_sim.plants.urov.pool import Pool
 from snr_sim.plants.urov.propulsion import Propulsion
 from snr_sim.plants.urov.tether import Tether
 from snr_sim.teleop.scripted_pilot import Cue
-from snr_sim_robot_urov.judging import WatchedUrov
+from snr_sim_robot_urov.evaluation import TrackedUrov
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
 
 ROBOT = "urov"
@@ -30,7 +30,7 @@ TIME_LIMIT_S = {HOUR_S}
 
 def plant(seed, engine):
     start = Dive(tether=Tether((0.0, 0.0, 0.0)))
-    return WatchedUrov(vehicle(), Pool(25.0, 12.5, 4.0), lambda seed: start, Propulsion(8), seed)
+    return TrackedUrov(vehicle(), Pool(25.0, 12.5, 4.0), lambda seed: start, Propulsion(8), seed)
 
 
 def parameters(seed):
@@ -55,7 +55,7 @@ def resident_kib() -> int:
 
 @pytest.mark.nightly(minutes=2)
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_memory_of_an_hour_of_diving_stays_flat(tmp_path: Path) -> None:
+def test_memory_stays_constant_over_one_hour(tmp_path: Path) -> None:
     (tmp_path / "hour.py").write_text(SCENARIO, encoding="utf-8")
     simulation = prepare(Request(str(tmp_path / "hour.py")))
     plant = simulation.plant()
@@ -66,8 +66,8 @@ def test_memory_of_an_hour_of_diving_stays_flat(tmp_path: Path) -> None:
             if now_s >= due_s and due_s not in seen_kib:
                 seen_kib[due_s] = resident_kib()
 
-    result = Flight(simulation, plant, simulation.config(plant), on_advance=look).run()
+    result = SimulationRun(simulation, plant, simulation.config(plant), on_advance=look).run()
     assert (result.error, result.sim_time_s) == ("", pytest.approx(HOUR_S))
     assert result.metrics["way_m"] > 100.0  # it did dive
     first_kib, last_kib = seen_kib.values()
-    assert last_kib - first_kib < MOST_KIB, f"{first_kib} KiB, and {last_kib} KiB after an hour"
+    assert last_kib - first_kib < MAX_KIB, f"{first_kib} KiB, and {last_kib} KiB after an hour"

@@ -14,7 +14,7 @@ from snr_sim.prelude.page import Page
 from snr_sim.prelude.signals import DepthReading, ImuReading, LeakReading, PowerReading
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.scenario import library
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 library.load_robot(library.find("robots", "urov"))
 
@@ -33,7 +33,7 @@ def healthy(now_s: float) -> dict[str, Any]:
         "leak": LeakReading(False, now_s),
         "imu": ImuReading([0.0] * 3, [0.0, 0.0, 9.81], [0.0, 20.0, -40.0], 0.0, 0.0, 0.0, now_s),
     }
-    outputs = {"state": "inactive", "fault": "", "why": []}
+    outputs = {"state": "inactive", "fault": "", "reason": []}
     return {name: msgspec.to_builtins(one) for name, one in readings.items()} | {"pwm_applied": outputs}
 
 
@@ -41,7 +41,7 @@ def dived(
     change: Callable[[dict[str, Any], float], Any], until_s: float = 6.0, arms: Callable[[float], bool] | None = None
 ) -> list[dict[str, Any]]:
     """Pages 'vehicle' of a dive in which something is wrong until WELL_S; armed at ARM_S, and again at AGAIN_S."""
-    told: list[dict[str, Any]] = []
+    states: list[dict[str, Any]] = []
     is_armed = arms or (lambda now_s: now_s >= ARM_S and not AGAIN_S - 0.2 <= now_s < AGAIN_S)
 
     def bring(loop: Any) -> None:
@@ -56,16 +56,16 @@ def dived(
 
     def keep(task: Any, task_id: Any) -> None:
         page = task.val_list[0]
-        told.append({**page.data, "t": page.created_at_s})
+        states.append({**page.data, "t": page.created_at_s})
 
     parts = [
-        TickerFactory(bring, "bringer", 20.0),
+        FunctionLoopFactory(bring, "bringer", 20.0),
         WatchFactory(),
         AutopilotFactory(UrovParameters(vehicle())),
-        PartFactory({(TaskType.store_page, "vehicle"): keep}),
+        FunctionEndpointFactory({(TaskType.store_page, "vehicle"): keep}),
     ]
-    SimRunner(Config(factories={"urov": parts}), until_s=until_s, tells_notes=False).run()
-    return told
+    SimRunner(Config(factories={"urov": parts}), until_s=until_s, log_notes=False).run()
+    return states
 
 
 def put(key: str, **fields: Any) -> Callable[[dict[str, Any], float], Any]:
@@ -77,7 +77,7 @@ def leave_out(key: str) -> Callable[[dict[str, Any], float], Any]:
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("change", "message"),
     [
         (leave_out("depth"), "depth: no reading yet"),
         (leave_out("imu"), "imu: no reading yet"),
@@ -97,46 +97,46 @@ def leave_out(key: str) -> Callable[[dict[str, Any], float], Any]:
         ),
     ],
 )
-def test_first_arming_is_refused_with_the_reason(change: Callable[[dict[str, Any], float], Any], says: str) -> None:
-    told = dived(change)
-    refused = [one for one in told if ARM_S + 0.1 < one["t"] < WELL_S - 0.2]
-    assert refused, "told also if there are no readings"
-    assert {one["rules"] for one in refused} == {"idle"}
-    assert {one["is_armed"] for one in refused} == {False}
-    (why,) = {one["refused"] for one in refused}
-    assert why.startswith("Not armed: ")
-    assert says in why
-    later = [one for one in told if WELL_S + 0.5 < one["t"] < AGAIN_S - 0.3]
-    assert {one["rules"] for one in later} == {"idle"}, "all is well by now, but nobody expects it to start"
-    if "disk" not in says:  # its page stays as it is
-        assert told[-1]["rules"] == "pilot", "a person has disarmed and armed"
-        assert told[-1]["refused"] == ""
+def test_first_arming_is_refused_with_reason(change: Callable[[dict[str, Any], float], Any], message: str) -> None:
+    states = dived(change)
+    rejected = [one for one in states if ARM_S + 0.1 < one["t"] < WELL_S - 0.2]
+    assert rejected, "reported also if there are no readings"
+    assert {one["control_state"] for one in rejected} == {"idle"}
+    assert {one["is_armed"] for one in rejected} == {False}
+    (reason,) = {one["rejected_command"] for one in rejected}
+    assert reason.startswith("Not armed: ")
+    assert message in reason
+    later = [one for one in states if WELL_S + 0.5 < one["t"] < AGAIN_S - 0.3]
+    assert {one["control_state"] for one in later} == {"idle"}, "all is well by now, but it must not start on its own"
+    if "disk" not in message:  # its page stays as it is
+        assert states[-1]["control_state"] == "pilot", "a person has disarmed and armed"
+        assert states[-1]["rejected_command"] == ""
 
 
-def test_leak_before_the_dive_keeps_the_vehicle_from_being_armed() -> None:
-    told = dived(put("leak", is_wet=True))
-    assert "leak: water in the hull" in told[-1]["refused"]
-    assert told[-1]["rules"] == "idle"
+def test_leak_before_dive_rejects_arming() -> None:
+    states = dived(put("leak", is_wet=True))
+    assert "leak: water in the hull" in states[-1]["rejected_command"]
+    assert states[-1]["control_state"] == "idle"
 
 
-def test_program_that_has_just_started_waits_for_its_sensors_and_arms() -> None:
-    told = dived(lambda pages, now_s: pages.clear() if now_s < 1.0 else None, 2.0, arms=lambda now_s: True)
-    assert told[-1]["rules"] == "pilot"
-    assert {one["refused"] for one in told} == {""}
+def test_arming_at_start_waits_for_sensors() -> None:
+    states = dived(lambda pages, now_s: pages.clear() if now_s < 1.0 else None, 2.0, arms=lambda now_s: True)
+    assert states[-1]["control_state"] == "pilot"
+    assert {one["rejected_command"] for one in states} == {""}
 
 
-def test_vehicle_that_was_armed_once_is_armed_again_whatever_is_wrong() -> None:
+def test_rearming_skips_prearm_checks() -> None:
     def low(pages: dict[str, Any], now_s: float) -> None:
         if now_s > 2.0:
             pages["power"]["voltage_v"] = 12.0
 
-    told = dived(low, WELL_S - 0.1, arms=lambda now_s: now_s > 1.0 and not 2.5 < now_s < 3.0)
-    assert [one["rules"] for one in told if 2.6 < one["t"] < 2.9][-1] == "idle"
-    assert told[-1]["rules"] == "pilot", "in the water a person who arms has a reason"
+    states = dived(low, WELL_S - 0.1, arms=lambda now_s: now_s > 1.0 and not 2.5 < now_s < 3.0)
+    assert [one["control_state"] for one in states if 2.6 < one["t"] < 2.9][-1] == "idle"
+    assert states[-1]["control_state"] == "pilot", "in the water a person who arms has a reason"
 
 
-def test_controls_of_which_nobody_knows_the_age_are_refused_by_name() -> None:
-    told: list[dict[str, Any]] = []
+def test_controls_of_unknown_age_are_rejected_with_reason() -> None:
+    states: list[dict[str, Any]] = []
 
     def bring(loop: Any) -> None:
         for key, data in healthy(loop.get_time_s()).items():
@@ -146,13 +146,13 @@ def test_controls_of_which_nobody_knows_the_age_are_refused_by_name() -> None:
         loop.schedule(Task(TaskType.store_page, "controls", [page]))
 
     def keep(task: Any, task_id: Any) -> None:
-        told.append(task.val_list[0].data)
+        states.append(task.val_list[0].data)
 
     parts = [
-        TickerFactory(bring, "bringer", 20.0),
+        FunctionLoopFactory(bring, "bringer", 20.0),
         AutopilotFactory(UrovParameters(vehicle())),
-        PartFactory({(TaskType.store_page, "vehicle"): keep}),
+        FunctionEndpointFactory({(TaskType.store_page, "vehicle"): keep}),
     ]
-    SimRunner(Config(factories={"urov": parts}), until_s=1.0, tells_notes=False).run()
-    assert told[-1]["rules"] == "idle"
-    assert "clock: how far the surface's clock is" in told[-1]["refused"]
+    SimRunner(Config(factories={"urov": parts}), until_s=1.0, log_notes=False).run()
+    assert states[-1]["control_state"] == "idle"
+    assert "clock: how far the surface's clock is" in states[-1]["rejected_command"]

@@ -25,10 +25,10 @@ from snr_sim.recording.records import PageRecord
 from snr_sim.recording.trace import FILE_NAME
 
 HERE = "127.0.0.1"
-PATIENCE_S = 60.0
+TIMEOUT_S = 60.0
 COMMS = Path(__file__).parents[1] / "std_mods" / "comms"
 KILLS = 100
-SPOILED = 0.3  # of the connections
+CORRUPTED = 0.3  # of the connections
 MAX_DELAY_S = 0.03
 # Kinds of attackers.py, each for so long.
 FLOODS = ("storm of connections", "random bytes", "half-open connections", "wrong secrets", "replayed greetings")
@@ -38,58 +38,58 @@ FLOOD_S = 3.0
 class Proxy:
     """Proxy that forwards bytes in pieces and late; in some connections it changes, adds, repeats or drops some.
 
-    `spoiled` counts the connections with corrupted bytes.
+    `corrupted` counts the connections with corrupted bytes.
     """
 
     def __init__(self, port: int, seed: int) -> None:
-        self._to, self._chance = port, random.Random(seed)
-        self._door = socket.create_server((HERE, 0))
-        self.port: int = self._door.getsockname()[1]
-        self.spoiled = 0
+        self._to, self._rng = port, random.Random(seed)
+        self._listener = socket.create_server((HERE, 0))
+        self.port: int = self._listener.getsockname()[1]
+        self.corrupted = 0
         threading.Thread(target=self._serve, daemon=True).start()
 
     def _serve(self) -> None:
         with suppress(OSError):
             while True:
-                near, _ = self._door.accept()
-                is_spoiled = self._chance.random() < SPOILED
+                near, _ = self._listener.accept()
+                is_corrupted = self._rng.random() < CORRUPTED
                 # After the greeting, so that each corrupts an established session.
-                at = self._chance.randrange(600, 6000) if is_spoiled else None
-                chance = random.Random(self._chance.random())
-                threading.Thread(target=self._carry, args=(near, at, chance), daemon=True).start()
+                at = self._rng.randrange(600, 6000) if is_corrupted else None
+                rng = random.Random(self._rng.random())
+                threading.Thread(target=self._carry, args=(near, at, rng), daemon=True).start()
 
-    def _carry(self, near: socket.socket, at: int | None, chance: random.Random) -> None:
+    def _carry(self, near: socket.socket, at: int | None, rng: random.Random) -> None:
         passed = 0
-        with suppress(OSError), near, socket.create_connection((HERE, self._to), PATIENCE_S) as far:
+        with suppress(OSError), near, socket.create_connection((HERE, self._to), TIMEOUT_S) as far:
             while True:
-                readable, _, _ = select.select([near, far], [], [], PATIENCE_S)
+                readable, _, _ = select.select([near, far], [], [], TIMEOUT_S)
                 for sock in readable:
-                    data = sock.recv(chance.randrange(1, 2000))
+                    data = sock.recv(rng.randrange(1, 2000))
                     if not data:
                         return
-                    time.sleep(chance.uniform(0.0, MAX_DELAY_S))
+                    time.sleep(rng.uniform(0.0, MAX_DELAY_S))
                     if sock is near:
                         passed += len(data)
                         if at is not None and passed >= at:
-                            data, at = self._spoil(data, chance), None
-                            self.spoiled += 1
+                            data, at = self._corrupt(data, rng), None
+                            self.corrupted += 1
                     (far if sock is near else near).sendall(data)
 
-    def _spoil(self, data: bytes, chance: random.Random) -> bytes:
-        place = chance.randrange(len(data))
-        bit = bytes([data[place] ^ 1 << chance.randrange(8)])
-        return chance.choice(
+    def _corrupt(self, data: bytes, rng: random.Random) -> bytes:
+        place = rng.randrange(len(data))
+        bit = bytes([data[place] ^ 1 << rng.randrange(8)])
+        return rng.choice(
             [
                 data[:place] + bit + data[place + 1 :],
-                data[:place] + chance.randbytes(chance.randrange(1, 500)) + data[place:],
+                data[:place] + rng.randbytes(rng.randrange(1, 500)) + data[place:],
                 data + data,
                 data[:place] + data[place + 1 :],
             ]
         )
 
     def close(self) -> None:
-        self._door.shutdown(socket.SHUT_RDWR)
-        self._door.close()
+        self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
 
 
 def start(*words: object, **more: Any) -> subprocess.Popen[str]:
@@ -116,7 +116,7 @@ def flood(port: int, is_over: threading.Event) -> None:
 
 
 @pytest.mark.nightly(minutes=1)
-def test_vehicle_outlives_a_storm_and_every_page_is_accounted_for(tmp_path: Path, port: int) -> None:
+def test_vehicle_survives_storm_and_counts_every_page(tmp_path: Path, port: int) -> None:
     secret = tmp_path / "secret"
     secret.write_text("a secret of 16 bytes or more")
     options = [f"--option=port={port}", f"--option=secret={secret}"]
@@ -135,11 +135,11 @@ def test_vehicle_outlives_a_storm_and_every_page_is_accounted_for(tmp_path: Path
         flooding.start()
         pilots = start(Path(__file__).with_name("storm_pilots.py"), proxy.port, KILLS, 7)
         stack.callback(pilots.kill)
-        said = json.loads(pilots.communicate(timeout=240.0)[0])
+        result = json.loads(pilots.communicate(timeout=240.0)[0])
         is_over.set()
         assert vehicle.poll() is None, vehicle.communicate()
         vehicle.send_signal(signal.SIGINT)
-        out, complaints = vehicle.communicate(timeout=PATIENCE_S)
+        out, complaints = vehicle.communicate(timeout=TIMEOUT_S)
     assert (json.loads(out)["outcome"], vehicle.returncode) == ("interrupted", 1), complaints
     assert "Traceback" not in complaints
 
@@ -150,16 +150,16 @@ def test_vehicle_outlives_a_storm_and_every_page_is_accounted_for(tmp_path: Path
         if page["key"] == "controls":
             came[page["origin"].removesuffix("_node")].append(page["data"]["number"])
     states = [page["data"] for page in pages if page["key"] == "link_tether"]
-    print(f"{len(came)} pilots, {sum(map(len, came.values()))} pages, {proxy.spoiled} spoiled: {states[-1]}")
+    print(f"{len(came)} pilots, {sum(map(len, came.values()))} pages, {proxy.corrupted} corrupted: {states[-1]}")
     assert states[-1]["received"] == sum(map(len, came.values()))
     assert states[-1]["failures"] == 0
     assert len(came) > KILLS // 2
     for name, numbers in came.items():
         assert all(earlier < later for earlier, later in pairwise(numbers)), name  # each once and in order
-        assert numbers[-1] <= said["stored"][name]
+        assert numbers[-1] <= result["stored"][name]
     torn = [name for name, numbers in came.items() if len(numbers) <= numbers[-1] - numbers[0]]
-    assert len(torn) <= proxy.spoiled  # what went with a connection that was closed; of all others none is missing
-    assert proxy.spoiled > KILLS // 20
-    last = said["last"]
-    assert last["sent"] + last["dropped"] + last["unsent"] == said["stored"]["last"]
+    assert len(torn) <= proxy.corrupted  # what went with a connection that was closed; of all others none is missing
+    assert proxy.corrupted > KILLS // 20
+    last = result["last"]
+    assert last["sent"] + last["dropped"] + last["unsent"] == result["stored"]["last"]
     assert last["dropped"] + last["sent"] >= len(came["last"]) > 0

@@ -9,18 +9,18 @@ pytest.importorskip("pygame", reason="the extra 'pad' is not installed")
 
 from snr_sim import SimRunner, TaskType
 from snr_sim.core.clocks import SimClock
-from snr_sim.devices.pwm.mirror import MirrorPwm
-from snr_sim.devices.pygame_pad import PygamePad
+from snr_sim.devices.pwm.loopback import LoopbackPwm
+from snr_sim.devices.pygame_gamepad import PygameGamepad
 from snr_sim.plants.stepping import Stepper
 from snr_sim.prelude.device import Stale
-from snr_sim.prelude.errors import UnknownName
-from snr_sim.prelude.scenario import Rig
-from snr_sim.prelude.signals import PadReading
+from snr_sim.prelude.errors import UnknownNameError
+from snr_sim.prelude.scenario import RobotContext
+from snr_sim.prelude.signals import GamepadReading
 from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.teleop.manual_input import DeadmanSwitch
 from snr_sim.testing.contracts import check_sensor
-from snr_sim.testing.parts import PartFactory, TickerFactory
-from snr_sim.testing.virtual_pad import VirtualPad
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
+from snr_sim.testing.virtual_gamepad import VirtualGamepad
 
 ARM, AHEAD, TRIGGER = 7, 4, 5  # a button and two axes, as of an Xbox controller under Linux
 ARMED_S, PUSHED_S, UNPLUGGED_S, END_S = 1.5, 1.6, 2.5, 3.2
@@ -28,20 +28,20 @@ CONTROL_S = 0.04  # a reading of the inertial unit, and a tick of the outputs
 
 
 @pytest.fixture
-def virtual() -> Iterator[VirtualPad]:
-    pad = VirtualPad()
+def virtual() -> Iterator[VirtualGamepad]:
+    pad = VirtualGamepad()
     yield pad
     pad.unplug()
 
 
-class SeenPwm(MirrorPwm):
+class SeenPwm(LoopbackPwm):
     """Outputs that keep what they make, and when."""
 
-    def __init__(self, rig: Rig, made: list[tuple[float, list[float]]]) -> None:
-        super().__init__(rig.now_s, 8)
+    def __init__(self, context: RobotContext, made: list[tuple[float, list[float]]]) -> None:
+        super().__init__(context.now_s, 8)
         self.made = made
 
-    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
+    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, reasons: list[str]) -> list[float]:
         self.made.append((self.now_s(), pulses_us))
         return pulses_us
 
@@ -57,8 +57,8 @@ class Dive:
     def __init__(self, steps: list[tuple[float, Any]], **options: str) -> None:
         self.controls: list[tuple[float, dict[str, Any]]] = []
         self.pulses: list[tuple[float, list[float]]] = []
-        simulation = prepare(Request("urov_teleop", io="mirror", options={"pilot": "hands", **options}))
-        simulation.robot_file.DEVICES["mirror"]["pwm"] = lambda rig: SeenPwm(rig, self.pulses)
+        simulation = prepare(Request("urov_teleop", io="loopback", options={"pilot": "manual", **options}))
+        simulation.robot_file.DEVICES["loopback"]["pwm"] = lambda context: SeenPwm(context, self.pulses)
         plant = simulation.plant()
         config = simulation.config(plant)
         parameters = simulation.scenario.parameters(0)
@@ -71,12 +71,12 @@ class Dive:
 
         parts: list[Any] = []
 
-        def hear(task: Any, task_id: Any) -> None:
+        def on_controls(task: Any, task_id: Any) -> None:
             self.controls.append((parts[0].get_time_s(), parts[0].get_data("controls")))
 
-        listener = PartFactory({(TaskType.store_page, "controls"): hear}, begin=parts.append)
+        listener = FunctionEndpointFactory({(TaskType.store_page, "controls"): on_controls}, begin=parts.append)
         # Before the pad's loop, so that what is done at a moment is seen in that moment's reading.
-        config.factories["topside"].insert(0, TickerFactory(play, "player"))
+        config.factories["topside"].insert(0, FunctionLoopFactory(play, "player"))
         config.factories["urov"].append(listener)
         clock = SimClock()
         clock.follow(Stepper(plant).advance_to)
@@ -90,8 +90,8 @@ def is_still(pulses_us: list[float]) -> bool:
     return all(pulse == 1500.0 for pulse in pulses_us)
 
 
-def test_a_pad_unplugged_at_full_thrust_leaves_neutral_pulses_within_its_tick_and_the_way_of_one_command(
-    virtual: VirtualPad,
+def test_gamepad_unplugged_at_full_thrust_gives_neutral_in_one_command(
+    virtual: VirtualGamepad,
 ) -> None:
     dive = Dive(
         [
@@ -103,15 +103,15 @@ def test_a_pad_unplugged_at_full_thrust_leaves_neutral_pulses_within_its_tick_an
     before = dive.pulses_at(UNPLUGGED_S)
     assert max(before) > 1700.0
     assert min(before) < 1300.0
-    let_go_s = next(at_s for at_s, one in dive.controls if at_s > UNPLUGGED_S and one["surge"] == 0.0)
-    assert let_go_s <= UNPLUGGED_S + dive.latest_s
-    assert let_go_s >= UNPLUGGED_S + 0.001, "and not before it was pulled"
+    neutral_command_s = next(at_s for at_s, one in dive.controls if at_s > UNPLUGGED_S and one["surge"] == 0.0)
+    assert neutral_command_s <= UNPLUGGED_S + dive.latest_s
+    assert neutral_command_s >= UNPLUGGED_S + 0.001, "and not before it was pulled"
     neutral_s = next(at_s for at_s, pulses in dive.pulses if at_s > UNPLUGGED_S and is_still(pulses))
     assert neutral_s <= UNPLUGGED_S + dive.latest_s + CONTROL_S
     assert all(is_still(pulses) for at_s, pulses in dive.pulses if at_s > neutral_s), "and so it stays"
 
 
-def test_with_a_deadmans_trigger_sticks_count_only_while_it_is_held(virtual: VirtualPad) -> None:
+def test_deadman_trigger_released_ignores_sticks(virtual: VirtualGamepad) -> None:
     dive = Dive(
         [
             (ARMED_S, lambda: virtual.press(ARM)),
@@ -121,22 +121,22 @@ def test_with_a_deadmans_trigger_sticks_count_only_while_it_is_held(virtual: Vir
         ],
         deadman="yes",
     )
-    assert is_still(dive.pulses_at(2.0)), "armed, full ahead, and nobody holds the trigger"
+    assert is_still(dive.pulses_at(2.0)), "armed, full ahead, and the trigger is released"
     assert max(dive.pulses_at(UNPLUGGED_S)) > 1700.0
     assert is_still(dive.pulses_at(UNPLUGGED_S + dive.latest_s + CONTROL_S))
     assert dive.controls[-1][1]["is_armed"], "and it is still armed: the trigger is for sticks"
 
 
-def test_a_deadmans_trigger_is_asked_for_with_yes_or_no(virtual: VirtualPad) -> None:
-    with pytest.raises(UnknownName, match="deadman=maybe"):
+def test_deadman_option_accepts_only_yes_or_no(virtual: VirtualGamepad) -> None:
+    with pytest.raises(UnknownNameError, match="deadman must be yes or no, not maybe"):
         Dive([], deadman="maybe")
 
 
-def test_a_pad_with_a_deadmans_trigger_keeps_the_promise_of_sensors_and_its_buttons_count(virtual: VirtualPad) -> None:
-    check_sensor(lambda: DeadmanSwitch(PygamePad()))
+def test_gamepad_with_deadman_meets_sensor_contract_and_keeps_buttons(virtual: VirtualGamepad) -> None:
+    check_sensor(lambda: DeadmanSwitch(PygameGamepad()))
     virtual.press(ARM)
-    reading = DeadmanSwitch(PygamePad()).read()
-    assert isinstance(reading, PadReading)
+    reading = DeadmanSwitch(PygameGamepad()).read()
+    assert isinstance(reading, GamepadReading)
     assert reading.buttons[ARM]
     virtual.unplug()
-    assert isinstance(DeadmanSwitch(PygamePad()).read(), Stale)
+    assert isinstance(DeadmanSwitch(PygameGamepad()).read(), Stale)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.prelude.errors import ConfigError, UnknownName
+from snr_sim.prelude.errors import ConfigError, UnknownNameError
 from snr_sim.scenario import library
 
 ROBOT = """
@@ -17,7 +17,7 @@ ROLES = ("moth",)
 IO = ("sim",)
 MIXED = mix()
 
-def roles(rig, controller):
+def roles(context, controller):
     return {"moth": list(controller)}
 """
 SCENARIO = """
@@ -61,7 +61,7 @@ def put_moth(folder: Path, mixed: str = "'ours'") -> Path:
 # Finding
 
 
-def test_a_name_is_looked_for_here_then_on_the_path_then_in_the_kit(
+def test_find_searches_folder_then_path_then_package(
     here: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert library.find("robots", "lander").place == "the kit"
@@ -77,7 +77,7 @@ def test_a_name_is_looked_for_here_then_on_the_path_then_in_the_kit(
     assert (found.place, found.path) == ("the current folder", here / "robots" / "lander")
     given = library.find("robots", str(tmp_path / "second" / "robots" / "lander"))
     assert given.place == "the path given"
-    assert [one.place for one in library.known("robots") if one.name == "lander"] == ["the current folder"]
+    assert [one.place for one in library.list_available("robots") if one.name == "lander"] == ["the current folder"]
 
 
 def test_a_scenario_is_found_by_name_or_by_file(here: Path) -> None:
@@ -87,14 +87,14 @@ def test_a_scenario_is_found_by_name_or_by_file(here: Path) -> None:
     assert (by_name.path, by_name.name) == (by_file.path, by_file.name)
 
 
-def test_a_folder_that_happens_to_have_the_name_is_not_taken_for_a_robot(here: Path) -> None:
+def test_folder_without_robot_file_is_not_found(here: Path) -> None:
     (here / "lander").mkdir()
     assert library.find("robots", "lander").place == "the kit"
 
 
 @pytest.mark.parametrize("name", ["lnder", "", "../lander", "/nowhere/lander", "x" * 300])
-def test_what_is_nowhere_is_told_with_where_it_was_looked_for(here: Path, name: str) -> None:
-    with pytest.raises(UnknownName, match=r"There is no robot .*Looked in: robots, ") as caught:
+def test_unknown_name_raises_with_searched_folders(here: Path, name: str) -> None:
+    with pytest.raises(UnknownNameError, match=r"There is no robot .*Looked in: robots, ") as caught:
         library.find("robots", name)
     assert "lander" in caught.value.fix
 
@@ -126,7 +126,7 @@ def test_an_edit_within_the_same_second_is_seen_in_every_file(here: Path) -> Non
     assert not list(here.rglob("__pycache__"))
 
 
-def test_a_controller_file_imports_its_neighbours_but_never_instead_of_pythons_own(here: Path) -> None:
+def test_controller_imports_siblings_but_not_over_standard_library(here: Path) -> None:
     put_moth(here)
     (here / "gains.py").write_text("KP = 2.0\n")
     (here / "queue.py").write_text("1 / 0\n")
@@ -136,7 +136,7 @@ def test_a_controller_file_imports_its_neighbours_but_never_instead_of_pythons_o
     assert made[1].__module__ == "queue"
 
 
-def test_the_hash_of_every_file_in_use_is_known_and_changes_with_it(here: Path) -> None:
+def test_hash_of_used_file_changes_with_file(here: Path) -> None:
     folder = put_moth(here)
     (here / "mine.py").write_text("import gains\ndef factories(robot): return []\n")
     (here / "gains.py").write_text("KP = 2.0\n")
@@ -153,18 +153,18 @@ def test_the_hash_of_every_file_in_use_is_known_and_changes_with_it(here: Path) 
     assert {name for name in before if before[name] != after[name]} == {"robot/mixer.py", "controller/gains.py"}
 
 
-def hashes(used: list[library.InUse]) -> dict[str, str]:
+def hashes(used: list[library.UsedSources]) -> dict[str, str]:
     return {name: library.sha256_of(path) for name, path in library.files_in_use(used).items()}
 
 
-def in_use_by(controller: str) -> list[library.InUse]:
+def in_use_by(controller: str) -> list[library.UsedSources]:
     robot, scenario = library.find("robots", "moth"), library.find("scenarios", "moth_hover")
     library.load_robot(robot)
     library.load_scenario(scenario)
-    return library.in_use(scenario, robot, library.load_controller(robot, controller))
+    return library.used_sources(scenario, robot, library.load_controller(robot, controller))
 
 
-def test_what_else_this_process_has_loaded_or_loads_is_not_in_use(here: Path) -> None:
+def test_other_loaded_modules_are_not_in_use(here: Path) -> None:
     folder = put_moth(here)
     (here / "mine.py").write_text("def factories(robot):\n    from gains import KP\n    return [KP]\n")
     (here / "gains.py").write_text("KP = 2.0\n")
@@ -181,7 +181,7 @@ def test_what_else_this_process_has_loaded_or_loads_is_not_in_use(here: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("file", "old", "new", "said"),
+    ("file", "old", "new", "expected"),
     [
         ("robots/moth/robot.py", "ROLES =", "ROLE =", "robot.py has no `ROLES`, which a robot needs"),
         ("robots/moth/robot.py", '("moth",)', '("moth")', "ROLES is 'moth', not a tuple of names"),
@@ -198,14 +198,14 @@ def test_what_else_this_process_has_loaded_or_loads_is_not_in_use(here: Path) ->
         ("scenarios/moth_hover.py", "= 1.0", "= -1.0", "TIME_LIMIT_S is -1.0, not a number of seconds"),
     ],
 )
-def test_a_file_that_lacks_what_it_promises_is_named(here: Path, file: str, old: str, new: str, said: str) -> None:
+def test_file_without_required_names_is_reported(here: Path, file: str, old: str, new: str, expected: str) -> None:
     put_moth(here)
     text = (here / file).read_text()
     assert old in text
     (here / file).write_text(text.replace(old, new))
     with pytest.raises(ConfigError) as caught:
         load_all()
-    assert said in str(caught.value)
+    assert expected in str(caught.value)
     assert "snr_sim/library" not in str(caught.value)
 
 
@@ -222,9 +222,9 @@ def test_the_robot_of_a_scenario_may_be_annotated(here: Path) -> None:
     assert library.robot_of_scenario(library.find("scenarios", "moth_hover")) == "moth"
 
 
-def test_a_program_runs_nothing_of_its_main_part(here: Path) -> None:
+def test_program_is_loaded_without_its_main_part(here: Path) -> None:
     (here / "robot.py").write_text("x = 1\nif __name__ == '__main__':\n    1 / 0\n")
     assert library.load_program("robot.py").x == 1
     for wrong in ("", "no.py", "."):
-        with pytest.raises(UnknownName, match="There is no file"):
+        with pytest.raises(UnknownNameError, match="There is no file"):
             library.load_program(wrong)

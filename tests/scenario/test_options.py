@@ -5,7 +5,7 @@ from types import ModuleType
 
 import pytest
 
-from snr_sim.prelude.errors import ConfigError, UnknownName
+from snr_sim.prelude.errors import ConfigError, UnknownNameError
 from snr_sim.scenario.options import check_options, written_options
 
 
@@ -15,22 +15,22 @@ def file(name: str, **names: object) -> ModuleType:
     return module
 
 
-def test_what_robot_and_controller_declare_is_taken() -> None:
+def test_options_of_robot_and_controller_are_accepted() -> None:
     check_options(["port", "gain"], file("robot", OPTIONS={"port": "..."}), file("mine", OPTIONS={"gain": "..."}))
 
 
-def test_of_a_robot_that_declares_nothing_any_key_goes() -> None:
+def test_robot_without_options_accepts_any_key() -> None:
     check_options(["anything"], file("robot"), file("mine", OPTIONS={"gain": "..."}))
 
 
-def test_a_key_of_a_controller_that_declares_nothing_is_refused_and_the_line_to_add_is_told() -> None:
-    with pytest.raises(UnknownName, match="--option gain=") as caught:
+def test_undeclared_controller_key_is_rejected_with_line_to_add() -> None:
+    with pytest.raises(UnknownNameError, match="--option gain=") as caught:
         check_options(["gain"], file("robot", OPTIONS={"port": "..."}), file("mine"))
     assert 'if mine.py reads it, add there: OPTIONS = {"gain": "what it is for"}.' in str(caught.value)
 
 
 @pytest.mark.parametrize("options", [["port"], {"port": 9120}, {1: "one"}])
-def test_options_that_are_no_dict_of_texts_are_refused_with_the_file(options: object) -> None:
+def test_invalid_options_dict_is_rejected_with_file(options: object) -> None:
     with pytest.raises(ConfigError, match=r"robot\.py: OPTIONS is "):
         check_options([], file("robot", OPTIONS=options), file("mine"))
 

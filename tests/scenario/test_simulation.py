@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 
 from snr_sim.cli.recorded_run import record_run
-from snr_sim.prelude.errors import ConfigError, DeviceError, MissingExtra, TraceError, UnknownName
+from snr_sim.prelude.errors import ConfigError, DeviceError, MissingExtraError, TraceError, UnknownNameError
 from snr_sim.recording.folder import RESULT_NAME, as_json, new_run_folder, read_result, write_result
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
-from snr_sim.scenario.flight import Flight, Result
 from snr_sim.scenario.library import find
 from snr_sim.scenario.simulation import Request, Simulation, prepare, request_of
+from snr_sim.scenario.simulation_run import RunResult, SimulationRun
 
 Scenario = Callable[..., Path]
 
@@ -40,14 +40,14 @@ def scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Scenario:
     return write
 
 
-def run(name: str = "own", **request: Any) -> tuple[Result, Any]:
+def run(name: str = "own", **request: Any) -> tuple[RunResult, Any]:
     simulation = prepare(Request(name, **request))
     plant = simulation.plant()
-    return Flight(simulation, plant, simulation.config(plant)).run(), plant
+    return SimulationRun(simulation, plant, simulation.config(plant)).run(), plant
 
 
 def record(name: str = "own", **request: Any) -> dict[str, Any]:
-    fields, status = record_run(Request(name, **request), Path("runs"), None, is_viewed=False, live="", is_quiet=True)
+    fields, status = record_run(Request(name, **request), Path("runs"), None, is_viewed=False, live="", is_json=True)
     assert status == (0 if fields["success"] else 1)
     return fields
 
@@ -57,7 +57,7 @@ METRICS = "    return vertical_metrics(plant, start(seed), parameters(seed).engi
 PLANT = "    return Lander1D(start, parameters(seed).engine, seed, gear=APOLLO.gear)"
 
 
-def test_a_scenario_of_the_students_own_runs_like_ours(scenario: Scenario) -> None:
+def test_students_scenario_runs_like_shipped_one(scenario: Scenario) -> None:
     scenario()
     own, _ = run()
     ours, _ = run("lander_vertical")
@@ -70,7 +70,7 @@ def test_a_scenario_of_the_students_own_runs_like_ours(scenario: Scenario) -> No
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "expected"),
     [
         (PLANT, "    return None", "plant(seed, engine) returned None, which is not a plant"),
         (PLANT, "    return 1 / 0", "own.py, line "),
@@ -85,16 +85,16 @@ def test_a_scenario_of_the_students_own_runs_like_ours(scenario: Scenario) -> No
         ),
     ],
 )
-def test_a_scenario_that_cannot_begin_is_explained(scenario: Scenario, old: str, new: str, said: str) -> None:
+def test_scenario_that_cannot_start_raises_with_reason(scenario: Scenario, old: str, new: str, expected: str) -> None:
     scenario((old, new))
     with pytest.raises(ConfigError) as caught:
         record()
-    assert said in str(caught.value)
+    assert expected in str(caught.value)
     assert not Path("runs").exists()
 
 
 @pytest.mark.parametrize(
-    ("returned", "said"),
+    ("returned", "expected"),
     [
         ("None", "which has no components for the role 'lander'"),
         ("[]", "which has no components for the role 'lander'"),
@@ -103,7 +103,7 @@ def test_a_scenario_that_cannot_begin_is_explained(scenario: Scenario, old: str,
         ("1 / 0", "robot.py, line "),
     ],
 )
-def test_a_robot_whose_roles_are_none_is_explained(scenario: Scenario, returned: str, said: str) -> None:
+def test_robot_with_invalid_roles_raises_with_reason(scenario: Scenario, returned: str, expected: str) -> None:
     import shutil
 
     shutil.copytree(find("robots", "lander").path, "robots/lander")
@@ -114,40 +114,38 @@ def test_a_robot_whose_roles_are_none_is_explained(scenario: Scenario, returned:
     robot.write_text(text.replace(wired, f"    return {returned}"))
     with pytest.raises(ConfigError) as caught:
         record("lander_vertical")
-    assert said in str(caught.value)
+    assert expected in str(caught.value)
     assert not Path("runs").exists()
 
 
 @pytest.mark.parametrize(
-    ("returned", "said"),
+    ("returned", "expected"),
     [
-        ("5", "robot.py: dressed(rig) returned 5, which is not a plant"),
+        ("5", "robot.py: wrap_plant(context) returned 5, which is not a plant"),
         ("None", "returned None, which is not a plant"),
         ("1 / 0", "ZeroDivisionError"),
     ],
 )
-def test_a_robot_that_puts_no_plant_in_the_plants_place_is_explained(
-    scenario: Scenario, returned: str, said: str
-) -> None:
+def test_wrap_plant_that_returns_non_plant_raises(scenario: Scenario, returned: str, expected: str) -> None:
     import shutil
 
     shutil.copytree(find("robots", "lander").path, "robots/lander")
     robot = Path("robots/lander/robot.py")
     text = robot.read_text()
-    kept = "        return rig.plant\n"
+    kept = "        return context.plant\n"
     assert text.count(kept) == 1
     robot.write_text(text.replace(kept, f"        return {returned}\n"))
     with pytest.raises(ConfigError) as caught:
         record("lander_vertical")
-    assert said in str(caught.value)
+    assert expected in str(caught.value)
     assert not Path("runs").exists()
 
 
 @pytest.mark.parametrize(
     "wrong", [{"engine": "pymnk"}, {"io": "p"}, {"role": "x"}, {"controller": "x"}, {"scenario": "x"}]
 )
-def test_what_is_not_known_is_refused_by_prepare(wrong: dict[str, str]) -> None:
-    with pytest.raises(UnknownName):
+def test_prepare_rejects_unknown_names(wrong: dict[str, str]) -> None:
+    with pytest.raises(UnknownNameError):
         prepare(Request(**{"scenario": "lander_vertical", **wrong}))
 
 
@@ -155,7 +153,7 @@ def test_what_is_not_known_is_refused_by_prepare(wrong: dict[str, str]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "expected"),
     [
         (VERDICT, "    return None if plant.time_s < 5.0 else 1 / 0", "ZeroDivisionError"),
         (VERDICT, '    return "landed" if plant.time_s > 5.0 else None', "returned 'landed', which is not a Verdict"),
@@ -166,13 +164,11 @@ def test_what_is_not_known_is_refused_by_prepare(wrong: dict[str, str]) -> None:
          "ZeroDivisionError"),
     ],
 )  # fmt: skip
-def test_a_scenario_that_fails_in_flight_comes_to_an_error_with_its_line(
-    scenario: Scenario, old: str, new: str, said: str
-) -> None:
+def test_scenario_that_fails_during_run_reports_its_line(scenario: Scenario, old: str, new: str, expected: str) -> None:
     scenario((old, new))
     fields = record()
     assert fields["outcome"] == "error"
-    assert said in fields["error"]
+    assert expected in fields["error"]
     assert fields["error"].startswith("scenarios/own.py")
     folder = Path(fields["run_dir"])
     assert read_trace(folder / FILE_NAME).is_ended
@@ -186,7 +182,7 @@ def test_a_time_limit_ends_a_run(scenario: Scenario) -> None:
     assert fields["sim_time_s"] == pytest.approx(3.0, abs=0.1)
 
 
-def test_numbers_that_json_does_not_have_become_null(scenario: Scenario, tmp_path: Path) -> None:
+def test_non_finite_numbers_become_null_in_json(scenario: Scenario, tmp_path: Path) -> None:
     scenario(
         (
             METRICS,
@@ -208,7 +204,7 @@ def test_the_engine_is_off_after_a_run_that_failed(scenario: Scenario, tmp_path:
     mine = tmp_path / "mine.py"
     coast = (find("robots", "lander").path / "controllers" / "coast.py").read_text()
     fails = "        if self.get_time_s() > 5.0:\n            raise ValueError\n" if where == "controller" else ""
-    mine.write_text(coast.replace("0.0", "1.0").replace("        command:", f"{fails}        command:"))
+    mine.write_text(coast.replace("0.0", "1.0").replace("        return self", f"{fails}        return self"))
     scenario(*([(VERDICT, "    return None if plant.time_s < 5.0 else 1 / 0")] if where == "scenario" else []))
     result, plant = run(controller=str(mine))
     assert result.outcome == "error"
@@ -231,19 +227,19 @@ def test_recording_changes_nothing(name: str, tmp_path: Path) -> None:
     plant = simulation.plant()
     config = simulation.config(plant)
     recorder = TraceWriter(tmp_path / FILE_NAME, simulation.header(plant, config))
-    recorded = Flight(simulation, plant, config, recorder, pace=1e6, on_advance=lambda time_s: None).run()
+    recorded = SimulationRun(simulation, plant, config, recorder, pace=1e6, on_advance=lambda time_s: None).run()
     recorder.close()
     bare.wall_time_s = recorded.wall_time_s = 0.0
     assert bare == recorded
 
 
-def test_a_header_leads_back_to_its_request(tmp_path: Path) -> None:
+def test_request_of_returns_original_request(tmp_path: Path) -> None:
     path = tmp_path / "mine.py"
     path.write_text('OPTIONS = {"a": "something"}\n\n\ndef factories(robot):\n    return []\n')
     simulation = prepare(Request("lander_pad", seed=5, controller=str(path), options={"a": "b"}))
     plant = simulation.plant()
     header = simulation.header(plant, simulation.config(plant))
-    again = prepare(request_of(simulation.opening(), header))
+    again = prepare(request_of(simulation.trace_info(), header))
     assert isinstance(again, Simulation)
     assert again.request.scenario == "lander_pad"
     assert again.request.controller == str(path)
@@ -254,19 +250,17 @@ def test_a_header_leads_back_to_its_request(tmp_path: Path) -> None:
     )
     assert again.sources() == header.sources
     other = path.rename(tmp_path / "other.py")
-    assert prepare(request_of(simulation.opening(), header, str(other))).request.controller == str(other)
+    assert prepare(request_of(simulation.trace_info(), header, str(other))).request.controller == str(other)
 
 
-def test_a_controller_file_is_found_again_from_another_folder(
-    scenario: Scenario, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_controller_file_is_found_from_other_folder(scenario: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
     coast = (find("robots", "lander").path / "controllers" / "coast.py").read_text()
     Path("mine.py").write_text(coast)
     fields = record("lander_vertical", controller="mine.py")
     trace = read_trace(Path(fields["run_dir"]) / FILE_NAME)
     assert trace.header.controller == "mine"
     monkeypatch.chdir("/")
-    assert prepare(request_of(trace.opening, trace.header)).config(None)
+    assert prepare(request_of(trace.trace_info, trace.header)).config(None)
 
 
 # Run folders
@@ -278,7 +272,7 @@ def test_run_folders_are_never_shared(tmp_path: Path) -> None:
     assert all(folder.name.startswith("own--3-") for folder in folders)
 
 
-def test_a_result_is_whole_or_absent(tmp_path: Path) -> None:
+def test_result_file_is_complete_or_absent(tmp_path: Path) -> None:
     assert read_result(tmp_path) == {}
     write_result(tmp_path, {"a": 1})
     assert read_result(tmp_path) == {"a": 1}
@@ -290,18 +284,16 @@ def test_a_result_is_whole_or_absent(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("io", "extra"), [("sim", "sim"), ("pi", "hardware")])
-def test_without_numpy_a_run_says_what_to_install_where_it_is_to_run(
-    monkeypatch: pytest.MonkeyPatch, io: str, extra: str
-) -> None:
+def test_missing_numpy_raises_with_install_command(monkeypatch: pytest.MonkeyPatch, io: str, extra: str) -> None:
     monkeypatch.setitem(sys.modules, "numpy", None)
-    with pytest.raises(MissingExtra) as refused:
+    with pytest.raises(MissingExtraError) as refused:
         prepare(Request("urov_teleop", role="urov", io=io))
     assert f"snr_sim[{extra}]" in refused.value.fix
 
 
-def test_a_port_is_looked_for_without_the_settings_that_follow_it(tmp_path: Path) -> None:
+def test_port_is_checked_without_its_settings(tmp_path: Path) -> None:
     port = tmp_path / "ttyACM0"
     port.touch()
-    prepare(Request("lander_pad", io=f"maestro:{port},crc")).check_wires()
+    prepare(Request("lander_pad", io=f"maestro:{port},crc")).check_hardware()
     with pytest.raises(DeviceError, match=rf"no serial port {port}1\."):
-        prepare(Request("lander_pad", io=f"maestro:{port}1,crc")).check_wires()
+        prepare(Request("lander_pad", io=f"maestro:{port}1,crc")).check_hardware()

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.scenario.flight import Flight
 from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import SimulationRun
 from snr_sim.scenario.source_checks import notes_before, notes_on_files
 from tests.assignments.mistakes import LABS as ALL_LABS
 from tests.assignments.mistakes import write_solution, write_starter
@@ -33,7 +33,7 @@ LABS = {
 def notes_on(path: Path, scenario: str) -> list[str]:
     simulation = prepare(Request(scenario, controller=str(path)))
     plant = simulation.plant()
-    return notes_before(simulation, Flight(simulation, plant, simulation.config(plant)).nodes)
+    return notes_before(simulation, SimulationRun(simulation, plant, simulation.config(plant)).nodes)
 
 
 def own(tmp_path: Path, text: str) -> Path:
@@ -43,19 +43,19 @@ def own(tmp_path: Path, text: str) -> Path:
 
 
 @pytest.mark.parametrize("path", CONTROLLERS, ids=lambda path: path.stem)
-def test_nothing_is_wrong_with_controllers_that_ship(path: Path, tmp_path: Path) -> None:
+def test_shipped_controllers_have_no_findings(path: Path, tmp_path: Path) -> None:
     shutil.copytree(path.parent, tmp_path / "mine")
     assert notes_on(tmp_path / "mine" / path.name, SCENARIOS[path.parts[-3]]) == []
 
 
 @pytest.mark.parametrize("lab", LABS)
-def test_nothing_is_wrong_with_references_of_labs(lab: str, tmp_path: Path) -> None:
+def test_lab_references_have_no_findings(lab: str, tmp_path: Path) -> None:
     file, scenario = LABS[lab]
     assert notes_on(write_solution(lab, tmp_path / "mine") / file, scenario) == []
 
 
 @pytest.mark.parametrize("is_solved", [True, False])
-def test_nothing_is_wrong_with_any_file_of_a_lab(is_solved: bool, tmp_path: Path) -> None:
+def test_lab_files_have_no_findings(is_solved: bool, tmp_path: Path) -> None:
     for lab in ALL_LABS:
         folder = (write_solution if is_solved else write_starter)(lab, tmp_path / lab)
         assert notes_on_files(sorted(folder.glob("*.py"))) == [], lab
@@ -75,23 +75,23 @@ def test_nothing_is_wrong_with_any_file_of_a_lab(is_solved: bool, tmp_path: Path
         ("        radar =", "        self.parent.name, self.rng, self.log, self.factory\n        radar ="),
     ],
 )  # fmt: skip
-def test_what_may_be_right_is_left_alone(tmp_path: Path, old: str, new: str) -> None:
+def test_ambiguous_code_has_no_findings(tmp_path: Path, old: str, new: str) -> None:
     assert old in GENTLE
     assert notes_on(own(tmp_path, GENTLE.replace(old, new, 1)), "lander_vertical") == []
 
 
-def test_source_that_is_nested_too_deeply_is_left_alone(tmp_path: Path) -> None:
+def test_deeply_nested_source_has_no_findings(tmp_path: Path) -> None:
     deep = "DEEP = " + " + ".join(["1"] * 700) + "\n"
     assert notes_on(own(tmp_path, deep + GENTLE.replace("altitude_m", "altitude_n")), "lander_vertical") == []
 
 
-def test_run_is_the_same_whether_its_source_was_looked_at_or_not(tmp_path: Path) -> None:
+def test_source_checks_do_not_change_the_run(tmp_path: Path) -> None:
     path = own(tmp_path, GENTLE.replace("min(max(throttle, 0.0), 1.0)", "0.25"))
     ends = []
     for is_looked_at in (False, True):
         simulation = prepare(Request("lander_vertical", controller=str(path)))
         plant = simulation.plant()
-        flight = Flight(simulation, plant, simulation.config(plant))
+        flight = SimulationRun(simulation, plant, simulation.config(plant))
         if is_looked_at:
             assert notes_before(simulation, flight.nodes) == []
         ends.append((flight.run().metrics, plant.snapshot()))

@@ -19,8 +19,8 @@ import pytest
 from snr_sim.recording.folder import records_digest
 from snr_sim.recording.trace import FILE_NAME
 from snr_sim.scenario import library
-from snr_sim.scenario.flight import fly_recorded
 from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import run_recorded
 
 DIGESTS = Path(__file__).with_name("digests.json")
 SEEDS = (0, 1, 2)
@@ -37,7 +37,7 @@ def runs() -> list[str]:
     """Return all runs, as 'scenario engine seed'."""
     return [
         f"{found.name} {engine} {seed}"
-        for found in library.known("scenarios")
+        for found in library.list_available("scenarios")
         for engine in prepare(Request(found.name)).scenario.ENGINES
         for seed in SEEDS
     ]
@@ -46,7 +46,7 @@ def runs() -> list[str]:
 def digest_of(run: str, folder: Path) -> str:
     """Simulate a run and return the digest of its records, without opening and header."""
     scenario, engine, seed = run.split()
-    result = fly_recorded(prepare(Request(scenario, int(seed), engine)), folder / FILE_NAME)
+    result = run_recorded(prepare(Request(scenario, int(seed), engine)), folder / FILE_NAME)
     assert (result.error, result.outcome == "interrupted") == ("", False)  # a signal ends a run, and not `--write`
     return records_digest(folder / FILE_NAME)
 
@@ -85,7 +85,7 @@ def written() -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("run", [run if is_fast(run) else pytest.param(run, marks=pytest.mark.slow) for run in runs()])
-def test_a_run_leaves_the_same_records_as_before(run: str, written: dict[str, Any], tmp_path: Path) -> None:
+def test_run_keeps_recorded_digest(run: str, written: dict[str, Any], tmp_path: Path) -> None:
     if differs := differing_platform(run):
         pytest.skip(f"digests.json is of {REFERENCE}; this is {differs}")
     digest = digest_of(run, tmp_path)
@@ -101,7 +101,7 @@ def test_a_run_leaves_the_same_records_as_before(run: str, written: dict[str, An
     )
 
 
-def test_digests_are_of_the_runs_that_there_are(written: dict[str, Any]) -> None:
+def test_digests_cover_all_runs(written: dict[str, Any]) -> None:
     assert list(written["digests"]) == runs()
 
 

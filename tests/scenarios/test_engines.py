@@ -6,21 +6,21 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.prelude.errors import UnknownName
+from snr_sim.prelude.errors import UnknownNameError
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import PageRecord
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME
-from snr_sim.scenario.flight import Result, fly_recorded
 from snr_sim.scenario.simulation import Request, Simulation, prepare
+from snr_sim.scenario.simulation_run import RunResult, run_recorded
 
 ENGINES = ("pymunk", "mujoco")
 
 
-def record(folder: Path, scenario: str, engine: str, seed: int) -> tuple[Simulation, Result, Trace]:
+def record(folder: Path, scenario: str, engine: str, seed: int) -> tuple[Simulation, RunResult, Trace]:
     folder.mkdir(parents=True)
     simulation = prepare(Request(scenario, seed, engine))
-    result = fly_recorded(simulation, folder / FILE_NAME)
+    result = run_recorded(simulation, folder / FILE_NAME)
     return simulation, result, read_trace(folder / FILE_NAME)
 
 
@@ -34,7 +34,7 @@ def pages(trace: Trace) -> Mapping[str, set[str]]:
 
 
 @pytest.mark.parametrize("scenario", ["lander_pad", "lander_rough"])
-def test_a_node_gets_the_same_pages_from_both_and_lands(scenario: str, tmp_path: Path) -> None:
+def test_both_engines_give_same_pages_and_land(scenario: str, tmp_path: Path) -> None:
     for seed in range(3):
         runs = [record(tmp_path / engine / str(seed), scenario, engine, seed)[1:] for engine in ENGINES]
         (plane, plane_trace), (space, space_trace) = runs
@@ -46,7 +46,7 @@ def test_a_node_gets_the_same_pages_from_both_and_lands(scenario: str, tmp_path:
 
 
 @pytest.mark.slow
-def test_depth_is_held_alike_in_space_and_in_the_plane(tmp_path: Path) -> None:
+def test_depth_hold_in_plane_equals_depth_hold_in_space(tmp_path: Path) -> None:
     runs = {engine: record(tmp_path / engine, "urov_depth_hold", engine, 1)[1:] for engine in ENGINES}
     (plane, plane_trace), (space, space_trace) = (runs[engine] for engine in ENGINES)
     assert pages(plane_trace) == pages(space_trace)
@@ -57,14 +57,14 @@ def test_depth_is_held_alike_in_space_and_in_the_plane(tmp_path: Path) -> None:
     assert plane_trace.header.engine.startswith("pymunk: pymunk 7")
 
 
-def test_a_run_under_mujoco_is_the_same_run_every_time_and_replays(tmp_path: Path) -> None:
+def test_mujoco_run_is_reproducible_and_replays(tmp_path: Path) -> None:
     simulation, _, trace = record(tmp_path / "a", "lander_pad", "mujoco", 7)
     assert trace.digest == record(tmp_path / "b", "lander_pad", "mujoco", 7)[2].digest
     assert replay_node(trace, "lander", simulation.config(None)).is_identical
 
 
-def test_an_engine_that_a_scenario_does_not_have_is_answered_with_those_it_has() -> None:
+def test_unknown_engine_raises_error_with_available_engines() -> None:
     assert prepare(Request("lander_pad")).request.engine == "pymunk"
-    with pytest.raises(UnknownName, match="does not run on engine 'bullet'") as caught:
+    with pytest.raises(UnknownNameError, match="does not run on engine 'bullet'") as caught:
         prepare(Request("lander_pad", engine="bullet"))
     assert all(engine in caught.value.fix for engine in ENGINES)

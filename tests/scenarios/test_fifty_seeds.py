@@ -1,4 +1,4 @@
-"""Each dive of the underwater vehicle meets its criterion, whatever the seed, flown by both nodes with noisy sensors.
+"""Each dive of the underwater vehicle meets its criterion, from each seed, run by both nodes with noisy sensors.
 
 A dive takes a second or two. So one seed of each scenario is tried in the fast lane, another two in the slow one, and
 all fifty in nightly.
@@ -11,28 +11,28 @@ from typing import Any
 import pytest
 
 from snr_sim.scenario import library
-from snr_sim.scenario.flight import Flight
 from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import SimulationRun
 
 SEEDS = 50
-SCENARIOS = [found.name for found in library.known("scenarios") if library.robot_of_scenario(found) == "urov"]
+SCENARIOS = [found.name for found in library.list_available("scenarios") if library.robot_of_scenario(found) == "urov"]
 
 
 def dive(scenario: str, seed: int) -> dict[str, Any]:
     """Dive once without recording."""
     simulation = prepare(Request(scenario, seed=seed))
     plant = simulation.plant()
-    result = Flight(simulation, plant, simulation.config(plant)).run()
+    result = SimulationRun(simulation, plant, simulation.config(plant)).run()
     return {"seed": seed, "success": result.success, "why": [result.error, *result.notes], **result.metrics}
 
 
-def test_there_are_the_eleven_dives() -> None:
+def test_eleven_dives_exist() -> None:
     names = "bad_link depth_hold gate heading_hold leak link_loss station_keeping sticks tank teleop thruster_failure"
     assert {f"urov_{name}" for name in names.split()} == set(SCENARIOS)
 
 
 @pytest.mark.parametrize("scenario", ["urov_sticks", "urov_tank", "urov_teleop"])
-def test_the_criterion_is_met_from_one_seed(scenario: str) -> None:
+def test_criterion_is_met_from_one_seed(scenario: str) -> None:
     """Of the other scenarios, test_urov.py tries one seed and looks at more."""
     result = dive(scenario, 1)
     assert result["success"], result["why"]
@@ -41,11 +41,11 @@ def test_the_criterion_is_met_from_one_seed(scenario: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [2, pytest.param(SEEDS, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("scenario", SCENARIOS)
-def test_the_criterion_is_met_from_every_seed(scenario: str, count: int) -> None:
+def test_criterion_is_met_from_every_seed(scenario: str, count: int) -> None:
     first = 7 * SCENARIOS.index(scenario)
     results = [dive(scenario, (first + i) % SEEDS) for i in range(count)]
     assert [(result["seed"], result["why"]) for result in results if not result["success"]] == []
     assert all(result["energy_j"] > 0.0 for result in results)
-    # A pilot without an autopilot, behind a constant delay: only the sensors differ, and nothing goes by them.
+    # A pilot without an autopilot, behind a constant delay: only the sensors differ, and nothing uses them.
     by_chance = [result["energy_j"] for result in results if result.get("fault") != "late"]
     assert len({*by_chance}) == len(by_chance) >= 0.8 * count - 1, "every seed is another dive"

@@ -1,4 +1,4 @@
-"""Each controller does what it is for, over a hundred starts, flown by the node with noisy sensors."""
+"""Each controller meets its criterion from a hundred starts, run by the node with noisy sensors."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from typing import Any
 
 import pytest
 
-from snr_sim.scenario.flight import Flight
 from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import SimulationRun
 
 SEEDS = range(100)
 
 
-def fly(scenario: str, controller: str, seed: int, engine: str = "") -> dict[str, Any]:
+def simulate(scenario: str, controller: str, seed: int, engine: str = "") -> dict[str, Any]:
     """Run one start without recording."""
     simulation = prepare(Request(scenario, seed=seed, controller=controller, engine=engine or None))
     plant = simulation.plant()
-    result = Flight(simulation, plant, simulation.config(plant)).run()
+    result = SimulationRun(simulation, plant, simulation.config(plant)).run()
     assert not result.error
     return {"outcome": result.outcome, "success": result.success, **result.metrics}
 
@@ -25,7 +25,7 @@ def fly(scenario: str, controller: str, seed: int, engine: str = "") -> dict[str
 @cache
 def outcomes(scenario: str, controller: str, engine: str = "") -> list[dict[str, Any]]:
     """Run all starts, once for all tests that look at them."""
-    return [fly(scenario, controller, seed, engine) for seed in SEEDS]
+    return [simulate(scenario, controller, seed, engine) for seed in SEEDS]
 
 
 LANDINGS = [
@@ -41,18 +41,18 @@ LANDINGS = [
 
 @pytest.mark.parametrize(("scenario", "controller"), [landing[:2] for landing in LANDINGS])
 def test_one_seed_lands(scenario: str, controller: str) -> None:
-    assert fly(scenario, controller, seed=1)["success"]
+    assert simulate(scenario, controller, seed=1)["success"]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("scenario", "controller", "least"), LANDINGS)
-def test_so_many_of_a_hundred_seeds_land(scenario: str, controller: str, least: int) -> None:
+@pytest.mark.parametrize(("scenario", "controller", "min_landed"), LANDINGS)
+def test_minimum_number_of_100_seeds_lands(scenario: str, controller: str, min_landed: int) -> None:
     landed = [result["success"] for result in outcomes(scenario, controller)]
-    assert sum(landed) >= least
+    assert sum(landed) >= min_landed
 
 
 @pytest.mark.slow
-def test_the_same_controller_lands_the_same_starts_under_mujoco() -> None:
+def test_mujoco_lands_same_starts() -> None:
     plane, space = outcomes("lander_pad", "pad"), outcomes("lander_pad", "pad", "mujoco")
     assert sum(result["success"] for result in space) >= 98
     # In flight the two differ by less than the noise of a sensor, so both land every start at the same speed.
@@ -68,22 +68,22 @@ def test_coasting_never_lands(scenario: str) -> None:
 
 
 @pytest.mark.slow
-def test_the_optimal_controller_needs_within_two_percent_of_the_optimum_to_rest_on_average() -> None:
-    flown = outcomes("lander_vertical", "optimal")
-    ratios = [result["fuel_kg"] / result["fuel_optimum_to_rest_kg"] for result in flown]
-    assert min(result["fuel_ratio"] for result in flown) > 1.0
+def test_optimal_mean_fuel_is_within_2_percent_of_optimum_to_rest() -> None:
+    runs = outcomes("lander_vertical", "optimal")
+    ratios = [result["fuel_kg"] / result["fuel_optimum_to_rest_kg"] for result in runs]
+    assert min(result["fuel_ratio"] for result in runs) > 1.0
     assert abs(ratios[0] - 1.0) < 0.02  # seed 0, the published case
     assert abs(sum(ratios) / len(ratios) - 1.0) < 0.02
 
 
 @pytest.mark.slow
-def test_hover_and_drop_wastes_fuel_that_the_optimal_controller_saves() -> None:
+def test_hover_and_drop_needs_more_fuel_than_optimal() -> None:
     ratios = [result["fuel_ratio"] for result in outcomes("lander_vertical", "hover_and_drop")]
     assert min(ratios) > 1.2
 
 
 @pytest.mark.slow
-def test_every_seed_is_another_start() -> None:
+def test_start_differs_per_seed() -> None:
     for scenario in ("lander_vertical", "lander_low_gate", "lander_pad", "lander_rough"):
         optima = {result["fuel_optimum_kg"] for result in outcomes(scenario, "coast")}
         assert len(optima) == len(SEEDS)

@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_schema_is_a_schema_and_found_as_a_resource(name: str) -> None:
+def test_schema_is_valid_and_found_as_resource(name: str) -> None:
     schema = read_schema(name)
     Draft202012Validator.check_schema(schema)
     assert schema["$schema"] == Draft202012Validator.META_SCHEMA["$id"]
@@ -27,30 +27,30 @@ def test_a_schema_is_a_schema_and_found_as_a_resource(name: str) -> None:
     assert json.loads(file.read_text(encoding="utf-8")) == schema
 
 
-def test_there_are_no_schemas_but_the_named_ones() -> None:
+def test_schema_files_equal_listed_names() -> None:
     assert sorted(path.name.removesuffix(SUFFIX) for path in FOLDER.glob("*.json")) == sorted(NAMES)
 
 
 @pytest.mark.parametrize("name", generated())
-def test_what_ships_is_what_the_classes_make(name: str) -> None:
+def test_shipped_schema_equals_generated_schema(name: str) -> None:
     shipped = (FOLDER / f"{name}{SUFFIX}").read_text(encoding="utf-8")
     assert shipped == generated()[name], "run: python -m snr_sim.schemas --write"
 
 
 @pytest.mark.slow
-def test_a_user_finds_them() -> None:
+def test_schemas_module_prints_existing_paths() -> None:
     done = subprocess.run([sys.executable, "-m", "snr_sim.schemas"], capture_output=True, text=True, check=True)
     assert [Path(line).name for line in done.stdout.splitlines()] == [f"{name}{SUFFIX}" for name in NAMES]
     assert all(Path(line).is_file() for line in done.stdout.splitlines())
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_page_on_formats_names_each(name: str) -> None:
+def test_formats_page_names_each_schema(name: str) -> None:
     assert f"`{name}{SUFFIX}`" in (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.slow
-def test_results_are_valid_whatever_became_of_the_run(validator: Validator, tmp_path: Path) -> None:
+def test_results_of_all_outcomes_are_valid(validator: Validator, tmp_path: Path) -> None:
     is_valid = validator("result")
     shown = []
     for words in (

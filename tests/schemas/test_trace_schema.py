@@ -13,7 +13,7 @@ import pytest
 
 from snr_sim import Config, SimClock, SimRunner, TaskType
 from snr_sim.links.memory import MemoryLink
-from snr_sim.prelude.errors import ComponentFailed, SnrError, ValueEncodingError
+from snr_sim.prelude.errors import ComponentFailedError, SnrError, ValueEncodingError
 from snr_sim.prelude.page import KINDS
 from snr_sim.prelude.values import decode_value
 from snr_sim.recording.reader import Trace, read_trace
@@ -21,7 +21,7 @@ from snr_sim.recording.records import Record, encode_record
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario.program import program_header
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 Validator = Callable[..., Callable[[Any], bool]]
 
@@ -55,8 +55,8 @@ def record(path: Path, roles: dict[str, list[Any]], links: Any = ()) -> Path:
     return writer.path
 
 
-def clock_loop(key: str = "time") -> TickerFactory:
-    return TickerFactory(lambda loop: loop.store_data(key, loop.get_time_s()), key)
+def clock_loop(key: str = "time") -> FunctionLoopFactory:
+    return FunctionLoopFactory(lambda loop: loop.store_data(key, loop.get_time_s()), key)
 
 
 @pytest.mark.parametrize(
@@ -70,9 +70,9 @@ def clock_loop(key: str = "time") -> TickerFactory:
     ],
 )
 def test_every_line_of_a_run_is_valid(
-    validator: Validator, fly: Callable[..., Trace], scenario: str, controller: str
+    validator: Validator, record_scenario: Callable[..., Trace], scenario: str, controller: str
 ) -> None:
-    check(validator, fly(scenario, controller).path)
+    check(validator, record_scenario(scenario, controller).path)
 
 
 def unusual() -> dict[str, list[Any]]:
@@ -80,7 +80,7 @@ def unusual() -> dict[str, list[Any]]:
         for i, value in enumerate(UNUSUAL):
             part.store_data(f"value{i}", value)
 
-    return {"r": [PartFactory(begin=begin), clock_loop()]}
+    return {"r": [FunctionEndpointFactory(begin=begin), clock_loop()]}
 
 
 def test_every_line_of_a_run_with_unusual_values_is_valid(validator: Validator, tmp_path: Path) -> None:
@@ -91,14 +91,14 @@ def raising(error: BaseException) -> dict[str, list[Any]]:
     def on_time(task: Any, task_id: Any) -> None:
         raise error
 
-    return {"r": [clock_loop(), PartFactory({(TaskType.process_data, "time"): on_time})]}
+    return {"r": [clock_loop(), FunctionEndpointFactory({(TaskType.process_data, "time"): on_time})]}
 
 
 @pytest.mark.parametrize("error", [ValueError("by the student"), KeyboardInterrupt()])
 def test_every_line_of_a_run_that_failed_or_was_interrupted_is_valid(
     validator: Validator, tmp_path: Path, error: BaseException
 ) -> None:
-    with suppress(ComponentFailed, KeyboardInterrupt):
+    with suppress(ComponentFailedError, KeyboardInterrupt):
         record(tmp_path, raising(error))
     assert b'"kind":"error"' in (tmp_path / FILE_NAME).read_bytes()
     check(validator, tmp_path / FILE_NAME)
@@ -111,7 +111,7 @@ def test_every_line_of_a_run_of_two_nodes_is_valid(validator: Validator, tmp_pat
     check(validator, path)
 
 
-def test_every_record_of_a_replay_is_one(tmp_path: Path) -> None:
+def test_every_record_of_replay_is_valid(tmp_path: Path) -> None:
     replay = replay_node(read_trace(record(tmp_path, unusual())), "r", Config(factories=unusual()))
     assert replay.is_identical
     decode = msgspec.json.Decoder(Record).decode
@@ -144,15 +144,15 @@ def damaged(value: Any, at_root: bool = True) -> Iterator[tuple[str, Any]]:
 def samples(tmp_path_factory: pytest.TempPathFactory) -> list[bytes]:
     """A short trace with at least one line of each kind."""
     path = tmp_path_factory.mktemp("samples")
-    with suppress(ComponentFailed):
+    with suppress(ComponentFailedError):
         record(path, raising(ValueError("by the student")))
     lines = lines_of(path / FILE_NAME)
     end = json.loads(lines.pop())
-    truth = {"kind": "truth", "seq": end["seq"], "t": 0.1, "poses": {"module": [0.0] * 7}, "arrows": {"up": [1.0] * 6}}
+    truth = {"kind": "truth", "seq": end["seq"], "t": 0.1, "poses": {"module": [0.0] * 7}, "vectors": {"up": [1.0] * 6}}
     truth["values"] = {"altitude_m": 1.0}
     brought = next(one for one in map(json.loads, lines) if one["kind"] == "input")
     repeat = {"kind": "repeat", "seq": end["seq"] + 1, "t": 0.1, "node": "r_node", "source": "link_r"}
-    repeat |= {"cause": brought["seq"], "nth": 0}
+    repeat |= {"cause": brought["seq"], "index": 0}
     end["seq"] += 2
     return [*lines, *(json.dumps(one).encode() for one in (truth, repeat, end))]
 
@@ -176,7 +176,7 @@ def reads(path: Path, lines: list[bytes]) -> bool:
 @pytest.mark.parametrize(
     "kind", ["trace", "header", "begin", "input", "repeat", "task", "page", "truth", "error", "end"]
 )
-def test_reader_and_schema_refuse_the_same_damages(
+def test_reader_and_schema_reject_the_same_damage(
     validator: Validator, samples: list[bytes], tmp_path: Path, kind: str
 ) -> None:
     is_valid = validator("trace")

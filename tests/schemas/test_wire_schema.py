@@ -7,21 +7,21 @@ from typing import Any
 import msgspec
 import pytest
 
-from snr_sim.console.table import Answer
+from snr_sim.console.table import CommandResult
 from snr_sim.console.wire import (
-    Command,
-    Complete,
+    CommandMessage,
+    CompleteMessage,
     Reply,
-    answer_of,
-    asked,
-    completed,
-    decode_answered,
-    decode_asked,
-    replied,
+    decode_request,
+    decode_response,
+    encode_completions,
+    encode_reply,
+    encode_request,
+    result_from_reply,
 )
-from snr_sim.links.frames import FrameReader, encode_frame
+from snr_sim.links.frames import LengthPrefixedReader, encode_frame
 from snr_sim.links.messages import decode_message
-from snr_sim.links.session import Session, Terms
+from snr_sim.links.session import Session, SessionConfig
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.page import Page
 
@@ -29,41 +29,41 @@ Validator = Callable[..., Callable[[Any], bool]]
 SECRET = b"correct horse battery staple"
 
 
-def session(is_server: bool = False, **terms: Any) -> Session:
-    return Session(Terms("server_node" if is_server else "client_node", is_server, **terms), now_s=0.0)
+def session(is_server: bool = False, **config: Any) -> Session:
+    return Session(SessionConfig("server_node" if is_server else "client_node", is_server, **config), now_s=0.0)
 
 
 def talk(one: Session, other: Session) -> list[dict[str, Any]]:
-    """Has two sessions talk until neither says more; returns all that was said."""
-    said = []
+    """Run two sessions until neither sends more; return all messages."""
+    messages = []
     while frames := [(one, other, frame) for frame in one.take_output()] + [
         (other, one, frame) for frame in other.take_output()
     ]:
         for sender, to, frame in frames:
-            said.extend(json.loads(payload) for payload in FrameReader().feed(frame))
+            messages.extend(json.loads(payload) for payload in LengthPrefixedReader().feed(frame))
             to.receive(sender.seal(frame), now_s=0.1)
-    return said
+    return messages
 
 
 def conversations() -> Iterator[tuple[str, list[str], list[dict[str, Any]]]]:
     """Yields conversations: their names, the messages they should be made of, and the messages."""
     for name, secret in (("open", None), ("with a secret", SECRET)):
         one, other = session(secret=secret), session(True, secret=secret)
-        said = talk(one, other)
+        messages = talk(one, other)
         one.tick(0.2)
         page = Page("k", {"tuple": (1, 2)}, "client_node", 0.5).serialize()
         other.receive(one.seal(encode_frame(page)), now_s=0.2)
-        said.append(json.loads(page))
+        messages.append(json.loads(page))
         other.bye("done.")
-        said += talk(one, other)
-        yield name, ["hello", "bye", "page", "ping", *(["auth"] if secret else [])], said
+        messages += talk(one, other)
+        yield name, ["hello", "bye", "page", "ping", *(["auth"] if secret else [])], messages
     wrong: dict[str, dict[str, Any]] = {
         "another secret": {"secret": b"another secret than the server's"},
         "no secret": {},
         "another purpose": {"secret": SECRET, "purpose": "console"},
     }
-    for name, terms in wrong.items():
-        yield name, ["hello", "refused"], talk(session(**terms), session(True, secret=SECRET))
+    for name, config in wrong.items():
+        yield name, ["hello", "refused"], talk(session(**config), session(True, secret=SECRET))
     hostile = {
         "HTTP": b"GET / HTTP/1.1\r\nHost: rov\r\n\r\n",
         "4 GB": b"\xff\xff\xff\xff",
@@ -80,12 +80,12 @@ def conversations() -> Iterator[tuple[str, list[str], list[dict[str, Any]]]]:
         yield name, ["hello", "refused"], talk(session(), server)
 
 
-@pytest.mark.parametrize(("name", "kinds", "said"), list(conversations()))
-def test_all_that_is_said_is_valid(
-    validator: Validator, name: str, kinds: list[str], said: list[dict[str, Any]]
+@pytest.mark.parametrize(("name", "kinds", "messages"), list(conversations()))
+def test_all_sent_messages_are_valid(
+    validator: Validator, name: str, kinds: list[str], messages: list[dict[str, Any]]
 ) -> None:
-    assert {message["$"] for message in said} >= set(kinds), said
-    assert [message for message in said if not validator("wire")(message)] == []
+    assert {message["$"] for message in messages} >= set(kinds), messages
+    assert [message for message in messages if not validator("wire")(message)] == []
 
 
 MESSAGES: list[dict[str, Any]] = [
@@ -122,14 +122,14 @@ def is_taken(message: Any, decode: Callable[[bytes], Any] = decode_message) -> b
     try:
         taken = decode(json.dumps(message).encode())
         if isinstance(taken, Reply):
-            answer_of(taken)
+            result_from_reply(taken)
     except (msgspec.DecodeError, SnrError):
         return False
     return True
 
 
 def is_taken_by_a_console(message: Any) -> bool:
-    return any(is_taken(message, decode) for decode in (decode_asked, decode_answered))
+    return any(is_taken(message, decode) for decode in (decode_request, decode_response))
 
 
 @pytest.mark.parametrize(
@@ -139,7 +139,7 @@ def is_taken_by_a_console(message: Any) -> bool:
         *((message, "console", is_taken_by_a_console) for message in [*MESSAGES[:6], *CONSOLE_MESSAGES]),
     ],
 )
-def test_code_and_schema_refuse_the_same_damages(
+def test_code_and_schema_reject_the_same_damage(
     validator: Validator, message: dict[str, Any], schema: str, is_taken: Callable[[Any], bool]
 ) -> None:
     is_valid = validator(schema)
@@ -153,16 +153,21 @@ def test_code_and_schema_refuse_the_same_damages(
     assert sum(not taken for _, taken, _ in verdicts) > 10
 
 
-def test_what_a_console_and_a_node_say_is_valid(validator: Validator) -> None:
-    answer = Answer("nan", data={"depth": float("nan")}, about="depth")
-    frames = [asked(Command(1, "dump")), asked(Complete(2, "d")), replied(1, answer), completed(2, ["dump"])]
-    said = [json.loads(payload) for frame in frames for payload in FrameReader().feed(frame)]
-    assert [message["$"] for message in said] == ["command", "complete", "reply", "words"]
-    assert all(map(validator("console"), said))
+def test_console_messages_are_valid(validator: Validator) -> None:
+    answer = CommandResult("nan", data={"depth": float("nan")}, about="depth")
+    frames = [
+        encode_request(CommandMessage(1, "dump")),
+        encode_request(CompleteMessage(2, "d")),
+        encode_reply(1, answer),
+        encode_completions(2, ["dump"]),
+    ]
+    messages = [json.loads(payload) for frame in frames for payload in LengthPrefixedReader().feed(frame)]
+    assert [message["$"] for message in messages] == ["command", "complete", "reply", "words"]
+    assert all(map(validator("console"), messages))
 
 
 @pytest.mark.parametrize("kind", ["hello", "refused"])
-def test_what_tells_ends_of_two_versions_apart_may_have_fields_more(validator: Validator, kind: str) -> None:
+def test_version_messages_accept_additional_fields(validator: Validator, kind: str) -> None:
     message = next(message for message in MESSAGES if message["$"] == kind) | {"since": "version 2"}
     assert validator("wire")(message)
     assert is_taken(message)

@@ -28,14 +28,14 @@ def value(fields):
     mark = fields.get("$")
     if mark in SIMPLE:
         return SIMPLE[mark](fields["v"])
-    if mark == "array" and "b64" in fields:  # flat; the shape stands beside it
+    if mark == "array" and "b64" in fields:  # flat; the shape is in a field of its own
         letters, count = LETTERS[fields["dtype"]], math.prod(fields["shape"])
         return {"shape": fields["shape"], "flat": struct.unpack("<" + letters * count, base64.b64decode(fields["b64"]))}
     return fields["data"] if mark == "array" else fields
 
 
 def load(line):
-    return json.loads(line, object_hook=value, parse_constant=lambda word: sys.exit(f"{word} is no JSON"))
+    return json.loads(line, object_hook=value, parse_constant=lambda word: sys.exit(f"{word} is not JSON"))
 
 
 def trace(file, key=None):
@@ -48,7 +48,7 @@ def trace(file, key=None):
     print("cut" if len(whole) < len(data) else "whole", len(records))
     brought = {}  # by seq and nth: time and task
     for seq, record in enumerate(records, 1):
-        kind, place = record["kind"], (record.get("cause"), record.get("nth", 0))
+        kind, place = record["kind"], (record.get("cause"), record.get("index", 0))
         if record["seq"] != seq or (kind in ("task", "page", "repeat") and place not in brought):
             sys.exit("a record is missing or moved")
         t, task = brought.get(place, (None, [record.get(name) for name in ("type", "name", "values")]))
@@ -56,7 +56,7 @@ def trace(file, key=None):
         if kind == "page" and record.get("process", True):
             tasks = [["process_data", task[1], task[2]]]
         tasks += [one for by in record.get("handled", []) for one in by[2]]
-        brought.update(((seq, nth), (record.get("t", t), one)) for nth, one in enumerate(tasks))
+        brought.update(((seq, index), (record.get("t", t), one)) for index, one in enumerate(tasks))
         if kind == "page" and task[1] == key:
             print(record.get("t", t), task[2][0]["created_at_s"], repr(task[2][0]["data"]))
 

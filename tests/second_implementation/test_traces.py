@@ -19,7 +19,7 @@ from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import PageRecord
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario.program import program_header
-from snr_sim.testing.parts import PartFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory
 
 CLIENT = Path(__file__).parent / "plain_client.py"
 FORMATS = Path(__file__).parents[2] / "docs" / "formats.md"
@@ -31,15 +31,15 @@ def run(*words: Any) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.slow
-def test_it_has_130_lines_at_most_and_cannot_see_the_kit() -> None:
+def test_reader_has_130_lines_at_most_and_does_not_import_snr_sim() -> None:
     assert len(CLIENT.read_text().splitlines()) <= 130
     for package in ("snr_sim", "msgspec"):
         assert subprocess.run([*BARE, "-c", f"import {package}"], capture_output=True).returncode == 1
 
 
 @pytest.mark.slow
-def test_it_reads_a_run_of_a_scenario(fly: Callable[..., Trace]) -> None:
-    trace = fly("lander_low_gate", "optimal")
+def test_reader_reads_a_run_of_a_scenario(record_scenario: Callable[..., Trace]) -> None:
+    trace = record_scenario("lander_low_gate", "optimal")
     done = run("trace", trace.path, "engine")
     assert done.returncode == 0, done.stderr
     digest, state, *history = done.stdout.splitlines()
@@ -66,7 +66,7 @@ def unusual(tmp_path: Path) -> Trace:
         for value in [*VALUES, np.arange(300, dtype=np.int16), np.array([1j, 2]), np.float32([[0.5]])]:
             part.store_data("x", value)
 
-    config = Config(factories={"r": [PartFactory(begin=begin)]})
+    config = Config(factories={"r": [FunctionEndpointFactory(begin=begin)]})
     writer = TraceWriter(tmp_path / FILE_NAME, program_header(["r"], config, __file__, SimClock()))
     SimRunner(config, clock=SimClock(), recorder=writer, until_s=0.1).run()
     writer.close()
@@ -74,7 +74,7 @@ def unusual(tmp_path: Path) -> Trace:
 
 
 @pytest.mark.slow
-def test_it_brings_back_marked_values(unusual: Trace) -> None:
+def test_reader_returns_marked_values(unusual: Trace) -> None:
     done = run("trace", unusual.path, "x")
     assert done.returncode == 0, done.stderr
     values = [line.split(" ", 2)[2] for line in done.stdout.splitlines()[2:]]
@@ -86,7 +86,7 @@ def test_it_brings_back_marked_values(unusual: Trace) -> None:
 
 
 @pytest.mark.slow
-def test_it_leaves_out_a_cut_tail_and_refuses_a_moved_line(unusual: Trace) -> None:
+def test_reader_ignores_a_truncated_tail_and_rejects_a_moved_line(unusual: Trace) -> None:
     data = unusual.path.read_bytes()
     unusual.path.write_bytes(data[:-5])
     cut = read_trace(unusual.path)
@@ -102,7 +102,7 @@ def test_it_leaves_out_a_cut_tail_and_refuses_a_moved_line(unusual: Trace) -> No
 # The examples of the page itself
 
 
-def test_the_digest_of_the_example_is_what_the_page_says(tmp_path: Path) -> None:
+def test_digest_of_the_example_equals_the_documented_one(tmp_path: Path) -> None:
     text = FORMATS.read_text(encoding="utf-8")
     data = b'{"kind":"trace"}\n{"kind":"header"}\n{"seq":1}\n{"se'
     for line in data.decode().splitlines()[:3]:
@@ -112,8 +112,8 @@ def test_the_digest_of_the_example_is_what_the_page_says(tmp_path: Path) -> None
 
 
 @pytest.mark.slow
-def test_the_digest_is_what_a_shell_computes_too(fly: Callable[..., Trace]) -> None:
-    trace = fly("lander_low_gate", "optimal")
+def test_digest_equals_that_computed_by_a_shell(record_scenario: Callable[..., Trace]) -> None:
+    trace = record_scenario("lander_low_gate", "optimal")
     command = f"tail -n +2 '{trace.path}' | b2sum -l 256"
     assert command.replace(f"'{trace.path}'", "trace.jsonl") in FORMATS.read_text(encoding="utf-8")
     if missing := [tool for tool in ("bash", "b2sum") if shutil.which(tool) is None]:
@@ -123,7 +123,7 @@ def test_the_digest_is_what_a_shell_computes_too(fly: Callable[..., Trace]) -> N
     assert done.stdout.split()[0] == trace.digest
 
 
-def test_each_value_that_the_page_shows_is_what_the_kit_writes(validator: Any) -> None:
+def test_documented_values_equal_written_ones(validator: Any) -> None:
     shown = {
         '{"$":"float","v":"nan"}': float("nan"),
         '{"$":"int","v":"0x10000000000000000"}': 2**64,  # marked among marked ones

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from snr_sim.prelude.errors import ParameterError, UnknownName
+from snr_sim.prelude.errors import ParameterError, UnknownNameError
 from snr_sim.prelude.wrench import AXES
 from snr_sim.std_mods.allocation import Allocation
 
@@ -43,70 +43,70 @@ def heavy(**kwargs: object) -> Allocation:
     return Allocation(matrix(HEAVY), LIMITS, **kwargs)  # type: ignore[arg-type]
 
 
-def test_within_the_limits_exactly_the_wanted_wrench_is_given() -> None:
+def test_wrench_within_limits_is_produced_exactly() -> None:
     allocation = heavy()
     for wrench in np.random.default_rng(1).uniform(-2.0, 2.0, (50, 6)):
         allotment = allocation.allocate(wrench.tolist())
         assert matrix(HEAVY) @ allotment.thrusts_n == pytest.approx(wrench, abs=1e-9)
         assert allocation.wrench_of(allotment.thrusts_n) == pytest.approx(wrench, abs=1e-9)
-        assert (allotment.share, allotment.lacking) == (1.0, ())
+        assert (allotment.scale, allotment.unactuated) == (1.0, ())
 
 
-def test_no_other_thrusts_that_give_it_are_smaller() -> None:
+def test_thrusts_have_minimum_norm() -> None:
     """Least squares: the answer is at right angles to all thrusts that give no wrench."""
     thrusts = heavy().allocate([10.0, -5.0, 8.0, 0.3, -0.4, 1.0]).thrusts_n
     _, _, right = np.linalg.svd(matrix(HEAVY))
     assert right[6:] @ thrusts == pytest.approx([0.0, 0.0], abs=1e-12)
 
 
-def test_beyond_the_limits_the_direction_is_kept_and_one_thruster_gives_all_it_can() -> None:
+def test_wrench_beyond_limits_keeps_direction_and_saturates_one_thruster() -> None:
     allocation = heavy()
     for wrench in np.random.default_rng(2).uniform(-300.0, 300.0, (50, 6)):
-        thrusts, share, _ = allocation.allocate(wrench.tolist())
-        assert 0.0 < share < 1.0
-        assert matrix(HEAVY) @ thrusts == pytest.approx(share * wrench, rel=1e-9, abs=1e-9)
+        thrusts, scale, _ = allocation.allocate(wrench.tolist())
+        assert 0.0 < scale < 1.0
+        assert matrix(HEAVY) @ thrusts == pytest.approx(scale * wrench, rel=1e-9, abs=1e-9)
         assert min(thrusts) >= LIMITS[0] - 1e-9
         assert max(thrusts) <= LIMITS[1] + 1e-9
         reserve = min(min(LIMITS[1] - thrust, thrust - LIMITS[0]) for thrust in thrusts)
         assert reserve == pytest.approx(0.0, abs=1e-9)
 
 
-def test_flat_out_ahead_is_what_four_thrusters_at_45_degrees_give() -> None:
+def test_full_surge_equals_four_thrusters_at_45_degrees() -> None:
     """The front pair runs astern when the vehicle goes ahead, and gives less; keeping the direction, so do all."""
     thrusts, _, _ = heavy().allocate([1000.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     assert heavy().wrench_of(thrusts)[0] == pytest.approx(4 * 39.9 * C, rel=0.01)
 
 
-def test_what_comes_first_is_given_in_full_and_the_rest_shares_what_is_left() -> None:
+def test_priority_axes_are_met_in_full_before_others() -> None:
     wrench = [400.0, 100.0, 60.0, 0.0, 0.0, 12.0]
     fair = np.array(heavy().wrench_of(heavy().allocate(wrench).thrusts_n))
-    thrusts, share, _ = heavy(first=("heave", "yaw")).allocate(wrench)
+    thrusts, scale, _ = heavy(priority_axes=("heave", "yaw")).allocate(wrench)
     given = matrix(HEAVY) @ thrusts
     assert given[[2, 5]] == pytest.approx([60.0, 12.0])
-    assert given[[0, 1]] == pytest.approx([share * 400.0, share * 100.0])
-    assert 0.0 < share < 1.0
+    assert given[[0, 1]] == pytest.approx([scale * 400.0, scale * 100.0])
+    assert 0.0 < scale < 1.0
     assert fair[5] < 5.0
     assert min(thrusts) >= LIMITS[0] - 1e-9
     assert max(thrusts) <= LIMITS[1] + 1e-9
 
 
-def test_more_of_what_comes_first_than_there_is_leaves_nothing_to_the_rest() -> None:
-    thrusts, share, _ = heavy(first=("yaw",)).allocate([50.0, 0.0, 0.0, 0.0, 0.0, 1000.0])
-    assert share == pytest.approx(0.0, abs=1e-12)
+def test_saturated_priority_axes_leave_no_thrust_for_others() -> None:
+    thrusts, scale, _ = heavy(priority_axes=("yaw",)).allocate([50.0, 0.0, 0.0, 0.0, 0.0, 1000.0])
+    assert scale == pytest.approx(0.0, abs=1e-12)
     assert matrix(HEAVY)[0] @ thrusts == pytest.approx(0.0, abs=1e-9)
 
 
-def test_the_classic_frame_lacks_pitch_and_says_so_when_somebody_asks_for_it() -> None:
+def test_classic_frame_reports_pitch_as_unactuated_when_requested() -> None:
     classic = Allocation(matrix(CLASSIC), LIMITS)
-    assert classic.lacking == ("pitch",)
-    assert classic.allocate([5.0, 0.0, 0.0, 0.0, 0.0, 0.0]).lacking == ()
-    assert classic.allocate([5.0, 0.0, 0.0, 0.0, 0.2, 0.0]).lacking == ("pitch",)
+    assert classic.unactuated == ("pitch",)
+    assert classic.allocate([5.0, 0.0, 0.0, 0.0, 0.0, 0.0]).unactuated == ()
+    assert classic.allocate([5.0, 0.0, 0.0, 0.0, 0.2, 0.0]).unactuated == ("pitch",)
     with pytest.raises(ParameterError, match=r"6 thrusters pushes pitch by itself[\s\S]*surge, sway, heave, roll, yaw"):
         classic.require("roll", "pitch")
     classic.require("surge", "heave", "yaw")
 
 
-def test_what_the_classic_frame_can_push_it_pushes_exactly() -> None:
+def test_classic_frame_produces_actuated_axes_exactly() -> None:
     classic = Allocation(matrix(CLASSIC), LIMITS)
     wrench = [6.0, -3.0, 5.0, 0.4, 0.0, 0.5]
     given = matrix(CLASSIC) @ classic.allocate(wrench).thrusts_n
@@ -115,55 +115,57 @@ def test_what_the_classic_frame_can_push_it_pushes_exactly() -> None:
     assert pitch_alone.thrusts_n == pytest.approx([0.0] * 6)
 
 
-def test_without_a_broken_thruster_the_others_do_its_part() -> None:
+def test_failed_thruster_is_compensated_by_others() -> None:
     for broken in range(8):
-        allocation = heavy(off=[broken])
-        assert allocation.lacking == (), "eight thrusters for six axes"
+        allocation = heavy(failed_thrusters=[broken])
+        assert allocation.unactuated == (), "eight thrusters for six axes"
         wrench = [4.0, -3.0, 2.0, 0.1, -0.1, 0.3]
         thrusts = allocation.allocate(wrench).thrusts_n
         assert thrusts[broken] == 0.0
         assert matrix(HEAVY) @ thrusts == pytest.approx(wrench)
-    one_vertical_left = heavy(off=[4, 5, 6]).lacking
+    one_vertical_left = heavy(failed_thrusters=[4, 5, 6]).unactuated
     assert len(one_vertical_left) == 2
     assert set(one_vertical_left) < {"heave", "roll", "pitch"}
 
 
-def test_each_thruster_can_have_limits_of_its_own() -> None:
+def test_thrusters_may_have_separate_limits() -> None:
     limits = [LIMITS] * 7 + [(-1.0, 2.0)]
-    thrusts, share, _ = Allocation(matrix(HEAVY), limits).allocate([0.0, 0.0, 40.0, 0.0, 0.0, 0.0])
+    thrusts, scale, _ = Allocation(matrix(HEAVY), limits).allocate([0.0, 0.0, 40.0, 0.0, 0.0, 0.0])
     assert thrusts[7] == pytest.approx(2.0)
-    assert share == pytest.approx(0.2)
+    assert scale == pytest.approx(0.2)
 
 
-def test_unknown_axes_and_impossible_numbers_are_refused_when_it_is_made() -> None:
-    with pytest.raises(UnknownName, match="did you mean 'heave'"):
-        heavy(first=("heav",))
-    with pytest.raises(UnknownName, match="no axis 'up'"):
+def test_constructor_rejects_unknown_axes_and_invalid_numbers() -> None:
+    with pytest.raises(UnknownNameError, match="did you mean 'heave'"):
+        heavy(priority_axes=("heav",))
+    with pytest.raises(UnknownNameError, match="no axis 'up'"):
         heavy().require("up")
     with pytest.raises(ParameterError, match="no thruster 8"):
-        heavy(off=[8])
+        heavy(failed_thrusters=[8])
     with pytest.raises(ParameterError, match="No thruster pushes anywhere"):
-        heavy(off=range(8))
+        heavy(failed_thrusters=range(8))
     for limits in ((1.0, 5.0), (-math.inf, 5.0), (math.nan, 1.0), [LIMITS] * 7):
         with pytest.raises(ParameterError, match=r"limits|Limits"):
             Allocation(matrix(HEAVY), limits)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("wrench", [[0.0] * 5, [0.0] * 7, [math.nan] + [0.0] * 5, [math.inf] + [0.0] * 5])
-def test_what_is_no_wrench_is_refused(wrench: list[float]) -> None:
+def test_invalid_wrench_is_rejected(wrench: list[float]) -> None:
     with pytest.raises(ParameterError, match="six finite numbers: " + ", ".join(AXES)):
         heavy().allocate(wrench)
 
 
 @pytest.mark.parametrize("off", [(), (5,)])
-def test_it_is_the_pseudo_inverse_and_the_thrusts_are_those_of_numpy(off: tuple[int, ...]) -> None:
+def test_thrusts_equal_numpy_pseudo_inverse(off: tuple[int, ...]) -> None:
     given = matrix(HEAVY)
     given[:, list(off)] = 0.0
     rng = np.random.default_rng(5)
     for _ in range(20):
         wrench = rng.normal(size=6)
         by_numpy = np.linalg.pinv(given) @ wrench
-        assert heavy(off=off).allocate(wrench.tolist()).thrusts_n == pytest.approx(by_numpy.tolist(), abs=1e-12)
+        assert heavy(failed_thrusters=off).allocate(wrench.tolist()).thrusts_n == pytest.approx(
+            by_numpy.tolist(), abs=1e-12
+        )
 
 
 DIGEST = """
@@ -172,14 +174,14 @@ from snr_sim.scenario import library
 library.load_robot(library.find("robots", "urov"))
 from snr_sim.std_mods.allocation import Allocation
 scenario = library.load_scenario(library.find("scenarios", "urov_depth_hold"))
-made = Allocation(scenario.parameters(0).vehicle.thruster_matrix(), (-40.0, 50.0), first=("heave", "yaw"))
+made = Allocation(scenario.parameters(0).vehicle.thruster_matrix(), (-40.0, 50.0), priority_axes=("heave", "yaw"))
 thrusts = [made.allocate([k / 7, 1 / (k + 3), k / 3 - 1, 0.1, 0.2, 0.3]).thrusts_n for k in range(50)]
 print(hashlib.sha256(repr(thrusts).encode()).hexdigest())
 """
 
 
 @pytest.mark.slow
-def test_thrusts_are_the_same_to_the_last_bit_whichever_way_numpys_library_takes() -> None:
+def test_thrusts_are_bit_identical_for_every_blas_kernel() -> None:
     """OpenBLAS, which numpy includes, uses other kernels on other processors; a variable selects them."""
     digests = set()
     for kind in ("Nehalem", "Prescott", ""):

@@ -10,7 +10,7 @@ from snr_sim.std_mods.complementary import ComplementaryFilter
 
 
 @pytest.mark.parametrize("dt_s", [0.002, 0.02, 0.2, 5.0])
-def test_a_step_of_the_steady_measurement_is_followed_with_the_time_constant(dt_s: float) -> None:
+def test_step_of_measured_value_is_tracked_with_time_constant(dt_s: float) -> None:
     smooth = ComplementaryFilter(time_constant_s=2.0)
     smooth.update(0.0, 0.0, dt_s)
     for k in range(1, 20):
@@ -24,7 +24,7 @@ def test_a_bias_of_the_rate_leaves_bias_times_time_constant_and_no_drift() -> No
     assert estimate == pytest.approx(0.02, rel=0.001)
 
 
-def test_what_moves_as_the_rate_says_is_followed_without_delay() -> None:
+def test_motion_at_measured_rate_is_tracked_without_delay() -> None:
     smooth = ComplementaryFilter(time_constant_s=2.0)
     for k in range(2000):
         t = 0.001 * k
@@ -47,7 +47,7 @@ def test_an_angle_is_pulled_the_shorter_way_round_and_stays_within_half_a_turn()
     assert estimates[-1] == pytest.approx(-3.1, abs=0.01)
 
 
-def test_after_a_reset_the_next_value_is_taken_as_it_is() -> None:
+def test_first_value_after_reset_becomes_estimate() -> None:
     smooth = ComplementaryFilter(time_constant_s=100.0)
     smooth.update(0.0, 5.0, 0.1)
     smooth.reset()
@@ -55,12 +55,12 @@ def test_after_a_reset_the_next_value_is_taken_as_it_is() -> None:
 
 
 @pytest.mark.parametrize("time_constant_s", [0.0, -1.0, math.nan, math.inf])
-def test_time_constants_that_make_no_sense_are_refused(time_constant_s: float) -> None:
+def test_invalid_time_constants_are_rejected(time_constant_s: float) -> None:
     with pytest.raises(ParameterError, match="time_constant_s"):
         ComplementaryFilter(time_constant_s)
 
 
 @pytest.mark.parametrize("values", [(math.nan, 0.0, 0.1), (0.0, math.inf, 0.1), (0.0, 0.0, -0.1)])
-def test_values_that_are_none_are_refused(values: tuple[float, float, float]) -> None:
+def test_non_finite_values_are_rejected(values: tuple[float, float, float]) -> None:
     with pytest.raises(ParameterError, match="complementary filter got"):
         ComplementaryFilter(1.0).update(*values)

@@ -15,7 +15,7 @@ from snr_sim import (
     SNRTestCase,
     TaskType,
 )
-from snr_sim.prelude.errors import ComponentFailed, ParameterError
+from snr_sim.prelude.errors import ComponentFailedError, ParameterError
 
 
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=60), st.integers(1, 10))
@@ -26,7 +26,7 @@ def test_each_value_becomes_the_mean_of_the_last_ones(values: list[float], lengt
         assert smooth.update(value) == pytest.approx(sum(window) / len(window), abs=1e-6)
 
 
-def test_nothing_of_a_large_value_stays_behind_when_it_has_left_the_window() -> None:
+def test_large_value_leaves_no_rounding_error_behind() -> None:
     smooth = MovingAvgFilter(2)
     for value in (1e16, 0.1, 0.3):
         mean = smooth.update(value)
@@ -59,8 +59,8 @@ def test_a_window_has_a_length(window: Any) -> None:
 
 
 @pytest.mark.parametrize("value", ["fast", None, True, [1, "a"], {"x": None}, [[1.0]]])
-def test_what_is_no_number_is_named(value: Any) -> None:
-    with pytest.raises(ParameterError, match="is none"):
+def test_non_number_is_rejected_and_named(value: Any) -> None:
+    with pytest.raises(ParameterError, match="is not a number"):
         MovingAvgFilter(3).update(value)
 
 
@@ -98,10 +98,10 @@ class InANode(SNRTestCase):
         )
         assert (node.get_data("short"), node.get_data("long")) == (3.0, 1.5)
 
-    def test_a_page_that_is_no_number_stops_the_run_and_names_the_filter(self) -> None:
-        with pytest.raises(ComponentFailed, match="moving_avg_filter"):
+    def test_non_number_page_stops_run_and_names_filter(self) -> None:
+        with pytest.raises(ComponentFailedError, match="moving_avg_filter"):
             self.run_test_node([ListReplayerFactory(["fast"], "raw"), MovingAvgFilterFactory("raw", "smooth", 2)])
 
-    def test_a_filter_into_itself_is_refused(self) -> None:
+    def test_equal_input_and_output_key_is_rejected(self) -> None:
         with pytest.raises(ParameterError, match="into itself"):
             MovingAvgFilterFactory("raw", "raw", 2)

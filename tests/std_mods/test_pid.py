@@ -26,20 +26,20 @@ def test_a_new_setpoint_does_not_kick_the_derivative() -> None:
     assert pid.update(100.0, 1.0, DT_S) == 0.0
 
 
-def test_a_rate_that_nobody_measures_is_reckoned_from_the_measurement() -> None:
+def test_missing_rate_is_computed_from_measurement() -> None:
     pid = Pid(kp=0.0, kd=2.0)
     outputs = [pid.update(0.0, 0.3 * i * DT_S, DT_S) for i in range(5)]
     assert outputs == pytest.approx([0.0] + [-0.6] * 4)
 
 
-def test_smoothing_of_the_rate_is_a_first_order_low_pass() -> None:
-    pid = Pid(kp=0.0, kd=1.0, smoothing_s=0.1)
+def test_derivative_filter_is_a_first_order_low_pass() -> None:
+    pid = Pid(kp=0.0, kd=1.0, derivative_filter_s=0.1)
     rates = [-pid.update(0.0, 1.0 * i * DT_S, DT_S) for i in range(301)]
     assert rates[100] == pytest.approx(1.0 - math.exp(-1.0), abs=0.004)
     assert rates[300] == pytest.approx(1.0 - math.exp(-3.0), abs=0.004)
 
 
-def test_pi_on_a_first_order_plant_goes_the_way_of_the_closed_form() -> None:
+def test_pi_on_first_order_plant_equals_closed_form() -> None:
     """x' = (u - x) / T with u = kp e + ki I: a damped oscillation whose course is textbook."""
     lag, kp, ki = 2.0, 3.0, 8.0
     a, b = (1.0 + kp) / (2.0 * lag), ki / lag  # x'' + 2 a x' + b x = b + kp / T d(step)
@@ -55,13 +55,13 @@ def test_pi_on_a_first_order_plant_goes_the_way_of_the_closed_form() -> None:
 
 def overshoot(limits: tuple[float, float]) -> float:
     """How far a body pushed by a PI controller with these limits passes its setpoint, 10 m away."""
-    pid, x, v, most = Pid(kp=4.0, ki=0.5, kd=6.0, limits=limits), 0.0, 0.0, 0.0
+    pid, x, v, peak = Pid(kp=4.0, ki=0.5, kd=6.0, limits=limits), 0.0, 0.0, 0.0
     for _ in range(60_000):
         force = pid.update(10.0, x, DT_S, rate=v)
         v += (min(1.0, max(-1.0, force)) - 0.2 * v) * DT_S
         x += v * DT_S
-        most = max(most, x)
-    return most - 10.0
+        peak = max(peak, x)
+    return peak - 10.0
 
 
 def test_the_integral_does_not_wind_up_while_the_output_is_at_its_limit() -> None:
@@ -73,7 +73,7 @@ def test_the_integral_does_not_wind_up_while_the_output_is_at_its_limit() -> Non
     assert pid.update(-0.5, 0.0, DT_S) < 0.0, "it comes back at once"
 
 
-def test_at_the_limit_the_integral_still_goes_the_other_way() -> None:
+def test_saturated_integral_still_unwinds() -> None:
     pid = Pid(kp=0.0, ki=1.0, limits=(-1.0, 1.0))
     pid.reset(integral=5.0)
     pid.update(0.0, 1.0, 0.5)
@@ -87,7 +87,7 @@ def test_an_angle_is_corrected_the_shorter_way_round() -> None:
     assert turned == pytest.approx(math.radians(9.0) - math.radians(11.0) / 0.1)
 
 
-def test_after_a_reset_nothing_of_before_is_left() -> None:
+def test_reset_clears_state() -> None:
     pid = Pid(kp=1.0, ki=3.0, kd=0.5)
     first = [pid.update(1.0, 0.1 * i, DT_S) for i in range(5)]
     pid.reset()
@@ -96,9 +96,14 @@ def test_after_a_reset_nothing_of_before_is_left() -> None:
 
 @pytest.mark.parametrize(
     "numbers",
-    [{"kp": math.nan}, {"kp": 1.0, "ki": math.inf}, {"kp": 1.0, "smoothing_s": -1.0}, {"kp": 1, "limits": (1, -1)}],
+    [
+        {"kp": math.nan},
+        {"kp": 1.0, "ki": math.inf},
+        {"kp": 1.0, "derivative_filter_s": -1.0},
+        {"kp": 1, "limits": (1, -1)},
+    ],
 )
-def test_numbers_that_make_no_sense_are_refused_when_it_is_made(numbers: dict[str, float]) -> None:
+def test_constructor_rejects_invalid_parameters(numbers: dict[str, float]) -> None:
     with pytest.raises(ParameterError, match=list(numbers)[-1]):
         Pid(**numbers)  # type: ignore[arg-type]
 
@@ -106,7 +111,7 @@ def test_numbers_that_make_no_sense_are_refused_when_it_is_made(numbers: dict[st
 @pytest.mark.parametrize(
     ("setpoint", "measurement", "dt_s"), [(math.nan, 0, 1), (0, math.inf, 1), (0, 0, 0), (0, 0, -1)]
 )
-def test_values_that_are_none_are_refused_and_spoil_nothing(setpoint: float, measurement: float, dt_s: float) -> None:
+def test_non_finite_values_are_rejected_and_keep_state(setpoint: float, measurement: float, dt_s: float) -> None:
     pid = Pid(kp=1.0, ki=1.0)
     with pytest.raises(ParameterError, match="dt_s"):
         pid.update(setpoint, measurement, dt_s)

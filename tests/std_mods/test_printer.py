@@ -5,15 +5,15 @@ import io
 import pytest
 
 from snr_sim import ListReplayerFactory, PrinterEndpointFactory, SNRTestCase, TaskType, tasks
-from snr_sim.testing.parts import PartFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory
 
 
 class Printing(SNRTestCase):
-    def test_a_line_says_node_time_task_and_data(self) -> None:
+    def test_line_contains_node_time_task_and_data(self) -> None:
         stream = io.StringIO()
         self.run_test_node(
             [
-                PartFactory(begin=lambda part: part.schedule(tasks.event("contact", ["left", 0.5]))),
+                FunctionEndpointFactory(begin=lambda part: part.schedule(tasks.event("contact", ["left", 0.5]))),
                 ListReplayerFactory([1.5], "depth"),
                 PrinterEndpointFactory([TaskType.event, TaskType.store_page, (TaskType.process_data, "depth")], stream),
             ]
@@ -25,6 +25,6 @@ class Printing(SNRTestCase):
         ]
 
 
-def test_it_prints_to_standard_output_if_nothing_else_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+def test_default_stream_is_standard_output(capsys: pytest.CaptureFixture[str]) -> None:
     SNRTestCase().run_test_node([ListReplayerFactory([1], "x"), PrinterEndpointFactory([(TaskType.process_data, "x")])])
     assert capsys.readouterr().out == "test_node     0.0000 s  process_data 'x'  1\n"

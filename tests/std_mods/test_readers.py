@@ -57,7 +57,7 @@ def test_the_end_of_a_with_closes_the_file(tmp_path: Path, kind: Any) -> None:
 
 
 @pytest.mark.parametrize("kind", [TextReader, PageReader])
-def test_the_context_and_the_name_that_2021_wanted_are_refused(kind: Any) -> None:
+def test_arguments_of_2021_are_rejected(kind: Any) -> None:
     with pytest.raises(RecordingError, match=r"(?s)object.* where its file belongs.*the file first"):
         kind(object(), "reader", "moves.txt")
 
@@ -79,7 +79,7 @@ def test_a_recording_of_the_2021_library_is_read(tmp_path: Path) -> None:
     assert math.isnan(depth.data)
     assert (depth.key, depth.created_at_s, depth.process) == ("depth", 0.5, False)
     assert marked == Page("x", {"$": "tuple", "v": [1]}, "other_node", 1.0)  # data, however they look
-    assert reader.remarks == []
+    assert reader.warnings == []
 
 
 def test_a_recording_of_the_2021_library_is_replayed_at_its_times(tmp_path: Path) -> None:
@@ -104,16 +104,16 @@ def test_a_recording_of_the_2021_library_is_replayed_at_its_times(tmp_path: Path
         b'{"key": "x", "data": ' + b"9" * 10_000 + b', "origin": "a_node", "created_at_s": 0.0}',
     ],
 )
-def test_what_is_no_page_in_a_recording_of_2021_is_left_out_with_a_remark(tmp_path: Path, damage: bytes) -> None:
+def test_invalid_page_in_recording_of_2021_is_skipped_with_warning(tmp_path: Path, damage: bytes) -> None:
     file = tmp_path / "old.txt"
     file.write_bytes(b"\n".join([OF_2021[0], damage, OF_2021[0], b""]))
     reader = PageReader(file)
     assert [page.key for page in reader] == ["raw", "raw"]
-    assert len(reader.remarks) == 1
+    assert len(reader.warnings) == 1
 
 
 @pytest.mark.parametrize("kind", [TextReader, PageReader])
-def test_a_file_that_is_not_there_is_named(tmp_path: Path, kind: Any) -> None:
+def test_missing_file_is_named(tmp_path: Path, kind: Any) -> None:
     with pytest.raises(RecordingError, match=r"none\.txt cannot be read: No such file"):
         kind(tmp_path / "none.txt")
 
@@ -122,26 +122,26 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path, kind: Any) -> None:
     "damage",
     [b"", b"{", page(1)[:-1], b"17", b'{"key":"x"}', b"\xff\xfe", b'{"$":"start"}', b'{"kind":"page"}', b"[" * 100_000],
 )
-def test_what_is_no_page_is_left_out_with_a_remark_and_the_rest_is_read(tmp_path: Path, damage: bytes) -> None:
+def test_invalid_page_is_skipped_with_warning_and_rest_is_read(tmp_path: Path, damage: bytes) -> None:
     file = tmp_path / "x.jsonl"
     file.write_bytes(b"\n".join([page(1), damage, page(2), b""]))
     reader = PageReader(file)
     assert [page.data for page in reader] == [1, 2]
-    assert len(reader.remarks) == 1
-    assert "line 2 was left out" in reader.remarks[0]
+    assert len(reader.warnings) == 1
+    assert "line 2 was left out" in reader.warnings[0]
 
 
-def test_a_file_that_is_something_else_gets_few_remarks(tmp_path: Path) -> None:
+def test_file_of_other_format_gives_few_warnings(tmp_path: Path) -> None:
     file = tmp_path / "letter.txt"
     file.write_text("Dear Sir or Madam,\n" * 500)
     reader = PageReader(file)
     assert list(reader) == []
-    assert len(reader.remarks) == 4
-    assert "497 more lines" in reader.remarks[-1]
+    assert len(reader.warnings) == 4
+    assert "497 more lines" in reader.warnings[-1]
 
 
 @given(st.lists(st.tuples(st.sampled_from("abc"), st.integers()), max_size=20))
-def test_the_keys_asked_for_come_and_no_others(stored: list[tuple[str, int]]) -> None:
+def test_only_requested_keys_are_read(stored: list[tuple[str, int]]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "x.jsonl"
         file.write_bytes(b"".join(page(data, key=key) + b"\n" for key, data in stored))
@@ -153,7 +153,7 @@ def test_pages_were_stored_when_they_were_made(tmp_path: Path) -> None:
     assert times(tmp_path / "x", page("a", 0.1), page("b", 0.35)) == [(0.1, "a"), (0.35, "b")]
 
 
-def test_the_time_of_a_second_start_comes_after_that_of_the_first(tmp_path: Path) -> None:
+def test_second_start_follows_first_in_time(tmp_path: Path) -> None:
     start = b'{"$":"start","node":"a_node"}'
     lines = [start, page("a", 0.5), page("b", 2.0), start, page("c", 0.25), page("d", 1.0)]
     assert times(tmp_path / "x", *lines) == [(0.5, "a"), (2.0, "b"), (2.25, "c"), (3.0, "d")]
@@ -165,12 +165,12 @@ def test_the_clock_of_another_node_does_not_stretch_the_time(tmp_path: Path) -> 
     assert times(tmp_path / "x", *lines) == [(1.0, "a"), (1.0, "b"), (1.5, "c"), (3.0, "d")]
 
 
-def test_a_page_whose_stamp_is_no_time_came_with_the_one_before_it(tmp_path: Path) -> None:
+def test_page_with_invalid_stamp_takes_time_of_previous_page(tmp_path: Path) -> None:
     no_time = b'{"$":"page","key":"x","data":"b","origin":"a_node","created_at_s":{"$":"float","v":"inf"}}'
     assert times(tmp_path / "x", page("a", 1.0), no_time, page("c", 2.0)) == [(1.0, "a"), (1.0, "b"), (2.0, "c")]
 
 
-def test_a_trace_gives_its_pages_when_they_were_stored_of_the_node_asked_for(tmp_path: Path) -> None:
+def test_trace_pages_have_storage_times_of_requested_node(tmp_path: Path) -> None:
     file = tmp_path / "trace.jsonl"
     config = Config(factories={"a": [ListReplayerFactory([1, 2], "x", rate_hz=4)], "b": [ListReplayerFactory([], "y")]})
     clock = SimClock()
@@ -181,4 +181,4 @@ def test_a_trace_gives_its_pages_when_they_were_stored_of_the_node_asked_for(tmp
     arrived = PageReader(file, "x", node="b_node")
     stored = list(iter(arrived.read_stored, None))
     assert [(one.time_s, one.page.data, one.page.created_at_s) for one in stored] == [(0.125, 1, 0.0), (0.375, 2, 0.25)]
-    assert arrived.remarks == []
+    assert arrived.warnings == []

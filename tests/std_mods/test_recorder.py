@@ -20,8 +20,8 @@ from snr_sim import (
     SNRTestCase,
 )
 from snr_sim.core.lockstep import LockStep
-from snr_sim.prelude.errors import ComponentFailed, ConfigError
-from snr_sim.testing.parts import TickerFactory
+from snr_sim.prelude.errors import ComponentFailedError, ConfigError
+from snr_sim.testing.function_components import FunctionLoopFactory
 
 case = SNRTestCase()
 START = '{"$":"start","node":"test_node"}'
@@ -46,10 +46,12 @@ def test_a_line_is_a_start_or_a_page_as_the_schema_says(tmp_path: Path, validato
     assert [line for line in lines if not validator("page")(line)] == [{"$": "start", "node": "test_node"}] * 2
 
 
-def test_only_the_keys_asked_for_are_recorded_and_one_key_may_be_a_text(tmp_path: Path) -> None:
+def test_only_requested_keys_are_recorded(tmp_path: Path) -> None:
     for keys in ("depth", ["depth"]):
         file = tmp_path / f"{len(keys)}.jsonl"
-        both = TickerFactory(lambda loop: [loop.store_data(key, 1) for key in ("depth", "d", "heading")], rate_hz=1)
+        both = FunctionLoopFactory(
+            lambda loop: [loop.store_data(key, 1) for key in ("depth", "d", "heading")], rate_hz=1
+        )
         case.run_test_node([RecorderEndpointFactory(file, keys), both], until_s=2)
         assert [page.key for page in PageReader(file)] == ["depth"] * 3
 
@@ -57,14 +59,14 @@ def test_only_the_keys_asked_for_are_recorded_and_one_key_may_be_a_text(tmp_path
 def test_a_line_is_in_the_file_as_soon_as_the_page_is_stored(tmp_path: Path) -> None:
     file = tmp_path / "x.jsonl"
     sizes: list[int] = []
-    looks = TickerFactory(lambda loop: sizes.append(len(file.read_bytes().splitlines())), "looks", rate_hz=10)
+    looks = FunctionLoopFactory(lambda loop: sizes.append(len(file.read_bytes().splitlines())), "looks", rate_hz=10)
     case.run_test_node(
         [RecorderEndpointFactory(file, "x"), ListReplayerFactory([1, 2, 3], "x", rate_hz=10), looks], until_s=0.35
     )
     assert sizes == [2, 3, 4, 4]  # with the line of the start
 
 
-def test_a_second_start_goes_on_in_the_same_file(tmp_path: Path) -> None:
+def test_second_start_continues_same_file(tmp_path: Path) -> None:
     file = tmp_path / "x.jsonl"
     record(file, [1, 2])
     first = file.read_bytes()
@@ -74,15 +76,15 @@ def test_a_second_start_goes_on_in_the_same_file(tmp_path: Path) -> None:
     assert file.read_text().splitlines().count(START) == 2
 
 
-def test_a_start_after_a_crash_begins_on_a_line_of_its_own(tmp_path: Path) -> None:
+def test_start_after_crash_begins_new_line(tmp_path: Path) -> None:
     file = tmp_path / "x.jsonl"
     record(file, [1, 2])
     file.write_bytes(file.read_bytes()[:-20])  # the last line was cut
     record(file, [3])
     reader = PageReader(file)
     assert [page.data for page in reader] == [1, 3]
-    assert len(reader.remarks) == 1
-    assert "line 3 was left out" in reader.remarks[0]
+    assert len(reader.warnings) == 1
+    assert "line 3 was left out" in reader.warnings[0]
 
 
 def test_arrays_survive_with_their_type(tmp_path: Path) -> None:
@@ -109,7 +111,7 @@ class Hostile:
 
 
 @pytest.mark.parametrize("make", [Opaque, Hostile, lambda: {"deep": [Opaque()]}, lambda: "\ud800"])
-def test_a_page_that_cannot_be_recorded_is_named_once_and_the_others_go_on(tmp_path: Path, make: Any) -> None:
+def test_unrecordable_page_is_reported_once_and_others_are_recorded(tmp_path: Path, make: Any) -> None:
     file, value = tmp_path / "x.jsonl", make()
     node = record(file, [1, value, value, value, 2])
     assert [page.data for page in PageReader(file)] == [1, 2]
@@ -118,10 +120,13 @@ def test_a_page_that_cannot_be_recorded_is_named_once_and_the_others_go_on(tmp_p
     assert node.notes[1] == "'recorder' could not record 3 pages 'x'."
 
 
-def test_a_recording_that_cannot_be_made_says_so_before_the_robot_moves(tmp_path: Path) -> None:
+def test_unwritable_recording_raises_at_begin(tmp_path: Path) -> None:
     ticks: list[float] = []
-    factories = [RecorderEndpointFactory(tmp_path / "no" / "x.jsonl", "x"), TickerFactory(lambda loop: ticks.append(1))]
-    with pytest.raises(ComponentFailed, match=r"x\.jsonl cannot be written: No such file"):
+    factories = [
+        RecorderEndpointFactory(tmp_path / "no" / "x.jsonl", "x"),
+        FunctionLoopFactory(lambda loop: ticks.append(1)),
+    ]
+    with pytest.raises(ComponentFailedError, match=r"x\.jsonl cannot be written: No such file"):
         case.run_test_node(factories)
     assert ticks == []
 
@@ -139,7 +144,7 @@ class SmallDisk(FileIO):
         return super().write(fits)
 
 
-def test_a_full_disk_ends_the_recording_and_not_the_robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_full_disk_ends_recording_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "x.jsonl"
     with monkeypatch.context() as context:
         context.setattr(Path, "open", lambda path, mode, buffering: SmallDisk(path, mode))
@@ -184,7 +189,7 @@ def test_two_nodes_may_record_into_one_file(tmp_path: Path) -> None:
     ]
 
 
-@pytest.mark.parametrize(("keys", "said"), [(3, "are 3"), (["depth", 3], "hold 3, which is no key")])
-def test_what_is_no_key_is_refused_when_the_recorder_is_made(keys: Any, said: str) -> None:
-    with pytest.raises(ConfigError, match=f"RecorderEndpointFactory's keys {said}"):
+@pytest.mark.parametrize(("keys", "expected"), [(3, "are 3"), (["depth", 3], "hold 3, which is not a key")])
+def test_invalid_keys_raise_config_error(keys: Any, expected: str) -> None:
+    with pytest.raises(ConfigError, match=f"RecorderEndpointFactory's keys {expected}"):
         RecorderEndpointFactory("f", keys)

@@ -25,18 +25,18 @@ from snr_sim import (
     TimeoutLoopFactory,
     WallClock,
 )
-from snr_sim.prelude.errors import ComponentFailed, ConfigError
+from snr_sim.prelude.errors import ComponentFailedError, ConfigError
 from snr_sim.recording.reader import Trace
 from snr_sim.recording.records import PageRecord
-from snr_sim.testing.parts import Part, PartFactory, TickerFactory
+from snr_sim.testing.function_components import FunctionEndpoint, FunctionEndpointFactory, FunctionLoopFactory
 
 
-class CollectorFactory(PartFactory):
+class CollectorFactory(FunctionEndpointFactory):
     def __init__(self, into: list[Any]) -> None:
         super().__init__(name="collector")
         self.into = into
 
-    def get(self, parent: Node) -> Part:
+    def get(self, parent: Node) -> FunctionEndpoint:
         part = super().get(parent)
         part.task_handlers = {(TaskType.store_page, "x"): self.collect}
         return part
@@ -66,7 +66,7 @@ def test_a_value_comes_at_each_tick_and_then_no_more() -> None:
     assert node.exit_reason == "timeout"
 
 
-def test_a_list_is_brought_at_the_rate_of_a_thread_loop_of_2021() -> None:
+def test_default_rate_equals_thread_loop_of_2021() -> None:
     into: list[Any] = []
     factories = [CollectorFactory(into), ListReplayerFactory("abcd", "x"), TimeoutLoopFactory(ms=15)]
     Node("r", Config(factories={"r": factories}), clock=SimClock()).loop()
@@ -83,7 +83,7 @@ def test_a_generator_is_read_once_and_one_factory_can_serve_two_nodes() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("clock", [SimClock, WallClock])
-def test_whoever_ends_the_run_waits_for_a_slow_handler(clock: type) -> None:
+def test_run_end_waits_for_slow_handler(clock: type) -> None:
     """Ten handlers of 0.05 s take longer than the time limit that a terminating node has for queued tasks."""
     done: list[Any] = []
 
@@ -92,7 +92,7 @@ def test_whoever_ends_the_run_waits_for_a_slow_handler(clock: type) -> None:
         done.append(task.name)
 
     factories = [
-        PartFactory({(TaskType.process_data, "x"): slow}),
+        FunctionEndpointFactory({(TaskType.process_data, "x"): slow}),
         ListReplayerFactory(range(10), "x", exit_when_done=True, rate_hz=1000),
     ]
     Node("r", Config(factories={"r": factories}), clock=clock()).loop()
@@ -110,14 +110,14 @@ def write_pages(file: Path, *times_s: float, key: str = "x") -> list[Page]:
 
 def replayed(factories: list[Any], clock: Any) -> tuple[Node, list[tuple[float, Page]]]:
     came: list[tuple[float, Page]] = []
-    node = Node("r", Config(factories={"r": [*factories, PartFactory(name="ear")]}), clock=clock)
-    ear = node.components["ear"]
-    ear.task_handlers = {TaskType.store_page: lambda task, _: came.append((node.get_time_s(), task.val_list[0]))}
+    node = Node("r", Config(factories={"r": [*factories, FunctionEndpointFactory(name="listener")]}), clock=clock)
+    listener = node.components["listener"]
+    listener.task_handlers = {TaskType.store_page: lambda task, _: came.append((node.get_time_s(), task.val_list[0]))}
     node.loop()
     return node, came
 
 
-def test_pages_come_again_exactly_when_they_were_stored_with_origin_and_stamp(tmp_path: Path) -> None:
+def test_pages_are_replayed_at_storage_times_with_origin_and_stamp(tmp_path: Path) -> None:
     times_s = [0.0, 0.1, 0.1, 0.1 + 0.2, 1.0 / 3.0, 7.000000001, 1e6]
     pages = write_pages(tmp_path / "x", *times_s)
     node, came = replayed([ReplayerLoopFactory(tmp_path / "x", exit=True)], SimClock())
@@ -147,24 +147,24 @@ def test_on_the_wall_clock_pages_come_soon_after_their_time_and_all_before_the_e
     assert node.exit_reason == "replayed"
 
 
-def test_a_replay_of_what_was_recorded_is_what_was_recorded(tmp_path: Path) -> None:
-    ticks = TickerFactory(lambda loop: loop.store_data("x", loop.get_time_s() ** 0.5), rate_hz=7)
+def test_recording_of_a_replay_equals_original(tmp_path: Path) -> None:
+    ticks = FunctionLoopFactory(lambda loop: loop.store_data("x", loop.get_time_s() ** 0.5), rate_hz=7)
     SNRTestCase().run_test_node([RecorderEndpointFactory(tmp_path / "one", "x"), ticks], until_s=3)
     again = [ReplayerLoopFactory(tmp_path / "one", exit=True), RecorderEndpointFactory(tmp_path / "two", "x")]
     SNRTestCase().run_test_node(again)
     assert (tmp_path / "two").read_bytes() == (tmp_path / "one").read_bytes()
 
 
-def test_the_sensor_pages_of_a_trace_drive_another_controller(fly: Callable[..., Trace]) -> None:
+def test_the_sensor_pages_of_a_trace_drive_another_controller(record_scenario: Callable[..., Trace]) -> None:
     """The radar of a recorded run is the input of a node that only reads."""
-    trace = fly("lander_low_gate")
+    trace = record_scenario("lander_low_gate")
     _, came = replayed([ReplayerLoopFactory(trace.path, exit=True, keys=["radar"])], SimClock())
     stored = [record for record in trace.records if isinstance(record, PageRecord) and record.name == "radar"]
     assert [(time_s, page.serialize()) for time_s, page in came] == [(one.t, bytes(one.values)[1:-1]) for one in stored]
     assert len(came) > 50
 
 
-def test_damaged_lines_are_left_out_and_the_run_says_so(tmp_path: Path) -> None:
+def test_damaged_lines_are_skipped_and_noted(tmp_path: Path) -> None:
     file = tmp_path / "x"
     write_pages(file, 0.0, 0.1, 0.2)
     lines = file.read_bytes().splitlines()
@@ -175,7 +175,7 @@ def test_damaged_lines_are_left_out_and_the_run_says_so(tmp_path: Path) -> None:
     assert len(node.notes) == 3
 
 
-def test_a_replayer_with_nothing_to_bring_says_so_and_ends_the_run_if_asked(tmp_path: Path) -> None:
+def test_replayer_without_pages_is_noted_and_may_end_run(tmp_path: Path) -> None:
     write_pages(tmp_path / "x", 0.0)
     node, came = replayed([ReplayerLoopFactory(tmp_path / "x", exit=True, keys=["depth"])], SimClock())
     assert came == []
@@ -183,14 +183,14 @@ def test_a_replayer_with_nothing_to_bring_says_so_and_ends_the_run_if_asked(tmp_
     assert any("found none of the pages" in note for note in node.notes)
 
 
-def test_a_recording_that_is_not_there_ends_the_run_with_its_name(tmp_path: Path) -> None:
-    with pytest.raises(ComponentFailed, match=r"none\.jsonl cannot be read"):
+def test_missing_recording_ends_run_with_its_name(tmp_path: Path) -> None:
+    with pytest.raises(ComponentFailedError, match=r"none\.jsonl cannot be read"):
         replayed([ReplayerLoopFactory(tmp_path / "none.jsonl")], SimClock())
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("far_s", [3600.0, 1e300])
-def test_stopping_does_not_wait_for_a_page_that_is_far_away(tmp_path: Path, far_s: float) -> None:
+def test_stop_does_not_wait_for_distant_page(tmp_path: Path, far_s: float) -> None:
     write_pages(tmp_path / "x", 0.0, far_s)
     start_s = time.monotonic()
     replayed([ReplayerLoopFactory(tmp_path / "x", exit=True), TimeoutLoopFactory(ms=50)], WallClock())
@@ -214,13 +214,13 @@ def test_a_line_comes_at_each_tick_and_the_run_ends_after_the_last(tmp_path: Pat
 
 @pytest.mark.slow
 @pytest.mark.parametrize("clock", [SimClock, WallClock])
-def test_a_line_waits_for_the_answer_to_the_one_before(tmp_path: Path, clock: type) -> None:
+def test_line_waits_for_answer_to_previous_line(tmp_path: Path, clock: type) -> None:
     """The answer takes three ticks; not even the end comes before the last one."""
     (tmp_path / "moves").write_text("a\nb\nc")
     waiting: list[str] = []
     log: list[str] = []
 
-    def hear(task: Task, task_id: Any) -> None:
+    def on_move(task: Task, task_id: Any) -> None:
         log.append("?" + task.val_list[0].data)
         waiting.extend([task.val_list[0].data] * 3)
 
@@ -232,8 +232,8 @@ def test_a_line_waits_for_the_answer_to_the_one_before(tmp_path: Path, clock: ty
             waiting.pop()
 
     factories = [
-        PartFactory({(TaskType.store_page, "move"): hear}),
-        TickerFactory(answer, rate_hz=500),
+        FunctionEndpointFactory({(TaskType.store_page, "move"): on_move}),
+        FunctionLoopFactory(answer, rate_hz=500),
         TextReplayerFactory(tmp_path / "moves", "move", exit=True, rate_hz=500, wait_for="done"),
     ]
     node, _ = replayed(factories, clock())
@@ -242,6 +242,6 @@ def test_a_line_waits_for_the_answer_to_the_one_before(tmp_path: Path, clock: ty
     assert node.notes == []
 
 
-def test_a_list_replayer_with_swapped_arguments_is_refused_when_it_is_made() -> None:
+def test_list_replayer_rejects_swapped_arguments() -> None:
     with pytest.raises(ConfigError, match="the values first, then their key"):
         ListReplayerFactory("depth", [1, 2])  # type: ignore[arg-type]

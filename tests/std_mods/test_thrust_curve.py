@@ -21,31 +21,31 @@ def test_printed_forces_have_the_printed_pulses(kgf: float, pulse: float) -> Non
 
 
 @pytest.mark.parametrize("volts", [12.0, 14.8, 16.0])
-def test_there_and_back_is_the_same_force(volts: float) -> None:
+def test_force_round_trips_through_pulse(volts: float) -> None:
     thruster = t200(volts)
-    least, most = thruster.limits_n
+    min_n, max_n = thruster.limits_n
     for i in range(501):
-        force = least + (most - least) * i / 500
+        force = min_n + (max_n - min_n) * i / 500
         pulse = thruster.pulse_us(force)
         assert thruster.force_n(pulse) == pytest.approx(force, abs=1e-9)
         assert curve(volts).at(pulse)[0] == pytest.approx(force, abs=1e-9)
 
 
-def test_no_force_is_the_middle_and_the_least_force_is_beyond_the_dead_band() -> None:
+def test_zero_force_is_neutral_and_small_force_skips_dead_band() -> None:
     thruster = t200()
     assert thruster.pulse_us(0.0) == 1500.0
     assert thruster.pulse_us(1e-6) == pytest.approx(1528.0, abs=0.001)
     assert thruster.pulse_us(-1e-6) == pytest.approx(1472.0, abs=0.001)
 
 
-def test_more_than_there_is_is_full_thrust() -> None:
+def test_force_beyond_curve_gives_full_thrust() -> None:
     thruster = t200()
     assert (thruster.pulse_us(1e9), thruster.pulse_us(-1e9)) == (1900.0, 1100.0)
     assert (thruster.pulse_us(math.inf), thruster.pulse_us(-math.inf)) == (1900.0, 1100.0)
     assert (thruster.force_n(5000.0), thruster.force_n(0.0)) == (thruster.limits_n[1], thruster.limits_n[0])
 
 
-def test_nan_is_refused_and_not_taken_for_full_astern() -> None:
+def test_nan_is_rejected() -> None:
     with pytest.raises(ParameterError, match="NaN"):
         t200().pulse_us(math.nan)
 
@@ -62,11 +62,11 @@ def test_nan_is_refused_and_not_taken_for_full_astern() -> None:
         ([], []),
     ],
 )
-def test_what_is_no_curve_is_refused(pulses: list[float], forces: list[float]) -> None:
+def test_invalid_curve_is_rejected(pulses: list[float], forces: list[float]) -> None:
     with pytest.raises(ParameterError, match="must rise"):
         ThrustCurve(pulses, forces)
 
 
-def test_a_stop_outside_the_dead_band_is_refused() -> None:
+def test_stop_pulse_outside_dead_band_is_rejected() -> None:
     with pytest.raises(ParameterError, match="1472 to 1528"):
         ThrustCurve(*curve(16.0)[:2], stop_us=1530.0)

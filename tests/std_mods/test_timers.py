@@ -18,13 +18,13 @@ from snr_sim import (
     tasks,
 )
 from snr_sim.prelude.errors import ParameterError
-from snr_sim.testing.parts import TickerFactory
+from snr_sim.testing.function_components import FunctionLoopFactory
 
 case = SNRTestCase()
 
 
 @given(st.floats(0.0, 1e5))
-def test_a_timeout_comes_to_the_digit_in_virtual_time(seconds: float) -> None:
+def test_timeout_is_exact_in_virtual_time(seconds: float) -> None:
     node = case.run_test_node([TimeoutLoopFactory(seconds=seconds)], until_s=1e6)
     assert (node.exit_reason, node.get_time_s()) == ("timeout", seconds)
 
@@ -48,13 +48,13 @@ def test_any_task_may_follow_and_it_follows_once() -> None:
 
 
 @pytest.mark.parametrize("seconds", [-1.0, float("nan"), float("inf")])
-def test_a_time_that_is_none_is_refused(seconds: float) -> None:
+def test_invalid_delay_is_rejected(seconds: float) -> None:
     with pytest.raises(ParameterError, match="A timeout of"):
         TimeoutLoopFactory(seconds=seconds)
 
 
 @pytest.mark.wall_clock
-def test_on_the_wall_clock_a_timeout_comes_after_its_time_and_soon() -> None:
+def test_wall_clock_timeout_fires_soon_after_its_time() -> None:
     took_s = []
     for _ in range(5):
         runner = SynchronousRunner("r", Config(factories={"r": [TimeoutLoopFactory(ms=80)]}))
@@ -65,9 +65,9 @@ def test_on_the_wall_clock_a_timeout_comes_after_its_time_and_soon() -> None:
     assert max(took_s) < 0.3
 
 
-def test_a_stopwatch_takes_the_time_of_each_matching_task() -> None:
+def test_stopwatch_records_time_of_each_matching_task() -> None:
     times: list[float] = []
-    ticker = TickerFactory(lambda loop: loop.schedule([tasks.event("lap"), tasks.event("other")]), rate_hz=4)
+    ticker = FunctionLoopFactory(lambda loop: loop.schedule([tasks.event("lap"), tasks.event("other")]), rate_hz=4)
     case.run_test_node([ticker, StopwatchEndpointFactory(times, [(TaskType.event, "lap")])], until_s=0.5)
     assert times == [0.0, 0.25, 0.5]
 

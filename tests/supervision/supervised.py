@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from snr_sim import Config, Loop, LoopFactory, MultiProcRunner, Node, TimeoutLoopFactory, tasks
-from snr_sim.testing.parts import PartFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory
 
 
 def nothing(*args: Any) -> None:
@@ -50,14 +50,14 @@ def stubborn(*args: Any) -> None:
     ctypes.PyDLL(None).sleep(60)
 
 
-def speak(part: Any) -> None:
+def print_lines(part: Any) -> None:
     print("one line")
     os.write(1, b"another one\n")
     print("a complaint", file=sys.stderr)
     end(part)
 
 
-def leave_somebody(part: Any) -> None:
+def leave_child(part: Any) -> None:
     subprocess.Popen([sys.executable, "-c", "import time; time.sleep(40)"])
     end(part)
 
@@ -71,7 +71,7 @@ def halted(part: Any) -> None:
 
 
 class Heavy(Loop):
-    backing = "process"
+    executor = "process"
 
     def setup(self) -> None:
         begun(self)
@@ -90,17 +90,17 @@ class HeavyFactory(LoopFactory):
 
 KINDS: dict[str, Callable[..., Any]] = {
     function.__name__: function
-    for function in (nothing, end, fail, leave, leave_at_once, kill, doze, stubborn, speak, leave_somebody)
+    for function in (nothing, end, fail, leave, leave_at_once, kill, doze, stubborn, print_lines, leave_child)
 }
 
 
-def role(part: PartFactory) -> list[Any]:
-    motor = PartFactory(name="motor", begin=begun, halt=halted)
+def role(part: FunctionEndpointFactory) -> list[Any]:
+    motor = FunctionEndpointFactory(name="motor", begin=begun, halt=halted)
     return [motor, TimeoutLoopFactory(seconds=60), part]
 
 
 def main(kind: str, *options: str) -> None:
-    roles = {"a": role(PartFactory()), "b": role(PartFactory(name="b_part", begin=KINDS[kind]))}
+    roles = {"a": role(FunctionEndpointFactory()), "b": role(FunctionEndpointFactory(name="b_part", begin=KINDS[kind]))}
     if "heavy" in options:
         roles["a"].append(HeavyFactory())
     try:

@@ -15,8 +15,8 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, MultiProcRunner, TaskType, TimeoutLoopFactory
-from snr_sim.prelude.errors import ConfigError, UnknownName
-from snr_sim.testing.parts import PartFactory
+from snr_sim.prelude.errors import ConfigError, UnknownNameError
+from snr_sim.testing.function_components import FunctionEndpointFactory
 
 HERE = Path(__file__).parent
 LIMIT_S = 60.0  # for what takes a second on a machine that has nothing else to do
@@ -53,7 +53,7 @@ class Program:
             assert self._has_more.wait_for(lambda: self.out.count(text) >= count, LIMIT_S), self.out
 
     def signal(self, number: int) -> None:
-        """What a terminal does at Ctrl-C: it tells the whole group."""
+        """Send a signal to the process group, as a terminal does at Ctrl-C."""
         with suppress(ProcessLookupError):
             os.killpg(self.process.pid, number)
 
@@ -93,7 +93,7 @@ def assert_all_halted(out: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("kind", "said"),
+    ("kind", "expected"),
     [
         (
             "fail",
@@ -109,20 +109,18 @@ def assert_all_halted(out: str) -> None:
         ("kill", ["The process of role 'b' was ended by SIGKILL. Its last lines:", "    the last words"]),
     ],
 )
-def test_weakness_21_a_role_that_fails_or_dies_is_reported_ends_the_others_in_order_and_gives_status_1(
-    kind: str, said: list[str]
-) -> None:
+def test_weakness_21_failed_role_is_reported_and_ends_others_with_status_1(kind: str, expected: list[str]) -> None:
     status, out, err = run(kind)
     assert status == 1
-    for words in said:
+    for words in expected:
         assert words in err
     assert out.count("[a] begun") == out.count("[a] halted")
     assert out.endswith("over\n")
 
 
 @pytest.mark.slow
-def test_what_a_role_prints_comes_through_line_by_line_with_its_name() -> None:
-    status, out, err = run("speak", "ends_all")
+def test_output_of_role_is_forwarded_by_line_with_name() -> None:
+    status, out, err = run("print_lines", "ends_all")
     assert status == 0
     assert "[b] one line\n" in out
     assert "[b] another one\n" in out
@@ -131,7 +129,7 @@ def test_what_a_role_prints_comes_through_line_by_line_with_its_name() -> None:
 
 
 @pytest.mark.slow
-def test_a_role_that_ends_lets_the_others_go_on_unless_it_ends_all() -> None:
+def test_ended_role_ends_others_only_with_ends_all() -> None:
     assert run("end", "ends_all")[0] == 0
     program = Program("end")
     program.wait_for("[b] halted")
@@ -179,7 +177,7 @@ def test_a_second_signal_does_not_wait_for_what_cannot_be_interrupted() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
-def test_signals_at_random_moments_leave_nothing_running_and_nothing_unhalted(seed: int) -> None:
+def test_random_signals_halt_all_and_leave_no_process(seed: int) -> None:
     chance = random.Random(seed)
     program = Program(chance.choice(["nothing", "doze", "end"]), *chance.choice([[], ["heavy"]]))
     begun = chance.choice([0, 1, 2])
@@ -221,24 +219,26 @@ def test_when_the_program_itself_is_killed_every_role_and_their_loops_end_too() 
 
 
 @pytest.mark.slow
-def test_somebody_whom_a_role_leaves_behind_does_not_hold_up_the_end() -> None:
+def test_leftover_child_of_role_does_not_delay_end() -> None:
     start_s = time.monotonic()
-    assert run("leave_somebody", "ends_all")[0] == 0
-    assert time.monotonic() - start_s < 35.0  # whoever is left sleeps for 40
+    assert run("leave_child", "ends_all")[0] == 0
+    assert time.monotonic() - start_s < 35.0  # a process that is left sleeps for 40 s
 
 
-def test_what_cannot_be_sent_to_a_process_is_named_before_anything_is_started() -> None:
-    locked = PartFactory({TaskType.event: threading.Lock()})  # type: ignore[dict-item]
+def test_unpicklable_factory_raises_before_any_process_starts() -> None:
+    locked = FunctionEndpointFactory({TaskType.event: threading.Lock()})  # type: ignore[dict-item]
     with pytest.raises(ConfigError) as caught:
-        MultiProcRunner(Config(factories={"a": [PartFactory(name="x")], "b": [locked]})).run()
-    assert "Role 'b' runs in a process of its own, and PartFactory's attribute `handlers[" in str(caught.value)
+        MultiProcRunner(Config(factories={"a": [FunctionEndpointFactory(name="x")], "b": [locked]})).run()
+    assert "Role 'b' runs in a process of its own, and FunctionEndpointFactory's attribute `handlers[" in str(
+        caught.value
+    )
     assert "]` cannot be sent there: lock (" in str(caught.value)
     assert "setup()" in str(caught.value)
 
 
 @pytest.mark.parametrize("arguments", [{"roles": ["a", "c"]}, {"ends_all": ["c"]}])
 def test_a_role_that_is_unknown_is_named_with_those_there_are(arguments: dict[str, Any]) -> None:
-    with pytest.raises(UnknownName, match="no role 'c'"):
+    with pytest.raises(UnknownNameError, match="no role 'c'"):
         MultiProcRunner(Config(factories={"a": [], "b": []}), **arguments)
     with pytest.raises(ConfigError, match="named twice: a, a"):
         MultiProcRunner(Config(factories={"a": []}), ["a", "a"])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from snr_sim import ListReplayerFactory, Mode, Page, SimClock, SNRTestCase, TimeoutLoopFactory
-from snr_sim.prelude.errors import RetiredName
+from snr_sim.prelude.errors import RetiredNameError
 
 
 class Pages(SNRTestCase):
@@ -17,18 +17,18 @@ class Pages(SNRTestCase):
         self.assertPage(self.page, "depth", 1.5)
         self.assertPage(self.page, "depth", 1.5, origin="test_node", created_at_s=0.25, process=False)
 
-    def test_the_difference_is_said(self) -> None:
-        for change, said in (
+    def test_assert_page_reports_difference(self) -> None:
+        for change, expected in (
             ({"key": "dpth"}, "has key = 'depth', expected 'dpth'"),
             ({"data": 2}, "Page 'depth' holds 1.5, expected 2"),
             ({"origin": "x"}, "has origin = 'test_node', expected 'x'"),
             ({"created_at_s": 0.0}, "has created_at_s = 0.25, expected 0.0"),
             ({"process": True}, "has process = False, expected True"),
         ):
-            with pytest.raises(AssertionError, match=said):
+            with pytest.raises(AssertionError, match=expected):
                 self.assertPage(self.page, **{"key": "depth", "data": 1.5, **change})  # type: ignore[arg-type]
 
-    def test_a_page_that_is_missing_is_said(self) -> None:
+    def test_assert_page_reports_missing_page(self) -> None:
         with pytest.raises(AssertionError, match="nothing has stored it"):
             self.assertPage(None, "depth", 1.5)
 
@@ -67,9 +67,9 @@ class Nodes(SNRTestCase):
         assert self.get_test_node([TimeoutLoopFactory()], Mode.DEBUG).profiler is not None
         assert self.run_test_node([TimeoutLoopFactory()], Mode.DEBUG).profiler is not None
 
-    def test_what_a_test_of_2021_had_says_what_to_write_instead(self) -> None:
+    def test_members_of_2021_raise_with_replacement(self) -> None:
         for name in ("get_context", "create_server", "wrap_socket"):
-            with pytest.raises(RetiredName, match=name):
+            with pytest.raises(RetiredNameError, match=name):
                 getattr(self, name)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from snr_sim import FakeActuator, FakeSensor
 from snr_sim.prelude.device import Stale
-from snr_sim.prelude.errors import CommandError, DeviceError, SensorLost
+from snr_sim.prelude.errors import CommandError, DeviceError, SensorLostError
 from snr_sim.prelude.life_cycle import LifeCycle
 from snr_sim.testing.contracts import check_actuator, check_plant, check_sensor
 
@@ -35,22 +35,22 @@ class Thawed(msgspec.Struct):
 LIMITS = {"thrust_n": (-5.0, 40.0), "gimbal_rad": (-0.1, 0.1)}
 
 
-def test_the_fakes_keep_their_promises() -> None:
+def test_fakes_implement_their_interfaces() -> None:
     check_sensor(lambda: FakeSensor([Depth(1.0, 0.0), Depth(2.0, 0.1)]))
     check_actuator(lambda: FakeActuator(Push, LIMITS), Push(10.0, 0.05))
     check_actuator(lambda: FakeActuator(Pulses, {"pulses_us": (1100.0, 1900.0)}), Pulses([1500.0, 1600.0]))
 
 
 def test_a_fake_sensor_gives_its_readings_then_the_last_one_again() -> None:
-    sensor = FakeSensor([Depth(1.0, 0.0), SensorLost("wet plug"), Depth(2.0, 0.1)])
+    sensor = FakeSensor([Depth(1.0, 0.0), SensorLostError("wet plug"), Depth(2.0, 0.1)])
     assert sensor.read().depth_m == 1.0
-    with pytest.raises(SensorLost, match="wet plug"):
+    with pytest.raises(SensorLostError, match="wet plug"):
         sensor.read()
     assert [sensor.read().depth_m for _ in range(3)] == [2.0, 2.0, 2.0]
     sensor.close()
-    with pytest.raises(SensorLost, match="closed"):
+    with pytest.raises(SensorLostError, match="closed"):
         sensor.read()
-    with pytest.raises(SensorLost, match="no readings"):
+    with pytest.raises(SensorLostError, match="no readings"):
         FakeSensor([]).read()
 
 
@@ -61,7 +61,7 @@ def test_a_fake_actuator_remembers_what_was_applied() -> None:
     assert not actuator.is_neutral
     with pytest.raises(CommandError, match="'thrust_n' is nan"):
         actuator.write(Push(math.nan, 0.0))
-    with pytest.raises(CommandError, match="is no Push"):
+    with pytest.raises(CommandError, match="is not a Push"):
         actuator.write(Depth(1.0, 0.0))  # type: ignore[arg-type]
     assert actuator.written == [Push(40.0, 0.0)]
     actuator.close()
@@ -116,23 +116,23 @@ class Headless:
         (lambda: Answers(Stale("asleep")), "one that has readings returned Stale"),
         (lambda: Answers({"depth_m": 1}), "a reading is a msgspec Struct"),
         (lambda: Answers(Thawed()), "Thawed is frozen"),
-        (lambda: Answers(Timeless(1.0)), r"Timeless.stamp_s says when \[s\]; it is None"),
-        (lambda: Answers(Depth(1.0, math.nan)), "Depth.stamp_s says when .*; it is nan"),
-        (lambda: Answers(Depth(1.0, "noon")), "Depth.stamp_s says when .*; it is 'noon'"),  # type: ignore[arg-type]
+        (lambda: Answers(Timeless(1.0)), r"Timeless.stamp_s must be a finite time in seconds, not None"),
+        (lambda: Answers(Depth(1.0, math.nan)), "Depth.stamp_s must be a finite time in seconds, not nan"),
+        (lambda: Answers(Depth(1.0, "noon")), "Depth.stamp_s must be a finite time in seconds, not 'noon'"),  # type: ignore[arg-type]
         (lambda: TurnsBack(Depth(1.0, 0.0)), r"a Depth of -0.2 s came after one of -0.1 s"),
         (lambda: Answers(Depth(math.nan, 0.0)), "Depth.depth_m is nan, which is not finite"),
         (lambda: Answers(Depth([0.0, {"a": (math.inf,)}], 0.0)), "Depth.depth_m is .*inf"),  # type: ignore[arg-type]
         (Headless, "lacks read"),
         (lambda: StaysActive(Depth(1.0, 0.0)), r"after deactivate\(\) the state is .*'active'"),
-        (lambda: Answers(Depth(1.0, 0.0)), r"read\(\) after close\(\) raises SensorLost, but returned Depth"),
+        (lambda: Answers(Depth(1.0, 0.0)), r"read\(\) after close\(\) raises SensorLostError, but returned Depth"),
     ],
 )
-def test_a_sensor_that_breaks_a_promise_is_told_which(sensor: Callable[[], Any], promise: str) -> None:
-    with pytest.raises(AssertionError, match=f"Promise broken: .*{promise}"):
+def test_broken_sensor_raises_with_rule(sensor: Callable[[], Any], promise: str) -> None:
+    with pytest.raises(AssertionError, match=f"Contract violated: .*{promise}"):
         check_sensor(sensor)
 
 
-def test_a_device_that_closes_only_once_fails_with_its_own_error() -> None:
+def test_error_of_second_close_is_raised_unchanged() -> None:
     with pytest.raises(OSError, match="Bad file descriptor"):
         check_sensor(lambda: ClosesOnce(Depth(1.0, 0.0)))
 
@@ -156,7 +156,7 @@ class TakesNan(FakeActuator[Push]):
         (lambda: FakeActuator(Depth, {}), "takes Depth, the command is a Push"),
     ],
 )
-def test_an_actuator_that_breaks_a_promise_is_told_which(actuator: Callable[[], Any], promise: str) -> None:
+def test_broken_actuator_raises_with_rule(actuator: Callable[[], Any], promise: str) -> None:
     with pytest.raises(AssertionError, match=promise):
         check_actuator(actuator, Push(10.0, 0.0))
 
@@ -203,7 +203,7 @@ class Cart:
     def truth(self) -> dict[str, Any]:
         return {
             "poses": {"cart": [self.x_m, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]},
-            "arrows": {"push": [self.x_m, 0.0, 0.0, self.thrust_n, 0.0, 0.0]},
+            "vectors": {"push": [self.x_m, 0.0, 0.0, self.thrust_n, 0.0, 0.0]},
             "values": {"x_m": self.x_m},
         }
 
@@ -274,7 +274,7 @@ class DictReading(Cart):
         return {"depth_m": self.x_m}
 
 
-def test_a_plant_that_keeps_its_promises_passes() -> None:
+def test_valid_plant_passes() -> None:
     check_plant(Cart, {"push": Push(2.0)})
     check_plant(Cart)
 
@@ -296,11 +296,11 @@ def test_a_plant_that_keeps_its_promises_passes() -> None:
         (object, "lacks a member of Plant"),
     ],
 )
-def test_a_plant_that_breaks_a_promise_is_told_which(plant: Callable[[], Any], promise: str) -> None:
-    with pytest.raises(AssertionError, match=f"Promise broken: (.|\n)*{promise}"):
+def test_broken_plant_raises_with_rule(plant: Callable[[], Any], promise: str) -> None:
+    with pytest.raises(AssertionError, match=f"Contract violated: (.|\n)*{promise}"):
         check_plant(plant, {"push": Push(2.0)})
 
 
-def test_a_command_for_an_input_that_is_not_there_is_a_mistake_of_the_test() -> None:
+def test_command_for_unknown_input_raises() -> None:
     with pytest.raises(AssertionError, match="commands for"):
         check_plant(Cart, {"pull": Push(2.0)})

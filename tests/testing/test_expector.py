@@ -17,45 +17,45 @@ from snr_sim import (
     TimeoutLoopFactory,
     tasks,
 )
-from snr_sim.prelude.errors import ComponentFailed, ConfigError, ParameterError, RetiredName
-from snr_sim.testing.parts import PartFactory
+from snr_sim.prelude.errors import ComponentFailedError, ConfigError, ParameterError, RetiredNameError
+from snr_sim.testing.function_components import FunctionEndpointFactory
 
 A, B, C = ((TaskType.event, name) for name in "abc")
 
 
-def hears(expector: Any, *names: str) -> Any:
+def feed(expector: Any, *names: str) -> Any:
     for name in names:
-        expector.hear(tasks.event(name))
+        expector.on_task(tasks.event(name))
     return expector
 
 
 def test_counts_that_are_met_satisfy() -> None:
     with Expector({A: 2, B: 0, TaskType.event: 3}) as expector:
-        hears(expector, "a", "a", "c")
+        feed(expector, "a", "a", "c")
 
 
-def test_a_list_counts_how_often_an_id_stands_in_it() -> None:
-    assert hears(Expector([A, B, A]), "a", "a", "b").is_satisfied()
-    assert not hears(Expector([A, B, A]), "a", "b").is_satisfied()
+def test_list_gives_count_of_each_id() -> None:
+    assert feed(Expector([A, B, A]), "a", "a", "b").is_satisfied()
+    assert not feed(Expector([A, B, A]), "a", "b").is_satisfied()
 
 
 @pytest.mark.parametrize("came", [(), ("a",), ("a", "a", "a"), ("a", "a", "b")])
 def test_counts_that_are_not_met_fail_at_the_end_of_the_with(came: tuple[str, ...]) -> None:
     with pytest.raises(AssertionError, match="expected"), Expector({A: 2, B: 0}) as expector:
-        hears(expector, *came)
+        feed(expector, *came)
 
 
-def test_the_failure_says_what_was_expected_and_what_came() -> None:
+def test_failure_names_expected_and_actual() -> None:
     with pytest.raises(AssertionError) as caught, Expector({A: 2, B: 0}) as expector:
-        hears(expector, "a", "b")
+        feed(expector, "a", "b")
     assert str(caught.value).split("\n") == [
-        "The expected tasks did not come:",
+        "The expected tasks did not arrive:",
         "  event 'a': expected 2, came 1",
         "  event 'b': expected 0, came 1",
     ]
 
 
-def test_an_exception_in_the_with_surfaces_as_itself() -> None:
+def test_exception_in_with_block_is_raised_unchanged() -> None:
     with pytest.raises(ZeroDivisionError), Expector({A: 1}):
         _ = 1 / 0
     with pytest.raises(ZeroDivisionError), OrderedExpector([A]):
@@ -64,9 +64,9 @@ def test_an_exception_in_the_with_surfaces_as_itself() -> None:
 
 def test_order_is_checked_and_other_tasks_may_come_between() -> None:
     with OrderedExpector([A, B, A]) as expector:
-        hears(expector, "a", "x", "b", "a")
+        feed(expector, "a", "x", "b", "a")
     with OrderedExpector([A, TaskType.process_data]) as expector:
-        hears(expector, "a").hear(Task(TaskType.process_data, "depth"))
+        feed(expector, "a").on_task(Task(TaskType.process_data, "depth"))
 
 
 @pytest.mark.parametrize(
@@ -81,22 +81,22 @@ def test_order_is_checked_and_other_tasks_may_come_between() -> None:
 )
 def test_the_first_place_where_the_order_differs_is_named(came: str, complaint: str) -> None:
     with pytest.raises(AssertionError, match=complaint), OrderedExpector([A, B]) as expector:
-        hears(expector, *came)
+        feed(expector, *came)
 
 
 def test_an_order_that_differs_shows_both() -> None:
-    (_, expected, came) = hears(OrderedExpector([A, B]), "b", "a").complaints()
+    (_, expected, came) = feed(OrderedExpector([A, B]), "b", "a").failures()
     assert expected == "expected order: event 'a', event 'b'"
     assert came == "order that came: event 'b', event 'a'"
 
 
 @pytest.mark.parametrize("expected", [{("a", TaskType.event): 1}, {5: 1}])
-def test_what_no_task_can_have_as_its_id_is_refused(expected: Any) -> None:
+def test_invalid_task_id_is_rejected(expected: Any) -> None:
     with pytest.raises(ConfigError, match="expector"):
         Expector(expected)
 
 
-def test_a_text_is_refused_where_tasks_are_counted() -> None:
+def test_text_id_is_rejected_in_task_counts() -> None:
     with pytest.raises(ConfigError, match="'a', which no task can have as its id"):
         ExpectorEndpointFactory(Expector(["a"]))
 
@@ -117,18 +117,18 @@ def test_calls_are_checked_in_their_order() -> None:
         expector.call("halt")
     expector = OrderedExpector(["s", "setup"])
     expector.call("setup")
-    assert expector.complaints()[0] == "number 1: expected call 's', came call 'setup'"
+    assert expector.failures()[0] == "number 1: expected call 's', came call 'setup'"
 
 
 @pytest.mark.parametrize("name", ["check", "get_expectations", "times_called", "met_expectations"])
-def test_what_an_expector_of_2021_had_says_what_to_write_instead(name: str) -> None:
-    with pytest.raises(RetiredName, match=rf"(?s)expector\.{name}'.*Try: expector\."):
+def test_members_of_2021_raise_with_replacement(name: str) -> None:
+    with pytest.raises(RetiredNameError, match=rf"(?s)expector\.{name}'.*Try: expector\."):
         getattr(Expector({A: 1}), name)
 
 
 def test_a_call_with_the_id_of_a_task_counts_as_that_task() -> None:
     with Expector({A: 2}) as expector:
-        hears(expector, "a").call(A)
+        feed(expector, "a").call(A)
 
 
 @pytest.mark.parametrize("count", [-1, 1.5, None])
@@ -140,8 +140,10 @@ def test_a_count_is_a_whole_number(count: Any) -> None:
 class InANode(SNRTestCase):
     """The way students use it."""
 
-    def begins(self, *names: str) -> PartFactory:
-        return PartFactory(name="starter", begin=lambda part: part.schedule([tasks.event(name) for name in names]))
+    def begins(self, *names: str) -> FunctionEndpointFactory:
+        return FunctionEndpointFactory(
+            name="starter", begin=lambda part: part.schedule([tasks.event(name) for name in names])
+        )
 
     def test_tasks_of_a_node_are_counted(self) -> None:
         with self.expector({(TaskType.process_data, "x"): 3, TaskType.store_page: 3, B: 0}) as expector:
@@ -151,18 +153,18 @@ class InANode(SNRTestCase):
         with self.ordered_expector([A, B, C]) as expector:
             self.run_test_node([self.begins("a", "b", "c"), ExpectorEndpointFactory(expector)])
 
-    def test_the_nearest_name_that_came_is_offered(self) -> None:
+    def test_failure_suggests_nearest_name(self) -> None:
         expected = {(TaskType.process_data, "motor_sped"): 1}
         with pytest.raises(AssertionError) as caught, self.expector(expected) as expector:
             self.run_test_node([ListReplayerFactory([1], "motor_speed"), ExpectorEndpointFactory(expector)])
         assert "came 0; did you mean 'motor_speed'? Every process_data that came: motor_speed." in str(caught.value)
 
     def test_the_failure_is_one_of_the_test_case(self) -> None:
-        class Failure(AssertionError):
+        class ExpectedError(AssertionError):
             pass
 
-        self.failureException = Failure
-        with pytest.raises(Failure), self.expector({A: 1}):
+        self.failureException = ExpectedError
+        with pytest.raises(ExpectedError), self.expector({A: 1}):
             pass
 
     def test_a_satisfied_expector_can_end_the_run(self) -> None:
@@ -177,12 +179,14 @@ class InANode(SNRTestCase):
         assert node.exit_reason == "expector satisfied"
         assert node.get_time_s() == 0.0
 
-    def test_a_run_that_fails_is_not_masked_by_what_is_missing_in_consequence(self) -> None:
+    def test_failed_run_is_not_masked_by_missing_tasks(self) -> None:
         def fail(task: Task, task_id: TaskId) -> None:
             raise ValueError("mine")
 
-        with pytest.raises(ComponentFailed, match="mine"), self.expector({B: 1}) as expector:
-            self.run_test_node([PartFactory({A: fail}), self.begins("a"), ExpectorEndpointFactory(expector)])
+        with pytest.raises(ComponentFailedError, match="mine"), self.expector({B: 1}) as expector:
+            self.run_test_node(
+                [FunctionEndpointFactory({A: fail}), self.begins("a"), ExpectorEndpointFactory(expector)]
+            )
 
     def test_two_expectors_in_one_node_need_two_names(self) -> None:
         with self.expector({A: 1}) as one, self.expector({B: 1}) as other:
@@ -201,20 +205,20 @@ def test_the_case_also_runs_under_unittest() -> None:
 
 @pytest.mark.parametrize("expected", [{A: 1}, {A: 0}, []])
 @pytest.mark.parametrize("kind", [Expector, OrderedExpector])
-def test_an_expector_that_was_in_no_node_says_so(kind: Any, expected: Any) -> None:
+def test_expector_without_node_fails(kind: Any, expected: Any) -> None:
     expected = list(expected) if kind is OrderedExpector else expected
     with (
-        pytest.raises(AssertionError, match=r"in no node that has run(.|\n)*Try: ExpectorEndpointFactory"),
+        pytest.raises(AssertionError, match=r"not in a node that ran(.|\n)*Try: add ExpectorEndpointFactory"),
         kind(expected),
     ):
         pass
 
 
-def test_an_expector_whose_node_was_not_run_says_so() -> None:
+def test_expector_in_node_that_did_not_run_fails() -> None:
     class Case(SNRTestCase):
         def runTest(self) -> None:  # noqa: N802 - unittest's name
             with self.expector({A: 0}) as expector:
                 self.get_test_node([ExpectorEndpointFactory(expector)])
 
-    with pytest.raises(AssertionError, match="in no node that has run"):
+    with pytest.raises(AssertionError, match="not in a node that ran"):
         Case().runTest()

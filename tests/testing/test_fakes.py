@@ -1,7 +1,7 @@
 import msgspec
 import pytest
 
-from snr_sim.prelude.errors import UnknownName
+from snr_sim.prelude.errors import UnknownNameError
 from snr_sim.testing.contracts import check_plant
 from snr_sim.testing.fakes import FakePlant
 
@@ -19,7 +19,7 @@ def tank() -> FakePlant:
     return FakePlant({"depth": Reading(1.5, 0.0), "bare": Bare(2.0)}, inputs=("pump",))
 
 
-def test_a_fake_plant_keeps_the_promise_of_plants() -> None:
+def test_fake_plant_implements_plant() -> None:
     check_plant(tank, {"pump": Bare(1.0)})
 
 
@@ -33,7 +33,7 @@ def test_a_fake_plant_holds_what_it_is_given_at_the_time_it_is_read() -> None:
 
 
 def test_a_fake_plant_knows_its_names() -> None:
-    with pytest.raises(UnknownName, match="did you mean 'depth'"):
+    with pytest.raises(UnknownNameError, match="did you mean 'depth'"):
         tank().read("dept")
-    with pytest.raises(UnknownName, match="no input 'valve'"):
+    with pytest.raises(UnknownNameError, match="no input 'valve'"):
         tank().write("valve", Bare(1.0))

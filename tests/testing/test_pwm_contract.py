@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from snr_sim.devices.pwm.pwm_backend import PlainlyArmed
+from snr_sim.devices.pwm.pwm_backend import ImmediateArming
 from snr_sim.prelude.device import LEASE_S, Health
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import CLAMPED, NO_PULSE, NOT_ACTIVE, STOPPED, TOO_OLD, AppliedPulses
@@ -43,16 +43,16 @@ class Bench:
         self.is_plugged = True
 
 
-class Good(PlainlyArmed):
+class Good(ImmediateArming):
     """Meets the whole contract. Its subclasses break one rule each."""
 
-    fails_safe_alone = True
+    has_independent_failsafe = True
 
     def __init__(self, bench: Bench) -> None:
         super().__init__(bench.now_s, 2)
         self.bench = bench
 
-    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
+    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, reasons: list[str]) -> list[float]:
         if not self.bench.is_plugged:
             raise DeviceError("The wire is out.")
         self.at_pins(pulses_us, stamp_s + lease_s)
@@ -70,7 +70,7 @@ class Good(PlainlyArmed):
             self.at_pins(self.still_us, math.inf)
 
 
-def test_outputs_that_keep_their_promises_pass() -> None:
+def test_valid_outputs_pass() -> None:
     check_pwm_out(Bench(Good))
 
 
@@ -84,50 +84,50 @@ class Answers(Good):
         return applied
 
     def without(self, word: str, applied: AppliedPulses) -> AppliedPulses:
-        return msgspec.structs.replace(applied, why=[one for one in applied.why if one != word])
+        return msgspec.structs.replace(applied, reason=[one for one in applied.reason if one != word])
 
 
-class SaysNotThatItClamps(Answers):
+class OmitsClamped(Answers):
     def changed(self, applied: AppliedPulses) -> AppliedPulses:
         return self.without(CLAMPED, applied)
 
 
-class SaysNotThatItIsNoPulse(Answers):
+class OmitsNoPulse(Answers):
     def changed(self, applied: AppliedPulses) -> AppliedPulses:
         return self.without(NO_PULSE, applied)
 
 
-class SaysNotThatItIsTooOld(Answers):
+class OmitsTooOld(Answers):
     def changed(self, applied: AppliedPulses) -> AppliedPulses:
         return self.without(TOO_OLD, applied)
 
 
-class SaysNotThatItIsStopped(Answers):
+class OmitsStopped(Answers):
     def changed(self, applied: AppliedPulses) -> AppliedPulses:
         return self.without(STOPPED, applied)
 
 
-class SaysNotThatItIsNotActive(Answers):
+class OmitsNotActive(Answers):
     def changed(self, applied: AppliedPulses) -> AppliedPulses:
         return self.without(NOT_ACTIVE, applied)
 
 
-class HasWordsOfItsOwn(Answers):
+class ReportsUnknownReason(Answers):
     def changed(self, applied: AppliedPulses) -> AppliedPulses:
-        return msgspec.structs.replace(applied, why=[*applied.why, "tired"])
+        return msgspec.structs.replace(applied, reason=[*applied.reason, "tired"])
 
 
-class SaysItTwice(Answers):
+class RepeatsReasons(Answers):
     def changed(self, applied: AppliedPulses) -> AppliedPulses:
-        return msgspec.structs.replace(applied, why=applied.why * 2)
+        return msgspec.structs.replace(applied, reason=applied.reason * 2)
 
 
-class TellsAnotherTime(Answers):
+class ReturnsWrongStamp(Answers):
     def changed(self, applied: AppliedPulses) -> AppliedPulses:
         return msgspec.structs.replace(applied, stamp_s=applied.stamp_s - 1.0)
 
 
-class KeepsAStampOfNoTime(Answers):
+class KeepsInvalidStamp(Answers):
     def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
         return msgspec.structs.replace(super().write_us(pulses_us, stamp_s, lease_s), stamp_s=stamp_s)
 
@@ -137,20 +137,20 @@ class AnswersForOneChannel(Answers):
         return msgspec.structs.replace(applied, pulses_us=applied.pulses_us[:1])
 
 
-class EchoesWhatWasAskedFor(Good):
+class EchoesRequest(Good):
     def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
         super().write_us(pulses_us, stamp_s, lease_s)
         return AppliedPulses(list(pulses_us), stamp_s)
 
 
-class IsCoarserThanItSays(Good):
+class IsCoarserThanResolution(Good):
     def __init__(self, bench: Bench) -> None:
         super().__init__(bench)
         self.resolution_us = 12.0
 
-    def _pulses_of(self, pulses_us: Sequence[float], why: list[str]) -> list[float]:
+    def _pulses_of(self, pulses_us: Sequence[float], reason: list[str]) -> list[float]:
         self.resolution_us = 0.0
-        pulses = super()._pulses_of(pulses_us, why)
+        pulses = super()._pulses_of(pulses_us, reason)
         self.resolution_us = 12.0
         return pulses
 
@@ -160,18 +160,18 @@ class MakesMoreAtThePins(Good):
         super().at_pins([1.002 * (pulse - 1500.0) * 1.01 + 1500.0 for pulse in pulses_us], until_s)
 
 
-class GoesOnWhenItsLeaseIsOver(Good):
+class IgnoresLease(Good):
     def at_pins(self, pulses_us: list[float], until_s: float) -> None:
         super().at_pins(pulses_us, math.inf)
 
 
-class GoesOnWhenDeactivated(Good):
+class IgnoresDeactivate(Good):
     def on_deactivate(self, reason: str) -> None: ...
 
 
-class GoesOnWhenStopped(Good):
+class IgnoresStop(Good):
     def stop(self) -> None:
-        self.is_stopped, self.state, self.why = True, "inactive", "emergency stop"
+        self.is_stopped, self.state, self.reason = True, "inactive", "emergency stop"
 
 
 class IsArmedByActivate(Good):
@@ -186,10 +186,10 @@ class ArmsWithoutAskingForConfigure(Good):
         super().activate()
 
 
-class TakesCommandsOfTimesToCome(Good):
-    def _left_of(self, stamp_s: float, lease_s: float) -> float:
+class AcceptsFutureStamps(Good):
+    def _remaining_lease_s(self, stamp_s: float, lease_s: float) -> float:
         is_soon = isinstance(stamp_s, float) and 0.0 < stamp_s - self.now_s() < 10.0
-        return lease_s if is_soon else super()._left_of(stamp_s, lease_s)
+        return lease_s if is_soon else super()._remaining_lease_s(stamp_s, lease_s)
 
 
 class CanBeArmedWhenStopped(Good):
@@ -202,25 +202,25 @@ class StaysStopped(Good):
     def clear_stop(self) -> None: ...
 
 
-class DoesNotFeelThatItsWireIsOut(Good):
-    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
-        return super().put(pulses_us, stamp_s, lease_s, why) if self.bench.is_plugged else pulses_us
+class IgnoresUnplugging(Good):
+    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, reasons: list[str]) -> list[float]:
+        return super().put(pulses_us, stamp_s, lease_s, reasons) if self.bench.is_plugged else pulses_us
 
 
 class IsNeverConfiguredAgain(Good):
     def on_configure(self) -> None:
-        if not self.bench.is_plugged or self.why:
+        if not self.bench.is_plugged or self.reason:
             raise DeviceError("The wire was out once.")
 
 
-class SaysNotWhyItWaits(Good):
+class OmitsReasonOfActivating(Good):
     def on_activate(self) -> None:
-        self.state, self.why = "activating", ""
+        self.state, self.reason = "activating", ""
 
 
-class ComplainsWhileAllIsWell(Good):
+class ReportsReasonWhileActive(Good):
     def health(self) -> Health:
-        return msgspec.structs.replace(super().health(), why="hm")
+        return msgspec.structs.replace(super().health(), reason="hm")
 
 
 class CountsDown(Good):
@@ -237,39 +237,39 @@ class ForgetsThatItIsClosed(Good):
 @pytest.mark.parametrize(
     ("kind", "words"),
     [
-        (SaysNotThatItClamps, "after more than full ahead all outputs tell .*clamped"),
-        (SaysNotThatItIsNoPulse, "after NaN all outputs tell .*no pulse"),
-        (SaysNotThatItIsTooOld, "is too old, but"),
-        (SaysNotThatItIsStopped, r"after stop\(\) all outputs tell .*stopped"),
-        (SaysNotThatItIsNotActive, r"before activate\(\) the answer says why"),
-        (HasWordsOfItsOwn, "reasons are some of .*tired"),
-        (SaysItTwice, "each once, not"),
-        (TellsAnotherTime, r"a command of 10.\d* s is answered as one of 9"),
-        (KeepsAStampOfNoTime, r"answers at [\d.]+ s with the stamp"),
+        (OmitsClamped, "after more than full ahead all outputs tell .*clamped"),
+        (OmitsNoPulse, "after NaN all outputs tell .*no pulse"),
+        (OmitsTooOld, "is too old, but"),
+        (OmitsStopped, r"after stop\(\) all outputs tell .*stopped"),
+        (OmitsNotActive, r"before activate\(\) the answer has the reason"),
+        (ReportsUnknownReason, "reasons are some of .*tired"),
+        (RepeatsReasons, "each once, not"),
+        (ReturnsWrongStamp, r"a command of 10.\d* s is answered as one of 9"),
+        (KeepsInvalidStamp, r"answers at [\d.]+ s with the stamp"),
         (AnswersForOneChannel, r"for 2 channels"),
-        (EchoesWhatWasAskedFor, r"before configure\(\) all are neutral, not"),
-        (IsCoarserThanItSays, "which is no multiple of 12.0 us"),
+        (EchoesRequest, r"before configure\(\) all are neutral, not"),
+        (IsCoarserThanResolution, "which is not a multiple of 12.0 us"),
         (MakesMoreAtThePins, "the pins show"),
-        (GoesOnWhenItsLeaseIsOver, "0.25 s after the last command the pins show"),
-        (GoesOnWhenDeactivated, r"soon after deactivate\(\) the pins show"),
-        (GoesOnWhenStopped, r"soon after stop\(\) the pins show"),
-        (IsArmedByActivate, "activate\\(\\), told to push all outputs tell \\('activating'"),
+        (IgnoresLease, "0.25 s after the last command the pins show"),
+        (IgnoresDeactivate, r"soon after deactivate\(\) the pins show"),
+        (IgnoresStop, r"soon after stop\(\) the pins show"),
+        (IsArmedByActivate, "activate\\(\\), thrust commanded all outputs tell \\('activating'"),
         (ArmsWithoutAskingForConfigure, r"activate\(\) before configure\(\) is refused"),
-        (TakesCommandsOfTimesToCome, "a command of .* is too old, but"),
+        (AcceptsFutureStamps, "a command of .* is too old, but"),
         (CanBeArmedWhenStopped, r"activate\(\) during an emergency stop is refused"),
         (StaysStopped, r"after clear_stop\(\) all outputs tell"),
-        (DoesNotFeelThatItsWireIsOut, "a wire that was pulled is told"),
-        (SaysNotWhyItWaits, "'activating' says why"),
-        (ComplainsWhileAllIsWell, "of active outputs nothing is wrong, but: 'hm'"),
+        (IgnoresUnplugging, "a pulled wire is reported"),
+        (OmitsReasonOfActivating, "'activating' has a reason"),
+        (ReportsReasonWhileActive, "of active outputs nothing is wrong, but: 'hm'"),
         (CountsDown, "counts are whole numbers"),
         (ForgetsThatItIsClosed, r"after close\(\) .*'inactive'"),
     ],
 )
-def test_outputs_that_break_a_promise_are_told_which(kind: type[Good], words: str) -> None:
-    with pytest.raises(AssertionError, match=f"Promise broken: .*{words}"):
+def test_broken_outputs_raise_with_rule(kind: type[Good], words: str) -> None:
+    with pytest.raises(AssertionError, match=f"Contract violated: .*{words}"):
         check_pwm_out(Bench(kind))
 
 
-def test_outputs_that_cannot_be_opened_again_fail_with_their_own_error() -> None:
+def test_error_of_second_open_is_raised_unchanged() -> None:
     with pytest.raises(DeviceError, match="The wire was out once"):
         check_pwm_out(Bench(IsNeverConfiguredAgain))

@@ -8,7 +8,7 @@ import pytest
 
 @pytest.fixture
 def free_ports() -> Callable[[int], list[int]]:
-    """Returns a function that finds ports nobody has just now."""
+    """Return a function that finds ports that are free now."""
 
     def find(count: int) -> list[int]:
         sockets = [socket.socket() for _ in range(count)]

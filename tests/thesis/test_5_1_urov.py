@@ -142,7 +142,7 @@ def components(commands_port: int = 54321, telemetry_port: int = 54322) -> dict[
             MixerFactory(),
             DepthSensorFactory(),
             telemetry.client("depth"),
-            # Longer than the topside needs to hear of the last depth.
+            # Longer than the topside needs to receive the last depth.
             TimeoutLoopFactory(seconds=60.0),
         ],
     }
@@ -165,8 +165,8 @@ def test_the_dive_runs_as_two_processes_whichever_starts_first(free_ports: Any) 
         ports = free_ports(2)
         running = {role: start(role, ports) for role in (first, second)}
         try:
-            printed, complaints = running["topside"].communicate(timeout=120.0)
-            assert running["topside"].returncode == 0, complaints
+            printed, failures = running["topside"].communicate(timeout=120.0)
+            assert running["topside"].returncode == 0, failures
             assert "process_data 'depth'" in printed
             running["urov"].terminate()
             assert running["urov"].wait(timeout=120.0) == 0  # a signal is a reason to end, not a crash

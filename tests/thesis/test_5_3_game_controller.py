@@ -6,17 +6,17 @@
     topside   pad --> page "pad" --> controller --> page "controller_input" --> client --.
     robot     server --> page "controller_input" --> mixer --> page "thrust" --> motors <-'
 
-What was wrong. The pad's module stood in a folder whose name begins with a dot, so no installation ever held it. It
-opened a window to hear of the pad. It read the newest page and `<key>_prev` to find out what was pressed, which the
-code of the time had in one of its two versions only. Whoever unplugged the pad left the robot with the last command;
-letting go of the sticks did so too, if the page was lost. And the client's key was a text, of which each letter became
-a key (see listing 5.1).
+What was wrong. The pad's module was in a folder whose name begins with a dot, so no installation ever held it. It
+opened a window to receive the pad's events. It read the newest page and `<key>_prev` to find out what was pressed,
+which the code of the time had in one of its two versions only. A robot whose pad was unplugged kept the last command,
+and so did one whose page of the released sticks was lost. The client's key was a text, of which each letter became a
+key (see listing 5.1).
 
 What we changed. Nothing has to be: `Joystick`, `InputMapping` and `ButtonEvents`, at the end of this file, do what the
-listings do by their names and calls. For a robot that moves, the pad is a device like any other (`PadLoopFactory`, and
-behind it `PygamePad` from the extra `pad`); no window. A pad that is unplugged is at rest within one tick. Nothing
-moves unless the dead man's button is held. The motors stop by themselves when commands are older than half a second.
-What is pressed is told from `<key>_prev` as in the thesis.
+listings do by their names and calls. For a robot that moves, the pad is a device like any other (`GamepadLoopFactory`,
+and behind it `PygameGamepad` from the extra `pad`); no window. A pad that is unplugged is at rest within one tick.
+Nothing moves unless the dead man's button is held. The motors stop by themselves when commands are older than half a
+second. What is pressed is derived from `<key>_prev` as in the thesis.
 """
 
 from __future__ import annotations
@@ -55,22 +55,22 @@ from snr_sim import (
     ThreadLoop,
     tasks,
 )
+from snr_sim.devices.gamepad import GamepadLoopFactory
 from snr_sim.devices.loops import ActuatorLoopFactory
-from snr_sim.devices.pad import PadLoopFactory
-from snr_sim.devices.pygame_pad import PygamePad
+from snr_sim.devices.pygame_gamepad import PygameGamepad
 from snr_sim.prelude.device import Actuator, Sensor, Stale
-from snr_sim.prelude.signals import PadReading
-from snr_sim.testing.parts import PartFactory
+from snr_sim.prelude.signals import GamepadReading
+from snr_sim.testing.function_components import FunctionEndpointFactory
 
 # What each axis and button of this pad means: A.8. Another pad is another table.
 AXES = {"turn": 0, "ahead": 1}
 BUTTONS = {"dead_man": 4, "lights": 0}
-DEAD_BAND = 0.1  # a stick that is let go of does not return to 0 by itself
+DEAD_BAND = 0.1  # a released stick does not return to 0 by itself
 RATE_HZ = 20.0
 
 
 class ThrustCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the two motors are told: -1 to 1 each."""
+    """Commands of the two motors: -1 to 1 each."""
 
     left: float = 0.0
     right: float = 0.0
@@ -134,31 +134,33 @@ class Mixer(Endpoint):
 
 
 def components(
-    open_pad: Callable[[], Sensor[PadReading]], open_motors: Callable[[], Actuator[ThrustCommand]], port: int = 54323
+    open_pad: Callable[[], Sensor[GamepadReading]],
+    open_motors: Callable[[], Actuator[ThrustCommand]],
+    port: int = 54323,
 ) -> dict[str, list[Any]]:
     """Listing 5.3 and A.11: the wiring."""
     pair = SocketsPair(("127.0.0.1", port), name="tether")
     return {
-        "topside": [PadLoopFactory("pad", open_pad, RATE_HZ), ControllerFactory(), pair.client("controller_input")],
+        "topside": [GamepadLoopFactory("pad", open_pad, RATE_HZ), ControllerFactory(), pair.client("controller_input")],
         "robot": [pair.server(), MixerFactory(), ActuatorLoopFactory("thrust", open_motors, RATE_HZ)],
     }
 
 
 def motors() -> FakeActuator[ThrustCommand]:
-    """Motors without a wire: they remember what they were told."""
+    """Motors without a wire: they store their commands."""
     return FakeActuator(ThrustCommand, {"left": (-1.0, 1.0), "right": (-1.0, 1.0)})
 
 
-def pad(ahead: float = 0.0, turn: float = 0.0, held: bool = True, lights: bool = False) -> PadReading:
+def pad(ahead: float = 0.0, turn: float = 0.0, held: bool = True, lights: bool = False) -> GamepadReading:
     buttons = [False] * 6
     buttons[BUTTONS["dead_man"]], buttons[BUTTONS["lights"]] = held, lights
-    return PadReading([turn, -ahead], buttons, [])
+    return GamepadReading([turn, -ahead], buttons, [])
 
 
-def play(*readings: PadReading | Exception) -> tuple[list[ThrustCommand], Node, list[float]]:
+def play(*readings: GamepadReading | Exception) -> tuple[list[ThrustCommand], Node, list[float]]:
     """Plays a script on the pad, one reading at each tick, in lock step.
 
-    Returns what the motors were told, the topside, and when the lights were switched.
+    Returns the commands of the motors, the topside, and when the lights were switched.
     """
     sensor, actuator, switched = FakeSensor(readings), motors(), list[float]()
     wiring = components(lambda: sensor, lambda: actuator)
@@ -197,12 +199,12 @@ def test_a_pad_that_is_unplugged_stops_the_motors_within_a_tick() -> None:
 
 
 @pytest.mark.slow
-def test_with_a_scripted_pad_behind_sdl_two_nodes_over_sockets_do_as_it_says(free_ports: Any) -> None:
+def test_scripted_sdl_gamepad_drives_two_nodes_over_sockets(free_ports: Any) -> None:
     """Each move of the script waits for what the one before it has done to the motors, not for a time."""
     pytest.importorskip("pygame", reason="the extra 'pad' is not installed")
-    from snr_sim.testing.virtual_pad import VirtualPad
+    from snr_sim.testing.virtual_gamepad import VirtualGamepad
 
-    virtual = VirtualPad()
+    virtual = VirtualGamepad()
     script: list[tuple[float, Callable[[], None]]] = [  # once the left motor turns so fast, do this
         (0.0, lambda: virtual.press(BUTTONS["dead_man"])),
         (0.0, lambda: virtual.move(AXES["ahead"], -1.0)),
@@ -211,20 +213,20 @@ def test_with_a_scripted_pad_behind_sdl_two_nodes_over_sockets_do_as_it_says(fre
     ]
 
     def follow(task: Task, task_id: TaskId) -> SomeTasks:
-        wanted, action = script[0]
-        if abs(task.val_list[0].data["left"] - wanted) < 0.01:
+        expected, action = script[0]
+        if abs(task.val_list[0].data["left"] - expected) < 0.01:
             action()
             script.pop(0)
         return None if script else tasks.terminate("played")
 
-    wiring = components(PygamePad, motors, *free_ports(1))
-    wiring["robot"].append(PartFactory({(TaskType.store_page, "thrust"): follow}, "follower"))
+    wiring = components(PygameGamepad, motors, *free_ports(1))
+    wiring["robot"].append(FunctionEndpointFactory({(TaskType.store_page, "thrust"): follow}, "follower"))
     nodes = {role: Node(role, Config(factories=wiring)) for role in ("robot", "topside")}
     threads = [threading.Thread(target=node.loop, daemon=True) for node in nodes.values()]
     for thread in threads:
         thread.start()
     threads[0].join(60.0)
-    nodes["topside"].enter(tasks.terminate("test is over"), "test")
+    nodes["topside"].enqueue_input(tasks.terminate("test is over"), "test")
     threads[1].join(60.0)
     virtual.unplug()
     assert nodes["robot"].exit_reason == "played"
@@ -296,7 +298,7 @@ class InputMapping(Endpoint):
 
 
 class ButtonEventsFactory(EndpointFactory):
-    """A.10: makes what tells of buttons."""
+    """A.10: makes the endpoint that reports buttons."""
 
     def get(self, parent: AbstractNode) -> Endpoint:
         return ButtonEvents(self, parent, "input_processor")
@@ -318,9 +320,9 @@ class ButtonEvents(Endpoint):
         return [tasks.event("button_pressed" if value else "button_released", [name]) for name, value in changes]
 
 
-def test_the_listings_tell_of_each_button_over_the_tether(caplog: pytest.LogCaptureFixture) -> None:
+def test_listings_report_each_button_over_tether(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
-    heard: list[tuple[str, Any]] = []
+    events: list[tuple[str, Any]] = []
     pair = SocketsPair(("127.0.0.1", 54324))
     components: ComponentsByRole = {
         "topside": [
@@ -331,13 +333,13 @@ def test_the_listings_tell_of_each_button_over_the_tether(caplog: pytest.LogCapt
         "robot": [
             pair.server(),
             ButtonEventsFactory(),
-            PartFactory({TaskType.event: lambda task, key: heard.append((task.name, *task.val_list))}),
+            FunctionEndpointFactory({TaskType.event: lambda task, key: events.append((task.name, *task.val_list))}),
         ],
     }
     SimRunner(Config(factories=components), until_s=1.0).run()
-    assert heard == [("button_pressed", "A"), ("button_pressed", "B"), ("button_released", "A")]
+    assert events == [("button_pressed", "A"), ("button_pressed", "B"), ("button_released", "A")]
     assert ("snr.robot_node.input_processor", logging.INFO, "no input before this") in caplog.record_tuples
 
 
 if __name__ == "__main__":
-    CliRunner(components(PygamePad, motors)).run()
+    CliRunner(components(PygameGamepad, motors)).run()

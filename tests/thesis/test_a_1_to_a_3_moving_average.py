@@ -2,7 +2,7 @@
 
 What was wrong. A.1 returns `tasks.store_page(page)`, which the code that belongs to the thesis no longer had. A.2 calls
 its last argument `length` where the code wants `filter_length`. A.3 names an `ExpecterEndpointFactory` and a
-"ListReplayerLoop" that never existed; with the names mended it passed.
+"ListReplayerLoop" that never existed; with the names corrected it passed.
 
 What we changed. Nothing but the import: the listings' names and calls all work, the misspelt ones too. A node ends
 after all that was brought has been processed, so the last average is there, too (the 2021 node dropped what was
@@ -101,7 +101,7 @@ class TestMovingAverage(SNRTestCase):
                 ]
             )
 
-    def test_what_is_no_number_is_left_out_with_a_warning(self) -> None:
+    def test_non_number_is_skipped_with_warning(self) -> None:
         with self.assertLogs("snr.test_node.moving_average", "WARNING") as logs:
             node = self.run_test_node(
                 [MovingAverageFactory("raw", "smooth", 2), ListReplayerFactory(["fast", 3], "raw")]

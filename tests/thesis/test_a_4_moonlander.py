@@ -7,7 +7,7 @@ for the Q function, names were not imported, and a handler asserted that one val
 speaks of `TaskType.store_data` and `tasks.store_data`, which never existed, and calls `self.get_page` in a ThreadLoop,
 which had none. Its engine is too weak for any pilot to land.
 
-What we changed. Of the listing only what runs in no library: the Q function that is not given, which is told with its
+What we changed. Of the listing only what runs in no library: the Q function that is not given, reported with its
 line, and the handler's assertion. `Falling` and `Throttle`, below, use its names and calls as they are. For a flight
 on the course's plant the factory takes the Q function, which is any function of (state, action), or a table of values.
 The pilot answers each radar page with the action of the highest value. Endpoints need begin, halt and terminate only
@@ -38,9 +38,9 @@ from snr_sim import (
     ThreadLoop,
     tasks,
 )
-from snr_sim.prelude.errors import ComponentFailed, ConfigError
-from snr_sim.scenario.flight import Flight, Result
+from snr_sim.prelude.errors import ComponentFailedError, ConfigError
 from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import RunResult, SimulationRun
 
 ACTIONS = (0.0, 0.15, 0.3, 0.45, 0.6, 1.0)  # throttle
 State: TypeAlias = tuple[float, float]  # altitude_m, velocity_mps
@@ -79,9 +79,9 @@ class MoonLander(Endpoint):
 def braking_q(state: State, action: float) -> float:
     """The nearer an action brings the velocity to one that fits the height, the better it is."""
     altitude_m, velocity_mps = state
-    wanted_mps = -min(1.0 + 0.06 * altitude_m, 30.0)
+    target_mps = -min(1.0 + 0.06 * altitude_m, 30.0)
     acceleration_mps2 = action * 45_040.0 / 7_900.0 - 1.62
-    return -abs(velocity_mps + acceleration_mps2 * 0.5 - wanted_mps)
+    return -abs(velocity_mps + acceleration_mps2 * 0.5 - target_mps)
 
 
 def cell_of(state: State) -> Cell:
@@ -107,7 +107,7 @@ def learnt_table() -> dict[Cell, dict[float, float]]:
 
 
 class Falling(ThreadLoop):
-    """A stone with an engine, one step a second: the listing's plant, in its words."""
+    """A stone with an engine, one step a second: the listing's plant, with its names."""
 
     def __init__(self, factory: LoopFactory, parent: AbstractNode, altitude: float, thrust: float) -> None:
         super().__init__(factory, parent, "radar_sensor", max_tick_rate_hz=1)
@@ -178,7 +178,7 @@ def falling(*factories: EndpointFactory | LoopFactory) -> Node:
 
 
 def test_the_listings_plant_and_pilot_run_by_their_names_and_fall() -> None:
-    with pytest.raises(ComponentFailed, match=r"(?s)raise RuntimeError.*too fast") as caught:
+    with pytest.raises(ComponentFailedError, match=r"(?s)raise RuntimeError.*too fast") as caught:
         falling(FallingFactory(), ThrottleFactory(lambda state, action: action))
     assert caught.value.component == "radar_sensor"
 
@@ -193,7 +193,7 @@ def test_with_a_stronger_engine_they_land() -> None:
     assert node.get_data("radar_data")[0] <= 0.0
 
 
-def test_a_factory_without_the_q_function_is_told_with_its_line() -> None:
+def test_factory_without_q_function_reports_line() -> None:
     with pytest.raises(ConfigError, match=r"(?s)return Throttle\(self, parent.*'q_function'.*ThrottleFactory\.get\(\)"):
         falling(FallingFactory(), ThrottleFactory())
 
@@ -203,27 +203,27 @@ def factories(robot: object) -> list[EndpointFactory]:
     return [MoonLanderFactory(braking_q)]
 
 
-def fly_with(q_function: QFunction) -> Result:
+def run_with(q_function: QFunction) -> RunResult:
     simulation = prepare(Request("lander_vertical", controller=str(Path(__file__))))
     plant = simulation.plant()
     config = simulation.config(plant)
     for role in config.factories.values():
         role[:] = [MoonLanderFactory(q_function) if type(one).__name__ == "MoonLanderFactory" else one for one in role]
-    return Flight(simulation, plant, config).run()
+    return SimulationRun(simulation, plant, config).run()
 
 
-def test_the_program_lands_as_it_stands() -> None:
+def test_unchanged_program_lands() -> None:
     simulation = prepare(Request("lander_vertical", controller=str(Path(__file__))))
     plant = simulation.plant()
-    result = Flight(simulation, plant, simulation.config(plant)).run()
+    result = SimulationRun(simulation, plant, simulation.config(plant)).run()
     assert result.success, result
 
 
 def test_a_table_that_was_learnt_lands_too() -> None:
-    assert fly_with(from_table(learnt_table())).success
+    assert run_with(from_table(learnt_table())).success
 
 
-def test_whoever_has_learnt_nothing_falls() -> None:
-    result = fly_with(from_table({}))
+def test_empty_table_crashes() -> None:
+    result = run_with(from_table({}))
     assert not result.success
     assert abs(result.metrics["touchdown"]["vertical_mps"]) > 50.0  # free fall from 1000 m on the moon: 57

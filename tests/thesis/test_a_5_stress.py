@@ -7,8 +7,8 @@ than it handles, so the stack of that time grew until the program was "prevented
 later change; and its profiler averaged the last 32 calls only, so the share it printed was of the last moment.
 
 What we changed. Nothing has to be: `Replica`, below, does as the listing does, and each endpoint that its factory
-refuses to make, by returning None, is told as a warning. In the benchmark each round begins when the one before it has
-been handled by every endpoint, so the queue never holds more than one round. The shares are of the whole run. The
+refuses to make, by returning None, is logged as a warning. In the benchmark each round begins when every endpoint has
+handled the one before it, so the queue never holds more than one round. The shares are of the whole run. The
 numbers of listing 5.2 (547 endpoints, 149 878 calls) are of a Raspberry Pi 4; ours are of the machine it runs on, and
 no test depends on them.
 """

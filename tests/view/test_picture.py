@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from snr_sim.prelude.errors import MissingExtra, TraceError
+from snr_sim.prelude.errors import MissingExtraError, TraceError
 from snr_sim.recording.records import EndRecord, Header, Record, TruthRecord
 from snr_sim.view import picture, picture_sheet
 from snr_sim.view.picture_plots import Plot, span
@@ -31,7 +31,7 @@ LEG = {"kind": "polyline", "points_m": [[1.0, 0.0, -1.0], [2.5, 0.0, -3.0]], "rg
 
 def header(**changes: Any) -> Header:
     fields: dict[str, Any] = {
-        "kit": "0.1.0", "python": "3.11", "platform": "here", "packages": {}, "scenario": "lander_pad",
+        "version": "0.1.0", "python": "3.11", "platform": "here", "packages": {}, "scenario": "lander_pad",
         "robot": "lander", "controller": "pad", "roles": ["lander"], "engine": "none", "io": "sim", "seed": 7,
         "options": {}, "nodes": ["lander"], "clock": "sim", "commands": {}, "sources": {},
         "scene": {"statics": {"ground": GROUND}, "bodies": {"module": [BOX, LEG]}},
@@ -52,8 +52,8 @@ def descent(sideways_mps: float) -> list[Record]:
             "throttle": 0.4,
             "fuel_kg": 600.0 - 5 * t,
         }
-        arrows = {"thrust": [pose[0], 0.0, z - 1.5, 300.0, 0.0, 9e3]} if t > 5.0 else {}
-        records.append(TruthRecord(len(records) + 1, t, {"module": pose}, arrows, values))
+        vectors = {"thrust": [pose[0], 0.0, z - 1.5, 300.0, 0.0, 9e3]} if t > 5.0 else {}
+        records.append(TruthRecord(len(records) + 1, t, {"module": pose}, vectors, values))
     return records
 
 
@@ -66,18 +66,18 @@ def drawn(tmp_path: Path, records: list[Record], **changes: Any) -> Path:
 @pytest.fixture
 def words(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """What is written on the sheet."""
-    said: list[str] = []
+    written_texts: list[str] = []
     write = picture_sheet.Sheet.text
 
     def note(self: Any, at: Any, text: str, *args: Any, **options: Any) -> None:
-        said.append(text)
+        written_texts.append(text)
         write(self, at, text, *args, **options)
 
     monkeypatch.setattr(picture_sheet.Sheet, "text", note)
-    return said
+    return written_texts
 
 
-def test_a_run_becomes_a_small_picture_of_twice_the_readme_s_width(tmp_path: Path) -> None:
+def test_picture_has_expected_size_and_small_file(tmp_path: Path) -> None:
     path = drawn(tmp_path, descent(4.0))
     assert path.stat().st_size < 120_000
     with image_module.open(path) as image:
@@ -86,11 +86,11 @@ def test_a_run_becomes_a_small_picture_of_twice_the_readme_s_width(tmp_path: Pat
         assert len(image.convert("RGB").getcolors(1 << 24)) > 50
 
 
-def test_the_same_trace_makes_the_same_picture(tmp_path: Path) -> None:
+def test_same_trace_makes_identical_picture(tmp_path: Path) -> None:
     assert drawn(tmp_path, descent(4.0)).read_bytes() == drawn(tmp_path, descent(4.0)).read_bytes()
 
 
-def test_it_says_what_ran_how_it_ended_and_what_it_cost(tmp_path: Path, words: list[str]) -> None:
+def test_picture_contains_scenario_outcome_and_fuel(tmp_path: Path, words: list[str]) -> None:
     drawn(tmp_path, [*descent(4.0), EndRecord(99, 20.0, "lander", "landed", {})])
     assert "lander_pad" in words
     assert "seed 7, controller 'pad'" in words
@@ -98,7 +98,7 @@ def test_it_says_what_ran_how_it_ended_and_what_it_cost(tmp_path: Path, words: l
     assert any("100 kg of fuel" in text for text in words)
 
 
-def test_the_touchdown_told_is_the_judged_one_and_no_other(tmp_path: Path, words: list[str]) -> None:
+def test_picture_contains_only_the_evaluated_touchdown(tmp_path: Path, words: list[str]) -> None:
     judged = {"vertical_mps": 0.9, "lateral_mps": -0.33, "attitude_deg": -2.43, "rate_degps": 0.5}
     picture.draw_run(header(), descent(4.0), tmp_path / "run.png", "landed", judged)
     assert any("touchdown: vertical 0.9 m/s, lateral -0.3 m/s, attitude -2.4 °, rate 0.5 °/s" in text for text in words)
@@ -107,32 +107,32 @@ def test_the_touchdown_told_is_the_judged_one_and_no_other(tmp_path: Path, words
     assert not any("touchdown" in text for text in words)
 
 
-def test_a_body_that_only_falls_is_spread_out_along_time(tmp_path: Path, words: list[str]) -> None:
+def test_vertical_motion_is_drawn_along_time(tmp_path: Path, words: list[str]) -> None:
     drawn(tmp_path, descent(0.0))
     assert words.count("s") == 2  # the axis below the scene, and the one below the plots
     assert len([text for text in words if text.endswith(" s") and text[:-2].isdigit()]) > 3
 
 
-def test_values_that_are_not_finite_leave_a_gap(tmp_path: Path) -> None:
+def test_non_finite_values_leave_a_gap(tmp_path: Path) -> None:
     records = descent(4.0)
     odd = msgspec.structs.replace(records[3], values={"altitude_m": float("nan"), "throttle": float("inf")})
     assert drawn(tmp_path, [*records[:3], odd, *records[4:]]).is_file()
 
 
-def test_one_moment_is_a_picture_too(tmp_path: Path) -> None:
+def test_single_true_state_is_drawn(tmp_path: Path) -> None:
     assert drawn(tmp_path, descent(4.0)[:1]).is_file()
 
 
-def test_a_scene_without_ground_is_drawn(tmp_path: Path) -> None:
+def test_scene_without_ground_is_drawn(tmp_path: Path) -> None:
     assert drawn(tmp_path, descent(4.0), scene={"bodies": {"module": [BOX]}}).is_file()
 
 
-def test_a_trace_without_true_states_says_so(tmp_path: Path) -> None:
+def test_trace_without_true_states_raises(tmp_path: Path) -> None:
     with pytest.raises(TraceError, match="no true states"):
         drawn(tmp_path, [EndRecord(1, 0.0, "lander", "", {})])
 
 
-def test_a_user_s_own_style_of_matplotlib_changes_no_picture_and_stays(tmp_path: Path) -> None:
+def test_user_style_of_matplotlib_is_ignored_and_kept(tmp_path: Path) -> None:
     before = drawn(tmp_path, descent(4.0)).read_bytes()
     with matplotlib.rc_context({"font.size": 30.0, "lines.marker": "o", "axes.grid": True, "path.sketch": (1, 9, 2)}):
         assert drawn(tmp_path, descent(4.0)).read_bytes() == before
@@ -140,14 +140,14 @@ def test_a_user_s_own_style_of_matplotlib_changes_no_picture_and_stays(tmp_path:
     assert "matplotlib.pyplot" not in sys.modules
 
 
-def test_names_with_dollars_and_letters_that_no_font_has_are_written(tmp_path: Path, words: list[str]) -> None:
+def test_names_with_dollar_or_missing_glyph_are_written(tmp_path: Path, words: list[str]) -> None:
     drawn(tmp_path, descent(4.0), scenario="$x^$ \N{CJK UNIFIED IDEOGRAPH-6708}")
     assert "$x^$ \N{CJK UNIFIED IDEOGRAPH-6708}" in words
 
 
-def test_without_matplotlib_the_message_says_how_to_get_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_matplotlib_raises_with_install_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    with pytest.raises(MissingExtra, match=r"'matplotlib'[\s\S]*snr_sim\[view\]"):
+    with pytest.raises(MissingExtraError, match=r"'matplotlib'[\s\S]*snr_sim\[view\]"):
         drawn(tmp_path, descent(4.0))
 
 
@@ -159,18 +159,16 @@ def test_axes_have_round_numbers(low: float, high: float, expected: list[float])
     assert axes.get_xticks().tolist() == expected
 
 
-def test_a_value_that_never_changes_is_in_the_middle_of_its_plot() -> None:
+def test_span_centers_constant_value() -> None:
     assert span(Plot("", [("still", np.zeros(2), np.full(2, 5.0))])) == (4.5, 5.5)
 
 
-def test_on_land_there_is_one_view_and_nothing_is_said_of_where_it_is_seen_from(
-    tmp_path: Path, words: list[str]
-) -> None:
+def test_landing_has_one_view_without_direction_label(tmp_path: Path, words: list[str]) -> None:
     drawn(tmp_path, descent(2.0))
     assert not [word for word in words if word.startswith("from ")]
 
 
-def test_whether_the_criterion_was_met_shows_in_the_colour_of_the_outcome(tmp_path: Path) -> None:
+def test_outcome_color_depends_on_success(tmp_path: Path) -> None:
     for success, color in ((True, picture.MET), (False, picture.NOT_MET), (None, picture.INK)):
         picture.draw_run(header(), descent(2.0), tmp_path / "run.png", "landed", None, success)
         with image_module.open(tmp_path / "run.png") as image:

@@ -36,7 +36,7 @@ def header(*gates: dict[str, Any], **scene: Any) -> Header:
         **{shape["label"]: shape for shape in gates},
     }
     fields: dict[str, Any] = {
-        "kit": "0.1.0", "python": "3.11", "platform": "here", "packages": {}, "scenario": "urov", "robot": "urov",
+        "version": "0.1.0", "python": "3.11", "platform": "here", "packages": {}, "scenario": "urov", "robot": "urov",
         "controller": "holds", "roles": ["urov"], "engine": "none", "io": "sim", "seed": 7, "options": {},
         "nodes": ["urov"], "clock": "sim", "commands": {}, "sources": {},
         "scene": {"statics": statics, "bodies": {"vehicle": [BOX]}, **scene},
@@ -51,10 +51,10 @@ def dive(to_m: list[float], turns_rad: float = 0.0, pull_n: float = 1.0, **value
         place = [i / 20.0 * end for end in to_m]
         half = 0.5 * turns_rad * i / 20.0
         pose = [place[0], place[1], place[2] - 1.0, 0.0, 0.0, math.sin(half), math.cos(half)]
-        arrows = {"T1": [*pose[:3], 5.0, 0.0, 1.0], "current": [*pose[:3], 8.0, 8.0, 0.0]}
-        arrows["tether"] = [*pose[:3], 0.0, 0.0, pull_n]
-        told = {"depth_m": -pose[2], **{name: series[i] for name, series in values.items()}}
-        records.append(TruthRecord(i, 0.5 * i, {"vehicle": pose}, arrows, told))
+        vectors = {"T1": [*pose[:3], 5.0, 0.0, 1.0], "current": [*pose[:3], 8.0, 8.0, 0.0]}
+        vectors["tether"] = [*pose[:3], 0.0, 0.0, pull_n]
+        numbers = {"depth_m": -pose[2], **{name: series[i] for name, series in values.items()}}
+        records.append(TruthRecord(i, 0.5 * i, {"vehicle": pose}, vectors, numbers))
     return records
 
 
@@ -63,7 +63,7 @@ def from_the_tenth(value: float) -> list[float]:
 
 
 @pytest.fixture
-def said(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[float, float]]:
+def written_texts(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[float, float]]:
     """What is written on the sheet, and where."""
     written: dict[str, tuple[float, float]] = {}
     write = picture_sheet.Sheet.text
@@ -100,32 +100,32 @@ def count(image: Any, rgb: tuple[int, int, int], box: tuple[int, int, int, int] 
         ([0.3, 0.1, 0.0], 0.0, "from above"),
     ],
 )
-def test_a_dive_is_seen_from_above_and_from_the_south_and_larger_where_its_way_shows(
-    tmp_path: Path, said: dict[str, tuple[float, float]], to_m: list[float], turns_rad: float, larger: str
+def test_dive_has_two_views_with_larger_one_by_motion(
+    tmp_path: Path, written_texts: dict[str, tuple[float, float]], to_m: list[float], turns_rad: float, larger: str
 ) -> None:
     drawn(tmp_path, dive(to_m, turns_rad))
-    views = {text.partition(":")[0]: at for text, at in said.items() if text.startswith("from ")}
+    views = {text.partition(":")[0]: at for text, at in written_texts.items() if text.startswith("from ")}
     above, south = views["from above"][1], views["from the south"][1]
     upper, lower = south - above, picture_layout.SCENE[3] - south
     assert (upper > lower) == (larger == "from above")
-    assert "current 0.28 m/s" in said or larger == "from the south"  # only what is seen of it from there
-    assert "current 0.20 m/s" in said or larger == "from above"
+    assert "current 0.28 m/s" in written_texts or larger == "from the south"  # only what is seen of it from there
+    assert "current 0.20 m/s" in written_texts or larger == "from above"
 
 
-def test_a_dive_in_its_plane_is_seen_from_the_south_alone_and_has_a_pitch_and_no_heading(
-    tmp_path: Path, said: dict[str, tuple[float, float]]
+def test_planar_dive_has_south_view_and_pitch_only(
+    tmp_path: Path, written_texts: dict[str, tuple[float, float]]
 ) -> None:
     angles = {"pitch_rad": [0.1] * 21, "yaw_rad": [0.0] * 21, "sway_mps": [0.0] * 21, "surge_mps": [0.5] * 21}
     image = drawn(tmp_path, dive([4.0, 0.0, -1.0], **angles), header(is_planar=True))
-    assert {"from the south: east is right", "pitch", "surge", "to the east"} <= said.keys()
-    assert not any(text.startswith("from above") for text in said)
-    assert not {"heading", "heading [°]", "sway", "to the north"} & said.keys()
+    assert {"from the south: east is right", "pitch", "surge", "to the east"} <= written_texts.keys()
+    assert not any(text.startswith("from above") for text in written_texts)
+    assert not {"heading", "heading [°]", "sway", "to the north"} & written_texts.keys()
     assert count(image, picture_dive.PATH) > 100
     drawn(tmp_path, dive([4.0, 0.0, -1.0], **angles))
-    assert {"heading", "sway", "to the north", "from above: north is up"} <= said.keys()
+    assert {"heading", "sway", "to the north", "from above: north is up"} <= written_texts.keys()
 
 
-def test_from_the_south_there_is_one_surface_and_water_only_below_it(tmp_path: Path) -> None:
+def test_south_view_has_one_surface_with_water_below(tmp_path: Path) -> None:
     image = drawn(tmp_path, dive([0.5, 0.0, -2.0]))
     top = int(2 * (picture_layout.SCENE[1] + 0.4 * (picture_layout.SCENE[3] - picture_layout.SCENE[1])))
     south = (100, top, 1184, 900)
@@ -136,14 +136,14 @@ def test_from_the_south_there_is_one_surface_and_water_only_below_it(tmp_path: P
     assert all(blue[blue.index(True) + 4 :])
 
 
-def test_on_the_map_there_is_no_water_beyond_the_edge_of_the_pool(tmp_path: Path) -> None:
+def test_map_has_no_water_outside_pool(tmp_path: Path) -> None:
     image = drawn(tmp_path, dive([8.0, 5.0, -0.1]))
     assert count(image, RIM_RGB) > 500
     assert count(image, picture_water.DECK) > 5_000
 
 
-def test_gates_far_off_the_way_are_shown_whole_and_named(
-    tmp_path: Path, said: dict[str, tuple[float, float]], monkeypatch: pytest.MonkeyPatch
+def test_gates_far_from_path_are_shown_whole_with_names(
+    tmp_path: Path, written_texts: dict[str, tuple[float, float]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lines: list[Any] = []
     paint = picture_sheet.Sheet.paint
@@ -154,7 +154,7 @@ def test_gates_far_off_the_way_are_shown_whole_and_named(
 
     monkeypatch.setattr(picture_sheet.Sheet, "paint", note)
     drawn(tmp_path, dive([0.5, 0.0, -1.0]), header(gate(3.0, "gate 1"), gate(8.0, "gate 2")))
-    assert {"gate 1", "gate 2"} <= set(said)
+    assert {"gate 1", "gate 2"} <= set(written_texts)
     left, _, right, _ = picture_layout.SCENE
     xs = sorted({round(x, 3) for x, _ in lines})
     assert len(xs) == 2  # two gates, each a line from where they are seen, and none of them cut at an edge
@@ -162,21 +162,23 @@ def test_gates_far_off_the_way_are_shown_whole_and_named(
     assert xs[-1] < right
 
 
-def test_what_is_broken_is_crossed_out_and_said(tmp_path: Path, said: dict[str, tuple[float, float]]) -> None:
+def test_broken_thruster_is_crossed_out_and_listed(
+    tmp_path: Path, written_texts: dict[str, tuple[float, float]]
+) -> None:
     whole = drawn(tmp_path, dive([2.0, 0.0, -1.0], broken_T1=[0.0] * 21))
     assert count(whole, picture_dive.BROKEN) == 0
-    assert not any("fails" in text for text in said)
+    assert not any("fails" in text for text in written_texts)
     broken = drawn(tmp_path, dive([2.0, 0.0, -1.0], broken_T1=from_the_tenth(1.0)))
     assert count(broken, picture_dive.BROKEN) > 100
-    assert "5.0 s  T1 fails" in said
-    assert "push of T1" in said
+    assert "5.0 s  T1 fails" in written_texts
+    assert "push of T1" in written_texts
 
 
-def test_a_leak_and_a_payload_are_shown_and_said(tmp_path: Path, said: dict[str, tuple[float, float]]) -> None:
+def test_leak_and_payload_are_drawn_and_listed(tmp_path: Path, written_texts: dict[str, tuple[float, float]]) -> None:
     drawn(tmp_path, dive([0.5, 0.0, -2.0], water_l=from_the_tenth(0.4)))
-    assert {"5.0 s  water comes in", "water in the hull"} <= set(said)
+    assert {"5.0 s  water comes in", "water in the hull"} <= set(written_texts)
     load = drawn(tmp_path, dive([0.5, 0.0, -2.0], load_kg=[0.6] * 15 + [0.0] * 6))
-    assert "7.5 s  payload of 0.6 kg let go" in said
+    assert "7.5 s  payload of 0.6 kg released" in written_texts
     assert count(load, picture_dive.LOAD) > 100
 
 
@@ -184,9 +186,9 @@ def test_a_leak_and_a_payload_are_shown_and_said(tmp_path: Path, said: dict[str,
     ("length_m", "pull_n", "words", "color"),
     [(35.0, 0.2, "tether: slack, pulls 0.2 N", picture_water.SLACK), (0.5, 40.0, "tether: taut, pulls 40.0 N", None)],
 )
-def test_the_tether_is_drawn_to_the_vehicle_and_says_how_it_pulls(
+def test_tether_is_drawn_with_its_force(
     tmp_path: Path,
-    said: dict[str, tuple[float, float]],
+    written_texts: dict[str, tuple[float, float]],
     length_m: float,
     pull_n: float,
     words: str,
@@ -194,49 +196,47 @@ def test_the_tether_is_drawn_to_the_vehicle_and_says_how_it_pulls(
 ) -> None:
     tether = {"anchor_m": [2.0, 0.0, 0.0], "body": "vehicle", "place_m": [0.0, 0.0, 0.1], "length_m": length_m}
     image = drawn(tmp_path, dive([0.5, 0.0, -2.0], pull_n=pull_n), header(tethers={"tether": tether}))
-    assert words in said
+    assert words in written_texts
     assert count(image, color or picture_water.TAUT) > 200
 
 
-def test_times_stand_beside_the_vehicles_and_not_over_them(
-    tmp_path: Path, said: dict[str, tuple[float, float]]
-) -> None:
+def test_time_labels_do_not_overlap_bodies(tmp_path: Path, written_texts: dict[str, tuple[float, float]]) -> None:
     drawn(tmp_path, dive([8.0, 0.3, -0.1]))
-    times = [at for text, at in said.items() if text.endswith(" s") and text[:-2].isdigit()]
+    times = [at for text, at in written_texts.items() if text.endswith(" s") and text[:-2].isdigit()]
     assert len(times) > 4
     labels = picture_layout.Labels([(100.0, 100.0)], 20.0, (0.0, 0.0, 200.0, 200.0))
-    assert labels.place([(90.0, 100.0), (125.0, 100.0)], 30.0, 10.0) == (125.0, 100.0)
-    assert labels.place([(130.0, 105.0), (180.0, 100.0), (125.0, 112.0)], 30.0, 10.0) == (125.0, 112.0)
-    assert labels.place([(90.0, 100.0), (190.0, 100.0)], 30.0, 10.0) is None
+    assert labels.find_free([(90.0, 100.0), (125.0, 100.0)], 30.0, 10.0) == (125.0, 100.0)
+    assert labels.find_free([(130.0, 105.0), (180.0, 100.0), (125.0, 112.0)], 30.0, 10.0) == (125.0, 112.0)
+    assert labels.find_free([(90.0, 100.0), (190.0, 100.0)], 30.0, 10.0) is None
 
 
-def test_a_label_keeps_off_a_line_between_its_ends() -> None:
+def test_labels_avoid_lines() -> None:
     labels = picture_layout.Labels([], 0.0, (0.0, 0.0, 200.0, 200.0))
     labels.keep_free(picture_layout.spread(np.array([[50.0, 0.0], [50.0, 190.0]])), 2.0)
-    assert labels.place([(40.0, 95.0), (60.0, 95.0)], 20.0, 10.0) == (60.0, 95.0)
+    assert labels.find_free([(40.0, 95.0), (60.0, 95.0)], 20.0, 10.0) == (60.0, 95.0)
 
 
-def test_what_the_scenario_measured_stands_in_the_picture(tmp_path: Path, said: dict[str, tuple[float, float]]) -> None:
+def test_picture_contains_scenario_metrics(tmp_path: Path, written_texts: dict[str, tuple[float, float]]) -> None:
     measured: dict[str, float | str] = {"settling_s": 5.9, "gates": 3, "fault": "stuck", "energy_j": 2447.6}
     picture.draw_run(header(), dive([0.5, 0.0, -2.0]), tmp_path / "run.png", "held", None, True, measured)
-    assert "settling 5.90 s, fault stuck, energy 2448 J" in said
-    assert "held, 10.0 s" in said
+    assert "settling 5.90 s, fault stuck, energy 2448 J" in written_texts
+    assert "held, 10.0 s" in written_texts
 
 
-def test_why_it_was_missed_stands_there_instead_as_far_as_there_is_room(
-    tmp_path: Path, said: dict[str, tuple[float, float]]
+def test_outcome_reason_replaces_metrics_and_is_truncated(
+    tmp_path: Path, written_texts: dict[str, tuple[float, float]]
 ) -> None:
     records, path = dive([0.5, 0.0, -2.0]), tmp_path / "run.png"
-    picture.draw_run(header(), records, path, "missed", None, False, {"settling_s": 5.9}, "ended 1 m off.")
-    assert "ended 1 m off." in said
-    assert not any("settling" in text for text in said)
-    picture.draw_run(header(), records, path, "missed", None, False, {}, "it was off, and off again, " * 20)
-    (cut,) = (text for text in said if text.startswith("it was off"))
+    picture.draw_run(header(), records, path, "failed", None, False, {"settling_s": 5.9}, "ended 1 m off.")
+    assert "ended 1 m off." in written_texts
+    assert not any("settling" in text for text in written_texts)
+    picture.draw_run(header(), records, path, "failed", None, False, {}, "it was off, and off again, " * 20)
+    (cut,) = (text for text in written_texts if text.startswith("it was off"))
     assert cut.endswith(" ...")
     assert 100 < len(cut) < 400
 
 
-def test_a_dive_is_drawn_the_same_each_time_and_small(tmp_path: Path) -> None:
+def test_dive_picture_is_reproducible_and_small(tmp_path: Path) -> None:
     files = []
     for name in ("first.png", "second.png"):
         picture.draw_run(header(gate(3.0, "gate 1")), dive([8.0, 0.3, -0.1]), tmp_path / name)
@@ -245,5 +245,5 @@ def test_a_dive_is_drawn_the_same_each_time_and_small(tmp_path: Path) -> None:
     assert len(files[0]) < 120_000
 
 
-def test_a_dive_of_one_moment_is_a_picture_too(tmp_path: Path) -> None:
+def test_dive_of_single_true_state_is_drawn(tmp_path: Path) -> None:
     assert drawn(tmp_path, dive([1.0, 0.0, -1.0])[:1]).size == (1800, 1000)

@@ -21,19 +21,19 @@ import msgspec
 import numpy as np
 import pytest
 
-from snr_sim.prelude.errors import MissingExtra, TraceError
+from snr_sim.prelude.errors import MissingExtraError, TraceError
 from snr_sim.prelude.page import Page
 from snr_sim.recording.columns import Batch
 from snr_sim.recording.records import (
     BeginRecord,
-    By,
     EndRecord,
     ErrorRecord,
+    HandlerCall,
     Header,
     InputRecord,
     PageRecord,
     Record,
-    Returned,
+    ReturnedTask,
     TaskRecord,
     TruthRecord,
 )
@@ -76,7 +76,7 @@ def _rerun_is_strict() -> Iterator[None]:
 
 def header(**changes: Any) -> Header:
     fields: dict[str, Any] = {
-        "kit": "0.1.0", "python": "3.11", "platform": "here", "packages": {"pymunk": "7"},
+        "version": "0.1.0", "python": "3.11", "platform": "here", "packages": {"pymunk": "7"},
         "scenario": "drop", "robot": "lander", "controller": "coast", "roles": ["lander"], "engine": "closed form",
         "io": "sim", "seed": 3, "options": {}, "nodes": ["lander"], "clock": "sim", "commands": {}, "sources": {},
         "scene": SCENE,
@@ -86,23 +86,23 @@ def header(**changes: Any) -> Header:
 
 def page(seq: int, key: str, data: Any, node: str = "lander", cause: int = 1) -> PageRecord:
     raw = b"[" + Page(key, data, node, seq * 0.1).serialize() + b"]"
-    made = [By("node_core", "store", [Returned("process_data", key, NONE)])]
+    made = [HandlerCall("node_core", "store", [ReturnedTask("process_data", key, NONE)])]
     return PageRecord(seq, seq * 0.1, node, "store_page", key, msgspec.Raw(raw), cause, 0, made)
 
 
 def truth(seq: int, z: float, thrust_n: float | None = None) -> TruthRecord:
-    arrows = {} if thrust_n is None else {"thrust": [0.0, 0.0, z - 1.0, 0.0, 0.0, thrust_n]}
-    return TruthRecord(seq, seq * 0.1, {"module": [1.0, 0.0, z, 0.0, 0.0, 0.0, 1.0]}, arrows, {"altitude_m": z})
+    vectors = {} if thrust_n is None else {"thrust": [0.0, 0.0, z - 1.0, 0.0, 0.0, thrust_n]}
+    return TruthRecord(seq, seq * 0.1, {"module": [1.0, 0.0, z, 0.0, 0.0, 0.0, 1.0]}, vectors, {"altitude_m": z})
 
 
 def fall(ticks: int) -> list[Record]:
     """A short run: for each tick truth, an input, the page that it stores, and what a handler makes of it."""
-    records: list[Record] = [BeginRecord(1, 0.0, "lander", "guidance", [Returned("event", "start", NONE)])]
+    records: list[Record] = [BeginRecord(1, 0.0, "lander", "guidance", [ReturnedTask("event", "start", NONE)])]
     for k in range(ticks):
         seq = 2 + 5 * k
         z = 100.0 - 1.62 / 2 * (0.1 * k) ** 2
         stored = page(seq + 2, "radar", {"altitude_m": z + 1 / 3, "is_locked": True}, cause=seq + 1)
-        made = [By("guidance", "steer", [Returned("store_page", "engine", NONE)])]
+        made = [HandlerCall("guidance", "steer", [ReturnedTask("store_page", "engine", NONE)])]
         records += [
             truth(seq, z, 45e3 if k % 3 else None),
             InputRecord(seq + 1, stored.t, "lander", "radar_sensor", "store_page", "radar", stored.values),
@@ -152,7 +152,7 @@ def written(tmp_path: Path, records: list[Record], **changes: Any) -> Path:
 # -- what is in a view
 
 
-def test_truth_and_belief_come_back_to_the_last_bit(tmp_path: Path) -> None:
+def test_truth_and_estimates_round_trip_to_the_bit(tmp_path: Path) -> None:
     records = fall(40)
     found = numbers(written(tmp_path, records))
     truths = [record for record in records if isinstance(record, TruthRecord)]
@@ -166,7 +166,7 @@ def test_truth_and_belief_come_back_to_the_last_bit(tmp_path: Path) -> None:
     assert {values[0] for _, _, values in found["/lander/pages/radar/is_locked"]} == {1.0}
 
 
-def test_each_executed_task_is_one_line_of_the_log_in_order(tmp_path: Path) -> None:
+def test_task_log_has_one_line_per_executed_task_in_order(tmp_path: Path) -> None:
     records = fall(20)
     path = written(tmp_path, records)
     texts = read_rows(path, "TextLog:text")["/lander/tasks"]
@@ -181,13 +181,13 @@ def test_each_executed_task_is_one_line_of_the_log_in_order(tmp_path: Path) -> N
     assert [level[0] for _, _, level in levels[:3]] == ["INFO", "DEBUG", "DEBUG"]
 
 
-def test_what_pages_hold_stands_in_it_as_text_with_who_stored_them(tmp_path: Path) -> None:
+def test_page_contents_include_text_and_writer(tmp_path: Path) -> None:
     rows = read_rows(written(tmp_path, fall(20)), "TextDocument:text")["/lander/contents"]
     assert len(rows) == 11
     assert "stored by guidance.steer in process_data radar (100)\n    throttle             1.9" in rows[-1][2][0]
 
 
-def test_an_error_stands_in_the_log_as_an_error(tmp_path: Path) -> None:
+def test_error_is_logged_with_level_error(tmp_path: Path) -> None:
     path = written(tmp_path, fall(2))
     texts = read_rows(path, "TextLog:text")["/lander/events"]
     levels = read_rows(path, "TextLog:level")["/lander/events"]
@@ -195,13 +195,17 @@ def test_an_error_stands_in_the_log_as_an_error(tmp_path: Path) -> None:
     assert texts[1][2] == ["guidance: ZeroDivisionError: in steer"]
 
 
-def test_an_arrow_that_is_no_longer_named_is_gone(tmp_path: Path) -> None:
+def test_removed_arrow_disappears(tmp_path: Path) -> None:
     path = written(tmp_path, [truth(1, 9.0, 500.0), truth(2, 8.0), truth(3, 7.0), truth(4, 6.0, 250.0)])
-    arrows = read_rows(path, "Arrows3D:vectors")["/world/arrows/thrust/newtons"]
-    assert [(seq, values) for seq, _, values in arrows] == [(1, [[0.0, 0.0, 500.0]]), (2, []), (4, [[0.0, 0.0, 250.0]])]
+    vectors = read_rows(path, "Arrows3D:vectors")["/world/arrows/thrust/newtons"]
+    assert [(seq, values) for seq, _, values in vectors] == [
+        (1, [[0.0, 0.0, 500.0]]),
+        (2, []),
+        (4, [[0.0, 0.0, 250.0]]),
+    ]
 
 
-def test_the_longest_arrow_is_as_long_as_the_body(tmp_path: Path) -> None:
+def test_longest_arrow_equals_body_length(tmp_path: Path) -> None:
     path = written(tmp_path, fall(5))
     scales = []
     for chunk in RrdReader(str(path)).stream():
@@ -211,12 +215,12 @@ def test_the_longest_arrow_is_as_long_as_the_body(tmp_path: Path) -> None:
     assert scales[-1][0] == pytest.approx([4.0 / 45e3] * 3, rel=1e-6)
 
 
-def test_the_scene_is_in_it_and_a_shape_of_a_later_version_does_no_harm(tmp_path: Path) -> None:
+def test_scene_is_included_and_unknown_shape_is_skipped(tmp_path: Path) -> None:
     found = entities(written(tmp_path, fall(3)))
     assert {"/world/ground", "/world/module/shapes", "/world/path/module", "/run"} <= found
 
 
-def test_a_layout_is_stored_in_the_file(tmp_path: Path) -> None:
+def test_layout_is_stored_in_file(tmp_path: Path) -> None:
     assert len(RrdReader(str(written(tmp_path, fall(3)))).blueprints()) == 1
 
 
@@ -228,20 +232,20 @@ def beginnings(path: Path) -> tuple[list[int], list[int]]:
     return first[0], first[1]
 
 
-def test_a_file_begins_with_its_layout_so_that_the_view_is_tidy_before_all_is_read(tmp_path: Path) -> None:
+def test_file_begins_with_layout(tmp_path: Path) -> None:
     layouts, runs = beginnings(written(tmp_path, fall(30)))
     assert len(layouts) == len(runs) == 1
     assert layouts < runs
 
 
-def test_a_comparison_begins_with_its_layout_too(tmp_path: Path) -> None:
+def test_comparison_begins_with_layout(tmp_path: Path) -> None:
     view.write_comparison(header(), fall(10), fall(10), [], tmp_path / "compare.rrd", 1000)
     layouts, runs = beginnings(tmp_path / "compare.rrd")
     assert len(layouts) == len(runs) == 1
     assert layouts < runs
 
 
-def test_a_run_too_long_to_hold_back_begins_with_a_layout_and_ends_with_that_of_all_of_it(
+def test_long_run_begins_with_layout_and_ends_with_final_layout(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(view_file, "BATCH_RECORDS", 7)
@@ -250,14 +254,14 @@ def test_a_run_too_long_to_hold_back_begins_with_a_layout_and_ends_with_that_of_
     assert min(layouts) < run < max(layouts)
 
 
-def test_several_nodes_have_roots_of_their_own(tmp_path: Path) -> None:
+def test_nodes_have_separate_roots(tmp_path: Path) -> None:
     records: list[Record] = [page(1, "depth", 1.5, "topside"), page(2, "depth", 2.5, "sub node")]
     found = numbers(written(tmp_path, records, nodes=["topside", "sub node"]))
     assert found["/topside/pages/depth"][0][2] == [1.5]
     assert found["/sub\\ node/pages/depth"][0][2] == [2.5]
 
 
-def test_the_same_trace_makes_a_view_with_the_same_rows(tmp_path: Path) -> None:
+def test_same_trace_makes_view_with_same_rows(tmp_path: Path) -> None:
     first, second = tmp_path / "first.rrd", tmp_path / "second.rrd"
     for path in (first, second):
         view.write_view(header(), fall(30), path, 1000)
@@ -269,12 +273,12 @@ def test_the_same_trace_makes_a_view_with_the_same_rows(tmp_path: Path) -> None:
 # -- odd traces
 
 
-def test_a_run_without_records_has_a_view(tmp_path: Path) -> None:
+def test_run_without_records_has_view(tmp_path: Path) -> None:
     path = written(tmp_path, [], scene={})
     assert entities(path) >= {"/run"}
 
 
-def test_nan_and_infinities_are_shown_as_such(tmp_path: Path) -> None:
+def test_nan_and_infinity_are_kept(tmp_path: Path) -> None:
     records: list[Record] = [page(k, "sonar", {"range_m": value}) for k, value in enumerate((1.0, np.nan, np.inf), 1)]
     values = [row[2][0] for row in numbers(written(tmp_path, records))["/lander/pages/sonar/range_m"]]
     assert values[0] == 1.0
@@ -282,7 +286,7 @@ def test_nan_and_infinities_are_shown_as_such(tmp_path: Path) -> None:
     assert values[2] == np.inf
 
 
-def test_text_and_missing_values_leave_gaps_and_numbers_stay(tmp_path: Path) -> None:
+def test_text_and_missing_values_leave_gaps(tmp_path: Path) -> None:
     datas = [{"a": 1, "s": "x"}, {"s": "y"}, {"a": None}, {"a": "now text"}, {"a": [1.0, 2.0]}, {"a": 5, "late": True}]
     found = numbers(written(tmp_path, [page(k, "p", data) for k, data in enumerate(datas, 1)]))
     assert [(seq, v) for seq, _, v in found["/lander/pages/p/a"]] == [(1, [1.0]), (6, [5.0])]
@@ -291,31 +295,31 @@ def test_text_and_missing_values_leave_gaps_and_numbers_stay(tmp_path: Path) -> 
     assert "/lander/pages/p/s" not in found
 
 
-def test_arrays_tuples_and_huge_whole_numbers_are_numbers_too(tmp_path: Path) -> None:
+def test_arrays_tuples_and_huge_integers_are_plotted(tmp_path: Path) -> None:
     datas: list[Any] = [{"v": np.array([0.1, 0.2])}, {"v": (0.3, 0.4)}, {"v": [0.5, 10**400]}]
     found = numbers(written(tmp_path, [page(k, "p", data) for k, data in enumerate(datas, 1)]))
     assert [v[0] for _, _, v in found["/lander/pages/p/v/0"]] == [0.1, 0.3, 0.5]
     assert found["/lander/pages/p/v/1"][-1][2] == [np.inf]
 
 
-def test_a_long_list_is_not_made_into_a_hundred_plots(tmp_path: Path) -> None:
+def test_long_list_is_not_plotted(tmp_path: Path) -> None:
     records: list[Record] = [page(1, "scan", {"ranges_m": [1.0] * 500, "count": 500})]
     assert set(numbers(written(tmp_path, records))) == {"/lander/pages/scan/count"}
 
 
-def test_a_page_that_was_edited_does_not_hide_the_others(tmp_path: Path) -> None:
+def test_invalid_page_does_not_hide_others(tmp_path: Path) -> None:
     broken = msgspec.structs.replace(page(2, "p", 1.0), values=msgspec.Raw(b'[{"$":"page","key":"p"}]'))
     not_a_page = msgspec.structs.replace(page(3, "p", 1.0), values=msgspec.Raw(b'["$", 7]'))
     found = numbers(written(tmp_path, [page(1, "p", 1.5), broken, not_a_page, page(4, "p", 2.5)]))
     assert [(seq, v) for seq, _, v in found["/lander/pages/p"]] == [(1, [1.5]), (4, [2.5])]
 
 
-def test_an_object_that_cannot_be_brought_back_does_no_harm(tmp_path: Path) -> None:
+def test_undecodable_object_is_skipped(tmp_path: Path) -> None:
     found = numbers(written(tmp_path, [page(1, "p", {"x": object()}), page(2, "p", {"x": 3.0})]))
     assert [(seq, v) for seq, _, v in found["/lander/pages/p/x"]] == [(2, [3.0])]
 
 
-def test_a_run_of_any_length_is_taken_a_batch_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_run_is_processed_in_batches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(view_file, "BATCH_RECORDS", 7)
     held: list[int] = []
     extend = Batch.extend
@@ -329,12 +333,12 @@ def test_a_run_of_any_length_is_taken_a_batch_at_a_time(tmp_path: Path, monkeypa
     assert read_rows(split, "TextLog:text") == read_rows(whole, "TextLog:text")
 
 
-def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+def test_unwritable_path_raises_with_its_name(tmp_path: Path) -> None:
     with pytest.raises(TraceError, match="no such folder"):
         view.write_view(header(), [], tmp_path / "no such folder" / "view.rrd", 1000)
 
 
-def test_a_run_without_its_view_gets_one_from_its_trace_and_keeps_it(tmp_path: Path) -> None:
+def test_missing_view_is_derived_from_trace_and_kept(tmp_path: Path) -> None:
     recorder = TraceWriter(tmp_path / "trace.jsonl", header())
     recorder.close()
     found = view.view_of(tmp_path)
@@ -345,7 +349,7 @@ def test_a_run_without_its_view_gets_one_from_its_trace_and_keeps_it(tmp_path: P
     assert view.view_of(found) == found
 
 
-def test_a_view_that_was_made_while_the_run_went_on_is_made_anew(tmp_path: Path) -> None:
+def test_view_older_than_trace_is_rebuilt(tmp_path: Path) -> None:
     TraceWriter(tmp_path / "trace.jsonl", header()).close()
     found = view.view_of(tmp_path)
     found.write_bytes(b"of half the run")
@@ -353,7 +357,7 @@ def test_a_view_that_was_made_while_the_run_went_on_is_made_anew(tmp_path: Path)
     assert entities(view.view_of(tmp_path)) >= {"/run"}
 
 
-def test_a_view_that_is_interrupted_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interrupted_view_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(self: Any, *given: Any) -> None:
         self._path.write_bytes(b"half")
         raise KeyboardInterrupt
@@ -373,7 +377,7 @@ def test_a_view_that_is_interrupted_leaves_nothing_behind(tmp_path: Path, monkey
     ],
     ids=["of a run", "of two runs"],
 )
-def test_a_view_that_the_disk_has_no_room_for_is_not_begun(
+def test_view_without_disk_space_raises_before_writing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write: Callable[[Path], None]
 ) -> None:
     asked: list[int] = []
@@ -387,21 +391,21 @@ def test_a_view_that_the_disk_has_no_room_for_is_not_begun(
     monkeypatch.setattr(os, "posix_fallocate", full)
     with pytest.raises(TraceError, match=r"view\.rrd cannot be written: No space left on device"):
         write(path)
-    assert asked == [view.MAX_VIEW_SHARE * 5_000_000 + view.MIN_VIEW_BYTES]
+    assert asked == [view.MAX_VIEW_RATIO * 5_000_000 + view.MIN_VIEW_BYTES]
     assert path.read_bytes() == b"of before"
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_without_rerun_the_message_says_how_to_get_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_rerun_raises_with_install_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(MissingExtra, match=r"snr_sim\[view\]"):
+    with pytest.raises(MissingExtraError, match=r"snr_sim\[view\]"):
         view.write_view(header(), [], tmp_path / "view.rrd", 1000)
 
 
 # -- two runs side by side
 
 
-def test_a_comparison_has_both_runs_and_marks_where_they_differ(tmp_path: Path) -> None:
+def test_comparison_contains_both_runs_and_difference_marks(tmp_path: Path) -> None:
     path = tmp_path / "compare.rrd"
     divergences = [(7, 0.7, "engine.throttle: 0.1 recorded, 0.2 replayed"), (9, 0.9, "another")]
     view.write_comparison(header(), fall(10), fall(10)[:-4], divergences, path, 1000)
@@ -412,7 +416,7 @@ def test_a_comparison_has_both_runs_and_marks_where_they_differ(tmp_path: Path) 
     assert "/recorded/world/ground" in entities(path)
 
 
-def test_two_runs_may_have_roots_and_scenes_of_their_own(tmp_path: Path) -> None:
+def test_comparison_accepts_separate_roots_and_scenes(tmp_path: Path) -> None:
     path = tmp_path / "compare.rrd"
     bare = msgspec.structs.replace(header(), scene={})
     view.write_comparison(header(), fall(3), fall(3), [], path, 1000, ("first", "second"), bare)
@@ -421,7 +425,7 @@ def test_two_runs_may_have_roots_and_scenes_of_their_own(tmp_path: Path) -> None
     assert "/second/world/ground" not in found
 
 
-def test_two_runs_that_agree_have_no_marks(tmp_path: Path) -> None:
+def test_identical_runs_have_no_marks(tmp_path: Path) -> None:
     path = tmp_path / "compare.rrd"
     view.write_comparison(header(), fall(3), fall(3), [], path, 1000)
     assert not any(entity.startswith("/divergences") for entity in entities(path))
@@ -449,7 +453,7 @@ def listening_addresses(pid: int) -> set[str]:
 
 @pytest.mark.slow
 @only_linux
-def test_the_live_view_listens_on_this_machine_only() -> None:
+def test_live_view_listens_on_loopback_only() -> None:
     live = view.LiveView(header())
     try:
         for record in fall(5):
@@ -464,7 +468,7 @@ def test_the_live_view_listens_on_this_machine_only() -> None:
 
 @pytest.mark.slow
 @only_linux
-def test_the_page_is_served_on_this_machine_only_and_may_not_call_home(tmp_path: Path) -> None:
+def test_page_is_served_on_loopback_with_content_security_policy(tmp_path: Path) -> None:
     path = written(tmp_path, fall(3))
     with view_server.serve_web(path) as url:
         assert url.startswith("http://127.0.0.1:")
@@ -483,7 +487,7 @@ def test_the_page_is_served_on_this_machine_only_and_may_not_call_home(tmp_path:
 
 @pytest.mark.slow
 @only_linux
-def test_a_live_view_is_streamed_to_the_page_and_to_no_other_site() -> None:
+def test_live_view_allows_only_the_pages_origin() -> None:
     live = view.LiveView(header())
     try:
         for record in fall(5):
@@ -504,7 +508,7 @@ def test_a_live_view_is_streamed_to_the_page_and_to_no_other_site() -> None:
         live.close()
 
 
-def test_the_viewer_is_started_without_statistics(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_viewer_environment_disables_statistics(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FORCE_RERUN_ANALYTICS", "1")
     environment = view_server.viewer_environment()
     assert environment["CI"] == "1"
@@ -512,25 +516,23 @@ def test_the_viewer_is_started_without_statistics(monkeypatch: pytest.MonkeyPatc
     assert environment["RUST_LOG"] == "error"
 
 
-def test_a_view_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_missing_view_raises_with_its_name(tmp_path: Path) -> None:
     with pytest.raises(TraceError, match=r"nothing\.rrd"):
         view_server.open_view(tmp_path / "nothing.rrd", web=True)
 
 
 @pytest.mark.slow
 @only_linux
-def test_a_viewer_that_fails_points_to_the_browser(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    said = r"printf 'log\n\033[31mError: no graphics driver\033[0m\n' >&2; exit 3"
-    monkeypatch.setattr(view_server, "viewer_command", lambda: ["sh", "-c", said])
+def test_viewer_failure_suggests_browser(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    script = r"printf 'log\n\033[31mError: no graphics driver\033[0m\n' >&2; exit 3"
+    monkeypatch.setattr(view_server, "viewer_command", lambda: ["sh", "-c", script])
     monkeypatch.setenv("DISPLAY", ":0")
     with pytest.raises(TraceError, match="--web") as failed:
         view_server.open_view(written(tmp_path, fall(1)))
     assert failed.value.message == "The viewer ended with status 3; its last words: Error: no graphics driver"
 
 
-def test_a_window_without_a_display_is_refused_and_the_browser_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_window_without_display_raises_and_suggests_browser(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
@@ -544,7 +546,7 @@ def test_a_window_without_a_display_is_refused_and_the_browser_named(
 
 @pytest.mark.slow
 @only_linux
-def test_ctrl_c_ends_the_page_and_what_serves_it(tmp_path: Path) -> None:
+def test_ctrl_c_ends_page_and_its_processes(tmp_path: Path) -> None:
     path = written(tmp_path, fall(3))
     code = f"from snr_sim.view.view_server import open_view; open_view({str(path)!r}, web=True)"
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)

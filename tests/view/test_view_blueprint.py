@@ -8,33 +8,38 @@ from typing import Any
 
 import pytest
 
-from snr_sim.view.view_blueprint import FLAGS, Layout, Line, blueprint, color_and_width, plots
+from snr_sim.view.view_blueprint import FLAGS, Layout, PlotLine, blueprint, color_and_width, plots
 
 
-def line(name: str, unit: str = "m", is_truth: bool = False, plot: str = "") -> Line:
-    return Line(f"/{name}", name, unit, is_truth, plot)
+def line(name: str, unit: str = "m", is_truth: bool = False, plot: str = "") -> PlotLine:
+    return PlotLine(f"/{name}", name, unit, is_truth, plot)
 
 
-def names(lines: list[Line], changed_flags: tuple[str, ...] = ()) -> list[list[str]]:
+def names(lines: list[PlotLine], changed_flags: tuple[str, ...] = ()) -> list[list[str]]:
     return [[one.name for one in group] for group in plots(lines, changed_flags).values()]
 
 
-def test_a_true_number_shares_its_plot_with_the_beliefs_of_its_name() -> None:
-    lines = [line("true depth", is_truth=True), line("sonar depth"), line("place position 0"), line("vehicle depth")]
-    assert names(lines) == [["true depth", "sonar depth", "vehicle depth"], ["place position 0"]]
+def test_plots_group_truth_with_estimates_of_same_quantity() -> None:
+    lines = [
+        line("true depth", is_truth=True),
+        line("sonar depth"),
+        line("position_fix position 0"),
+        line("vehicle depth"),
+    ]
+    assert names(lines) == [["true depth", "sonar depth", "vehicle depth"], ["position_fix position 0"]]
 
 
-def test_where_no_name_agrees_a_unit_shares_one_plot() -> None:
+def test_plots_without_common_quantity_group_by_unit() -> None:
     lines = [line("true vertical", "m/s", True), line("true lateral", "m/s", True), line("radar velocity", "m/s")]
     assert names(lines) == [["true vertical", "true lateral", "radar velocity"]]
 
 
-def test_yaw_and_heading_are_one_thing() -> None:
+def test_plots_treat_yaw_and_heading_as_synonyms() -> None:
     lines = [line("true yaw", "rad", True), line("controls heading", "rad"), line("imu roll", "rad")]
     assert names(lines) == [["true yaw", "controls heading"], ["imu roll"]]
 
 
-def test_what_is_true_comes_first_then_links_then_beliefs_and_last_what_was_yes_or_no() -> None:
+def test_plots_are_ordered_truth_links_estimates_flags() -> None:
     lines = [
         line("power voltage", "V"),
         line("up", "", plot="link tether: up (1) or down (0)"),
@@ -51,15 +56,15 @@ def test_what_is_true_comes_first_then_links_then_beliefs_and_last_what_was_yes_
     ]
 
 
-def test_what_was_always_yes_or_always_no_has_no_line() -> None:
+def test_constant_flag_has_no_line() -> None:
     lines = [line("is armed", "", plot=FLAGS), line("is stopped", "", plot=FLAGS)]
     assert names(lines, ("/is armed",)) == [["is armed"]]
     assert names(lines) == []
 
 
-def test_no_two_lines_of_a_plot_have_one_colour() -> None:
+def test_lines_of_a_plot_have_distinct_colors() -> None:
     """Eight pulses were drawn in five colours."""
-    lines: list[Line] = []
+    lines: list[PlotLine] = []
     colors = []
     for i in range(24):
         new = line(f"pwm {i}", "µs", is_truth=i >= 16)
@@ -81,7 +86,7 @@ def views_of(rrb: Any, layout: Layout) -> list[Any]:
 @pytest.mark.parametrize(
     ("roots", "shown_ns"), [([""], None), (["/recorded", "/replayed"], (0, 90_000_000_000))], ids=["one", "two"]
 )
-def test_plots_of_two_runs_open_on_all_of_it(roots: list[str], shown_ns: tuple[int, int] | None) -> None:
+def test_plots_of_two_runs_show_the_whole_time(roots: list[str], shown_ns: tuple[int, int] | None) -> None:
     rrb = pytest.importorskip("rerun.blueprint")
     layout = Layout("run", roots=roots, lines=[line("height"), line("speed", "m/s")], end_s=90.0)
     axes = [view.properties["TimeAxis"] for view in views_of(rrb, layout) if isinstance(view, rrb.TimeSeriesView)]
@@ -91,7 +96,7 @@ def test_plots_of_two_runs_open_on_all_of_it(roots: list[str], shown_ns: tuple[i
         assert shown == (shown_ns and [{"start": shown_ns[0], "end": shown_ns[1]}])
 
 
-def test_what_a_camera_saw_is_left_out_of_the_views_in_space() -> None:
+def test_camera_images_are_excluded_from_spatial_views() -> None:
     rrb = pytest.importorskip("rerun.blueprint")
     layout = Layout("run", bodies=["/world/vehicle"], cameras=["/world/follower"], images=["/urov/pages/camera/rgb"])
     views = views_of(rrb, layout)

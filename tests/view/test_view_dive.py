@@ -38,7 +38,7 @@ def header() -> Header:
 
     box = {"kind": "box", "half_size_m": [0.2, 0.2, 0.1], "center_m": [0.0, 0.0, 0.0], "rgb": [9, 9, 9]}
     return Header(
-        kit="0.1.0", python="3.11", platform="here", packages={}, scenario="dive", robot="urov", controller="holds",
+        version="0.1.0", python="3.11", platform="here", packages={}, scenario="dive", robot="urov", controller="holds",
         roles=["urov"], engine="none", io="sim", seed=3, options={}, nodes=["urov"], clock="sim", commands={},
         sources={},
         scene={
@@ -51,9 +51,9 @@ def header() -> Header:
 
 def truth(seq: int, pull_n: float = 0.0, broken: float = 0.0) -> TruthRecord:
     pose = [0.1 * seq, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0]
-    arrows = {"T1": [*pose[:2], -1.1, 0.0, 0.0, 40.0], "current": [*pose[:3], 8.0, 0.0, 0.0]}
-    arrows["tether"] = [*pose[:3], pull_n, 0.0, 0.0]
-    return TruthRecord(seq, 0.1 * seq, {"vehicle": pose}, arrows, {"depth_m": 1.0, "broken_T1": broken})
+    vectors = {"T1": [*pose[:2], -1.1, 0.0, 0.0, 40.0], "current": [*pose[:3], 8.0, 0.0, 0.0]}
+    vectors["tether"] = [*pose[:3], pull_n, 0.0, 0.0]
+    return TruthRecord(seq, 0.1 * seq, {"vehicle": pose}, vectors, {"depth_m": 1.0, "broken_T1": broken})
 
 
 def page(seq: int, key: str, data: Any, node: str = "urov", origin: str = "urov") -> PageRecord:
@@ -74,14 +74,14 @@ def rows(tmp_path: Path, records: list[Record]) -> dict[str, dict[str, list[Any]
     return found
 
 
-def test_the_tether_reaches_from_where_it_is_held_to_its_place_at_the_vehicle(tmp_path: Path) -> None:
+def test_tether_spans_from_anchor_to_vehicle(tmp_path: Path) -> None:
     tether = rows(tmp_path, [truth(1), truth(2)])["/world/tether"]
     assert tether["Transform3D:translation"] == [[[1.0, 0.0, 0.0]]] * 2
     spans = [row[0][:3] for row in tether["Transform3D:mat3x3"]]
     assert np.allclose(spans, [[-0.9, 0.0, -0.5], [-0.8, 0.0, -0.5]])
 
 
-def test_a_slack_tether_hangs_in_a_bow_and_a_taut_one_is_straight() -> None:
+def test_slack_tether_sags_and_taut_tether_is_straight() -> None:
     poses = np.array([[0.0, 0.0, -2.0, 0.0, 0.0, 0.0, 1.0], [-8.0, 2.0, -3.0, *QUARTER]])
     for pose, frame in zip(poses, tether_frames(TETHER, poses), strict=True):
         line = TETHER_LINE @ frame.T + np.array(TETHER["anchor_m"])
@@ -93,20 +93,20 @@ def test_a_slack_tether_hangs_in_a_bow_and_a_taut_one_is_straight() -> None:
         assert not is_slack or line[8][2] < 0.5 * (line[0][2] + line[-1][2]) - 0.01  # down, not up
 
 
-def test_the_tether_is_the_redder_the_harder_it_pulls(tmp_path: Path) -> None:
+def test_tether_color_is_redder_for_larger_force(tmp_path: Path) -> None:
     colors = rows(tmp_path, [truth(1, 0.0), truth(2, 10.0), truth(3, 40.0)])["/world/tether"]["LineStrips3D:colors"]
     green = [color[0] >> 16 & 0xFF for color in colors]
     assert green[0] > green[1] > green[2]
 
 
-def test_what_is_broken_is_marked_from_when_on_it_is(tmp_path: Path) -> None:
+def test_broken_thruster_is_marked_from_its_failure_on(tmp_path: Path) -> None:
     found = rows(tmp_path, [truth(1), truth(2, broken=1.0), truth(3, broken=1.0)])["/world/broken/T1"]
     assert [len(row) for row in found["Points3D:positions"] if row is not None] == [0, 1, 1]
     assert ["T1 is broken"] in found["Points3D:labels"]
     assert not any("broken" in entity for entity in rows(tmp_path, []))
 
 
-def test_what_is_yes_or_no_goes_in_steps_and_other_numbers_do_not(tmp_path: Path) -> None:
+def test_flags_are_drawn_in_steps_and_numbers_interpolated(tmp_path: Path) -> None:
     found = rows(tmp_path, [truth(1), page(2, "controls", {"is_armed": True, "surge": 0.5})])
     mode = "SeriesLines:interpolation_mode"
     step = rr.components.InterpolationMode.StepAfter.value
@@ -115,22 +115,22 @@ def test_what_is_yes_or_no_goes_in_steps_and_other_numbers_do_not(tmp_path: Path
     assert mode not in found["/urov/pages/controls/surge"]
 
 
-def test_angles_are_shown_in_degrees_as_in_pictures(tmp_path: Path) -> None:
+def test_angles_are_shown_in_degrees(tmp_path: Path) -> None:
     angles = {"yaw_rad": 1.0, "rate_radps": [0.5, 0.0, 0.0]}
     found = rows(tmp_path, [truth(1), page(2, "imu", angles)])
-    told = {name: found[f"/urov/pages/imu/{name}"]["Scalars:scalars"] for name in ("yaw_rad", "rate_radps/0")}
-    assert told["yaw_rad"] == [[pytest.approx(57.29578)]]
-    assert told["rate_radps/0"] == [[pytest.approx(28.64789)]]
+    scalars = {name: found[f"/urov/pages/imu/{name}"]["Scalars:scalars"] for name in ("yaw_rad", "rate_radps/0")}
+    assert scalars["yaw_rad"] == [[pytest.approx(57.29578)]]
+    assert scalars["rate_radps/0"] == [[pytest.approx(28.64789)]]
 
 
-def test_a_depth_goes_down_with_the_vehicle_and_its_sign_is_in_its_name(tmp_path: Path) -> None:
+def test_depth_is_shown_negative_with_sign_in_name(tmp_path: Path) -> None:
     """It went up in rerun when the vehicle dived, and down in pictures."""
     found = rows(tmp_path, [truth(1), page(2, "sonar", {"depth_m": 2.0, "distance_m": 4.5, "depth": 3.0})])
-    told = {
+    scalars = {
         entity: (found[entity]["SeriesLines:names"], found[entity]["Scalars:scalars"])
         for entity in ("/truth/depth_m", *(f"/urov/pages/sonar/{name}" for name in ("depth_m", "distance_m", "depth")))
     }
-    assert told == {
+    assert scalars == {
         "/truth/depth_m": ([["true -depth"]], [[-1.0]]),
         "/urov/pages/sonar/depth_m": ([["sonar -depth"]], [[-2.0]]),
         "/urov/pages/sonar/distance_m": ([["sonar distance"]], [[4.5]]),
@@ -138,27 +138,27 @@ def test_a_depth_goes_down_with_the_vehicle_and_its_sign_is_in_its_name(tmp_path
     }
 
 
-def test_gates_and_the_surface_are_called_by_name_and_the_current_is_told_from_thrust(tmp_path: Path) -> None:
+def test_gates_surface_and_current_are_labelled(tmp_path: Path) -> None:
     found = rows(tmp_path, [truth(1)])
     assert found["/world/gate_1/label"]["Points3D:labels"] == [["gate 1"]]
     assert found["/world/surface/label"]["Points3D:labels"] == [["water surface"]]
     assert "/world/surface/sheet" in found
     assert ["current"] in found["/world/arrows/current/newtons"]["Arrows3D:labels"]
-    arrows = [found[f"/world/arrows/{name}/newtons"]["Arrows3D:colors"][0] for name in ("current", "T1")]
-    assert arrows[0] != arrows[1]
+    vectors = [found[f"/world/arrows/{name}/newtons"]["Arrows3D:colors"][0] for name in ("current", "T1")]
+    assert vectors[0] != vectors[1]
     scales = [found[f"/world/arrows/{name}/newtons"]["Transform3D:scale"][-1][0][0] for name in ("current", "T1")]
     assert scales[0] * 8.0 == pytest.approx(scales[1] * 40.0)  # each as long as the vehicle at its strongest
     assert "/world/arrows/tether" not in found
 
 
-def test_the_name_of_a_gate_hangs_above_it_and_hides_nothing_of_it(tmp_path: Path) -> None:
+def test_gate_label_is_above_the_gate(tmp_path: Path) -> None:
     """It hung from the highest corner, down over the opening: the viewer writes down from there."""
     found = rows(tmp_path, [truth(1)])
     assert found["/world/gate_1/label"]["Points3D:positions"] == [[[3.0, 0.0, -0.5]]]
     assert found["/world/surface/label"]["Points3D:positions"] == [[[5.0, 4.0, 0.0]]]
 
 
-def test_what_the_camera_saw_is_in_it_pixel_by_pixel(tmp_path: Path) -> None:
+def test_camera_images_are_stored_pixel_by_pixel(tmp_path: Path) -> None:
     images = [np.random.default_rng(k).integers(0, 255, (3, 4, 3), np.uint8) for k in range(3)]
     pages: list[Record] = [page(k + 1, "camera", {"rgb": image, "stamp_s": k}) for k, image in enumerate(images)]
     found = rows(tmp_path, pages)["/urov/pages/camera/rgb"]
@@ -167,9 +167,9 @@ def test_what_the_camera_saw_is_in_it_pixel_by_pixel(tmp_path: Path) -> None:
     assert (shape["width"], shape["height"]) == (4, 3)
 
 
-def test_a_link_has_its_rates_and_its_round_trip_beside_what_it_told(tmp_path: Path) -> None:
+def test_link_has_rates_and_round_trip_next_to_its_page(tmp_path: Path) -> None:
     reports = [{"up": k > 0, "rtt_s": 0.004, "sent": 5 * k, "peers": {}} for k in range(3)]
-    found = rows(tmp_path, [page(k, "link_tether", told) for k, told in enumerate(reports)])
+    found = rows(tmp_path, [page(k, "link_tether", report) for k, report in enumerate(reports)])
     assert found["/urov/links/link_tether/sent_hz"]["Scalars:scalars"] == [[0.0], [50.0], [50.0]]
     assert found["/urov/links/link_tether/round_trip_ms"]["Scalars:scalars"] == [[4.0]] * 3
     assert found["/urov/pages/link_tether/sent"]["Scalars:scalars"] == [[0.0], [5.0], [10.0]]

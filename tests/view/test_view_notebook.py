@@ -15,7 +15,7 @@ import pytest
 from snr_sim.prelude.errors import TraceError
 from snr_sim.view.view_notebook import RunFrame, show_run
 
-VIEW = b"what stands in a view.rrd"
+VIEW = b"the content of a view.rrd"
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ def read(address: str) -> tuple[bytes, dict[str, str]]:
 
 
 @pytest.mark.slow
-def test_the_frame_loads_the_viewer_from_this_computer_and_may_load_nothing_else(rrd: Path) -> None:
+def test_frame_loads_viewer_from_loopback_only(rrd: Path) -> None:
     pytest.importorskip("rerun")
     page = page_of(show_run(rrd))
     assert re.fullmatch(r"http://127\.0\.0\.1:\d+/", page)
@@ -50,7 +50,7 @@ def test_the_frame_loads_the_viewer_from_this_computer_and_may_load_nothing_else
 
 
 @pytest.mark.slow
-def test_the_run_is_there_after_the_notebook_has_tidied_up(rrd: Path) -> None:
+def test_run_is_served_after_its_folder_is_deleted(rrd: Path) -> None:
     pytest.importorskip("rerun")
     page = page_of(show_run(rrd))
     rrd.unlink()
@@ -58,7 +58,7 @@ def test_the_run_is_there_after_the_notebook_has_tidied_up(rrd: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_frame_is_as_high_as_asked_and_a_page_without_frames_says_what_is_missing(rrd: Path) -> None:
+def test_frame_has_requested_height_and_text_alternative(rrd: Path) -> None:
     pytest.importorskip("rerun")
     frame = show_run(rrd, height_px=333)
     assert 'height="333"' in str(frame._repr_html_())
@@ -67,7 +67,7 @@ def test_a_frame_is_as_high_as_asked_and_a_page_without_frames_says_what_is_miss
 
 @pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="asks the kernel for a process's children")
-def test_a_killed_notebook_leaves_no_viewer_behind(rrd: Path) -> None:
+def test_killed_notebook_leaves_no_viewer_process(rrd: Path) -> None:
     pytest.importorskip("rerun")
     code = f"from snr_sim.view.view_notebook import show_run; print(show_run({str(rrd)!r}).url, flush=True); input()"
     kernel = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
@@ -84,7 +84,7 @@ def test_a_killed_notebook_leaves_no_viewer_behind(rrd: Path) -> None:
         read(page)
 
 
-def test_without_a_viewer_one_line_says_what_to_install(rrd: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_viewer_returns_install_command(rrd: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     find_spec = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, *rest: None if "rerun" in name else find_spec(name))
     frame = show_run(rrd)
@@ -93,7 +93,7 @@ def test_without_a_viewer_one_line_says_what_to_install(rrd: Path, monkeypatch: 
     assert show_run(rrd.parent / "what only a viewer could have written.rrd").url == ""
 
 
-def test_a_run_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_missing_run_raises_with_its_name(tmp_path: Path) -> None:
     pytest.importorskip("rerun")
     with pytest.raises(TraceError, match="no run at"):
         show_run(tmp_path / "nothing")

@@ -10,16 +10,24 @@ import pytest
 
 from snr_sim.prelude.page import Page
 from snr_sim.recording.columns import Batch
-from snr_sim.recording.records import BeginRecord, By, InputRecord, PageRecord, Record, Returned, TaskRecord
+from snr_sim.recording.records import (
+    BeginRecord,
+    HandlerCall,
+    InputRecord,
+    PageRecord,
+    Record,
+    ReturnedTask,
+    TaskRecord,
+)
 from snr_sim.view.view_blueprint import Layout, blueprint
 from snr_sim.view.view_pages import MAX_CONTENTS_CHARS, MAX_FIELDS_SHOWN, PageContents
 
 NONE = msgspec.Raw(b"[]")
 
 
-def page(seq: int, t: float, key: str, data: Any, cause: int = 1, nth: int = 0) -> PageRecord:
+def page(seq: int, t: float, key: str, data: Any, cause: int = 1, index: int = 0) -> PageRecord:
     raw = msgspec.Raw(b"[" + Page(key, data, "urov", t).serialize() + b"]")
-    return PageRecord(seq, t, "urov", "store_page", key, raw, cause, nth, [])
+    return PageRecord(seq, t, "urov", "store_page", key, raw, cause, index, [])
 
 
 def contents(records: list[Record], made: PageContents | None = None) -> list[tuple[int, str]]:
@@ -31,17 +39,21 @@ def contents(records: list[Record], made: PageContents | None = None) -> list[tu
     return list(zip(when.seq.tolist(), texts, strict=True))
 
 
-def test_a_page_is_told_by_its_fields_with_units_and_by_the_task_that_stored_it() -> None:
-    imu = {"yaw_rad": 1 / 3, "rate_radps": [0.5, 0.25], "is_upright": True, "mode": "hold", "wanted_m": None}
-    made = [By("logger", "count", [Returned("event", "counted", NONE)])]
-    made.append(By("autopilot", "steer", [Returned("event", "e", NONE), Returned("store_page", "controls", NONE)]))
+def test_page_text_contains_fields_units_and_writer() -> None:
+    imu = {"yaw_rad": 1 / 3, "rate_radps": [0.5, 0.25], "is_upright": True, "mode": "hold", "target_m": None}
+    made = [HandlerCall("logger", "count", [ReturnedTask("event", "counted", NONE)])]
+    made.append(
+        HandlerCall(
+            "autopilot", "steer", [ReturnedTask("event", "e", NONE), ReturnedTask("store_page", "controls", NONE)]
+        )
+    )
     records: list[Record] = [
-        BeginRecord(1, 0.0, "urov", "autopilot", [Returned("store_page", "plan", NONE)]),
+        BeginRecord(1, 0.0, "urov", "autopilot", [ReturnedTask("store_page", "plan", NONE)]),
         page(2, 0.0, "plan", {"legs": {"first": {"depth_m": 3.0}}}),
         InputRecord(3, 0.1, "urov", "imu_sensor", "store_page", "imu", NONE),
         page(4, 0.1, "imu", imu, cause=3),
         TaskRecord(5, 0.1, "urov", "process_data", "imu", NONE, 4, 0, made),
-        page(6, 0.1, "controls", 0.5, cause=5, nth=2),
+        page(6, 0.1, "controls", 0.5, cause=5, index=2),
         page(7, 0.2, "late", {}, cause=-1),
     ]
     assert contents(records)[-1] == (
@@ -54,7 +66,7 @@ imu  at 0.100 s, task 4, stored by imu_sensor (3)
     rate_radps           [0.5, 0.25] rad/s
     is_upright           True
     mode                 'hold'
-    wanted_m             None
+    target_m             None
 
 controls  at 0.100 s, task 6, stored by autopilot.steer in process_data imu (5)
                          0.5
@@ -64,18 +76,18 @@ late  at 0.200 s, task 7, stored by an earlier task (-1)
     )
 
 
-def test_there_is_one_text_a_second_with_the_newest_of_each_page() -> None:
+def test_page_texts_are_sent_once_per_second_with_newest_pages() -> None:
     records: list[Record] = [page(seq, 0.1 * (seq - 1), "depth", {"depth_m": float(seq)}) for seq in range(1, 32)]
     records.insert(1, page(100, 0.0, "leak", {"is_wet": False}))
     records.sort(key=lambda record: (record.t, record.seq))
     ordered = [msgspec.structs.replace(record, seq=seq) for seq, record in enumerate(records, start=1)]
-    told = contents(ordered)
-    assert [seq for seq, _ in told] == [2, 12, 22, 32]
-    assert ["    depth_m              11 m" in text for _, text in told] == [False, True, False, False]
-    assert all("is_wet               False" in text for _, text in told)
+    rows = contents(ordered)
+    assert [seq for seq, _ in rows] == [2, 12, 22, 32]
+    assert ["    depth_m              11 m" in text for _, text in rows] == [False, True, False, False]
+    assert all("is_wet               False" in text for _, text in rows)
 
 
-def test_a_page_of_an_earlier_batch_is_still_told() -> None:
+def test_page_of_earlier_batch_is_kept() -> None:
     made = PageContents()
     contents([page(1, 0.0, "plan", {"legs": 3})], made)
     ((_, text),) = contents([page(2, 0.1, "imu", {"yaw_rad": 1.0})], made)
@@ -83,7 +95,7 @@ def test_a_page_of_an_earlier_batch_is_still_told() -> None:
     assert "yaw_rad              1 rad" in text
 
 
-def test_what_is_long_or_deep_is_told_by_how_much_it_is() -> None:
+def test_long_or_deep_values_are_shown_by_size() -> None:
     deep: Any = 1
     for _ in range(100):
         deep = {"in": [deep]}
@@ -98,7 +110,7 @@ def test_what_is_long_or_deep_is_told_by_how_much_it_is() -> None:
     assert len(text) == MAX_CONTENTS_CHARS
 
 
-def test_each_node_has_a_view_of_its_pages() -> None:
+def test_each_node_has_view_of_its_pages() -> None:
     rrb = pytest.importorskip("rerun.blueprint")
     layout = Layout("run", logs=["/urov"], contents=["/urov/contents"])
     tabs = blueprint(rrb, layout).root_container.contents[0].contents[0]

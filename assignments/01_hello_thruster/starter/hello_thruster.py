@@ -6,7 +6,7 @@ page "pwm":      is_armed, and pulses_us: eight pulses in microseconds, 1500 sto
 
 from wiring import wired
 
-from snr_sim import Endpoint, TaskType
+from snr_sim import Endpoint, handles
 
 STOP_US = 1500.0  # a thruster stands still
 FULL_US = 400.0  # 1500 + 400 is full ahead, 1500 - 400 is full astern
@@ -18,13 +18,13 @@ SURGE = [+1, +1, -1, -1, 0, 0, 0, 0]
 
 
 def counted(stick):
-    """Returns how far a stick counts: 0.0 at rest, and never beyond -1.0 or 1.0."""
+    """Return how far a stick counts: 0.0 at rest, and never beyond -1.0 or 1.0."""
     # Step 4: so far every movement of the hand counts, as it is.
     return stick
 
 
 def pulses_us(heave, surge):
-    """Returns the list of eight pulses for two sticks."""
+    """Return the list of eight pulses for two sticks."""
     # Step 3: so far, whatever the sticks say, all eight thrusters stand still.
     pulses = []
     for channel in range(8):
@@ -33,13 +33,11 @@ def pulses_us(heave, surge):
 
 
 class HelloThruster(Endpoint):
-    def on_controls(self, task, task_id):
-        controls = self.get_data("controls")
+    @handles("controls")
+    def on_controls(self, controls):
         pulses = pulses_us(controls["heave"], controls["surge"])
         # Step 5: what if the pilot has not armed the vehicle?
         return self.store_data_task("pwm", {"pulses_us": pulses, "is_armed": controls["is_armed"]})
-
-    task_handlers = {(TaskType.process_data, "controls"): on_controls}
 
 
 def factories(robot):

@@ -1,48 +1,36 @@
-"""Puts your endpoint into the vehicle, beside one that tells the surface what you do. Needs no change of yours.
+"""Add your endpoint and a status publisher to the vehicle's node. Do not change this file.
 
-Nothing in here is a secret: read it when your lab is done. A *factory* makes an endpoint for a node; `snr run` asks
-`factories` in your file for them.
+You can read it when your lab is done. A *factory* creates an endpoint for a node; `snr run` gets the factories from
+`factories` in your file.
 """
 
-from snr_sim import Endpoint, EndpointFactory, TaskType
+from snr_sim import Endpoint, handles
 
 
 def wired(endpoint_class):
-    """Returns the factories of a vehicle that runs this endpoint."""
-    return [OneFactory(endpoint_class, "hello_thruster"), OneFactory(Teller, "teller")]
+    """Return the factories of a vehicle that runs this endpoint."""
+    return [endpoint_class.factory("hello_thruster"), StatusPublisher.factory()]
 
 
-class OneFactory(EndpointFactory):
-    def __init__(self, endpoint_class, name):
-        super().__init__()
-        self.endpoint_class = endpoint_class
-        self.name = name
+class StatusPublisher(Endpoint):
+    """Publish the vehicle's status, which the pilot waits for. It does not control the thrusters."""
 
-    def get(self, parent):
-        return self.endpoint_class(self, parent, self.name)
-
-
-class Teller(Endpoint):
-    """Tells the pilot, who begins when the vehicle is heard of. It has no say in what the thrusters do."""
-
-    def on_imu(self, task, task_id):
+    @handles("imu")
+    def on_imu(self, imu):
         controls = self.get_data("controls") or {"is_armed": False, "number": 0}
-        imu = self.get_data("imu")
         vehicle = {
-            "rules": "pilot" if controls["is_armed"] else "idle",
+            "control_state": "pilot" if controls["is_armed"] else "idle",
             "mode": "manual",
             "is_armed": controls["is_armed"],
             "is_stopped": False,
             "number": controls["number"],
             "age_s": None,
-            "is_wet": False,
-            "is_low": False,
-            "refused": "",
+            "is_leaking": False,
+            "is_battery_low": False,
+            "rejected_command": "",
             "depth_m": None,
             "heading_rad": None,
-            "share": 1.0,
+            "thrust_scale": 1.0,
             "attitude_rad": [imu["roll_rad"], imu["pitch_rad"], imu["yaw_rad"]],
         }
         return self.store_data_task("vehicle", vehicle)
-
-    task_handlers = {(TaskType.process_data, "imu"): on_imu}

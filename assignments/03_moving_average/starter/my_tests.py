@@ -6,7 +6,7 @@ Each case is a dict: a length, the values that come in, and the means that must 
 
 
 def cases():
-    """Returns the list of your cases."""
+    """Return the list of your cases."""
     return [
         {"length": 1, "values": [5.0, 7.0], "means": [5.0, 7.0]},
         # Step 5: your cases. Which mistake would each of them find?

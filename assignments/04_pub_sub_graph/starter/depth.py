@@ -19,7 +19,7 @@ class Depth(Endpoint):
     def __init__(self, factory, parent, name):
         super().__init__(factory, parent, name)
         self.mixer = parent.components["mixer"]
-        self.wanted_m = None
+        self.target_m = None
         self.rate = Rate()
         self.task_handlers = {(TaskType.process_data, "imu"): self.on_imu}
 
@@ -30,10 +30,10 @@ class Depth(Endpoint):
         rate_mps = self.rate.update(depth["depth_m"], depth["stamp_s"])
         self.mixer.force_n = 0.0
         if not BOARD["is_armed"]:
-            self.wanted_m = None
+            self.target_m = None
             return
-        if controls["depth_m"] is not None:  # the pilot says it in one page only
-            self.wanted_m = controls["depth_m"]
-        if self.wanted_m is None:
-            self.wanted_m = depth["depth_m"]
-        self.mixer.force_n = lift_force_n(self.wanted_m, depth["depth_m"], rate_mps)
+        if controls["depth_m"] is not None:  # the pilot sends it in one page only
+            self.target_m = controls["depth_m"]
+        if self.target_m is None:
+            self.target_m = depth["depth_m"]
+        self.mixer.force_n = lift_force_n(self.target_m, depth["depth_m"], rate_mps)

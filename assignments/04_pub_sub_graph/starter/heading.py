@@ -18,7 +18,7 @@ class HeadingFactory(EndpointFactory):
 class Heading(Endpoint):
     def __init__(self, factory, parent, name):
         super().__init__(factory, parent, name)
-        self.wanted_rad = None
+        self.target_rad = None
         self.task_handlers = {(TaskType.process_data, "imu"): self.on_imu}
 
     def on_imu(self, task, task_id):
@@ -28,10 +28,10 @@ class Heading(Endpoint):
         BOARD["is_armed"] = controls["is_armed"]
         BOARD["moment_nm"] = 0.0
         if not controls["is_armed"]:
-            self.wanted_rad = None
+            self.target_rad = None
             return
-        if controls["heading_rad"] is not None:  # the pilot says it in one page only
-            self.wanted_rad = controls["heading_rad"]
-        if self.wanted_rad is None:
-            self.wanted_rad = imu["yaw_rad"]
-        BOARD["moment_nm"] = turn_moment_nm(self.wanted_rad, imu["yaw_rad"], imu["rate_radps"][2])
+        if controls["heading_rad"] is not None:  # the pilot sends it in one page only
+            self.target_rad = controls["heading_rad"]
+        if self.target_rad is None:
+            self.target_rad = imu["yaw_rad"]
+        BOARD["moment_nm"] = turn_moment_nm(self.target_rad, imu["yaw_rad"], imu["rate_radps"][2])

@@ -6,9 +6,9 @@ Try it without a robot:
     machine.step({"now_s": 3.0, "stop": False, "reset": False, "is_ready": True, ...})
 """
 
-READY_S = 2.0  # the vehicle's speed controllers want a moment before anybody arms them
-STAY_S, NEAR_M = 1.0, 0.25  # who stays so long so near to the place before a gate has lined up
-BEHIND_M = 0.4  # who is so near to the place behind it has passed
+READY_S = 2.0  # the vehicle's speed controllers need this time before they are armed
+STAY_S, NEAR_M = 1.0, 0.25  # lined up after this time within this distance of the point before a gate
+BEHIND_M = 0.4  # passed within this distance of the point behind a gate
 
 # Step 2: for each state the states that may follow. The picture in the README has seven states and all their arrows.
 FOLLOWS = {
@@ -34,6 +34,6 @@ class Machine:
         """Looks at what is known now, and goes to another state if that is due."""
         now_s = known["now_s"]
         in_state_s = now_s - self.since_s
-        is_due = in_state_s >= READY_S and known["is_ready"] and known["sees"]
+        is_due = in_state_s >= READY_S and known["is_ready"] and known["has_fix"]
         if self.state == "waiting" and is_due:
             self.go("lining_up", now_s)

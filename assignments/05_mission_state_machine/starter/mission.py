@@ -1,7 +1,7 @@
 """The pilot's mission at the surface: through all gates, one after the other.
 
-pages "place", "vehicle", "depth", "leak" --> what is known --.
-page "panel" comes, 20 times a second ------------------------+--> machine.py --> pages "controls", "mission"
+pages "position_fix", "vehicle", "depth", "leak" --> what is known --.
+page "panel" comes, 20 times a second -------------------------------+--> machine.py --> pages "controls", "mission"
 """
 
 import math
@@ -12,7 +12,7 @@ from snr_sim_robot_urov.steering import Steering
 from snr_sim import Endpoint, EndpointFactory, TaskType
 
 ROLES = ("topside",)  # the vehicle has a controller of its own
-BLIND_S = 0.5  # a place that is older than this is not where the vehicle is now
+FIX_TIMEOUT_S = 0.5  # a place that is older than this is not where the vehicle is now
 SURFACE_M = 0.2  # the depth to ask for on the way up
 
 
@@ -40,12 +40,12 @@ class Mission(Endpoint):
         self.seen_s = None
         self.number = 0
         self.task_handlers = {
-            (TaskType.process_data, "place"): self.on_place,
+            (TaskType.process_data, "position_fix"): self.on_position_fix,
             (TaskType.process_data, "panel"): self.on_panel,
         }
 
     def goal(self):
-        """Returns the place to go to; None in a state that goes nowhere."""
+        """Return the place to go to; None in a state that goes nowhere."""
         gate, state = self.machine.gate, self.machine.state
         if state == "lining_up":
             return self.route[2 * gate]
@@ -53,30 +53,30 @@ class Mission(Endpoint):
             return self.route[2 * gate + 1]
         return None
 
-    def on_place(self, task, task_id):
-        """Steers: a person who sees the vehicle would move the sticks like this. Needs no change of yours."""
-        place, goal, now_s = self.get_data("place"), self.goal(), self.get_time_s()
+    def on_position_fix(self, task, task_id):
+        """Steers: a person who sees the vehicle would move the sticks like this. Do not change it."""
+        fix, goal, now_s = self.get_data("position_fix"), self.goal(), self.get_time_s()
         if goal is None or self.seen_s is None or now_s <= self.seen_s:
             self.sticks = 0.0, 0.0
         else:
-            at, dt_s = place["position_m"], now_s - self.seen_s
-            self.sticks = self.steering.sticks((goal.x_m, goal.y_m), at, place["yaw_rad"], dt_s)
+            at, dt_s = fix["position_m"], now_s - self.seen_s
+            self.sticks = self.steering.sticks((goal.x_m, goal.y_m), at, fix["yaw_rad"], dt_s)
         self.seen_s = now_s
 
     def on_panel(self, task, task_id):
-        """Lets the machine decide, then says what it has decided. Needs no change of yours."""
+        """Runs the machine, then stores its state. Do not change this function."""
         before = self.machine.state
         self.machine.step(self.known())
         machine = self.machine
         if machine.state != before:
             print(f"{self.get_time_s():6.2f} s  {before} -> {machine.state}, gate {machine.gate}")
-            self.steering.let_go()
+            self.steering.reset()
             self.sticks = 0.0, 0.0
-        told = {"state": machine.state, "gate": machine.gate, "since_s": machine.since_s}
-        return [self.store_data_task("controls", self.controls()), self.store_data_task("mission", told)]
+        status = {"state": machine.state, "gate": machine.gate, "since_s": machine.since_s}
+        return [self.store_data_task("controls", self.controls()), self.store_data_task("mission", status)]
 
     def known(self):
-        """Returns what the machine may go by. Needs no change of yours."""
+        """Return the inputs of the machine. Do not change this function."""
         panel, vehicle = self.get_data("panel"), self.get_data("vehicle")
         leak, depth = self.get_data("leak"), self.get_data("depth")
         return {
@@ -85,19 +85,19 @@ class Mission(Endpoint):
             "reset": panel["reset"],
             "is_ready": vehicle is not None and not vehicle["is_stopped"],  # the vehicle is there, and keeps no stop
             "is_wet": leak is not None and leak["is_wet"],
-            "sees": self.get_data("place") is not None and self.get_age_s("place") <= BLIND_S,
-            "way_m": self.way_m(),  # how far it is to the goal; infinite if there is none
+            "has_fix": self.get_data("position_fix") is not None and self.get_age_s("position_fix") <= FIX_TIMEOUT_S,
+            "distance_m": self.distance_m(),  # how far it is to the goal; infinite if there is none
             "depth_m": 99.0 if depth is None else depth["depth_m"],
         }
 
-    def way_m(self):
-        goal, place = self.goal(), self.get_data("place")
-        if goal is None or place is None:
+    def distance_m(self):
+        goal, fix = self.goal(), self.get_data("position_fix")
+        if goal is None or fix is None:
             return math.inf
-        return math.dist((goal.x_m, goal.y_m, -goal.depth_m), place["position_m"])
+        return math.dist((goal.x_m, goal.y_m, -goal.depth_m), fix["position_m"])
 
     def controls(self):
-        """Returns what the vehicle is asked for, 20 times a second: see the table in the README."""
+        """Return what the vehicle is asked for, 20 times a second: see the table in the README."""
         self.number += 1
         controls = {"number": self.number, "mode": "heading_hold", "is_armed": False, "is_stop": False}
         controls |= {"clears_stop": False, "surge": 0.0, "sway": 0.0, "depth_m": None, "heading_rad": None}

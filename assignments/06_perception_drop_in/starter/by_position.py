@@ -1,6 +1,6 @@
-"""Finds the plate by position: the vehicle is told where it is, and the plate is known to be at 0, 0. For comparison.
+"""Finds the plate by position: from the vehicle's position fix, and the plate's known position 0, 0. For comparison.
 
-page "place" --> where in the picture the plate would be --> page "target" --> steer.py
+page "position_fix" --> where in the picture the plate would be --> page "target" --> steer.py
 """
 
 import math
@@ -25,14 +25,14 @@ class ByPositionFactory(EndpointFactory):
 class ByPosition(Endpoint):
     def __init__(self, factory, parent, name):
         super().__init__(factory, parent, name)
-        self.task_handlers = {(TaskType.process_data, "place"): self.on_place}
+        self.task_handlers = {(TaskType.process_data, "position_fix"): self.on_position_fix}
 
-    def on_place(self, task, task_id):
-        place = self.get_data("place")
-        target = {"mode": "stop", "right_px": 0.0, "down_px": 0.0, "stamp_s": place["stamp_s"]}
-        if self.get_time_s() - place["stamp_s"] < 1.0:
-            x, y, z = place["position_m"]
-            cos, sin = math.cos(place["yaw_rad"]), math.sin(place["yaw_rad"])
+    def on_position_fix(self, task, task_id):
+        fix = self.get_data("position_fix")
+        target = {"mode": "stop", "right_px": 0.0, "down_px": 0.0, "stamp_s": fix["stamp_s"]}
+        if self.get_time_s() - fix["stamp_s"] < 1.0:
+            x, y, z = fix["position_m"]
+            cos, sin = math.cos(fix["yaw_rad"]), math.sin(fix["yaw_rad"])
             ahead_m, left_m = -(cos * x + sin * y), -(-sin * x + cos * y)
             above_m = z + PLATE_DEPTH_M
             target["mode"] = "track"

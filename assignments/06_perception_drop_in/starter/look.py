@@ -1,4 +1,4 @@
-"""Writes what the camera saw in a run, as a picture: python3 look.py RUN SECOND FILE.png. Needs no change of yours."""
+"""Writes what the camera saw in a run, as a picture: python3 look.py RUN SECOND FILE.png. Do not change it."""
 
 import sys
 from pathlib import Path

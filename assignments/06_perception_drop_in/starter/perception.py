@@ -35,7 +35,7 @@ class Perception(Endpoint):
 
 
 def find_plate(rgb):
-    """Returns how far right of the middle, and how far below it, the plate is [pixels]; None if it is not there.
+    """Return how far right of the middle, and how far below it, the plate is [pixels]; None if it is not there.
 
     Args:
         rgb: numpy array of shape (48, 64, 3), 0 to 255: the top row first, its left pixel first.

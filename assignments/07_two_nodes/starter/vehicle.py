@@ -1,16 +1,16 @@
-"""At the vehicle: obeys the surface, as long as its commands are fresh.
+"""At the vehicle: applies the surface's commands while they are fresh.
 
 page "controls" --> the newest command --.
 page "imu" comes, 50 times a second ------+--> page "pwm", and five times less often page "vehicle"
 """
 
-from telling import told
+from telling import vehicle_status
 from thrusters import neutral_us, pulses_us
 
 from snr_sim import Endpoint, EndpointFactory, TaskType
 
 COUNTS_S = 0.45  # how long a command counts after it was made
-TELL_EVERY = 5  # answers to "imu"
+IMU_PAGES_PER_STATUS = 5  # answers to "imu"
 
 
 class VehicleFactory(EndpointFactory):
@@ -40,11 +40,11 @@ class Vehicle(Endpoint):
             pulses = pulses_us(self.command["surge"], self.command["yaw"])
         answer = [self.store_data_task("pwm", {"pulses_us": pulses, "is_armed": is_armed}, process=False)]
         self.answers += 1
-        if self.answers % TELL_EVERY == 1:
-            answer.append(self.store_data_task("vehicle", told(self.command, counts, self.get_data("imu"))))
+        if self.answers % IMU_PAGES_PER_STATUS == 1:
+            answer.append(self.store_data_task("vehicle", vehicle_status(self.command, counts, self.get_data("imu"))))
         return answer
 
     def counts(self):
-        """Returns whether the newest command counts now."""
+        """Return whether the newest command counts now."""
         # Step 3: how old is it?
         return self.command is not None and self.command["is_armed"]

@@ -4,7 +4,7 @@ page "depth" ----.
 page "controls" --+--> page "imu" comes, 50 times a second --> page "pwm": a pulse for each of eight thrusters
 """
 
-from telling import told
+from telling import vehicle_status
 
 from snr_sim import Endpoint, EndpointFactory, TaskType
 
@@ -25,7 +25,7 @@ class DepthHoldFactory(EndpointFactory):
 class DepthHold(Endpoint):
     def __init__(self, factory, parent, name):
         super().__init__(factory, parent, name)
-        self.wanted_m = None
+        self.target_m = None
         self.is_stopped = False
         self.task_handlers = {(TaskType.process_data, "imu"): self.on_tick}
 
@@ -35,13 +35,13 @@ class DepthHold(Endpoint):
         pulses_us = [STOP_US] * 8
         may_push = controls is not None and depth is not None and self.may_push(controls)
         if may_push:
-            if controls["depth_m"] is not None:  # the pilot says it once
-                self.wanted_m = controls["depth_m"]
-            if self.wanted_m is not None:
+            if controls["depth_m"] is not None:  # the pilot sends it once
+                self.target_m = controls["depth_m"]
+            if self.target_m is not None:
                 up_n = self.up_force_n(depth["depth_m"])
                 for channel, sign in VERTICAL.items():
                     pulses_us[channel] = pulse_us(sign * up_n / len(VERTICAL))
-        vehicle = told(controls, self.wanted_m, self.is_stopped, self.get_data("imu"))
+        vehicle = vehicle_status(controls, self.target_m, self.is_stopped, self.get_data("imu"))
         return [
             # Outputs that are not armed stay at neutral, whatever the pulses say.
             self.store_data_task("pwm", {"pulses_us": pulses_us, "is_armed": bool(may_push)}, process=False),
@@ -49,17 +49,17 @@ class DepthHold(Endpoint):
         ]
 
     def may_push(self, controls):
-        """Returns whether the thrusters may push now."""
+        """Return whether the thrusters may push now."""
         # Step 2: not if the controls, or the depth, are too old (self.get_age_s("controls")). Not after a stop.
         return controls["is_armed"]
 
     def up_force_n(self, depth_m):
-        """Returns the force that should push the vehicle up [N]."""
+        """Return the force that should push the vehicle up [N]."""
         # Step 2: this is a proportional controller. What does it lack?
-        return 10.0 * (depth_m - self.wanted_m)
+        return 10.0 * (depth_m - self.target_m)
 
 
 def pulse_us(thrust_n):
-    """Returns the pulse that makes a thruster push so hard; negative is astern."""
+    """Return the pulse that makes a thruster push so hard; negative is astern."""
     # Step 2: nothing turns within 30 us of 1500, and from there on thrust does not grow in a straight line.
     return STOP_US + 5.0 * thrust_n

@@ -2,8 +2,8 @@
 
 page "radar" --> estimator --> page "estimate" --> planner --> page "plan" --> throttler --> page "engine"
 
-    estimate  height_m, velocity_mps (up is positive): as they are now, for the radar tells them late
-    plan      phase: fall, brake, sink or drop; wanted_mps: how fast to go; slowing_mps2: how fast that changes
+    estimate  height_m, velocity_mps (up is positive): as they are now, since the radar reports them late
+    plan      phase: fall, brake, sink or drop; target_speed_mps: how fast to go; slowing_mps2: how fast that changes
     engine    throttle, 0 to 1
 """
 
@@ -73,17 +73,17 @@ class Planner(Endpoint):
             self.phase = "sink"
         if self.phase == "sink" and (height_m < DROP_M or velocity_mps > -SLOW_MPS):
             self.phase = "drop"
-        plan = {"phase": self.phase, "wanted_mps": 0.0, "slowing_mps2": 0.0}
+        plan = {"phase": self.phase, "target_speed_mps": 0.0, "slowing_mps2": 0.0}
         if self.phase == "brake":
-            plan["wanted_mps"] = curve_mps
+            plan["target_speed_mps"] = curve_mps
             plan["slowing_mps2"] = BRAKE_MPS2
         elif self.phase == "sink":
-            plan["wanted_mps"] = -min(SINK_MPS, max(LAST_MPS, height_m / 5.0))
+            plan["target_speed_mps"] = -min(SINK_MPS, max(LAST_MPS, height_m / 5.0))
         return self.store_data_task("plan", plan)
 
 
 def braking_mps(height_m):
-    """Returns the velocity from which steady braking ends at SINK_M, with SINK_MPS to go."""
+    """Return the velocity from which steady braking ends at SINK_M, with SINK_MPS to go."""
     left_m = max(0.0, height_m - SINK_M)
     return -math.sqrt(SINK_MPS**2 + 2.0 * BRAKE_MPS2 * left_m)
 
@@ -113,7 +113,7 @@ class Throttler(Endpoint):
         self.before_s = now_s
         plan = self.get_data("plan")
         velocity_mps = self.get_data("estimate")["velocity_mps"]
-        push_mps2 = (plan["wanted_mps"] - velocity_mps) / RESPONSE_S + plan["slowing_mps2"]
+        push_mps2 = (plan["target_speed_mps"] - velocity_mps) / RESPONSE_S + plan["slowing_mps2"]
         if plan["phase"] == "brake":
             push_mps2 += GRAVITY_MPS2
         throttle = self.mass_kg * push_mps2 / THRUST_N

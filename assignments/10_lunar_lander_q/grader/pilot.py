@@ -16,11 +16,11 @@ from numbers import Integral, Real
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from snr_sim.prelude.errors import ParameterError
+from snr_sim.errors import ParameterError
 
 ACTIONS = 4
-MOST_STATES = 5000  # two bytes each in a message
-MOST_WORTH = 1e9
+MAX_STATES = 5000  # two bytes each in a message
+MAX_REWARD = 1e9
 LANDED, CRASHED, TIMEOUT = "landed", "crashed", "timeout"
 RESIZED = "update() has made the table larger or smaller."
 
@@ -74,10 +74,10 @@ class Table:
                         if [value, visits] != was:
                             yield state, action, value, visits
         except ValueError:
-            raise ParameterError(RESIZED, fix="change numbers that stand in it: no append.") from None
+            raise ParameterError(RESIZED, fix="change numbers in it; do not append.") from None
 
 
-class Pilot:
+class StudentPolicy:
     """The functions of a student's file, for many landers at once.
 
     Raises:
@@ -89,11 +89,11 @@ class Pilot:
         for name in ("encode", "reward", "epsilon", "choose", "update"):
             if not callable(getattr(module, name, None)):
                 raise ParameterError(f"The file has no function {name}().", fix="keep all that the starter has.")
-        states = own_whole(getattr(module, "STATES", None))
-        if type(states) is not int or not 1 <= states <= MOST_STATES:
+        states = to_python_int(getattr(module, "STATES", None))
+        if type(states) is not int or not 1 <= states <= MAX_STATES:
             raise ParameterError(
                 f"STATES is {states!r}.",
-                fix=f"a whole number from 1 to {MOST_STATES}: how many different numbers encode() returns.",
+                fix=f"a whole number from 1 to {MAX_STATES}: how many different numbers encode() returns.",
             )
         self.module: Any = module
         self.states = states
@@ -114,7 +114,7 @@ class Pilot:
         """Return the states of many observations."""
         encode, count, found = self.module.encode, self.states, []
         for height_m, speed_mps in zip(heights_m, speeds_mps, strict=True):
-            state = own_whole(encode(height_m, speed_mps))
+            state = to_python_int(encode(height_m, speed_mps))
             if type(state) is not int or not 0 <= state < count:
                 raise ParameterError(
                     f"encode({height_m:g}, {speed_mps:g}) returned {state!r}.",
@@ -123,7 +123,7 @@ class Pilot:
             found.append(state)
         return found
 
-    def see(self, packed: str) -> str:
+    def encode_packed(self, packed: str) -> str:
         """Return the states of many observations, packed."""
         return packed_states(self.encode(*rows_of(packed, 2)))
 
@@ -142,38 +142,39 @@ class Pilot:
             states of all, states in which episodes have ended, rewards of the last actions, and epsilon.
         """
         update, table = self.module.update, self.table
-        told_m, told_mps, heights_m, speeds_mps, *burned = rows_of(packed, 5 if done else 4)
-        now, here = self.encode(told_m, told_mps), list(zip(heights_m, speeds_mps, strict=True))
-        last, worths = self.encode([end[1] for end in ends], [end[2] for end in ends]), array("d")
+        measured_m, measured_mps, heights_m, speeds_mps, *burned = rows_of(packed, 5 if done else 4)
+        now, here = self.encode(measured_m, measured_mps), list(zip(heights_m, speeds_mps, strict=True))
+        last, reward_values = self.encode([end[1] for end in ends], [end[2] for end in ends]), array("d")
         if done:
             then, after, outcomes = list(now), list(here), [""] * len(now)
             for (i, height_m, speed_mps, outcome), state in zip(ends, last, strict=True):
                 then[i], after[i], outcomes[i] = state, (height_m, speed_mps), outcome
-            worths = self._rewards(zip(self._truth, after, burned[0], outcomes, strict=True))
-            for state, action, worth, next_state, outcome in zip(
-                self._here, map(int, done), worths, then, outcomes, strict=True
+            reward_values = self._rewards(zip(self._truth, after, burned[0], outcomes, strict=True))
+            for state, action, reward_value, next_state, outcome in zip(
+                self._here, map(int, done), reward_values, then, outcomes, strict=True
             ):
                 is_truncated = outcome == TIMEOUT
                 is_terminated = outcome != "" and not is_truncated
-                update(table, Transition(state, action, worth, next_state, is_terminated, is_truncated))
+                update(table, Transition(state, action, reward_value, next_state, is_terminated, is_truncated))
         self._here, self._truth = now, here
-        rewards = b64encode(worths.tobytes()).decode()
+        rewards = b64encode(reward_values.tobytes()).decode()
         return {"states": packed_states(now), "last": last, "rewards": rewards, "epsilon": self._epsilon(share)}
 
     def _rewards(self, steps: Iterable[tuple[Any, Any, float, str]]) -> array[float]:
-        reward, worths = self.module.reward, array("d")
+        reward, reward_values = self.module.reward, array("d")
         for before, after, burned_kg, outcome in steps:
-            worth = reward(*before, *after, burned_kg, outcome)
+            reward_value = reward(*before, *after, burned_kg, outcome)
             try:
-                worths.append(worth)
-                is_number = -MOST_WORTH <= worth <= MOST_WORTH
+                reward_values.append(reward_value)
+                is_number = -MAX_REWARD <= reward_value <= MAX_REWARD
             except TypeError:
                 is_number = False
             if not is_number:
                 raise ParameterError(
-                    f"reward() returned {worth!r}.", fix=f"a number from {-MOST_WORTH:g} to {MOST_WORTH:g}, always."
+                    f"reward() returned {reward_value!r}.",
+                    fix=f"a number from {-MAX_REWARD:g} to {MAX_REWARD:g}, always.",
                 )
-        return worths
+        return reward_values
 
     def _epsilon(self, share: float) -> float:
         epsilon = self.module.epsilon(share)
@@ -184,7 +185,7 @@ class Pilot:
     def choose(self, states: Sequence[int], epsilon: float) -> list[int]:
         """Return the actions that choose() selects in states, from the table learned."""
         choose, table, rng = self.module.choose, self.table, self.rng
-        actions = [own_whole(choose(table, state, epsilon, rng)) for state in states]
+        actions = [to_python_int(choose(table, state, epsilon, rng)) for state in states]
         for action in actions:
             if type(action) is not int or not 0 <= action < ACTIONS:
                 raise ParameterError(f"choose() returned {action!r}.", fix=f"a whole number from 0 to {ACTIONS - 1}.")
@@ -195,7 +196,7 @@ class Pilot:
         self.table, self.rng = Table.of(plain), random.Random(seed)
         return {"actions": self.choose(states, epsilon), "table": self.table.plain()}
 
-    def learned(self) -> dict[str, Any]:
+    def table_rows(self) -> dict[str, Any]:
         """Return the table."""
         return self.table.plain()
 
@@ -212,7 +213,7 @@ class Pilot:
         return [list(Table.of(self.replay(plain, [one])).differences(before)) for one in transitions]
 
 
-def own_whole(value: Any) -> Any:
+def to_python_int(value: Any) -> Any:
     """Return a NumPy integer as a Python int, and any other value unchanged: 7.0 and True, too."""
     is_foreign = type(value) is not int and isinstance(value, Integral) and not isinstance(value, bool)
     return int(value) if is_foreign else value

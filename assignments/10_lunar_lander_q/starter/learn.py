@@ -3,7 +3,7 @@
     policy.npz   the table, for `snr run lander_vertical --controller q --policy policy.npz`; hand it in
     curve.svg    the learning curve: open it in a browser
 
-Needs no change of yours, and is not graded.
+Do not change it; it is not graded.
 """
 
 import argparse
@@ -25,7 +25,7 @@ def main():
     parser.add_argument("--seed", type=int, default=0)
     seed = parser.parse_args().seed
     grader = find_lab("lunar_lander_q").module("grader.learning")
-    student = grader.Here(load_program(str(HERE / "q_lander.py")))
+    student = grader.LocalSubmission(load_program(str(HERE / "q_lander.py")))
     trained = grader.train(student, seed)
     shares = curve_of(trained.landed)
     print(f"seed {seed}: {trained.steps} steps, {len(trained.landed)} landings tried")
@@ -33,29 +33,31 @@ def main():
         print(f"{AT_ONCE * (i + 1):4d} {'#' * round(40 * share):40s} {share:4.0%}")
     (HERE / "curve.svg").write_text(svg_of(shares))
 
-    print(f"without chance, from 100 starts that it has not seen: {told(grader.fly(student, TRIES + seed, 100))}")
+    stats = grader.simulate_landings(student, TRIES + seed, 100)
+    print(f"without chance, from 100 starts that it has not seen: {outcome_text(stats)}")
     if not any(map(any, student.pilot.table.visits)):
         print("update() has changed nothing yet, so there is no table to save. Step 3 of the README.")
         return
-    policy = grader.as_policy(student)
+    policy = grader.policy_table(student)
     policy.save(HERE / "policy.npz")
-    print(f"the same by policy.npz: {told(grader.fly(grader.ByTable(policy), TRIES + seed, 100))}")
+    stats = grader.simulate_landings(grader.TablePolicy(policy), TRIES + seed, 100)
+    print(f"the same by policy.npz: {outcome_text(stats)}")
     print(f"snr run lander_vertical --seed 7 --controller q --policy {HERE / 'policy.npz'}")
 
 
-def told(flights):
-    """Returns what came of flights, in words."""
+def outcome_text(flights):
+    """Return the number of flights per outcome, as text."""
     outcomes = ", ".join(f"{count} {outcome}" for outcome, count in flights.outcomes.items() if count)
     return outcomes + (f", {flights.fuel_kg:.0f} kg a landing" if any(flights.landed) else "")
 
 
 def curve_of(landed):
-    """Returns which share of the landings succeeded, AT_ONCE at a time."""
+    """Return which share of the landings succeeded, AT_ONCE at a time."""
     return [sum(landed[i : i + AT_ONCE]) / AT_ONCE for i in range(0, len(landed) - AT_ONCE + 1, AT_ONCE)]
 
 
 def svg_of(shares):
-    """Returns the learning curve as a picture."""
+    """Return the learning curve as a picture."""
     width, height, left, top = 560, 220, 50, 20
     across = (width - left - 20) / max(1, len(shares))
     points = [(left + across * (i + 0.5), top + height * (1 - share)) for i, share in enumerate(shares)]

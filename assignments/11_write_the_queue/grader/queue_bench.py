@@ -4,7 +4,7 @@ It runs in the student's process, alone; only the grader knows the expected resu
 
 Work is counted and not timed, so it is the same on any computer: every comparison of priorities, and every place in a
 program's own lists, dicts and deques that holds something else than before. A program that could reach this counter is
-found by reading it (`plain_code.py`), and one that compares without being seen by the CPU time that the kernel counts.
+found by reading it (`restricted_code.py`), and one that compares unseen by the CPU time that the kernel counts.
 """
 
 from __future__ import annotations
@@ -16,18 +16,14 @@ from collections.abc import Callable, Sequence
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any
 
-from snr_sim.core.clocks import SimClock
-from snr_sim.core.config import Config
-from snr_sim.core.endpoint import Endpoint, EndpointFactory
-from snr_sim.core.lockstep import run_alone
+from snr_sim import Config, Endpoint, EndpointFactory, Node, SimClock, SomeTasks, Task, TaskId, TaskType
+from snr_sim.core.lockstep import run_node
 from snr_sim.core.machine import EventMachine
-from snr_sim.core.node import Node
-from snr_sim.prelude.errors import ParameterError
-from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
+from snr_sim.errors import ParameterError
 
 # Tasks that wait in the node of `run_node`, by kind: pages are stored before any handler runs.
 NODE_PRIORITIES = {TaskType.store_page: 20, TaskType.process_data: 10, TaskType.event: 0, TaskType.reload: 0}
-MOST_STEPS = 5000
+MAX_STEPS = 5000
 Operations = Sequence[Sequence[Any]]  # ["put", kind of task, name, priority], ["take"] or ["len"]
 
 
@@ -49,9 +45,9 @@ class QueueBench:
         self._module = module
         self._queue: Any = None
 
-    def answers(self, most: int, operations: Operations) -> list[Any]:
-        """Return the results of operations on a queue for `most` tasks: the name of a task, None, or a number."""
-        self._queue = self.kind(most)
+    def answers(self, max_tasks: int, operations: Operations) -> list[Any]:
+        """Return the results of operations on a queue for `max_tasks` tasks: the name of a task, None, or a number."""
+        self._queue = self.kind(max_tasks)
         return self.more_answers(operations)
 
     def more_answers(self, operations: Operations) -> list[Any]:
@@ -72,9 +68,9 @@ class QueueBench:
             before = now
         return (Priority.compared + places) / (len(operations) - size)
 
-    def places(self, most: int, operations: Operations) -> int:
+    def places(self, max_tasks: int, operations: Operations) -> int:
         """Return how many places the queue's own lists, dicts and deques have after some operations."""
-        queue = self.kind(most)
+        queue = self.kind(max_tasks)
         for operation in operations:
             _done(queue, operation, int)
         return sum(len(one) for one in self._contents(queue).values())
@@ -84,21 +80,21 @@ class QueueBench:
         return contents(queue, *own, home=getattr(self._module, "__name__", ""))
 
     def run_node(
-        self, most: int, answers: dict[str, list[list[str]]], first: Sequence[Sequence[str]]
+        self, max_tasks: int, answers: dict[str, list[list[str]]], first: Sequence[Sequence[str]]
     ) -> dict[str, list[str]]:
         """Run a real node whose tasks wait in a queue of the student's; return what it handled and what was dropped.
 
         Args:
-            most: how many tasks the queue may hold.
+            max_tasks: how many tasks the queue may hold.
             answers: for the name of a task, the [kind, name] of each task that its handler returns.
             first: [kind, name] of tasks that enter from outside before the node runs.
         """
         factory = _AnsweringFactory(answers)
         node = Node("bench", Config(factories={"bench": [factory]}), clock=SimClock())
-        node.machine = machine = QueuedMachine(node.machine, self.kind(most))
+        node.machine = machine = QueuedMachine(node.machine, self.kind(max_tasks))
         for kind, name in first:
-            node.enter(Task(TaskType(kind), name), "grader")
-        run_alone(node)
+            node.enqueue_input(Task(TaskType(kind), name), "grader")
+        run_node(node)
         return {"handled": factory.handled, "dropped": machine.dropped}
 
 
@@ -124,32 +120,32 @@ class QueuedMachine(EventMachine):
     """The node's machine with a queue of the student's in the place of its own two."""
 
     def __init__(self, machine: EventMachine, queue: Any) -> None:
-        super().__init__(machine.lookup, machine.door, None)
+        super().__init__(machine.lookup, machine.inbox, None)
         self.dropped: list[str] = []
         self._student = queue
 
     @property
-    def inside(self) -> int:
+    def queue_length(self) -> int:
         """How many tasks wait that have been let in."""
         return len(self._student)
 
     @property
     def queued(self) -> int:
-        """Number of tasks that wait, in the inbox (`Door`) or in the queue."""
-        return self.inside + len(self.door.waiting)
+        """Number of tasks that wait, in the inbox or in the queue."""
+        return self.queue_length + len(self.inbox.waiting)
 
     def run_ready(self) -> None:
         """Execute tasks until none is left or the machine has ended."""
         while not self.is_ended:
-            if self.door.waiting:
-                self.let_in()
-            if not self.inside:
+            if self.inbox.waiting:
+                self.accept_inputs()
+            if not self.queue_length:
                 return
             self.execute_next()
 
     def execute_next(self) -> None:
         """Execute the next task of the queue."""
-        if self.executed >= MOST_STEPS:
+        if self.executed >= MAX_STEPS:
             raise ParameterError("The node has no end: take() gives tasks that were given before, or len() is wrong.")
         task = self._student.take()
         if type(task) is not Task:
@@ -157,7 +153,7 @@ class QueuedMachine(EventMachine):
         self.queue.append(task)
         super().execute_next()
 
-    def _enter(self, task: Task, source: str) -> None:
+    def _enqueue(self, task: Task, source: str) -> None:
         self._put(task)
 
     def _queue_all(self, tasks: Sequence[Task]) -> None:
@@ -221,11 +217,11 @@ def _counted(name: str) -> Callable[[int, Any], Any]:
 def _kept(name: str) -> Callable[..., Any]:
     plain = getattr(int, name)
 
-    def reckon(self: int, *others: Any) -> Any:
+    def compute(self: int, *others: Any) -> Any:
         result = plain(self, *others)
         return Priority(result) if type(result) is int else result
 
-    return reckon
+    return compute
 
 
 for _name in ("__lt__", "__le__", "__gt__", "__ge__", "__eq__", "__ne__"):

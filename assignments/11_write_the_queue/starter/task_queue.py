@@ -6,9 +6,9 @@ from snr_sim import TaskType
 class TaskQueue:
     """Tasks in the order of their priorities; those of one priority in the order in which they came."""
 
-    def __init__(self, most):
-        """most: how many tasks it may hold."""
-        self.most = most
+    def __init__(self, max_tasks):
+        """max_tasks: how many tasks it may hold."""
+        self.max_tasks = max_tasks
         self.waiting = []
 
     def __len__(self):
@@ -20,5 +20,5 @@ class TaskQueue:
         self.waiting.append(task)
 
     def take(self):
-        """Returns the task whose turn it is, which waits no longer; None if none waits."""
+        """Return the task whose turn it is, which waits no longer; None if none waits."""
         return self.waiting.pop(0) if self.waiting else None

@@ -1,6 +1,6 @@
 """Puts your queue into a real node and shows what it does: python try_it.py
 
-Needs no change of yours, and is not graded.
+Do not change it; it is not graded.
 """
 
 import sys
@@ -10,7 +10,7 @@ from snr_sim.grading.lab.lab import find_lab
 from snr_sim.prelude.errors import SnrError
 from snr_sim.scenario.library import load_program
 
-MOST = 5
+MAX_TASKS = 5
 FIRST = [["event", "tick"], ["process_data", "depth"], ["event", "tock"], ["event", "late"]]
 ANSWERS = {
     "tick": [["event", "light"], ["process_data", "imu"], ["event", "dark"]],
@@ -28,7 +28,7 @@ def main():
     """Runs the node with your queue, and shows what one with a right queue does."""
     bench = find_lab("write_the_queue").module("grader.queue_bench")
     yours = bench.QueueBench(load_program(str(Path(__file__).parent / "task_queue.py")))
-    for name, done in (("yours", yours.run_node(MOST, ANSWERS, FIRST)), ("right", RIGHT)):
+    for name, done in (("yours", yours.run_node(MAX_TASKS, ANSWERS, FIRST)), ("right", RIGHT)):
         print(f"{name:6s} handled {' '.join(done['handled'])}")
         print(f"       dropped {' '.join(done['dropped']) or '-'}")
     for size in (40, 240):

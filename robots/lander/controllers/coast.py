@@ -4,32 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
-from snr_sim import Endpoint, EndpointFactory, SomeTasks, Task, TaskId, TaskType
-from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.scenario import Robot
+from snr_sim import Endpoint, EndpointFactory, SomeTasks, handles
+from snr_sim.scenario import RobotInfo
 
 
-def factories(robot: Robot) -> list[EndpointFactory]:
+def factories(robot: RobotInfo) -> list[EndpointFactory]:
     """Return what makes the controller's components."""
-    return [CoastFactory()]
-
-
-class CoastFactory(EndpointFactory):
-    """Factory of the pilot without commands."""
-
-    def get(self, parent: NodeApi) -> Endpoint:
-        """Return a new one."""
-        return Coast(self, parent, "coast")
+    return [Coast.factory()]
 
 
 class Coast(Endpoint):
     """Answers every radar reading with the engine off."""
 
-    def __init__(self, factory: CoastFactory, parent: NodeApi, name: str) -> None:
-        super().__init__(factory, parent, name)
-        self.task_handlers = {(TaskType.process_data, "radar"): self.on_radar}
-
-    def on_radar(self, task: Task, task_id: TaskId) -> SomeTasks:
+    @handles("radar")
+    def on_radar(self, radar: dict[str, Any]) -> SomeTasks:
         """Leave the engine off."""
-        command: dict[str, Any] = {"throttle": 0.0}
-        return self.store_data_task("engine", command)
+        return self.store_data_task("engine", {"throttle": 0.0})

@@ -9,14 +9,14 @@ The engine pushes along the module only. So going sideways means tilting first, 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from snr_sim_robot_lander.parameters import LanderParameters
 
-from snr_sim import Endpoint, EndpointFactory, SomeTasks, Task, TaskId, TaskType
+from snr_sim import Endpoint, EndpointFactory, SomeTasks, handles
 from snr_sim.plants.lander.module_shapes import PADS_BELOW_M
-from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.scenario import Robot
-from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
+from snr_sim.scenario import NodeApi, RobotInfo
+from snr_sim.signals import EngineCommand, InertialReading, RadarReading
 
 # Down: sink so fast that this deceleration stops the fall at the last metres, and those slowly.
 BRAKE_MPS2 = 1.1  # 60 % of thrust gives 2: the rest is for tilting, lag and noise
@@ -33,36 +33,25 @@ TILT_HIGH_RAD, TILT_LOW_RAD = math.radians(22.0), math.radians(4.0)  # from afar
 TURN_SPRING, TURN_DAMPER = 1.6, 2.4
 
 
-def factories(robot: Robot) -> list[EndpointFactory]:
+def factories(robot: RobotInfo) -> list[EndpointFactory]:
     """Return what makes the controller's components."""
-    return [PadFactory(robot.parameters)]
-
-
-class PadFactory(EndpointFactory):
-    """Makes the pilot. It keeps the lander's numbers, so that a reload loses none."""
-
-    def __init__(self, parameters: LanderParameters) -> None:
-        super().__init__()
-        self.parameters = parameters
-
-    def get(self, parent: NodeApi) -> Endpoint:
-        """Return a new one."""
-        return Pad(self, parent, "pad")
+    return [Pad.factory(parameters=robot.parameters)]
 
 
 class Pad(Endpoint):
     """Answers every inertial reading with throttle and jets; the radar's page of the same moment is there already."""
 
-    def __init__(self, factory: PadFactory, parent: NodeApi, name: str) -> None:
-        super().__init__(factory, parent, name)
-        self.law = PadLaw(factory.parameters)
-        self.task_handlers = {(TaskType.process_data, "inertial"): self.on_inertial}
+    parameters: LanderParameters
 
-    def on_inertial(self, task: Task, task_id: TaskId) -> SomeTasks:
+    def __init__(self, factory: EndpointFactory, parent: NodeApi, name: str) -> None:
+        super().__init__(factory, parent, name)
+        self.law = PadLaw(self.parameters)
+
+    @handles("inertial")
+    def on_inertial(self, inertial: dict[str, Any]) -> SomeTasks:
         """Pass both readings to the law, and its command to the engine."""
         radar = RadarReading(**self.get_data("radar"))
-        inertial = InertialReading(**self.get_data("inertial"))
-        command = self.law.update(radar, inertial, self.get_time_s())
+        command = self.law.update(radar, InertialReading(**inertial), self.get_time_s())
         return self.store_data_task("engine", {"throttle": command.throttle, "attitude": command.attitude})
 
 
@@ -92,8 +81,8 @@ class PadLaw:
         rate = inertial.rate_radps
         attitude = inertial.attitude_rad + rate * age_s
 
-        up = self.module.gravity_mps2 + (self.wanted_sink(x + vx * age_s, vx, height) - vz) / SINK_RESPONSE_S
-        tilt = self.wanted_tilt(x + vx * age_s, vx, height, max(up, 0.8))
+        up = self.module.gravity_mps2 + (self.target_sink_rate(x + vx * age_s, vx, height) - vz) / SINK_RESPONSE_S
+        tilt = self.target_tilt(x + vx * age_s, vx, height, max(up, 0.8))
         jets = TURN_SPRING * (tilt - attitude) - TURN_DAMPER * rate
         inertia = mass * self.module.gyration_m**2
         throttle = mass * max(0.0, up) / (math.cos(attitude) * self.module.thrust_n)
@@ -102,7 +91,7 @@ class PadLaw:
             attitude=min(1.0, max(-1.0, jets * inertia / self.module.jets_nm)),
         )
 
-    def wanted_sink(self, x_m: float, vx_mps: float, height_m: float) -> float:
+    def target_sink_rate(self, x_m: float, vx_mps: float, height_m: float) -> float:
         """Return the target vertical velocity at a height [m/s, up positive]."""
         if not self.is_through_gate and height_m < GATE_M + 1.0:
             self.is_through_gate = abs(x_m) < GATE_X_M and abs(vx_mps) < GATE_MPS
@@ -113,11 +102,11 @@ class PadLaw:
             return -slow if self.is_through_gate else -0.5 * left
         return -min(FASTEST_MPS, slow + math.sqrt(2.0 * BRAKE_MPS2 * left + 1.0) - 1.0)
 
-    def wanted_tilt(self, x_m: float, vx_mps: float, height_m: float, up_mps2: float) -> float:
+    def target_tilt(self, x_m: float, vx_mps: float, height_m: float, up_mps2: float) -> float:
         """Return the attitude that, at an upward push, gives the required sideways one [rad]."""
         spring = 0.0 if self.is_through_gate else ACROSS_SPRING
         across = -spring * x_m - ACROSS_DAMPER * vx_mps
-        most = TILT_LOW_RAD if self.is_through_gate else TILT_HIGH_RAD
+        max_tilt = TILT_LOW_RAD if self.is_through_gate else TILT_HIGH_RAD
         if self.is_through_gate and height_m < LAST_M:
-            most *= 0.5
-        return min(most, max(-most, math.atan2(-across, up_mps2)))
+            max_tilt *= 0.5
+        return min(max_tilt, max(-max_tilt, math.atan2(-across, up_mps2)))

@@ -7,14 +7,14 @@ from snr_sim_robot_urov.parameters import failsafe_lines
 from snr_sim_robot_urov.watch import WatchFactory
 
 from snr_sim.core.config import AnyFactory
-from snr_sim.prelude.scenario import Robot
+from snr_sim.scenario import RobotInfo
 
 
-def factories(robot: Robot) -> list[AnyFactory]:
+def factories(robot: RobotInfo) -> list[AnyFactory]:
     """Return what makes the controller's components, which run at the vehicle."""
     return [WatchFactory(), AutopilotFactory(robot.parameters)]
 
 
-def start_lines(robot: Robot) -> list[str]:
+def start_lines(robot: RobotInfo) -> list[str]:
     """Return the table of failsafes, for the user who starts a run."""
     return failsafe_lines(robot.parameters)

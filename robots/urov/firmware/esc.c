@@ -14,17 +14,17 @@
 
 #define PROTOCOL 1
 #define VERSION 1, 0
-#define MOST_LEASE_MS 200
+#define MAX_LEASE_MS 200
 #define ESC_START_MS 1500 /* a Basic ESC wants neutral for about a second before it turns */
 #define DEAD_BAND (25 * TICKS_PER_US)
 #define SLEW_US_PER_100MS 400
 #define SLEW_PER_MS (SLEW_US_PER_100MS * TICKS_PER_US / 100)
 #define DWELL_MS 50
 #define HEARTBEAT_MS 50
-#define MOST_SILENCE_MS 40 /* without pulses; then the watchdog is not fed any more */
-#define ANSWERS_ROOM 80    /* bytes on the way out that telemetry leaves to answers */
+#define MAX_SILENCE_MS 40 /* without pulses; then the watchdog is not fed any more */
+#define ACK_RESERVE 80    /* bytes on the way out that telemetry leaves to answers */
 
-enum { HELLO = 0x01, SET_WIDTHS, ARM, DISARM, EMERGENCY_STOP, CLEAR_STOP, HANG = 127, IDENT = 0x81, TELEMETRY, ANSWER };
+enum { HELLO = 0x01, SET_WIDTHS, ARM, DISARM, EMERGENCY_STOP, CLEAR_STOP, HANG = 127, IDENT = 0x81, TELEMETRY, ACK };
 enum { STARTING, DISARMED, ARMED, STOPPED };
 enum { DONE, IS_STARTING, NO_COMMAND, NOT_NEUTRAL, IS_STOPPED, OTHER_SESSION, OTHER_PROTOCOL };
 enum {
@@ -55,11 +55,11 @@ static struct output {
 } outputs[CHANNELS];
 
 /* Counts at A0 and A1, and of the internal reference. All are parts of the supply, whatever that is, so the pins are
-   reckoned by the reference: a supply that sags would make a battery look full. Until it was read, the supply is 5 V. */
+   computed from the reference: a supply that sags would make a battery look full. Until it is read, 5 V is used. */
 static uint16_t adc[] = {0, 0, BANDGAP_MV * 1024ul / 5000};
-static uint8_t nth;     /* frames sent */
+static uint8_t frame_count;     /* frames sent */
 
-/* Before main: why it starts, and the watchdog off, which else goes on after a reset by it. */
+/* Before main: store the reset cause, and disable the watchdog, which otherwise keeps running after its reset. */
 void __attribute__((naked, used, section(".init3"))) keep_reset_cause(void) {
     reset_cause = MCUSR;
     MCUSR = 0;
@@ -83,7 +83,7 @@ static void set_width(uint8_t channel, uint16_t width) {
 static void follow(uint8_t channel) {
     struct output *output = &outputs[channel];
     uint16_t goal = state == ARMED ? commanded[channel] : NEUTRAL, width = output->width;
-    int8_t side = side_of(width), wanted;
+    int8_t side = side_of(width), target_side;
 
     if (goal == width && side == output->side && output->still_ms == 0)
         return;
@@ -94,8 +94,8 @@ static void follow(uint8_t channel) {
     if (goal == width)
         return;
     faults |= F_LIMITED;
-    wanted = side_of(goal);
-    if (wanted && output->side && wanted != output->side)
+    target_side = side_of(goal);
+    if (target_side && output->side && target_side != output->side)
         goal = NEUTRAL;
     int16_t change = goal - width;
     width += change > SLEW_PER_MS ? SLEW_PER_MS : change < -SLEW_PER_MS ? -SLEW_PER_MS : change;
@@ -120,13 +120,13 @@ static uint8_t begin(uint8_t type, uint8_t size, uint8_t spare) { /* whether the
     if (!frame_begin(size + spare))
         return 0;
     frame_add(type);
-    frame_add(nth++);
+    frame_add(frame_count++);
     add16(session);
     return 1;
 }
 
 static void send_telemetry(void) {
-    if (!begin(TELEMETRY, 25 + 2 * CHANNELS, ANSWERS_ROOM))
+    if (!begin(TELEMETRY, 25 + 2 * CHANNELS, ACK_RESERVE))
         return;
     add16(seq);
     add16(now_ms);
@@ -150,7 +150,7 @@ static void send_ident(void) {
         char mcu[12], name[16];
     } ident = {
         PROTOCOL, VERSION, CHANNELS,
-        LOWEST, NEUTRAL, HIGHEST, DEAD_BAND, 1000 / TICKS_PER_US, PERIOD_MS * 1000, MOST_LEASE_MS, ESC_START_MS,
+        LOWEST, NEUTRAL, HIGHEST, DEAD_BAND, 1000 / TICKS_PER_US, PERIOD_MS * 1000, MAX_LEASE_MS, ESC_START_MS,
         SLEW_US_PER_100MS, DWELL_MS, MCU_NAME, "snr_sim esc",
     };
     if (!begin(IDENT, 4 + sizeof ident, 0))
@@ -160,8 +160,8 @@ static void send_ident(void) {
     frame_end();
 }
 
-static void answer(uint8_t to, uint8_t result) {
-    if (!begin(ANSWER, 6, 0))
+static void send_ack(uint8_t to, uint8_t result) {
+    if (!begin(ACK, 6, 0))
         return;
     frame_add(to);
     frame_add(result);
@@ -176,7 +176,7 @@ static uint16_t get16(const uint8_t *from) {
 
 static void hello(uint16_t new_session, uint8_t protocol) {
     if (protocol != PROTOCOL || new_session == 0) {
-        answer(HELLO, protocol != PROTOCOL ? OTHER_PROTOCOL : OTHER_SESSION);
+        send_ack(HELLO, protocol != PROTOCOL ? OTHER_PROTOCOL : OTHER_SESSION);
         return;
     }
     if (new_session != session) {
@@ -192,8 +192,8 @@ static void hello(uint16_t new_session, uint8_t protocol) {
 static void take_command(const uint8_t *body) {
     uint32_t stamp = get16(body + 5) | (uint32_t)get16(body + 7) << 16;
     uint16_t number = get16(body + 3), age = get16(body + 9);
-    uint16_t lease = get16(body + 11) < MOST_LEASE_MS ? get16(body + 11) : MOST_LEASE_MS;
-    int32_t later_ms = stamp - stamp_ms; /* also right when the computer's count begins anew */
+    uint16_t lease = get16(body + 11) < MAX_LEASE_MS ? get16(body + 11) : MAX_LEASE_MS;
+    int32_t later_ms = stamp - stamp_ms; /* also correct when the computer's count wraps */
     uint8_t is_neutral = 1;
     for (uint8_t i = 0; i < CHANNELS; i++)
         is_neutral &= get16(body + 13 + 2 * i) == NEUTRAL;
@@ -248,9 +248,9 @@ static uint8_t request(uint8_t type) {
 
 static void handle(const uint8_t *body, uint8_t length) {
     uint8_t type = body[0];
-    if (type == EMERGENCY_STOP) { /* whoever asks, and whatever follows: rather once too often */
+    if (type == EMERGENCY_STOP) { /* from any sender, with any body: rather once too often */
         leave_armed(STOPPED, F_STOPPED);
-        answer(type, DONE);
+        send_ack(type, DONE);
         return;
     }
 #ifdef HANG_TEST /* for tests of the watchdog only */
@@ -267,7 +267,7 @@ static void handle(const uint8_t *body, uint8_t length) {
     uint8_t expected = type == HELLO ? 4 : type == SET_WIDTHS ? 13 + 2 * CHANNELS : 3;
     if (type != HELLO && (length < 3 || session == 0 || get16(body + 1) != session)) {
         faults |= F_OTHER_SESSION;
-        answer(type, OTHER_SESSION);
+        send_ack(type, OTHER_SESSION);
     } else if (length != expected) {
         faults |= F_BAD_LENGTH;
         if (type == SET_WIDTHS && state == ARMED)
@@ -278,7 +278,7 @@ static void handle(const uint8_t *body, uint8_t length) {
         take_command(body);
         send_telemetry();
     } else
-        answer(type, request(type));
+        send_ack(type, request(type));
 }
 
 /* ---- time ---- */
@@ -289,17 +289,17 @@ ISR(TIMER2_COMPA_vect) {
 
 static void read_adc(void) { /* fetches what was measured, and turns to the next input, which has 4 ms to settle */
     static const uint8_t inputs[] = {0, 1, BANDGAP_INPUT};
-    static uint8_t nth_input;
-    adc[nth_input] = ADC;
-    nth_input = (nth_input + 1) % sizeof inputs;
-    ADMUX = _BV(REFS0) | inputs[nth_input]; /* as a part of the supply */
+    static uint8_t input_index;
+    adc[input_index] = ADC;
+    input_index = (input_index + 1) % sizeof inputs;
+    ADMUX = _BV(REFS0) | inputs[input_index]; /* as a part of the supply */
 }
 
 static void feed_watchdog(void) { /* as long as pulses are made */
     static uint8_t last, silent_ms;
     silent_ms = periods == last ? silent_ms + 1 : 0;
     last = periods;
-    if (silent_ms < MOST_SILENCE_MS)
+    if (silent_ms < MAX_SILENCE_MS)
         wdt_reset();
 }
 

@@ -1,4 +1,4 @@
-/* Bytes come and go by interrupts, through two rings; what they mean is found out outside of interrupts.
+/* Interrupts receive and send bytes through two rings; frames are decoded outside of interrupts.
    The rings have 256 bytes, so that an index of 8 bits wraps by itself. */
 #include "frames.h"
 
@@ -28,7 +28,7 @@ ISR(USART_RX_vect) {
     uint8_t byte = UDR0, head = in_head;
     if (overrun || (uint8_t)(head + 1) == in_tail)
         bytes_lost = 1;
-    in[head] = byte; /* too many spoil a frame, and its CRC tells */
+    in[head] = byte; /* too many corrupt a frame, and its CRC detects this */
     in_head = head + 1;
     if (byte == 0)
         frame_ends = 1;
@@ -45,7 +45,7 @@ ISR(USART_UDRE_vect) {
 /* The frame that is being read. */
 static uint8_t body[MAX_BODY], length;
 static uint8_t run;      /* bytes until the next count */
-static uint8_t has_zero; /* a zero stood where the next count is, if the frame goes on */
+static uint8_t has_zero; /* a zero is decoded at the next count, if the frame continues */
 static uint8_t is_bad;
 static uint16_t crc;
 

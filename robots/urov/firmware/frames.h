@@ -6,7 +6,7 @@
 
 extern uint16_t crc_errors;         /* frames that were damaged; stays at 65535 */
 extern volatile uint8_t bytes_lost; /* set when a byte came before the last one was fetched */
-extern volatile uint8_t frame_ends; /* set when a frame has ended that nobody has looked at */
+extern volatile uint8_t frame_ends; /* set when a frame has ended that was not yet decoded */
 
 void frames_begin(void); /* 115200 baud */
 

@@ -1,5 +1,5 @@
 /* Pulses for eight speed controllers. Widths count half microseconds: 3000 is 1500 us.
-   Two files keep this promise, each as its microcontroller can: pulses_328p.c and pulses_2560.c. */
+   Two files implement this interface, one per microcontroller: pulses_328p.c and pulses_2560.c. */
 #pragma once
 #include <stdint.h>
 
@@ -19,6 +19,6 @@
 #endif
 
 extern volatile uint16_t widths[CHANNELS]; /* of each channel's next pulses; to be written without interruption */
-extern volatile uint8_t periods;           /* counts them, so that somebody can see that pulses are still being made */
+extern volatile uint8_t periods;           /* counts them, which shows that pulses are still generated */
 
 void pulses_begin(void);

@@ -15,8 +15,8 @@ static uint8_t is_in_step(uint16_t count) {
     return (uint16_t)(TCNT1 - count + BEFORE / 2) < BEFORE;
 }
 
-/* A moment before the next pulses: hands over the widths. The timers take them when the pulses begin. simavr takes them
-   at once, and so they are not handed over while a pulse is under way. */
+/* Shortly before the next pulses: write the widths. The timers load them when the pulses begin. simavr loads them
+   at once, so they are not written during a pulse. */
 ISR(TIMER1_COMPC_vect) {
     for (uint8_t i = 0; i < CHANNELS; i++)
         *compare[i] = widths[i] - 1; /* a pulse lasts from 0 up to the match, both included */

@@ -25,7 +25,7 @@ static uint8_t slot;               /* the millisecond of the period */
 static uint16_t slot_start;        /* ticks */
 static uint16_t due;               /* when the next edge is */
 static uint8_t is_fall;            /* whether it is one */
-static uint8_t channel;            /* whose; CHANNELS or more: nobody's, only time passes */
+static uint8_t channel;            /* its channel; CHANNELS or more: no pulse, only time passes */
 static const uint8_t masks[CHANNELS] = {_BV(PD2), _BV(PD3), _BV(PD4), _BV(PD5), _BV(PD6), _BV(PD7), _BV(PB0), _BV(PB1)};
 
 static void next_edge(void) {

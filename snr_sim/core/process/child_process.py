@@ -1,7 +1,7 @@
 """Child process: it gets its start data, begins when it is ready, is monitored, and is shut down gracefully.
 
 owner's thread            threads of the child process               the process (core/process/spawned.py)
-send, end, kill   --->    writer: "begin", "go", messages, "end"  --->   `obey`
+send, end, kill   --->    writer: "begin", "go", messages, "end"  --->   `execute_messages`
 on_message, on_end  <---  listener: "ready", messages, prints     <---   the target function
 """
 
@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from queue import SimpleQueue
 from typing import Any, TypeAlias
 
-from snr_sim.core.process.spawn import Spawned, how_it_ended
+from snr_sim.core.process.spawn import SpawnedProcess, describe_exit
 from snr_sim.prelude.errors import ValueEncodingError
 
 Message: TypeAlias = tuple[Any, ...]
@@ -23,13 +23,13 @@ class ChildProcess:
 
     Args:
         name: for messages, such as "loop 'eye'".
-        target: "module:function"; see `Spawned`.
+        target: "module:function"; see `SpawnedProcess`.
         order: its start data: plain values.
         on_message: gets the kind and values of each message, on the listener's thread; and on the writer's thread
             "failed" with what cannot be sent.
         on_end: gets the exit status, and what `on_message` raised or None, on the listener's thread.
         descriptors: that it inherits.
-        out, err: get the lines that it prints; see `Spawned`.
+        out, err: get the lines that it prints; see `SpawnedProcess`.
 
     Raises:
         ConfigError: processes cannot be started here.
@@ -49,7 +49,7 @@ class ChildProcess:
         self.name = name
         self.is_killed = False  # killed by this process: too late, or before it had begun
         self._on_message, self._on_end = on_message, on_end
-        self._process = Spawned(target, descriptors, out, err)
+        self._process = SpawnedProcess(target, descriptors, out, err)
         self._process.line.user = f"{name[0].upper()}{name[1:]}"
         self._outbox: SimpleQueue[Message | Callable[[], Message] | None] = SimpleQueue()
         self._outbox.put(("begin", order))
@@ -83,8 +83,8 @@ class ChildProcess:
             otherwise: text to use if it had printed nothing.
         """
         lines = "".join(f"\n    {line}" for line in self._process.last)
-        said = f"Its last lines:{lines}" if lines else otherwise
-        return f"The process of {self.name} {how_it_ended(status)}{when}. {said}"
+        last_lines = f"Its last lines:{lines}" if lines else otherwise
+        return f"The process of {self.name} {describe_exit(status)}{when}. {last_lines}"
 
     # The writer's thread is the only one that sends, so the listener never waits for a process that does not read.
 
@@ -107,11 +107,11 @@ class ChildProcess:
     def _listen(self) -> None:
         failure = None
         try:
-            status = self._process.listen(self._receive)
+            status = self._process.receive_loop(self._receive)
         except Exception as error:
             failure = error
             self.kill()
-            status = self._process.listen(lambda raw: None)
+            status = self._process.receive_loop(lambda raw: None)
         self._outbox.put(None)
         self._writer.join()
         self._on_end(status, failure)

@@ -1,4 +1,4 @@
-"""A loop in a separate process: the code inside that process. The node's side is `core/process/process_backing.py`.
+"""A loop in a separate process: the code inside that process. The node's side is `core/process/process_executor.py`.
 
 The process has a proxy node: without components, with an inbox that sends to the real node, and a datastore that
 requests pages from it. A thread calls the loop like any other loop, so its code is the same in both places.
@@ -15,24 +15,24 @@ from multiprocessing.connection import Connection
 from types import FrameType
 from typing import Any
 
-from snr_sim.core.backing import JOIN_TIMEOUT_S, ThreadBacking
-from snr_sim.core.blame import describe_error
 from snr_sim.core.clocks import WallClock
 from snr_sim.core.config import Config, Mode
 from snr_sim.core.datastore import Datastore
-from snr_sim.core.door import LOOK_UP_S, Door
+from snr_sim.core.executors import JOIN_TIMEOUT_S, ThreadExecutor
+from snr_sim.core.inbox import POLL_PERIOD_S, Inbox
 from snr_sim.core.loop import Loop
 from snr_sim.core.node import Node
 from snr_sim.core.node_life import NodeLife
 from snr_sim.core.process import spawned
+from snr_sim.core.process.factory_pickling import unpickle_factory
 from snr_sim.core.process.messages import MessageLine
-from snr_sim.core.process.packing import unpack
-from snr_sim.core.reload.trial import Trial
-from snr_sim.prelude.errors import ComponentFailed, SnrError
+from snr_sim.core.reload.setup_result import SetupResult
+from snr_sim.core.source_location import describe_error
+from snr_sim.prelude.errors import ComponentFailedError, SnrError
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import Task
 
-_COUNTS_EVERY_S = 0.5
+_COUNTS_PERIOD_S = 0.5
 
 
 def run(line: Connection) -> None:
@@ -41,18 +41,18 @@ def run(line: Connection) -> None:
     begin = messages.receive()[1]
     messages.user = f"Loop '{begin['loop']}'"
     pages = RemoteDatastore(messages)
-    life = Life()
+    life = ProcessLifetime()
     signal.signal(signal.SIGTERM, life.on_signal)
-    spawned.hear_signals()
+    spawned.unblock_signals()
 
     def handle(kind: str, *values: Any) -> None:
         if kind == "page":
-            pages.arrived(*values)
+            pages.on_page(*values)
         elif kind == "go":
             life.may_go.set()
 
     orders = (messages.receive, life.end, handle, 2.0 * JOIN_TIMEOUT_S)
-    threading.Thread(target=spawned.obey, args=orders, daemon=True).start()
+    threading.Thread(target=spawned.execute_messages, args=orders, daemon=True).start()
     try:
         node = LoopNode(begin, messages, pages)
         loop = make_loop(node, begin)
@@ -60,67 +60,67 @@ def run(line: Connection) -> None:
         messages.send("failed", describe_error(error, f"while loop '{begin['loop']}' was made in its process"))
         messages.send("over")
         return
-    backing = ProcessThread(loop, node.life, messages)
-    if begin["is_tried"]:
-        loop.trial = LineTrial(messages)
+    executor = ProcessThread(loop, node.life, messages)
+    if begin["is_setup_awaited"]:
+        loop.setup_result = RemoteSetupResult(messages)
     messages.send("ready")
     life.wait_until(life.may_go)
     if not life.is_ending.is_set():
-        loop.begin_on(backing)
-        life.wait_until(life.is_ending, lambda: send_counts(messages, node, backing))
-    finish(node, loop, backing, messages)
+        loop.begin_with(executor)
+        life.wait_until(life.is_ending, lambda: send_counts(messages, node, executor))
+    finish(node, loop, executor, messages)
 
 
 def make_loop(node: Node, begin: dict[str, Any]) -> Loop:
     """Return the loop, created again in this process."""
-    loop = unpack(begin["factory"]).get(node)
-    assert isinstance(loop, Loop), f"{loop!r} is no loop, but was one in the node"
+    loop = unpickle_factory(begin["factory"]).get(node)
+    assert isinstance(loop, Loop), f"{loop!r} is not a Loop, but the node's factory returned one"
     return loop
 
 
-def finish(node: Node, loop: Loop, backing: ProcessThread, messages: MessageLine) -> None:
+def finish(node: Node, loop: Loop, executor: ProcessThread, messages: MessageLine) -> None:
     """End the loop as a node ends it, and send "over"."""
-    for step, function in (("halt", backing.join), ("terminate", loop.terminate)):
+    for step, function in (("halt", executor.join), ("terminate", loop.terminate)):
         try:
             function()
         except BaseException as error:
-            node.door.fail(node.report.failure_of(loop, error, step))
-    send_counts(messages, node, backing)
+            node.inbox.fail(node.report.failure_of(loop, error, step))
+    send_counts(messages, node, executor)
     messages.send("over")
 
 
-def send_counts(messages: MessageLine, node: Node, backing: ProcessThread) -> None:
+def send_counts(messages: MessageLine, node: Node, executor: ProcessThread) -> None:
     """Send the loop's number of ticks, largest delay and timings."""
     timings = {} if node.profiler is None else {name: astuple(one) for name, one in node.profiler.timings.items()}
-    messages.send("counts", backing.ticks, backing.late_s, {name: list(timing) for name, timing in timings.items()})
+    messages.send("counts", executor.ticks, executor.late_s, {name: list(timing) for name, timing in timings.items()})
 
 
-class Life:
+class ProcessLifetime:
     """Lifetime of this process: events for its start and its end."""
 
     def __init__(self) -> None:
         self.may_go = threading.Event()
         self.is_ending = threading.Event()
 
-    def wait_until(self, event: threading.Event, now_and_then: Any = None) -> None:
+    def wait_until(self, event: threading.Event, periodic: Any = None) -> None:
         """Wait in short steps, since a signal that arrives just before the blocking call does not end it."""
         next_s = time.monotonic()
-        while not event.wait(LOOK_UP_S) and not self.is_ending.is_set():
-            if now_and_then is not None and time.monotonic() >= next_s:
-                next_s = time.monotonic() + _COUNTS_EVERY_S
-                now_and_then()
+        while not event.wait(POLL_PERIOD_S) and not self.is_ending.is_set():
+            if periodic is not None and time.monotonic() >= next_s:
+                next_s = time.monotonic() + _COUNTS_PERIOD_S
+                periodic()
 
     def on_signal(self, number: int, frame: FrameType | None) -> None:
         """Shut down gracefully: the signal went to all processes of this robot at once."""
         threading.Thread(target=self.end, daemon=True).start()  # a signal handler must not take locks
 
-    def end(self, why: str = "") -> None:
+    def end(self, reason: str = "") -> None:
         """Shut the loop down gracefully."""
         self.is_ending.set()
 
 
-class LineDoor(Door):
-    """Proxy of the real node's inbox (`Door`)."""
+class RemoteInbox(Inbox):
+    """Proxy of the real node's inbox."""
 
     def __init__(self, messages: MessageLine) -> None:
         super().__init__()
@@ -137,14 +137,14 @@ class LineDoor(Door):
             self._messages.send("failed", str(failure))
 
 
-class LineTrial(Trial):
-    """Proxy of the node's trial of this loop; only the node knows whether a caller still waits for the result."""
+class RemoteSetupResult(SetupResult):
+    """Proxy of the node's result of `setup`; only the node knows whether a caller still waits for it."""
 
     def __init__(self, messages: MessageLine) -> None:
         super().__init__()
         self._messages = messages
 
-    def report(self, failure: ComponentFailed | None) -> bool:
+    def set_result(self, failure: ComponentFailedError | None) -> bool:
         """Send the result of `setup`, or a later failure; return whether the node handles the failure."""
         self._messages.send(*(("is set up",) if failure is None else ("failed", failure.message)))
         return True
@@ -156,25 +156,25 @@ class RemoteDatastore(Datastore):
     def __init__(self, messages: MessageLine) -> None:
         super().__init__()
         self._messages = messages
-        self._asked: dict[DataKey, threading.Event] = {}
+        self._requests: dict[DataKey, threading.Event] = {}
 
     def get(self, key: object) -> Page | None:
         """Return the newest page of the key, or None; the first call waits for the node's reply."""
         if not isinstance(key, str):
             return None  # not a valid key
-        has_come = self._asked.get(key)
-        if has_come is None:
-            has_come = self._asked[key] = threading.Event()
+        has_arrived = self._requests.get(key)
+        if has_arrived is None:
+            has_arrived = self._requests[key] = threading.Event()
             self._messages.send("watch", key)
-        if not has_come.is_set():
-            has_come.wait()
+        if not has_arrived.is_set():
+            has_arrived.wait()
         return self.pages.get(key)
 
-    def arrived(self, key: DataKey, page: Page | None) -> None:
+    def on_page(self, key: DataKey, page: Page | None) -> None:
         """Store a page that the node has sent."""
         if page is not None:
             self.pages[key] = page
-        self._asked[key].set()
+        self._requests[key].set()
 
 
 class LoopNode(Node):
@@ -183,20 +183,20 @@ class LoopNode(Node):
     def __init__(self, begin: dict[str, Any], messages: MessageLine, pages: RemoteDatastore) -> None:
         config = Config(Mode(begin["mode"]), {begin["role"]: []})
         super().__init__(begin["role"], config, clock=WallClock(begin["clock_start_s"]), seed=begin["seed"])
-        self.door = LineDoor(messages)
+        self.inbox = RemoteInbox(messages)
         self.datastore = pages
         self._messages = messages
         logger = logging.getLogger("snr")
-        logger.handlers[:] = [LineHandler(messages)]
+        logger.handlers[:] = [RemoteLogHandler(messages)]
         logger.setLevel(begin["log_level"])
         logger.propagate = False
 
-    def note(self, text: str, lines: str = "") -> None:
+    def add_note(self, text: str, lines: str = "") -> None:
         """Send a note to the node."""
         self._messages.send("note", lines + text)
 
 
-class LineHandler(logging.Handler):
+class RemoteLogHandler(logging.Handler):
     """Log handler that sends records to the node, whose logging settings apply."""
 
     def __init__(self, messages: MessageLine) -> None:
@@ -213,7 +213,7 @@ class LineHandler(logging.Handler):
         self._messages.send("log", record.name, record.levelno, line)
 
 
-class ProcessThread(ThreadBacking):
+class ProcessThread(ThreadExecutor):
     """Executor that calls the loop from a thread, and notifies the node when no more ticks will follow."""
 
     def __init__(self, loop: Loop, life: NodeLife, messages: MessageLine) -> None:

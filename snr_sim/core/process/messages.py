@@ -1,4 +1,11 @@
-"""Messages between two snr_sim processes: plain values as JSON, followed by the bytes of large arrays."""
+"""Messages between two snr_sim processes: plain values as JSON, followed by the bytes of large arrays.
+
+Large arrays follow their message on the socket and are read directly into the new array: 61 us of CPU time for a
+megabyte at the reader (870 by `Connection.recv_bytes_into`) and 52 at the writer; 3.3 GB/s into a node. Shared memory
+takes 44 and 51 and has slots to maintain; for 20 kB, 13 and 18 instead of 8 and 6. With its tracker (3.11, 3.13) a
+segment of `multiprocessing.shared_memory` disappears when the other process ends, and warnings are printed; without it
+(3.13 only) the segment outlives a kill.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +22,7 @@ import msgspec.structs
 
 from snr_sim.prelude.errors import ValueEncodingError
 from snr_sim.prelude.page import KINDS, Page
-from snr_sim.prelude.values import MARK, decode_value, encode_value
+from snr_sim.prelude.values import TAG, decode_value, encode_value
 
 ARRAY_BYTES = "array_bytes"  # tag of an array whose bytes follow
 # Below this size JSON is as fast. Above it, JSON would cost 10 ms per megabyte.
@@ -24,7 +31,7 @@ _PLAIN_KINDS = "biufc"
 _OBJECT = b'{"$":"object"'  # never part of a JSON string, where the quotes would be escaped
 
 
-class ArrayRef(msgspec.Struct, frozen=True, tag_field=MARK, tag=ARRAY_BYTES):
+class ArrayRef(msgspec.Struct, frozen=True, tag_field=TAG, tag=ARRAY_BYTES):
     """Placeholder of an array whose bytes follow the message."""
 
     dtype: str
@@ -39,14 +46,14 @@ class MessageLine:
     Args:
         connection: the end; a Unix socket.
         user: the component or role that runs in the process, such as "Loop 'vision'".
-        death: descriptor that is readable once the other process has ended, if there is one; needed since a child that
+        pidfd: descriptor that is readable once the other process has ended, if there is one; needed since a child that
             the other process has forked may keep the far end open.
     """
 
-    def __init__(self, connection: Connection, user: str = "", death: int | None = None) -> None:
+    def __init__(self, connection: Connection, user: str = "", pidfd: int | None = None) -> None:
         self.user = user
         self._connection = connection
-        self._death = death
+        self._pidfd = pidfd
         self._sending = threading.Lock()
 
     def fileno(self) -> int:
@@ -106,7 +113,7 @@ class MessageLine:
         array = np.empty(shape, np.dtype(dtype))
         left = memoryview(_bytes_of(array))
         ends = select.poll()
-        for end in (self.fileno(), self._death):
+        for end in (self.fileno(), self._pidfd):
             if end is not None:
                 ends.register(end, select.POLLIN)
         while left:

@@ -27,24 +27,24 @@ from snr_sim.core.standard_streams import open_closed_streams
 from snr_sim.prelude.errors import ConfigError
 
 LAST_LINES = 20
-_LINE_MAX_BYTES = 64 * 1024  # a longer line is forwarded in pieces
+_MAX_LINE_BYTES = 64 * 1024  # a longer line is forwarded in pieces
 # Time for a process to end after it has closed its connection.
 _END_S = 1.0
 
 _printing = threading.Lock()
 
 
-class Printed:
+class OutputReader:
     """Reader of one output of a process, which forwards it line by line.
 
     Args:
         pipe: to read from.
-        pass_on: gets each line, without its end.
+        forward: gets each line, without its end.
     """
 
-    def __init__(self, pipe: int, pass_on: Callable[[str], None]) -> None:
+    def __init__(self, pipe: int, forward: Callable[[str], None]) -> None:
         self._pipe = pipe
-        self._pass_on = pass_on
+        self._forward = forward
         self._rest = b""
 
     def fileno(self) -> int:
@@ -53,17 +53,17 @@ class Printed:
 
     def read(self) -> bool:
         """Forward the available output; return False at its end."""
-        data = os.read(self._pipe, _LINE_MAX_BYTES)
+        data = os.read(self._pipe, _MAX_LINE_BYTES)
         *lines, self._rest = (self._rest + data).split(b"\n")
-        if self._rest and (not data or len(self._rest) >= _LINE_MAX_BYTES):
+        if self._rest and (not data or len(self._rest) >= _MAX_LINE_BYTES):
             lines.append(self._rest)
             self._rest = b""
         for line in lines:
-            self._pass_on(line.decode(errors="replace").rstrip("\r"))
+            self._forward(line.decode(errors="replace").rstrip("\r"))
         return bool(data)
 
 
-class Spawned:
+class SpawnedProcess:
     """A running child process that executes a function of snr_sim.
 
     Args:
@@ -89,12 +89,12 @@ class Spawned:
             target, fds, stdout=None if out is None else subprocess.PIPE, stderr=subprocess.PIPE
         )
         # Without pidfd only the end of the connection shows it, which a forked grandchild may keep open.
-        self._death = os.pidfd_open(self.pid) if hasattr(os, "pidfd_open") else None
-        self.line = MessageLine(line, death=self._death)
+        self._pidfd = os.pidfd_open(self.pid) if hasattr(os, "pidfd_open") else None
+        self.line = MessageLine(line, pidfd=self._pidfd)
         self._outputs = [
-            Printed(pipe.fileno(), pass_on)
-            for pipe, pass_on in ((self._process.stdout, out), (self._process.stderr, self._keep))
-            if pipe is not None and pass_on is not None
+            OutputReader(pipe.fileno(), forward)
+            for pipe, forward in ((self._process.stdout, out), (self._process.stderr, self._keep))
+            if pipe is not None and forward is not None
         ]
 
     @property
@@ -106,18 +106,18 @@ class Spawned:
         self.last.append(line)
         self._err(line)
 
-    def say(self, message: bytes) -> bool:
+    def send(self, message: bytes) -> bool:
         """Send a message; return whether the process was running to receive it. Waits while the buffer is full."""
         return self.line.send_bytes(message)
 
-    def listen(self, hear: Callable[[bytes], None]) -> int:
+    def receive_loop(self, on_message: Callable[[bytes], None]) -> int:
         """Receive messages until the process has ended; return its exit status, or minus a signal's number.
 
         Args:
-            hear: gets each message, in order.
+            on_message: gets each message, in order.
         """
         line, outputs = self.line.fileno(), {output.fileno(): output for output in self._outputs}
-        ends = [line] if self._death is None else [line, self._death]
+        ends = [line] if self._pidfd is None else [line, self._pidfd]
         while True:
             ready = wait([*ends, *outputs])
             for pipe in [pipe for pipe in outputs if pipe in ready]:
@@ -129,14 +129,14 @@ class Spawned:
                 except (EOFError, OSError):
                     break
                 try:
-                    hear(message)
+                    on_message(message)
                 except EOFError:  # it ended in the middle of an array
                     break
-            elif self._death in ready:
+            elif self._pidfd in ready:
                 break
-        return self._bury()
+        return self._reap()
 
-    def _bury(self) -> int:
+    def _reap(self) -> int:
         try:
             status = self._process.wait(_END_S)
         except subprocess.TimeoutExpired:
@@ -150,8 +150,8 @@ class Spawned:
         for pipe in (self._process.stdout, self._process.stderr):
             if pipe is not None:
                 pipe.close()
-        if self._death is not None:
-            os.close(self._death)
+        if self._pidfd is not None:
+            os.close(self._pidfd)
         return status
 
     def kill(self) -> None:
@@ -166,7 +166,7 @@ def start_process(
     """Return a new Python process that runs one function of snr_sim, and our end of the connection to it.
 
     Args:
-        target, fds: as for `Spawned`.
+        target, fds: as for `SpawnedProcess`.
         stdout, stderr: as for `subprocess.Popen`; our own if not given.
 
     Raises:
@@ -181,8 +181,8 @@ def start_process(
         raise ConfigError("Loops and roles in processes need Linux or macOS.", fix="let them be threads here.")
     open_closed_streams()  # else the connection would get their numbers
     near, far = Pipe()
-    # With signals blocked: see `spawned.hear_signals`.
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, spawned.HELD_BACK)
+    # With signals blocked: see `spawned.unblock_signals`.
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, spawned.BLOCKED_SIGNALS)
     try:
         with far:
             process = subprocess.Popen(
@@ -201,10 +201,10 @@ def start_process(
     return process, near
 
 
-def how_it_ended(status: int) -> str:
+def describe_exit(status: int) -> str:
     """Return an exit status as text.
 
-    >>> how_it_ended(3), how_it_ended(-9)
+    >>> describe_exit(3), describe_exit(-9)
     ('ended with exit status 3', 'was ended by SIGKILL')
     """
     if status >= 0:

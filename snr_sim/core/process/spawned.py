@@ -14,7 +14,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any
 
-HELD_BACK = (signal.SIGINT, signal.SIGTERM)
+BLOCKED_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 # Whether this process is importing the files of the program that started it: they must not start it again.
 is_reading_program = False
@@ -48,7 +48,7 @@ def main(target: str, line: int) -> None:
         os._exit(status)  # not sys.exit: a thread that hangs must not keep the process alive
 
 
-def obey(
+def execute_messages(
     receive: Callable[[], list[Any]], end: Callable[[str], None], handle: Callable[..., None], orphan_s: float
 ) -> None:
     """Execute the parent's messages. Run it in a thread of its own, since it does not return.
@@ -63,7 +63,7 @@ def obey(
         try:
             kind, *values = receive()
         except (EOFError, OSError):
-            go_quiet()
+            silence_output()
             end("orphaned")
             time.sleep(orphan_s)
             os._exit(1)
@@ -73,7 +73,7 @@ def obey(
             handle(kind, *values)
 
 
-def go_quiet() -> None:
+def silence_output() -> None:
     """Discard output from now on: the reader has gone, so a `print` in a student's `halt` would raise."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for output in (1, 2):
@@ -81,6 +81,6 @@ def go_quiet() -> None:
     os.close(nowhere)
 
 
-def hear_signals() -> None:
+def unblock_signals() -> None:
     """Unblock the signals that have been blocked since before this process began."""
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, HELD_BACK)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, BLOCKED_SIGNALS)

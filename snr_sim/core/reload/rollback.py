@@ -1,7 +1,7 @@
 """New code on probation: if a reloaded component fails in its first calls, the reload is rolled back.
 
-    a handler, called through `Probations.watched` --> raises -----------> rolled back, and the old one handles the task
-    a loop that failed --> `Probations.has_taken` --> task roll_back, an input --> rolled back
+    a handler, called through `Probations.wrap_handler` --> raises -----> rolled back, and the old one handles the task
+    a loop that failed --> `Probations.handle_failure` --> task roll_back, an input --> rolled back
 
 The old components begin again with their old code, and their factories have their state from before the reload. All of
 this runs on the node's thread, between two calls, and depends only on tasks and their times: so a replay does the same.
@@ -15,10 +15,10 @@ from functools import wraps
 
 from snr_sim.core.loop import Loop
 from snr_sim.core.machine import as_tasks
-from snr_sim.core.reload.reload import AnyComponent, Changes
+from snr_sim.core.reload.reload import AnyComponent, ComponentManager
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
-from snr_sim.prelude.errors import ComponentFailed
+from snr_sim.prelude.errors import ComponentFailedError
 from snr_sim.prelude.task import SomeTasks, Task, TaskHandler, TaskId
 
 # New code is on probation until this node time has passed and its component's handlers have been called this often. A
@@ -58,14 +58,14 @@ class Probations:
     """The reloads of one node whose new code is on probation, the newest last.
 
     Args:
-        changes: exchanges the components.
-        tell: takes the component's name and a message on the rollback; returns the tasks that report it.
+        manager: exchanges the components.
+        report: takes the component's name and a message on the rollback; returns the tasks that report it.
     """
 
-    def __init__(self, changes: Changes, tell: Callable[[str, str], Sequence[Task]]) -> None:
-        self._changes = changes
-        self._node = changes.node
-        self._tell = tell
+    def __init__(self, manager: ComponentManager, report: Callable[[str, str], Sequence[Task]]) -> None:
+        self._manager = manager
+        self._node = manager.node
+        self._report = report
         self._probations: list[Probation] = []
         self._reloads = 0
 
@@ -75,12 +75,12 @@ class Probations:
         now_s = self._node.machine.now_s
         self._probations = [one for one in self._probations if one.new]  # without reloads that exchanged nothing
         over = [not any(one.is_on(name, now_s) for name in one.new) for one in self._probations]
-        passed = max((place for place, is_over in enumerate(over, 1) if is_over), default=0)
+        passed = max((index for index, is_over in enumerate(over, 1) if is_over), default=0)
         del self._probations[:passed]  # a rollback stops at code that has passed
         self._probations.append(Probation(self._reloads, now_s, old, new, undo))
-        self._node.machine.lookup.watched = self.watched
+        self._node.machine.lookup.wrap_handler = self.wrap_handler
 
-    def watched(self, component: Component, handler: TaskHandler) -> TaskHandler:
+    def wrap_handler(self, component: Component, handler: TaskHandler) -> TaskHandler:
         """Return a wrapper of a handler that catches failures while its component is on probation."""
         probation = self._probation_of(component)
         name, node = component.name, self._node
@@ -90,7 +90,7 @@ class Probations:
         @wraps(handler)
         def call(task: Task, task_id: TaskId) -> SomeTasks:
             if node.components.get(name) is not component:  # another component has failed on this task
-                return self._old_answer(name, task)
+                return self._call_old_handler(name, task)
             probation.calls[name] = probation.calls.get(name, 0) + 1
             if not probation.is_on(name, node.machine.now_s):
                 node.handlers_changed()  # from the next task on it is called directly
@@ -98,19 +98,19 @@ class Probations:
             try:
                 return as_tasks(handler(task, task_id), component, handler)
             except (Exception, SystemExit) as error:
-                failure = self._changes.life.report.failure_in_handler(component, task, error)
-            told = self._roll_back(probation, name, failure.message)
-            return [*told, *as_tasks(self._old_answer(name, task), component, handler)]
+                failure = self._manager.life.report.failure_in_handler(component, task, error)
+            reports = self._roll_back(probation, name, failure.message)
+            return [*reports, *as_tasks(self._call_old_handler(name, task), component, handler)]
 
         return call
 
-    def has_taken(self, loop: Loop, failure: ComponentFailed) -> bool:
+    def handle_failure(self, loop: Loop, failure: ComponentFailedError) -> bool:
         """Start a rollback if a loop failed on probation, on any thread; return whether it did."""
         probation = self._probation_of(loop)
-        if probation is None or self._node.is_over or not probation.is_on(loop.name, self._node.clock.now_s()):
+        if probation is None or self._node.is_finished or not probation.is_on(loop.name, self._node.clock.now_s()):
             return False
-        loop.is_taken_out = True
-        self._node.enter(tasks.roll_back(loop.name, probation.number, failure.message), loop.name)
+        loop.is_removed = True
+        self._node.enqueue_input(tasks.roll_back(loop.name, probation.number, failure.message), loop.name)
         return True
 
     def roll_back(self, name: str, number: int, message: str) -> Sequence[Task]:
@@ -123,30 +123,30 @@ class Probations:
 
     def _roll_back(self, failed: Probation, name: str, message: str) -> Sequence[Task]:
         """Restore the newest code of a component that has passed its probation, or else the first."""
-        first = next(place for place, one in enumerate(self._probations) if name in one.new)
+        first = next(index for index, one in enumerate(self._probations) if name in one.new)
         undone = self._probations[first:]
         old: dict[str, AnyComponent] = {}
         new: dict[str, AnyComponent] = {}
         remarks = []
         for probation in reversed(undone):
-            for made in probation.new.values():
-                remarks += [failure.message for failure in self._changes.life.end_removed(made)]
+            for created in probation.new.values():
+                remarks += [failure.message for failure in self._manager.life.end_removed(created)]
             probation.undo()
             old |= probation.old
             new = probation.new | new
         del self._probations[first:]  # not before: until it is removed, a loop may fail on its thread
-        there = self._changes.all()
+        there = self._manager.all()
         back = [one for one in there if new.get(one) is there[one]]  # the others have been removed since
         for one in back:
-            self._changes.exchange(new[one], old[one])
-            remarks += self._changes.begin_again(old[one])
+            self._manager.replace_component(new[one], old[one])
+            remarks += self._manager.begin_again(old[one])
         after_s = self._node.machine.now_s - failed.began_s
         what, _, fix = message.partition("\n  Try: ")
         words = f"{after_s:.3f} s after its reload, which was rolled back: {', '.join(back)} as before it."
-        fix = fix or "mend this line and save the file again."
-        return self._tell(name, "\n  ".join([what, words, *remarks, f"Try: {fix}"]))
+        fix = fix or "correct this line and save the file again."
+        return self._report(name, "\n  ".join([what, words, *remarks, f"Try: {fix}"]))
 
-    def _old_answer(self, name: str, task: Task) -> SomeTasks:
+    def _call_old_handler(self, name: str, task: Task) -> SomeTasks:
         """Return the tasks of the restored component for a task."""
         machine = self._node.machine
         for component, handler, task_id, _ in machine.lookup.find(task):

@@ -14,9 +14,9 @@ from pathlib import Path
 from types import FunctionType, ModuleType
 from weakref import WeakKeyDictionary
 
-from snr_sim.core.blame import is_student_file
 from snr_sim.core.component import ComponentFactory, NodeComponent
 from snr_sim.core.reload.source_files import source_files
+from snr_sim.core.source_location import is_student_file
 from snr_sim.prelude.errors import ConfigError
 
 # Content of a module's file at the first request or the last reload: a process that begins later runs the code of its
@@ -25,7 +25,7 @@ from snr_sim.prelude.errors import ConfigError
 _sources: WeakKeyDictionary[ModuleType, tuple[ModuleSpec | None, bytes]] = WeakKeyDictionary()
 
 # The file that is being reloaded: the execution of a robot's program must not start its node a second time.
-being_read: ContextVar[str] = ContextVar("being_read", default="")
+reloading_file: ContextVar[str] = ContextVar("reloading_file", default="")
 
 
 def modules_of(factory: ComponentFactory, component: NodeComponent) -> list[ModuleType]:
@@ -88,7 +88,7 @@ def _check_target(factory: str, target: object) -> None:
         )
 
 
-class Reading:
+class ModuleReload:
     """A module's file, read again. The module is unchanged until `execute`, and `undo` restores it.
 
     Args:
@@ -124,15 +124,15 @@ class Reading:
         namespace = vars(self.module)
         before = self._before = dict(namespace)
         _sources[self.module] = self.module.__spec__, self._source
-        token = being_read.set(self.name)
+        token = reloading_file.set(self.name)
         try:
             exec(code, namespace)
         finally:
-            being_read.reset(token)
+            reloading_file.reset(token)
         if self.module.__name__ != "__main__":
-            self._forget_what_is_gone(before)
+            self._delete_removed(before)
 
-    def _forget_what_is_gone(self, before: dict[str, object]) -> None:
+    def _delete_removed(self, before: dict[str, object]) -> None:
         """Delete functions and classes that the new code does not define any more, so that calls of them fail."""
         namespace = vars(self.module)
         for name, value in before.items():

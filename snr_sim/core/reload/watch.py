@@ -1,6 +1,8 @@
 """File watch (`--watch`): a loop that polls the files of the other components and reloads those that were saved.
 
 The tasks it schedules are inputs like any other, so a run with a watch can be replayed.
+
+The watch is not part of the robot, so a replay runs without it.
 """
 
 from __future__ import annotations
@@ -22,10 +24,10 @@ from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.node_api import NodeApi
 
 # A file written this recently can be written again with the same modification time, so its content is read each time.
-_YOUNG_NS = 100_000_000
+_MTIME_GRANULARITY_NS = 100_000_000
 
 
-class Seen(NamedTuple):
+class FileStamp(NamedTuple):
     """State of a file at the last check: time and size, unless it was just written, and content."""
 
     mark: tuple[int, int] | None
@@ -44,7 +46,7 @@ class WatchLoopFactory(LoopFactory):
         super().__init__()
         self.rate_hz = rate_hz
         self.name = name
-        self.seen: dict[Path, Seen] = {}
+        self.seen: dict[Path, FileStamp] = {}
 
     def get(self, parent: NodeApi) -> WatchLoop:
         """Return the loop."""
@@ -55,11 +57,11 @@ class WatchLoop(Loop):
     """Loop that checks files; a partly saved file is reloaded again when the rest is written."""
 
     factory: WatchLoopFactory
-    is_of_robot = False
+    is_robot_component = False
 
     def __init__(self, factory: WatchLoopFactory, parent: NodeApi, name: str, rate_hz: float) -> None:
         super().__init__(factory, parent, name, rate_hz)
-        self._looked_at: Mapping[str, Component] | None = None
+        self._components: Mapping[str, Component] | None = None
         self._users: dict[Path, list[str]] = {}
 
     def setup(self) -> None:
@@ -74,8 +76,8 @@ class WatchLoop(Loop):
 
     def _changed(self) -> list[Path]:
         components = self.parent.components
-        if components is not self._looked_at:  # the node creates a new dict when components are added or removed
-            self._looked_at, self._users = components, files_of(components)
+        if components is not self._components:  # the node creates a new dict when components are added or removed
+            self._components, self._users = components, files_of(components)
         return [path for path in self._users if self._has_changed(path)]
 
     def _has_changed(self, path: Path) -> bool:
@@ -89,8 +91,8 @@ class WatchLoop(Loop):
             sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
         except OSError:
             return False  # some editors replace the file by a new one
-        is_young = time.time_ns() - stat.st_mtime_ns < _YOUNG_NS
-        seen[path] = Seen(None if is_young else mark, sha256)
+        is_recent = time.time_ns() - stat.st_mtime_ns < _MTIME_GRANULARITY_NS
+        seen[path] = FileStamp(None if is_recent else mark, sha256)
         return before is not None and before.sha256 != sha256
 
 
@@ -98,7 +100,7 @@ def files_of(components: Mapping[str, Component]) -> dict[Path, list[str]]:
     """Return the files that a reload of these components would read, with the names of the components in each."""
     users: dict[Path, list[str]] = {}
     for name, component in components.items():
-        if not isinstance(component, NodeComponent) or not component.is_of_robot:
+        if not isinstance(component, NodeComponent) or not component.is_robot_component:
             continue
         try:
             modules = modules_of(component.factory, component)
@@ -113,7 +115,7 @@ def files_of(components: Mapping[str, Component]) -> dict[Path, list[str]]:
     return users
 
 
-def watched(config: Config) -> Config:
+def with_watch(config: Config) -> Config:
     """Return the same config with a watch loop in each role."""
     factories = {role: [*given, WatchLoopFactory()] for role, given in config.factories.items()}
     return Config(config.mode, factories, **config.bounds)

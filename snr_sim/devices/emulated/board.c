@@ -15,7 +15,7 @@
 #include <sim_avr.h>
 #include <sim_elf.h>
 
-#define MOST_PINS 16
+#define MAX_PINS 16
 #define QUEUE 65536 /* bytes that wait on either way; a power of two */
 #define LOG 16384   /* pulses that have not been fetched; a power of two */
 
@@ -42,12 +42,12 @@ typedef struct board {
     uint32_t byte_cycles;
     uint32_t resets;
     int was_reset;
-    int feeds;   /* a byte is on its way */
+    int is_feeding;   /* a byte is on its way */
     int is_full; /* simavr's UART takes no byte now */
     int pins;
-    pin_t pin[MOST_PINS];
-    int level[MOST_PINS];
-    struct hook { struct board *board; int channel; } hooks[MOST_PINS];
+    pin_t pin[MAX_PINS];
+    int level[MAX_PINS];
+    struct hook { struct board *board; int channel; } hooks[MAX_PINS];
     uint8_t in[QUEUE];
     uint64_t in_head, in_tail;
     timed_t out[QUEUE];
@@ -58,7 +58,7 @@ typedef struct board {
 
 static board_t *resetting[64]; /* simavr's reset function takes no parameter of ours */
 
-static void be_silent(avr_t *avr, const int level, const char *format, va_list rest)
+static void discard_log(avr_t *avr, const int level, const char *format, va_list rest)
 {
     (void)avr, (void)level, (void)format, (void)rest;
 }
@@ -135,14 +135,14 @@ static avr_cycle_count_t on_byte_in(avr_t *avr, avr_cycle_count_t when, void *pa
     if (board->is_full) /* it is a little slower than the line; none is lost, as none would be on silicon */
         return when + board->byte_cycles / 16;
     avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_INPUT), board->in[board->in_tail++ % QUEUE]);
-    board->feeds = board->in_tail != board->in_head;
-    return board->feeds ? when + board->byte_cycles : 0;
+    board->is_feeding = board->in_tail != board->in_head;
+    return board->is_feeding ? when + board->byte_cycles : 0;
 }
 
 static void feed(board_t *board)
 {
-    if (!board->feeds && board->in_tail != board->in_head) {
-        board->feeds = 1;
+    if (!board->is_feeding && board->in_tail != board->in_head) {
+        board->is_feeding = 1;
         avr_cycle_timer_register(board->avr, board->byte_cycles, on_byte_in, board);
     }
 }
@@ -159,7 +159,7 @@ board_t *board_open(const char *elf, const char *mcu, uint32_t hz, uint32_t baud
     int slot = 0;
     elf_firmware_t firmware;
     memset(&firmware, 0, sizeof firmware);
-    avr_global_logger_set(be_silent);
+    avr_global_logger_set(discard_log);
     while (slot < 64 && resetting[slot])
         slot++;
     avr_t *avr = slot < 64 ? avr_make_mcu_by_name(mcu) : NULL;
@@ -184,7 +184,7 @@ board_t *board_open(const char *elf, const char *mcu, uint32_t hz, uint32_t baud
     avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUTPUT), on_byte_out, board);
     avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUT_XOFF), on_uart_full, board);
     avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUT_XON), on_uart_free, board);
-    for (int i = 0; pins[2 * i] && i < MOST_PINS; i++) {
+    for (int i = 0; pins[2 * i] && i < MAX_PINS; i++) {
         avr_irq_t *irq = avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(pins[2 * i]), pins[2 * i + 1] - '0');
         board->hooks[i] = (struct hook){board, i};
         avr_irq_register_notify(irq, on_pin, &board->hooks[i]);
@@ -216,8 +216,8 @@ uint64_t board_run(board_t *board, uint64_t until)
                 avr_extint_set_strict_lvl_trig(avr, i, 0); /* or pins that could interrupt are looked at in each cycle */
             avr_cycle_timer_cancel(avr, on_stop, board);
             avr_cycle_timer_register(avr, until - avr->cycle, on_stop, board);
-            if (board->feeds && !avr_cycle_timer_status(avr, on_byte_in, board))
-                board->feeds = 0;
+            if (board->is_feeding && !avr_cycle_timer_status(avr, on_byte_in, board))
+                board->is_feeding = 0;
             feed(board);
         }
         int state = avr_run(avr);

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from snr_sim.devices.emulated.toolchain import APT, runner_library
 from snr_sim.devices.wire.mcu_messages import BAUD
-from snr_sim.prelude.errors import DeviceError, ParameterError, nearest
+from snr_sim.prelude.errors import DeviceError, ParameterError, suggest
 
 CLOCK_HZ = 16_000_000
 _CYCLES_PER_US = CLOCK_HZ // 1_000_000
@@ -69,7 +69,7 @@ def _library(path: Path) -> Any:
     except OSError as error:
         path.unlink(missing_ok=True)  # it was made for another version of simavr: the next call compiles it again
         raise DeviceError(
-            f"The emulator cannot be loaded: {error}.", fix=f"try once more; if it stays so: {APT}"
+            f"The emulator cannot be loaded: {error}.", fix=f"try again; if it fails again: {APT}"
         ) from error
     pointer, size, number = ctypes.c_void_p, ctypes.c_uint64, ctypes.c_uint32
     library.board_open.restype = pointer
@@ -89,11 +89,11 @@ def _library(path: Path) -> Any:
     return library
 
 
-class _SwitchedOff:
+class _ClosedBoard:
     """Replacement for calls to a board that is off: the library would end the program."""
 
     def __getattr__(self, name: str) -> Any:
-        raise DeviceError("The emulated board was switched off.", fix="make another Board.")
+        raise DeviceError("The emulated board was switched off.", fix="create another Board.")
 
 
 class Board:
@@ -105,13 +105,13 @@ class Board:
         baud: of the program at the other end; the firmware has its own.
 
     Raises:
-        ToolsMissing: the packages that the emulator is made with are not installed.
+        ToolsMissingError: the packages that the emulator is made with are not installed.
         DeviceError: simavr cannot read the file, or does not know the microcontroller.
     """
 
     def __init__(self, elf: Path, mcu: str = "atmega328p", baud: int = BAUD) -> None:
         if mcu not in PINS:
-            raise ParameterError(f"There is no emulated microcontroller '{mcu}'.", fix=nearest(mcu, PINS))
+            raise ParameterError(f"There is no emulated microcontroller '{mcu}'.", fix=suggest(mcu, PINS))
         self.mcu = mcu
         self._library = _library(runner_library())
         pins = PINS[mcu].replace(" ", "").encode()
@@ -146,7 +146,7 @@ class Board:
             self._now = self._library.board_run(self._board, until)
             if self._now == 0:
                 raise DeviceError(
-                    "The emulated firmware has come to a halt.", fix="look what it did last: board.uart_out()."
+                    "The emulated firmware has halted.", fix="read its last output with board.uart_out()."
                 )
 
     def uart_in(self, data: bytes) -> int:
@@ -202,7 +202,7 @@ class Board:
         """Switch it off. Safe to call twice; any other call afterwards raises a DeviceError."""
         if self._board:
             self._library.board_close(self._board)
-            self._board, self._library = None, _SwitchedOff()
+            self._board, self._library = None, _ClosedBoard()
 
     def __enter__(self) -> Board:
         return self

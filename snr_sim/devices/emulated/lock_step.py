@@ -21,10 +21,10 @@ from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import PwmCommand
 
 STEP_S = 0.01
-MISSED_US = 50_000.0  # without a pulse for this time, a speed controller assumes that the signal is lost
+SIGNAL_TIMEOUT_US = 50_000.0  # without a pulse for this time, a speed controller assumes that the signal is lost
 
 
-class PlantOnBoard:
+class ProcessorInLoopPlant:
     """A plant and a board in lock step. Implements `Plant` except `snapshot`; other members are the plant's.
 
     Args:
@@ -108,7 +108,7 @@ class PlantOnBoard:
         board = self.board
         self._connect_battery()
         board.run_us(dt_s * 1e6)
-        self._obey()
+        self._apply_pulses()
         self.plant.step(dt_s)
 
     def _connect_battery(self) -> None:
@@ -118,8 +118,8 @@ class PlantOnBoard:
             for pin, millivolts in enumerate(self._scale.pins_mv(battery.voltage_v, battery.current_a)):
                 self.board.set_millivolts(pin, millivolts)
 
-    def _obey(self) -> None:
-        oldest_us = self.board.now_us - MISSED_US
+    def _apply_pulses(self) -> None:
+        oldest_us = self.board.now_us - SIGNAL_TIMEOUT_US
         pulses_us = []
         for rise_us, width_us, pulses in self.board.pins()[: self._channels]:
             if not pulses or rise_us < oldest_us:
@@ -150,7 +150,7 @@ class PlantOnBoard:
         Raises:
             PlantError: always: simavr cannot restore a state.
         """
-        raise PlantError("An emulated board cannot be put back to where it was.", fix="--io sim, for what needs that.")
+        raise PlantError("An emulated board cannot be reset to an earlier state.", fix="use --io sim for this.")
 
     def restore(self, snapshot: Any) -> None:
         """Raise an error, as there is no snapshot."""

@@ -19,7 +19,7 @@ class EmulatedPort:
 
     def __init__(self, board: Board, name: str = "the emulated board") -> None:
         self._board, self.name = board, name
-        self._come = b""
+        self._received = b""
         self._is_open = True
 
     def write(self, data: bytes) -> None:
@@ -30,7 +30,7 @@ class EmulatedPort:
         """
         self._check()
         if self._board.uart_in(data) < len(data):
-            raise DeviceError(f"{self.name} takes no more bytes.", fix="let its time go on: board.run_us.")
+            raise DeviceError(f"{self.name} takes no more bytes.", fix="advance its time with board.run_us().")
 
     def read(self) -> bytes:
         """Return the received bytes.
@@ -39,18 +39,18 @@ class EmulatedPort:
             DeviceError: it was closed.
         """
         self._check()
-        come, self._come = self._come + self._board.uart_out(), b""
-        return come
+        data, self._received = self._received + self._board.uart_out(), b""
+        return data
 
     def wait(self, seconds: float) -> bool:
         """Advance the board's time until bytes arrive; return whether they have."""
         self._check()
         end_us = self._board.now_us + seconds * 1e6
-        self._come += self._board.uart_out()
-        while not self._come and (left_us := end_us - self._board.now_us) > _CYCLE_US:
+        self._received += self._board.uart_out()
+        while not self._received and (left_us := end_us - self._board.now_us) > _CYCLE_US:
             self._board.run_us(min(_STEP_US, left_us))
-            self._come += self._board.uart_out()
-        return bool(self._come)
+            self._received += self._board.uart_out()
+        return bool(self._received)
 
     def close(self) -> None:
         """Close the port; the board keeps running. Safe to call twice."""

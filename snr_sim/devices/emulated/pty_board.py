@@ -24,7 +24,7 @@ from snr_sim.devices.emulated.board import PINS, Board
 from snr_sim.devices.emulated.toolchain import firmware_elf
 
 STEP_S = 0.001
-_MOST_BEHIND_S = 0.02
+_MAX_BEHIND_S = 0.02
 _START_US = 10_000.0  # so that the firmware receives as soon as the port exists
 _WAITING_BYTES = 256  # on the line; more stay with the sender, as in a real port
 
@@ -53,14 +53,14 @@ class PtyBoard:
             link.unlink()
         link.symlink_to(self.path)
 
-    def serve(self, goes_on: Callable[[], bool]) -> None:
-        """Run in real time while `goes_on` returns true."""
+    def serve(self, is_running: Callable[[], bool]) -> None:
+        """Run in real time while `is_running` returns true."""
         start_s = time.monotonic() - self.board.now_us * 1e-6
         self._note("start", f"{start_s:.6f}")
-        while goes_on():
+        while is_running():
             is_ready = self._wait()
             behind_s = time.monotonic() - start_s - self.board.now_us * 1e-6
-            if behind_s > _MOST_BEHIND_S:
+            if behind_s > _MAX_BEHIND_S:
                 start_s += behind_s - STEP_S
                 self._note("behind", f"{behind_s * 1e3:.1f}")
                 self._note("start", f"{start_s:.6f}")

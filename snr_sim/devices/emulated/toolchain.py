@@ -24,7 +24,7 @@ _FIRMWARE_FILES = ("Makefile", "*.c", "*.h")
 OUT = "{out}"  # in a command: the folder it writes to
 
 
-class ToolsMissing(DeviceError):
+class ToolsMissingError(DeviceError):
     """A compiler or a library of the emulator is not installed."""
 
 
@@ -38,20 +38,20 @@ def require_tools() -> None:
     """Check that the emulator's build tools are installed.
 
     Raises:
-        ToolsMissing: names the missing ones, and the command that installs them.
+        ToolsMissingError: names the missing ones, and the command that installs them.
     """
     missing = [tool for tool in ("gcc", "make", "avr-gcc", "avr-objcopy") if shutil.which(tool) is None]
     if not any((folder / "sim_avr.h").exists() for folder in _INCLUDE):
         missing.append("simavr's headers")
     if missing:
-        raise ToolsMissing(f"The emulated microcontroller needs {', '.join(missing)}: not found here.", fix=APT)
+        raise ToolsMissingError(f"The emulated microcontroller needs {', '.join(missing)}: not found here.", fix=APT)
 
 
 def runner_library() -> Path:
     """Return the compiled `board.c`, a shared library.
 
     Raises:
-        ToolsMissing: see `require_tools`.
+        ToolsMissingError: see `require_tools`.
         DeviceError: the compiler failed; with its output.
     """
     target = cache_folder() / f"board-{_digest([_RUNNER])}.so"
@@ -71,7 +71,7 @@ def firmware_elf(folder: Path, mcu: str, settings: Mapping[str, str | int] | Non
         settings: of the Makefile, such as {"PERIOD_MS": 20}.
 
     Raises:
-        ToolsMissing: see `require_tools`.
+        ToolsMissingError: see `require_tools`.
         DeviceError: the compiler failed; with its output.
     """
     words = [f"{name}={value}" for name, value in sorted((settings or {}).items())]
@@ -103,10 +103,10 @@ def _make(target: Path, name: str, command: list[str]) -> None:
             words = [word.replace(OUT, folder) for word in command]
             done = subprocess.run(words, capture_output=True, text=True, check=False)
             if done.returncode != 0:
-                said = "\n".join((done.stdout + done.stderr).strip().splitlines()[-20:])
-                is_full = os.strerror(errno.ENOSPC) in said
+                output = "\n".join((done.stdout + done.stderr).strip().splitlines()[-20:])
+                is_full = os.strerror(errno.ENOSPC) in output
                 raise DeviceError(
-                    f"Compiling for the emulator failed:\n  {' '.join(words)}\n{said}",
+                    f"Compiling for the emulator failed:\n  {' '.join(words)}\n{output}",
                     fix=f"make room in {target.parent}; or {elsewhere}" if is_full else APT,
                 )
             os.replace(Path(folder) / name, target)

@@ -11,34 +11,34 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from snr_sim.devices.mcu.mcu_board import SILENT_S, McuBoard
-from snr_sim.devices.mcu.mcu_greeting import FLASH
+from snr_sim.devices.mcu.mcu_handshake import FLASH
 from snr_sim.devices.mcu.mcu_identity import check_identity
 from snr_sim.devices.pwm.pwm_backend import STOP_US, PwmBackend
 from snr_sim.devices.wire.mcu_messages import (
     TYPE_OF,
-    Answer,
+    AckResult,
     Arm,
     ClearStop,
+    CommandAck,
     Disarm,
     EmergencyStop,
-    Fault,
+    McuFault,
+    McuState,
     ResetCause,
-    Result,
     SetWidths,
-    State,
     Telemetry,
 )
 from snr_sim.prelude.device import LEASE_S, Stale
-from snr_sim.prelude.errors import DeviceError, ParameterError, SensorLost
+from snr_sim.prelude.errors import DeviceError, ParameterError, SensorLostError
 from snr_sim.prelude.life_cycle import LifeCycle
 from snr_sim.prelude.signals import NOT_ACTIVE, RESET, SLEWING, STOPPED, TOO_OLD, AppliedPulses, PowerReading
 
 RESOLUTION_US = 0.5
-_ASK_EVERY_S = 0.05
+_ARM_REQUEST_PERIOD_S = 0.05
 _RESETS = {
     ResetCause.WATCHDOG: "its watchdog: the firmware had hung",
     ResetCause.BROWN_OUT: "its supply was too low for a moment",
-    ResetCause.EXTERNAL: "its reset pin, as when somebody opens the port",
+    ResetCause.EXTERNAL: "its reset pin, for example because a program opened the port",
     ResetCause.POWER_ON: "its power came back",
 }
 
@@ -52,7 +52,7 @@ class McuPwm(PwmBackend):
         channels: number of outputs in use, from the first on.
     """
 
-    fails_safe_alone = True
+    has_independent_failsafe = True
 
     def __init__(self, board: McuBoard, now_s: Callable[[], float], channels: int) -> None:
         super().__init__(now_s, channels, resolution_us=RESOLUTION_US)
@@ -61,32 +61,32 @@ class McuPwm(PwmBackend):
         self._seq = 0
         self._widths_us = self.still_us
         self._is_disarming = False
-        self._asked_s = 0.0
+        self._requested_s = 0.0
 
-    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
+    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, reasons: list[str]) -> list[float]:
         """Send pulses and return those of the newest telemetry."""
         try:
-            self._listen(why)
+            self._receive(reasons)
             if self.state not in ("activating", "active"):
                 return self.still_us
             if lease_s > 0.0:
                 self._command(pulses_us, stamp_s, lease_s)
-            if self.state == "activating" and self.asks_neutral:
-                self._ask_to_arm()
+            if self.state == "activating" and self.is_neutral_requested:
+                self._request_arming()
         except DeviceError as error:
-            self._lose(error)
+            self._mark_lost(error)
             raise
         if self._widths_us != pulses_us:
-            why.append(SLEWING)
+            reasons.append(SLEWING)
         return list(self._widths_us)
 
     def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
         """Request pulses. While it is not active it only receives, and so detects a pulled wire."""
         if self.state == "inactive":
             try:
-                self._listen([])
+                self._receive([])
             except DeviceError as error:
-                self._lose(error)
+                self._mark_lost(error)
         return super().write_us(pulses_us, stamp_s, lease_s)
 
     def _command(self, pulses_us: list[float], stamp_s: float, lease_s: float) -> None:
@@ -102,7 +102,7 @@ class McuPwm(PwmBackend):
 
     # -- received messages --------------------------------------------------------------------------------------------
 
-    def _listen(self, why: list[str]) -> None:
+    def _receive(self, reasons: list[str]) -> None:
         """Process the messages that the board has sent since the last call.
 
         Raises:
@@ -110,60 +110,66 @@ class McuPwm(PwmBackend):
         """
         board = self.board
         board.poll()
-        for message in board.news():
+        for message in board.take_messages():
             if isinstance(message, Telemetry):
-                self._hear_telemetry(message, why)
-            elif isinstance(message, Answer):
-                self._hear_answer(message, why)
+                self._on_telemetry(message, reasons)
+            elif isinstance(message, CommandAck):
+                self._on_ack(message, reasons)
         if board.silent_s > SILENT_S:
             raise DeviceError(
                 f"{board.name}: no telemetry for {board.silent_s:.2f} s, though the port is open.",
-                fix="look at the board's plug and supply.",
+                fix="check the board's plug and supply.",
             )
 
-    def _hear_telemetry(self, telemetry: Telemetry, why: list[str]) -> None:
+    def _on_telemetry(self, telemetry: Telemetry, reasons: list[str]) -> None:
         if telemetry.session != self.board.session:
-            self.let_go_for = [] if telemetry.session else [RESET]
-            raise DeviceError(self._forgotten(telemetry), fix="it is greeted again, and armed after neutral.")
-        told = len(telemetry.widths_us)
-        if told < self.channels:
+            self.disarm_reasons = [] if telemetry.session else [RESET]
             raise DeviceError(
-                f"{self.board.name}: its telemetry tells of {told} outputs; {self.channels} are used.", fix=FLASH
+                self._session_lost_message(telemetry),
+                fix="the connection restarts by itself; command neutral to arm again.",
+            )
+        output_count = len(telemetry.widths_us)
+        if output_count < self.channels:
+            raise DeviceError(
+                f"{self.board.name}: its telemetry reports {output_count} outputs; {self.channels} are used.",
+                fix=FLASH,
             )
         self._widths_us = list(telemetry.widths_us[: self.channels])
-        if self.state != "active" or telemetry.state == State.ARMED:
+        if self.state != "active" or telemetry.state == McuState.ARMED:
             return
-        if telemetry.state == State.STOPPED:
-            self._let_go("emergency stop", why, STOPPED)
-        elif telemetry.faults & Fault.LEASE_EXPIRED:
-            self._let_go("no new command in time: the microcontroller went to neutral by itself", why, TOO_OLD)
+        if telemetry.state == McuState.STOPPED:
+            self._set_inactive("emergency stop", reasons, STOPPED)
+        elif telemetry.faults & McuFault.LEASE_EXPIRED:
+            self._set_inactive(
+                "no new command in time: the microcontroller went to neutral by itself", reasons, TOO_OLD
+            )
         else:
-            self._let_go("the microcontroller has disarmed by itself", why)
+            self._set_inactive("the microcontroller has disarmed by itself", reasons)
 
-    def _hear_answer(self, answer: Answer, why: list[str]) -> None:
-        if answer.to == TYPE_OF[Disarm]:
+    def _on_ack(self, ack: CommandAck, reasons: list[str]) -> None:
+        if ack.to == TYPE_OF[Disarm]:
             self._is_disarming = False
-        elif answer.to == TYPE_OF[EmergencyStop] or answer.result == Result.STOPPED:
-            self._let_go("emergency stop", why, STOPPED)
-        elif answer.to == TYPE_OF[Arm] and answer.result == Result.DONE and self._is_asking:
-            self.state, self.why = "active", ""
+        elif ack.to == TYPE_OF[EmergencyStop] or ack.result == AckResult.STOPPED:
+            self._set_inactive("emergency stop", reasons, STOPPED)
+        elif ack.to == TYPE_OF[Arm] and ack.result == AckResult.DONE and self._is_arming:
+            self.state, self.reason = "active", ""
 
     @property
-    def _is_asking(self) -> bool:
+    def _is_arming(self) -> bool:
         """Whether a positive answer belongs to the current request, not to an earlier one."""
         return self.state == "activating" and not self._is_disarming
 
-    def _let_go(self, what: str, why: list[str], *words: str) -> None:
+    def _set_inactive(self, what: str, reasons: list[str], *words: str) -> None:
         if self.state in ("activating", "active"):
-            self.state, self.why = "inactive", what
-            self.let_go_for = [word for word in words if word == STOPPED]
-            why += [word for word in (NOT_ACTIVE, *words) if word not in why]
+            self.state, self.reason = "inactive", what
+            self.disarm_reasons = [word for word in words if word == STOPPED]
+            reasons += [word for word in (NOT_ACTIVE, *words) if word not in reasons]
 
-    def _forgotten(self, telemetry: Telemetry) -> str:
+    def _session_lost_message(self, telemetry: Telemetry) -> str:
         if telemetry.session:
             return f"{self.board.name}: another program has greeted the microcontroller."
         causes = [words for cause, words in _RESETS.items() if telemetry.reset_cause & cause]
-        return f"{self.board.name}: the microcontroller has started anew ({', '.join(causes) or 'its boot loader'})."
+        return f"{self.board.name}: the microcontroller has restarted ({', '.join(causes) or 'its boot loader'})."
 
     # -- life cycle ---------------------------------------------------------------------------------------------------
 
@@ -189,13 +195,13 @@ class McuPwm(PwmBackend):
             DeviceError: an emergency stop is set.
         """
         self._check_not_stopped()
-        self.state, self.why = "activating", "the speed controllers are shown neutral"
-        self.let_go_for = []
-        self._asked_s = -math.inf
+        self.state, self.reason = "activating", "the speed controllers are shown neutral"
+        self.disarm_reasons = []
+        self._requested_s = -math.inf
 
     def _check_not_stopped(self) -> None:
         telemetry = self.board.telemetry
-        if telemetry is not None and telemetry.state == State.STOPPED:
+        if telemetry is not None and telemetry.state == McuState.STOPPED:
             raise DeviceError(
                 f"{self.board.name}: its emergency stop is set.",
                 fix="make it safe; then clear the stop, or switch it off and on.",
@@ -205,12 +211,12 @@ class McuPwm(PwmBackend):
         """Disarm."""
         if self.board.is_open:
             self._is_disarming = True
-            self._asked_s = self.now_s()
-            self._say(Disarm(self.board.session))
+            self._requested_s = self.now_s()
+            self._send(Disarm(self.board.session))
 
     def on_close(self) -> None:
         """Release the board."""
-        self.board.leave(self)
+        self.board.release(self)
 
     def counts(self) -> dict[str, int]:
         """Return the board's counters."""
@@ -219,29 +225,29 @@ class McuPwm(PwmBackend):
     def on_stop(self) -> None:
         """Store the stop in the microcontroller: it outlives this program, until it is cleared or power is cut."""
         self.board.open(self)
-        self._say(EmergencyStop(self.board.session))
+        self._send(EmergencyStop(self.board.session))
 
     def on_clear_stop(self) -> None:
         """Clear it in the microcontroller."""
         self.board.open(self)
-        self._say(ClearStop(self.board.session))
+        self._send(ClearStop(self.board.session))
 
-    def _ask_to_arm(self) -> None:
+    def _request_arming(self) -> None:
         now_s = self.now_s()
-        if now_s >= self._asked_s + _ASK_EVERY_S:
-            self._asked_s = now_s
+        if now_s >= self._requested_s + _ARM_REQUEST_PERIOD_S:
+            self._requested_s = now_s
             session = self.board.session
             # Not before it has reported that it is disarmed: telemetry still in transit is older.
             self.board.send(Disarm(session) if self._is_disarming else Arm(session))
 
-    def _say(self, message: Disarm | EmergencyStop | ClearStop) -> None:
+    def _send(self, message: Disarm | EmergencyStop | ClearStop) -> None:
         try:
             self.board.send(message)
         except DeviceError as error:
-            self._lose(error)
+            self._mark_lost(error)
 
-    def _lose(self, error: DeviceError) -> None:
-        self.board.lose(str(error))
+    def _mark_lost(self, error: DeviceError) -> None:
+        self.board.mark_lost(str(error))
         self.fail(str(error))
 
 
@@ -263,7 +269,9 @@ class PowerScale:
 
     def __post_init__(self) -> None:
         if not (self.volts_per_volt > 0.0 and self.amps_per_volt > 0.0):
-            raise ParameterError(f"A power module with {self}.", fix="scales above 0.")
+            raise ParameterError(
+                f"The scales of a power module must be positive: {self}.", fix="use those of its data sheet."
+            )
 
     def reading(self, battery_pin_mv: float, current_pin_mv: float, stamp_s: float) -> PowerReading:
         """Return the reading for the pin voltages.
@@ -298,16 +306,16 @@ class McuPower(LifeCycle):
         """Return the reading in the newest telemetry.
 
         Raises:
-            SensorLost: it was closed.
+            SensorLostError: it was closed.
         """
         board = self._board
         if self.state == "closed":
-            raise SensorLost(f"{self.title} was closed.", fix="open another.")
+            raise SensorLostError(f"{self.title} was closed.", fix="open another.")
         if board.is_open:
             try:
                 board.poll()
             except DeviceError as error:
-                board.lose(str(error))
+                board.mark_lost(str(error))
         telemetry, measured_s = board.telemetry, board.measured_s
         if not board.is_open or telemetry is None or measured_s is None:
             return Stale(board.fault, measured_s)
@@ -325,7 +333,7 @@ class McuPower(LifeCycle):
 
     def on_close(self) -> None:
         """Release the board."""
-        self._board.leave(self)
+        self._board.release(self)
 
     def counts(self) -> dict[str, int]:
         """Return the board's counters."""

@@ -1,6 +1,6 @@
 """The microcontroller's board as the computer sees it: one owner of the port, shared by all devices on the board.
 
-McuPwm --.                       .--> greeting (mcu_greeting.py)
+McuPwm --.                       .--> handshake (mcu_handshake.py)
 McuPower --> McuBoard --> port --+
                                  '--> telemetry, answers
 """
@@ -15,13 +15,13 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 
-from snr_sim.devices.mcu.mcu_greeting import greet
+from snr_sim.devices.mcu.mcu_handshake import handshake
 from snr_sim.devices.wire.mcu_frames import McuFrames, encode
-from snr_sim.devices.wire.mcu_messages import Answer, Disarm, FromMcu, Ident, Telemetry, ToMcu
+from snr_sim.devices.wire.mcu_messages import CommandAck, Disarm, FromMcu, Ident, Telemetry, ToMcu
 from snr_sim.devices.wire.serial_port import BytePort
 from snr_sim.prelude.errors import DeviceError, SnrError
 
-PATIENCE_S = 4.0  # for the first answer: opening the port resets most boards, whose boot loaders take up to 2 s
+TIMEOUT_S = 4.0  # for the first answer: opening the port resets most boards, whose boot loaders take up to 2 s
 SILENT_S = 0.25  # telemetry comes at least every 50 ms; without it a wire is pulled
 _FIRST_TELEMETRY_S = 0.5
 
@@ -33,7 +33,7 @@ class McuBoard:
         open_port: opens the port.
         now_s: the clock that stamps readings.
         line_s: the clock of the wire; the computer's for a real one.
-        patience_s: how long to wait for the answer to a greeting.
+        timeout_s: how long to wait for the answer to a greeting.
         session: the number of the first greeting; random if not given, because two programs must not use the same.
 
     Attributes:
@@ -48,22 +48,22 @@ class McuBoard:
         open_port: Callable[[], BytePort],
         now_s: Callable[[], float],
         line_s: Callable[[], float] = time.monotonic,
-        patience_s: float = PATIENCE_S,
+        timeout_s: float = TIMEOUT_S,
         session: int | None = None,
     ) -> None:
-        self._open_port, self.now_s, self._line_s, self._patience_s = open_port, now_s, line_s, patience_s
+        self._open_port, self.now_s, self._line_s, self._timeout_s = open_port, now_s, line_s, timeout_s
         self.session = int.from_bytes(os.urandom(2)) % 0xFFFF if session is None else session - 1
         self.ident: Ident | None = None
         self.telemetry: Telemetry | None = None
         self.measured_s: float | None = None
         self.fault = "The microcontroller's port has not been opened."
         self.name = "the microcontroller"
-        self._heard_s = 0.0
+        self._received_s = 0.0
         self._port: BytePort | None = None
         self._frames = McuFrames()
-        self._news: deque[FromMcu] = deque(maxlen=64)
+        self._messages: deque[FromMcu] = deque(maxlen=64)
         self._users: set[int] = set()
-        self._farewell: weakref.finalize[..., McuBoard] | None = None
+        self._finalizer: weakref.finalize[..., McuBoard] | None = None
         self._lock = threading.RLock()
         self._counts = {"crc_errors": 0, "gaps": 0, "frames": 0, "bytes": 0, "reopened": -1}
 
@@ -75,7 +75,7 @@ class McuBoard:
     @property
     def silent_s(self) -> float:
         """Time in seconds since the last received byte."""
-        return self._line_s() - self._heard_s
+        return self._line_s() - self._received_s
 
     def open(self, user: object) -> Ident:
         """Open the port and greet, if not done yet.
@@ -89,16 +89,16 @@ class McuBoard:
         with self._lock:
             self._users.add(id(user))
             if self._port is None or self.ident is None:
-                self._greet()
+                self._handshake()
             assert self.ident is not None
             return self.ident
 
-    def leave(self, user: object) -> None:
+    def release(self, user: object) -> None:
         """Release the board for one device. Safe to call twice."""
         with self._lock:
             self._users.discard(id(user))
             if not self._users:
-                self.lose(f"{self.name} was closed.")
+                self.mark_lost(f"{self.name} was closed.")
 
     def send(self, message: ToMcu) -> None:
         """Send a message.
@@ -107,7 +107,7 @@ class McuBoard:
             DeviceError: the wire is gone.
         """
         with self._lock:
-            self._opened().write(encode(message))
+            self._require_open().write(encode(message))
 
     def poll(self) -> None:
         """Process the bytes that have arrived.
@@ -116,44 +116,44 @@ class McuBoard:
             DeviceError: the wire is gone.
         """
         with self._lock:
-            self._take(self._opened().read())
+            self._take(self._require_open().read())
 
-    def news(self) -> list[FromMcu]:
+    def take_messages(self) -> list[FromMcu]:
         """Return the messages since the last call, for the one device that acts."""
         with self._lock:
-            news = list(self._news)
-            self._news.clear()
-            return news
+            messages = list(self._messages)
+            self._messages.clear()
+            return messages
 
-    def lose(self, why: str) -> None:
+    def mark_lost(self, reason: str) -> None:
         """Close the port. Never raises."""
         with self._lock:
             port, self._port = self._port, None
-            self.fault = why
-            self._news.clear()
-            if self._farewell is not None:
-                self._farewell.detach()
+            self.fault = reason
+            self._messages.clear()
+            if self._finalizer is not None:
+                self._finalizer.detach()
             if port is not None:
                 port.close()
 
     def counts(self) -> dict[str, int]:
         """Return the counters: 'bytes', 'frames', 'crc_errors', 'gaps' at this end, 'reopened', 'silent_ms'.
 
-        'refused_there' are frames that reached the microcontroller damaged.
+        'crc_errors_at_mcu' are frames that reached the microcontroller damaged.
         """
-        there = {} if self.telemetry is None else {"refused_there": self.telemetry.crc_errors}
+        there = {} if self.telemetry is None else {"crc_errors_at_mcu": self.telemetry.crc_errors}
         frames, before = self._frames, self._counts
         return {
             "bytes": before["bytes"],
             "frames": before["frames"] + frames.frames,
-            "crc_errors": before["crc_errors"] + frames.crc_errors + frames.overlong,
+            "crc_errors": before["crc_errors"] + frames.crc_errors + frames.oversized,
             "gaps": before["gaps"] + frames.gaps,
             "reopened": max(0, before["reopened"]),
             "silent_ms": int(self.silent_s * 1e3) if self.is_open else 0,
             **there,
         }
 
-    def _greet(self) -> None:
+    def _handshake(self) -> None:
         port = self._open_port()
         self.name = port.name
         self._counts = {**self.counts(), "reopened": self._counts["reopened"] + 1}
@@ -161,10 +161,10 @@ class McuBoard:
         self.session = self.session % 0xFFFF + 1
         self.telemetry = None
         try:
-            self.ident, after = greet(port, self._frames, self.session, self._patience_s, self._line_s)
+            self.ident, after = handshake(port, self._frames, self.session, self._timeout_s, self._line_s)
             self._port = port
-            self._farewell = weakref.finalize(self, _say_farewell, port, self.session)
-            self._heard_s = self._line_s()
+            self._finalizer = weakref.finalize(self, _send_close, port, self.session)
+            self._received_s = self._line_s()
             for message in after:
                 self._note(message)
             while self.telemetry is None and self.silent_s < _FIRST_TELEMETRY_S:
@@ -172,29 +172,29 @@ class McuBoard:
                 self._take(port.read())
         except BaseException as error:
             self._port = port  # to be closed in the same way
-            self.lose(str(error))
+            self.mark_lost(str(error))
             raise
 
     def _take(self, data: bytes) -> None:
         if data:
             self._counts["bytes"] += len(data)
             for message in self._frames.feed(data):
-                if isinstance(message, Telemetry | Answer):
+                if isinstance(message, Telemetry | CommandAck):
                     self._note(message)
 
     def _note(self, message: FromMcu) -> None:
-        self._heard_s = self._line_s()
-        self._news.append(message)
+        self._received_s = self._line_s()
+        self._messages.append(message)
         if isinstance(message, Telemetry):
             self.telemetry, self.measured_s = message, self.now_s()
 
-    def _opened(self) -> BytePort:
+    def _require_open(self) -> BytePort:
         if self._port is None:
             raise DeviceError(self.fault)
         return self._port
 
 
-def _say_farewell(port: BytePort, session: int) -> None:
+def _send_close(port: BytePort, session: int) -> None:
     """Disarm at exit of a program that did not close or dropped its devices: the lease lasts longer."""
     with suppress(SnrError):
         port.write(encode(Disarm(session)))

@@ -34,7 +34,9 @@ class EngineServos:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.gimbal_rad < math.pi:
-            raise ParameterError(f"A nozzle that turns by {self.gimbal_rad} rad.", fix="more than 0.")
+            raise ParameterError(
+                f"gimbal_rad must be from 0 to pi, not {self.gimbal_rad}.", fix="use the largest angle of the nozzle."
+            )
 
     @property
     def limits(self) -> dict[str, tuple[float, float]]:
@@ -48,8 +50,8 @@ class EngineServos:
         >>> EngineServos(0.1).pulses_us(EngineCommand(throttle=0.5, gimbal_rad=-0.1))
         [1700.0, 1100.0, 1500.0]
         """
-        shares = (command.throttle, command.gimbal_rad / self.gimbal_rad, command.attitude)
-        return [STOP_US + _SPAN_US * share for share in shares]
+        fractions = (command.throttle, command.gimbal_rad / self.gimbal_rad, command.attitude)
+        return [STOP_US + _SPAN_US * fraction for fraction in fractions]
 
     def command(self, pulses_us: list[float]) -> EngineCommand:
         """Return the command that pulses mean to the servos."""
@@ -68,7 +70,7 @@ class EnginePwmLoopFactory(PwmLoopFactory):
         open_device, rate_hz, timeout_s, lease_s: see `PwmLoopFactory`.
     """
 
-    arms_by_itself = True
+    arms_automatically = True
 
     def __init__(
         self,

@@ -15,7 +15,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 
-from snr_sim.devices.pwm.plain_pwm import PwmChip
+from snr_sim.devices.pwm.passive_pwm import PwmChip
 from snr_sim.devices.pwm.pwm_backend import LIMITS_US, STOP_US
 from snr_sim.devices.wire import maestro as wire
 from snr_sim.devices.wire.maestro import MaestroError
@@ -25,7 +25,7 @@ from snr_sim.prelude.errors import DeviceError
 
 PROBE_US = STOP_US + 1.0
 SILENCE_S = LEASE_S + 0.04  # by then a timeout that is set as above has expired
-MOST_ERRORS = 5  # in a row
+MAX_ERRORS = 5  # in a row
 _ALL_ERRORS = sum(MaestroError)  # exact: integers
 
 
@@ -40,7 +40,7 @@ class Maestro(PwmChip):
         sleep: waits during the test of its timeout.
     """
 
-    fails_safe_alone = True
+    has_independent_failsafe = True
 
     def __init__(
         self,
@@ -55,10 +55,10 @@ class Maestro(PwmChip):
         self._open_port, self._now_s, self._sleep, self._has_crc = open_port, now_s, sleep, has_crc
         self._port: BytePort | None = None
         self._counts: Counter[str] = Counter()
-        self._asked_s: list[float] = []  # times of error queries that are not answered yet
-        self._heard = b""
+        self._query_times_s: list[float] = []  # times of error queries that are not answered yet
+        self._received = b""
         self._errors = MaestroError(0)
-        self._in_a_row = 0
+        self._consecutive_errors = 0
         self._sent_s = now_s()
 
     def counts(self) -> dict[str, int]:
@@ -75,18 +75,18 @@ class Maestro(PwmChip):
         self._port = self._open_port()
         self.title = f"The Maestro on {self._port.name}"
         try:
-            self._meet()
-            self._try_timeout()
+            self._identify()
+            self._test_timeout()
         except BaseException:
             self.close()
             raise
-        self._forget()
+        self._reset_errors()
         self._command(self.still_us)
 
     def before_arming(self) -> None:
         """Discard errors from the time in which nothing was sent."""
         self._ask(wire.get_errors(), wire.ERRORS_BYTES, "its errors")
-        self._forget()
+        self._reset_errors()
 
     def send(self, pulses_us: list[float]) -> list[float]:
         """Send targets. If the board went home since the last call, send neutral instead."""
@@ -106,8 +106,8 @@ class Maestro(PwmChip):
         """Send targets and query errors; read the answers to earlier queries."""
         self._command(pulses_us)
         self._write(wire.get_errors())
-        self._asked_s.append(self._now_s())
-        self._hear()
+        self._query_times_s.append(self._now_s())
+        self._receive()
 
     def close(self) -> None:
         """Close the port."""
@@ -115,24 +115,23 @@ class Maestro(PwmChip):
         if port is not None:
             port.close()
 
-    def _meet(self) -> None:
+    def _identify(self) -> None:
         """Check that it answers as a Maestro and has enough channels."""
         self._ask(wire.get_errors(), wire.ERRORS_BYTES, "its errors")
         errors = self._ask(wire.get_errors(), wire.ERRORS_BYTES, "its errors")  # the first answer may report old errors
         if errors & ~_ALL_ERRORS:
             raise DeviceError(
-                f"{self.title} answers 0x{errors:04x} for its errors, which has bits that no Maestro has: "
-                "it is another device.",
-                fix="`snr doctor` lists the ports and what is behind each.",
+                f"{self.title} reports the errors 0x{errors:04x}, with bits that no Maestro has: it is another device.",
+                fix="`snr doctor` lists the ports with their devices.",
             )
         if errors:
             raise DeviceError(
-                f"{self.title} takes this program's commands for wrong. {wire.in_words(errors)}.",
-                fix="has_crc here as 'Enable CRC' in its settings, and nobody else on the port.",
+                f"{self.title} rejects commands: {wire.describe_errors(errors)}.",
+                fix="set has_crc to the same value as 'Enable CRC' in its settings; close other programs on the port.",
             )
         self._ask(wire.get_position(self.channels - 1), wire.POSITION_BYTES, f"channel {self.channels - 1}")
 
-    def _try_timeout(self) -> None:
+    def _test_timeout(self) -> None:
         """Check that all channels go to neutral when commands stop."""
         self._command([PROBE_US] * self.channels)
         for channel in range(self.channels):
@@ -141,37 +140,37 @@ class Maestro(PwmChip):
         errors = self._ask(wire.get_errors(), wire.ERRORS_BYTES, "its errors")
         if not errors & MaestroError.TIMEOUT:
             raise DeviceError(
-                f"{self.title} was sent nothing for {SILENCE_S:.2f} s and did not mind: if this program were killed, "
-                "its motors would run on.",
+                f"{self.title} did not time out after {SILENCE_S:.2f} s without commands: if this program were killed, "
+                "its motors would continue to run.",
                 fix="in Maestro Control Center, Serial Settings: Timeout 0.20 s, Apply Settings. It is off when new.",
             )
         for channel in range(self.channels):
-            self._check_channel(channel, STOP_US, "on an error it goes elsewhere, off, or nowhere ('Ignore')")
+            self._check_channel(channel, STOP_US, "on an error it does not go to 1500 us")
 
-    def _check_channel(self, channel: int, wanted_us: float, otherwise: str) -> None:
+    def _check_channel(self, channel: int, expected_us: float, otherwise: str) -> None:
         made_us = self._ask(wire.get_position(channel), wire.POSITION_BYTES, f"channel {channel}") / 4.0
-        if made_us != wanted_us:
+        if made_us != expected_us:
             raise DeviceError(
-                f"{self.title}: channel {channel} makes {made_us:g} us, not {wanted_us:g}: {otherwise}.",
+                f"{self.title}: channel {channel} makes {made_us:g} us, not {expected_us:g}: {otherwise}.",
                 fix="in Maestro Control Center, Channel Settings: mode Servo, speed and acceleration 0, "
                 "On startup or error: Go to 1500.",
             )
 
     def _ask(self, question: bytes, length: int, about: str) -> int:
-        port = self._opened()
-        answer = ask(port, self._framed(question), length, ANSWER_S)
+        port = self._require_open()
+        answer = ask(port, self._encode(question), length, ANSWER_S)
         self._sent_s = self._now_s()
         if not answer:
             raise DeviceError(
                 f"{self.title} does not answer when asked for {about}: 0 bytes in {ANSWER_S:g} s.",
-                fix="its other port (the command port is the first of two), serial mode 'USB Dual Port', power, "
-                "'Enable CRC' as here; and does it have so many channels?",
+                fix="check its port (the command port is the first of two), serial mode 'USB Dual Port', power, "
+                "'Enable CRC' and its number of channels.",
             )
         if len(answer) != length:
             raise DeviceError(
                 f"{self.title} answers {len(answer)} bytes when asked for {about}, a Maestro {length}: "
                 f"{answer[:16].hex(' ')}.",
-                fix="another device is on this port, or another program uses it, too: `snr doctor`.",
+                fix="`snr doctor` shows whether another device or program is on this port.",
             )
         return wire.number_of(answer)
 
@@ -179,46 +178,44 @@ class Maestro(PwmChip):
         self._write(*wire.set_targets(pulses_us))
 
     def _write(self, *commands: bytes) -> None:
-        self._opened().write(b"".join(map(self._framed, commands)))
+        self._require_open().write(b"".join(map(self._encode, commands)))
         self._sent_s = self._now_s()
 
-    def _framed(self, command: bytes) -> bytes:
+    def _encode(self, command: bytes) -> bytes:
         return wire.with_crc(command) if self._has_crc else command
 
-    def _hear(self) -> None:
+    def _receive(self) -> None:
         """Read the answers to error queries without waiting."""
-        self._heard += self._opened().read()
+        self._received += self._require_open().read()
         self._errors = MaestroError(0)
-        while len(self._heard) >= wire.ERRORS_BYTES:
-            number = wire.number_of(self._heard)
-            self._heard = self._heard[wire.ERRORS_BYTES :]
-            if not self._asked_s or number & ~_ALL_ERRORS:
+        while len(self._received) >= wire.ERRORS_BYTES:
+            number = wire.number_of(self._received)
+            self._received = self._received[wire.ERRORS_BYTES :]
+            if not self._query_times_s or number & ~_ALL_ERRORS:
                 raise DeviceError(
-                    f"{self.title} sends what nobody asked for.", fix="does another program use this port, too?"
+                    f"{self.title} sends bytes that were not requested.", fix="close other programs that use this port."
                 )
-            self._asked_s.pop(0)
+            self._query_times_s.pop(0)
             self._take(MaestroError(number))
-        if self._asked_s and self._now_s() > self._asked_s[0] + ANSWER_S:
-            raise DeviceError(
-                f"{self.title} has not answered for {ANSWER_S:g} s.", fix="is the cable in, and does it have power?"
-            )
+        if self._query_times_s and self._now_s() > self._query_times_s[0] + ANSWER_S:
+            raise DeviceError(f"{self.title} has not answered for {ANSWER_S:g} s.", fix="check its cable and power.")
 
     def _take(self, errors: MaestroError) -> None:
         self._errors |= errors
         self._counts.update(bit.name.lower() for bit in MaestroError if bit & errors and bit.name)
-        self._in_a_row = self._in_a_row + 1 if errors & ~MaestroError.TIMEOUT else 0
-        if self._in_a_row >= MOST_ERRORS:
+        self._consecutive_errors = self._consecutive_errors + 1 if errors & ~MaestroError.TIMEOUT else 0
+        if self._consecutive_errors >= MAX_ERRORS:
             raise DeviceError(
-                f"{self.title} takes command after command for wrong. {wire.in_words(errors)}.",
-                fix="a shorter cable, and nobody else on the port.",
+                f"{self.title} rejected {self._consecutive_errors} commands in a row: {wire.describe_errors(errors)}.",
+                fix="use a shorter cable, and close other programs that use the port.",
             )
 
-    def _forget(self) -> None:
+    def _reset_errors(self) -> None:
         self._sent_s = self._now_s()
-        self._asked_s, self._heard = [], b""
-        self._errors, self._in_a_row = MaestroError(0), 0
+        self._query_times_s, self._received = [], b""
+        self._errors, self._consecutive_errors = MaestroError(0), 0
 
-    def _opened(self) -> BytePort:
+    def _require_open(self) -> BytePort:
         if self._port is None:
-            raise DeviceError(f"{self.title} is not open.", fix="configure() it first.")
+            raise DeviceError(f"{self.title} is not open.", fix="call configure() first.")
         return self._port

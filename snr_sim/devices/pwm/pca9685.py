@@ -13,15 +13,15 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from snr_sim.devices.pwm.plain_pwm import PwmChip
+from snr_sim.devices.pwm.passive_pwm import PwmChip
 from snr_sim.devices.pwm.pwm_backend import LIMITS_US, STOP_US
-from snr_sim.devices.wire.i2c_bus import MOST_BYTES, I2cBus
+from snr_sim.devices.wire.i2c_bus import MAX_BYTES, I2cBus
 from snr_sim.prelude.errors import DeviceError, ParameterError
 
 COUNTS = 4096
 OSCILLATOR_HZ = 25_000_000.0
 RATE_HZ = 50.0
-MOST_CHANNELS = 16
+MAX_CHANNELS = 16
 WAKE_S = 0.0005  # until its oscillator runs
 
 MODE1, MODE2, LED0, ALL_LED_OFF_H, PRE_SCALE = 0x00, 0x01, 0x06, 0xFD, 0xFE
@@ -29,7 +29,7 @@ EXTCLK, AUTO_INCREMENT, SLEEP = 0x40, 0x20, 0x10  # in MODE1
 TOTEM_POLE = 0x04  # in MODE2; all channels change together, at the end of a transfer
 FULL_OFF = 0x10  # in the high byte of an OFF count
 _BYTES_PER_CHANNEL = 4
-_BLOCK = MOST_BYTES // _BYTES_PER_CHANNEL  # channels
+_BLOCK = MAX_BYTES // _BYTES_PER_CHANNEL  # channels
 
 
 class Pca9685(PwmChip):
@@ -57,16 +57,16 @@ class Pca9685(PwmChip):
         has_external_clock: bool = False,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        if not 1 <= channels <= MOST_CHANNELS:
-            raise ParameterError(f"A PCA9685 with {channels} channels.", fix=f"1 to {MOST_CHANNELS}.")
+        if not 1 <= channels <= MAX_CHANNELS:
+            raise ParameterError(f"A PCA9685 cannot have {channels} channels.", fix=f"use 1 to {MAX_CHANNELS}.")
         self.prescale = round(oscillator_hz / (COUNTS * RATE_HZ)) - 1
         if not 3 <= self.prescale <= 255:
             raise ParameterError(
-                f"A clock of {oscillator_hz:g} Hz gives a PCA9685 no {RATE_HZ:g} Hz.", fix="0.8 to 52 MHz."
+                f"A PCA9685 cannot make {RATE_HZ:g} Hz from a clock of {oscillator_hz:g} Hz.", fix="use 0.8 to 52 MHz."
             )
         self.count_us = (self.prescale + 1) / oscillator_hz * 1e6
         super().__init__(f"The PCA9685 at 0x{address:02x}", channels, limits_us, self.count_us)
-        self.still_us = self._made([self.count_of(STOP_US)] * channels)
+        self.still_us = self._pulses_of([self.count_of(STOP_US)] * channels)
         self._address, self._open_bus, self._sleep = address, open_bus, sleep
         self._mode = AUTO_INCREMENT | (EXTCLK if has_external_clock else 0)
         self._bus: I2cBus | None = None
@@ -95,12 +95,12 @@ class Pca9685(PwmChip):
         self._write(MODE2, TOTEM_POLE)
         self._write(MODE1, self._mode)
         self._sleep(WAKE_S)
-        for register, name, wanted in (
+        for register, name, expected in (
             (MODE1, "MODE1", self._mode),
             (MODE2, "MODE2", TOTEM_POLE),
             (PRE_SCALE, "PRE_SCALE", self.prescale),
         ):
-            self._check(register, name, wanted)
+            self._check(register, name, expected)
         self.send(self.still_us)
 
     def send(self, pulses_us: list[float]) -> list[float]:
@@ -111,14 +111,14 @@ class Pca9685(PwmChip):
                 LED0 + _BYTES_PER_CHANNEL * first,
                 *(byte for count in counts[first : first + _BLOCK] for byte in (0, 0, count & 0xFF, count >> 8)),
             )
-        mode = self._opened().read(self._address, MODE1, 1)[0]
+        mode = self._require_open().read(self._address, MODE1, 1)[0]
         if mode != self._mode:
             raise DeviceError(
-                f"{self.title} on {self._opened().name} shows 0x{mode:02x} in MODE1, not 0x{self._mode:02x}: "
+                f"{self.title} on {self._require_open().name} shows 0x{mode:02x} in MODE1, not 0x{self._mode:02x}: "
                 "it was reset, so it makes no pulses.",
-                fix="its power: a brown-out? Or a second program that sets it up.",
+                fix="check its power for brown-outs, and that no other program uses it.",
             )
-        return self._made(counts)
+        return self._pulses_of(counts)
 
     def close(self) -> None:
         """Close the bus; the pulses continue at neutral."""
@@ -126,29 +126,29 @@ class Pca9685(PwmChip):
         if bus is not None:
             bus.close()
 
-    def _made(self, counts: list[int]) -> list[float]:
+    def _pulses_of(self, counts: list[int]) -> list[float]:
         return [count * self.count_us for count in counts]
 
     def _write(self, register: int, *data: int) -> None:
-        self._opened().write(self._address, register, bytes(data))
+        self._require_open().write(self._address, register, bytes(data))
 
-    def _check(self, register: int, name: str, wanted: int) -> None:
-        bus = self._opened()
+    def _check(self, register: int, name: str, expected: int) -> None:
+        bus = self._require_open()
         found = bus.read(self._address, register, 1)[0]
-        if found == wanted:
+        if found == expected:
             return
-        if register == MODE1 and found == wanted | EXTCLK:
+        if register == MODE1 and found == expected | EXTCLK:
             raise DeviceError(
-                f"{self.title} on {bus.name} still goes by a clock at its EXTCLK pin.",
-                fix="power off and on: nothing else brings it back to its own.",
+                f"{self.title} on {bus.name} still uses the clock at its EXTCLK pin.",
+                fix="switch its power off and on: only that restores its internal clock.",
             )
         raise DeviceError(
-            f"What answers at 0x{self._address:02x} on {bus.name} is no PCA9685: {name} was written "
-            f"0x{wanted:02x} and shows 0x{found:02x}.",
+            f"The device at 0x{self._address:02x} on {bus.name} is not a PCA9685: {name} was written "
+            f"0x{expected:02x} and reads 0x{found:02x}.",
             fix="another part has this address, too (an INA219 is at 0x40 as well): close a solder bridge of one.",
         )
 
-    def _opened(self) -> I2cBus:
+    def _require_open(self) -> I2cBus:
         if self._bus is None:
-            raise DeviceError(f"{self.title} is not open.", fix="configure() it first.")
+            raise DeviceError(f"{self.title} is not open.", fix="call configure() first.")
         return self._bus

@@ -25,13 +25,13 @@ class PwmBackend(LifeCycle):
         resolution_us: step of the pulses; 0 if they are exact.
 
     Attributes:
-        asks_neutral: whether the newest command was complete, fresh and neutral: arming requires such a command.
+        is_neutral_requested: whether the newest command was complete, fresh and neutral: arming requires one.
         is_stopped: an emergency stop is set.
-        let_go_for: reasons that stay in each answer until the outputs are armed again: RESET, STOPPED.
+        disarm_reasons: reasons that stay in each answer until the outputs are armed again: RESET, STOPPED.
         follower: called with the applied pulses whenever they may have changed.
     """
 
-    fails_safe_alone = False
+    has_independent_failsafe = False
     follower: Callable[[list[float]], object] | None = None
 
     def __init__(
@@ -47,50 +47,52 @@ class PwmBackend(LifeCycle):
         self.resolution_us = resolution_us
         self.still_us = [STOP_US] * channels
         self.applied = AppliedPulses(self.still_us, 0.0, [NOT_ACTIVE])
-        self.asks_neutral = False
+        self.is_neutral_requested = False
         self.is_stopped = False
-        self.let_go_for: list[str] = []
+        self.disarm_reasons: list[str] = []
 
     def __del__(self) -> None:
         """Go to neutral when the last reference is dropped: no code is left that could."""
-        if self.state in self._holding:
+        if self.state in self._open_states:
             self.close()
 
     def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
         """Request pulses; return the applied ones. Never raises."""
-        self.applied = self._applied(pulses_us, stamp_s, lease_s)
-        self._lead(self.applied.pulses_us)
+        self.applied = self._apply(pulses_us, stamp_s, lease_s)
+        self._notify_follower(self.applied.pulses_us)
         return self.applied
 
-    def _applied(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float) -> AppliedPulses:
-        why: list[str] = [STOPPED] if self.is_stopped else []
-        wanted = self._pulses_of(pulses_us, why)
-        left_s = self._left_of(stamp_s, lease_s)
+    def _apply(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float) -> AppliedPulses:
+        reasons: list[str] = [STOPPED] if self.is_stopped else []
+        target_us = self._pulses_of(pulses_us, reasons)
+        left_s = self._remaining_lease_s(stamp_s, lease_s)
         if left_s <= 0.0:
-            wanted, stamp_s = self.still_us, self._time_of(stamp_s)
-            why.append(TOO_OLD)
-        self.asks_neutral = not why and all(abs(one - STOP_US) <= self.resolution_us / 2 for one in wanted)
-        why += [word for word in self.let_go_for if word not in why]
+            target_us, stamp_s = self.still_us, self._command_time_s(stamp_s)
+            reasons.append(TOO_OLD)
+        self.is_neutral_requested = not reasons and all(
+            abs(one - STOP_US) <= self.resolution_us / 2 for one in target_us
+        )
+        reasons += [word for word in self.disarm_reasons if word not in reasons]
         if self.state == "activating":
-            wanted = self.still_us
+            target_us = self.still_us
         if self.state not in ("activating", "active"):
-            why.append(LOST if self.state == "error" else NOT_ACTIVE)
-            return AppliedPulses(self.still_us, stamp_s, why)
+            reasons.append(LOST if self.state == "error" else NOT_ACTIVE)
+            return AppliedPulses(self.still_us, stamp_s, reasons)
         try:
-            made = self.put(wanted, stamp_s, left_s, why)
+            made = self.put(target_us, stamp_s, left_s, reasons)
         except DeviceError as error:
             self.fail(str(error))
             made = self.still_us
-            why += [LOST, *(word for word in self.let_go_for if word not in why)]
+            reasons += [LOST, *(word for word in self.disarm_reasons if word not in reasons)]
         if self.state == "activating":
-            why.append(NOT_ACTIVE)
-        return AppliedPulses(made, stamp_s, why)
+            reasons.append(NOT_ACTIVE)
+        return AppliedPulses(made, stamp_s, reasons)
 
-    def _lead(self, pulses_us: list[float]) -> None:
+    def _notify_follower(self, pulses_us: list[float]) -> None:
         if self.follower is not None:
             self.follower(pulses_us)
 
-    def _left_of(self, stamp_s: float, lease_s: float) -> float:
+    def _remaining_lease_s(self, stamp_s: float, lease_s: float) -> float:
         """Return the remaining time of a lease; 0 if it has expired, or its stamp is in the future or not a time."""
         try:
             now_s = self.now_s()
@@ -100,7 +102,7 @@ class PwmBackend(LifeCycle):
             return 0.0
         return min(left_s, lease_s) if 0.0 < left_s <= lease_s + FUTURE_S else 0.0
 
-    def _time_of(self, stamp_s: float) -> float:
+    def _command_time_s(self, stamp_s: float) -> float:
         """Return when a command was computed; the current time if its stamp is not a time or in the future."""
         now_s = self.now_s()
         return float(stamp_s) if isinstance(stamp_s, (int, float)) and -math.inf < stamp_s <= now_s else now_s
@@ -108,7 +110,7 @@ class PwmBackend(LifeCycle):
     def deactivate(self, reason: str) -> None:
         """Go to neutral, and update the follower. Never raises."""
         super().deactivate(reason)
-        self._lead([STOP_US] * self.channels)
+        self._notify_follower([STOP_US] * self.channels)
 
     def stop(self) -> None:
         """Emergency stop: neutral, and arming is refused until `clear_stop`. Never raises."""
@@ -143,53 +145,55 @@ class PwmBackend(LifeCycle):
     def on_clear_stop(self) -> None:
         """Clear it there."""
 
-    def _pulses_of(self, pulses_us: Sequence[float], why: list[str]) -> list[float]:
+    def _pulses_of(self, pulses_us: Sequence[float], reasons: list[str]) -> list[float]:
         """Return the pulses to send; neutral if they are not valid."""
         low, high = self.limits_us
         try:
             if isinstance(pulses_us, (str, bytes, Mapping, Set)):  # these have no order of channels
-                why.append(NO_PULSE)
+                reasons.append(NO_PULSE)
                 return self.still_us
             if len(pulses_us) != self.channels:
-                why.append(WRONG_COUNT)
+                reasons.append(WRONG_COUNT)
                 return self.still_us
             pulses = [float(one) for one in pulses_us if not isinstance(one, (str, bytes, bool))]
         except (TypeError, ValueError, OverflowError):
             pulses = []
         if len(pulses) != self.channels or not all(map(math.isfinite, pulses)):
-            why.append(NO_PULSE)
+            reasons.append(NO_PULSE)
             return self.still_us
         clamped = [low if one < low else high if one > high else one for one in pulses]
         if clamped != pulses:
-            why.append(CLAMPED)
+            reasons.append(CLAMPED)
         step = self.resolution_us
         return [min(high, max(low, round(one / step) * step)) for one in clamped] if step else clamped
 
-    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
+    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, reasons: list[str]) -> list[float]:
         """Send pulses, which are inside all limits, and return the applied ones as far as is known here.
 
         Args:
             pulses_us: one for each channel.
             stamp_s: of the command.
             lease_s: remaining time of its lease.
-            why: append a reason for each difference to the command.
+            reasons: append a reason for each difference to the command.
 
         Raises:
             DeviceError: the wire is gone.
         """
-        raise NotImplementedError(f"{type(self).__name__} needs a method put(self, pulses_us, stamp_s, lease_s, why)")
+        raise NotImplementedError(
+            f"{type(self).__name__} needs a method put(self, pulses_us, stamp_s, lease_s, reasons)"
+        )
 
 
-class PlainlyArmed(PwmBackend):
+class ImmediateArming(PwmBackend):
     """Outputs that are armed by the first neutral command."""
 
     def on_activate(self) -> None:
         """Wait for a neutral command."""
-        self.state, self.why = "activating", "armed by a command for neutral"
+        self.state, self.reason = "activating", "armed by a command for neutral"
 
     def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
         """Request pulses; the first neutral command arms."""
         applied = super().write_us(pulses_us, stamp_s, lease_s)
-        if self.state == "activating" and self.asks_neutral:
-            self.state, self.why = "active", ""
+        if self.state == "activating" and self.is_neutral_requested:
+            self.state, self.reason = "active", ""
         return applied

@@ -21,7 +21,7 @@ import msgspec
 
 from snr_sim.devices.command_input import CommandInput
 from snr_sim.devices.commands import check_finite, command_of
-from snr_sim.devices.loops import ActuatorLoopFactory, CommandLoop, configured
+from snr_sim.devices.loops import ActuatorLoopFactory, CommandLoop, configure_device
 from snr_sim.devices.pwm.pwm_backend import STOP_US
 from snr_sim.prelude.device import LEASE_S, Health, PwmOut
 from snr_sim.prelude.errors import CommandError, DeviceError
@@ -32,9 +32,9 @@ from snr_sim.prelude.signals import CLAMPED, AppliedPulses, PwmCommand
 TIMEOUT_S = 0.75 * LEASE_S  # neutral is sent before a lease expires if the robot is late
 SILENT_S = 1.0  # a robot that is late for so long has failed: outputs are disarmed
 REARM_AFTER_S = 0.5  # of commands that are all neutral
-RETRY_EVERY_S = 1.0
+RETRY_PERIOD_S = 1.0
 ARMED = ("active", "activating")
-TOLD_EVERY_S = 0.5
+REPORT_PERIOD_S = 0.5
 HOW_TO_ARM = f"Neutral until the robot disarms and arms, or has commanded neutral for {REARM_AFTER_S:g} s."
 
 
@@ -50,7 +50,7 @@ class PwmLoopFactory(ActuatorLoopFactory):
         lease_s: how long outputs with their own lease follow a command.
     """
 
-    arms_by_itself = False  # for a robot without an operator
+    arms_automatically = False  # for a robot without an operator
 
     def __init__(
         self,
@@ -95,15 +95,15 @@ class PwmLoop(CommandLoop):
 
     def setup(self) -> None:
         """Open the outputs: neutral and disarmed."""
-        self.device = self.out = configured(self.factory.open_device(), f"the outputs '{self.factory.key}'")
+        self.device = self.out = configure_device(self.factory.open_device(), f"the outputs '{self.factory.key}'")
         self._state = ""
-        self._why: list[str] = []
-        self._refused = ""
-        self._told_s = self._tried_s = -math.inf
+        self._reasons: list[str] = []
+        self._rejected = ""
+        self._reported_s = self._tried_s = -math.inf
         self._neutral_since_s: float | None = None
         self._was_armed: bool | None = None  # as in the robot's commands; None: not sent yet
-        self._is_arming = self.factory.arms_by_itself  # neutral is sent until outputs are armed
-        self._was_lost = self._is_stopped = self._is_told = False
+        self._is_arming = self.factory.arms_automatically  # neutral is sent until outputs are armed
+        self._was_lost = self._is_stopped = self._is_fault_reported = False
 
     def loop(self) -> None:
         """Write the newest command with its age; neutral if it is too old."""
@@ -115,7 +115,7 @@ class PwmLoop(CommandLoop):
         if command is not None and age <= self.factory.timeout_s:
             if command.is_on and command.is_armed and not command.is_stop:
                 pulses_us, stamp_s = command.pulses_us or still_us, now_s - age
-            self._hear(now_s, command, pulses_us)
+            self._apply_arming(now_s, command, pulses_us)
         else:
             self._neutral_since_s = None
             if page is not None and age > SILENT_S and self.out.health().state in ARMED:
@@ -124,13 +124,13 @@ class PwmLoop(CommandLoop):
         if self._is_arming:
             pulses_us = still_us
         applied = self.out.write_us(pulses_us, stamp_s, self.factory.lease_s)
-        if CLAMPED in applied.why:
+        if CLAMPED in applied.reason:
             low, high = self.out.limits_us
             clamped = [min(high, max(low, pulse)) for pulse in pulses_us]  # applied pulses may arrive later
             self.commands.note_clamped(PwmCommand(list(pulses_us)), PwmCommand(clamped), {"pulses_us": (low, high)})
-        self._tell(now_s, applied)
+        self._report(now_s, applied)
 
-    def _hear(self, now_s: float, command: PwmCommand, pulses_us: list[float]) -> None:
+    def _apply_arming(self, now_s: float, command: PwmCommand, pulses_us: list[float]) -> None:
         """Process the stop and arming fields of a fresh command."""
         if command.is_stop != self._is_stopped:
             self._is_stopped = command.is_stop
@@ -138,15 +138,15 @@ class PwmLoop(CommandLoop):
                 self.out.stop()
             else:
                 self.out.clear_stop()
-        says = command.is_armed and not command.is_stop
-        if says and self._was_armed is False:
+        is_armed = command.is_armed and not command.is_stop
+        if is_armed and self._was_armed is False:
             self._is_arming, self._was_lost = True, False
-        elif not says:
+        elif not is_armed:
             self._is_arming = self._was_lost = False
             if self.out.health().state in ARMED:
                 self.out.deactivate("disarmed by the robot")
-        self._was_armed = says
-        if not says or any(pulse != STOP_US for pulse in pulses_us):
+        self._was_armed = is_armed
+        if not is_armed or any(pulse != STOP_US for pulse in pulses_us):
             self._neutral_since_s = None
         elif self._neutral_since_s is None:
             self._neutral_since_s = now_s
@@ -163,7 +163,7 @@ class PwmLoop(CommandLoop):
         is_neutral = self._neutral_since_s is not None and now_s >= self._neutral_since_s + needed_s
         may_arm = (self._is_arming or is_neutral) and not self._is_stopped
         if state == "error":
-            if now_s < self._tried_s + RETRY_EVERY_S:
+            if now_s < self._tried_s + RETRY_PERIOD_S:
                 return
             self._tried_s = now_s
         elif not may_arm:
@@ -183,37 +183,37 @@ class PwmLoop(CommandLoop):
         try:
             return self.factory.read_command(page.data, self.out, self.commands)
         except CommandError as error:
-            blamed = self.commands.blamed(page, error)
+            error_with_source = self.commands.error_with_source(page, error)
             if self.parent.is_in_lock_step:
                 self.out.deactivate(error.message)
-                raise blamed from error
-            if self._refused != error.message:
-                self._refused = error.message
-                self.parent.note(f"{blamed}\n  All outputs are neutral meanwhile.")
+                raise error_with_source from error
+            if self._rejected != error.message:
+                self._rejected = error.message
+                self.parent.add_note(f"{error_with_source}\n  All outputs are neutral meanwhile.")
             return None
 
-    def _tell(self, now_s: float, applied: AppliedPulses) -> None:
+    def _report(self, now_s: float, applied: AppliedPulses) -> None:
         """Report the effect of the commands: periodically, and at once when it changes."""
         health = self.out.health()
         if health.state != self._state:
             if self._state:
                 self._note_change(now_s, health)
             self._state = health.state
-        elif applied.why == self._why and now_s < self._told_s + TOLD_EVERY_S - 1e-9:
+        elif applied.reason == self._reasons and now_s < self._reported_s + REPORT_PERIOD_S - 1e-9:
             return
-        self._told_s, self._why = now_s, applied.why
-        data = {**msgspec.to_builtins(applied), "state": health.state, "fault": health.why}
+        self._reported_s, self._reasons = now_s, applied.reason
+        data = {**msgspec.to_builtins(applied), "state": health.state, "fault": health.reason}
         self.store_data(f"{self.factory.key}_applied", data, process=False)
 
     def _note_change(self, now_s: float, health: Health) -> None:
         """Log that outputs were lost or disarmed themselves, and what arms them again; and that they are back."""
         state, before = health.state, self._state
         is_lost = state not in ARMED and (state == "error" or (before in ARMED and self._was_armed is not False))
-        is_back = self._is_told and (state == "active" or before == "error")
+        is_back = self._is_fault_reported and (state == "active" or before == "error")
         if not (is_lost or is_back):
             return
-        self._is_told = state != "active"
-        what = f"{state}.{f' {health.why}' if health.why else ''}"
+        self._is_fault_reported = state != "active"
+        what = f"{state}.{f' {health.reason}' if health.reason else ''}"
         if state == "inactive":
             what = f"{'found again, and ' if is_back else ''}{what}\n  {HOW_TO_ARM}"
-        self.parent.note(f"Outputs of '{self.factory.key}', t = {now_s:.2f} s: {what}")
+        self.parent.add_note(f"Outputs of '{self.factory.key}', t = {now_s:.2f} s: {what}")

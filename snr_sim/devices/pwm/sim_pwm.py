@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from snr_sim.devices.pwm.pwm_backend import LIMITS_US, PlainlyArmed, PwmBackend
+from snr_sim.devices.pwm.pwm_backend import LIMITS_US, ImmediateArming, PwmBackend
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import PwmCommand
 
 
-class SimPwm(PlainlyArmed):
+class SimPwm(ImmediateArming):
     """Drives an input of a plant that accepts `PwmCommand`s. Its pulses are exact.
 
     Args:
@@ -20,7 +20,7 @@ class SimPwm(PlainlyArmed):
         input_name: name of the plant's input.
     """
 
-    fails_safe_alone = True
+    has_independent_failsafe = True
 
     def __init__(
         self,
@@ -34,7 +34,7 @@ class SimPwm(PlainlyArmed):
         self.title = f"The simulated output '{input_name}'"
         self._plant, self._input = plant, input_name
 
-    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
+    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, reasons: list[str]) -> list[float]:
         """Write the pulses to the plant, valid until the lease expires."""
         self._plant.write(self._input, PwmCommand(pulses_us, until_s=self._plant.time_s + lease_s))
         return pulses_us

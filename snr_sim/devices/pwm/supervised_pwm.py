@@ -8,10 +8,20 @@ from contextlib import suppress
 from functools import partial
 from typing import Any
 
-from snr_sim.devices.pwm.plain_pwm import PlainPwm
+from snr_sim.devices.pwm.passive_pwm import PassivePwm
 from snr_sim.devices.pwm.pwm_backend import PwmBackend
 from snr_sim.devices.wire.child_port import ChildPort
-from snr_sim.devices.wire.lease_messages import Answer, Arm, Close, Disarm, Lease, Message, Open, encode, receive
+from snr_sim.devices.wire.lease_messages import (
+    ArmOutputs,
+    CloseOutputs,
+    DisarmOutputs,
+    Lease,
+    LeaseStatus,
+    Message,
+    OpenOutputs,
+    encode,
+    receive,
+)
 from snr_sim.prelude.device import LEASE_S
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import NOT_ACTIVE, SLEWING
@@ -34,11 +44,11 @@ class SupervisedPwm(PwmBackend):
         monotonic_s: the clock that all processes of this computer share.
     """
 
-    fails_safe_alone = True
+    has_independent_failsafe = True
 
     def __init__(
         self,
-        like: PlainPwm,
+        like: PassivePwm,
         now_s: Callable[[], float],
         opener: str,
         args: Sequence[Any],
@@ -53,14 +63,14 @@ class SupervisedPwm(PwmBackend):
         self._line: ChildPort[Message] | None = None
         self._has_held = False
         self._seq = 0
-        self._asked: list[float] = []
-        self._asked_of: dict[int, list[float]] = {}
-        self._answer = Answer(0, "unconfigured", "", [], [], {})
-        self._heard_s = 0.0
+        self._requested_us: list[float] = []
+        self._requested_by_seq: dict[int, list[float]] = {}
+        self._status = LeaseStatus(0, "unconfigured", "", [], [], {})
+        self._received_s = 0.0
 
     def counts(self) -> dict[str, int]:
         """Return the counters of the outputs."""
-        return self._answer.counts
+        return self._status.counts
 
     def on_configure(self) -> None:
         """Start a supervisor, which opens the outputs.
@@ -68,101 +78,103 @@ class SupervisedPwm(PwmBackend):
         Raises:
             DeviceError: the supervisor's error, or that it died.
         """
-        self._let_go()
+        self._end_supervisor()
         self._line = self._open_line()
-        self._asked_of.clear()
+        self._requested_by_seq.clear()
         try:
-            self._order(Open(self._opener, [*self._args, self._has_held]), OPEN_S)
+            self._order(OpenOutputs(self._opener, [*self._args, self._has_held]), OPEN_S)
         except BaseException:
-            self._let_go()
+            self._end_supervisor()
             raise
         self._has_held = True
 
     def on_activate(self) -> None:
         """Order the supervisor to arm."""
-        self._order(Arm(), ANSWER_S)
-        self.state, self.why = self._answer.state, self._answer.why
-        self._heard_s = self._monotonic_s()
+        self._order(ArmOutputs(), ANSWER_S)
+        self.state, self.reason = self._status.state, self._status.reason
+        self._received_s = self._monotonic_s()
 
     def on_deactivate(self, reason: str) -> None:
         """Order the supervisor to go to neutral."""
         if self._line is not None:
-            self._order(Disarm(reason), ANSWER_S)
+            self._order(DisarmOutputs(reason), ANSWER_S)
 
     def on_close(self) -> None:
         """Order the supervisor to release the outputs and end."""
-        self._let_go()
+        self._end_supervisor()
 
-    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
+    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, reasons: list[str]) -> list[float]:
         """Send a lease; return the pulses of the newest answer, which may belong to the lease before."""
-        self._hear()
+        self._receive()
         now_s = self._monotonic_s()
-        if self._asked_of and now_s > self._heard_s + ANSWER_S:
+        if self._requested_by_seq and now_s > self._received_s + ANSWER_S:
             raise DeviceError(
-                f"{self.title} has not answered for {ANSWER_S:g} s.", fix="is the computer overloaded? `top`."
+                f"{self.title} has not answered for {ANSWER_S:g} s.",
+                fix="check with `top` whether the computer is overloaded.",
             )
         self._seq += 1
         # An old command has expired to neutral, and no newer state is possible.
         age_s = self.now_s() - stamp_s if lease_s > 0.0 else 0.0
         self._send(Lease(self._seq, pulses_us, now_s - age_s, age_s + lease_s if lease_s > 0.0 else LEASE_S))
-        self._asked_of[self._seq] = pulses_us
-        self._hear()
-        answer = self._answer
-        if answer.state == "error":
-            raise DeviceError(answer.why, fix=answer.fix)
-        if answer.state == "inactive":
-            self.state, self.why = answer.state, answer.why
-            why.append(NOT_ACTIVE)
+        self._requested_by_seq[self._seq] = pulses_us
+        self._receive()
+        status = self._status
+        if status.state == "error":
+            raise DeviceError(status.reason, fix=status.fix)
+        if status.state == "inactive":
+            self.state, self.reason = status.state, status.reason
+            reasons.append(NOT_ACTIVE)
             return self.still_us
-        if self.state == "activating" and answer.state == "active" and self.asks_neutral:
-            self.state, self.why = "active", ""
-        if self._asked != pulses_us:
-            why.append(SLEWING)
-        why += [reason for reason in answer.reasons if reason not in why and reason != NOT_ACTIVE]
-        return answer.pulses_us or self.still_us
+        if self.state == "activating" and status.state == "active" and self.is_neutral_requested:
+            self.state, self.reason = "active", ""
+        if self._requested_us != pulses_us:
+            reasons.append(SLEWING)
+        reasons += [one for one in status.reasons if one not in reasons and one != NOT_ACTIVE]
+        return status.pulses_us or self.still_us
 
     def _order(self, order: Message, timeout_s: float) -> None:
         """Send an order and wait for its result."""
-        line = self._opened()
-        self._hear()
-        before = len(self._asked_of)
+        line = self._require_open()
+        self._receive()
+        before = len(self._requested_by_seq)
         self._send(order)
         until_s = time.monotonic() + timeout_s
         answers = before + 1
         while answers and line.wait(max(0.0, until_s - time.monotonic())):
-            answers -= self._hear()
+            answers -= self._receive()
         if answers > 0:
             raise DeviceError(
-                f"{self.title} has not answered for {timeout_s:g} s.", fix="is the computer overloaded? `top`."
+                f"{self.title} has not answered for {timeout_s:g} s.",
+                fix="check with `top` whether the computer is overloaded.",
             )
-        if self._answer.state == "error":
-            raise DeviceError(self._answer.why, fix=self._answer.fix)
+        if self._status.state == "error":
+            raise DeviceError(self._status.reason, fix=self._status.fix)
 
     def _send(self, message: Message) -> None:
-        self._opened().write(encode(message))
+        self._require_open().write(encode(message))
 
-    def _hear(self) -> int:
+    def _receive(self) -> int:
         """Read the answers that have arrived; return their number."""
-        heard = 0
-        for message in self._opened().read():
-            if isinstance(message, Answer):
-                heard += 1
-                self._answer = message
-                self._heard_s = self._monotonic_s()
-                self._asked = self._asked_of.get(message.seq, self._asked)
-                for seq in [seq for seq in self._asked_of if seq <= message.seq]:
-                    del self._asked_of[seq]
-        return heard
+        count = 0
+        for message in self._require_open().read():
+            if isinstance(message, LeaseStatus):
+                count += 1
+                self._status = message
+                self._received_s = self._monotonic_s()
+                self._requested_us = self._requested_by_seq.get(message.seq, self._requested_us)
+                for seq in [seq for seq in self._requested_by_seq if seq <= message.seq]:
+                    del self._requested_by_seq[seq]
+        return count
 
-    def _let_go(self) -> None:
+    def _end_supervisor(self) -> None:
         line, self._line = self._line, None
         if line is None:
             return
         with suppress(DeviceError):  # a supervisor that has died
-            line.write(encode(Close()))
+            line.write(encode(CloseOutputs()))
         line.close()
 
-    def _opened(self) -> ChildPort[Message]:
+    def _require_open(self) -> ChildPort[Message]:
         if self._line is None:
-            raise DeviceError(f"{self.title} is not open.", fix="configure() it first.")
+            raise DeviceError(f"{self.title} is not open.", fix="call configure() first.")
         return self._line

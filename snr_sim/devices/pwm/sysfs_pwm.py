@@ -20,7 +20,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from snr_sim.devices.pwm.plain_pwm import PwmChip
+from snr_sim.devices.pwm.passive_pwm import PwmChip
 from snr_sim.devices.pwm.pwm_backend import LIMITS_US, STOP_US
 from snr_sim.devices.wire.permission import how_to_use
 from snr_sim.prelude.errors import DeviceError
@@ -49,7 +49,7 @@ class SysfsPins(PwmChip):
         channels, limits_us: as in PwmChip.
         now_s: the clock of waits.
         root: where the kernel's files are.
-        takes_over: pins that are in use belong to a killed supervisor of this program.
+        reclaim: pins that are in use belong to a killed supervisor of this program.
         write: writes a file.
         sleep: waits for udev.
     """
@@ -60,12 +60,12 @@ class SysfsPins(PwmChip):
         limits_us: tuple[float, float] = LIMITS_US,
         now_s: Callable[[], float] = time.monotonic,
         root: Path = ROOT,
-        takes_over: bool = False,
+        reclaim: bool = False,
         write: Callable[[Path, str], None] = write_file,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         super().__init__("The PWM chip", channels, limits_us, resolution_us=0.001)
-        self._now_s, self._root, self._takes_over = now_s, root, takes_over
+        self._now_s, self._root, self._reclaim = now_s, root, reclaim
         self._write_file, self._sleep = write, sleep
         self._chip: Path | None = None
         self._pins: list[Path] = []
@@ -76,20 +76,23 @@ class SysfsPins(PwmChip):
         Raises:
             DeviceError: no such chip, too few channels, one in use by another process, or no permission.
         """
-        takes_over = self._takes_over or self._chip is not None
+        reclaim = self._reclaim or self._chip is not None
         self._chip, self._pins = find_chip(self._root), []
         self._check_count(self._chip)
         for channel in range(self.channels):
-            self._take(self._chip, channel, takes_over)
+            self._take(self._chip, channel, reclaim)
 
     def send(self, pulses_us: list[float]) -> list[float]:
         """Write the length of each pulse, and check that it is still generated."""
         if len(self._pins) < self.channels:
-            raise DeviceError(f"{self.title} is not open.", fix="configure() it first.")
+            raise DeviceError(f"{self.title} is not open.", fix="call configure() first.")
         for pin, pulse_us in zip(self._pins, pulses_us, strict=True):
             self._write(pin / "duty_cycle", str(round(pulse_us * 1000.0)))
             if self._read(pin / "enable") != "1":
-                raise DeviceError(f"{pin} was switched off by somebody else.", fix="`sudo fuser -v` on it names who.")
+                raise DeviceError(
+                    f"PWM output {pin} was disabled by another process.",
+                    fix=f"run `sudo fuser -v {pin}` to find it, then stop it.",
+                )
         return pulses_us
 
     def close(self) -> None:
@@ -109,11 +112,11 @@ class SysfsPins(PwmChip):
                 fix="--io mcu:PORT or --io pca9685:BUS:ADDR, which have more.",
             )
 
-    def _take(self, chip: Path, channel: int, takes_over: bool) -> None:
+    def _take(self, chip: Path, channel: int, reclaim: bool) -> None:
         pin = chip / f"pwm{channel}"
         if not pin.exists():
             self._write(chip / "export", str(channel))
-        elif not takes_over:
+        elif not reclaim:
             raise DeviceError(
                 f"{pin} is in use: another program has exported it, or left it so when it was killed.",
                 fix=f"end that program; then: echo {channel} | sudo tee {chip}/unexport",
@@ -130,7 +133,7 @@ class SysfsPins(PwmChip):
             self._write(pin / "polarity", "normal")
         self._write(pin / "enable", "1")  # after the pulse's length, so that the first one is neutral
         if self._read(pin / "enable") != "1":
-            raise DeviceError(f"{pin} was enabled and is not: the kernel did not take it.", fix="`dmesg | tail`.")
+            raise DeviceError(f"{pin} is still disabled: the kernel ignored the command.", fix="read `dmesg | tail`.")
 
     def _wait_for_permission(self, pin: Path) -> None:
         until_s = self._now_s() + PERMISSION_S
@@ -141,7 +144,7 @@ class SysfsPins(PwmChip):
         try:
             self._write_file(path, text)
         except OSError as error:
-            raise _why_not(path, text, error) from error
+            raise _access_error(path, text, error) from error
 
     def _read(self, path: Path) -> str:
         try:
@@ -149,9 +152,9 @@ class SysfsPins(PwmChip):
         except FileNotFoundError:
             if path.name == "polarity":
                 return ""  # not every chip has it
-            raise _why_not(path, "", FileNotFoundError(errno.ENOENT, "No such file")) from None
+            raise _access_error(path, "", FileNotFoundError(errno.ENOENT, "No such file")) from None
         except OSError as error:
-            raise _why_not(path, "", error) from error
+            raise _access_error(path, "", error) from error
 
 
 def find_chip(root: Path = ROOT) -> Path:
@@ -168,14 +171,16 @@ def find_chip(root: Path = ROOT) -> Path:
     raise DeviceError(f"No PWM chip of a Raspberry Pi in {root}; there is: {others}.", fix=OVERLAYS)
 
 
-def _why_not(path: Path, text: str, error: OSError) -> DeviceError:
+def _access_error(path: Path, text: str, error: OSError) -> DeviceError:
     if error.errno in (errno.EACCES, errno.EPERM):
         return DeviceError(
             f"{path} may not be written by this user: it belongs to group '{_group_of(path)}'.",
             fix=how_to_use(path, "gpio"),
         )
     if error.errno == errno.EBUSY:
-        return DeviceError(f"{path}: the kernel says that it is in use.", fix="a dtoverlay or a driver has this pin.")
+        return DeviceError(
+            f"{path}: the kernel reports that it is in use.", fix="a dtoverlay or a driver has this pin."
+        )
     if error.errno == errno.EINVAL:
         return DeviceError(f"{path} did not take '{text}': Invalid argument.", fix="`dmesg | tail`; another dtoverlay?")
     return DeviceError(f"{path}: {error.strerror}.", fix="was the overlay taken away? `ls /sys/class/pwm`.")

@@ -10,15 +10,15 @@ import msgspec
 import numpy as np
 
 from snr_sim.devices.loops import SensorLoopFactory
-from snr_sim.devices.sensors.ray_casting import VEILED_PER_M, Image, Rays, meet_scene
+from snr_sim.devices.sensors.ray_casting import BACKSCATTER_PER_M, Image, Rays, intersect_scene
 from snr_sim.devices.sensors.sensor_errors import SensorErrors
 from snr_sim.devices.simulated import SimSensor
-from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
+from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.snapshot import snapshot
 
 # Axis, right and down of the image, body frame. Looking down, the top of the image is ahead.
-LOOKS = {
+DIRECTIONS = {
     "ahead": ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)),
     "down": ((0.0, 0.0, -1.0), (0.0, -1.0, 0.0), (-1.0, 0.0, 0.0)),
 }
@@ -43,42 +43,54 @@ class Camera:
     """The part: a pinhole camera without distortion. All numbers are our own choice; a larger image takes longer.
 
     Args:
-        looks: "ahead" or "down".
+        direction: "ahead" or "down".
         width_px, height_px: of the image.
         field_of_view_rad: from the left edge to the right one.
         period_s: time between two images.
-        place_m: its position, body frame.
-        veiled_per_m: scattering of the water in front of it; murky water has 1 and more.
-        clouds: (from_s, until_s, veiled_per_m) of each period with other water.
+        mount_position_m: its position, body frame.
+        backscatter_per_m: scattering of the water in front of it; murky water has 1 and more.
+        clouds: (start_s, end_s, backscatter_per_m) of each period with other water.
 
     Raises:
-        UnknownName: `looks` has another value.
+        UnknownNameError: `direction` has another value.
         ParameterError: a number is out of range.
     """
 
-    looks: str = "ahead"
+    direction: str = "ahead"
     width_px: int = 64
     height_px: int = 48
     field_of_view_rad: float = math.radians(80.0)
     period_s: float = 0.2
-    place_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    veiled_per_m: float = VEILED_PER_M
+    mount_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    backscatter_per_m: float = BACKSCATTER_PER_M
     clouds: tuple[tuple[float, float, float], ...] = ()
 
     def __post_init__(self) -> None:
-        if self.looks not in LOOKS:
-            raise UnknownName(f"A camera that looks {self.looks!r}.", fix=nearest(self.looks, LOOKS))
+        if self.direction not in DIRECTIONS:
+            raise UnknownNameError(
+                f"{self.direction!r} is not a valid direction of a camera.", fix=suggest(self.direction, DIRECTIONS)
+            )
         if not (1 <= self.width_px <= 1024 and 1 <= self.height_px <= 1024):
-            raise ParameterError(f"A camera of {self.width_px} x {self.height_px} pixels.", fix="such as 64 x 48.")
+            raise ParameterError(
+                f"A camera cannot have {self.width_px} x {self.height_px} pixels.",
+                fix="use 1 to 1024 each way, for example 64 x 48.",
+            )
         if not 0.0 < self.field_of_view_rad < math.radians(170.0):
             raise ParameterError(
-                f"A camera with field_of_view_rad={self.field_of_view_rad!r}.", fix="more than 0, less than 2.96."
+                f"Camera field_of_view_rad is {self.field_of_view_rad!r}.",
+                fix="use a value greater than 0 and less than 2.96.",
             )
         if not 0.0 < self.period_s < math.inf:
-            raise ParameterError(f"A camera with a picture each {self.period_s!r} s.", fix="such as 0.2 s.")
-        for veiled_per_m in (self.veiled_per_m, *(cloud[2] for cloud in self.clouds)):
-            if not 0.0 <= veiled_per_m < math.inf:
-                raise ParameterError(f"A camera with veiled_per_m={veiled_per_m!r}.", fix="0.06 is a clean pool.")
+            raise ParameterError(
+                f"Camera period_s must be positive and finite, not {self.period_s!r}.",
+                fix="use the time between two images, for example period_s=0.2.",
+            )
+        for backscatter_per_m in (self.backscatter_per_m, *(cloud[2] for cloud in self.clouds)):
+            if not 0.0 <= backscatter_per_m < math.inf:
+                raise ParameterError(
+                    f"Camera backscatter_per_m must be 0 or more and finite, not {backscatter_per_m!r}.",
+                    fix="0.06 is a clean pool.",
+                )
 
     @property
     def pixel(self) -> float:
@@ -96,18 +108,18 @@ class Camera:
             attitude: [w, x, y, z] unit quaternion that turns vectors of the body into the world's.
             time_s: capture time, which selects a cloud.
         """
-        clouds = [veil for from_s, until_s, veil in self.clouds if from_s <= time_s < until_s]
+        clouds = [veil for start_s, end_s, veil in self.clouds if start_s <= time_s < end_s]
         rights = (np.arange(self.width_px) - 0.5 * (self.width_px - 1)) * self.pixel
         downs = (np.arange(self.height_px) - 0.5 * (self.height_px - 1)) * self.pixel
         along, down = np.tile(rights, self.height_px), np.repeat(downs, self.width_px)
-        axis, right, below = (_turned(attitude, way) for way in LOOKS[self.looks])
+        axis, right, below = (_rotate(attitude, vector) for vector in DIRECTIONS[self.direction])
         x, y, z = (axis[i] + along * right[i] + down * below[i] for i in range(3))
-        place = _turned(attitude, self.place_m)
-        eye = position_m[0] + place[0], position_m[1] + place[1], position_m[2] + place[2]
+        offset = _rotate(attitude, self.mount_position_m)
+        origin = position_m[0] + offset[0], position_m[1] + offset[1], position_m[2] + offset[2]
         with np.errstate(divide="ignore", invalid="ignore"):  # rays parallel to a face
-            rays = Rays(eye, (x, y, z), self.pixel)
-            meet_scene(rays, statics)
-            rgb = rays.through_water(clouds[0] if clouds else self.veiled_per_m).reshape(
+            rays = Rays(origin, (x, y, z), self.pixel)
+            intersect_scene(rays, statics)
+            rgb = rays.through_water(clouds[0] if clouds else self.backscatter_per_m).reshape(
                 self.height_px, self.width_px, 3
             )
         rgb.flags.writeable = False
@@ -117,11 +129,11 @@ class Camera:
         """Open the camera in a plant; it sees the static part of its scene."""
         statics = plant.scene()["statics"]
 
-        def see(pose: Any) -> CameraReading:
+        def capture(pose: Any) -> CameraReading:
             rgb = self.picture(statics, pose.position_m, pose.attitude, pose.stamp_s)
             return CameraReading(rgb, self.field_of_view_rad, pose.stamp_s)
 
-        return SimSensor(plant, output, SensorErrors(period_s=self.period_s), rng, see)
+        return SimSensor(plant, output, SensorErrors(period_s=self.period_s), rng, capture)
 
 
 class CameraLoopFactory(SensorLoopFactory):
@@ -133,10 +145,10 @@ class CameraLoopFactory(SensorLoopFactory):
         return data
 
 
-def _turned(attitude: list[float], way: tuple[float, float, float]) -> tuple[float, float, float]:
+def _rotate(attitude: list[float], vector: tuple[float, float, float]) -> tuple[float, float, float]:
     """Return a vector of the body frame in the world frame."""
     w, x, y, z = attitude
-    a, b, c = way
+    a, b, c = vector
     # v + 2 q x (q x v + w v)
     i, j, k = y * c - z * b + w * a, z * a - x * c + w * b, x * b - y * a + w * c
     return a + 2.0 * (y * k - z * j), b + 2.0 * (z * i - x * k), c + 2.0 * (x * j - y * i)

@@ -5,21 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from snr_sim.devices.wire.nmea import Course, Fix, NmeaLines
+from snr_sim.devices.wire.nmea import CourseSentence, FixSentence, NmeaLines
 from snr_sim.devices.wire.serial_port import BytePort
 from snr_sim.prelude.angles import wrap_rad
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError
-from snr_sim.prelude.life_cycle import SensorLife
+from snr_sim.prelude.life_cycle import LifeCycleSensor
 from snr_sim.prelude.signals import GpsReading
 
 BAUD = 9600
 FRESH_S = 2.5  # most receivers report once a second
-RETRY_EVERY_S = 1.0
+RETRY_PERIOD_S = 1.0
 _SHOWN = 16
 
 
-class Gps(SensorLife):
+class Gps(LifeCycleSensor):
     """The receiver. Implements `Sensor`; reads `GpsReading`, and is stale without a fix.
 
     Args:
@@ -32,9 +32,9 @@ class Gps(SensorLife):
         self._open_port, self._now_s = open_port, now_s
         self._port: BytePort | None = None
         self._lines = NmeaLines()
-        self._course: Course | None = None
+        self._course: CourseSentence | None = None
         self._newest: GpsReading | None = None
-        self._heard = 0
+        self._received_bytes = 0
         self._last = b""
         self._quality: int | None = None
         self._retry_s = 0.0
@@ -43,7 +43,7 @@ class Gps(SensorLife):
         """Return the counters: 'bytes', 'sentences', 'checksum_errors', 'garbage'."""
         lines = self._lines
         return {
-            "bytes": self._heard,
+            "bytes": self._received_bytes,
             "sentences": lines.sentences,
             "checksum_errors": lines.checksum_errors,
             "garbage": lines.garbage,
@@ -58,21 +58,21 @@ class Gps(SensorLife):
         self.on_close()
         self._port = self._open_port()
         self.title = f"The receiver on {self._port.name}"
-        self._lines, self._heard, self._last, self._quality = NmeaLines(), 0, b"", None
+        self._lines, self._received_bytes, self._last, self._quality = NmeaLines(), 0, b"", None
 
     def read(self) -> GpsReading | Stale:
         """Return the newest fix.
 
         Raises:
-            SensorLost: it was closed.
+            SensorLostError: it was closed.
         """
         try:
             if self.state == "error" and self._now_s() >= self._retry_s:
-                self._retry_s = self._now_s() + RETRY_EVERY_S
+                self._retry_s = self._now_s() + RETRY_PERIOD_S
                 self.configure()
                 self.activate()
             if self.state == "active":
-                self._hear()
+                self._receive()
         except DeviceError as error:
             self.fail(error.message)
         newest = self._newest
@@ -82,7 +82,7 @@ class Gps(SensorLife):
             return idle
         if newest is not None and self._now_s() <= newest.stamp_s + FRESH_S:
             return newest
-        return Stale(self._why_none(), since_s)
+        return Stale(self._stale_reason(), since_s)
 
     def on_close(self) -> None:
         """Close the port."""
@@ -90,40 +90,40 @@ class Gps(SensorLife):
         if port is not None:
             port.close()
 
-    def _hear(self) -> None:
+    def _receive(self) -> None:
         data = self._port.read() if self._port is not None else b""
-        self._heard += len(data)
+        self._received_bytes += len(data)
         self._last = (self._last + data)[-_SHOWN:]
         for sentence in self._lines.feed(data):
-            if isinstance(sentence, Course):
+            if isinstance(sentence, CourseSentence):
                 self._course = sentence
             else:
                 self._take(sentence)
 
-    def _take(self, fix: Fix) -> None:
+    def _take(self, fix: FixSentence) -> None:
         self._quality = fix.quality
         if fix.quality == 0 or fix.latitude_deg is None or fix.longitude_deg is None:
             return
         course = self._course
-        is_of_it = course is not None and course.is_valid and course.time_s == fix.time_s
+        is_same_time = course is not None and course.is_valid and course.time_s == fix.time_s
         self._newest = GpsReading(
             latitude_deg=fix.latitude_deg,
             longitude_deg=fix.longitude_deg,
             altitude_m=fix.altitude_m,
-            speed_mps=course.speed_mps if course is not None and is_of_it else None,
-            course_rad=_course_rad(course.course_deg) if course is not None and is_of_it else None,
+            speed_mps=course.speed_mps if course is not None and is_same_time else None,
+            course_rad=_course_rad(course.course_deg) if course is not None and is_same_time else None,
             satellites=fix.satellites,
             hdop=fix.hdop,
             stamp_s=self._now_s(),
         )
 
-    def _why_none(self) -> str:
+    def _stale_reason(self) -> str:
         lines = self._lines
-        if self._heard == 0:
-            return f"{self.title} says nothing: 0 bytes. Is its TX at our RX, and does it have power?"
+        if self._received_bytes == 0:
+            return f"{self.title} sends nothing: 0 bytes. Is its TX at our RX, and does it have power?"
         if lines.sentences == 0:
             return (
-                f"{self.title} says {self._heard} bytes that are no NMEA, such as {self._last.hex(' ')}: "
+                f"{self.title} sent {self._received_bytes} bytes that are not NMEA, such as {self._last.hex(' ')}: "
                 "another baud rate (receivers have 9600 or 38400), or another device."
             )
         if self._quality == 0:

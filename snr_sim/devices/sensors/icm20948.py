@@ -25,7 +25,7 @@ from snr_sim.prelude.angles import roll_pitch_yaw_rad
 from snr_sim.prelude.attitude_filter import GRAVITY_MPS2, MahonyFilter
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError, ParameterError
-from snr_sim.prelude.life_cycle import SensorLife
+from snr_sim.prelude.life_cycle import LifeCycleSensor
 from snr_sim.prelude.signals import ImuReading
 
 ADDRESS, COMPASS_ADDRESS = 0x69, 0x0C
@@ -46,11 +46,11 @@ A_HUNDRED_A_SECOND = 0x08
 OVERFLOW = 0x08
 UT_PER_COUNT = 0.15
 RESET_S = 0.1
-MEND_EVERY_S = 0.25
+REINIT_PERIOD_S = 0.25
 _REST = (0.7 * GRAVITY_MPS2, 1.3 * GRAVITY_MPS2)  # required specific force at the start
 
 
-class Icm20948(SensorLife):
+class Icm20948(LifeCycleSensor):
     """The unit. Implements `Sensor`; reads `ImuReading` in the body's axes.
 
     Args:
@@ -83,7 +83,7 @@ class Icm20948(SensorLife):
         self._field_ut = [0.0, 0.0, 0.0]
         self._newest: ImuReading | None = None
         self._errors = 0
-        self._mend_s = 0.0
+        self._reinit_s = 0.0
 
     def counts(self) -> dict[str, int]:
         """Return how often it did not answer, or answered with impossible values."""
@@ -102,33 +102,33 @@ class Icm20948(SensorLife):
         self._sleep(RESET_S)
         self._set_up()
         self._sleep(RESET_S)
-        force_mps2 = self._measured().specific_force_mps2
+        force_mps2 = self._measure().specific_force_mps2
         if not _REST[0] < math.hypot(*force_mps2) < _REST[1]:
             raise DeviceError(
-                f"{self.title} feels {math.hypot(*force_mps2):.1f} m/s2 at the start, not {GRAVITY_MPS2:.1f}.",
-                fix="hold it still; or it is damaged.",
+                f"{self.title} measures {math.hypot(*force_mps2):.1f} m/s2 at the start, not {GRAVITY_MPS2:.1f}.",
+                fix="hold it still; if the value stays, the sensor is damaged.",
             )
         self._filter = MahonyFilter()
         self._newest = None
 
     def on_activate(self) -> None:
         """Take a first measurement."""
-        self._newest = self._measured()
+        self._newest = self._measure()
 
     def read(self) -> ImuReading | Stale:
         """Return a new measurement.
 
         Raises:
-            SensorLost: it was closed.
+            SensorLostError: it was closed.
         """
         idle = self.idle(self._newest.stamp_s if self._newest else None)
         if idle is not None:
             return idle
         try:
-            self._newest = self._measured()
+            self._newest = self._measure()
         except DeviceError as error:
             self._errors += 1
-            self._mend()
+            self._reinitialise()
             return Stale(str(error), self._newest.stamp_s if self._newest else None)
         return self._newest
 
@@ -149,39 +149,40 @@ class Icm20948(SensorLife):
         for register, value in settings.items():
             self._write(register, value)
         for register, value in settings.items():
-            found = self._opened().read(self._address, register, 1)[0]
+            found = self._require_open().read(self._address, register, 1)[0]
             if found != value:
                 raise DeviceError(
-                    f"{self.title} was told 0x{value:02x} in register 0x{register:02x} and shows 0x{found:02x}.",
-                    fix="shorter wires; is another part at this address, too?",
+                    f"{self.title}: register 0x{register:02x} was written 0x{value:02x} and reads 0x{found:02x}.",
+                    fix="use shorter wires; check that no other device has this address.",
                 )
         self._write(BANK_SELECT, 0)
         self._identify(COMPASS_ADDRESS, COMPASS_WHO, COMPASS_IDENTITY, "its magnetometer")
-        self._opened().write(COMPASS_ADDRESS, COMPASS_MODE, bytes([A_HUNDRED_A_SECOND]))
+        self._require_open().write(COMPASS_ADDRESS, COMPASS_MODE, bytes([A_HUNDRED_A_SECOND]))
 
-    def _mend(self) -> None:
+    def _reinitialise(self) -> None:
         """Initialise it again, in case it was without power."""
-        if self._now_s() >= self._mend_s:
-            self._mend_s = self._now_s() + MEND_EVERY_S
+        if self._now_s() >= self._reinit_s:
+            self._reinit_s = self._now_s() + REINIT_PERIOD_S
             with suppress(DeviceError):  # the missing answer is already reported
                 self._set_up()
 
-    def _measured(self) -> ImuReading:
-        bus = self._opened()
+    def _measure(self) -> ImuReading:
+        bus = self._require_open()
         at_s = self._now_s()
         raw = bus.read(self._address, ACCEL_X, 12)
         if raw == b"\0" * 12 or raw == b"\xff" * 12:
             raise DeviceError(
-                f"{self.title} tells only {'zeros' if raw[0] == 0 else 'ones'}.", fix="it was reset, or its wires."
+                f"{self.title} sends only {'zeros' if raw[0] == 0 else 'ones'}.",
+                fix="check its wires and power; it may have been reset.",
             )
         *forces, gx, gy, gz = struct.unpack(">6h", raw)
-        self._look_at_field(bus.read(COMPASS_ADDRESS, COMPASS_STATUS, 9))
+        self._update_field(bus.read(COMPASS_ADDRESS, COMPASS_STATUS, 9))
         rate = self._of_body([one * RADPS_PER_COUNT for one in (gx, gy, gz)])
         force = self._of_body([one * MPS2_PER_COUNT for one in forces])
         attitude = self._filter.update(rate, force, self._field_ut, at_s)
         return ImuReading(rate, force, list(self._field_ut), *roll_pitch_yaw_rad(attitude), at_s)
 
-    def _look_at_field(self, status_and_field: bytes) -> None:
+    def _update_field(self, status_and_field: bytes) -> None:
         """Store the field if it is new and not saturated."""
         ready, x, y, z, _, status = struct.unpack("<B3hBB", status_and_field)
         if ready & 1 and not status & OVERFLOW:
@@ -192,21 +193,21 @@ class Icm20948(SensorLife):
         return [sign * chip[i] for i, sign in self._axes]
 
     def _identify(self, address: int, register: int, identity: int, what: str) -> None:
-        bus = self._opened()
+        bus = self._require_open()
         found = bus.read(address, register, 1)[0]
         if found != identity:
             raise DeviceError(
-                f"What answers at 0x{address:02x} on {bus.name} is not {what}: it says 0x{found:02x} who it is, "
+                f"The device at 0x{address:02x} on {bus.name} is not {what}: its identity is 0x{found:02x}, "
                 f"not 0x{identity:02x}.",
-                fix="another part has this address, too: its other address, by its AD0 pin; or another bus.",
+                fix="if another device has this address, use the other one (pin AD0) or another bus.",
             )
 
     def _write(self, register: int, value: int) -> None:
-        self._opened().write(self._address, register, bytes([value]))
+        self._require_open().write(self._address, register, bytes([value]))
 
-    def _opened(self) -> I2cBus:
+    def _require_open(self) -> I2cBus:
         if self._bus is None:
-            raise DeviceError(f"{self.title} is not open.", fix="configure() it first.")
+            raise DeviceError(f"{self.title} is not open.", fix="call configure() first.")
         return self._bus
 
 
@@ -232,6 +233,6 @@ def _right_handed(axes: Sequence[str]) -> list[tuple[int, float]]:
         if math.prod(sign for _, sign in found) == (1.0 if is_even else -1.0):
             return found
     raise ParameterError(
-        f"An inertial unit with the axes {list(axes)}.",
-        fix='which of its axes are forward, left, up, as a right hand has them: ("x", "y", "z") or ("y", "-x", "z").',
+        f"{list(axes)} are not right-handed axes of an inertial unit.",
+        fix='name its axes that point forward, left and up: ("x", "y", "z") or ("y", "-x", "z").',
     )

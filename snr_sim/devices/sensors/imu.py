@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from snr_sim.devices.sensors.sensor_errors import SensorErrors, Wander
+from snr_sim.devices.sensors.sensor_errors import BiasDrift, SensorErrors
 from snr_sim.devices.simulated import SimSensor
 from snr_sim.prelude.angles import roll_pitch_yaw_rad, wrap_rad
 from snr_sim.prelude.attitude_filter import MahonyFilter
@@ -43,13 +43,13 @@ BNO055 = SensorErrors(
         "specific_force_mps2": 0.01,  # [D]
         "field_ut": 0.3,  # [D]
     },
-    wander={
-        "rate_radps": Wander(0.05 * _DEG, 300.0),  # rest of the bias that its fusion removes [O]
+    drift={
+        "rate_radps": BiasDrift(0.05 * _DEG, 300.0),  # rest of the bias that its fusion removes [O]
         # Error after calibration [O]: at rest, up is .05 / 9.81 = 0.3 degrees off, and the heading is known to
         # 2.5 degrees [O], taken for two standard deviations. In the field of 50 degrees north, 20 uT level and 44 down,
         # one of them is hypot(.37 / 20, .05 / 9.81 * 44 / 20) = .0216 rad.
-        "specific_force_mps2": Wander(0.05),
-        "field_ut": Wander(0.37),
+        "specific_force_mps2": BiasDrift(0.05),
+        "field_ut": BiasDrift(0.37),
     },
     limits={
         "rate_radps": (-2000.0 * _DEG, 2000.0 * _DEG),  # [D]
@@ -60,7 +60,7 @@ BNO055 = SensorErrors(
 )
 
 
-class Measured(msgspec.Struct, frozen=True):
+class InertialMeasurement(msgspec.Struct, frozen=True):
     """Measurements of the unit's three sensors: fields of an `ImuReading`."""
 
     rate_radps: list[float]
@@ -74,7 +74,7 @@ class InertialUnit:
     """The part.
 
     Args:
-        errors: of its sensors, by field of `Measured`. Those of its angles follow from them.
+        errors: of its sensors, by field of `InertialMeasurement`. Those of its angles follow from them.
         angle_step_rad: step that angles are rounded to; 0: none.
     """
 
@@ -83,12 +83,12 @@ class InertialUnit:
 
     def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
         """Open it in a plant, at an output with the true `rate_radps`, `specific_force_mps2` and `field_ut`."""
-        return SimSensor(plant, output, self.errors, rng, _felt, self._fused())
+        return SimSensor(plant, output, self.errors, rng, _raw_motion, self._fused())
 
-    def _fused(self) -> Callable[[Measured], ImuReading]:
+    def _fused(self) -> Callable[[InertialMeasurement], ImuReading]:
         attitude, step = MahonyFilter(), self.angle_step_rad
 
-        def reading(measured: Measured) -> ImuReading:
+        def reading(measured: InertialMeasurement) -> ImuReading:
             rate, force, field = measured.rate_radps, measured.specific_force_mps2, measured.field_ut
             angles = roll_pitch_yaw_rad(attitude.update(rate, force, field, measured.stamp_s))
             if step:
@@ -99,5 +99,5 @@ class InertialUnit:
         return reading
 
 
-def _felt(motion: Any) -> Measured:
-    return Measured(motion.rate_radps, motion.specific_force_mps2, motion.field_ut, motion.stamp_s)
+def _raw_motion(motion: Any) -> InertialMeasurement:
+    return InertialMeasurement(motion.rate_radps, motion.specific_force_mps2, motion.field_ut, motion.stamp_s)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
 
-from snr_sim.devices.sensors.sensor_errors import SensorErrors, Wander
+from snr_sim.devices.sensors.sensor_errors import BiasDrift, SensorErrors
 from snr_sim.devices.simulated import SimSensor
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.plant import Plant
@@ -105,14 +105,14 @@ class Ms5837:
     def __post_init__(self) -> None:
         if self.oversampling not in OVERSAMPLING:
             raise ParameterError(
-                f"An MS5837 with oversampling {self.oversampling!r}.",
-                fix=f"one of {', '.join(map(str, OVERSAMPLING))}.",
+                f"MS5837 oversampling is {self.oversampling!r}.",
+                fix=f"use one of {', '.join(map(str, OVERSAMPLING))}.",
             )
         for name in ("density_kgm3", "gravity_mps2"):
             if not 0.0 < getattr(self, name) < math.inf:
                 raise ParameterError(
-                    f"An MS5837 with {name} = {getattr(self, name)!r}.",
-                    fix=f"what its pool has; usual are {FRESH_KGM3:g} kg/m3 and {GRAVITY_MPS2:g} m/s2.",
+                    f"MS5837 {name} must be positive and finite, not {getattr(self, name)!r}.",
+                    fix=f"use that of its pool; usual are {FRESH_KGM3:g} kg/m3 and {GRAVITY_MPS2:g} m/s2.",
                 )
 
     @property
@@ -127,20 +127,20 @@ class Ms5837:
             noise={"pressure_pa": NOISE_PA[self.oversampling] if self.noise_pa is None else self.noise_pa},
             resolution={"pressure_pa": RESOLUTION_PA, "temperature_c": RESOLUTION_C},
             delay_s=0.5 * self.period_s,
-            wander={} if self.is_zeroed else {"pressure_pa": Wander(OFFSET_PA, math.inf)},
+            drift={} if self.is_zeroed else {"pressure_pa": BiasDrift(OFFSET_PA, math.inf)},
             limits={"pressure_pa": LIMITS_PA},
             period_s=self.period_s,
         )
 
-    def reading(self, felt: Pressure) -> DepthReading:
+    def reading(self, measured: Pressure) -> DepthReading:
         """Return the reading of a measurement."""
-        depth = depth_m(felt.pressure_pa, self.surface_pa, self.density_kgm3, self.gravity_mps2)
-        return DepthReading(depth, felt.pressure_pa, felt.temperature_c, felt.stamp_s)
+        depth = depth_m(measured.pressure_pa, self.surface_pa, self.density_kgm3, self.gravity_mps2)
+        return DepthReading(depth, measured.pressure_pa, measured.temperature_c, measured.stamp_s)
 
     def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
         """Open the sensor in a plant, at an output with the state of the water (`Water`)."""
-        return SimSensor(plant, output, self.errors, rng, _felt, self.reading)
+        return SimSensor(plant, output, self.errors, rng, _raw_pressure, self.reading)
 
 
-def _felt(water: Any) -> Pressure:
+def _raw_pressure(water: Any) -> Pressure:
     return Pressure(water.pressure_pa, water.temperature_c, water.stamp_s)

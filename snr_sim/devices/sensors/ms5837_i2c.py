@@ -17,7 +17,7 @@ from snr_sim.devices.wire import ms5837_bytes as wire
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError
-from snr_sim.prelude.life_cycle import SensorLife
+from snr_sim.prelude.life_cycle import LifeCycleSensor
 from snr_sim.prelude.signals import DepthReading
 
 ADDRESS = 0x76
@@ -30,7 +30,7 @@ _NOTHING, _RESET, _PRESSURE, _TEMPERATURE = "nothing", "reset", "pressure", "tem
 _PLAUSIBLE_PA = (20_000.0, 3_100_000.0)
 
 
-class Ms5837I2c(SensorLife):
+class Ms5837I2c(LifeCycleSensor):
     """The sensor. Implements `Sensor`; reads `DepthReading`.
 
     Args:
@@ -58,7 +58,7 @@ class Ms5837I2c(SensorLife):
         self._surface_pa: float | None = None
         self._newest: DepthReading | None = None
         self._errors = 0
-        self._why = ""
+        self._error = ""
 
     def counts(self) -> dict[str, int]:
         """Return how often it did not answer, or answered with impossible values."""
@@ -74,46 +74,45 @@ class Ms5837I2c(SensorLife):
         self._bus = self._open_bus()
         self._command(wire.RESET)
         self._sleep(RESET_S)
-        words = []
-        for register in range(wire.READ_PROM, wire.READ_PROM + 2 * wire.PROM_WORDS, 2):
-            words.append(int.from_bytes(self._bus.read(self._address, register, 2), "big"))
+        registers = range(wire.READ_PROM, wire.READ_PROM + 2 * wire.PROM_WORDS, 2)
+        words = [int.from_bytes(self._bus.read(self._address, register, 2), "big") for register in registers]
         try:
             self._calibration = wire.calibration(words)
         except DeviceError as error:
             raise DeviceError(f"{self.title} on {self._bus.name}: {error.message}", fix=error.fix) from None
         self._convert(_TEMPERATURE)
-        self._d2 = self._waited_for()
-        self._nth = count(1)
+        self._d2 = self._wait_for_conversion()
+        self._conversion_count = count(1)
         self._convert(_PRESSURE)
         self._newest = None
 
     def on_activate(self) -> None:
         """Take the first measurement; use it as surface pressure if it is in the range of air."""
-        felt = self._felt(self._waited_for())
-        if self._surface_pa is None and self._part.is_zeroed and AIR_PA[0] <= felt.pressure_pa <= AIR_PA[1]:
-            self._surface_pa = felt.pressure_pa
-            self._reading = replace(self._part, surface_pa=felt.pressure_pa).reading
-        self._newest = self._reading(felt)
+        measured = self._compensate(self._wait_for_conversion())
+        if self._surface_pa is None and self._part.is_zeroed and AIR_PA[0] <= measured.pressure_pa <= AIR_PA[1]:
+            self._surface_pa = measured.pressure_pa
+            self._reading = replace(self._part, surface_pa=measured.pressure_pa).reading
+        self._newest = self._reading(measured)
         self._convert(_PRESSURE)
 
     def read(self) -> DepthReading | Stale:
         """Return the newest reading; fetch the finished conversion, and start the next one.
 
         Raises:
-            SensorLost: it was closed.
+            SensorLostError: it was closed.
         """
         idle = self.idle(self._newest.stamp_s if self._newest else None)
         if idle is not None:
             return idle
         try:
-            self._look()
+            self._poll()
         except DeviceError as error:
             self._errors += 1
-            self._why = str(error)
-            self._waits_for(_NOTHING, self._conversion_s)
+            self._error = str(error)
+            self._set_pending(_NOTHING, self._conversion_s)
         newest = self._newest
         if newest is None or self._now_s() > newest.stamp_s + STALE_S:
-            return Stale(self._why or f"{self.title} has measured nothing.", newest.stamp_s if newest else None)
+            return Stale(self._error or f"{self.title} has measured nothing.", newest.stamp_s if newest else None)
         return newest
 
     def on_close(self) -> None:
@@ -122,12 +121,12 @@ class Ms5837I2c(SensorLife):
         if bus is not None:
             bus.close()
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         if self._now_s() < self._due_s:
             return
         if self._pending == _NOTHING:  # it may have lost its power, so it starts again
             self._command(wire.RESET)
-            self._waits_for(_RESET, RESET_S)
+            self._set_pending(_RESET, RESET_S)
             return
         if self._pending == _RESET:
             self._convert(_PRESSURE)
@@ -136,43 +135,46 @@ class Ms5837I2c(SensorLife):
         if self._pending == _TEMPERATURE:
             self._d2 = raw
         else:
-            self._newest = self._reading(self._felt(raw))
-        self._why = ""
-        self._convert(_TEMPERATURE if next(self._nth) % TEMPERATURE_EVERY == 0 else _PRESSURE)
+            self._newest = self._reading(self._compensate(raw))
+        self._error = ""
+        self._convert(_TEMPERATURE if next(self._conversion_count) % TEMPERATURE_EVERY == 0 else _PRESSURE)
 
-    def _felt(self, d1: int) -> Pressure:
+    def _compensate(self, d1: int) -> Pressure:
         pressure_pa, temperature_c = wire.compensated(self._calibration, d1, self._d2)
-        if not _PLAUSIBLE_PA[0] <= pressure_pa <= _PLAUSIBLE_PA[1]:
+        low_pa, high_pa = _PLAUSIBLE_PA
+        if not low_pa <= pressure_pa <= high_pa:
             raise DeviceError(
-                f"{self.title} tells {pressure_pa:.0f} Pa, which cannot be.",
-                fix="its wires; then switch it off and on.",
+                f"{self.title} reports {pressure_pa:.0f} Pa, outside its range of {low_pa:g} to {high_pa:g} Pa.",
+                fix="check its wires; then switch it off and on.",
             )
         return Pressure(pressure_pa, temperature_c, self._started_s + 0.5 * self._conversion_s)
 
-    def _waited_for(self) -> int:
+    def _wait_for_conversion(self) -> int:
         self._sleep(self._conversion_s)
         return self._raw()
 
     def _raw(self) -> int:
-        raw = int.from_bytes(self._opened().read(self._address, wire.READ_ADC, wire.ADC_BYTES), "big")
+        raw = int.from_bytes(self._require_open().read(self._address, wire.READ_ADC, wire.ADC_BYTES), "big")
         if raw == 0:  # its answer when there is no finished conversion
-            raise DeviceError(f"{self.title} has converted nothing.", fix="its power: was it reset under way?")
+            raise DeviceError(
+                f"{self.title} has no finished conversion.", fix="check its power: it may have been reset."
+            )
         return raw
 
     def _convert(self, what: str) -> None:
         base = wire.CONVERT_TEMPERATURE if what == _TEMPERATURE else wire.CONVERT_PRESSURE
         self._command(base + 2 * OVERSAMPLING.index(self._part.oversampling))
-        self._waits_for(what, self._conversion_s)
+        self._set_pending(what, self._conversion_s)
 
-    def _waits_for(self, what: str, seconds: float) -> None:
+    def _set_pending(self, what: str, seconds: float) -> None:
         self._pending = what
         self._started_s = self._now_s()
         self._due_s = self._started_s + seconds
 
     def _command(self, byte: int) -> None:
-        self._opened().command(self._address, byte)
+        self._require_open().command(self._address, byte)
 
-    def _opened(self) -> I2cBus:
+    def _require_open(self) -> I2cBus:
         if self._bus is None:
-            raise DeviceError(f"{self.title} is not open.", fix="configure() it first.")
+            raise DeviceError(f"{self.title} is not open.", fix="call configure() first.")
         return self._bus

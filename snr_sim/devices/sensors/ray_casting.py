@@ -21,9 +21,9 @@ Point: TypeAlias = tuple[float, float, float]
 
 # Absorption of red, green and blue light in pure water per metre: at 650, 550 and 450 nm. Source: Pope and Fry, Applied
 # Optics 36 (1997). Light travels down to the object, and then to the camera.
-ABSORBED_PER_M = (0.340, 0.0565, 0.0092)
+ATTENUATION_PER_M = (0.340, 0.0565, 0.0092)
 # The water between camera and object scatters light, too: our choice, for a clean pool.
-VEILED_PER_M = 0.06
+BACKSCATTER_PER_M = 0.06
 VEIL_RGB = (90.0, 150.0, 175.0)
 STEEP_SHADE = 0.3  # brightness of an upright face relative to a level one: our choice
 NEAREST_M = 0.01
@@ -34,47 +34,50 @@ class Rays:
     """One ray per pixel, from one point.
 
     Args:
-        eye_m: their origin.
-        ways: x, y and z of each ray's direction, each of shape (n,), world frame; 1 m along the camera's axis.
+        origin_m: their origin.
+        directions: x, y and z of each ray's direction, each of shape (n,), world frame; 1 m along the camera's axis.
         pixel: width of a pixel, 1 m away.
     """
 
-    def __init__(self, eye_m: Point, ways: tuple[Floats, Floats, Floats], pixel: float) -> None:
-        self.eye_m, self.ways, self.pixel = eye_m, ways, pixel
-        x, y, z = ways
+    def __init__(self, origin_m: Point, directions: tuple[Floats, Floats, Floats], pixel: float) -> None:
+        self.origin_m, self.directions, self.pixel = origin_m, directions, pixel
+        x, y, z = directions
         self.lengths: Floats = np.sqrt(x * x + y * y + z * z)
         self.depths: Floats = np.full(x.shape, np.inf)  # of the first hit, along the camera's axis
         self.colors: Floats = np.zeros((*x.shape, 3))
 
-    def meet_triangle(self, a: Point, b: Point, c: Point, rgb: list[float]) -> None:
+    def intersect_triangle(self, a: Point, b: Point, c: Point, rgb: list[float]) -> None:
         """Hit a flat triangle from either side."""
-        normal = _cross(_less(b, a), _less(c, a))
+        normal = _cross(_subtract(b, a), _subtract(c, a))
         square = _dot(normal, normal)
         if square == 0.0:
             return
-        depths = _dot(_less(a, self.eye_m), normal) / _dot(self.ways, normal)
-        spot = [eye + depths * way for eye, way in zip(self.eye_m, self.ways, strict=True)]
+        depths = _dot(_subtract(a, self.origin_m), normal) / _dot(self.directions, normal)
+        spot = [start + depths * direction for start, direction in zip(self.origin_m, self.directions, strict=True)]
         inside = depths > NEAREST_M
         for start, end in ((a, b), (b, c), (c, a)):
-            inward = _cross(normal, _less(end, start))
+            inward = _cross(normal, _subtract(end, start))
             # The edge is widened a little, so that no ray passes between two neighbours.
-            inside &= _dot(_less(spot, start), inward) >= -1e-9 * square
+            inside &= _dot(_subtract(spot, start), inward) >= -1e-9 * square
         level = abs(normal[2]) / square**0.5
         self._hit(inside, depths, [value * (1.0 - STEEP_SHADE * (1.0 - level)) for value in rgb])
 
-    def meet_line(self, a: Point, b: Point, radius_m: float, rgb: list[float]) -> None:
+    def intersect_line(self, a: Point, b: Point, radius_m: float, rgb: list[float]) -> None:
         """Hit a round bar. One that is thinner than a pixel is drawn one pixel wide, or it would flicker."""
-        along, to_eye = _less(b, a), _less(self.eye_m, a)
+        along, to_origin = _subtract(b, a), _subtract(self.origin_m, a)
         length2 = _dot(along, along)
         if length2 == 0.0:
             return
-        slant = _dot(self.ways, along)
+        slant = _dot(self.directions, along)
         spread = self.lengths * self.lengths * length2 - slant * slant
-        eye_along = _dot(to_eye, along)
-        shares = (self.lengths * self.lengths * eye_along - slant * _dot(self.ways, to_eye)) / spread
-        shares = np.clip(np.where(spread > 0.0, shares, 0.0), 0.0, 1.0)
-        depths = (shares * slant - _dot(self.ways, to_eye)) / (self.lengths * self.lengths)
-        gaps = [e + depths * way - shares * u for e, way, u in zip(to_eye, self.ways, along, strict=True)]
+        origin_along = _dot(to_origin, along)
+        fractions = (self.lengths * self.lengths * origin_along - slant * _dot(self.directions, to_origin)) / spread
+        fractions = np.clip(np.where(spread > 0.0, fractions, 0.0), 0.0, 1.0)
+        depths = (fractions * slant - _dot(self.directions, to_origin)) / (self.lengths * self.lengths)
+        gaps = [
+            e + depths * direction - fractions * u
+            for e, direction, u in zip(to_origin, self.directions, along, strict=True)
+        ]
         # Half a pixel, and a little more: a bar just between two rows must show in at least one.
         reach = np.maximum(radius_m, 0.505 * self.pixel * depths * self.lengths)
         self._hit((depths > NEAREST_M) & (_dot(gaps, gaps) <= reach * reach), depths - reach, rgb)
@@ -84,55 +87,55 @@ class Rays:
         self.depths[first] = depths[first]
         self.colors[first] = rgb
 
-    def through_water(self, veiled_per_m: float = VEILED_PER_M) -> Image:
+    def through_water(self, backscatter_per_m: float = BACKSCATTER_PER_M) -> Image:
         """Return the light at the eye, shape (n, 3), through water with this scattering per metre."""
         is_hit = np.isfinite(self.depths)
         depths = np.where(is_hit, self.depths, 0.0)
-        way_m = depths * self.lengths
-        under_m = np.maximum(0.0, -(self.eye_m[2] + depths * self.ways[2]))
-        clear = np.where(is_hit, faded(veiled_per_m * way_m), 0.0)
+        path_m = depths * self.lengths
+        under_m = np.maximum(0.0, -(self.origin_m[2] + depths * self.directions[2]))
+        clear = np.where(is_hit, attenuate(backscatter_per_m * path_m), 0.0)
         rgb = np.empty_like(self.colors)
-        for i, absorbed in enumerate(ABSORBED_PER_M):
-            veil = VEIL_RGB[i] * faded(np.array(absorbed * max(0.0, -self.eye_m[2])))
-            rgb[:, i] = self.colors[:, i] * faded(absorbed * (way_m + under_m)) * clear + veil * (1.0 - clear)
+        for i, attenuation in enumerate(ATTENUATION_PER_M):
+            veil = VEIL_RGB[i] * attenuate(np.array(attenuation * max(0.0, -self.origin_m[2])))
+            rgb[:, i] = self.colors[:, i] * attenuate(attenuation * (path_m + under_m)) * clear + veil * (1.0 - clear)
         image: Image = np.clip(np.floor(rgb + 0.5), 0.0, 255.0).astype(np.uint8)
         return image
 
 
-def meet_scene(rays: Rays, statics: dict[str, Any]) -> None:
+def intersect_scene(rays: Rays, statics: dict[str, Any]) -> None:
     """Intersect rays with the shapes of a scene; `prelude/plant.py` lists the kinds."""
     for shape in statics.values():
         rgb = [float(value) for value in shape["rgb"]]
         if shape["kind"] == "polyline":
             points = shape["points_m"]
             for start, end in pairwise(points):
-                rays.meet_line(tuple(start), tuple(end), shape["radius_m"], rgb)
+                rays.intersect_line(tuple(start), tuple(end), shape["radius_m"], rgb)
         elif shape["kind"] == "mesh":
             for i, j, k in shape["triangles"]:
                 a, b, c = (tuple(shape["vertices_m"][corner]) for corner in (i, j, k))
-                rays.meet_triangle(a, b, c, rgb)
+                rays.intersect_triangle(a, b, c, rgb)
         else:
             (x, y, z), (dx, dy, dz) = shape["center_m"], shape["half_size_m"]
             corners = [(x + i * dx, y + j * dy, z + k * dz) for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]
             for face in _BOX:
                 a, b, c, d = (corners[corner] for corner in face)
-                rays.meet_triangle(a, b, c, rgb)
-                rays.meet_triangle(a, c, d, rgb)
+                rays.intersect_triangle(a, b, c, rgb)
+                rays.intersect_triangle(a, c, d, rgb)
 
 
-def faded(thickness: Floats) -> Floats:
+def attenuate(thickness: Floats) -> Floats:
     """Return about exp(-thickness), 1 % too much at 4.5; rounded alike on every machine, as exp is not."""
-    left = 1.0 / (1.0 + thickness / 1024.0)
+    transmission = 1.0 / (1.0 + thickness / 1024.0)
     for _ in range(10):
-        left = left * left
-    return left
+        transmission = transmission * transmission
+    return transmission
 
 
 def _dot(a: Any, b: Any) -> Any:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def _less(a: Any, b: Any) -> Any:
+def _subtract(a: Any, b: Any) -> Any:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
-from snr_sim.prelude.errors import ParameterError, nearest
+from snr_sim.prelude.errors import ParameterError, suggest
 
 if TYPE_CHECKING:
     import numpy as np
@@ -21,16 +21,16 @@ NOISE_BLOCK = 256  # drawn at once: single draws cost 40 times as much
 
 
 @dataclass(frozen=True)
-class Wander:
+class BiasDrift:
     """A slow error: a constant bias, or one that drifts (a Gauss-Markov process of first order).
 
-    Args:
-        sigma: its standard deviation, from the first reading on, in the field's unit.
-        time_s: correlation time, after which it has decayed to 1/e; infinite for a bias that is constant in a run.
+        Args:
+            sigma: its standard deviation, from the first reading on, in the field's unit.
+    correlation_time_s: time after which it has decayed to 1/e; infinite for a bias that is constant in a run.
     """
 
     sigma: float
-    time_s: float = math.inf
+    correlation_time_s: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class SensorErrors:
         noise: standard deviation by field, in the field's unit.
         resolution: step that values are rounded to, by field.
         delay_s: how old a reading is when it is read.
-        wander: bias and drift, by field.
+        drift: bias and drift, by field.
         limits: measuring range, by field.
         period_s: between two measurements; reading more often returns the same reading again.
 
@@ -52,7 +52,7 @@ class SensorErrors:
     noise: dict[str, float] = field(default_factory=dict)
     resolution: dict[str, float] = field(default_factory=dict)
     delay_s: float = 0.0
-    wander: dict[str, Wander] = field(default_factory=dict)
+    drift: dict[str, BiasDrift] = field(default_factory=dict)
     limits: dict[str, tuple[float, float]] = field(default_factory=dict)
     period_s: float = 0.0
 
@@ -60,24 +60,27 @@ class SensorErrors:
         sizes = {"delay_s": self.delay_s, "period_s": self.period_s}
         sizes |= {f"noise of {name}": sigma for name, sigma in self.noise.items()}
         sizes |= {f"resolution of {name}": step for name, step in self.resolution.items()}
-        sizes |= {f"wander of {name}": wander.sigma for name, wander in self.wander.items()}
+        sizes |= {f"drift of {name}": drift.sigma for name, drift in self.drift.items()}
         for what, size in sizes.items():
             if not 0.0 <= size < math.inf:
-                raise ParameterError(f"A sensor with {what} = {size!r}.", fix="0 or more.")
-        for name, wander in self.wander.items():
-            if not wander.time_s > 0.0:
-                raise ParameterError(f"A sensor with wander of {name} in {wander.time_s!r} s.", fix="more than 0.")
-        for name, (least, most) in self.limits.items():
-            if not least <= most:
-                raise ParameterError(f"A sensor with {name} from {least!r} to {most!r}.", fix="(least, most).")
+                raise ParameterError(f"The {what} of a sensor must be 0 or more, not {size!r}.", fix="use 0 for none.")
+        for name, drift in self.drift.items():
+            if not drift.correlation_time_s > 0.0:
+                raise ParameterError(
+                    f"The drift of {name} has correlation_time_s={drift.correlation_time_s!r}.",
+                    fix="use a time greater than 0.",
+                )
+        for name, (low, high) in self.limits.items():
+            if not low <= high:
+                raise ParameterError(f"The limits of {name} are ({low!r}, {high!r}).", fix="use (min, max).")
 
     @property
     def fields(self) -> set[str]:
         """All fields with errors."""
-        return {*self.noise, *self.resolution, *self.wander, *self.limits}
+        return {*self.noise, *self.resolution, *self.drift, *self.limits}
 
 
-class Spoiler:
+class SensorErrorModel:
     """Adds errors to readings of one kind.
 
     Args:
@@ -92,35 +95,37 @@ class Spoiler:
 
     def __init__(self, sample: Any, errors: SensorErrors, rng: np.random.Generator, name: str) -> None:
         fields = sample.__struct_fields__
-        for wanted in errors.fields:
-            if wanted not in fields:
-                raise ParameterError(f"Readings of '{name}' have no field '{wanted}'.", fix=nearest(wanted, fields))
+        for field_name in errors.fields:
+            if field_name not in fields:
+                raise ParameterError(
+                    f"Readings of '{name}' have no field '{field_name}'.", fix=suggest(field_name, fields)
+                )
         self._type: type[Any] = type(sample)
         self._values_of = attrgetter(*fields)
         self._rng = rng
         self._noise: list[float] = []
-        self._spoiled = [
+        self._fields = [
             _Field(i, getattr(sample, field), field, errors) for i, field in enumerate(fields) if field in errors.fields
         ]
-        self._draws = sum(part.draws for part in self._spoiled)  # exact: integers
+        self._draws = sum(part.draws for part in self._fields)  # exact: integers
 
-    def spoil(self, reading: Any) -> Any:
+    def apply(self, reading: Any) -> Any:
         """Return the reading with errors."""
         values = list(self._values_of(reading))
         if len(self._noise) < self._draws:
             self._noise = self._rng.standard_normal(max(NOISE_BLOCK, self._draws)).tolist() + self._noise
         draw = self._noise.pop
-        for part in self._spoiled:
-            value = values[part.place]
-            if part.wander is not None:
-                value = part.wander.added_to(value, reading.stamp_s, draw)
+        for part in self._fields:
+            value = values[part.index]
+            if part.drift is not None:
+                value = part.drift.add_to(value, reading.stamp_s, draw)
             sigma = part.sigma
             if part.is_list:
                 if sigma:
                     value = [one + sigma * draw() for one in value]
                 if part.limits is not None:
-                    least, most = part.limits
-                    value = [least if one < least else most if one > most else one for one in value]
+                    low, high = part.limits
+                    value = [low if one < low else high if one > high else one for one in value]
                 if part.step:
                     step = part.step
                     value = [round(one / step) * step for one in value]
@@ -128,51 +133,51 @@ class Spoiler:
                 if sigma:
                     value += sigma * draw()
                 if part.limits is not None:
-                    least, most = part.limits
-                    value = least if value < least else most if value > most else value
+                    low, high = part.limits
+                    value = low if value < low else high if value > high else value
                 if part.step:
                     value = round(value / part.step) * part.step
-            values[part.place] = value
+            values[part.index] = value
         return self._type(*values)
 
 
 class _Field:
     """Errors of one field of a reading."""
 
-    def __init__(self, place: int, sample: Any, name: str, errors: SensorErrors) -> None:
-        self.place = place
+    def __init__(self, index: int, sample: Any, name: str, errors: SensorErrors) -> None:
+        self.index = index
         self.is_list = isinstance(sample, list)
         self.sigma = errors.noise.get(name, 0.0)
         self.step = errors.resolution.get(name, 0.0)
         self.limits = errors.limits.get(name)
-        wander = errors.wander.get(name)
-        self.wander = _Wandering(wander) if wander is not None and wander.sigma else None
-        self.draws = (len(sample) if self.is_list else 1) * ((self.sigma > 0.0) + (self.wander is not None))
+        drift = errors.drift.get(name)
+        self.drift = _DriftProcess(drift) if drift is not None and drift.sigma else None
+        self.draws = (len(sample) if self.is_list else 1) * ((self.sigma > 0.0) + (self.drift is not None))
 
 
-class _Wandering:
+class _DriftProcess:
     """A slow error of one field."""
 
-    def __init__(self, wander: Wander) -> None:
-        self._wander = wander
+    def __init__(self, drift: BiasDrift) -> None:
+        self._drift = drift
         self._errors: list[float] = []
         self._moved_s = 0.0
-        self._patience_s = wander.time_s / SMOOTHNESS
+        self._step_s = drift.correlation_time_s / SMOOTHNESS
 
-    def added_to(self, value: Any, stamp_s: float, draw: Callable[[], float]) -> Any:
+    def add_to(self, value: Any, stamp_s: float, draw: Callable[[], float]) -> Any:
         """Return a value or a list of them with the error at a time."""
         if not self._errors:
-            sigma = self._wander.sigma
+            sigma = self._drift.sigma
             self._errors = [sigma * draw() for _ in (value if isinstance(value, list) else [value])]
             self._moved_s = stamp_s
-        elif stamp_s - self._moved_s >= self._patience_s:
+        elif stamp_s - self._moved_s >= self._step_s:
             self._move(stamp_s, draw)
         if isinstance(value, list):
             return [one + error for one, error in zip(value, self._errors, strict=True)]
         return value + self._errors[0]
 
     def _move(self, stamp_s: float, draw: Callable[[], float]) -> None:
-        kept = math.exp((self._moved_s - stamp_s) / self._wander.time_s)
-        new = self._wander.sigma * math.sqrt(1.0 - kept * kept)
+        kept = math.exp((self._moved_s - stamp_s) / self._drift.correlation_time_s)
+        new = self._drift.sigma * math.sqrt(1.0 - kept * kept)
         self._errors = [kept * error + new * draw() for error in self._errors]
         self._moved_s = stamp_s

@@ -9,7 +9,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Generic, TypeVar
 
-from snr_sim.core.process.spawn import how_it_ended, start_process
+from snr_sim.core.process.spawn import describe_exit, start_process
 from snr_sim.prelude.errors import DeviceError
 
 END_S = 5.0
@@ -45,7 +45,7 @@ class ChildPort(Generic[Message]):
             DeviceError: the process has ended, or does not read.
         """
         if not select.select([], [self._line], [], 0)[1]:
-            raise DeviceError(f"The {self.name} does not read what it is sent: it hangs.", fix=f"kill -9 {self.pid}")
+            raise DeviceError(f"The {self.name} does not read its input: it hangs.", fix=f"kill -9 {self.pid}")
         try:
             self._line.send_bytes(message)
         except OSError as error:
@@ -83,7 +83,7 @@ class ChildPort(Generic[Message]):
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(END_S)
         status = self._process.returncode
-        how = "ended its line" if status is None else how_it_ended(status)
+        how = "ended its line" if status is None else describe_exit(status)
         return DeviceError(
-            f"The {self.name} {how}.", fix="what it printed stands above; `dmesg | tail` tells of memory."
+            f"The {self.name} {how}.", fix="read its output above; `dmesg | tail` shows whether memory ran out."
         )

@@ -50,7 +50,7 @@ def decode(encoded: bytes) -> bytes:
     '11 00 22'
     """
     if 0 in encoded:
-        raise CobsError(f"A zero stands inside a frame of {len(encoded)} bytes.")
+        raise CobsError(f"A frame of {len(encoded)} bytes contains a zero.")
     data = bytearray()
     at, end = 0, len(encoded)
     while at < end:

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from snr_sim.devices.wire.permission import how_to_use
-from snr_sim.prelude.errors import DeviceError, MissingExtra
+from snr_sim.prelude.errors import DeviceError, MissingExtraError
 
-MOST_BYTES = 32  # of one SMBus block
+MAX_BYTES = 32  # of one SMBus block
 _FIRST, _LAST = 0x08, 0x77  # other addresses are reserved
-_NOBODY = (errno.EREMOTEIO, errno.ENXIO, errno.EIO)  # no acknowledge, as different adapters report it
+_NO_ACKNOWLEDGE = (errno.EREMOTEIO, errno.ENXIO, errno.EIO)  # no acknowledge, as different adapters report it
 
 
 class RawBus(Protocol):
@@ -52,7 +52,7 @@ class I2cBus:
         open_raw: opens the underlying bus.
 
     Raises:
-        MissingExtra: smbus2 is not installed.
+        MissingExtraError: smbus2 is not installed.
         DeviceError: there is no such bus, or permission is missing.
     """
 
@@ -79,11 +79,11 @@ class I2cBus:
         try:
             block = bytes(self._raw.read_i2c_block_data(address, register, length))
         except OSError as error:
-            raise self._why_not(address, error) from error
+            raise self._bus_error(address, error) from error
         if len(block) != length:
             raise DeviceError(
                 f"0x{address:02x} on {self.name} gave {len(block)} bytes of {length} (register 0x{register:02x}).",
-                fix="shorter wires, or a slower bus: dtparam=i2c_arm_baudrate=100000 in config.txt.",
+                fix="use shorter wires, or a slower bus: dtparam=i2c_arm_baudrate=100000 in config.txt.",
             )
         return block
 
@@ -92,16 +92,16 @@ class I2cBus:
         try:
             self._raw.write_i2c_block_data(address, register, list(data))
         except OSError as error:
-            raise self._why_not(address, error) from error
+            raise self._bus_error(address, error) from error
 
     def command(self, address: int, byte: int) -> None:
         """Write one byte that is a command."""
         try:
             self._raw.write_byte(address, byte)
         except OSError as error:
-            raise self._why_not(address, error) from error
+            raise self._bus_error(address, error) from error
 
-    def who_answers(self) -> list[int]:
+    def scan(self) -> list[int]:
         """Return the addresses that acknowledge. Queries each of them, which takes some 20 ms."""
         found = []
         for address in range(_FIRST, _LAST + 1):
@@ -117,12 +117,12 @@ class I2cBus:
         """Close the bus. Never raises; safe to call twice."""
         self._raw.close()
 
-    def _why_not(self, address: int, error: OSError) -> DeviceError:
-        if error.errno in _NOBODY:
-            there = ", ".join(f"0x{one:02x}" for one in self.who_answers()) or "nobody"
+    def _bus_error(self, address: int, error: OSError) -> DeviceError:
+        if error.errno in _NO_ACKNOWLEDGE:
+            there = ", ".join(f"0x{one:02x}" for one in self.scan()) or "none"
             return DeviceError(
-                f"Nobody answers at 0x{address:02x} on {self.name}; on that bus there is: {there}.",
-                fix="power, SDA on pin 3, SCL on pin 5, and the address that its solder bridges say.",
+                f"No device answers at 0x{address:02x} on {self.name}; devices on that bus: {there}.",
+                fix="check its power, SDA on pin 3, SCL on pin 5, and the address that its solder bridges set.",
             )
         if error.errno == errno.EBUSY:
             return DeviceError(
@@ -131,17 +131,17 @@ class I2cBus:
             )
         if error.errno == errno.ETIMEDOUT:
             return DeviceError(
-                f"{self.name} hangs: 0x{address:02x} did not let go of it in time.",
-                fix="switch everything on it off and on; shorter wires; dtparam=i2c_arm_baudrate=100000 in config.txt.",
+                f"{self.name} hangs: 0x{address:02x} did not release it in time.",
+                fix="switch its devices off and on; shorten the wires; dtparam=i2c_arm_baudrate=100000 in config.txt.",
             )
-        return DeviceError(f"0x{address:02x} on {self.name}: {error}.", fix="`i2cdetect -y 1` shows who is there.")
+        return DeviceError(f"0x{address:02x} on {self.name}: {error}.", fix="`i2cdetect -y 1` lists the devices.")
 
 
 def _smbus2(number: int) -> RawBus:
     try:
         smbus2: Any = importlib.import_module("smbus2")
     except ImportError:
-        raise MissingExtra("smbus2", "hardware") from None
+        raise MissingExtraError("smbus2", "hardware") from None
     bus: RawBus = smbus2.SMBus(number)
     return bus
 

@@ -1,6 +1,6 @@
 """Messages between a program and the supervisor of its outputs over a `multiprocessing` connection.
 
-Each message is JSON, never a pickle; neither end accepts more than `MOST_BYTES`. Times are of the computer's clock
+Each message is JSON, never a pickle; neither end accepts more than `MAX_BYTES`. Times are of the computer's clock
 that all its processes share (CLOCK_MONOTONIC), so the age of a lease includes its time in the pipe.
 """
 
@@ -12,12 +12,12 @@ from typing import Any, TypeAlias
 import msgspec
 
 from snr_sim.prelude.errors import DeviceError
-from snr_sim.prelude.values import NO_JSON
+from snr_sim.prelude.values import JSON_ERRORS
 
-MOST_BYTES = 8192
+MAX_BYTES = 8192
 
 
-class Open(msgspec.Struct, frozen=True, tag=True):
+class OpenOutputs(msgspec.Struct, frozen=True, tag=True):
     """Opens the outputs and leaves them at neutral.
 
     Args:
@@ -29,11 +29,11 @@ class Open(msgspec.Struct, frozen=True, tag=True):
     args: list[Any]
 
 
-class Arm(msgspec.Struct, frozen=True, tag=True):
+class ArmOutputs(msgspec.Struct, frozen=True, tag=True):
     """Starts arming."""
 
 
-class Disarm(msgspec.Struct, frozen=True, tag=True):
+class DisarmOutputs(msgspec.Struct, frozen=True, tag=True):
     """Goes to neutral."""
 
     reason: str
@@ -55,17 +55,17 @@ class Lease(msgspec.Struct, frozen=True, tag=True):
     lease_s: float
 
 
-class Close(msgspec.Struct, frozen=True, tag=True):
+class CloseOutputs(msgspec.Struct, frozen=True, tag=True):
     """Goes to neutral and ends."""
 
 
-class Answer(msgspec.Struct, frozen=True, tag=True):
+class LeaseStatus(msgspec.Struct, frozen=True, tag=True):
     """Reply to one order.
 
     Args:
         seq: of the newest lease.
         state: of the outputs, as in Health.
-        why: as in Health.
+        reason: as in Health.
         pulses_us: the applied pulses.
         reasons: why they differ from the command.
         counts: as in Health.
@@ -74,14 +74,14 @@ class Answer(msgspec.Struct, frozen=True, tag=True):
 
     seq: int
     state: str
-    why: str
+    reason: str
     pulses_us: list[float]
     reasons: list[str]
     counts: dict[str, int]
     fix: str = ""
 
 
-Message: TypeAlias = Open | Arm | Disarm | Lease | Close | Answer
+Message: TypeAlias = OpenOutputs | ArmOutputs | DisarmOutputs | Lease | CloseOutputs | LeaseStatus
 
 _encoder = msgspec.json.Encoder()
 _decoder: msgspec.json.Decoder[Message] = msgspec.json.Decoder(Message)
@@ -90,12 +90,12 @@ _decoder: msgspec.json.Decoder[Message] = msgspec.json.Decoder(Message)
 def encode(message: Message) -> bytes:
     """Return a message as bytes.
 
-    >>> encode(Arm())
-    b'{"type":"Arm"}'
+    >>> encode(ArmOutputs())
+    b'{"type":"ArmOutputs"}'
     """
     body = _encoder.encode(message)
-    if len(body) > MOST_BYTES:
-        raise DeviceError(f"A message of {len(body)} bytes to the supervisor of outputs; at most {MOST_BYTES}.")
+    if len(body) > MAX_BYTES:
+        raise DeviceError(f"A message of {len(body)} bytes to the supervisor of outputs; at most {MAX_BYTES}.")
     return body
 
 
@@ -105,20 +105,20 @@ def decode(body: bytes) -> Message:
     Raises:
         DeviceError: the bytes are not a message.
 
-    >>> decode(b'{"type":"Arm"}')
-    Arm()
+    >>> decode(b'{"type":"ArmOutputs"}')
+    ArmOutputs()
     """
     try:
         return _decoder.decode(body)
-    except NO_JSON as error:
-        raise DeviceError(f"{body[:60]!r} is no message of a supervisor: {error}.") from error
+    except JSON_ERRORS as error:
+        raise DeviceError(f"{body[:60]!r} is not a supervisor message: {error}.") from error
 
 
 def receive(connection: Connection) -> Message:
     """Return the next message from a connection.
 
     Raises:
-        EOFError, OSError: the other process has ended, or sent more than `MOST_BYTES`.
+        EOFError, OSError: the other process has ended, or sent more than `MAX_BYTES`.
         DeviceError: the bytes are not a message.
     """
-    return decode(connection.recv_bytes(MOST_BYTES))
+    return decode(connection.recv_bytes(MAX_BYTES))

@@ -14,7 +14,7 @@ from enum import IntFlag
 
 QUARTERS_PER_US = 4
 POSITION_BYTES = ERRORS_BYTES = 2
-MOST_BY_ONE = 6  # the Micro Maestro, with six channels, lacks Set Multiple Targets
+MAX_SINGLE_TARGETS = 6  # the Micro Maestro, with six channels, lacks Set Multiple Targets
 _CRC7_REVERSED = 0x91  # polynomial x^7 + x^3 + 1, lowest bit first
 
 _SET_TARGET, _SET_TARGETS, _GET_POSITION, _GET_ERRORS = 0x84, 0x9F, 0x90, 0xA1
@@ -39,7 +39,7 @@ MEANINGS = {
     MaestroError.OVERRUN: "bytes came faster than it could take them",
     MaestroError.BUFFER_FULL: "its buffer ran over",
     MaestroError.CRC: "a command with a wrong CRC, or without one: is 'Enable CRC' on in its settings, and here not?",
-    MaestroError.PROTOCOL: "bytes that are no command: CRC here and not there, or a second program on the port?",
+    MaestroError.PROTOCOL: "bytes that are not a command: check 'Enable CRC', and close other programs on the port",
     MaestroError.TIMEOUT: "no command came for its serial timeout",
     MaestroError.SCRIPT_STACK: "its script's stack",
     MaestroError.SCRIPT_CALL_STACK: "its script's call stack",
@@ -76,7 +76,7 @@ def set_targets(pulses_us: Sequence[float]) -> list[bytes]:
     >>> [len(command) for command in set_targets([1500.0] * 8)], len(set_targets([1500.0] * 6))
     ([19], 6)
     """
-    if len(pulses_us) <= MOST_BY_ONE:
+    if len(pulses_us) <= MAX_SINGLE_TARGETS:
         return [set_target(channel, pulse) for channel, pulse in enumerate(pulses_us)]
     numbers = b"".join([_number(round(pulse * QUARTERS_PER_US)) for pulse in pulses_us])
     return [bytes([_SET_TARGETS, len(pulses_us), 0]) + numbers]
@@ -110,7 +110,7 @@ def number_of(answer: bytes) -> int:
     return answer[0] | answer[1] << 8
 
 
-def in_words(errors: int) -> str:
+def describe_errors(errors: int) -> str:
     """Return the bits that are set in an error register as text."""
     known = [f"{bit.name}: {MEANINGS[bit]}" for bit in MaestroError if errors & bit]
     return "; ".join(known) or "none"

@@ -16,7 +16,7 @@ NEUTRAL_US = 1500.0
 NO_COMMAND_MS = 0xFFFF  # the age of the last command when there was none
 
 
-class State(IntEnum):
+class McuState(IntEnum):
     """State of the microcontroller."""
 
     STARTING = 0  # sends neutral until the speed controllers have started
@@ -25,7 +25,7 @@ class State(IntEnum):
     STOPPED = 3  # emergency stop: neutral until it is cleared
 
 
-class Fault(IntFlag):
+class McuFault(IntFlag):
     """Why an output differs from the command. Those marked * stay until the next `Hello`."""
 
     LEASE_EXPIRED = 1  # commands stopped while it was armed; until it is armed again
@@ -49,7 +49,7 @@ class ResetCause(IntFlag):
     WATCHDOG = 8  # the firmware hung
 
 
-class Result(IntEnum):
+class AckResult(IntEnum):
     """Result of a request."""
 
     DONE = 0
@@ -92,7 +92,7 @@ class SetWidths(msgspec.Struct, frozen=True, tag="set_widths"):
 
 
 class Arm(msgspec.Struct, frozen=True, tag="arm"):
-    """To the microcontroller: apply commands from now on. `Answer` answers this and all that follow."""
+    """To the microcontroller: apply commands from now on. `CommandAck` answers this and all that follow."""
 
     session: int
 
@@ -118,7 +118,7 @@ class ClearStop(msgspec.Struct, frozen=True, tag="clear_stop"):
 class Ident(msgspec.Struct, frozen=True, tag="ident"):
     """From the microcontroller: its identity, and the limits that it applies to every command."""
 
-    nth: int
+    frame_count: int
     session: int
     protocol: int
     firmware: tuple[int, int]
@@ -129,7 +129,7 @@ class Ident(msgspec.Struct, frozen=True, tag="ident"):
     dead_band_us: float
     resolution_ns: int
     period_us: int
-    most_lease_ms: int
+    max_lease_ms: int
     esc_start_ms: int
     slew_us_per_100ms: int
     dwell_ms: int
@@ -141,7 +141,7 @@ class Telemetry(msgspec.Struct, frozen=True, tag="telemetry"):
     """From the microcontroller: after each command, and 20 times a second without commands.
 
     Args:
-        nth: counts its frames, 0 to 255 and from 0 again.
+        frame_count: number of its frames, 0 to 255 and from 0 again.
         session: whose commands it takes; 0 if it has not received a hello since it started.
         seq: of the last command taken.
         uptime_ms: since it started.
@@ -151,12 +151,12 @@ class Telemetry(msgspec.Struct, frozen=True, tag="telemetry"):
         widths_us: widths at the outputs.
     """
 
-    nth: int
+    frame_count: int
     session: int
     seq: int
     uptime_ms: int
-    state: State
-    faults: Fault
+    state: McuState
+    faults: McuFault
     reset_cause: ResetCause
     command_age_ms: int
     crc_errors: int
@@ -165,21 +165,21 @@ class Telemetry(msgspec.Struct, frozen=True, tag="telemetry"):
     widths_us: tuple[float, ...]
 
 
-class Answer(msgspec.Struct, frozen=True, tag="answer"):
+class CommandAck(msgspec.Struct, frozen=True, tag="answer"):
     """From the microcontroller: the result of a request.
 
     Args:
         to: type byte of the request, as in `TYPE_OF`.
     """
 
-    nth: int
+    frame_count: int
     session: int
     to: int
-    result: Result
+    result: AckResult
 
 
 ToMcu = Hello | SetWidths | Arm | Disarm | EmergencyStop | ClearStop
-FromMcu = Ident | Telemetry | Answer
+FromMcu = Ident | Telemetry | CommandAck
 
 TYPE_OF: dict[type, int] = {
     Hello: 0x01,
@@ -190,5 +190,5 @@ TYPE_OF: dict[type, int] = {
     ClearStop: 0x06,
     Ident: 0x81,
     Telemetry: 0x82,
-    Answer: 0x83,
+    CommandAck: 0x83,
 }

@@ -39,13 +39,13 @@ def calibration(words: Sequence[int]) -> tuple[int, ...]:
     Raises:
         DeviceError: the check sum does not match.
     """
-    told, first = words[0] >> 12, words[0] & 0x0FFF
-    counted = crc4([first, *words[1:], 0])
-    if told != counted or not any(words[1:]):
+    stored, first = words[0] >> 12, words[0] & 0x0FFF
+    computed = crc4([first, *words[1:], 0])
+    if stored != computed or not any(words[1:]):
         shown = " ".join(f"{word:04x}" for word in words)
         raise DeviceError(
-            f"its calibration has the check sum {told:x}, but counts up to {counted:x}: {shown}.",
-            fix="shorter wires or a slower bus; all the same words are of another part, or of none.",
+            f"its calibration has the checksum {stored:x}, but {computed:x} is computed: {shown}.",
+            fix="use shorter wires or a slower bus; equal words mean another device, or none.",
         )
     return (first, *words[1:])
 

@@ -16,12 +16,12 @@ from operator import xor
 
 import msgspec
 
-MOST_DIGITS = 4  # of a count
-MOST_BYTES = 120  # of a line: 82 by the standard, and some receivers send more
+MAX_DIGITS = 4  # of a count
+MAX_BYTES = 120  # of a line: 82 by the standard, and some receivers send more
 KNOTS_TO_MPS = 1852.0 / 3600.0
 
 
-class Fix(msgspec.Struct, frozen=True):
+class FixSentence(msgspec.Struct, frozen=True):
     """A sentence GGA: position.
 
     Args:
@@ -43,7 +43,7 @@ class Fix(msgspec.Struct, frozen=True):
     altitude_m: float | None
 
 
-class Course(msgspec.Struct, frozen=True):
+class CourseSentence(msgspec.Struct, frozen=True):
     """A sentence RMC: speed and course.
 
     Args:
@@ -78,37 +78,37 @@ class NmeaLines:
     def __init__(self) -> None:
         self.sentences = self.unread = self.checksum_errors = self.garbage = 0
         self._rest = b""
-        self._skips = False  # inside a line that is too long
+        self._is_skipping = False  # inside a line that is too long
 
-    def feed(self, data: bytes) -> list[Fix | Course]:
+    def feed(self, data: bytes) -> list[FixSentence | CourseSentence]:
         """Add received bytes; return the complete sentences of decoded types.
 
         >>> lines = NmeaLines()
         >>> len(lines.feed(b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\\r\\n"))
         1
         """
-        found: list[Fix | Course] = []
+        found: list[FixSentence | CourseSentence] = []
         *lines, rest = data.split(b"\n")
         for line in lines:
             whole, self._rest = self._rest + line, b""
-            if self._skips or len(whole) > MOST_BYTES:
+            if self._is_skipping or len(whole) > MAX_BYTES:
                 self.garbage += 1
-                self._skips = False
+                self._is_skipping = False
             elif (sentence := self._sentence(whole.strip())) is not None:
                 found.append(sentence)
         self._rest += rest
-        if len(self._rest) > MOST_BYTES:
-            self._rest, self._skips = b"", True
+        if len(self._rest) > MAX_BYTES:
+            self._rest, self._is_skipping = b"", True
         return found
 
-    def _sentence(self, line: bytes) -> Fix | Course | None:
+    def _sentence(self, line: bytes) -> FixSentence | CourseSentence | None:
         if not line:
             return None
-        body, star, told = line[1:].partition(b"*")
-        if not line.startswith(b"$") or not star or len(told) != 2 or not line.isascii():
+        body, star, received_checksum = line[1:].partition(b"*")
+        if not line.startswith(b"$") or not star or len(received_checksum) != 2 or not line.isascii():
             self.garbage += 1
             return None
-        if told.upper() != b"%02X" % checksum(body):
+        if received_checksum.upper() != b"%02X" % checksum(body):
             self.checksum_errors += 1
             return None
         fields = body.decode("ascii").split(",")
@@ -135,22 +135,22 @@ def checksum(body: bytes) -> int:
     return reduce(xor, body, 0)
 
 
-def _fix(f: list[str]) -> Fix:
-    return Fix(
+def _fix(f: list[str]) -> FixSentence:
+    return FixSentence(
         _time_s(f[1]), _angle_deg(f[2], f[3], "NS"), _angle_deg(f[4], f[5], "EW"), _count(f[6]), _count(f[7] or "0"),
         _number(f[8]), _number(f[9]),
     )  # fmt: skip
 
 
-def _course(f: list[str]) -> Course:
+def _course(f: list[str]) -> CourseSentence:
     knots = _number(f[7])
-    return Course(
+    return CourseSentence(
         _time_s(f[1]), f[2] == "A", _angle_deg(f[3], f[4], "NS"), _angle_deg(f[5], f[6], "EW"),
         None if knots is None else knots * KNOTS_TO_MPS, _number(f[8]), f[9],
     )  # fmt: skip
 
 
-_READERS: dict[str, Callable[[list[str]], Fix | Course]] = {"GGA": _fix, "RMC": _course}
+_READERS: dict[str, Callable[[list[str]], FixSentence | CourseSentence]] = {"GGA": _fix, "RMC": _course}
 
 
 def _number(text: str) -> float | None:
@@ -162,7 +162,7 @@ def _number(text: str) -> float | None:
 
 
 def _count(text: str) -> int:
-    if not (text.isdecimal() and len(text) <= MOST_DIGITS):  # a line has room for a number too large for a page
+    if not (text.isdecimal() and len(text) <= MAX_DIGITS):  # a line has room for a number too large for a page
         raise ValueError(text)
     return int(text)
 

@@ -15,34 +15,34 @@ _ON_BOARD = ("ttyS", "ttyAMA", "ttyTHS")  # a system may use these for its conso
 
 
 @dataclass(frozen=True)
-class Owner:
+class FileOwner:
     """Group of a file.
 
     Args:
         group: its group's name, or number if it has none.
-        helps: whether members of that group may read and write it.
+        has_access: whether members of that group may read and write it.
     """
 
     group: str
-    helps: bool
+    has_access: bool
 
 
-def owner_of(path: Path) -> Owner:
+def owner_of(path: Path) -> FileOwner:
     """Return the group of a file.
 
     Raises:
         OSError: the file does not exist.
     """
     about = path.stat()
-    wanted = stat.S_IWGRP if path.name == "export" else stat.S_IRGRP | stat.S_IWGRP  # export is write-only
+    required = stat.S_IWGRP if path.name == "export" else stat.S_IRGRP | stat.S_IWGRP  # export is write-only
     try:
         name = path.group()
     except KeyError:
-        return Owner(str(about.st_gid), False)  # a group without a name cannot be joined
-    return Owner(name, about.st_gid != 0 and about.st_mode & wanted == wanted)
+        return FileOwner(str(about.st_gid), False)  # a group without a name cannot be joined
+    return FileOwner(name, about.st_gid != 0 and about.st_mode & required == required)
 
 
-def how_to_use(path: Path, usual: str, owner: Owner | None = None) -> str:
+def how_to_use(path: Path, usual: str, owner: FileOwner | None = None) -> str:
     """Return how to get access to a file.
 
     Args:
@@ -50,15 +50,15 @@ def how_to_use(path: Path, usual: str, owner: Owner | None = None) -> str:
         usual: the group that such files usually belong to: 'dialout', 'i2c', 'gpio'.
         owner: its group; read from the file if not given, and as usual if there is no file.
 
-    >>> how_to_use(Path("/dev/ttyUSB0"), "dialout", Owner("dialout", True))
+    >>> how_to_use(Path("/dev/ttyUSB0"), "dialout", FileOwner("dialout", True))
     'sudo usermod -aG dialout $USER, then log out and in again.'
     """
     if owner is None:
         try:
             owner = owner_of(path)
         except OSError:
-            owner = Owner(usual, True)
-    if owner.helps:
+            owner = FileOwner(usual, True)
+    if owner.has_access:
         return _join(owner.group)
     rule = f'KERNEL=="{path.name}", GROUP="{usual}", MODE="0660"'
     if usual == "gpio":
@@ -66,7 +66,7 @@ def how_to_use(path: Path, usual: str, owner: Owner | None = None) -> str:
     console = ""
     if path.name.startswith(_ON_BOARD):
         console = (
-            f"`sudo fuser -v {path}` tells if the system's console has it (on a Raspberry Pi: raspi-config, Serial "
+            f"`sudo fuser -v {path}` shows whether the system console uses it (on a Raspberry Pi: raspi-config, Serial "
             "Port, no login shell). If not: "
         )
     return (

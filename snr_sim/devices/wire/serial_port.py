@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from snr_sim.devices.wire.permission import how_to_use
-from snr_sim.prelude.errors import DeviceError, MissingExtra
+from snr_sim.prelude.errors import DeviceError, MissingExtraError
 
 ANSWER_S = 0.5  # how long `ask` waits for an answer
 _BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 460800, 500000, 921600, 1000000)
@@ -63,7 +63,7 @@ class SerialPort:
         baud: bits per second. A port that is USB from end to end accepts any.
 
     Raises:
-        MissingExtra: pyserial is not installed.
+        MissingExtraError: pyserial is not installed.
         DeviceError: there is no such port, another process has it, or permission is missing.
     """
 
@@ -73,18 +73,18 @@ class SerialPort:
         try:
             self._serial: Any = serial.Serial(path, baud, timeout=0, write_timeout=0, exclusive=True)
         except (OSError, ValueError) as error:  # SerialException is an OSError
-            raise _why_not(path, baud, error) from error
+            raise _open_error(path, baud, error) from error
 
     def write(self, data: bytes) -> None:
         """Send bytes."""
         try:
             taken = self._serial.write(data)
         except OSError as error:
-            raise self._gone(error) from error
+            raise self._lost_error(error) from error
         if taken != len(data):
             raise DeviceError(
                 f"{self.name} took {taken} of {len(data)} bytes: those before them are not out yet.",
-                fix="a higher baud rate at both ends, or fewer commands a second.",
+                fix="use a higher baud rate at both ends, or send fewer commands per second.",
             )
 
     def read(self) -> bytes:
@@ -93,7 +93,7 @@ class SerialPort:
             waiting = self._serial.in_waiting
             data: bytes = self._serial.read(waiting) if waiting else b""
         except OSError as error:
-            raise self._gone(error) from error
+            raise self._lost_error(error) from error
         return data
 
     def wait(self, seconds: float) -> bool:
@@ -101,14 +101,14 @@ class SerialPort:
         try:
             return bool(select.select([self._serial], [], [], seconds)[0])
         except (OSError, ValueError, TypeError) as error:
-            raise self._gone(error) from error
+            raise self._lost_error(error) from error
 
     def close(self) -> None:
         """Close the port."""
         with suppress(OSError):  # raised for a port that was unplugged
             self._serial.close()
 
-    def _gone(self, error: Exception) -> DeviceError:
+    def _lost_error(self, error: Exception) -> DeviceError:
         return DeviceError(
             f"{self.name} is gone: {error}.",
             fix="is the cable in, and does the device have power? `ls /dev/tty*` shows where it came back.",
@@ -140,9 +140,9 @@ def check_port(path: str) -> None:
         DeviceError: it does not, with a list of those that do; or permission is missing, with the group that has it.
     """
     if not os.path.exists(path):
-        raise _why_not(path, 0, FileNotFoundError(errno.ENOENT, "not there"))
+        raise _open_error(path, 0, FileNotFoundError(errno.ENOENT, "not there"))
     if not os.access(path, os.R_OK | os.W_OK):
-        raise _why_not(path, 0, PermissionError(errno.EACCES, "not allowed"))
+        raise _open_error(path, 0, PermissionError(errno.EACCES, "not allowed"))
 
 
 def ports() -> list[str]:
@@ -159,10 +159,10 @@ def _pyserial() -> Any:
     try:
         return importlib.import_module("serial")
     except ImportError:
-        raise MissingExtra("pyserial", "hardware") from None
+        raise MissingExtraError("pyserial", "hardware") from None
 
 
-def _why_not(path: str, baud: int, error: Exception) -> DeviceError:
+def _open_error(path: str, baud: int, error: Exception) -> DeviceError:
     """Return the reason why a port did not open."""
     number = getattr(error, "errno", None)
     if isinstance(error, ValueError):
@@ -175,7 +175,7 @@ def _why_not(path: str, baud: int, error: Exception) -> DeviceError:
         fix = (
             f"{meant}{'T' if meant else 't'}here are: {', '.join(there)}."
             if there
-            else "there is none at all: plug it in, and `dmesg | tail` tells its name."
+            else "there is none: plug the device in; `dmesg | tail` shows its name."
         )
         return DeviceError(f"There is no serial port {path}.", fix=fix)
     if number in (errno.EACCES, errno.EPERM):
@@ -195,10 +195,10 @@ def _why_not(path: str, baud: int, error: Exception) -> DeviceError:
 
 def _holder(path: str) -> str:
     """Return which process has a port open, as far as visible: root sees all, other users see their own."""
-    wanted, processes, found = os.path.realpath(path), Path("/proc"), "another program"
+    real_path, processes, found = os.path.realpath(path), Path("/proc"), "another program"
     for process in sorted(processes.glob("[0-9]*")):
         try:
-            if any(os.path.realpath(held) == wanted for held in (process / "fd").iterdir()):
+            if any(os.path.realpath(held) == real_path for held in (process / "fd").iterdir()):
                 name = (process / "comm").read_text(errors="replace").strip()
                 if process.name != str(os.getpid()):
                     return f"process {process.name} ({name})"

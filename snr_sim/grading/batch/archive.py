@@ -13,7 +13,7 @@ import zlib
 from collections.abc import Iterator
 from typing import Any, BinaryIO, TypeAlias, cast
 
-from snr_sim.grading.batch.member_names import Refused, is_litter, parts_of, shown
+from snr_sim.grading.batch.member_names import SubmissionRejectedError, is_ignored, parts_of, shown
 
 MAX_ARCHIVE_BYTES = 32 * 2**20
 MAX_DIRECTORY_BYTES = 2**19  # of the archive's list of contents, some 50 to 300 bytes a file
@@ -32,10 +32,10 @@ def members_of(file: BinaryIO, notes: list[str]) -> Iterator[Member]:
         notes: a note for each entry left out is added here.
 
     Raises:
-        Refused: it is not an archive, is damaged or malicious, or cannot be opened.
+        SubmissionRejectedError: it is not an archive, is damaged or malicious, or cannot be opened.
     """
     if os.fstat(file.fileno()).st_size > MAX_ARCHIVE_BYTES:
-        raise Refused(
+        raise SubmissionRejectedError(
             f"Your archive is larger than {MAX_ARCHIVE_BYTES // 2**20} MB.",
             fix="zip only what the lab asks for, without recorded runs.",
         )
@@ -43,7 +43,7 @@ def members_of(file: BinaryIO, notes: list[str]) -> Iterator[Member]:
         with zipfile.ZipFile(cast(Any, _Bounded(file))) as archive:
             for info in archive.infolist():
                 parts = parts_of(info.filename)
-                if any(is_litter(part) for part in parts):
+                if any(is_ignored(part) for part in parts):
                     continue
                 mode = info.external_attr >> 16
                 if stat.S_IFMT(mode) not in (0, stat.S_IFREG, stat.S_IFDIR):
@@ -59,8 +59,8 @@ def members_of(file: BinaryIO, notes: list[str]) -> Iterator[Member]:
         raise _damaged(error) from error
 
 
-def _damaged(error: Exception) -> Refused:
-    return Refused(
+def _damaged(error: Exception) -> SubmissionRejectedError:
+    return SubmissionRejectedError(
         f"Your submission is not a zip archive that can be opened ({error or 'it is cut off'}).",
         fix="if it is something else, a program or another kind of archive, zip it; else zip your folder again, and "
         "look into the archive before you hand it in.",
@@ -69,10 +69,12 @@ def _damaged(error: Exception) -> Refused:
 
 def _check_packing(info: zipfile.ZipInfo) -> None:
     if info.flag_bits & _ENCRYPTED:
-        raise Refused("Your archive has a password.", fix="zip it without one.")
+        raise SubmissionRejectedError("Your archive has a password.", fix="zip it without one.")
     # The others unpack as much as they like at once, whatever one asks for.
     if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        raise Refused("Your archive is packed in an unusual way.", fix="zip it with the usual method (deflate).")
+        raise SubmissionRejectedError(
+            "Your archive is packed in an unusual way.", fix="zip it with the usual method (deflate)."
+        )
 
 
 class _Measured:
@@ -91,7 +93,7 @@ class _Measured:
             raise _damaged(error) from error
         self._read_bytes += len(data)
         if self._read_bytes > max(_RATIO_FROM_BYTES, MAX_RATIO * self._packed_bytes):
-            raise Refused(
+            raise SubmissionRejectedError(
                 "Your archive unpacks to hundreds of times its size.", fix="hand in only what the lab asks for."
             )
         return data
@@ -107,26 +109,28 @@ class _Bounded(io.RawIOBase):
         """Return so many bytes.
 
         Raises:
-            Refused: they are more than any honest archive makes one read at once.
+            SubmissionRejectedError: they are more than any honest archive makes one read at once.
         """
-        wanted = size if size >= 0 else MAX_DIRECTORY_BYTES + 1  # the end of the archive is read without a size
-        data = b"" if wanted > MAX_DIRECTORY_BYTES + 1 else self._file.read(wanted)
+        read_bytes = size if size >= 0 else MAX_DIRECTORY_BYTES + 1  # the end of the archive is read without a size
+        data = b"" if read_bytes > MAX_DIRECTORY_BYTES + 1 else self._file.read(read_bytes)
         if max(size, len(data)) > MAX_DIRECTORY_BYTES:
-            raise Refused("Your archive has too many files in it.", fix="hand in only what the lab asks for.")
+            raise SubmissionRejectedError(
+                "Your archive has too many files in it.", fix="hand in only what the lab asks for."
+            )
         return data
 
-    def seek(self, offset: int, whence: int = 0) -> int:
-        """Go to a place.
+    def seek(self, offset: int, whence: int = 0) -> int:  # plain: archaic
+        """Go to a position.
 
         Raises:
             ValueError: it lies before the beginning, as in a damaged archive.
         """
         if whence == 0 and offset < 0:
-            raise ValueError("a place before its beginning")
+            raise ValueError("the position is before the start of the archive")
         return self._file.seek(offset, whence)
 
-    def tell(self) -> int:
-        """Return the place."""
+    def tell(self) -> int:  # plain: tell-name
+        """Return the position."""
         return self._file.tell()
 
     def seekable(self) -> bool:

@@ -9,8 +9,8 @@ from pathlib import Path
 from snr_sim.grading.batch.class_folder import ClassFolder
 from snr_sim.grading.reports.class_table import Summary, write_cases, write_class, write_leaderboard
 from snr_sim.grading.reports.distribution import draw_distribution
-from snr_sim.prelude.errors import MissingExtra
-from snr_sim.recording.whole_files import write_whole
+from snr_sim.prelude.errors import MissingExtraError
+from snr_sim.recording.atomic_files import write_atomic
 
 
 def write_class_files(folder: ClassFolder, title: str) -> tuple[Summary, str]:
@@ -29,7 +29,7 @@ def write_class_files(folder: ClassFolder, title: str) -> tuple[Summary, str]:
         _write(folder.path / "leaderboard.csv", lambda table: write_leaderboard(table, summary))
     try:
         draw_distribution(summary, title, folder.path / "distribution.png")
-    except (MissingExtra, ImportError) as error:
+    except (MissingExtraError, ImportError) as error:
         return summary, f"There is no picture of the distribution. {error}"
     return summary, ""
 
@@ -37,4 +37,4 @@ def write_class_files(folder: ClassFolder, title: str) -> tuple[Summary, str]:
 def _write(path: Path, fill: Callable[[io.StringIO], None]) -> None:
     table = io.StringIO(newline="")
     fill(table)
-    write_whole(path, table.getvalue().encode())
+    write_atomic(path, table.getvalue().encode())

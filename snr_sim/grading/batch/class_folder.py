@@ -1,6 +1,6 @@
 """The folder of a class: the job, the submissions completed so far, and nothing half done.
 
-    class.json                 the lab, its digest, kit, secret's digest; the submissions and their names
+    class.json                 the lab, its digest, version, secret's digest; the submissions and their names
     secret                     from which hidden cases are drawn, if none was given (mode 0600)
     results/<name>.json        the record of a submission; it is there exactly if the submission is done
     students/<name>/           its reports, and the recorded runs of visible cases
@@ -8,6 +8,9 @@
 
 A submission's reports are written first and its record last, so after an interruption at any point a submission is
 either done or not begun. One process at a time works in the folder; a lock that ends with the process ensures it.
+
+A different lab, version, secret or isolation is refused by `--resume`. A submission that has changed, or that ended as
+`grader_error`, is graded again.
 """
 
 from __future__ import annotations
@@ -25,49 +28,49 @@ from pathlib import Path
 
 import msgspec
 
-from snr_sim.grading.batch.intake import remove
+from snr_sim.grading.batch.submission_import import remove
 from snr_sim.grading.batch.submissions import Submission
 from snr_sim.grading.reports.results import Graded
 from snr_sim.prelude.errors import SnrError
-from snr_sim.prelude.values import NO_JSON
-from snr_sim.recording.whole_files import sync_folder, write_whole
+from snr_sim.prelude.values import JSON_ERRORS
+from snr_sim.recording.atomic_files import sync_folder, write_atomic
 
 MIN_SECRET_BYTES = 16
-_PLACE = "snr_grade_"
+_PRIVATE_PREFIX = "snr_grade_"
 _REMOVE_TIMEOUT_S = 2.0
-_MADE_AT_THE_END = ("class.csv", "cases.csv", "leaderboard.csv", "distribution.png")
+_FINAL_FILES = ("class.csv", "cases.csv", "leaderboard.csv", "distribution.png")
 
 
-class Terms(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class ClassSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What must be the same for marks to be of one class.
 
     Args:
         lab: its name.
         lab_digest: over all its files.
-        kit: version of snr_sim.
+        version: of snr_sim.
         secret_digest: of the secret, which it does not give away.
         isolation: "required" or "none".
     """
 
     lab: str
     lab_digest: str
-    kit: str
+    version: str
     secret_digest: str
     isolation: str
 
 
 class _Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    terms: Terms
+    settings: ClassSettings
     submissions: list[tuple[str, str]]
 
 
-class _Kept(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class _SavedResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     digest: str
     graded: Graded
 
 
 _decode_manifest = msgspec.json.Decoder(_Manifest).decode
-_decode_kept = msgspec.json.Decoder(_Kept).decode
+_decode_saved = msgspec.json.Decoder(_SavedResult).decode
 
 
 class ClassFolder:
@@ -87,10 +90,11 @@ class ClassFolder:
         try:
             path.mkdir(mode=0o700, parents=True, exist_ok=True)  # its tables contain hidden cases
             if any(path.iterdir()) and not (path / "class.json").is_file() and not _only_ours(path):
-                raise SnrError(f"{path} holds something else than results.", fix="name a new folder with --out.")
+                raise SnrError(f"{path} contains files that are not results.", fix="name a new folder with --out.")
             if (path / "class.json").exists() and not is_resumed:
                 raise SnrError(
-                    f"{path} holds the results of a class.", fix="go on with --resume, or name a new folder with --out."
+                    f"{path} already contains the results of a class.",
+                    fix="continue with --resume, or name a new folder with --out.",
                 )
             self._lock = os.open(path / ".lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
         except OSError as error:
@@ -99,11 +103,11 @@ class ClassFolder:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             os.close(self._lock)
-            raise SnrError(f"Another snr grade works in {path}.", fix="wait for it, or name another folder.") from error
+            raise SnrError(f"Another snr grade uses {path}.", fix="wait for it, or name another folder.") from error
         try:
             self._tidy_up()
             self._manifest = self._read_manifest()
-            self.place = self._make_place()
+            self.private_folder = self._make_private_folder()
         except BaseException:
             os.close(self._lock)
             raise
@@ -111,31 +115,36 @@ class ClassFolder:
     def _tidy_up(self) -> None:
         """Remove the files that a killed process has left."""
         left = Path(os.pread(self._lock, 4096, 0).decode(errors="replace"))
-        if left.name.startswith(_PLACE) and left.is_absolute() and left.is_dir() and left.stat().st_uid == os.getuid():
+        if (
+            left.name.startswith(_PRIVATE_PREFIX)
+            and left.is_absolute()
+            and left.is_dir()
+            and left.stat().st_uid == os.getuid()
+        ):
             remove(left)
         shutil.rmtree(self.path / ".staged", ignore_errors=True)
         for folder in (self.path, self.path / "results"):
             for part in folder.glob(".*.part"):
                 part.unlink(missing_ok=True)
 
-    def _make_place(self) -> Path:
+    def _make_private_folder(self) -> Path:
         """Return a private folder for submissions: no other user can list it, but a sandbox's user can enter it."""
-        place = Path(tempfile.mkdtemp(prefix=_PLACE))
+        private_folder = Path(tempfile.mkdtemp(prefix=_PRIVATE_PREFIX))
         try:
-            place.chmod(stat.S_IRWXU | stat.S_IXGRP | stat.S_IXOTH)
+            private_folder.chmod(stat.S_IRWXU | stat.S_IXGRP | stat.S_IXOTH)
             os.ftruncate(self._lock, 0)
-            os.pwrite(self._lock, os.fsencode(place), 0)
+            os.pwrite(self._lock, os.fsencode(private_folder), 0)
         except OSError:  # the disk of the class's folder is full
-            remove(place)
+            remove(private_folder)
             raise
-        return place
+        return private_folder
 
     def _read_manifest(self) -> _Manifest | None:
         try:
             return _decode_manifest((self.path / "class.json").read_bytes())
         except FileNotFoundError:
             return None
-        except (OSError, *NO_JSON) as error:
+        except (OSError, *JSON_ERRORS) as error:
             raise SnrError(f"{self.path / 'class.json'} cannot be read: {error}.", fix="name a new folder.") from error
 
     def close(self) -> None:
@@ -145,8 +154,8 @@ class ClassFolder:
         """
         if self._lock < 0:
             return
-        _remove_wholly(self.place)
-        if not self.place.exists():  # else the next run in this folder removes it
+        _remove_wholly(self.private_folder)
+        if not self.private_folder.exists():  # else the next run in this folder removes it
             os.ftruncate(self._lock, 0)
         os.close(self._lock)
         self._lock = -1
@@ -164,29 +173,29 @@ class ClassFolder:
         """
         path = given or self.path / "secret"
         if given is None and not path.exists():
-            write_whole(path, made_secret() + b"\n", mode=0o600)
+            write_atomic(path, new_secret() + b"\n", mode=0o600)
             return read_secret(path), True
         return read_secret(path), False
 
-    def begin(self, terms: Terms, submissions: Sequence[Submission]) -> None:
+    def begin(self, settings: ClassSettings, submissions: Sequence[Submission]) -> None:
         """Store the job, and remove the files that the end of a run writes, as they will be out of date.
 
         Raises:
             SnrError: it was begun with other terms.
         """
-        if self._manifest is not None and self._manifest.terms != terms:
-            before = msgspec.structs.asdict(self._manifest.terms)
-            now = msgspec.structs.asdict(terms)
+        if self._manifest is not None and self._manifest.settings != settings:
+            before = msgspec.structs.asdict(self._manifest.settings)
+            now = msgspec.structs.asdict(settings)
             raise SnrError(
-                f"{self.path} was begun with another {_changed(before, now)}: the marks would not be of one class.",
-                fix="grade into a new folder with --out, or go back to what was.",
+                f"{self.path} was started with another {_changed(before, now)}: the marks would not be comparable.",
+                fix="grade into a new folder with --out, or restore what has changed.",
             )
-        for name in _MADE_AT_THE_END:
+        for name in _FINAL_FILES:
             (self.path / name).unlink(missing_ok=True)
         every = {one.id: (one.id, str(one.given)) for one in [*self.known, *submissions]}
-        self._manifest = _Manifest(terms, list(every.values()))
+        self._manifest = _Manifest(settings, list(every.values()))
         # Before the folders: it identifies the folder as a class's if the process is killed here.
-        write_whole(self.path / "class.json", msgspec.json.format(msgspec.json.encode(self._manifest), indent=1))
+        write_atomic(self.path / "class.json", msgspec.json.format(msgspec.json.encode(self._manifest), indent=1))
         for folder in ("results", "students", ".staged"):
             (self.path / folder).mkdir(exist_ok=True)
 
@@ -202,10 +211,10 @@ class ClassFolder:
             if kept is not None:
                 yield kept.graded
 
-    def _kept(self, name: str) -> _Kept | None:
+    def _kept(self, name: str) -> _SavedResult | None:
         try:
-            return _decode_kept((self.path / "results" / f"{name}.json").read_bytes())
-        except (OSError, *NO_JSON):
+            return _decode_saved((self.path / "results" / f"{name}.json").read_bytes())
+        except (OSError, *JSON_ERRORS):
             return None
 
     def stage(self, name: str) -> Path:
@@ -220,28 +229,28 @@ class ClassFolder:
         staged = self.path / ".staged" / graded.submission
         staged.mkdir(exist_ok=True)
         for name, text in reports.items():
-            write_whole(staged / name, text.encode())
+            write_atomic(staged / name, text.encode())
         final = self.path / "students" / graded.submission
         (self.path / "results" / f"{graded.submission}.json").unlink(missing_ok=True)
         shutil.rmtree(final, ignore_errors=True)
         staged.rename(final)
         sync_folder(final.parent)
-        record = msgspec.json.encode(_Kept(digest, graded), order="deterministic")
-        write_whole(self.path / "results" / f"{graded.submission}.json", record + b"\n", mode=0o600)
+        record = msgspec.json.encode(_SavedResult(digest, graded), order="deterministic")
+        write_atomic(self.path / "results" / f"{graded.submission}.json", record + b"\n", mode=0o600)
 
 
-def _remove_wholly(place: Path) -> None:
+def _remove_wholly(private_folder: Path) -> None:
     """Remove a folder, and files that a dying program adds meanwhile."""
     # The kernel kills a student's process with the worker that started it, but the grader cannot wait for a process
     # that is not its child. Such a process may finish one system call, and a folder with a new file is not removed.
     give_up_s = time.monotonic() + _REMOVE_TIMEOUT_S
-    remove(place)
-    while place.exists() and time.monotonic() < give_up_s:
+    remove(private_folder)
+    while private_folder.exists() and time.monotonic() < give_up_s:
         time.sleep(0.01)
-        remove(place)
+        remove(private_folder)
 
 
-def made_secret() -> bytes:
+def new_secret() -> bytes:
     """Return a new secret."""
     return secrets.token_hex(32).encode()
 
@@ -270,9 +279,14 @@ def _only_ours(path: Path) -> bool:
 
 
 def _changed(before: Mapping[str, str], now: Mapping[str, str]) -> str:
-    words = {"lab": "lab", "lab_digest": "version of the lab", "kit": "version of snr_sim", "secret_digest": "secret"}
+    words = {
+        "lab": "lab",
+        "lab_digest": "version of the lab",
+        "version": "version of snr_sim",
+        "secret_digest": "secret",
+    }
     name = next(name for name in now if before[name] != now[name])
-    shown = f" ({before[name]}, now {now[name]})" if name in ("lab", "kit", "isolation") else ""
+    shown = f" ({before[name]}, now {now[name]})" if name in ("lab", "version", "isolation") else ""
     return words.get(name, name) + shown
 
 

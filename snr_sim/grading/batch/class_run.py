@@ -16,15 +16,15 @@ from typing import Any, Protocol
 import msgspec
 
 from snr_sim.grading.batch.class_folder import ClassFolder
-from snr_sim.grading.batch.intake import TakenIn, remove, take_in
-from snr_sim.grading.batch.member_names import Refused
+from snr_sim.grading.batch.member_names import SubmissionRejectedError
+from snr_sim.grading.batch.submission_import import ImportedSubmission, import_submission, remove
 from snr_sim.grading.batch.submissions import Submission
-from snr_sim.grading.batch.worker import Job, without_marks
+from snr_sim.grading.batch.worker import Job, ungraded_result
 from snr_sim.grading.lab.lab import Lab
 from snr_sim.grading.reports.check50 import check50
 from snr_sim.grading.reports.gradescope import gradescope_results
 from snr_sim.grading.reports.junit import junit
-from snr_sim.grading.reports.results import Demanded, Graded, with_runs_named
+from snr_sim.grading.reports.results import Graded, RequestedIsolation, with_runs_named
 from snr_sim.grading.reports.student_page import student_page
 
 RUNS = "runs"
@@ -67,7 +67,7 @@ class ClassRun:
         folder: ClassFolder,
         submissions: Sequence[Submission],
         secret: bytes,
-        isolation: Demanded,
+        isolation: RequestedIsolation,
         on_done: Callable[[Graded, bool], None],
     ) -> None:
         assert lab.folder is not None
@@ -89,43 +89,43 @@ class ClassRun:
         Raises:
             OSError: a result cannot be written, such as on a full disk.
         """
-        under_way: dict[Future[Any], tuple[Job, TakenIn]] = {}
+        in_progress: dict[Future[Any], tuple[Job, ImportedSubmission]] = {}
         while True:
             ahead = workers.ahead
-            while len(under_way) < ahead and (begun := self._next_begun()) is not None:
-                under_way[workers.submit(begun[0])] = begun
-            if not under_way:
+            while len(in_progress) < ahead and (begun := self._next_begun()) is not None:
+                in_progress[workers.submit(begun[0])] = begun
+            if not in_progress:
                 return
             with interruptible():
-                done = wait(under_way, _MAX_WAIT_S, FIRST_COMPLETED).done
+                done = wait(in_progress, _MAX_WAIT_S, FIRST_COMPLETED).done
             for future in done:
-                job, taken = under_way.pop(future)
+                job, taken = in_progress.pop(future)
                 self.keep(workers.result(future, job), taken)
 
-    def _next_begun(self) -> tuple[Job, TakenIn] | None:
+    def _next_begun(self) -> tuple[Job, ImportedSubmission] | None:
         """Return the next submission that has to be graded, taken in; None if there is none left.
 
         Those that are done, and those of which nothing can be graded, are dealt with on the way.
         """
         for name, given in self._waiting:
-            private = self._folder.place / name
+            private = self._folder.private_folder / name
             job = Job(name, self._checks, str(private), self._secret, self._isolation, "")
             try:
-                taken = take_in(given, self._lab.files, private)
-            except Refused as refused:
-                self._keep(without_marks(job, "refused", str(refused), self._lab.title), "")
+                taken = import_submission(given, self._lab.files, private)
+            except SubmissionRejectedError as rejection:
+                self._keep(ungraded_result(job, "rejected", str(rejection), self._lab.title), "")
                 continue
             except OSError as error:  # the disk is full, or it is not readable
-                self._keep(without_marks(job, "fault", f"It could not be read: {error}.", self._lab.title), "")
+                self._keep(ungraded_result(job, "grader_error", f"It could not be read: {error}.", self._lab.title), "")
                 continue
             done = self._folder.done(name, taken.digest)
-            if done is None or done.status == "fault":
+            if done is None or done.status == "grader_error":
                 return msgspec.structs.replace(job, runs=str(self._folder.stage(name) / RUNS)), taken
             remove(private)
             self._on_done(done, True)
         return None
 
-    def keep(self, graded: Graded, taken: TakenIn) -> None:
+    def keep(self, graded: Graded, taken: ImportedSubmission) -> None:
         """Keep the result of a submission, with its reports."""
         named = with_runs_named(graded, lambda run: f"{RUNS}/{run}")  # paths relative to the student's folder
         self._keep(msgspec.structs.replace(named, notes=taken.notes), taken.digest)

@@ -18,11 +18,11 @@ from typing import Any
 import msgspec
 
 from snr_sim import __version__
-from snr_sim.grading.batch.intake import remove
-from snr_sim.grading.batch.worker import Job, without_marks
+from snr_sim.grading.batch.submission_import import remove
+from snr_sim.grading.batch.worker import Job, ungraded_result
 from snr_sim.grading.batch.workers import WorkerProcess
 from snr_sim.grading.reports.results import Graded, decode_graded, encode_graded
-from snr_sim.prelude.errors import MissingExtra, SnrError
+from snr_sim.prelude.errors import MissingExtraError, SnrError
 
 RETRIES = 2  # of a submission whose grading raised on a worker; dask itself retries after a worker's death
 MAX_RUNS_BYTES = 16 * 2**20
@@ -30,30 +30,30 @@ _AHEAD = 2  # submissions in transit per thread of the cluster
 _CONNECT_S = 10
 
 
-class Parcel(msgspec.Struct, frozen=True):
+class ClusterJob(msgspec.Struct, frozen=True):
     """A job with all that it needs.
 
     Args:
         job: its paths are filled in where it arrives.
-        kit: version of snr_sim that it needs.
+        version: of snr_sim that it needs.
         lab, submission: their files by relative name.
     """
 
     job: Job
-    kit: str
+    version: str
     lab: dict[str, bytes]
     submission: dict[str, bytes]
 
 
-class Returned(msgspec.Struct, frozen=True):
+class ClusterResult(msgspec.Struct, frozen=True):
     """Result of a parcel: the record, and the recorded runs by relative name."""
 
     graded: bytes
     runs: dict[str, bytes]
 
 
-_decode_parcel = msgspec.msgpack.Decoder(Parcel).decode
-_decode_returned = msgspec.msgpack.Decoder(Returned).decode
+_decode_job = msgspec.msgpack.Decoder(ClusterJob).decode
+_decode_result = msgspec.msgpack.Decoder(ClusterResult).decode
 
 
 class ClusterWorkers:
@@ -76,7 +76,7 @@ class ClusterWorkers:
         """Send a submission to the cluster."""
         lab, submission = _files_of(Path(job.lab).parent), _files_of(Path(job.folder))
         future: Future[bytes] = self._executor.submit(
-            grade_parcel, msgspec.msgpack.encode(Parcel(job, __version__, lab, submission))
+            grade_cluster_job, msgspec.msgpack.encode(ClusterJob(job, __version__, lab, submission))
         )
         return future
 
@@ -84,8 +84,10 @@ class ClusterWorkers:
         """Return the result of a future; recorded runs are written to the job's folder."""
         error = future.exception()
         if error is not None:
-            return without_marks(job, "fault", f"The cluster could not grade it: {type(error).__name__}: {error}")
-        returned = _decode_returned(future.result())
+            return ungraded_result(
+                job, "grader_error", f"The cluster could not grade it: {type(error).__name__}: {error}"
+            )
+        returned = _decode_result(future.result())
         _write(Path(job.runs), returned.runs)
         return decode_graded(returned.graded)
 
@@ -98,17 +100,18 @@ def connected(address: str) -> Iterator[ClusterWorkers]:
         address: of a dask scheduler, such as tcp://127.0.0.1:8786.
 
     Raises:
-        MissingExtra: dask.distributed is not installed.
+        MissingExtraError: dask.distributed is not installed.
         SnrError: no scheduler answers at this address.
     """
     try:
         distributed = importlib.import_module("distributed")
     except ImportError as error:
-        raise MissingExtra("distributed", "grade-cluster") from error
+        raise MissingExtraError("distributed", "grade-cluster") from error
     protocol, _, place = address.rpartition("://")
     if protocol not in ("", "tcp", "tls", "ws", "wss") or ":" not in place:
         raise SnrError(
-            f"'{address}' is not the address of a dask scheduler.", fix="as it says itself: tcp://HOST:8786."
+            f"'{address}' is not the address of a dask scheduler.",
+            fix="use the address that the scheduler prints: tcp://HOST:8786.",
         )
     try:
         client = distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
@@ -140,12 +143,12 @@ def _write(folder: Path, files: dict[str, bytes]) -> None:
 # On a worker of the cluster
 
 
-def grade_parcel(parcel: bytes) -> bytes:
+def grade_cluster_job(cluster_job: bytes) -> bytes:
     """Grade a parcel; dask calls it on a worker. A child process of the worker does the grading."""
-    content = _decode_parcel(parcel)
-    if content.kit != __version__:
-        words = f"This worker has snr_sim {__version__}, and not {content.kit}."
-        return _returned(without_marks(content.job, "fault", words), Path("/nonexistent"))
+    content = _decode_job(cluster_job)
+    if content.version != __version__:
+        words = f"This worker has snr_sim {__version__}, and not {content.version}."
+        return _encode_result(ungraded_result(content.job, "grader_error", words), Path("/nonexistent"))
     # In dask's own folder for this worker: the next worker removes the files of a killed one there.
     own = importlib.import_module("distributed").get_worker().local_directory
     place = Path(tempfile.mkdtemp(prefix="snr_grade_", dir=own))
@@ -159,10 +162,10 @@ def grade_parcel(parcel: bytes) -> bytes:
             content.job, lab=str(lab / "checks.py"), folder=str(place / "submission"), runs=str(runs)
         )
         with closing(WorkerProcess(set())) as worker:  # a crash there is not the cluster's
-            return _returned(worker.grade(job), runs)
+            return _encode_result(worker.grade(job), runs)
     finally:
         remove(place)
 
 
-def _returned(graded: Graded, runs: Path) -> bytes:
-    return msgspec.msgpack.encode(Returned(encode_graded(graded), _files_of(runs, MAX_RUNS_BYTES)))
+def _encode_result(graded: Graded, runs: Path) -> bytes:
+    return msgspec.msgpack.encode(ClusterResult(encode_graded(graded), _files_of(runs, MAX_RUNS_BYTES)))

@@ -28,14 +28,14 @@ import msgspec
 
 import snr_sim
 from snr_sim import __version__
-from snr_sim.grading.batch.intake import remove, take_in
-from snr_sim.grading.batch.member_names import Refused
-from snr_sim.grading.batch.worker import Job, grade, without_marks
+from snr_sim.grading.batch.member_names import SubmissionRejectedError
+from snr_sim.grading.batch.submission_import import import_submission, remove
+from snr_sim.grading.batch.worker import Job, grade, ungraded_result
 from snr_sim.grading.lab.lab import Lab, load_lab
 from snr_sim.grading.reports.gradescope import gradescope_results
-from snr_sim.grading.reports.results import Demanded, Graded, with_runs_named
+from snr_sim.grading.reports.results import Graded, RequestedIsolation, with_runs_named
 from snr_sim.prelude.errors import SnrError
-from snr_sim.recording.whole_files import write_whole
+from snr_sim.recording.atomic_files import write_atomic
 
 _KIT = Path(snr_sim.__file__).resolve().parent
 _EXTRAS = ("sim",)
@@ -70,7 +70,7 @@ cd "$root"
 """
 
 
-def write_container(lab: Lab, secret: bytes, isolation: Demanded, out: Path) -> None:
+def write_container(lab: Lab, secret: bytes, isolation: RequestedIsolation, out: Path) -> None:
     """Write the files that Gradescope needs.
 
     Args:
@@ -95,11 +95,11 @@ def write_container(lab: Lab, secret: bytes, isolation: Demanded, out: Path) -> 
                 shipped if shipped.is_dir() else _KIT.parent / kind, kit / "shipped" / kind, ignore=_SKIPPED
             )
         shutil.copytree(lab.folder, kit / "shipped" / "assignments" / lab.name, ignore=_SKIPPED)
-        write_whole(out / "secret", secret + b"\n", mode=0o600)
-        write_whole(out / "settings.json", json.dumps({"lab": lab.name, "isolation": isolation}).encode() + b"\n")
-        write_whole(out / "requirements.txt", "".join(f"{line}\n" for line in requirements()).encode())
-        write_whole(out / "setup.sh", _SETUP.encode(), mode=0o755)
-        write_whole(out / "run_autograder", _RUN.encode(), mode=0o755)
+        write_atomic(out / "secret", secret + b"\n", mode=0o600)
+        write_atomic(out / "settings.json", json.dumps({"lab": lab.name, "isolation": isolation}).encode() + b"\n")
+        write_atomic(out / "requirements.txt", "".join(f"{line}\n" for line in requirements()).encode())
+        write_atomic(out / "setup.sh", _SETUP.encode(), mode=0o755)
+        write_atomic(out / "run_autograder", _RUN.encode(), mode=0o755)
     except OSError as error:
         raise SnrError(f"{out} could not be written: {error}.", fix="name another folder.") from error
 
@@ -135,23 +135,23 @@ def grade_in_container(root: Path) -> Graded:
     finally:
         remove(place)
     (root / "results").mkdir(exist_ok=True)
-    write_whole(root / "results" / "results.json", gradescope_results(graded).encode())
+    write_atomic(root / "results" / "results.json", gradescope_results(graded).encode())
     return graded
 
 
 def _graded(job: Job, given: Path) -> Graded:
     try:
         lab = load_lab(Path(job.lab))
-        taken = take_in(given, lab.files, Path(job.folder))
-    except Refused as refused:
-        return without_marks(job, "refused", str(refused), lab.title)
+        taken = import_submission(given, lab.files, Path(job.folder))
+    except SubmissionRejectedError as rejection:
+        return ungraded_result(job, "rejected", str(rejection), lab.title)
     except Exception:
-        return without_marks(job, "fault", traceback.format_exc())
+        return ungraded_result(job, "grader_error", traceback.format_exc())
     without_runs = with_runs_named(grade(job), lambda run: "")  # Gradescope does not hand them out
     return msgspec.structs.replace(without_runs, notes=taken.notes)
 
 
 if __name__ == "__main__":
     outcome = grade_in_container(Path(sys.argv[1]))
-    if outcome.status == "fault":
+    if outcome.status == "grader_error":
         print(f"snr_sim {__version__}: {outcome.error}")  # Gradescope shows it to the instructor alone

@@ -16,11 +16,11 @@ MAX_NAME_CHARS = 200
 _DRIVE = re.compile(r"[A-Za-z]:")
 # Files that editors, Python and macOS create, and the runs that the labs' pages record next to the program:
 # not part of the submission.
-_LITTER = {"__pycache__", "__MACOSX", "venv", "node_modules", "Thumbs.db", "trace.jsonl", "result.json"}
-_LITTER_SUFFIXES = (".pyc", ".pyo", "~", ".rrd")
+_IGNORED = {"__pycache__", "__MACOSX", "venv", "node_modules", "Thumbs.db", "trace.jsonl", "result.json"}
+_IGNORED_SUFFIXES = (".pyc", ".pyo", "~", ".rrd")
 
 
-class Refused(SnrError):
+class SubmissionRejectedError(SnrError):
     """A submission that cannot be graded. The message addresses the student."""
 
 
@@ -31,21 +31,21 @@ def parts_of(name: str) -> tuple[str, ...]:
         name: as the archive or the folder has it, with / or \\ between its parts.
 
     Raises:
-        Refused: the name leads out of the submission.
+        SubmissionRejectedError: the name leads out of the submission.
 
     >>> parts_of("./lab2//a/./depth_hold.py"), parts_of("lab2\\\\depth_hold.py"), parts_of("./")
     (('lab2', 'a', 'depth_hold.py'), ('lab2', 'depth_hold.py'), ())
     """
     parts = name.replace("\\", "/").split("/")
     if (parts[0] == "" and len(parts) > 1) or ".." in parts or _DRIVE.match(name):
-        raise Refused(
+        raise SubmissionRejectedError(
             f"Your submission names a file outside itself: '{shown(name)}'.",
             fix="zip the folder with your files, by their names alone.",
         )
     return tuple(part for part in parts if part not in ("", "."))
 
 
-def why_left_out(parts: tuple[str, ...]) -> str:
+def skip_reason(parts: tuple[str, ...]) -> str:
     """Return why a file of this path is left out, or an empty text."""
     name = "/".join(parts)
     if not name:
@@ -63,9 +63,9 @@ def why_left_out(parts: tuple[str, ...]) -> str:
     return ""
 
 
-def is_litter(name: str) -> bool:
+def is_ignored(name: str) -> bool:
     """Return whether a part of a path marks the file as left out."""
-    return name.startswith(".") or name in _LITTER or name.endswith(_LITTER_SUFFIXES)
+    return name.startswith(".") or name in _IGNORED or name.endswith(_IGNORED_SUFFIXES)
 
 
 def shown(name: str) -> str:
@@ -90,19 +90,19 @@ class TakenNames:
         """Take the path of a file.
 
         Raises:
-            Refused: it is there already; or one is that differs only in capitals or in how its letters are encoded.
+            SubmissionRejectedError: it is there already, or differs only in capitals or in the encoding of its letters.
         """
         name = "/".join(parts)
         above = ["/".join(parts[:count]) for count in range(1, len(parts))]
         taken = self._files.get(_key(name)) or self._folders.get(_key(name))
         taken = taken or next((self._files[_key(one)] for one in above if _key(one) in self._files), None)
         if taken is not None and _key(taken) == _key(name) and taken != name:
-            raise Refused(
-                f"Your submission has '{shown(taken)}' and '{shown(name)}', which are one name to many computers.",
+            raise SubmissionRejectedError(
+                f"Your submission has '{shown(taken)}' and '{shown(name)}', which are the same name on many computers.",
                 fix="rename one of them.",
             )
         if taken is not None:
-            raise Refused(f"Your submission has '{shown(taken)}' twice.", fix="zip each file once.")
+            raise SubmissionRejectedError(f"Your submission has '{shown(taken)}' twice.", fix="zip each file once.")
         self._files[_key(name)] = name
         self._folders.update((_key(one), one) for one in above)
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from snr_sim.grading.batch.member_names import is_litter
+from snr_sim.grading.batch.member_names import is_ignored
 from snr_sim.prelude.errors import SnrError
 
 _MAX_ID_CHARS = 60
@@ -23,14 +23,14 @@ class Submission(NamedTuple):
 
 
 def name_submissions(
-    given: Iterable[Path], known: Sequence[Submission] = (), wanted_files: Sequence[str] = ()
+    given: Iterable[Path], known: Sequence[Submission] = (), required_files: Sequence[str] = ()
 ) -> list[Submission]:
     """Return each submission, once, with a name that is safe in paths and tables and that no other has.
 
     Args:
         given: folders and archives, by path.
         known: submissions named before, as by an interrupted run: keep their names.
-        wanted_files: the lab's. If one folder alone is given, with none of them at its top but folders, it is a
+        required_files: the lab's. If one folder alone is given, with none of them at its top but folders, it is a
             class's, though a file lies about in it. (Among many it is one student's, who must not stop the others.)
 
     Raises:
@@ -40,18 +40,18 @@ def name_submissions(
     taken = {submission.id.casefold() for submission in known}
     # The class's folder may have moved: then submissions missing at its old path match those at its new one.
     moved = {_safe_name(one.given): one for one in reversed(known) if not one.given.exists()}
-    wanted = list(dict.fromkeys(Path(os.path.abspath(path)) for path in given))
-    for path in wanted:
-        _need_submission(path, wanted_files if len(wanted) == 1 else ())
+    paths = list(dict.fromkeys(Path(os.path.abspath(path)) for path in given))
+    for path in paths:
+        _need_submission(path, required_files if len(paths) == 1 else ())
         if path not in named and (before := moved.pop(_safe_name(path), None)):
             named[path] = Submission(before.id, path)
         if path not in named:
             named[path] = Submission(_free_name(_safe_name(path), taken), path)
             taken.add(named[path].id.casefold())
-    return [named[path] for path in wanted]
+    return [named[path] for path in paths]
 
 
-def _need_submission(path: Path, wanted_files: Sequence[str]) -> None:
+def _need_submission(path: Path, required_files: Sequence[str]) -> None:
     try:
         mode = path.stat().st_mode
     except (OSError, ValueError) as error:
@@ -61,8 +61,8 @@ def _need_submission(path: Path, wanted_files: Sequence[str]) -> None:
     if stat.S_ISDIR(mode):
         inside = _inside(path)
         many = [one.name for one in inside if one.is_dir() or one.name.lower().endswith(".zip")]
-        is_students = any((path / name).is_file() for name in wanted_files)
-        if len(many) > 1 and (len(many) == len(inside) or (wanted_files and not is_students)):
+        is_students = any((path / name).is_file() for name in required_files)
+        if len(many) > 1 and (len(many) == len(inside) or (required_files and not is_students)):
             raise SnrError(
                 f"'{path}' is not a submission, but holds {len(many)}: {many[0]}, {many[1]}, ...",
                 fix=f"give what is in it: {path}/*.",
@@ -72,9 +72,9 @@ def _need_submission(path: Path, wanted_files: Sequence[str]) -> None:
 def _inside(folder: Path) -> list[Path]:
     """Return the entries of a folder, without litter, in order."""
     try:
-        return sorted(path for path in folder.iterdir() if not is_litter(path.name))
+        return sorted(path for path in folder.iterdir() if not is_ignored(path.name))
     except OSError as error:
-        raise SnrError(f"'{folder}' cannot be read: {error.strerror}.", fix="is it yours to read?") from error
+        raise SnrError(f"'{folder}' cannot be read: {error.strerror}.", fix="check its permissions.") from error
 
 
 def _safe_name(path: Path) -> str:

@@ -19,11 +19,11 @@ from pathlib import Path
 import msgspec
 
 from snr_sim import __version__
-from snr_sim.core.blame import describe_error
-from snr_sim.grading.grade import grade_submission, sandboxed
+from snr_sim.core.source_location import describe_error
+from snr_sim.grading.grade import grade_submission, resolve_isolation
 from snr_sim.grading.lab.lab import Lab, load_lab
-from snr_sim.grading.remote.nursery import Nursery
-from snr_sim.grading.reports.results import Demanded, Graded, Isolation, Status, encode_graded
+from snr_sim.grading.remote.fork_server import ForkServer
+from snr_sim.grading.reports.results import Graded, Isolation, RequestedIsolation, Status, encode_graded
 from snr_sim.grading.sandbox.sandbox import Limits
 from snr_sim.prelude.errors import SnrError
 
@@ -49,7 +49,7 @@ class Job(msgspec.Struct, frozen=True):
     lab: str
     folder: str
     secret: bytes
-    isolation: Demanded
+    isolation: RequestedIsolation
     runs: str
 
 
@@ -57,21 +57,21 @@ _decode_job = msgspec.json.Decoder(Job).decode
 
 
 def serve(line: Connection) -> int:
-    """Answer jobs until the parent closes the connection; `Spawned` calls it."""
+    """Answer jobs until the parent closes the connection; `SpawnedProcess` calls it."""
     jobs: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(line, jobs), daemon=True).start()
-    nursery: Nursery | None = None
+    fork_server: ForkServer | None = None
     while True:
         job = _decode_job(jobs.get())
         # A worker may be killed at any moment and then removes nothing. So all its temporary folders are in the
         # class's place, which the grader removes.
         tempfile.tempdir = str(Path(job.folder).parent)
-        nursery = nursery or _nursery(job)
-        bound_job()
-        line.send_bytes(encode_graded(grade(job, nursery)))
+        fork_server = fork_server or _make_fork_server(job)
+        limit_resources()
+        line.send_bytes(encode_graded(grade(job, fork_server)))
 
 
-def bound_job() -> None:
+def limit_resources() -> None:
     """Bound the CPU time and memory that this process takes for its next job; the wall time is for `workers.py`.
 
     Students' programs have limits of their own, far lower. Whatever holds the grader itself costs its submission a
@@ -79,19 +79,19 @@ def bound_job() -> None:
     """
     used = resource.getrusage(resource.RUSAGE_SELF)
     cpu_s = math.ceil(used.ru_utime + used.ru_stime) + JOB_CPU_S
-    for limit, most in ((resource.RLIMIT_CPU, cpu_s), (resource.RLIMIT_AS, MEMORY_BYTES)):
+    for limit, max_value in ((resource.RLIMIT_CPU, cpu_s), (resource.RLIMIT_AS, MEMORY_BYTES)):
         hard = resource.getrlimit(limit)[1]
         with suppress(OSError, ValueError):  # a system that has no such limit
-            resource.setrlimit(limit, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+            resource.setrlimit(limit, (max_value if hard == resource.RLIM_INFINITY else min(max_value, hard), hard))
 
 
-def _nursery(job: Job) -> Nursery | None:
+def _make_fork_server(job: Job) -> ForkServer | None:
     """Return where all submissions of a class get their processes, which die with this one.
 
     None where programs cannot be isolated: each grading reports it.
     """
     try:
-        return Nursery(sandboxed(job.isolation), Limits())
+        return ForkServer(resolve_isolation(job.isolation), Limits())
     except (SnrError, OSError):
         return None
 
@@ -104,12 +104,12 @@ def _listen(line: Connection, jobs: queue.SimpleQueue[bytes]) -> None:
             os._exit(0)  # the sandboxes end with this process
 
 
-def grade(job: Job, nursery: Nursery | None = None) -> Graded:
+def grade(job: Job, fork_server: ForkServer | None = None) -> Graded:
     """Grade a job's submission; a failure that is not the student's is returned as a fault.
 
     Args:
         job: the submission.
-        nursery: fork server of the class, if there is one.
+        fork_server: fork server of the class, if there is one.
     """
     title = ""
     try:
@@ -117,11 +117,11 @@ def grade(job: Job, nursery: Nursery | None = None) -> Graded:
         title = lab.title
         runs = Path(job.runs)
         graded = grade_submission(
-            lab, Path(job.folder), job.secret, job.isolation, name=job.name, out=runs, nursery=nursery
+            lab, Path(job.folder), job.secret, job.isolation, name=job.name, out=runs, fork_server=fork_server
         )
     except Exception as error:
-        return without_marks(
-            job, "fault", describe_error(error, f"while the submission '{job.name}' was graded"), title
+        return ungraded_result(
+            job, "grader_error", describe_error(error, f"while the submission '{job.name}' was graded"), title
         )
     return graded
 
@@ -131,12 +131,12 @@ def _lab(path: str) -> Lab:
     return load_lab(Path(path))
 
 
-def without_marks(job: Job, status: Status, error: str, title: str = "") -> Graded:
+def ungraded_result(job: Job, status: Status, error: str, title: str = "") -> Graded:
     """Return the result of a submission that was not run, with the isolation that its program would have had.
 
     Args:
         job: of the submission.
-        status: "refused" if the submission is the cause, "fault" if the grader is.
+        status: "rejected" if the submission is the cause, "grader_error" if the grader is.
         error: why.
         title: of the lab, if it is known.
     """
@@ -145,18 +145,18 @@ def without_marks(job: Job, status: Status, error: str, title: str = "") -> Grad
         submission=job.name,
         lab=name,
         title=title or name,
-        isolation=_kept_here(job.isolation),
-        is_hidden_included=True,
-        kit=__version__,
+        isolation=_isolation_here(job.isolation),
+        includes_hidden=True,
+        version=__version__,
         status=status,
         error=error,
     )
 
 
 @cache
-def _kept_here(demanded: Demanded) -> Isolation:
+def _isolation_here(requested: RequestedIsolation) -> Isolation:
     """Return the isolation that this computer supports; if that cannot be determined, the sandbox."""
     try:
-        return sandboxed(demanded)
+        return resolve_isolation(requested)
     except (SnrError, OSError):  # the cause of a failed grading may prevent this, too: no memory, no processes
         return "sandbox"

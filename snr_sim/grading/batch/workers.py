@@ -2,6 +2,10 @@
 
 A worker and the program that it grades take turns, never both at work. So where every core has its worker, each worker
 shares its core with its program: their messages wake no other core, and the caches stay warm.
+
+It is not a ProcessPoolExecutor: there one process that dies breaks the pool, and with it every submission in progress.
+Workers end with the process that started them, and sandboxes with them. One that a submission blocks is ended by the
+kernel for its CPU time (`worker.py`) and here for its wall time.
 """
 
 from __future__ import annotations
@@ -18,12 +22,12 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.core.process.spawn import Spawned, how_it_ended, print_line
-from snr_sim.grading.batch.worker import JOB_CPU_S, Job, without_marks
+from snr_sim.core.process.spawn import SpawnedProcess, describe_exit, print_line
+from snr_sim.grading.batch.worker import JOB_CPU_S, Job, ungraded_result
 from snr_sim.grading.reports.results import Graded, decode_graded
 
-LIMIT_S = 3600.0  # of wall time for one submission; far longer than the limits of all its cases together
-_TRIES = 2
+TIMEOUT_S = 3600.0  # of wall time for one submission; far longer than the limits of all its cases together
+_MAX_TRIES = 2
 _WORKER = "snr_sim.grading.batch.worker:serve"
 
 
@@ -36,12 +40,12 @@ class WorkerProcess:
         target: main function of the process.
     """
 
-    def __init__(self, cores: set[int], limit_s: float = LIMIT_S, target: str = _WORKER) -> None:
+    def __init__(self, cores: set[int], limit_s: float = TIMEOUT_S, target: str = _WORKER) -> None:
         self._cores = cores
         self._limit_s = limit_s
         self._target = target
         self._answers: SimpleQueue[bytes | int] = SimpleQueue()  # results, and the exit status after the last one
-        self._process: Spawned | None = None
+        self._process: SpawnedProcess | None = None
         self._listener: Thread | None = None
         self._is_closed = False
         self._changing = Lock()
@@ -52,19 +56,21 @@ class WorkerProcess:
         If the process dies, it is tried once more in a fresh one. If that dies, too, the result is a fault, and no
         mark; at once if it took too long, by the CPU time or the wall clock.
         """
-        why = ""
-        for _ in range(_TRIES):
+        reason = ""
+        for _ in range(_MAX_TRIES):
             answer = self._ask(job)
             if isinstance(answer, bytes):
                 return decode_graded(answer)
             if answer == -signal.SIGXCPU:
                 words = f"The grader worked on it for more than {JOB_CPU_S} s, and was ended."
-                return without_marks(job, "fault", words)
+                return ungraded_result(job, "grader_error", words)
             if answer is None:
-                why = "It took too long, and its worker was ended."
+                reason = "It took too long, and its worker was ended."
                 break
-            why = f"Its worker {how_it_ended(answer)}."
-        return without_marks(job, "fault", f"{why} That is a failure of the grader or of the lab; see what it printed.")
+            reason = f"Its worker {describe_exit(answer)}."
+        return ungraded_result(
+            job, "grader_error", f"{reason} That is a failure of the grader or of the lab; see what it printed."
+        )
 
     def close(self) -> None:
         """End the process; a submission being graded has no result."""
@@ -80,8 +86,8 @@ class WorkerProcess:
         with self._changing:
             if self._is_closed:
                 return 0
-            process = self._process = self._process or self._started()
-        process.say(msgspec.json.encode(job))
+            process = self._process = self._process or self._start_process()
+        process.send(msgspec.json.encode(job))
         try:
             answer: bytes | int | None = self._answers.get(timeout=self._limit_s)
         except Empty:
@@ -94,9 +100,9 @@ class WorkerProcess:
                 self._process = None
         return answer
 
-    def _started(self) -> Spawned:
-        said = partial(print_line, sys.stderr)
-        process = Spawned(self._target, out=said, err=said)
+    def _start_process(self) -> SpawnedProcess:
+        print_output = partial(print_line, sys.stderr)
+        process = SpawnedProcess(self._target, out=print_output, err=print_output)
         if self._cores:
             with suppress(OSError):  # it has died already, and the listener reports it
                 os.sched_setaffinity(process.pid, self._cores)
@@ -104,10 +110,10 @@ class WorkerProcess:
         self._listener.start()
         return process
 
-    def _listen(self, process: Spawned) -> None:
+    def _listen(self, process: SpawnedProcess) -> None:
         status = 1
         try:
-            status = process.listen(self._answers.put)
+            status = process.receive_loop(self._answers.put)
         finally:
             self._answers.put(status)
 
@@ -120,7 +126,7 @@ class LocalWorkers:
         limit_s, target: of each, as for `WorkerProcess`.
     """
 
-    def __init__(self, jobs: int, limit_s: float = LIMIT_S, target: str = _WORKER) -> None:
+    def __init__(self, jobs: int, limit_s: float = TIMEOUT_S, target: str = _WORKER) -> None:
         self._workers = [WorkerProcess(cores, limit_s, target) for cores in _cores_of(jobs)]
         self._idle: SimpleQueue[WorkerProcess] = SimpleQueue()
         for worker in self._workers:

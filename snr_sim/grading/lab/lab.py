@@ -17,12 +17,12 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from snr_sim.core.blame import describe_error
+from snr_sim.core.source_location import describe_error
 from snr_sim.grading.lab.student import Student
-from snr_sim.grading.lab.verdicts import LabFault, Unjudged, Verdict
+from snr_sim.grading.lab.verdicts import CheckVerdict, GraderError, InconclusiveError
 from snr_sim.grading.remote.sent_code import LAB_MODULE
 from snr_sim.grading.reports.results import Order
-from snr_sim.prelude.errors import UnknownName, nearest
+from snr_sim.prelude.errors import UnknownNameError, suggest
 from snr_sim.scenario import library
 
 Draw = Callable[[random.Random], Sequence[Any]]
@@ -50,29 +50,29 @@ class Case:
             return label
         if is_dataclass(self.value):
             pairs = [(one.name, getattr(self.value, one.name)) for one in fields(self.value)]
-            return ", ".join(_in_words(name, value) for name, value in pairs)
+            return ", ".join(_format_field(name, value) for name, value in pairs)
         if isinstance(self.value, (int, float)):
-            return _in_words(self.name, self.value)
-        return "" if self.value is None else _value_in_words(self.value)
+            return _format_field(self.name, self.value)
+        return "" if self.value is None else _format_value(self.value)
 
 
 _UNITS = {"m": "m", "s": "s", "n": "N", "v": "V", "hz": "Hz", "mps": "m/s", "rad": "rad", "deg": "deg"}
 
 
-def _in_words(name: str, value: Any) -> str:
+def _format_field(name: str, value: Any) -> str:
     """Return a field and its value as text.
 
-    >>> _in_words("depth_m", 3.0), _in_words("is_armed", (True, False)), _in_words("seed", 4)
+    >>> _format_field("depth_m", 3.0), _format_field("is_armed", (True, False)), _format_field("seed", 4)
     ('depth 3 m', 'armed yes / no', 'seed 4')
     """
     words = name.removeprefix("is_").split("_")
     unit = f" {_UNITS[words.pop()]}" if len(words) > 1 and words[-1] in _UNITS else ""
-    return f"{' '.join(words)} {_value_in_words(value)}{unit}".strip()
+    return f"{' '.join(words)} {_format_value(value)}{unit}".strip()
 
 
-def _value_in_words(value: Any) -> str:
+def _format_value(value: Any) -> str:
     if isinstance(value, (list, tuple)):
-        return " / ".join(map(_value_in_words, value))
+        return " / ".join(map(_format_value, value))
     if isinstance(value, bool):
         return "yes" if value else "no"
     if value is None:
@@ -93,7 +93,7 @@ class Check:
         all_or_nothing: whether one case that is not all right costs all points.
     """
 
-    function: Callable[..., Verdict]
+    function: Callable[..., CheckVerdict]
     points: float
     visible: Sequence[Any]
     hidden: Draw | None
@@ -114,7 +114,7 @@ class Check:
         """Return the cases, visible ones first; without a secret only those.
 
         Raises:
-            LabFault: drawing them failed.
+            GraderError: drawing them failed.
         """
         name = next(iter([*inspect.signature(self.function).parameters][1:]), "")
         found = [Case(value, True, name) for value in self.visible]
@@ -123,26 +123,28 @@ class Check:
         if secret is None:
             return found
         try:
-            drawn = [Case(value, False, name) for value in self.hidden(chance(secret, lab, self.name))]
+            drawn = [Case(value, False, name) for value in self.hidden(hidden_case_rng(secret, lab, self.name))]
         except Exception as error:
             what = f"while hidden cases were drawn for the check '{self.name}'"
-            raise LabFault(describe_error(error, what)) from error
+            raise GraderError(describe_error(error, what)) from error
         if not found + drawn:
-            raise LabFault(f"The check '{self.name}' has no case.", fix="give it visible cases, or draw hidden ones.")
+            raise GraderError(
+                f"The check '{self.name}' has no case.", fix="give it visible cases, or draw hidden ones."
+            )
         return found + drawn
 
-    def judge(self, student: Student, case: Case) -> Verdict:
+    def evaluate(self, student: Student, case: Case) -> CheckVerdict:
         """Try a case.
 
         Raises:
-            Misbehaved: the student's program failed or returned something that the check cannot evaluate.
-            Unjudged: the check's function returned something else than a Verdict.
+            SubmissionError: the student's program failed or returned something that the check cannot evaluate.
+            InconclusiveError: the check's function returned something else than a Verdict.
         """
         takes_case = len(inspect.signature(self.function).parameters) > 1
         verdict = self.function(student, case.value) if takes_case else self.function(student)
-        if not isinstance(verdict, Verdict):
-            raise Unjudged(
-                f"The check '{self.name}' returned {verdict!r}, which is no Verdict.",
+        if not isinstance(verdict, CheckVerdict):
+            raise InconclusiveError(
+                f"The check '{self.name}' returned {verdict!r}, which is not a Verdict.",
                 fix="end it with: return passed().",
             )
         return verdict
@@ -154,12 +156,12 @@ def check(
     hidden: Draw | None = None,
     needs: Sequence[str] = (),
     all_or_nothing: bool = False,
-) -> Callable[[Callable[..., Verdict]], Check]:
+) -> Callable[[Callable[..., CheckVerdict]], Check]:
     """Return a decorator that makes a check of a function; arguments as for `Check`."""
     return lambda function: Check(function, points, tuple(visible), hidden, tuple(needs), all_or_nothing)
 
 
-def chance(secret: bytes, lab: str, check: str) -> random.Random:
+def hidden_case_rng(secret: bytes, lab: str, check: str) -> random.Random:
     """Return the generator of a check's hidden cases: from the secret, the lab's name and the check's."""
     digest = hashlib.blake2b("\0".join((lab, check)).encode(), key=hashlib.sha256(secret).digest()).digest()
     return random.Random(int.from_bytes(digest, "big"))
@@ -177,7 +179,7 @@ class Lab:
         leaderboard: metrics that are ranked, "<check>.<metric>", and whether the least ("asc") or the most is best.
 
     Raises:
-        LabFault: points do not sum to 100, or a check needs one that does not come before it.
+        GraderError: points do not sum to 100, or a check needs one that does not come before it.
     """
 
     def __init__(
@@ -199,23 +201,25 @@ class Lab:
         self.folder: Path | None = None
         total = sum(one.points for one in checks)
         if abs(total - 100.0) > 1e-9:
-            raise LabFault(f"The checks of '{title}' give {total:g} points.", fix="make it 100.")
+            raise GraderError(
+                f"The checks of '{title}' give {total:g} points, not 100.", fix="change the points of a check."
+            )
         before: list[str] = []
         for one in checks:
             for need in one.needs:
                 if need not in before:
-                    raise LabFault(
+                    raise GraderError(
                         f"The check '{one.name}' needs '{need}', which does not come before it.",
-                        fix=nearest(need, before),
+                        fix=suggest(need, before),
                     )
             if one.name in before:
-                raise LabFault(f"Two checks are called '{one.name}'.", fix="give each a name of its own.")
+                raise GraderError(f"Two checks are called '{one.name}'.", fix="give each a name of its own.")
             before.append(one.name)
         for metric, order in self.leaderboard.items():
             if metric.partition(".")[0] not in before or order not in ("asc", "desc"):
-                raise LabFault(
-                    f"The leaderboard ranks '{metric}' by '{order}'.",
-                    fix='a check and its metric, and which is best: {"lands.fuel_kg": "asc"} ranks the least first.',
+                raise GraderError(
+                    f"The leaderboard entry '{metric}': '{order}' is not valid.",
+                    fix='give CHECK.METRIC and the order: {"lands.fuel_kg": "asc"} ranks the smallest first.',
                 )
 
     def module(self, name: str) -> ModuleType:
@@ -231,13 +235,13 @@ def find_lab(name: str) -> Lab:
     """Find a lab by its name, with or without its number, or by a path, and read its checks.
 
     Raises:
-        UnknownName: there is none, or it has no checks.
-        LabFault: its checks cannot be read.
+        UnknownNameError: there is none, or it has no checks.
+        GraderError: its checks cannot be read.
     """
     found = library.find_lab(name)
     path = found.path / "checks.py"
     if not path.is_file():
-        raise UnknownName(f"The lab '{found.name}' has no checks: there is no {path}.", fix="snr list assignments")
+        raise UnknownNameError(f"The lab '{found.name}' has no checks: there is no {path}.", fix="snr list assignments")
     return load_lab(path)
 
 
@@ -245,7 +249,7 @@ def load_lab(path: Path) -> Lab:
     """Read the checks of a lab from its checks.py, which may import modules of its folder: `from .grader import ...`.
 
     Raises:
-        LabFault: they cannot be read.
+        GraderError: they cannot be read.
     """
     folder = path.resolve().parent
     name = folder.name
@@ -259,12 +263,12 @@ def load_lab(path: Path) -> Lab:
     sys.modules[spec.name] = module
     try:
         spec.loader.exec_module(module)
-    except LabFault:
+    except GraderError:
         raise
     except Exception as error:
-        raise LabFault(describe_error(error, f"while the checks of '{name}' were read")) from error
+        raise GraderError(describe_error(error, f"while the checks of '{name}' were read")) from error
     lab = getattr(module, "lab", None)
     if not isinstance(lab, Lab):
-        raise LabFault(f"{path} has no `lab` that is a Lab.", fix='lab = Lab("Title", files=[...], checks=[...]).')
+        raise GraderError(f"{path} has no `lab` that is a Lab.", fix='lab = Lab("Title", files=[...], checks=[...]).')
     lab.name, lab.folder = name, folder
     return lab

@@ -1,7 +1,7 @@
 """The student's submission as a check uses it: texts to read, functions to call, components to feed and to run.
 
 The student's code runs in a process of its own (`child.py`), which starts when it is first needed.
-Its failures are raised as `Misbehaved`, which the grader turns into a failed case: a check need not catch it.
+Its failures are raised as `SubmissionError`, which the grader turns into a failed case: a check need not catch it.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from snr_sim.grading.batch.parsing import MAX_PARSED_BYTES
-from snr_sim.grading.lab.verdicts import LabFault, Misbehaved
+from snr_sim.grading.lab.verdicts import GraderError, SubmissionError
 from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.child_process import ChildProcess
-from snr_sim.grading.remote.endings import misbehaved
+from snr_sim.grading.remote.exit_errors import submission_error
+from snr_sim.grading.remote.fork_server import ForkServer
 from snr_sim.grading.remote.imports import check_imports
-from snr_sim.grading.remote.nursery import Nursery
 from snr_sim.grading.remote.piped_process import begin_process
-from snr_sim.grading.remote.sent_code import sent
+from snr_sim.grading.remote.sent_code import code_to_send
 from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.sandbox import Limits
-from snr_sim.prelude.structs import learned
-from snr_sim.prelude.values import encode_value, may_have_marks
+from snr_sim.prelude.structs import ensure_type_info
+from snr_sim.prelude.values import encode_value, may_have_tags
 
 if TYPE_CHECKING:
-    from snr_sim.grading.lab.feed import Given, Produced
-    from snr_sim.grading.lab.fly import Flown
+    from snr_sim.grading.lab.scenario_run import ScenarioRun
+    from snr_sim.grading.lab.stimulus import Output, Stimulus
 
 MAX_SOURCE_BYTES = 1 << 20
 CALL_CPU_S = 10.0
@@ -46,7 +46,7 @@ class Student:
         may_import: modules that are refused otherwise.
         limits: of each of its processes.
         record_to: folder for runs that the student may see; not recorded if not given.
-        nursery: fork server that creates its processes, if given.
+        fork_server: fork server that creates its processes, if given.
         refused: further modules that the lab refuses, with the reasons.
     """
 
@@ -57,7 +57,7 @@ class Student:
         may_import: frozenset[str] = frozenset(),
         limits: Limits | None = None,
         record_to: Path | None = None,
-        nursery: Nursery | None = None,
+        fork_server: ForkServer | None = None,
         refused: Mapping[str, str] | None = None,
     ) -> None:
         self.folder = folder.resolve()
@@ -65,18 +65,18 @@ class Student:
         self.limits = limits or Limits()
         self.record_to = record_to
         self.run_folder: Path | None = None  # of the last run, if it was recorded
-        self.flights = 0
-        self.met = ""  # the submitted file that was used last, by a call, inputs or a run
+        self.run_count = 0
+        self.last_file = ""  # the submitted file that was used last, by a call, inputs or a run
         self._may_import = may_import
         self._refused = refused or {}
-        self._nursery = nursery
+        self._fork_server = fork_server
         self._child: ChildProcess | None = None
         self._printed: list[str] = []
 
     def __enter__(self) -> Student:
         return self
 
-    def __exit__(self, *why: object) -> None:
+    def __exit__(self, *exc_info: object) -> None:
         self.close()
 
     def source(self, file: str, max_bytes: int = MAX_SOURCE_BYTES) -> str:
@@ -87,43 +87,45 @@ class Student:
             max_bytes: limit of its size. A text that the check parses is short (`MAX_PARSED_BYTES`); or see `parse`.
 
         Raises:
-            Misbehaved: it is missing, too long, or not text.
+            SubmissionError: it is missing, too long, or not text.
         """
         path = self._path(file)
         try:
             with path.open("rb") as opened:
                 data = opened.read(max_bytes + 1)
         except OSError:
-            raise Misbehaved(f"There is no file {file}.", f"Hand in a file called {file}.", expected=file) from None
-        self.met = file
+            raise SubmissionError(
+                f"There is no file {file}.", f"Hand in a file called {file}.", expected=file
+            ) from None
+        self.last_file = file
         if len(data) > max_bytes:
             hint = "Hand in the program alone." if file.endswith(".py") else "Write less: some pages are enough."
-            raise Misbehaved(f"{file} has more than {max_bytes} bytes.", hint)
+            raise SubmissionError(f"{file} has more than {max_bytes} bytes.", hint)
         try:
             return data.decode()
         except UnicodeDecodeError as error:
             line = data.count(b"\n", 0, error.start) + 1
-            raise Misbehaved(f"{file}, line {line}: this is not text.", "Save it as UTF-8 text.") from None
+            raise SubmissionError(f"{file}, line {line}: this is not text.", "Save it as UTF-8 text.") from None
 
     def parse(self, file: str, parser: Callable[[bytes], Any], max_bytes: int = MAX_PARSED_BYTES) -> Any:
         """Return the result of a parser for a submitted file, in a process that runs nothing of the submission.
 
         Args:
             file: of the submission.
-            parser: of snr_sim or the lab (see `host`); it gets the bytes, and returns values as for `call`.
+            parser: of snr_sim or the lab (see `create_object`); it gets the bytes, and returns values as for `call`.
             max_bytes: limit of the file's size.
 
         Raises:
-            Misbehaved: the file is missing, too long, or not valid for the parser.
+            SubmissionError: the file is missing, too long, or not valid for the parser.
         """
         data = self.source(file, max_bytes).encode()
-        child = begin_process(self.folder, self.isolation, self.limits, (), self._nursery)
+        child = begin_process(self.folder, self.isolation, self.limits, (), self._fork_server)
         try:
             return _parsed(child, parser, data)
-        except Misbehaved as wrong:
-            raise Misbehaved(f"{file}: {wrong.message}", f"{file} cannot be read: keep its form.") from wrong
+        except SubmissionError as wrong:
+            raise SubmissionError(f"{file}: {wrong.message}", f"{file} cannot be read: keep its form.") from wrong
         finally:
-            self.done_with(child)
+            self.close_child(child)
 
     def call(
         self,
@@ -150,14 +152,14 @@ class Student:
             numbers, texts, lists or dicts of these: a tuple comes back as a list, an array as lists.
 
         Raises:
-            Misbehaved: the program raised, was too slow, or returned another type.
+            SubmissionError: the program raised, was too slow, or returned another type.
         """
         values = msgspec.Raw(encode_value(list(args)))
         self.child(file)
         raw = self._ask(protocol.Call(file, function, values), budget_s)
         return _checked(f"{file}: {function}(...)", raw, returns, finite)
 
-    def host(self, file: str, kind: type[Any], *args: Any, budget_s: float = CALL_CPU_S) -> Host:
+    def create_object(self, file: str, kind: type[Any], *args: Any, budget_s: float = CALL_CPU_S) -> RemoteObject:
         """Create an object of snr_sim or the lab in the student's process, around the student's module.
 
         For frequent, short exchanges: the object loops there, over many observations in one message.
@@ -170,25 +172,25 @@ class Student:
             budget_s: CPU time it may take.
 
         Raises:
-            Misbehaved: as for `call`.
-            LabFault: the class belongs to neither.
+            SubmissionError: as for `call`.
+            GraderError: the class belongs to neither.
         """
-        host = sent(kind)
+        code = code_to_send(kind)
         self.child(file)
         args_raw = msgspec.Raw(encode_value(list(args)))
-        raw = self._ask(protocol.MakeObject(file, host, args_raw), budget_s)
+        raw = self._ask(protocol.MakeObject(file, code, args_raw), budget_s)
         try:
-            return Host(self, protocol.decode_as(_decode_number, raw), file)
+            return RemoteObject(self, protocol.decode_as(_decode_number, raw), file)
         except protocol.ProtocolError as error:
-            raise nonsense(error) from error
+            raise invalid_response(error) from error
 
-    def feed(self, file: str, pages: Sequence[Given], **details: Any) -> list[Produced]:
-        """Bring pages and tasks to the components of a submitted file; see `feed.feed`."""
-        from snr_sim.grading.lab.feed import feed  # as for fly: a slow import, and many checks need neither
+    def run_inputs(self, file: str, pages: Sequence[Stimulus], **details: Any) -> list[Output]:
+        """Bring pages and tasks to the components of a submitted file; see `stimulus.run_inputs`."""
+        from snr_sim.grading.lab.stimulus import run_inputs  # a slow import
 
-        return feed(self, file, pages, **details)
+        return run_inputs(self, file, pages, **details)
 
-    def fly(
+    def run_scenario(
         self,
         scenario: str,
         seed: int,
@@ -198,11 +200,11 @@ class Student:
         engine: str | None = None,
         record: bool = True,
         may_fail: bool = False,
-    ) -> Flown:
-        """Run a scenario with the components of a submitted file as its controller; see `fly.fly`."""
-        from snr_sim.grading.lab.fly import fly
+    ) -> ScenarioRun:
+        """Run a scenario with the components of a submitted file as its controller; see `scenario_run.run_scenario`."""
+        from snr_sim.grading.lab.scenario_run import run_scenario
 
-        return fly(self, scenario, seed, controller, options or {}, io, engine, record, may_fail)
+        return run_scenario(self, scenario, seed, controller, options or {}, io, engine, record, may_fail)
 
     @property
     def printed(self) -> str:
@@ -210,9 +212,9 @@ class Student:
         return "\n".join(text for text in [*self._printed, self._child.printed if self._child else ""] if text)
 
     @property
-    def worked_s(self) -> float | None:
+    def cpu_time_s(self) -> float | None:
         """CPU time of the process of this case's calls, as the kernel counts it; None where it is not reported."""
-        return None if self._child is None else self._child.worked_s
+        return None if self._child is None else self._child.cpu_time_s
 
     def child(self, file: str) -> ChildProcess:
         """Return the process of this case's calls, made when it is first needed."""
@@ -221,21 +223,21 @@ class Student:
         return self._child
 
     def new_child(self, file: str, readable: Sequence[Path] = ()) -> ChildProcess:
-        """Return a process of its own, which has not read the submission yet; `done_with` ends it.
+        """Return a process of its own, which has not read the submission yet; `close_child` ends it.
 
         Raises:
-            Misbehaved: the file is missing, or imports a refused module.
+            SubmissionError: the file is missing, or imports a refused module.
         """
         self.source(file)
-        child = begin_process(self.folder, self.isolation, self.limits, readable, self._nursery)
+        child = begin_process(self.folder, self.isolation, self.limits, readable, self._fork_server)
         try:
             check_imports(self.folder, file, self._may_import, self._refused, partial(_parsed, child))
         except BaseException:
-            self.done_with(child)
+            self.close_child(child)
             raise
         return child
 
-    def done_with(self, child: ChildProcess) -> None:
+    def close_child(self, child: ChildProcess) -> None:
         """End a process, and keep its output."""
         try:
             child.close()
@@ -247,18 +249,18 @@ class Student:
         """End the process of this case's calls.
 
         Raises:
-            Misbehaved: it had printed too much.
+            SubmissionError: it had printed too much.
         """
         if self._child is not None:
             child, self._child = self._child, None
-            self.done_with(child)
+            self.close_child(child)
 
     def _path(self, file: str) -> Path:
         if Path(file).is_absolute() or ".." in Path(file).parts:
-            raise LabFault(f"A check asks for {file!r}, which is outside of the submission.")
+            raise GraderError(f"A check asks for {file!r}, which is outside of the submission.")
         path = (self.folder / file).resolve()
         if not path.is_relative_to(self.folder):
-            raise Misbehaved(f"{file} is a link to elsewhere.", f"Hand in {file} itself, not a link.")
+            raise SubmissionError(f"{file} is a link to elsewhere.", f"Hand in {file} itself, not a link.")
         return path
 
     def _ask(self, verb: protocol.Verb, budget_s: float) -> msgspec.Raw:
@@ -266,14 +268,14 @@ class Student:
         try:
             answer = self._child.ask(verb, budget_s)
         except protocol.ProtocolError as error:
-            raise nonsense(error) from error
+            raise invalid_response(error) from error
         if answer.error is not None:
-            raise misbehaved(answer.error)
+            raise submission_error(answer.error)
         return answer.value
 
 
-class Host:
-    """An object in the student's process; `Student.host` makes it."""
+class RemoteObject:
+    """An object in the student's process; `Student.create_object` makes it."""
 
     def __init__(self, student: Student, number: int, file: str) -> None:
         self._student = student
@@ -297,20 +299,23 @@ class Host:
 
 def _parsed(child: ChildProcess, parser: Callable[[bytes], Any], data: bytes) -> Any:
     try:
-        answer = child.ask(protocol.Parse(sent(parser), data), CALL_CPU_S)
+        answer = child.ask(protocol.Parse(code_to_send(parser), data), CALL_CPU_S)
         if answer.error is not None:
-            raise misbehaved(answer.error)
+            raise submission_error(answer.error)
         return protocol.plain_value(answer.value)
     except protocol.ProtocolError as error:
-        raise nonsense(error) from error
+        raise invalid_response(error) from error
 
 
 _decode_number = msgspec.json.Decoder(int)
 
 
-def nonsense(error: protocol.ProtocolError) -> Misbehaved:
+def invalid_response(error: protocol.ProtocolError) -> SubmissionError:
     """Return the error for an answer that is not valid."""
-    return Misbehaved(error.message, "Return numbers, texts, lists, or dicts of these, and leave the grader alone.")
+    return SubmissionError(
+        error.message,
+        "Return numbers, texts, lists, or dicts of these, and do not write to the grader's file descriptors.",
+    )
 
 
 def _checked(what: str, raw: msgspec.Raw, returns: Any, finite: bool) -> Any:
@@ -320,19 +325,19 @@ def _checked(what: str, raw: msgspec.Raw, returns: Any, finite: bool) -> Any:
             return _decode_text(raw)
     try:
         value = protocol.plain_value(raw)
-        if may_have_marks(bytes(raw)):  # only then can there be more than plain JSON
+        if may_have_tags(bytes(raw)):  # only then can there be more than plain JSON
             _check_plain(what, value, finite)
     except protocol.ProtocolError as error:
-        raise nonsense(error) from error
+        raise invalid_response(error) from error
     if returns is Any:
         return value
     try:
-        return msgspec.convert(value, learned(returns), strict=True)
+        return msgspec.convert(value, ensure_type_info(returns), strict=True)
     except msgspec.ValidationError as error:
-        raise Misbehaved(
+        raise SubmissionError(
             f"{what} returned {reprlib.repr(value)}.",
-            f"Return what the lab asks for: {_name_of(returns)}.",
-            expected=_name_of(returns),
+            f"Return what the lab asks for: {_type_name(returns)}.",
+            expected=_type_name(returns),
             actual=str(error).replace("`$", "`"),
         ) from None
 
@@ -340,7 +345,7 @@ def _checked(what: str, raw: msgspec.Raw, returns: Any, finite: bool) -> Any:
 def _check_plain(what: str, value: Any, finite: bool) -> None:
     kind = type(value)
     if kind is float and finite and not -float("inf") < value < float("inf"):
-        raise Misbehaved(
+        raise SubmissionError(
             f"{what} returned {value!r} among its numbers.",
             "Return finite numbers: what is divided by zero, or never set?",
             expected="finite numbers",
@@ -353,10 +358,10 @@ def _check_plain(what: str, value: Any, finite: bool) -> None:
         for item in value.values():
             _check_plain(what, item, finite)
     elif value is not None and kind not in (bool, int, float, str):
-        raise protocol.ProtocolError("It answered with something that is no plain value.")
+        raise protocol.ProtocolError("The submission broke the grading protocol: its answer is not a plain value.")
 
 
-_IN_WORDS = {
+_TYPE_NAMES = {
     float: "a number",
     int: "a whole number",
     str: "a text",
@@ -367,9 +372,9 @@ _IN_WORDS = {
 }
 
 
-def _name_of(returns: Any) -> str:
-    if returns in _IN_WORDS:
-        return _IN_WORDS[returns]
+def _type_name(returns: Any) -> str:
+    if returns in _TYPE_NAMES:
+        return _TYPE_NAMES[returns]
     return returns.__name__ if isinstance(returns, type) and not hasattr(returns, "__args__") else str(returns)
 
 

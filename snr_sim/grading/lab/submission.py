@@ -1,4 +1,4 @@
-"""What feeding and flying need of a submission. `Student`, which offers both to checks, implements it."""
+"""What `run_inputs` and `run_scenario` need of a submission. `Student`, which offers both to checks, implements it."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ class Submission(Protocol):
 
     Attributes:
         folder: of the files.
-        record_to: where flights are recorded, if they are.
-        run_folder: of the last flight, if it was recorded.
-        flights: how many there were.
+        record_to: where runs are recorded, if they are.
+        run_folder: of the last run, if it was recorded.
+        run_count: how many runs there were.
     """
 
     folder: Path
     record_to: Path | None
     run_folder: Path | None
-    flights: int
+    run_count: int
 
     @property
     def isolation(self) -> str:
@@ -30,13 +30,13 @@ class Submission(Protocol):
         ...
 
     def new_child(self, file: str, readable: Sequence[Path] = ()) -> ChildProcess:
-        """Return a process of its own, which has not read the submission yet; `done_with` ends it.
+        """Return a process of its own, which has not read the submission yet; `close_child` ends it.
 
         Raises:
-            Misbehaved: the file is missing, or imports what it may not.
+            SubmissionError: the file is missing, or imports what it may not.
         """
         ...
 
-    def done_with(self, child: ChildProcess) -> None:
+    def close_child(self, child: ChildProcess) -> None:
         """End a process, and keep what it printed."""
         ...

@@ -9,13 +9,13 @@ from dataclasses import dataclass, field
 from snr_sim.prelude.errors import SnrError
 
 ENDED_EARLY = (
-    "Your program ended the run by itself, with tasks.terminate or tasks.finish, before it was over. Go on until the "
-    "run ends, whatever has been reached."
+    "Your program ended the run by itself, with tasks.terminate or tasks.finish, before it was over. Continue until "
+    "the run ends, whatever has been reached."
 )
 
 
 @dataclass(frozen=True)
-class Verdict:
+class CheckVerdict:
     """Result of one case.
 
     Args:
@@ -34,38 +34,44 @@ class Verdict:
 
     def __post_init__(self) -> None:
         if not (isinstance(self.fraction, (int, float)) and 0.0 <= self.fraction <= 1.0):
-            raise Unjudged(f"A verdict has the fraction {self.fraction!r}.", fix="a number from 0 to 1.")
+            raise InconclusiveError(
+                f"fraction of a verdict must be from 0 to 1, not {self.fraction!r}.",
+                fix="return passed(), failed(...) or partial_credit(...).",
+            )
         for name, value in self.metrics.items():
             if not isinstance(value, (int, float)) or not -math.inf < value < math.inf:
-                raise Unjudged(f"A verdict has the metric {name} = {value!r}.", fix="leave out what was not reached.")
+                raise InconclusiveError(
+                    f"The metric {name} of a verdict must be finite, not {value!r}.",
+                    fix="leave out a metric that was not reached.",
+                )
 
 
-def passed(note: str = "", metrics: Mapping[str, float] | None = None) -> Verdict:
+def passed(note: str = "", metrics: Mapping[str, float] | None = None) -> CheckVerdict:
     """Return the verdict of a case that is all right."""
-    return Verdict(1.0, hint=note, metrics=metrics or {})
+    return CheckVerdict(1.0, hint=note, metrics=metrics or {})
 
 
-def failed(hint: str, expected: str = "", actual: str = "", metrics: Mapping[str, float] | None = None) -> Verdict:
+def failed(hint: str, expected: str = "", actual: str = "", metrics: Mapping[str, float] | None = None) -> CheckVerdict:
     """Return the verdict of a case that is wrong."""
-    return Verdict(0.0, hint, expected, actual, metrics or {})
+    return CheckVerdict(0.0, hint, expected, actual, metrics or {})
 
 
-def partly(
+def partial_credit(
     fraction: float, hint: str, expected: str = "", actual: str = "", metrics: Mapping[str, float] | None = None
-) -> Verdict:
+) -> CheckVerdict:
     """Return the verdict of a case of which a fraction is right, clamped to 0 to 1."""
-    return Verdict(min(1.0, max(0.0, fraction)), hint, expected, actual, metrics or {})
+    return CheckVerdict(min(1.0, max(0.0, fraction)), hint, expected, actual, metrics or {})
 
 
-class LabFault(SnrError):
+class GraderError(SnrError):
     """The lab, or the grader, has failed: no fault of the student's, and no mark."""
 
 
-class Unjudged(LabFault):
+class InconclusiveError(GraderError):
     """The lab could not judge a case: a fault of the lab, unless the student's program may have caused it."""
 
 
-class Misbehaved(SnrError):
+class SubmissionError(SnrError):
     """The student's program did something that no check can evaluate: it raised, or its answer was invalid or missing.
 
     Args:

@@ -17,12 +17,12 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.core.blame import describe_error, place_of, put_place_first
+from snr_sim.core.source_location import describe_error, location_of, prepend_location
 from snr_sim.grading.remote import protocol
-from snr_sim.grading.remote.child_values import NoValue, encode_plain, short
-from snr_sim.grading.remote.cpu_time import TookTooLong, bound_time, heed_time, start_timer
-from snr_sim.grading.sandbox.child_limits import become, end_with_parent, limit, refuse_company
-from snr_sim.prelude.errors import SnrError, nearest
+from snr_sim.grading.remote.child_values import UnsendableValueError, encode_plain, short
+from snr_sim.grading.remote.cpu_time import CpuTimeExceeded, install_timer_handler, limit_cpu_time, start_timer
+from snr_sim.grading.sandbox.child_limits import drop_privileges, end_with_parent, forbid_threads, limit
+from snr_sim.prelude.errors import SnrError, suggest
 from snr_sim.prelude.values import decode_value
 from snr_sim.scenario import library
 
@@ -62,13 +62,13 @@ class Child:
 
     def host(self, do: protocol.MakeObject) -> bytes:
         """Create an object of snr_sim or the lab around the student's module; return its number."""
-        kind, module = do.host.received(), self.module(do.file)
+        kind, module = do.host.load(), self.module(do.file)
         self._hosts.append(_called(f"{do.file} was prepared", kind, [module, *decode_value(bytes(do.args))]))
         return b"%d" % (len(self._hosts) - 1)
 
     def parse(self, do: protocol.Parse) -> bytes:
         """Apply a parser of snr_sim or the lab to a student's file; nothing of it runs."""
-        parser = do.parser.received()
+        parser = do.parser.load()
         return encode_plain(parser(do.data), do.parser.name, parser)
 
     def ask(self, do: protocol.AskObject) -> bytes:
@@ -87,7 +87,7 @@ def _called(what: str, function: Callable[..., Any], values: list[Any]) -> Any:
         raise
     except TypeError as error:
         if error.__traceback__ is not None and error.__traceback__.tb_next is None:  # it was never entered
-            place = place_of(function)
+            place = location_of(function)
             where = f"{place}\n  " if place is not None else ""
             raise SnrError(f"{where}TypeError: {error}\n  while {what} was called with {len(values)} values") from None
         raise
@@ -103,7 +103,7 @@ def function_of(module: ModuleType, name: str) -> Callable[..., Any]:
     file = Path(str(module.__file__)).name
     if function is None:
         has = [known for known, value in vars(module).items() if callable(value) and known[:1] != "_"]
-        raise SnrError(f"{file} has no function `{name}`.", fix=nearest(name, has))
+        raise SnrError(f"{file} has no function `{name}`.", fix=suggest(name, has))
     if not callable(function):
         raise SnrError(f"{file}: `{name}` is {short(function)}, not a function.", fix=f"def {name}(...):")
     return function  # type: ignore[no-any-return]
@@ -117,7 +117,7 @@ def main(
     limits: tuple[int, int, int, int],
     is_alone: bool,
     user: int | None,
-    walls: tuple[int, list[str], str, str] | None = None,
+    confinement: tuple[int, list[str], str, str] | None = None,
 ) -> None:
     """Answer requests until the grader closes the line. Does not return.
 
@@ -126,15 +126,15 @@ def main(
         limits: seconds of CPU time, bytes of memory, bytes of a file, open files.
         is_alone: whether no other process runs as its user, so that it may start none.
         user: user id to change to, if the process is root's and in a sandbox.
-        walls: of a process that confines itself: see `confine`.
+        confinement: of a process that confines itself: see `confine`.
     """
     asks, answers = _line_of_pipes() if line == protocol.PIPES else _line_of_socket(line)
     if user is not None:
-        become(user)
-    if walls is not None:
+        drop_privileges(user)
+    if confinement is not None:
         from snr_sim.grading.sandbox.confinement import confine  # here and below: not needed without isolation
 
-        confine(answers, *walls)
+        confine(answers, *confinement)
     elif line != protocol.PIPES and not is_alone:  # bubblewrap does the same for a sandbox
         end_with_parent()  # a worker that is killed cannot end its program, which may be in a loop without an end
     limit(limits, is_alone)
@@ -142,14 +142,14 @@ def main(
     if is_alone:  # the last wall, behind which no limit needs to be set any more
         from snr_sim.grading.sandbox import seccomp
 
-        seccomp.install(seccomp.allowing(seccomp.machine_here(), os.getpid()))
+        seccomp.install(seccomp.system_call_filter(seccomp.current_machine(), os.getpid()))
     _printed.reconfigure(line_buffering=True, errors="backslashreplace")  # type: ignore[union-attr]
-    refuse_company()
-    heed_time()
+    forbid_threads()
+    install_timer_handler()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     child = Child()
     for asked in _lines(asks):
-        _say(answers, _answer(child, asked))
+        _send(answers, _answer(child, asked))
     os._exit(0)
 
 
@@ -173,19 +173,19 @@ def _line_of_pipes() -> tuple[int, int]:
 
 
 def _answer(child: Child, asked: bytes) -> bytes:
-    ask = protocol.decode_ask(asked)
+    ask = protocol.decode_request(asked)
     name = str(ask.verb.__struct_config__.tag)
     child.step, child.component = name, ""
     try:
-        bound_time(ask.cpu_s)
+        limit_cpu_time(ask.cpu_s)
         try:
             verb = child.verbs.get(name) or node_verbs(child)[name]
             value = verb(ask.verb)
         finally:
-            bound_time(0.0)
+            limit_cpu_time(0.0)
     except BaseException as error:
-        heed_time()
-        return protocol.encode(protocol.Answer(ask.n, error=_said(child, name, error)))
+        install_timer_handler()
+        return protocol.encode(protocol.CallResponse(ask.n, error=_failure(child, name, error)))
     return b'{"n":%d,"value":%b}' % (ask.n, value)
 
 
@@ -197,23 +197,25 @@ def node_verbs(child: Child) -> dict[str, Callable[[Any], bytes]]:
     return child.verbs
 
 
-def _said(child: Child, do: str, error: BaseException) -> protocol.Said:
-    if isinstance(error, NoValue):
-        return protocol.Said(child.step, _text(str(error.args[0])), component=child.component, is_value=True)
+def _failure(child: Child, do: str, error: BaseException) -> protocol.RemoteFailure:
+    if isinstance(error, UnsendableValueError):
+        return protocol.RemoteFailure(child.step, _text(str(error.args[0])), component=child.component, is_value=True)
     while_what = f"while it was asked to {do}" if do not in ("ask", "call") else "while the lab tried your file"
-    if isinstance(error, TookTooLong):
-        return protocol.Said(
-            "slow", _text(describe_error(error, while_what).replace("TookTooLong: ", "")), "", child.component
+    if isinstance(error, CpuTimeExceeded):
+        return protocol.RemoteFailure(
+            "slow", _text(describe_error(error, while_what).replace("CpuTimeExceeded: ", "")), "", child.component
         )
     if isinstance(error, SnrError):
-        put_place_first(error)
-        return protocol.Said(child.step, _text(error.message), _text(error.fix), child.component, is_refused=True)
-    return protocol.Said(child.step, _text(describe_error(error, while_what)), component=child.component)
+        prepend_location(error)
+        return protocol.RemoteFailure(
+            child.step, _text(error.message), _text(error.fix), child.component, is_refused=True
+        )
+    return protocol.RemoteFailure(child.step, _text(describe_error(error, while_what)), component=child.component)
 
 
-def _text(said: str) -> str:
+def _text(text: str) -> str:
     """Return a text with lone surrogates escaped, since UTF-8 cannot encode them; an exception's text may have some."""
-    return said.encode(errors="backslashreplace").decode()
+    return text.encode(errors="backslashreplace").decode()
 
 
 def _lines(fd: int) -> Any:
@@ -228,7 +230,7 @@ def _lines(fd: int) -> Any:
             yield line
 
 
-def _say(fd: int, line: bytes) -> None:
+def _send(fd: int, line: bytes) -> None:
     with suppress(OSError, ValueError):  # it is the student's to close
         _printed.flush()
     line += b"\n"

@@ -16,7 +16,6 @@ from typing import Any, Protocol
 
 import msgspec
 
-from snr_sim.core.blame import describe_error, place_of
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import AnyFactory, Config, Mode
 from snr_sim.core.endpoint import Endpoint
@@ -24,10 +23,11 @@ from snr_sim.core.handlers import handler_name
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.machine import EventMachine, as_tasks
 from snr_sim.core.node import Node
-from snr_sim.core.said import Heard
+from snr_sim.core.output_recording import RecordedOutput
+from snr_sim.core.source_location import describe_error, location_of
 from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.child_values import plain
-from snr_sim.grading.remote.cpu_time import TookTooLong
+from snr_sim.grading.remote.cpu_time import CpuTimeExceeded
 from snr_sim.grading.remote.typed_pages import TypedPages
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import SnrError
@@ -36,7 +36,7 @@ from snr_sim.prelude.values import encode_value
 from snr_sim.scenario import library
 from snr_sim.scenario.controller import factories_of
 
-MAX_SAID_CHARS = 100_000  # of the output and logs of one step
+MAX_OUTPUT_CHARS = 100_000  # of the output and logs of one step
 _AUTHORS_STEPS = ("begin", "join", "halt", "terminate")
 
 
@@ -50,7 +50,7 @@ class Caller(Protocol):
         """Return a file of the student's as a module."""
 
 
-class GivenClock(SimClock):
+class ExternalClock(SimClock):
     """Clock whose time is set from outside."""
 
     def show(self, now_s: float) -> None:
@@ -68,10 +68,10 @@ class CollectingMachine(EventMachine):
         self.scheduled.extend(tasks)
 
 
-class GivenBacking:
+class ExternalExecutor:
     """Executor of a loop whose ticks the grader's clock requests."""
 
-    setup_patience_s = 0.0
+    setup_timeout_s = 0.0
     late_s = 0.0
 
     def __init__(self) -> None:
@@ -81,7 +81,7 @@ class GivenBacking:
     def start(self) -> None:
         """Do nothing: the grader calls."""
 
-    def hurry(self) -> None:
+    def wake(self) -> None:
         """Do nothing, as in lock step."""
 
     def stop(self) -> None:
@@ -97,20 +97,20 @@ class ChildNode(Node):
     """Node whose steps are requested one by one.
 
     Args:
-        role, chance: of the grader's node that it represents.
+        role, component_seed: of the grader's node that it represents.
     """
 
-    def __init__(self, role: str, chance: int) -> None:
-        self.given_clock = GivenClock()
+    def __init__(self, role: str, component_seed: int) -> None:
+        self.external_clock = ExternalClock()
         self.have_handlers_changed = False
-        super().__init__(role, Config(Mode.TEST, {role: []}), clock=self.given_clock)
-        self.chance = chance
-        machine = CollectingMachine(self.machine.lookup, self.door, None)
+        super().__init__(role, Config(Mode.TEST, {role: []}), clock=self.external_clock)
+        self.component_seed = component_seed
+        machine = CollectingMachine(self.machine.lookup, self.inbox, None)
         machine.scheduled = []
         self.machine: CollectingMachine = machine
-        self._told_notes = 0
-        self._said: list[tuple[str, str, str]] = []
-        self._said_chars = 0
+        self._sent_notes = 0
+        self._output: list[tuple[str, str, str]] = []
+        self._output_chars = 0
         self._typed = TypedPages()
 
     def handlers_changed(self) -> None:
@@ -118,22 +118,22 @@ class ChildNode(Node):
         super().handlers_changed()
         self.have_handlers_changed = True
 
-    def said(self, component: str, level: str, text: str) -> None:
+    def record_text(self, component: str, level: str, text: str) -> None:
         """Keep what a component prints and logs for the grader's trace, up to a bound for each step."""
-        self._said_chars += len(text)
-        if self._said_chars <= MAX_SAID_CHARS:
-            self._said.append((component, level, text.encode(errors="backslashreplace").decode()))
+        self._output_chars += len(text)
+        if self._output_chars <= MAX_OUTPUT_CHARS:
+            self._output.append((component, level, text.encode(errors="backslashreplace").decode()))
 
-    def add(self, factory: AnyFactory) -> protocol.Made:
+    def add(self, factory: AnyFactory) -> protocol.ComponentInfo:
         """Create a component; return the data of it that the grader needs."""
         component = self.registry.make(factory)
-        self._said, self._said_chars = [], 0  # a trace contains nothing from before its first record
+        self._output, self._output_chars = [], 0  # a trace contains nothing from before its first record
         self.registry.add(component, len(self.components))
         kind: type[Any] = Loop if isinstance(component, Loop) else Endpoint
         steps = [step for step in _AUTHORS_STEPS if getattr(type(component), step) is not getattr(kind, step)]
-        made = protocol.Made(component.name, list(self.handlers_of(component)), steps)
+        made = protocol.ComponentInfo(component.name, list(self.handlers_of(component)), steps)
         if isinstance(component, Loop):
-            component.begin_on(GivenBacking())
+            component.begin_with(ExternalExecutor())
             made = msgspec.structs.replace(
                 made,
                 is_loop=True,
@@ -150,13 +150,13 @@ class ChildNode(Node):
             kind, name = task_id if isinstance(task_id, tuple) else (task_id, None)
             yield kind.value, name, handler_name(handler)
 
-    def bring(self, now_s: float, pages: Sequence[msgspec.Raw], came_s: dict[str, float]) -> None:
+    def sync(self, now_s: float, pages: Sequence[msgspec.Raw], came_s: dict[str, float]) -> None:
         """Set the time, and copy the pages of the grader's datastore to this one."""
-        self.given_clock.show(now_s)
+        self.external_clock.show(now_s)
         self.machine.now_s = now_s
         for raw in pages:
-            self.datastore.put(self._typed.as_made(bytes(raw)))
-        self._core.came_s.update(came_s)
+            self.datastore.put(self._typed.decode_page(bytes(raw)))
+        self._core.received_s.update(came_s)
 
     def with_page(self, task: Task, processed: Sequence[msgspec.Raw] | None) -> Task:
         """Return a task with the page that it carries in the grader's node, see `Handle`."""
@@ -164,11 +164,11 @@ class ChildNode(Node):
             return task
         if not processed:
             return Task(task.type, task.name, [self.datastore.pages[task.name]])
-        page, *before = (self._typed.as_made(bytes(raw)) for raw in processed)
+        page, *before = (self._typed.decode_page(bytes(raw)) for raw in processed)
         self._core.await_processing(page, before[0] if before else None)
         return Task(task.type, task.name, [page])
 
-    def handle(self, task: Task, first: str, caller: Caller) -> protocol.Returned:
+    def handle(self, task: Task, first: str, caller: Caller) -> protocol.HandleResult:
         """Call each component's handler of a task, from the component `first` on."""
         returned: dict[str, list[Task]] = {}
         entries = [entry for entry in self.machine.lookup.find(task) if entry[0] is not self._core]
@@ -190,23 +190,24 @@ class ChildNode(Node):
             returned[component.name] = [*machine.scheduled, *made]
             machine.scheduled.clear()
         machine.task = None
-        answer = protocol.Returned(
-            {name: [self._typed.leaves(task) for task in tasks] for name, tasks in returned.items()}, **self.told()
+        answer = protocol.HandleResult(
+            {name: [self._typed.encode_task(task) for task in tasks] for name, tasks in returned.items()},
+            **self.step_effects(),
         )
         if failed is None:
             return answer
         name, failure, handler = failed
-        text, fix = in_words(failure, place_of(handler))
-        slow = isinstance(failure, TookTooLong)
+        text, fix = describe_failure(failure, location_of(handler))
+        slow = isinstance(failure, CpuTimeExceeded)
         return msgspec.structs.replace(answer, failed=name, text=text, fix=fix, is_slow=slow)
 
-    def step(self, component: Component, step: str) -> protocol.StepDone:
+    def step(self, component: Component, step: str) -> protocol.StepResponse:
         """Call one of the steps of a component's life, or a loop's `setup` or `loop`."""
         machine = self.machine
         machine.running = component
         if step == "join":
             self._is_halting = True
-        if step == "loop" and isinstance(component, Loop) and isinstance(component.caller, GivenBacking):
+        if step == "loop" and isinstance(component, Loop) and isinstance(component.caller, ExternalExecutor):
             component.caller.ticks += 1
         try:
             if step == "join" and isinstance(component, Loop):
@@ -218,38 +219,38 @@ class ChildNode(Node):
             raise
         finally:
             machine.running = None
-        scheduled = [self._typed.leaves(task) for task in machine.scheduled]
+        scheduled = [self._typed.encode_task(task) for task in machine.scheduled]
         machine.scheduled.clear()
-        done = protocol.StepDone(scheduled, **self.told())
+        done = protocol.StepResponse(scheduled, **self.step_effects())
         if isinstance(component, Loop):
             stopped = component.is_terminated()
             return msgspec.structs.replace(done, next_s=component.next_tick_at_s, is_stopped=stopped)
         return done
 
-    def told(self) -> dict[str, Any]:
-        """Return the other effects of a step: tasks from the inbox (`Door`), changed handlers, notes, output."""
-        entered = [(self._typed.leaves(task), source) for task, source in self.door.waiting]
-        self.door.waiting.clear()
+    def step_effects(self) -> dict[str, Any]:
+        """Return the other effects of a step: tasks from the inbox, changed handlers, notes, output."""
+        entered = [(self._typed.encode_task(task), source) for task, source in self.inbox.waiting]
+        self.inbox.waiting.clear()
         handlers = None
         if self.have_handlers_changed:
             self.have_handlers_changed = False
             handlers = {
                 name: list(self.handlers_of(one)) for name, one in self.components.items() if one is not self._core
             }
-        notes = self.notes[self._told_notes :]
-        self._told_notes = len(self.notes)
+        notes = self.notes[self._sent_notes :]
+        self._sent_notes = len(self.notes)
         missed = [key for key in self.datastore.missed if isinstance(key, str)]
         self.datastore.missed.clear()
-        said, self._said, self._said_chars = self._said, [], 0
-        return {"entered": entered, "handlers": handlers, "notes": notes, "missed": missed, "said": said}
+        output, self._output, self._output_chars = self._output, [], 0
+        return {"entered": entered, "handlers": handlers, "notes": notes, "missed": missed, "output": output}
 
 
-def in_words(error: BaseException, begins: Any) -> tuple[str, str]:
+def describe_failure(error: BaseException, begins: Any) -> tuple[str, str]:
     """Return the error with the student's line first, and a fix; the grader adds in which step it was."""
     text = describe_error(error, "\0", begins)
     before, _, after = text.partition("\n  \0")
     fix = after.partition("Try: ")[2]
-    return before.replace("TookTooLong: ", ""), fix
+    return before.replace("CpuTimeExceeded: ", ""), fix
 
 
 class NodeVerbs:
@@ -259,7 +260,7 @@ class NodeVerbs:
         self._caller = caller
         self._factories: list[AnyFactory] = []
         self._nodes: dict[str, ChildNode] = {}
-        sys.stdout = Heard(sys.stdout, self._nodes.values())
+        sys.stdout = RecordedOutput(sys.stdout, self._nodes.values())
         self._folders = {protocol.SUBMISSION: Path.cwd()}
         self.verbs: dict[str, Callable[[Any], bytes]] = {
             "load": self.load,
@@ -269,7 +270,7 @@ class NodeVerbs:
             "step": self.step,
         }
 
-    def load(self, do: protocol.Load) -> bytes:
+    def load(self, do: protocol.LoadRequest) -> bytes:
         """Read a file; return its OPTIONS and ROLES, if it has any."""
         for name, folder in do.robots:
             self._folders[name] = Path(folder)
@@ -290,7 +291,9 @@ class NodeVerbs:
         robot = pickle.loads(base64.b64decode(do.robot))  # written by the grader, so safe to unpickle
         made = factories_of(module, robot)
         self._factories += made
-        return _encode(protocol.Opened([isinstance(one, LoopFactory) for one in made], _files_read(self._folders)))
+        return _encode(
+            protocol.FactoriesInfo([isinstance(one, LoopFactory) for one in made], _files_read(self._folders))
+        )
 
     def make(self, do: protocol.Make) -> bytes:
         """Create the component of a factory in a node; return the data of it that the grader needs."""
@@ -301,22 +304,22 @@ class NodeVerbs:
     def handle(self, do: protocol.Handle) -> bytes:
         """Have the components of a node handle a task."""
         node = self._nodes[do.node]
-        node.bring(do.now_s, do.pages, do.came_s)
+        node.sync(do.now_s, do.pages, do.came_s)
         task = node.with_page(Task.deserialize(bytes(do.task)), do.processed)
         return _encode(node.handle(task, do.component, self._caller))
 
-    def step(self, do: protocol.Step) -> bytes:
+    def step(self, do: protocol.StepRequest) -> bytes:
         """Have a component of a node do a step of its life."""
         node = self._nodes[do.node]
-        node.bring(do.now_s, do.pages, do.came_s)
+        node.sync(do.now_s, do.pages, do.came_s)
         self._caller.component = do.component
         self._caller.step = do.step
         try:
             return _encode(node.step(node.components[do.component], do.step))
-        except TookTooLong:
+        except CpuTimeExceeded:
             raise
         except BaseException as error:
-            text, fix = in_words(error, None)
+            text, fix = describe_failure(error, None)
             raise SnrError(text, fix) from None
 
 

@@ -15,12 +15,12 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from snr_sim.grading.lab.verdicts import LabFault, Misbehaved
+from snr_sim.grading.lab.verdicts import GraderError, SubmissionError
 from snr_sim.grading.remote import protocol
-from snr_sim.grading.remote.endings import ended_badly, spent
+from snr_sim.grading.remote.cpu_timeout import END_TIMEOUT_S, POLL_PERIOD_S, CpuTimeout, process_state, wait_for_hangup
+from snr_sim.grading.remote.exit_errors import cpu_limit_error, exit_error
+from snr_sim.grading.remote.fork_server import ForkedChild, ForkServer
 from snr_sim.grading.remote.launch import start_process
-from snr_sim.grading.remote.nursery import Copied, Nursery
-from snr_sim.grading.remote.patience import END_S, LOOK_S, Patience, seen_of, wait_for_the_end
 from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.confiner import Confiner
 from snr_sim.grading.sandbox.sandbox import Limits
@@ -40,7 +40,7 @@ class ChildProcess:
         isolation: "sandbox", "confined", or "none".
         limits: CPU time, memory and files that it may use.
         readable: further folders it may read: of robots.
-        nursery: fork server that copies it, if it needs no more than the submission.
+        fork_server: fork server that copies it, if it needs no more than the submission.
     """
 
     def __init__(
@@ -49,17 +49,17 @@ class ChildProcess:
         isolation: Isolation,
         limits: Limits,
         readable: Sequence[Path] = (),
-        nursery: Nursery | None = None,
+        fork_server: ForkServer | None = None,
     ) -> None:
         self._prepare(limits, Confiner() if isolation == "confined" else None)
         here, there = socket.socketpair()
         self._socket = here
-        self._process: subprocess.Popen[bytes] | Copied
+        self._process: subprocess.Popen[bytes] | ForkedChild
         here.setblocking(False)
         with there:
             try:
-                copied = nursery.copy(folder, there.fileno()) if nursery is not None and not readable else None
-                self._process = copied or start_process(
+                forked = fork_server.fork(folder, there.fileno()) if fork_server is not None and not readable else None
+                self._process = forked or start_process(
                     folder, isolation, there.fileno(), limits, readable, self._confiner
                 )
             except BaseException:
@@ -73,14 +73,14 @@ class ChildProcess:
         self._poll = select.poll()
         self._poll.register(self._socket, select.POLLIN)
         self._poll.register(self._output, select.POLLIN)
-        self._is_hearing_output = True
+        self._is_output_open = True
         self._line = here.fileno()
         self._event = select.POLLIN
 
     def _prepare(self, limits: Limits, confiner: Confiner | None) -> None:
         self._limits = limits
         self._n = 0
-        self._heard = bytearray()
+        self._received_bytes = bytearray()
         self._kept = bytearray()
         self.printed_bytes = 0
         self._confiner = confiner
@@ -92,12 +92,12 @@ class ChildProcess:
         return text + "\n..." if self.printed_bytes > len(self._kept) else text
 
     @property
-    def worked_s(self) -> float | None:
+    def cpu_time_s(self) -> float | None:
         """CPU time that the kernel has counted for it, in steps of about 10 ms; None where it is not reported."""
-        seen = seen_of(self._process.pid)
-        return None if seen is None else seen[1]
+        state = process_state(self._process.pid)
+        return None if state is None else state[1]
 
-    def ask(self, verb: protocol.Verb, cpu_s: float) -> protocol.Answer:
+    def ask(self, verb: protocol.Verb, cpu_s: float) -> protocol.CallResponse:
         """Send a request, and return the answer.
 
         Args:
@@ -105,82 +105,83 @@ class ChildProcess:
             cpu_s: limit of its CPU time; the child itself counts, and the kernel enforces it.
 
         Raises:
-            Misbehaved: it ended, was too slow, printed too much, or sent an answer to another request.
+            SubmissionError: it ended, was too slow, printed too much, or sent an answer to another request.
             ProtocolError: the answer is not valid.
-            LabFault: it could not be started.
+            GraderError: it could not be started.
         """
         if self._n == 0:
-            self._greet()
+            self._handshake()
         return self._exchange(verb, cpu_s)
 
-    def _greet(self) -> None:
+    def _handshake(self) -> None:
         """Wait for its first answer, before it reads anything of the student's: a failure here is the grader's."""
         try:
             if self._confiner is not None:
-                self._take_listener(self._confiner)
+                self._receive_listener(self._confiner)
             self._exchange(protocol.Hello(), _START_CPU_S)
-        except (Misbehaved, protocol.ProtocolError) as error:
-            raise LabFault(
+        except (SubmissionError, protocol.ProtocolError) as error:
+            raise GraderError(
                 f"A student's process could not be started. {error.message} {self.printed}".rstrip(),
                 fix="is the computer out of memory or processes? Grade with fewer --jobs.",
             ) from error
 
-    def _take_listener(self, confiner: Confiner) -> None:
+    def _receive_listener(self, confiner: Confiner) -> None:
         """Take the descriptor that a confined process sends when its walls are up: of its requests for new files."""
-        patience = Patience(self._limits.wall_s(_START_CPU_S), _START_CPU_S, self._process.pid)
-        self._wait(patience, select.POLLIN)
+        timeout = CpuTimeout(self._limits.wall_s(_START_CPU_S), _START_CPU_S, self._process.pid)
+        self._wait(timeout, select.POLLIN)
         data, sent, _, _ = socket.recv_fds(self._socket, 1, 1)
         if data != b"\n" or len(sent) != 1:
-            raise self._ended()
+            raise self._exit_error()
         (confiner.listener,) = sent
         self._poll.register(confiner.listener, select.POLLIN)
 
-    def _exchange(self, verb: protocol.Verb, cpu_s: float) -> protocol.Answer:
+    def _exchange(self, verb: protocol.Verb, cpu_s: float) -> protocol.CallResponse:
         self._n += 1
-        patience = Patience(self._limits.wall_s(cpu_s), cpu_s, self._process.pid)
-        self._send(protocol.encode(protocol.Ask(self._n, cpu_s, verb)) + b"\n", patience)
-        answer = protocol.decode_answer(self._receive(patience))
+        timeout = CpuTimeout(self._limits.wall_s(cpu_s), cpu_s, self._process.pid)
+        self._send(protocol.encode(protocol.CallRequest(self._n, cpu_s, verb)) + b"\n", timeout)
+        answer = protocol.decode_response(self._receive(timeout))
         if answer.n != self._n:
             self.kill()
-            raise Misbehaved(
-                "It answered what it was not asked.", "Leave the file descriptors alone that you have not opened."
+            raise SubmissionError(
+                "The submission broke the grading protocol: it answered another request.",
+                "Do not use file descriptors that your program has not opened.",
             )
         return answer
 
-    def _send(self, line: bytes, patience: Patience) -> None:
+    def _send(self, line: bytes, timeout: CpuTimeout) -> None:
         view = memoryview(line)
         while True:
             try:
                 view = view[self._socket.send(view) :]
             except BlockingIOError:
-                self._wait(patience, select.POLLOUT)
+                self._wait(timeout, select.POLLOUT)
             except OSError:
                 return  # it has ended; the caller notices when it reads the answer
             if not view:
                 return
 
-    def _receive(self, patience: Patience) -> bytes:
-        heard = self._heard
+    def _receive(self, timeout: CpuTimeout) -> bytes:
+        buffer = self._received_bytes
         while True:
-            data = self._received(patience)
+            data = self._receive_some(timeout)
             if not data:
-                raise self._ended()
-            heard += data
+                raise self._exit_error()
+            buffer += data
             if data[-1] == _NEWLINE:
-                line = bytes(heard)
-                heard.clear()
+                line = bytes(buffer)
+                buffer.clear()
                 return line
-            if len(heard) > protocol.MAX_ANSWER_BYTES:
+            if len(buffer) > protocol.MAX_RESPONSE_BYTES:
                 self.kill()
-                raise Misbehaved(
-                    f"It answered with more than {protocol.MAX_ANSWER_BYTES} bytes.",
+                raise SubmissionError(
+                    f"It answered with more than {protocol.MAX_RESPONSE_BYTES} bytes.",
                     "Return what was asked for, and no more.",
                 )
 
-    def _received(self, patience: Patience) -> bytes:
+    def _receive_some(self, timeout: CpuTimeout) -> bytes:
         """Return the bytes received of an answer, as soon as there are some; b"" if the process has ended."""
         while True:
-            self._wait(patience, select.POLLIN)
+            self._wait(timeout, select.POLLIN)
             try:
                 return self._socket.recv(CHUNK)
             except BlockingIOError:
@@ -188,60 +189,60 @@ class ChildProcess:
             except OSError:
                 return b""
 
-    def _wait(self, patience: Patience, event: int) -> None:
+    def _wait(self, timeout: CpuTimeout, event: int) -> None:
         """Wait until the socket is ready, and read the output of the process meanwhile.
 
         Raises:
-            Misbehaved: the wait was given up.
+            SubmissionError: the wait was given up.
         """
         if event != self._event:
             self._event = event
             self._poll.modify(self._socket, event)
         while True:
-            ready = self._poll.poll(LOOK_S * 1000.0)
+            ready = self._poll.poll(POLL_PERIOD_S * 1000.0)
             if len(ready) == 1 and ready[0][0] == self._line:
                 return
             for fd, events in ready:
                 if fd == self._output:
-                    self._hear_output()
+                    self._read_output()
                 elif fd != self._line:
-                    self._hear_listener(fd, events)
+                    self._on_listener(fd, events)
             if any(fd == self._line for fd, _ in ready):
                 return
-            self._look(patience)
+            self._check_timeout(timeout)
 
-    def _look(self, patience: Patience) -> None:
+    def _check_timeout(self, timeout: CpuTimeout) -> None:
         """Check from time to time on a process that does not answer, and end it when waiting longer is useless.
 
         Raises:
-            Misbehaved: it was ended.
+            SubmissionError: it was ended.
         """
-        if not patience.is_over():
+        if not timeout.is_over():
             return
         self.kill()
-        if patience.is_spent:
-            raise spent()
-        raise Misbehaved(
+        if timeout.is_cpu_used_up:
+            raise cpu_limit_error()
+        raise SubmissionError(
             "It has not answered, and was ended.",
-            "Your program waits for something that does not come: an input, a lock, a line that nobody sends?",
+            "Your program waits for something that does not come: an input, a lock, a line that is never sent?",
             expected="an answer",
             actual="none",
         )
 
-    def _hear_listener(self, listener: int, events: int) -> None:
+    def _on_listener(self, listener: int, events: int) -> None:
         assert self._confiner is not None
         if not events & select.POLLIN or not self._confiner.answer():
             self._poll.unregister(listener)
 
-    def _hear_output(self) -> None:
-        while self._is_hearing_output:
+    def _read_output(self) -> None:
+        while self._is_output_open:
             try:
                 data = os.read(self._output, CHUNK)
             except BlockingIOError:
                 return
             if not data:
                 self._poll.unregister(self._output)
-                self._is_hearing_output = False
+                self._is_output_open = False
                 return
             self._keep(data)
 
@@ -249,33 +250,33 @@ class ChildProcess:
         """Keep the start of its output, and count the rest.
 
         Raises:
-            Misbehaved: it printed too much; raised once.
+            SubmissionError: it printed too much; raised once.
         """
-        was_heard = self.printed_bytes <= MAX_PRINTED_BYTES
+        was_within_limit = self.printed_bytes <= MAX_PRINTED_BYTES
         self.printed_bytes += len(data)
         self._kept += data[: max(0, KEPT_BYTES - len(self._kept))]
-        if was_heard and self.printed_bytes > MAX_PRINTED_BYTES:
-            self._is_hearing_output = False
+        if was_within_limit and self.printed_bytes > MAX_PRINTED_BYTES:
+            self._is_output_open = False
             self.kill()
-            raise Misbehaved(
+            raise SubmissionError(
                 "It printed more than a megabyte, and was ended.",
                 "Take out the print in what is called again and again.",
                 expected=f"at most {MAX_PRINTED_BYTES} bytes",
             )
 
-    def _ended(self) -> Misbehaved:
+    def _exit_error(self) -> SubmissionError:
         """Say how it ended, although it was asked something."""
         with suppress(subprocess.TimeoutExpired):
-            self._process.wait(END_S)
+            self._process.wait(END_TIMEOUT_S)
         status = self._process.poll()
-        with suppress(Misbehaved):
-            self._hear_output()
+        with suppress(SubmissionError):
+            self._read_output()
         self.kill()
-        return ended_badly(status)
+        return exit_error(status)
 
     def kill(self) -> None:
         """End it, with all that it started: a copy is the first process of a namespace, which ends with it."""
-        if not isinstance(self._process, Copied):
+        if not isinstance(self._process, ForkedChild):
             with suppress(ProcessLookupError, PermissionError):
                 os.killpg(self._process.pid, signal.SIGKILL)
         with suppress(ProcessLookupError):
@@ -285,17 +286,17 @@ class ChildProcess:
         """End it and release everything. Safe to call twice.
 
         Raises:
-            Misbehaved: it had printed too much.
+            SubmissionError: it had printed too much.
         """
         if self._socket.fileno() < 0:
             return
         try:
             self.kill()
             self._process.wait()
-            wait_for_the_end(self._socket)  # with a sandbox, its namespace is dead then
+            wait_for_hangup(self._socket)  # with a sandbox, its namespace is dead then
             if self._confiner is not None:
                 self._confiner.close()
-            self._hear_output()
+            self._read_output()
         finally:
             self._socket.close()
             assert self._process.stdout is not None

@@ -6,14 +6,14 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.core.blame import place_of, without_addresses
+from snr_sim.core.source_location import location_of, without_addresses
 from snr_sim.prelude.errors import ValueEncodingError
 from snr_sim.prelude.values import encode_value
 
 _SHOWN = 200  # characters of a value that cannot cross
 
 
-class NoValue(Exception):
+class UnsendableValueError(Exception):
     """A result of a type that cannot be sent to the grader."""
 
 
@@ -21,7 +21,7 @@ def encode_plain(value: Any, what: str, function: object) -> bytes:
     """Return JSON of a value that can cross.
 
     Raises:
-        NoValue: it cannot; the message describes it.
+        UnsendableValueError: it cannot; the message describes it.
     """
     try:
         raw = _encode(value)
@@ -31,18 +31,18 @@ def encode_plain(value: Any, what: str, function: object) -> bytes:
         pass
     try:
         return encode_value(plain(value))
-    except (NoValue, RecursionError, ValueEncodingError) as error:
-        place = place_of(function)
-        reason = error.args[0] if isinstance(error, NoValue) and error.args else "it is nested too deeply"
+    except (UnsendableValueError, RecursionError, ValueEncodingError) as error:
+        place = location_of(function)
+        reason = error.args[0] if isinstance(error, UnsendableValueError) and error.args else "it is nested too deeply"
         where = f"{place}\n  " if place is not None else ""
-        raise NoValue(f"{where}{what} returned {short(value)}: {reason}.") from None
+        raise UnsendableValueError(f"{where}{what} returned {short(value)}: {reason}.") from None
 
 
 def plain(value: Any) -> Any:
     """Return a value as numbers, texts, lists and dicts; numpy's become Python's.
 
     Raises:
-        NoValue: it contains something else.
+        UnsendableValueError: it contains something else.
     """
     kind = type(value)
     if value is None or kind in (bool, int, float, str):
@@ -52,14 +52,16 @@ def plain(value: Any) -> Any:
     if kind is dict:
         for key in value:
             if type(key) is not str:
-                raise NoValue(f"the key {short(key)} of a dict is no text")
+                raise UnsendableValueError(f"the key {short(key)} of a dict is not a string")
         return {key: plain(item) for key, item in value.items()}
     if hasattr(value, "dtype") and hasattr(value, "tolist"):
         return plain(value.tolist())
     for parent in (bool, int, float, str):
         if isinstance(value, parent):
             return parent.__str__(value) if parent is str else parent(value)
-    raise NoValue(f"{short(value)} is {_a(kind.__name__)}, not a number, a text, a list or a dict of these")
+    raise UnsendableValueError(
+        f"{short(value)} is {_a(kind.__name__)}, not a number, a text, a list or a dict of these"
+    )
 
 
 def _a(word: str) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from snr_sim.grading.lab.verdicts import Misbehaved
+from snr_sim.grading.lab.verdicts import SubmissionError
 from snr_sim.grading.remote.sent_code import LAB_MODULE
 
 _NO_NETWORK = "there is no network in the grader"
@@ -15,7 +15,7 @@ _ONE_PROCESS = "a submission has one process and one thread, which the grader st
 _PYTHON_ONLY = "a submission is plain Python"
 _GRADES_ITSELF = "a submission does not grade itself"
 Parse: TypeAlias = Callable[[Callable[[bytes], Any], bytes], Any]
-_LONGEST_BYTES = 1 << 20
+_MAX_SOURCE_BYTES = 1 << 20
 REFUSED = {
     **dict.fromkeys(("socket", "socketserver", "ssl", "urllib", "http", "requests", "ftplib", "smtplib"), _NO_NETWORK),
     **dict.fromkeys(("subprocess", "multiprocessing", "concurrent", "pty"), _ONE_PROCESS),
@@ -37,7 +37,7 @@ def check_imports(
         parse: calls `imports_in`, in another process.
 
     Raises:
-        Misbehaved: it imports a refused module.
+        SubmissionError: it imports a refused module.
     """
     seen: set[str] = set()
     waiting = [file]
@@ -47,9 +47,9 @@ def check_imports(
             continue
         seen.add(name)
         for module, line in _imported(folder / name, parse):
-            reason = _refused(module, may_import, REFUSED | dict(refused))
+            reason = _rejection_reason(module, may_import, REFUSED | dict(refused))
             if reason:
-                raise Misbehaved(
+                raise SubmissionError(
                     f"{name}, line {line}: imports {module}, but {reason}.", f"Do without importing {module}: {reason}."
                 )
             top = module.partition(".")[0]
@@ -59,7 +59,7 @@ def check_imports(
                 waiting += [path.relative_to(folder).as_posix() for path in sorted((folder / top).rglob("*.py"))]
 
 
-def _refused(module: str, may_import: frozenset[str], refused: Mapping[str, str]) -> str:
+def _rejection_reason(module: str, may_import: frozenset[str], refused: Mapping[str, str]) -> str:
     if module.startswith(LAB_MODULE):
         return _GRADES_ITSELF
     parts = module.split(".")
@@ -72,7 +72,7 @@ def _refused(module: str, may_import: frozenset[str], refused: Mapping[str, str]
 def _imported(path: Path, parse: Parse) -> list[list[Any]]:
     try:
         with path.open("rb") as opened:
-            found: list[list[Any]] = parse(imports_in, opened.read(_LONGEST_BYTES))
+            found: list[list[Any]] = parse(imports_in, opened.read(_MAX_SOURCE_BYTES))
             return found
     except OSError:
         return []  # running it reports what is wrong

@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from snr_sim.grading.lab.verdicts import LabFault
+from snr_sim.grading.lab.verdicts import GraderError
 from snr_sim.grading.remote.protocol import PIPES
 from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.confiner import FILE_BYTES, Confiner
@@ -23,22 +23,22 @@ from snr_sim.grading.sandbox.sandbox import (
     NOBODY,
     SYSTEM,
     Limits,
-    closed_above,
+    bubblewrap_command,
+    first_private_ancestor,
     is_root,
     outermost,
-    packages,
+    package_folders,
     python_folders,
-    wrapping,
 )
 
 # They choose numeric code paths that differ in the last bits; a graded run must equal that of `snr run`.
-WAYS_TO_RECKON = ("OPENBLAS_CORETYPE", "MKL_CBWR", "NPY_DISABLE_CPU_FEATURES", "NPY_ENABLE_CPU_FEATURES")
+NUMERIC_ENV_VARS = ("OPENBLAS_CORETYPE", "MKL_CBWR", "NPY_DISABLE_CPU_FEATURES", "NPY_ENABLE_CPU_FEATURES")
 _NEEDED_ON_WINDOWS = "SYSTEMROOT"  # or no Python starts there
 
 
 def environment(confiner: Confiner | None = None) -> dict[str, str]:
     """Return the whole environment of a student's process: only the variables that select numpy's code paths."""
-    alike = {name: os.environ[name] for name in (*WAYS_TO_RECKON, _NEEDED_ON_WINDOWS) if name in os.environ}
+    alike = {name: os.environ[name] for name in (*NUMERIC_ENV_VARS, _NEEDED_ON_WINDOWS) if name in os.environ}
     threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     scratch = {} if confiner is None else {"TMPDIR": str(confiner.scratch)}
     return {"PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1", "LC_ALL": "C.UTF-8", **threads, **scratch, **alike}
@@ -51,7 +51,7 @@ def start_command(
     limits: Limits,
     readable: Sequence[Path],
     confiner: Confiner | None = None,
-    makes_copies: bool = False,
+    is_fork_server: bool = False,
 ) -> tuple[list[str], Path]:
     """Return the command that starts a student's process, and the folder to start it in.
 
@@ -64,26 +64,26 @@ def start_command(
         limits: CPU time, memory and files that it may use.
         readable: further folders that it may read.
         confiner: of a process that is "confined".
-        makes_copies: it is `nursery_process.py`, whose copies are the student's processes.
+        is_fork_server: it is `fork_server_process.py`, whose copies are the student's processes.
     """
-    module = "nursery_process" if makes_copies else "child"
-    walls = ""
+    module = "fork_server_process" if is_fork_server else "child"
+    confinement = ""
     if confiner is not None:
         limits = replace(limits, file_bytes=min(limits.file_bytes, FILE_BYTES))
         system = [name for name in ("/usr", *SYSTEM) if os.path.isdir(name)]
         granted = [*system, *map(str, outermost([*python_folders(), KIT, *readable])), str(folder)]
-        walls = f", {(confiner.user, granted, str(LABS), str(confiner.scratch))}"
+        confinement = f", {(confiner.user, granted, str(LABS), str(confiner.scratch))}"
     limited = (limits.cpu_s, limits.memory_bytes, limits.file_bytes, limits.open_files)
     drops_to = NOBODY if isolation == "sandbox" and is_root() else None
-    path = [str(one) for one in dict.fromkeys([*packages(), KIT.parent])]
+    path = [str(one) for one in dict.fromkeys([*package_folders(), KIT.parent])]
     begin = (
         f"import sys; sys.path[:] = {path!r}; from snr_sim.grading.remote.{module} import main; "
-        f"main({line}, {limited}, {isolation != 'none'}, {drops_to}{walls})"
+        f"main({line}, {limited}, {isolation != 'none'}, {drops_to}{confinement})"
     )
     # What -I is, but for PYTHONHASHSEED: there is nothing else in the environment. And -S, as sys.path is given whole.
     python = [os.path.realpath(sys.executable), "-P", "-s", "-S", "-c", begin]
     if isolation == "sandbox":
-        return [*wrapping(folder, readable, makes_copies), *python], Path("/")
+        return [*bubblewrap_command(folder, readable, is_fork_server), *python], Path("/")
     return python, folder
 
 
@@ -94,14 +94,14 @@ def start_process(
     limits: Limits,
     readable: Sequence[Path] = (),
     confiner: Confiner | None = None,
-    makes_copies: bool = False,
+    is_fork_server: bool = False,
 ) -> subprocess.Popen[bytes]:
     """Start a student's process, whose stdout is a pipe; arguments as of `start_command`.
 
     Raises:
-        LabFault: it cannot be started.
+        GraderError: it cannot be started.
     """
-    command, cwd = start_command(folder, isolation, line, limits, readable, confiner, makes_copies)
+    command, cwd = start_command(folder, isolation, line, limits, readable, confiner, is_fork_server)
     options: dict[str, Any] = {"stdin": subprocess.PIPE, "stderr": subprocess.PIPE}
     if line != PIPES:
         options = {"stdin": subprocess.DEVNULL, "stderr": subprocess.STDOUT}
@@ -109,26 +109,26 @@ def start_process(
     try:
         return subprocess.Popen(command, cwd=cwd, env=environment(confiner), stdout=subprocess.PIPE, **options)
     except OSError as error:
-        raise LabFault(f"A student's process could not be started: {error}.") from error
+        raise GraderError(f"A student's process could not be started: {error}.") from error
 
 
 @contextmanager
-def lent(folder: Path, isolation: Isolation) -> Iterator[Path]:
-    """Yield a submission's folder as the user nobody can read it: itself, or a copy if only its owner may."""
-    is_reached = isolation == "sandbox" or closed_above(folder) is None
+def readable_copy(folder: Path, isolation: Isolation) -> Iterator[Path]:
+    """Yield a folder that the unprivileged user can read: the submission's, or a copy if only its owner may."""
+    is_reached = isolation == "sandbox" or first_private_ancestor(folder) is None
     if isolation == "none" or not is_root() or (is_reached and _is_open(folder)):
         yield folder
         return
     with tempfile.TemporaryDirectory(prefix="snr-grading-") as name:
         os.chmod(name, 0o755)
         copy = Path(name) / folder.name
-        copy_for_all(folder, copy)
+        copy_world_readable(folder, copy)
         yield copy
 
 
-def copy_for_all(folder: Path, copy: Path) -> None:
+def copy_world_readable(folder: Path, copy: Path) -> None:
     """Copy a submission so that everybody may read it; the copy's folder may be there already, and empty."""
-    shutil.copytree(folder, copy, symlinks=True, ignore=_what_is_no_file, dirs_exist_ok=True)
+    shutil.copytree(folder, copy, symlinks=True, ignore=_ignore_special_files, dirs_exist_ok=True)
     for path in [copy, *copy.rglob("*")]:
         if not path.is_symlink():
             path.chmod(0o755 if path.is_dir() else 0o644)
@@ -139,7 +139,7 @@ def _is_open(folder: Path) -> bool:
     return all(mode & 0o004 and (mode & 0o001 or not is_folder) for is_folder, mode in modes)
 
 
-def _what_is_no_file(folder: str, names: list[str]) -> list[str]:
+def _ignore_special_files(folder: str, names: list[str]) -> list[str]:
     """Return the entries that must not be copied: a pipe or a device would be read without end."""
     paths = {name: Path(folder, name) for name in names}
     return [name for name, path in paths.items() if not (path.is_symlink() or path.is_dir() or path.is_file())]

@@ -15,9 +15,9 @@ from queue import Empty, SimpleQueue
 from typing import IO
 
 from snr_sim.grading.remote.child_process import CHUNK, ChildProcess
+from snr_sim.grading.remote.cpu_timeout import END_TIMEOUT_S, POLL_PERIOD_S, CpuTimeout
+from snr_sim.grading.remote.fork_server import ForkServer
 from snr_sim.grading.remote.launch import start_process
-from snr_sim.grading.remote.nursery import Nursery
-from snr_sim.grading.remote.patience import END_S, LOOK_S, Patience
 from snr_sim.grading.remote.protocol import PIPES
 from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.sandbox import Limits
@@ -50,32 +50,32 @@ class PipedProcess(ChildProcess):
         for reader in self._readers:
             reader.start()
 
-    def _read(self, pipe: IO[bytes], came: SimpleQueue[bytes]) -> None:
+    def _read(self, pipe: IO[bytes], queue: SimpleQueue[bytes]) -> None:
         data = b"-"
         while data:
             try:
                 data = os.read(pipe.fileno(), CHUNK)
             except OSError:
                 data = b""
-            came.put(data)
+            queue.put(data)
             self._something.set()
 
-    def _send(self, line: bytes, patience: Patience) -> None:
+    def _send(self, line: bytes, timeout: CpuTimeout) -> None:
         assert self._piped.stdin is not None
         with suppress(OSError):  # it has ended; the caller notices when it reads the answer
             self._piped.stdin.write(line)
             self._piped.stdin.flush()
 
-    def _received(self, patience: Patience) -> bytes:
+    def _receive_some(self, timeout: CpuTimeout) -> bytes:
         while True:
             self._something.clear()
-            self._hear_output()
+            self._read_output()
             with suppress(Empty):
                 return self._answers.get_nowait()
-            if not self._something.wait(LOOK_S):
-                self._look(patience)
+            if not self._something.wait(POLL_PERIOD_S):
+                self._check_timeout(timeout)
 
-    def _hear_output(self) -> None:
+    def _read_output(self) -> None:
         with suppress(Empty):
             while data := self._prints.get_nowait():
                 self._keep(data)
@@ -88,7 +88,7 @@ class PipedProcess(ChildProcess):
         """End it and release everything. Safe to call twice.
 
         Raises:
-            Misbehaved: it had printed too much.
+            SubmissionError: it had printed too much.
         """
         assert self._piped.stdin is not None
         if self._piped.stdin.closed:
@@ -97,21 +97,21 @@ class PipedProcess(ChildProcess):
             self.kill()
             self._piped.wait()
             for reader in self._readers:
-                reader.join(END_S)
-            self._hear_output()
+                reader.join(END_TIMEOUT_S)
+            self._read_output()
         finally:
             with suppress(OSError):  # the unsent rest of a request is still buffered
                 self._piped.stdin.close()
 
 
 def begin_process(
-    folder: Path, isolation: Isolation, limits: Limits, readable: Sequence[Path], nursery: Nursery | None
+    folder: Path, isolation: Isolation, limits: Limits, readable: Sequence[Path], fork_server: ForkServer | None
 ) -> ChildProcess:
     """Return a process that holds one submission; arguments as of `ChildProcess`.
 
     Raises:
-        LabFault: it cannot be started.
+        GraderError: it cannot be started.
     """
     if CAN_POLL_PIPES:
-        return ChildProcess(folder, isolation, limits, readable, nursery)
+        return ChildProcess(folder, isolation, limits, readable, fork_server)
     return PipedProcess(folder, isolation, limits)

@@ -16,9 +16,9 @@ import msgspec
 
 from snr_sim.grading.remote.sent_code import SentCode
 from snr_sim.prelude.errors import SnrError, ValueEncodingError
-from snr_sim.prelude.values import NO_JSON, decode_value
+from snr_sim.prelude.values import JSON_ERRORS, decode_value
 
-MAX_ANSWER_BYTES = 1 << 20
+MAX_RESPONSE_BYTES = 1 << 20
 MAX_DEPTH = 32
 PIPES = -1  # in place of a descriptor: the process is asked on its stdin and answers on its stdout
 TIME_UP_STATUS = 152  # exit status of a process whose CPU time is used up, as a shell reports SIGXCPU
@@ -70,7 +70,7 @@ class Parse(_Verb, frozen=True):
     data: bytes
 
 
-class Load(_Verb, frozen=True):
+class LoadRequest(_Verb, frozen=True, tag="load"):
     """Read this file.
 
     Args:
@@ -119,7 +119,7 @@ class Handle(_Verb, frozen=True):
     processed: list[msgspec.Raw] | None
 
 
-class Step(_Verb, frozen=True):
+class StepRequest(_Verb, frozen=True, tag="step"):
     """Do a step of a component's life: begin, join, terminate; of a loop also setup, loop."""
 
     node: str
@@ -130,10 +130,10 @@ class Step(_Verb, frozen=True):
     came_s: dict[str, float]
 
 
-Verb: TypeAlias = Hello | Call | MakeObject | AskObject | Parse | Load | Open | Make | Handle | Step
+Verb: TypeAlias = Hello | Call | MakeObject | AskObject | Parse | LoadRequest | Open | Make | Handle | StepRequest
 
 
-class Ask(msgspec.Struct, frozen=True):
+class CallRequest(msgspec.Struct, frozen=True):
     """Request of the grader.
 
     Args:
@@ -147,7 +147,7 @@ class Ask(msgspec.Struct, frozen=True):
     verb: Verb
 
 
-class Said(msgspec.Struct, frozen=True, omit_defaults=True):
+class RemoteFailure(msgspec.Struct, frozen=True, omit_defaults=True):
     """A failure of the student's program, as reported by its own process.
 
     Args:
@@ -167,7 +167,7 @@ class Said(msgspec.Struct, frozen=True, omit_defaults=True):
     is_refused: bool = False
 
 
-class Answer(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+class CallResponse(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Answer of the student's process: a value, or why there is none.
 
     Args:
@@ -178,24 +178,24 @@ class Answer(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
 
     n: int
     value: msgspec.Raw = msgspec.Raw(b"null")
-    error: Said | None = None
+    error: RemoteFailure | None = None
 
 
-class Loaded(msgspec.Struct, frozen=True):
+class ModuleInfo(msgspec.Struct, frozen=True):
     """A file was read: its OPTIONS and its ROLES, if it has any."""
 
     options: Any
     roles: Any
 
 
-class Opened(msgspec.Struct, frozen=True):
+class FactoriesInfo(msgspec.Struct, frozen=True):
     """There are factories: for each whether it makes a loop; and which files were read, in which folder."""
 
     are_loops: list[bool]
     files: list[tuple[str, str]]
 
 
-class Made(msgspec.Struct, frozen=True, omit_defaults=True):
+class ComponentInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     """A component: its name, its handlers, and which steps of its life its author has written."""
 
     name: str
@@ -207,21 +207,21 @@ class Made(msgspec.Struct, frozen=True, omit_defaults=True):
     next_s: float | None = None
 
 
-class Told(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+class StepEffects(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """Effects of a step: tasks from the inbox, new handlers, notes, keys of pages requested but never stored.
 
     Args:
-        said: what components have printed and logged: component, level, text.
+        output: what components have printed and logged: component, level, text.
     """
 
     entered: list[tuple[msgspec.Raw, str]] = []
     handlers: dict[str, list[HandlerRow]] | None = None
     notes: list[str] = []
     missed: list[str] = []
-    said: list[tuple[str, str, str]] = []
+    output: list[tuple[str, str, str]] = []
 
 
-class Returned(Told, frozen=True, omit_defaults=True):
+class HandleResult(StepEffects, frozen=True, omit_defaults=True):
     """What handlers returned, by component; and which one failed, if one did."""
 
     returned: dict[str, list[msgspec.Raw]]
@@ -231,7 +231,7 @@ class Returned(Told, frozen=True, omit_defaults=True):
     is_slow: bool = False
 
 
-class StepDone(Told, frozen=True, omit_defaults=True):
+class StepResponse(StepEffects, frozen=True, omit_defaults=True):
     """What a step scheduled; of a loop also when its next tick is to come, and whether there is to be one."""
 
     scheduled: list[msgspec.Raw]
@@ -244,21 +244,21 @@ class ProtocolError(SnrError):
 
 
 encode = msgspec.json.Encoder().encode
-decode_ask = msgspec.json.Decoder(Ask).decode
-_decode_answer = msgspec.json.Decoder(Answer).decode
+decode_request = msgspec.json.Decoder(CallRequest).decode
+_decode_response = msgspec.json.Decoder(CallResponse).decode
 T = TypeVar("T")
 
 
-def decode_answer(line: bytes | bytearray) -> Answer:
+def decode_response(line: bytes | bytearray) -> CallResponse:
     """Return the answer in a line.
 
     Raises:
         ProtocolError: there is none.
     """
     try:
-        return _decode_answer(line)
-    except NO_JSON as error:
-        raise ProtocolError(f"It answered with something that is no answer: {error}.") from error
+        return _decode_response(line)
+    except JSON_ERRORS as error:
+        raise ProtocolError(f"The submission broke the grading protocol: its answer is not valid: {error}.") from error
 
 
 def decode_as(decoder: msgspec.json.Decoder[T], raw: msgspec.Raw) -> T:
@@ -270,8 +270,8 @@ def decode_as(decoder: msgspec.json.Decoder[T], raw: msgspec.Raw) -> T:
     check_depth(bytes(raw))
     try:
         return decoder.decode(raw)
-    except NO_JSON as error:
-        raise ProtocolError(f"It answered with something that is no answer: {error}.") from error
+    except JSON_ERRORS as error:
+        raise ProtocolError(f"The submission broke the grading protocol: its answer is not valid: {error}.") from error
 
 
 def plain_value(raw: msgspec.Raw) -> Any:
@@ -285,7 +285,9 @@ def plain_value(raw: msgspec.Raw) -> Any:
     try:
         return decode_value(data)
     except ValueEncodingError as error:
-        raise ProtocolError(f"It answered with something that is no value: {error.message}") from error
+        raise ProtocolError(
+            f"The submission broke the grading protocol: its value is not valid: {error.message}"
+        ) from error
 
 
 def check_depth(data: bytes) -> None:
@@ -304,7 +306,7 @@ def check_depth(data: bytes) -> None:
         elif byte in b"]}":
             depth -= 1
     if deepest > MAX_DEPTH:
-        raise ProtocolError(f"It answered with lists in lists {deepest} deep.")
+        raise ProtocolError(f"Its answer is nested {deepest} levels deep, which is too deep.")
 
 
 _NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))

@@ -5,7 +5,7 @@
                                    <-- tasks it returned ------
 
 A proxy has the name, the position and the handlers' names of its component. So the run and its trace are the same as
-if the components were here; but everything that comes back is checked first (`admission.py`).
+if the components were here; but everything that comes back is checked first (`task_filter.py`).
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from snr_sim.core.datastore import PREVIOUS
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
-from snr_sim.core.said import LEVELS
-from snr_sim.grading.lab.verdicts import Misbehaved
+from snr_sim.core.output_recording import LEVELS
+from snr_sim.grading.lab.verdicts import SubmissionError
 from snr_sim.grading.remote import protocol
-from snr_sim.grading.remote.admission import Admission
 from snr_sim.grading.remote.child_process import ChildProcess
-from snr_sim.grading.remote.endings import misbehaved
-from snr_sim.grading.remote.packing import packed
+from snr_sim.grading.remote.exit_errors import submission_error
+from snr_sim.grading.remote.robot_pickling import pickle_robot
+from snr_sim.grading.remote.task_filter import TaskFilter
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import Page
-from snr_sim.prelude.scenario import Robot
+from snr_sim.prelude.scenario import RobotInfo
 from snr_sim.prelude.task import SomeTasks, Task, TaskHandler, TaskHandlerMap, TaskId, TaskType
 
 STEP_CPU_S = 5.0  # for one handler, or one step of a component's life
@@ -39,7 +39,7 @@ LOAD_CPU_S = 20.0  # for reading a file, or calling its `factories`
 T = TypeVar("T")
 
 
-class StudentFailed(SnrError):
+class StudentCodeError(SnrError):
     """Failure of the student's component in its own process; the message has the student's line first."""
 
 
@@ -54,8 +54,8 @@ class Remote:
     def __init__(self, child: ChildProcess, file: str) -> None:
         self.child = child
         self.file = file
-        self.admission = Admission(file)
-        self.misbehaved: Misbehaved | None = None  # kept here, as a node that ends loses its message
+        self.task_filter = TaskFilter(file)
+        self.submission_error: SubmissionError | None = None  # kept here, as a node that ends loses its message
         self.files: list[tuple[str, str]] = []  # that were read: the folder's name and the path in it
         self.names: set[str] = set()  # of the student's components
         self._made = 0  # factories, so far
@@ -64,7 +64,7 @@ class Remote:
         self._node: Node | None = None
         self._answers: dict[str, list[Task]] = {}
         self._failed = ""
-        self._failure: StudentFailed | None = None
+        self._failure: StudentCodeError | None = None
 
     def ask(self, verb: protocol.Verb, decoder: msgspec.json.Decoder[T], cpu_s: float = STEP_CPU_S) -> T:
         """Send a request to the student's process; return its answer.
@@ -74,21 +74,23 @@ class Remote:
             decoder: of the answer's type.
 
         Raises:
-            Misbehaved: the answer has another type; kept too, as a node that runs replaces the message by its own.
-            StudentFailed: a step of a component's life cycle raised.
+            SubmissionError: the answer has another type; kept too, as a node that runs replaces the message by its own.
+            StudentCodeError: a step of a component's life cycle raised.
         """
         try:
             answer = self.child.ask(verb, cpu_s)
             if answer.error is None:
                 return protocol.decode_as(decoder, answer.value)
-            if isinstance(verb, protocol.Step) and answer.error.step != "slow":
-                raise StudentFailed(answer.error.text, answer.error.fix)
-            raise misbehaved(answer.error)
+            if isinstance(verb, protocol.StepRequest) and answer.error.step != "slow":
+                raise StudentCodeError(answer.error.text, answer.error.fix)
+            raise submission_error(answer.error)
         except protocol.ProtocolError as error:
-            self.misbehaved = Misbehaved(error.message, "Leave the grader's file descriptors alone.")
-            raise self.misbehaved from error
-        except Misbehaved as error:
-            self.misbehaved = error
+            self.submission_error = SubmissionError(
+                error.message, "Do not use file descriptors that your program has not opened."
+            )
+            raise self.submission_error from error
+        except SubmissionError as error:
+            self.submission_error = error
             raise
 
     def controller(self, path: Path, robots: Sequence[tuple[str, Path]]) -> ModuleType:
@@ -98,7 +100,7 @@ class Remote:
             path: of the student's file, for the trace's header.
             robots: whose modules the student may import.
         """
-        load = protocol.Load(self.file, [(name, str(folder)) for name, folder in robots])
+        load = protocol.LoadRequest(self.file, [(name, str(folder)) for name, folder in robots])
         loaded = self.ask(load, _loaded, LOAD_CPU_S)
         module = ModuleType(Path(self.file).stem)
         module.__file__ = str(path)
@@ -109,9 +111,9 @@ class Remote:
         module.factories = self.factories  # type: ignore[attr-defined]
         return module
 
-    def factories(self, robot: Robot) -> list[RemoteEndpointFactory | RemoteLoopFactory]:
+    def factories(self, robot: RobotInfo) -> list[RemoteEndpointFactory | RemoteLoopFactory]:
         """Have the student's `factories(robot)` called; return a proxy for each of its factories."""
-        opened = self.ask(protocol.Open(self.file, packed(robot)), _opened, LOAD_CPU_S)
+        opened = self.ask(protocol.Open(self.file, pickle_robot(robot)), _opened, LOAD_CPU_S)
         self.files = opened.files
         first, self._made = self._made, self._made + len(opened.are_loops)
         return [
@@ -119,10 +121,10 @@ class Remote:
             for number, is_loop in enumerate(opened.are_loops, start=first)
         ]
 
-    def make(self, factory: int, parent: NodeApi) -> protocol.Made:
+    def make(self, factory: int, parent: NodeApi) -> protocol.ComponentInfo:
         """Have a component made in the student's process."""
-        made = self.ask(protocol.Make(parent.role, factory, parent.chance), _made)
-        self.admission.component(made)
+        made = self.ask(protocol.Make(parent.role, factory, parent.component_seed), _made)
+        self.task_filter.component(made)
         self.names.add(made.name)
         return made
 
@@ -142,46 +144,48 @@ class Remote:
         node = component.parent
         self._task, self._node, self._failed = task, node, ""
         self._answers = {}
-        self.admission.count(node.machine.now_s)
+        self.task_filter.count(node.machine.now_s)
         pages, came_s = self._new_pages(node)
         processed = _processed_by(task, node)
         raw = msgspec.Raw((task if processed is None else Task(task.type, task.name)).serialize())
         verb = protocol.Handle(node.role, component.name, raw, node.machine.now_s, pages, came_s, processed)
         answer = self.ask(verb, _returned)
         for name, tasks in answer.returned.items():
-            self._answers[name] = self.admission.tasks(tasks, node, name)
+            self._answers[name] = self.task_filter.tasks(tasks, node, name)
         if answer.failed:
             if answer.is_slow:
-                self.misbehaved = Misbehaved(answer.text, "That took too long: is there a loop without an end?")
-            self._failed, self._failure = answer.failed, StudentFailed(answer.text, answer.fix)
+                self.submission_error = SubmissionError(
+                    answer.text, "That took too long: is there a loop without an end?"
+                )
+            self._failed, self._failure = answer.failed, StudentCodeError(answer.text, answer.fix)
             self._answers.setdefault(answer.failed, [])
-        self._take(answer, node)
+        self._apply(answer, node)
 
-    def step(self, component: RemoteEndpoint | RemoteLoop, step: str) -> protocol.StepDone:
+    def step(self, component: RemoteEndpoint | RemoteLoop, step: str) -> protocol.StepResponse:
         """Have a step of a component's life done."""
         node = component.parent
         now_s = node.get_time_s()
-        self.admission.count(now_s)
+        self.task_filter.count(now_s)
         pages, came_s = self._new_pages(node)
-        done = self.ask(protocol.Step(node.role, component.name, step, now_s, pages, came_s), _step_done)
-        self._take(done, node)
+        done = self.ask(protocol.StepRequest(node.role, component.name, step, now_s, pages, came_s), _step_done)
+        self._apply(done, node)
         return done
 
-    def _take(self, told: protocol.Told, node: Node) -> None:
+    def _apply(self, effects: protocol.StepEffects, node: Node) -> None:
         """Apply the other effects of a step."""
-        for raw, source in told.entered:
-            (task,) = self.admission.tasks([raw], node, source)
-            node.enter(task, source)
-        for name, rows in (told.handlers or {}).items():
+        for raw, source in effects.entered:
+            (task,) = self.task_filter.tasks([raw], node, source)
+            node.enqueue_input(task, source)
+        for name, rows in (effects.handlers or {}).items():
             changed = node.components.get(name)
             if isinstance(changed, RemoteEndpoint):
                 changed.task_handlers = changed.handlers_of(rows)
-        for note in self.admission.notes(told.notes):
-            node.note(note)
-        for component, level, text in told.said:
+        for note in self.task_filter.notes(effects.notes):
+            node.add_note(note)
+        for component, level, text in effects.output:
             if component in self.names and level in LEVELS:
-                node.said(component, level, text)
-        for key in self.admission.missed(told.missed):
+                node.record_text(component, level, text)
+        for key in self.task_filter.missed(effects.missed):
             node.datastore.missed[key] = None
 
     def _new_pages(self, node: Node) -> tuple[list[msgspec.Raw], dict[str, float]]:
@@ -200,7 +204,7 @@ class Remote:
                 pages.append(msgspec.Raw(older.serialize()))
             pages.append(msgspec.Raw(page.serialize()))
             if page.origin != node.name:
-                came_s[key] = node.came_at_s(key)
+                came_s[key] = node.received_at_s(key)
         return pages, came_s
 
 
@@ -234,7 +238,7 @@ class RemoteEndpoint(Endpoint):
     factory: RemoteEndpointFactory
     parent: Node
 
-    def __init__(self, factory: RemoteEndpointFactory, parent: NodeApi, made: protocol.Made) -> None:
+    def __init__(self, factory: RemoteEndpointFactory, parent: NodeApi, made: protocol.ComponentInfo) -> None:
         assert isinstance(parent, Node)  # in the grader
         super().__init__(factory, parent, made.name)
         self._steps = {"join" if step == "halt" else step for step in made.steps}
@@ -270,7 +274,7 @@ class RemoteEndpoint(Endpoint):
     def _do(self, step: str) -> None:
         if step in self._steps:
             done = self.factory.remote.step(self, step)
-            self.schedule(self.factory.remote.admission.tasks(done.scheduled, self.parent, self.name))
+            self.schedule(self.factory.remote.task_filter.tasks(done.scheduled, self.parent, self.name))
 
 
 class RemoteLoopFactory(LoopFactory):
@@ -292,7 +296,7 @@ class RemoteLoop(Loop):
     factory: RemoteLoopFactory
     parent: Node
 
-    def __init__(self, factory: RemoteLoopFactory, parent: NodeApi, made: protocol.Made) -> None:
+    def __init__(self, factory: RemoteLoopFactory, parent: NodeApi, made: protocol.ComponentInfo) -> None:
         assert isinstance(parent, Node)  # in the grader
         super().__init__(factory, parent, made.name, made.rate_hz)
         self.first_tick_after_s = made.first_s
@@ -321,8 +325,8 @@ class RemoteLoop(Loop):
             self.stop()
 
 
-_loaded = msgspec.json.Decoder(protocol.Loaded)
-_opened = msgspec.json.Decoder(protocol.Opened)
-_made = msgspec.json.Decoder(protocol.Made)
-_returned = msgspec.json.Decoder(protocol.Returned)
-_step_done = msgspec.json.Decoder(protocol.StepDone)
+_loaded = msgspec.json.Decoder(protocol.ModuleInfo)
+_opened = msgspec.json.Decoder(protocol.FactoriesInfo)
+_made = msgspec.json.Decoder(protocol.ComponentInfo)
+_returned = msgspec.json.Decoder(protocol.HandleResult)
+_step_done = msgspec.json.Decoder(protocol.StepResponse)

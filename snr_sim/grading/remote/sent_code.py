@@ -17,7 +17,7 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.grading.lab.verdicts import LabFault
+from snr_sim.grading.lab.verdicts import GraderError
 
 LAB_MODULE = "snr_sim_lab_"  # so begin the names of modules that are the checks of a lab
 
@@ -34,7 +34,7 @@ class SentCode(msgspec.Struct, frozen=True):
     name: str
     code: bytes = b""
 
-    def received(self) -> Any:
+    def load(self) -> Any:
         """Return the class or function in the process that this was sent to."""
         if self.code and self.module not in sys.modules:
             module = sys.modules[self.module] = ModuleType(self.module)
@@ -42,17 +42,17 @@ class SentCode(msgspec.Struct, frozen=True):
         return getattr(importlib.import_module(self.module), self.name)
 
 
-def sent(one: Callable[..., Any]) -> SentCode:
+def code_to_send(one: Callable[..., Any]) -> SentCode:
     """Return a class or function of snr_sim or of a lab as it is sent.
 
     Raises:
-        LabFault: it is of neither.
+        GraderError: it is of neither.
     """
     module = one.__module__
     if module.startswith("snr_sim."):
         return SentCode(module, one.__qualname__)
     if not module.startswith(LAB_MODULE) or "." not in module:
-        raise LabFault(
+        raise GraderError(
             f"{one.__qualname__} of {module} cannot be sent to a student's process.",
             fix="put it into a module of its own in the lab's folder: grader/bench.py.",
         )

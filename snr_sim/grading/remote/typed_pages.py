@@ -24,7 +24,7 @@ class TypedPages:
     def __init__(self) -> None:
         self._kept: dict[str, deque[tuple[bytes, Page]]] = {}
 
-    def leaves(self, task: Task) -> msgspec.Raw:
+    def encode_task(self, task: Task) -> msgspec.Raw:
         """Return a task as it is sent to the grader."""
         raw = task.serialize()
         if _OBJECT in raw and task.type is TaskType.store_page and len(task.val_list) == 1:
@@ -37,7 +37,7 @@ class TypedPages:
             raw = Task.store_page(fields).serialize()
         return msgspec.Raw(raw)
 
-    def as_made(self, raw: bytes) -> Page:
+    def decode_page(self, raw: bytes) -> Page:
         """Return a page from the grader, with its original object if it was made here."""
         page = Page.deserialize(raw)
         kept: Any = self._kept.get(page.key, ())

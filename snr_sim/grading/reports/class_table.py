@@ -11,11 +11,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TextIO
 
+from snr_sim.grading.reports.feedback import number
 from snr_sim.grading.reports.plain import cell
 from snr_sim.grading.reports.results import Graded, Order
-from snr_sim.grading.reports.told import number
 
-Again = Callable[[], Iterable[Graded]]
+ReadAll = Callable[[], Iterable[Graded]]
 
 
 @dataclass
@@ -24,8 +24,8 @@ class Summary:
 
     Args:
         points: of each submission that has a mark.
-        of: points that could be had.
-        refused, faults: names of submissions that could not be graded, and of those without a grade.
+        max_points: points that could be had.
+        rejected, grader_errors: names of submissions that could not be graded, and of those without a grade.
         unjudged: names of those with a grade whose result in some case the check could not judge.
         checks: how many got all points of each check, by its title.
         ranked: per ranked metric the names with their value, unordered.
@@ -33,9 +33,9 @@ class Summary:
     """
 
     points: list[float] = field(default_factory=list)
-    of: float = 0.0
-    refused: list[str] = field(default_factory=list)
-    faults: list[str] = field(default_factory=list)
+    max_points: float = 0.0
+    rejected: list[str] = field(default_factory=list)
+    grader_errors: list[str] = field(default_factory=list)
     unjudged: list[str] = field(default_factory=list)
     checks: dict[str, int] = field(default_factory=dict)
     ranked: dict[str, list[tuple[float, str]]] = field(default_factory=dict)
@@ -44,12 +44,12 @@ class Summary:
     def add(self, graded: Graded) -> None:
         """Count a submission."""
         if graded.points is None:
-            self.faults.append(graded.submission)
+            self.grader_errors.append(graded.submission)
             return
         self.points.append(graded.points)
-        self.of = max(self.of, graded.of)
-        if graded.status == "refused":
-            self.refused.append(graded.submission)
+        self.max_points = max(self.max_points, graded.max_points)
+        if graded.status == "rejected":
+            self.rejected.append(graded.submission)
         if graded.faults:
             self.unjudged.append(graded.submission)
         for check in graded.checks:
@@ -60,42 +60,42 @@ class Summary:
             if name in metrics:
                 self.ranked.setdefault(name, []).append((metrics[name], graded.submission))
 
-    def words(self) -> str:
+    def sentence(self) -> str:
         """Return the class in a sentence."""
         if not self.points:
-            return "Nobody has a mark."
+            return "No submission has a mark."
         return (
             f"{len(self.points)} graded: mean {number(statistics.fmean(self.points))}, median "
             f"{number(statistics.median(self.points))}, from {number(min(self.points))} to {number(max(self.points))} "
-            f"of {number(self.of)} points."
+            f"of {number(self.max_points)} points."
         )
 
 
-def write_class(table: TextIO, again: Again, given: Mapping[str, str]) -> None:
+def write_class(table: TextIO, read_all: ReadAll, given: Mapping[str, str]) -> None:
     """Write one row per submission.
 
     Args:
         table: opened with newline="".
-        again: gives all submissions, each time it is called.
+        read_all: returns all submissions, each time it is called.
         given: where each submission was, by its name, to distinguish two of the same name.
     """
     checks: dict[str, None] = {}
     metrics: dict[str, None] = {}
-    for graded in again():
+    for graded in read_all():
         checks.update(dict.fromkeys(check.name for check in graded.checks))
         metrics.update(dict.fromkeys(graded.metrics))
     writer = csv.writer(table)
     writer.writerow(
-        ["submission", "points", "of", "status", "isolation", *map(cell, (*checks, *metrics)), "error", "given"]
+        ["submission", "points", "max_points", "status", "isolation", *map(cell, (*checks, *metrics)), "error", "given"]
     )
-    for graded in again():
+    for graded in read_all():
         points = {check.name: check.points for check in graded.checks}
         measured = graded.metrics
         writer.writerow(
             [
                 cell(graded.submission),
                 "" if graded.points is None else number(graded.points),
-                number(graded.of),
+                number(graded.max_points),
                 graded.status,
                 graded.isolation,
                 *(number(points[name]) if name in points else "" for name in checks),
@@ -136,7 +136,7 @@ def write_leaderboard(table: TextIO, summary: Summary) -> None:
     writer.writerow(["metric", "place", "submission", "value"])
     for name, rows in summary.ranked.items():
         sign = -1.0 if summary.orders[name] == "desc" else 1.0
-        place, before = 0, None
+        rank, before = 0, None
         for i, (value, submission) in enumerate(sorted(rows, key=lambda row: (sign * row[0], row[1])), 1):
-            place, before = (place, before) if value == before else (i, value)
-            writer.writerow([cell(name), place, cell(submission), f"{value:.6g}"])
+            rank, before = (rank, before) if value == before else (i, value)
+            writer.writerow([cell(name), rank, cell(submission), f"{value:.6g}"])

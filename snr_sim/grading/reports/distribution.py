@@ -6,8 +6,8 @@ import statistics
 from pathlib import Path
 
 from snr_sim.grading.reports.class_table import Summary
+from snr_sim.grading.reports.feedback import number
 from snr_sim.grading.reports.plain import one_line
-from snr_sim.grading.reports.told import number
 from snr_sim.view.picture_sheet import Area, Rgb, Sheet, color, picture
 
 _BINS = 10
@@ -23,19 +23,19 @@ def draw_distribution(summary: Summary, title: str, path: Path) -> None:
     """Write the picture as PNG.
 
     Raises:
-        MissingExtra: matplotlib is not installed.
+        MissingExtraError: matplotlib is not installed.
     """
     checks_top = _TOP + _BARS_HEIGHT + 64
     with picture(path, _WIDTH, checks_top + _ROW_HEIGHT * len(summary.checks) + 24, _PAPER) as sheet:
         sheet.text((_MARGIN, 16), sheet.cut(one_line(title), 13, _WIDTH - 2 * _MARGIN), 13, _INK)
-        sheet.text((_MARGIN, 38), summary.words(), 9, _INK)
+        sheet.text((_MARGIN, 38), summary.sentence(), 9, _INK)
         _draw_bars(sheet, summary, (_MARGIN, _TOP, _WIDTH - _MARGIN, _TOP + _BARS_HEIGHT))
         sheet.text((_MARGIN, checks_top - 20), "how many got all points of", 10, _INK)
         for i, (name, count) in enumerate(summary.checks.items()):
             _draw_row(sheet, checks_top + i * _ROW_HEIGHT, name, count, max(1, len(summary.points)))
 
 
-def bins(points: list[float], of: float) -> list[int]:
+def bins(points: list[float], max_points: float) -> list[int]:
     """Return how many have how much, in tenths of all points; those with all are in the last.
 
     >>> bins([0, 9.9, 10, 95, 100], 100)
@@ -43,18 +43,18 @@ def bins(points: list[float], of: float) -> list[int]:
     """
     counts = [0] * _BINS
     for one in points:
-        counts[min(_BINS - 1, max(0, int(_BINS * one / of)))] += 1
+        counts[min(_BINS - 1, max(0, int(_BINS * one / max_points)))] += 1
     return counts
 
 
 def _draw_bars(sheet: Sheet, summary: Summary, area: Area) -> None:
-    of, counts = summary.of or 1.0, bins(summary.points, summary.of or 1.0)
-    axes = sheet.axes(area, (0.0, of), (0.0, 1.1 * max(1, *counts)))
-    edges = [of * i / _BINS for i in range(_BINS + 1)]
-    bars = axes.bar(edges[:-1], counts, 0.92 * of / _BINS, align="edge", color=color(_BAR))
+    max_points, counts = summary.max_points or 1.0, bins(summary.points, summary.max_points or 1.0)
+    axes = sheet.axes(area, (0.0, max_points), (0.0, 1.1 * max(1, *counts)))
+    edges = [max_points * i / _BINS for i in range(_BINS + 1)]
+    bars = axes.bar(edges[:-1], counts, 0.92 * max_points / _BINS, align="edge", color=color(_BAR))
     axes.bar_label(bars, [str(count or "") for count in counts], padding=2, size=9, color=color(_INK))
     axes.axhline(0.0, color=color(_INK), linewidth=1.0, clip_on=False)
-    axes.set_xticks(edges, [number(i * (summary.of or 100) / _BINS) for i in range(_BINS + 1)])
+    axes.set_xticks(edges, [number(i * (summary.max_points or 100) / _BINS) for i in range(_BINS + 1)])
     axes.tick_params(length=0, pad=6, labelsize=8, labelcolor=color(_INK))
     axes.set_xlabel("points", size=9, color=color(_INK))
     if summary.points:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from snr_sim.grading.reports import told
+from snr_sim.grading.reports import feedback
 from snr_sim.grading.reports.plain import one_line, plain
 from snr_sim.grading.reports.results import CheckResult, Graded
 from snr_sim.grading.reports.student_page import FAULT
@@ -24,21 +24,26 @@ def gradescope_results(graded: Graded) -> str:
 
 
 def _fields(graded: Graded) -> dict[str, Any]:
-    said = [told.headline(graded)]
-    if graded.status == "fault":
-        said.append(FAULT)
+    lines = [feedback.headline(graded)]
+    if graded.status == "grader_error":
+        lines.append(FAULT)
     elif graded.error:
-        said.append(plain(graded.error))
+        lines.append(plain(graded.error))
     if graded.isolation == "none":
-        said.append("The program was not kept apart from the grader.")
+        lines.append("The program was not kept apart from the grader.")
     fields: dict[str, Any] = {
-        "output": "\n".join([*said, *(one_line(note) for note in graded.notes)]),
+        "output": "\n".join([*lines, *(one_line(note) for note in graded.notes)]),
         "output_format": "text",
         "test_output_format": "text",
         "test_name_format": "text",
         "visibility": "visible",
         "stdout_visibility": "hidden",
-        "extra_data": {"status": graded.status, "isolation": graded.isolation, "kit": graded.kit, "lab": graded.lab},
+        "extra_data": {
+            "status": graded.status,
+            "isolation": graded.isolation,
+            "version": graded.version,
+            "lab": graded.lab,
+        },
         "tests": [_test(i, check) for i, check in enumerate(graded.checks, 1)],
     }
     if graded.points is not None:
@@ -57,9 +62,9 @@ def _test(number: int, check: CheckResult) -> dict[str, Any]:
         "name": one_line(check.title),
         "number": str(number),
         "score": check.points,
-        "max_score": check.of,
+        "max_score": check.max_points,
         "status": "passed" if check.is_passed else "failed",
-        "output": told.as_text(check)[:_MAX_OUTPUT_CHARS],
+        "output": feedback.as_text(check)[:_MAX_OUTPUT_CHARS],
         "visibility": "visible",
         "tags": [check.name],
     }

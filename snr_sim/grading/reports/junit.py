@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from xml.etree import ElementTree
 
-from snr_sim.grading.reports import told
+from snr_sim.grading.reports import feedback
 from snr_sim.grading.reports.plain import one_line, plain
 from snr_sim.grading.reports.results import Graded
 
 
 def junit(graded: Graded) -> str:
     """Return the file's text. It has no times: the same submission gives the same file."""
-    outcomes = [told.verdict(check) for check in graded.checks]
+    outcomes = [feedback.verdict(check) for check in graded.checks]
     is_graded = graded.status == "graded"
     suite = ElementTree.Element(
         "testsuite",
@@ -23,15 +23,17 @@ def junit(graded: Graded) -> str:
     )
     if not is_graded:
         case = ElementTree.SubElement(suite, "testcase", classname=one_line(graded.lab), name="grading")
-        words = one_line(graded.error) if graded.status == "refused" else told.headline(graded)
+        words = one_line(graded.error) if graded.status == "rejected" else feedback.headline(graded)
         ElementTree.SubElement(case, "error", message=words, type=graded.status)
     for check, outcome in zip(graded.checks, outcomes, strict=True):
         case = ElementTree.SubElement(suite, "testcase", classname=one_line(graded.lab), name=one_line(check.name))
         if outcome == "skipped":
             ElementTree.SubElement(case, "skipped", message=one_line(check.skipped_because))
         elif outcome != "passed":
-            score = f"{told.number(check.points)} of {told.number(check.of)} points"
-            failure = ElementTree.SubElement(case, "failure", message=f"{score}. {told.main_hint(check)}", type=outcome)
-            failure.text = plain(told.as_text(check), 20_000)
+            score = f"{feedback.number(check.points)} of {feedback.number(check.max_points)} points"
+            failure = ElementTree.SubElement(
+                case, "failure", message=f"{score}. {feedback.main_hint(check)}", type=outcome
+            )
+            failure.text = plain(feedback.as_text(check), 20_000)
     ElementTree.indent(suite)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(suite, encoding="unicode") + "\n"

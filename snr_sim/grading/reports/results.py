@@ -13,9 +13,9 @@ from typing import Literal, TypeAlias
 import msgspec
 from msgspec.structs import replace
 
-Status: TypeAlias = Literal["graded", "refused", "fault"]
+Status: TypeAlias = Literal["graded", "rejected", "grader_error"]
 Isolation: TypeAlias = Literal["sandbox", "confined", "none"]
-Demanded: TypeAlias = Literal["required", "none"]
+RequestedIsolation: TypeAlias = Literal["required", "none"]
 Order: TypeAlias = Literal["asc", "desc"]
 
 FULL_POINTS = 100.0
@@ -66,7 +66,7 @@ class CheckResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
         name: the name of the check's function.
         title: the first line of its docstring.
         points: points obtained.
-        of: maximum points.
+        max_points: maximum points.
         cases: visible ones first; empty if it was skipped.
         skipped_because: why it was skipped, as text; empty if it was not.
     """
@@ -74,14 +74,14 @@ class CheckResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     name: str
     title: str
     points: float
-    of: float
+    max_points: float
     cases: tuple[CaseResult, ...] = ()
     skipped_because: str = ""
 
     @property
     def is_passed(self) -> bool:
         """Whether it was tried, and all its points were given."""
-        return not self.skipped_because and self.points >= self.of
+        return not self.skipped_because and self.points >= self.max_points
 
 
 class Graded(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -94,9 +94,9 @@ class Graded(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         checks: in the lab's order; empty unless `status` is "graded".
         isolation: of the student's program: in a "sandbox" of namespaces; "confined" by the kernel's other
             mechanisms, in a container where namespaces are not permitted; or "none".
-        is_hidden_included: whether hidden cases were tried: in grading, not in practice.
-        kit: version of snr_sim.
-        status: "graded"; "refused": the submission has nothing that can be graded, which is 0 points; "fault": the
+        includes_hidden: whether hidden cases were tried: in grading, not in practice.
+        version: of snr_sim.
+        status: "graded"; "rejected": the submission has nothing that can be graded, 0 points; "grader_error": the
             lab or the grader failed, which gives no grade.
         error: why it was refused, for the student, or what the fault was, for the instructor.
         notes: further information for the student: files that were left out, or are missing.
@@ -108,22 +108,22 @@ class Graded(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     title: str
     checks: tuple[CheckResult, ...] = ()
     isolation: Isolation
-    is_hidden_included: bool
-    kit: str
+    includes_hidden: bool
+    version: str
     status: Status = "graded"
     error: str = ""
     notes: tuple[str, ...] = ()
     leaderboard: dict[str, Order] = {}
 
     @property
-    def of(self) -> float:
+    def max_points(self) -> float:
         """Points of all checks together that could be had; 100 if none was tried."""
-        return round(sum(check.of for check in self.checks), 6) if self.checks else FULL_POINTS
+        return round(sum(check.max_points for check in self.checks), 6) if self.checks else FULL_POINTS
 
     @property
     def points(self) -> float | None:
         """Points of all checks together; None if there is no mark, because the lab or the grader failed."""
-        return None if self.status == "fault" else round(sum(check.points for check in self.checks), 6)
+        return None if self.status == "grader_error" else round(sum(check.points for check in self.checks), 6)
 
     @property
     def faults(self) -> list[str]:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from snr_sim.grading.reports import told
+from snr_sim.grading.reports import feedback
 from snr_sim.grading.reports.plain import fenced, markdown
 from snr_sim.grading.reports.results import CaseResult, CheckResult, Graded
 
 _SIGNS = {"passed": "yes", "partly": "in part", "failed": "no", "skipped": "not tried"}
-FAULT = "Your teacher was told what happened. It costs you nothing."
+FAULT = "The failure is recorded for your teacher. It costs you no points."
 
 
 def student_page(graded: Graded) -> str:
     """Return the page."""
-    lines = [f"# {markdown(graded.title)}: {markdown(graded.submission)}", "", f"**{told.headline(graded)}**", ""]
-    if graded.status == "fault":
+    lines = [f"# {markdown(graded.title)}: {markdown(graded.submission)}", "", f"**{feedback.headline(graded)}**", ""]
+    if graded.status == "grader_error":
         lines += [FAULT, ""]
     elif graded.error:
         lines += [fenced(graded.error), ""]
@@ -24,22 +24,22 @@ def student_page(graded: Graded) -> str:
     if graded.checks:
         lines += ["| check | points | passed |", "|---|---:|---|"]
         lines += [
-            f"| {markdown(check.title)} | {told.number(check.points)} of {told.number(check.of)} "
-            f"| {_SIGNS[told.verdict(check)]} |"
+            f"| {markdown(check.title)} | {feedback.number(check.points)} of {feedback.number(check.max_points)} "
+            f"| {_SIGNS[feedback.verdict(check)]} |"
             for check in graded.checks
         ]
     for check in graded.checks:
         lines += ["", *_section(check)]
-    return "\n".join([*lines, "", f"snr_sim {markdown(graded.kit)}, lab {markdown(graded.lab)}.", ""])
+    return "\n".join([*lines, "", f"snr_sim {markdown(graded.version)}, lab {markdown(graded.lab)}.", ""])
 
 
 def _section(check: CheckResult) -> list[str]:
-    lines = [f"## {markdown(check.title)} {told.number(check.points)} of {told.number(check.of)}", ""]
+    lines = [f"## {markdown(check.title)} {feedback.number(check.points)} of {feedback.number(check.max_points)}", ""]
     if check.skipped_because:
         return [*lines, f"Not tried: {markdown(check.skipped_because)}"]
-    for case in told.visible(check):
+    for case in feedback.visible(check):
         lines += _case(case)
-    return [*lines, *(f"- {markdown(line)}" for line in told.hidden_lines(check))]
+    return [*lines, *(f"- {markdown(line)}" for line in feedback.hidden_lines(check))]
 
 
 def _case(case: CaseResult) -> list[str]:
@@ -47,9 +47,9 @@ def _case(case: CaseResult) -> list[str]:
     if case.is_passed:
         lines = [f"- {name}: passed. {markdown(case.hint)}".rstrip()]
     else:
-        share = f"{100 * case.fraction:.0f} % right" if case.fraction > 0 else "not passed"
-        lines = [f"- **{name}: {share}.** {markdown(case.hint)}".rstrip()]
-        for heading, text in told.parts(case):
+        percent = f"{100 * case.fraction:.0f} % right" if case.fraction > 0 else "not passed"
+        lines = [f"- **{name}: {percent}.** {markdown(case.hint)}".rstrip()]
+        for heading, text in feedback.parts(case):
             lines += ["", f"  {heading}:", "", fenced(text, indent="  "), ""]
     if case.run_folder:
         run = case.run_folder

@@ -14,7 +14,7 @@ from snr_sim.prelude.errors import SnrError
 _PARENT_DEATH_SIGNAL = 1  # prctl
 
 
-def become(user: int) -> None:
+def drop_privileges(user: int) -> None:
     """Become this user, for good: with it all of root's rights are gone."""
     os.setgroups([])
     os.setresgid(user, user, user)
@@ -70,14 +70,14 @@ def limit(limits: tuple[int, int, int, int], is_alone: bool) -> None:
                 raise
 
 
-def refuse_company() -> None:
+def forbid_threads() -> None:
     """Have threads refused with a reason, and sleeps return at once: time is virtual here."""
-    threading.Thread.start = _start_nothing  # type: ignore[assignment]
+    threading.Thread.start = _reject_start  # type: ignore[assignment]
     time.sleep = lambda seconds: None
 
 
-def _start_nothing(thread: threading.Thread) -> None:
+def _reject_start(thread: threading.Thread) -> None:
     raise SnrError(
-        f"A thread '{thread.name}' was to be started, but a graded program has one only.",
-        fix="let a Loop do it: in lock step the clock calls it.",
+        f"A thread '{thread.name}' cannot be started: a graded program has one thread only.",
+        fix="use a Loop instead: in lock step the clock calls it.",
     )

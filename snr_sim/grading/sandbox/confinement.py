@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from snr_sim.grading.sandbox import seccomp
-from snr_sim.grading.sandbox.child_limits import become, end_with_parent, process_control
-from snr_sim.grading.sandbox.landlock import READ, SCRATCH, WRITE_FILE, but_for, restrict
+from snr_sim.grading.sandbox.child_limits import drop_privileges, end_with_parent, process_control
+from snr_sim.grading.sandbox.landlock import READ, SCRATCH, WRITE_FILE, paths_except, restrict
 
 _DEVICES = {"null": READ | WRITE_FILE, "zero": READ, "full": READ, "random": READ, "urandom": READ}
 _NO_NEW_PRIVILEGES = 38  # prctl
@@ -33,13 +33,13 @@ def confine(line: int, user: int, readable: Sequence[str], hidden: str, scratch:
     process_control(_NO_NEW_PRIVILEGES, 1)
     granted = {Path(scratch): SCRATCH}
     for tree in readable:
-        granted.update(but_for(Path(tree), Path(hidden)))
+        granted.update(paths_except(Path(tree), Path(hidden)))
     restrict(granted | {Path("/dev", name): access for name, access in _DEVICES.items()})
-    become(user)
+    drop_privileges(user)
     end_with_parent()  # now: with another user it would be forgotten
     if os.getppid() != parent:
         os._exit(1)
-    listener = seccomp.install(seccomp.asking(seccomp.machine_here()), has_listener=True)
+    listener = seccomp.install(seccomp.file_creation_filter(seccomp.current_machine()), has_listener=True)
     with socket.socket(fileno=os.dup(line)) as sender:
         socket.send_fds(sender, [b"\n"], [listener])
     os.close(listener)

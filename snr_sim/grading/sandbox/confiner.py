@@ -21,17 +21,17 @@ import tempfile
 from contextlib import suppress
 from pathlib import Path
 
-from snr_sim.grading.lab.verdicts import LabFault
+from snr_sim.grading.lab.verdicts import GraderError
 
 # What systemd keeps for services' users that come and go; within the 65536 that a container with a mapping has.
 # Source: "Users, Groups, UIDs and GIDs on systemd Systems", systemd.io.
-FIRST, LAST = 61184, 65519
+FIRST_UID, LAST_UID = 61184, 65519
 MAX_FILES = 16
 FILE_BYTES = 1 << 20
 # struct seccomp_notif begins with id and pid; struct seccomp_notif_resp: id, value, error, flags.
 _NOTICE_BYTES, _ID, _REPLY = 80, struct.Struct("=Q"), struct.Struct("=QqiI")
 _RECEIVE, _SEND = 0xC0502100, 0xC0182101  # SECCOMP_IOCTL_NOTIF_...
-_GO_ON = 1
+_CONTINUE = 1
 _SYS_ADMIN = 21
 _NEEDED = {"CAP_CHOWN": 0, "CAP_DAC_OVERRIDE": 1, "CAP_KILL": 5, "CAP_SETGID": 6, "CAP_SETUID": 7}
 
@@ -40,7 +40,7 @@ class Confiner:
     """Resources of one confined process. No other process or grader here has its user; `close` releases that.
 
     Raises:
-        LabFault: there is no user left for it.
+        GraderError: there is no user left for it.
         OSError: there is no room for its folder.
     """
 
@@ -63,7 +63,9 @@ class Confiner:
             fcntl.ioctl(self.listener, _RECEIVE, notice)
             (number,) = _ID.unpack_from(notice)
             is_full = len(os.listdir(self.scratch)) >= MAX_FILES
-            fcntl.ioctl(self.listener, _SEND, _REPLY.pack(number, 0, *((-errno.ENOSPC, 0) if is_full else (0, _GO_ON))))
+            fcntl.ioctl(
+                self.listener, _SEND, _REPLY.pack(number, 0, *((-errno.ENOSPC, 0) if is_full else (0, _CONTINUE)))
+            )
         except OSError as error:
             return error.errno in (errno.EINTR, errno.ENOENT)  # it was interrupted, and asks again
         return True
@@ -81,7 +83,7 @@ def _claim_user() -> tuple[int, socket.socket]:
     """Return a user that no other grader here has, and what reserves it until it is closed."""
     import pwd  # as `fcntl` above
 
-    for number in range(FIRST, LAST + 1):
+    for number in range(FIRST_UID, LAST_UID + 1):
         with suppress(KeyError):
             pwd.getpwuid(number)
             continue  # a service has it
@@ -92,23 +94,23 @@ def _claim_user() -> tuple[int, socket.socket]:
             claim.close()
             continue
         return number, claim
-    raise LabFault(
-        f"All users from {FIRST} to {LAST} are in use, of which each confined process needs one.",
-        fix="are graders left over, which have them? Look with `ps -eo uid,pid,cmd`.",
+    raise GraderError(
+        f"All users from {FIRST_UID} to {LAST_UID} are in use, of which each confined process needs one.",
+        fix="end graders that are left over: `ps -eo uid,pid,cmd` lists them.",
     )
 
 
-def is_for_here() -> bool:
+def is_root_without_mount() -> bool:
     """Return whether this process is root's in a container that may not mount."""
-    return sys.platform == "linux" and os.geteuid() == 0 and not _rights() >> _SYS_ADMIN & 1
+    return sys.platform == "linux" and os.geteuid() == 0 and not _effective_capabilities() >> _SYS_ADMIN & 1
 
 
-def missing_rights() -> list[str]:
+def missing_capabilities() -> list[str]:
     """Return which of root's rights are missing that give a process to another user."""
-    rights = _rights()
+    rights = _effective_capabilities()
     return [name for name, bit in _NEEDED.items() if not rights >> bit & 1]
 
 
-def _rights() -> int:
+def _effective_capabilities() -> int:
     status = Path("/proc/self/status").read_text()
     return int(status.partition("CapEff:")[2].split()[0], 16)

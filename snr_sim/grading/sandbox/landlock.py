@@ -25,7 +25,7 @@ _ASK_VERSION = 1
 _BENEATH = 1
 
 
-class LandlockMissing(Exception):
+class LandlockMissingError(Exception):
     """This computer's kernel has no Landlock, or does not let it be used."""
 
 
@@ -36,7 +36,7 @@ def restrict(granted: Mapping[Path, int]) -> None:
         granted: access to a folder and below, or to a file. A path that does not exist is left out.
 
     Raises:
-        LandlockMissing: the kernel cannot do that.
+        LandlockMissingError: the kernel cannot do that.
     """
     try:
         version = min(call_kernel(_CREATE, None, 0, _ASK_VERSION), _NEWEST_NEEDED)
@@ -50,7 +50,7 @@ def restrict(granted: Mapping[Path, int]) -> None:
         finally:
             os.close(rules)
     except OSError as error:
-        raise LandlockMissing(f"Landlock: {error.strerror}") from error
+        raise LandlockMissingError(f"Landlock: {error.strerror}") from error
 
 
 def _grant(rules: int, path: Path, access: int) -> None:
@@ -65,7 +65,7 @@ def _grant(rules: int, path: Path, access: int) -> None:
         os.close(place)
 
 
-def but_for(tree: Path, hidden: Path) -> Iterator[tuple[Path, int]]:
+def paths_except(tree: Path, hidden: Path) -> Iterator[tuple[Path, int]]:
     """Yield what to grant for reading all of a tree but one folder in it, of which the names alone can be read.
 
     A grant reaches all that is below, so the way down to the folder is granted piece by piece.
@@ -75,4 +75,4 @@ def but_for(tree: Path, hidden: Path) -> Iterator[tuple[Path, int]]:
     elif hidden != tree:
         yield tree, READ_DIR
         for path in tree.iterdir():
-            yield from but_for(path, hidden)
+            yield from paths_except(path, hidden)

@@ -30,7 +30,7 @@ _SUBMISSION = "/submission"
 _SCRATCH_BYTES = 16 << 20
 
 
-class IsolationMissing(SnrError):
+class IsolationMissingError(SnrError):
     """Isolation is required, but not available on this computer."""
 
 
@@ -60,17 +60,17 @@ def find_bubblewrap() -> Path:
     """Return where bubblewrap is.
 
     Raises:
-        IsolationMissing: it is not installed, or this is not Linux.
+        IsolationMissingError: it is not installed, or this is not Linux.
     """
     if sys.platform != "linux":
-        raise IsolationMissing(
-            "A student's program can be kept apart on Linux only.",
-            fix="grade on Linux or in a container; --isolation none is for practice, and every report says so.",
+        raise IsolationMissingError(
+            "Sandboxed grading requires Linux.",
+            fix="grade on Linux or in a container; --isolation none is for practice, and every report states it.",
         )
     found = shutil.which("bwrap")
     if found is None:
-        raise IsolationMissing(
-            "bubblewrap is not installed, which keeps a student's program apart.", fix="apt install bubblewrap"
+        raise IsolationMissingError(
+            "bubblewrap is not installed, which isolates a student's program.", fix="apt install bubblewrap"
         )
     return Path(found).resolve()
 
@@ -80,18 +80,18 @@ def is_root() -> bool:
     return os.geteuid() == 0
 
 
-def wrapping(folder: Path, readable: Sequence[Path], makes_copies: bool) -> Iterator[str]:
+def bubblewrap_command(folder: Path, readable: Sequence[Path], is_fork_server: bool) -> Iterator[str]:
     """Yield bubblewrap with its options, which come before the command of a process.
 
     Args:
         folder: of the submission.
         readable: further folders that the process may read, besides Python's and the kit's.
-        makes_copies: whether it gives each copy of itself a namespace.
+        is_fork_server: whether it gives each copy of itself a namespace.
     """
     yield from (str(find_bubblewrap()), "--die-with-parent", "--cap-drop", "ALL")
     yield from ("--unshare-ipc", "--unshare-pid", "--unshare-net", "--unshare-uts", "--hostname", "grader")
     if is_root():
-        for capability in ("CAP_SETUID", "CAP_SETGID", *["CAP_SYS_ADMIN"] * makes_copies):  # to setuid to nobody
+        for capability in ("CAP_SETUID", "CAP_SETGID", *["CAP_SYS_ADMIN"] * is_fork_server):  # to setuid to nobody
             yield from ("--cap-add", capability)
     else:
         yield from ("--unshare-user", "--uid", str(NOBODY), "--gid", str(NOBODY))
@@ -112,15 +112,15 @@ def wrapping(folder: Path, readable: Sequence[Path], makes_copies: bool) -> Iter
     yield from ("--ro-bind", str(folder), _SUBMISSION, "--chdir", _SUBMISSION, "--remount-ro", "/", "--")
 
 
-def closed_to_others() -> Path | None:
+def find_private_folder() -> Path | None:
     """Return a private folder on the path to Python, its packages or snr_sim; None if other users may enter all."""
     for path in outermost([*python_folders(), KIT]):
-        if closed := closed_above(path / "any"):
+        if closed := first_private_ancestor(path / "any"):
             return closed
     return None
 
 
-def closed_above(path: Path) -> Path | None:
+def first_private_ancestor(path: Path) -> Path | None:
     """Return the nearest folder above a path that others may not enter; None if they may enter all."""
     return next((parent for parent in path.parents if not parent.stat().st_mode & 0o001), None)
 
@@ -128,10 +128,10 @@ def closed_above(path: Path) -> Path | None:
 def python_folders() -> list[Path]:
     """Return where Python's own library and the installed packages are, if not in /usr."""
     base = Path(sys.base_prefix).resolve()
-    return [path for path in (base, *packages()) if not path.is_relative_to("/usr")]
+    return [path for path in (base, *package_folders()) if not path.is_relative_to("/usr")]
 
 
-def packages() -> list[Path]:
+def package_folders() -> list[Path]:
     """Return the folders of packages in which Python searches."""
     entries = [Path(entry).resolve() for entry in sys.path if entry and Path(entry).is_dir()]
     prefixes = {Path(one).resolve() for one in (sys.prefix, sys.base_prefix)}

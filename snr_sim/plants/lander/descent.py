@@ -72,10 +72,10 @@ class Descent(NamedTuple):
     fuel_kg: float
 
 
-def after(start: Motion, thrust_n: float, exhaust_mps: float, gravity_mps2: float, time_s: float) -> Motion:
+def propagate(start: Motion, thrust_n: float, exhaust_mps: float, gravity_mps2: float, time_s: float) -> Motion:
     """Return where constant thrust leads; zero thrust is free fall. The ground is not noticed.
 
-    >>> round(after(Motion(100.0, 0.0, 1.0), 0.0, 3000.0, 1.62, 10.0).height_m, 9)
+    >>> round(propagate(Motion(100.0, 0.0, 1.0), 0.0, 3000.0, 1.62, 10.0).height_m, 9)
     19.0
     """
     height, velocity, mass = start
@@ -142,10 +142,12 @@ def stop_height(start: Motion, engine: Engine, final_mps: float = 0.0) -> float:
         engine: at full thrust.
         final_mps: the speed that counts as its end, positive down.
     """
-    return after(start, *engine, time_to_stop(start, engine, final_mps)).height_m
+    return propagate(start, *engine, time_to_stop(start, engine, final_mps)).height_m
 
 
-def cheapest_descent(start: Motion, engine: Engine, idle_thrust_n: float = 0.0, touchdown_mps: float = 0.0) -> Descent:
+def minimum_fuel_descent(
+    start: Motion, engine: Engine, idle_thrust_n: float = 0.0, touchdown_mps: float = 0.0
+) -> Descent:
     """Return the descent that uses least propellant and is at height 0 no faster than a speed.
 
     Args:
@@ -167,14 +169,14 @@ def cheapest_descent(start: Motion, engine: Engine, idle_thrust_n: float = 0.0, 
         raise ParameterError(f"Idling at {idle_thrust_n:g} N already lifts {start.mass_kg:g} kg.")
 
     def miss(coast_s: float) -> float:
-        return stop_height(after(start, idle_thrust_n, exhaust, gravity, coast_s), engine, touchdown_mps)
+        return stop_height(propagate(start, idle_thrust_n, exhaust, gravity, coast_s), engine, touchdown_mps)
 
     # A fall that has reached the ground is too late. One that idles takes longer, as it grows lighter: look further.
     late = free_fall(start.height_m, start.velocity_mps, gravity - idle_thrust_n / start.mass_kg)[0]
     while miss(late) > 0.0:
         late *= 1.1
     coast = find_root(miss, 0.0, late)
-    ignition = after(start, idle_thrust_n, exhaust, gravity, coast)
+    ignition = propagate(start, idle_thrust_n, exhaust, gravity, coast)
     burn = time_to_stop(ignition, engine, touchdown_mps)
     fuel = start.mass_kg - ignition.mass_kg + thrust / exhaust * burn
     return Descent(coast, ignition.height_m, -ignition.velocity_mps, burn, fuel)

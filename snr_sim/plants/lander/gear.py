@@ -8,7 +8,7 @@ from typing import Annotated, Any, TypedDict
 
 import numpy as np
 
-from snr_sim.plants.urov.plausible import LIMITS, check_record
+from snr_sim.plants.urov.parameter_limits import LIMITS, check_record
 
 
 class Touchdown(TypedDict):
@@ -61,7 +61,7 @@ class GearLimits:
         share = np.minimum(1.0, abs(lateral_mps) / self.lateral_mps)
         return self.vertical_mps - share * (self.vertical_mps - self.vertical_sliding_mps)
 
-    def kept(
+    def is_within(
         self,
         vertical_mps: Any,
         lateral_mps: Any = 0.0,
@@ -80,7 +80,7 @@ class GearLimits:
             rest_rad: tilt of the module at rest.
             share: factor of each limit.
 
-        >>> GearLimits().kept(np.array([2.0, 4.0]))[0].tolist()
+        >>> GearLimits().is_within(np.array([2.0, 4.0]))[0].tolist()
         [True, False]
         """
         return (
@@ -98,36 +98,37 @@ class GearLimits:
         >>> [GearLimits().outcome(level, 9.0, math.radians(rest_deg)) for rest_deg in (12.0, 33.0)]
         ['landed', 'tilted']
         """
-        *contact, rest = self.kept(*_numbers(touchdown), rest_rad)
+        *contact, rest = self.is_within(*_numbers(touchdown), rest_rad)
         if not all(contact):
             return "crashed" if fuel_kg > 0.0 else "out_of_fuel"
         return "landed" if rest else "tilted"
 
-    def passed(self, touchdown: Touchdown, rest_rad: float = 0.0) -> list[str]:
+    def exceeded_limits(self, touchdown: Touchdown, rest_rad: float = 0.0) -> list[str]:
         """Return descriptions of the exceeded limits of a landing; a value at a limit is within it.
 
-        >>> GearLimits().passed(Touchdown(vertical_mps=3.0, lateral_mps=0.61, attitude_deg=-7.5, rate_degps=0.0))
+        >>> touchdown = Touchdown(vertical_mps=3.0, lateral_mps=0.61, attitude_deg=-7.5, rate_degps=0.0)
+        >>> GearLimits().exceeded_limits(touchdown)
         ['vertical 3.000 m/s is over 2.59 m/s (3.05 if it did not slide)', 'attitude -7.500 deg is over 6 deg']
         """
         lateral = touchdown["lateral_mps"]
         slides = f" ({self.vertical_mps:g} if it did not slide)" if lateral else ""
-        told = (
+        rows = (
             ("vertical", touchdown["vertical_mps"], self.vertical_limit(lateral), "m/s", slides),
             ("lateral", lateral, self.lateral_mps, "m/s", ""),
             ("attitude", touchdown["attitude_deg"], math.degrees(self.attitude_rad), "deg", ""),
             ("rate", touchdown["rate_degps"], math.degrees(self.rate_radps), "deg/s", ""),
             ("attitude at rest", math.degrees(rest_rad), math.degrees(self.rest_rad), "deg", ""),
         )
-        kept = self.kept(*_numbers(touchdown), rest_rad)
+        flags = self.is_within(*_numbers(touchdown), rest_rad)
         return [
             f"{name} {value:.3f} {unit} is over {limit:.3g} {unit}{remark}"
-            for (name, value, limit, unit, remark), is_kept in zip(told, kept, strict=True)
+            for (name, value, limit, unit, remark), is_kept in zip(rows, flags, strict=True)
             if not is_kept
         ]
 
 
 def _numbers(touchdown: Touchdown) -> tuple[float, float, float, float]:
-    """Return a touchdown as `kept` takes it."""
+    """Return a touchdown as `is_within` takes it."""
     attitude, rate = math.radians(touchdown["attitude_deg"]), math.radians(touchdown["rate_degps"])
     return touchdown["vertical_mps"], touchdown["lateral_mps"], attitude, rate
 

@@ -12,10 +12,10 @@ from itertools import pairwise
 from types import ModuleType
 from typing import Any
 
-from snr_sim.plants.lander.legs import Pose
+from snr_sim.plants.lander.legs import BodyPose
 from snr_sim.plants.lander.module_shapes import HULL_M
 from snr_sim.plants.lander.terrain import Terrain
-from snr_sim.prelude.errors import MissingExtra
+from snr_sim.prelude.errors import MissingExtraError
 
 HULL, GROUND = 1, 2  # pymunk's collision types
 
@@ -63,14 +63,14 @@ class Hull:
         """Add to the rate of turning."""
         self._body.angular_velocity += rate_radps
 
-    def pose(self) -> Pose:
+    def pose(self) -> BodyPose:
         """Return position and velocity as pymunk holds them."""
         body = self._body
         x, z = body.position
         vx, vz = body.velocity
-        return Pose(x, z, body.angle, vx, vz, body.angular_velocity)
+        return BodyPose(x, z, body.angle, vx, vz, body.angular_velocity)
 
-    def put(self, pose: Pose) -> None:
+    def put(self, pose: BodyPose) -> None:
         """Put the body at `pose`, bitwise."""
         body = self._body
         body.position = pose.x_m, pose.z_m
@@ -83,11 +83,11 @@ def pymunk_module() -> ModuleType:
     """Return pymunk, imported when it is first needed.
 
     Raises:
-        MissingExtra: it is not installed.
+        MissingExtraError: it is not installed.
     """
     try:
         import pymunk
     except ImportError as error:
-        raise MissingExtra("pymunk", "sim") from error
+        raise MissingExtraError("pymunk", "sim") from error
     module: ModuleType = pymunk
     return module

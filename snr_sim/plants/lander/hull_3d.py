@@ -50,7 +50,7 @@ class Hull3D:
 
     Attributes:
         engine: name and version of the physics.
-        place: of the centre of mass [m], attitude of the module (quaternion w, x, y, z), then how far each
+        coordinates: of the centre of mass [m], attitude of the module (quaternion w, x, y, z), then how far each
             foot has given way along the body's axes [m].
         motion: velocity [m/s] in the world's frame, rate [rad/s] in the body's, then that of each foot.
         axes: the matrix whose columns are the body's axes in the world's frame, row by row.
@@ -76,10 +76,10 @@ class Hull3D:
 
     # -- the state ----------------------------------------------------------------------------------------------------
 
-    def put(self, place: tuple[float, ...], motion: tuple[float, ...]) -> None:
-        """Set the module's pose with its legs at rest; then `weigh` and `look`."""
+    def put(self, coordinates: tuple[float, ...], motion: tuple[float, ...]) -> None:
+        """Set the module's pose with its legs at rest; then `set_mass` and `update`."""
         self._world.mujoco.mj_resetData(self._model, self._data)
-        self._qpos[:7], self._qvel[:6] = place, motion
+        self._qpos[:7], self._qvel[:6] = coordinates, motion
 
     def state(self) -> tuple[float, ...]:
         """Return all that MuJoCo carries from one step to the next."""
@@ -89,19 +89,19 @@ class Hull3D:
         return tuple(values.tolist())
 
     def put_state(self, state: tuple[float, ...]) -> None:
-        """Put back what `state` returned; then `weigh` and `look`."""
+        """Put back what `state` returned; then `set_mass` and `update`."""
         mujoco = self._world.mujoco
         mujoco.mj_setState(self._model, self._data, np.array(state), mujoco.mjtState.mjSTATE_INTEGRATION)
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Work out from the state where everything is, and what touches.
 
         Raises:
             PlantError: the state is no longer finite.
         """
-        self.place: list[float] = self._qpos.tolist()
+        self.coordinates: list[float] = self._qpos.tolist()
         self.motion: list[float] = self._qvel.tolist()
-        total = ordered_sum(self.place) + ordered_sum(self.motion)
+        total = ordered_sum(self.coordinates) + ordered_sum(self.motion)
         if total - total != 0.0:
             self._world.check_finite()
         self._begin_step(self._model, self._data)
@@ -113,7 +113,7 @@ class Hull3D:
 
     # -- moving -------------------------------------------------------------------------------------------------------
 
-    def weigh(self, mass_kg: float) -> None:
+    def set_mass(self, mass_kg: float) -> None:
         """Tell MuJoCo the mass of the module with its feet; the centre of mass and the gyration radius stay."""
         mass, offset, inertia = _hull_of(mass_kg, self._gyration2)
         self._masses[self._hull], self._offset[2], self._inertia[:] = mass, offset, inertia
@@ -134,7 +134,7 @@ class Hull3D:
         self._force[:] = *force, *torque
 
     def move(self) -> None:
-        """Advance by one step; then `weigh`, `look` and `push`."""
+        """Advance by one step; then `set_mass`, `update` and `push`."""
         self._end_step(self._model, self._data)
 
     def stop(self) -> None:
@@ -143,10 +143,10 @@ class Hull3D:
         self._force[:] = 0.0
         self.motion = self._qvel.tolist()
 
-    def given_m(self, name: str) -> Vector:
+    def deflection_m(self, name: str) -> Vector:
         """Return how far a foot has given way along the body's axes."""
         first = 7 + 3 * list(PADS_M).index(name)
-        x, y, z = self.place[first : first + 3]
+        x, y, z = self.coordinates[first : first + 3]
         return x, y, z
 
 

@@ -23,21 +23,21 @@ from dataclasses import replace
 from typing import Any, Self
 
 from snr_sim.plants.lander.gear import Touchdown
-from snr_sim.plants.lander.legs import FEET_M, Kick, Pose
+from snr_sim.plants.lander.legs import FEET_M, BodyPose, Kick
 from snr_sim.plants.lander.module import LunarModule, PlaneStart
 from snr_sim.plants.lander.module_shapes import HULL_M, NOZZLE_BELOW_M, PADS_BELOW_M
 from snr_sim.plants.lander.terrain import HALF_WIDTH_M, ROOF_REACH_M, Terrain
-from snr_sim.plants.urov.plausible import LIMITS, check_number, shown
-from snr_sim.prelude.errors import ParameterError, PlantError, UnknownName, nearest
+from snr_sim.plants.urov.parameter_limits import LIMITS, check_number, format_value
+from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError, suggest
 from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
 
 # Halving it moves a touchdown by less than 1 cm/s and, after it, the module by a few millimetres (measured in
 # tests/plants/test_lander_2d.py). Four times as long would still be stable: the stiffest motion, a foot gripping
 # sideways, has 25 steps in each radian. Shorter steps only cost time.
 STEP_S = 0.005
-SAME = 1e-5  # a throttle this near to the command has reached it
+THROTTLE_TOLERANCE = 1e-5  # a throttle this near to the command has reached it
 STILL_MPS, STILL_RADPS, SETTLE_S = 0.05, 0.01, 0.5  # slower than this for so long, on both sides' feet: at rest
-GIVES_M = 0.01  # depth in the ground at which a run may begin: legs give way
+MAX_INITIAL_PENETRATION_M = 0.01  # depth in the ground at which a run may begin: legs give way
 CEILING_M = 20_000.0
 EDGE_M = HALF_WIDTH_M - ROOF_REACH_M
 
@@ -56,7 +56,7 @@ class Lander(ABC):
     Attributes:
         touchdown: the first contact, once there was one.
         outcome: 'landed', 'crashed', 'out_of_fuel' (crashed with an empty tank), 'tilted' (at rest, and not upright
-            enough) or 'lost' (left the region), once over. From then on the state does not change.
+            enough) or 'out_of_bounds' (left the region), once over. From then on the state does not change.
     """
 
     inputs = ("engine",)
@@ -103,13 +103,13 @@ class Lander(ABC):
         given = self.start_of(seed)
         if not (isinstance(given, tuple) and tuple(map(type, given)) == (PlaneStart, Terrain)):
             raise ParameterError(
-                f"The start of seed {seed} is {shown(given)}.", fix="return a PlaneStart and a Terrain."
+                f"The start of seed {seed} is {format_value(given)}.", fix="return a PlaneStart and a Terrain."
             )
         start, terrain = given
         (x, z), cos, sin = start.position_m, math.cos(start.attitude_rad), math.sin(start.attitude_rad)
         corners = [(x + cos * a - sin * b, z + sin * a + cos * b) for a, b in (*FEET_M, *HULL_M)]
         deep_m = max(terrain.ground(at_x)[0] - at_z for at_x, at_z in corners)
-        if deep_m > GIVES_M:
+        if deep_m > MAX_INITIAL_PENETRATION_M:
             raise ParameterError(
                 f"The start of seed {seed} is at {start.position_m} m, and there the module is {deep_m:.3g} m under "
                 "ground.",
@@ -169,7 +169,7 @@ class Lander(ABC):
         """Advance by one step."""
 
     @abstractmethod
-    def _read_pose(self) -> Pose:
+    def _read_pose(self) -> BodyPose:
         """Return position and velocity in the x-z plane, at the same moment."""
 
     @abstractmethod
@@ -193,10 +193,12 @@ class Lander(ABC):
     def write(self, name: str, command: EngineCommand) -> None:
         """Set throttle, gimbal and jets, clamped to what the module can do."""
         if name != "engine":
-            raise UnknownName(f"This plant has no input '{name}'.", fix=nearest(name, self.inputs))
+            raise UnknownNameError(f"This plant has no input '{name}'.", fix=suggest(name, self.inputs))
         throttle, gimbal, jets = command.throttle, command.gimbal_rad, command.attitude
         if not math.isfinite(throttle + gimbal + jets):
-            raise PlantError(f"At {self.time_s:g} s the engine was told {command}.", fix="send finite numbers.")
+            raise PlantError(
+                f"At {self.time_s:g} s the engine command is not finite: {command}.", fix="send finite numbers."
+            )
         self._throttle_goal = self.module.throttle.snap(min(1.0, max(0.0, throttle)))
         limit = self.module.gimbal_rad
         self._gimbal_goal = min(limit, max(-limit, gimbal))
@@ -223,17 +225,17 @@ class Lander(ABC):
         goal = self._throttle_goal
         if throttle != goal:
             self.throttle = goal + (throttle - goal) * self._lag_left
-            if abs(self.throttle - goal) < SAME:
+            if abs(self.throttle - goal) < THROTTLE_TOLERANCE:
                 self.throttle = goal
             # Of a lag of first order, exactly: where it was, where it is, and how long that takes.
             mean = goal + (throttle - self.throttle) * self._lag_steps
         gimbal = self.gimbal_rad
         if gimbal != self._gimbal_goal:
-            most = self._gimbal_step
-            turned = min(most, max(-most, self._gimbal_goal - gimbal))
+            max_turn = self._gimbal_step
+            turned = min(max_turn, max(-max_turn, self._gimbal_goal - gimbal))
             self.gimbal_rad = gimbal + turned
             # Turning at its rate, and then at rest where it was to turn to.
-            gimbal = self.gimbal_rad - (0.5 * turned * abs(turned) / most if turned else 0.0)
+            gimbal = self.gimbal_rad - (0.5 * turned * abs(turned) / max_turn if turned else 0.0)
         burned = mean * self._flow_step
         if burned >= self.fuel_kg:
             burned = self.fuel_kg
@@ -246,7 +248,7 @@ class Lander(ABC):
         side = push * math.sin(gimbal)
         return side, push * math.cos(gimbal), twist + NOZZLE_BELOW_M * side
 
-    def _judge_contact(self, pose: Pose) -> None:
+    def _judge_contact(self, pose: BodyPose) -> None:
         """Write down the first contact, as it was before legs pushed, and end the flight if they cannot take it."""
         self.touchdown = Touchdown(
             vertical_mps=-pose.vz_mps,
@@ -271,15 +273,15 @@ class Lander(ABC):
         self.throttle = self._throttle_goal = self._jets = 0.0
 
     @property
-    def why(self) -> str:
+    def reason(self) -> str:
         """Description of what failed; empty if nothing did."""
-        if self.outcome == "lost":
+        if self.outcome == "out_of_bounds":
             return "it left the region that is simulated"
         rest_rad = self._tilt_rad() if self.outcome == "tilted" else 0.0
-        passed = self.module.gear.passed(self.touchdown, rest_rad) if self.touchdown is not None else []
-        if self.outcome == "crashed" and not passed:  # the gear took the first contact, but not what followed
-            passed = ["the hull met the ground" if self._has_hull_touched() else "it tipped over on its legs"]
-        return "; ".join(passed)
+        exceeded = self.module.gear.exceeded_limits(self.touchdown, rest_rad) if self.touchdown is not None else []
+        if self.outcome == "crashed" and not exceeded:  # the gear took the first contact, but not what followed
+            exceeded = ["the hull met the ground" if self._has_hull_touched() else "it tipped over on its legs"]
+        return "; ".join(exceeded)
 
     # -- being measured -----------------------------------------------------------------------------------------------
 
@@ -290,9 +292,9 @@ class Lander(ABC):
             return InertialReading([x, z], [vx, vz], attitude, rate, self.fuel_kg, self._contact(), self.time_s)
         if name == "radar":
             return RadarReading(z - PADS_BELOW_M - self.terrain.ground(x)[0], vz, self.time_s)
-        raise UnknownName(f"This plant has no output '{name}'.", fix=nearest(name, self.outputs))
+        raise UnknownNameError(f"This plant has no output '{name}'.", fix=suggest(name, self.outputs))
 
-    def _true_values(self, pose: Pose) -> dict[str, Any]:
+    def _true_values(self, pose: BodyPose) -> dict[str, Any]:
         """Return the numbers of `truth`."""
         return {
             "altitude_m": pose.z_m - PADS_BELOW_M - self.terrain.ground(pose.x_m)[0],

@@ -12,14 +12,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, NamedTuple
 
-from snr_sim.plants.lander.descent import Engine, Motion, after, find_root
+from snr_sim.plants.lander.descent import Engine, Motion, find_root, propagate
 from snr_sim.plants.lander.gear import APOLLO_GEAR, GearLimits, Touchdown
 from snr_sim.plants.lander.module import check_tank
 from snr_sim.plants.lander.module_shapes import NOZZLE_BELOW_M, PADS_BELOW_M, module_shapes
 from snr_sim.plants.lander.terrain import FLAT
 from snr_sim.plants.lander.terrain_shapes import terrain_shapes
-from snr_sim.plants.urov.plausible import LIMITS, check_number, check_record, shown
-from snr_sim.prelude.errors import ParameterError, PlantError, UnknownName, nearest
+from snr_sim.plants.urov.parameter_limits import LIMITS, check_number, check_record, format_value
+from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError, suggest
 from snr_sim.prelude.signals import EngineCommand, RadarReading
 
 
@@ -47,7 +47,7 @@ class VerticalStart:
         check_tank(self.mass_kg, self.fuel_kg)
 
 
-class State(NamedTuple):
+class Lander1DState(NamedTuple):
     """Full state of the plant at one moment."""
 
     time_s: float
@@ -67,7 +67,7 @@ class Lander1D:
         start_of: returns the start that belongs to a seed.
         engine: thrust, exhaust speed and gravity.
         seed: of the first run.
-        least_throttle: minimum throttle while there is propellant, for an engine that cannot be shut off.
+        min_throttle: minimum throttle while there is propellant, for an engine that cannot be shut off.
         gear: judges the touchdown.
         ceiling_m: above it the module is lost.
 
@@ -86,7 +86,7 @@ class Lander1D:
         start_of: Callable[[int], VerticalStart],
         engine: Engine,
         seed: int = 0,
-        least_throttle: float = 0.0,
+        min_throttle: float = 0.0,
         gear: GearLimits = APOLLO_GEAR,
         ceiling_m: float = 50_000.0,
     ) -> None:
@@ -94,13 +94,13 @@ class Lander1D:
             ("engine's thrust_n", engine.thrust_n, "engine_n"),
             ("engine's exhaust_mps", engine.exhaust_mps, "exhaust_mps"),
             ("engine's gravity_mps2", engine.gravity_mps2, "pull_mps2"),
-            ("lander's least_throttle", least_throttle, "share"),
+            ("lander's min_throttle", min_throttle, "share"),
             ("lander's ceiling_m", ceiling_m, "above_m"),
         ):
             check_number(f"The {what}", value, LIMITS[limit])
         self.start_of = start_of
         self.thrust_n, self.exhaust_mps, self.gravity_mps2 = engine.thrust_n, engine.exhaust_mps, engine.gravity_mps2
-        self.least_throttle = least_throttle
+        self.min_throttle = min_throttle
         self.gear = gear
         self.ceiling_m = ceiling_m
         self.reset(seed)
@@ -109,11 +109,11 @@ class Lander1D:
         """Put the module back to the start that belongs to this seed, engine off."""
         start = self.start_of(seed)
         if not isinstance(start, VerticalStart):
-            raise ParameterError(f"The start of seed {seed} is {shown(start)}.", fix="return a VerticalStart.")
+            raise ParameterError(f"The start of seed {seed} is {format_value(start)}.", fix="return a VerticalStart.")
         self.time_s = 0.0
         self.height_m, self.velocity_mps = float(start.height_m), float(start.velocity_mps)
         self.mass_kg, self.fuel_kg = start.mass_kg, start.fuel_kg
-        self.throttle = self.least_throttle
+        self.throttle = self.min_throttle
         self.touchdown: Touchdown | None = None
         self.outcome: str | None = None
 
@@ -126,20 +126,20 @@ class Lander1D:
             start = self.start_of(seed)
             return replace(start, mass_kg=start.fuel_kg + dry * (start.mass_kg - start.fuel_kg))
 
-        return Lander1D(start_of, engine, least_throttle=self.least_throttle, gear=self.gear, ceiling_m=self.ceiling_m)
+        return Lander1D(start_of, engine, min_throttle=self.min_throttle, gear=self.gear, ceiling_m=self.ceiling_m)
 
     def write(self, name: str, command: EngineCommand) -> None:
         """Set the throttle, clamped to what the engine can do. Gimbal and jets are not there."""
         if name != "engine":
-            raise UnknownName(f"This plant has no input '{name}'.", fix=nearest(name, self.inputs))
+            raise UnknownNameError(f"This plant has no input '{name}'.", fix=suggest(name, self.inputs))
         if not math.isfinite(command.throttle):
             raise PlantError(f"At {self.time_s:g} s the throttle was set to {command.throttle}.", fix="send 0 to 1.")
-        self.throttle = min(1.0, max(self.least_throttle, command.throttle))
+        self.throttle = min(1.0, max(self.min_throttle, command.throttle))
 
     def read(self, name: str) -> RadarReading:
         """Return the true height and its rate."""
         if name != "radar":
-            raise UnknownName(f"This plant has no output '{name}'.", fix=nearest(name, self.outputs))
+            raise UnknownNameError(f"This plant has no output '{name}'.", fix=suggest(name, self.outputs))
         return RadarReading(self.height_m, self.velocity_mps, self.time_s)
 
     def step(self, dt_s: float) -> None:
@@ -165,11 +165,11 @@ class Lander1D:
     def _move(self, time_s: float, thrust_n: float) -> None:
         """Advance under constant thrust, or until the pads touch."""
         start = Motion(self.height_m, self.velocity_mps, self.mass_kg)
-        end = after(start, thrust_n, self.exhaust_mps, self.gravity_mps2, time_s)
+        end = propagate(start, thrust_n, self.exhaust_mps, self.gravity_mps2, time_s)
         contact_s = self._contact_s(start, end, thrust_n, time_s)
         if contact_s is not None:
             time_s = contact_s
-            end = after(start, thrust_n, self.exhaust_mps, self.gravity_mps2, time_s)
+            end = propagate(start, thrust_n, self.exhaust_mps, self.gravity_mps2, time_s)
         self.height_m, self.velocity_mps, self.mass_kg = end
         # Propellant from the mass, not the other way round: a dry tank is exactly 0 and never a rounding below.
         self.fuel_kg = max(0.0, self.fuel_kg - thrust_n / self.exhaust_mps * time_s)
@@ -177,7 +177,7 @@ class Lander1D:
         if contact_s is not None:
             self._touch()
         elif end.height_m > self.ceiling_m:
-            self.outcome = "lost"
+            self.outcome = "out_of_bounds"
         elif not math.isfinite(end.height_m):
             raise PlantError(f"At {self.time_s:g} s the height is {end.height_m}.", fix="check the start and the step.")
 
@@ -191,7 +191,7 @@ class Lander1D:
             return None  # still falling and not there yet: by far the most frequent case
 
         def at(t: float) -> Motion:
-            return after(start, thrust_n, self.exhaust_mps, self.gravity_mps2, t)
+            return propagate(start, thrust_n, self.exhaust_mps, self.gravity_mps2, t)
 
         fastest_fall_s = time_s
         if thrust_n > 0.0:
@@ -213,19 +213,19 @@ class Lander1D:
         self.height_m = self.velocity_mps = self.throttle = 0.0
 
     @property
-    def why(self) -> str:
+    def reason(self) -> str:
         """Description of what failed; empty if nothing did."""
-        if self.outcome == "lost":
+        if self.outcome == "out_of_bounds":
             return "it left the region that is simulated"
-        return "; ".join(self.gear.passed(self.touchdown)) if self.touchdown is not None else ""
+        return "; ".join(self.gear.exceeded_limits(self.touchdown)) if self.touchdown is not None else ""
 
-    def snapshot(self) -> State:
+    def snapshot(self) -> Lander1DState:
         """Return all of the state."""
-        return State(*(getattr(self, name) for name in State._fields))
+        return Lander1DState(*(getattr(self, name) for name in Lander1DState._fields))
 
-    def restore(self, snapshot: State) -> None:
+    def restore(self, snapshot: Lander1DState) -> None:
         """Put back what `snapshot` returned."""
-        for name, value in zip(State._fields, snapshot, strict=True):
+        for name, value in zip(Lander1DState._fields, snapshot, strict=True):
             setattr(self, name, value)
 
     def scene(self) -> dict[str, Any]:
@@ -239,7 +239,7 @@ class Lander1D:
         thrust = self.throttle * self.thrust_n if self.fuel_kg > 0.0 else 0.0
         return {
             "poses": {"module": pose, "left_legs": pose, "right_legs": pose},
-            "arrows": {"thrust": [0.0, 0.0, z - NOZZLE_BELOW_M, 0.0, 0.0, thrust]},
+            "vectors": {"thrust": [0.0, 0.0, z - NOZZLE_BELOW_M, 0.0, 0.0, thrust]},
             "values": {
                 "altitude_m": self.height_m,
                 "vertical_mps": self.velocity_mps,

@@ -15,20 +15,20 @@ from typing import Any, NamedTuple
 from snr_sim.plants.lander.gear import Touchdown
 from snr_sim.plants.lander.hull import Hull, pymunk_module
 from snr_sim.plants.lander.lander import CEILING_M, EDGE_M, STEP_S, STILL_MPS, STILL_RADPS, Lander
-from snr_sim.plants.lander.legs import REACH_M, Grip, Kick, Legs, Pose
+from snr_sim.plants.lander.legs import MAX_CONTACT_RADIUS_M, BodyPose, Grip, Kick, Legs
 from snr_sim.plants.lander.module import TIPPED_RAD, LunarModule, PlaneStart
 from snr_sim.plants.lander.module_shapes import JETS_OUT_M, NOZZLE_BELOW_M, module_shapes
 from snr_sim.plants.lander.terrain import Terrain
 from snr_sim.plants.lander.terrain_shapes import terrain_shapes
 from snr_sim.prelude.errors import PlantError
 
-FAR_STEPS_MAX = 20  # the ground is looked for at least this often
+MAX_FAR_STEPS = 20  # the ground is looked for at least this often
 
 
-class State(NamedTuple):
+class Lander2DState(NamedTuple):
     """Full state of the plant: pymunk's (positions half a step ahead), and ours. Defaults: a start."""
 
-    body: Pose
+    body: BodyPose
     mass_kg: float
     fuel_kg: float
     terrain: Terrain
@@ -75,12 +75,12 @@ class Lander2D(Lander):
         start, terrain = self._start(seed)
         (x, z), (vx, vz), half_s = start.position_m, start.velocity_mps, 0.5 * self.step_s
         attitude, rate = start.attitude_rad + half_s * start.rate_radps, start.rate_radps
-        body = Pose(x + half_s * vx, z + half_s * vz, attitude, vx, vz - self._fall_mps, rate)
-        self.restore(State(body, start.mass_kg, start.fuel_kg, terrain))
+        body = BodyPose(x + half_s * vx, z + half_s * vz, attitude, vx, vz - self._fall_mps, rate)
+        self.restore(Lander2DState(body, start.mass_kg, start.fuel_kg, terrain))
 
-    def snapshot(self) -> State:
+    def snapshot(self) -> Lander2DState:
         """Return the full state; the returned object is immutable."""
-        return State(
+        return Lander2DState(
             body=self._hull.pose(),
             has_hull_touched=self._hull.has_touched,
             grips_m=self._legs.grips_m,
@@ -88,7 +88,7 @@ class Lander2D(Lander):
             **self._flight_state(),
         )
 
-    def restore(self, snapshot: State) -> None:
+    def restore(self, snapshot: Lander2DState) -> None:
         """Put back what `snapshot` returned."""
         module, hull = self.module, self._hull
         if hull.has_touched or hull.terrain is not snapshot.terrain:
@@ -98,7 +98,7 @@ class Lander2D(Lander):
         self._hull, self._move, self._push = hull, hull.move, hull.push
         self._legs.grips_m, self._far_steps = snapshot.grips_m, snapshot.far_steps
         self._restore_flight(snapshot)
-        self._pose: Pose | None = None
+        self._pose: BodyPose | None = None
 
     # -- moving -------------------------------------------------------------------------------------------------------
 
@@ -130,12 +130,12 @@ class Lander2D(Lander):
                 f"At {self.time_s:g} s the state is no longer finite: {body}.",
                 fix="look at the last commands and at the module's numbers: a mass or an inertia of 0?",
             )
-        clearance = z - REACH_M - self.terrain.roof_m(x)
+        clearance = z - MAX_CONTACT_RADIUS_M - self.terrain.roof_m(x)
         if clearance > 0.0 and not self._hull.has_touched:
             nearing_mps = abs(vz) + abs(vx) + 1.0
-            self._far_steps = min(FAR_STEPS_MAX, int(clearance / (nearing_mps * self.step_s)))
+            self._far_steps = min(MAX_FAR_STEPS, int(clearance / (nearing_mps * self.step_s)))
             if abs(x) > EDGE_M or z > CEILING_M:
-                self._end("lost")
+                self._end("out_of_bounds")
             return
         touching = self._legs.stand(body, self.mass_kg, self.terrain, self._hull.push_in_world)
         if (touching or self._hull.has_touched) and self.touchdown is None:
@@ -146,7 +146,7 @@ class Lander2D(Lander):
         still = touching == 2 and abs(vx) + abs(vz) < STILL_MPS and abs(rate) < STILL_RADPS
         self._settle(still)
 
-    def _midway(self, body: Pose, kick: Kick) -> Pose:
+    def _midway(self, body: BodyPose, kick: Kick) -> BodyPose:
         """Return the motion in the middle of a step, where its position is, from the motion at the end and the kick."""
         side, up, twist = kick
         cos, sin = math.cos(body.attitude_rad), math.sin(body.attitude_rad)
@@ -164,12 +164,12 @@ class Lander2D(Lander):
 
     # -- being measured -----------------------------------------------------------------------------------------------
 
-    def _read_pose(self) -> Pose:
+    def _read_pose(self) -> BodyPose:
         """Return position and velocity at the same moment; looked up once a step, however many ask."""
         if self._pose is None:
             x, z, attitude, vx, vz, rate = self._hull.pose()
             vz, half_s = vz + self._fall_mps, 0.5 * self.step_s
-            self._pose = Pose(x - half_s * vx, z - half_s * vz, attitude - half_s * rate, vx, vz, rate)
+            self._pose = BodyPose(x - half_s * vx, z - half_s * vz, attitude - half_s * rate, vx, vz, rate)
         return self._pose
 
     def _contact(self) -> list[bool]:
@@ -194,18 +194,18 @@ class Lander2D(Lander):
         x, z, attitude = pose[:3]
         cos, sin = math.cos(attitude), math.sin(attitude)
         turn = [0.0, -math.sin(0.5 * attitude), 0.0, math.cos(0.5 * attitude)]
-        left, right = self._legs.given_m(0, pose, self.terrain), self._legs.given_m(1, pose, self.terrain)
+        left, right = self._legs.deflection_m(0, pose, self.terrain), self._legs.deflection_m(1, pose, self.terrain)
         thrust, fire = self.throttle * self.module.thrust_n, attitude - self.gimbal_rad
         nozzle_x, nozzle_z = x + sin * NOZZLE_BELOW_M, z - cos * NOZZLE_BELOW_M
-        arrows = {"thrust": [nozzle_x, 0.0, nozzle_z, -math.sin(fire) * thrust, 0.0, math.cos(fire) * thrust]}
+        vectors = {"thrust": [nozzle_x, 0.0, nozzle_z, -math.sin(fire) * thrust, 0.0, math.cos(fire) * thrust]}
         if self._jets:
-            arrows |= self._jet_arrows(x, z, cos, sin)
+            vectors |= self._jet_arrows(x, z, cos, sin)
         poses = {
             "module": [x, 0.0, z, *turn],
             "left_legs": [x - sin * left, 0.0, z + cos * left, *turn],
             "right_legs": [x - sin * right, 0.0, z + cos * right, *turn],
         }
-        return {"poses": poses, "arrows": arrows, "values": self._true_values(pose)}
+        return {"poses": poses, "vectors": vectors, "values": self._true_values(pose)}
 
     def _jet_arrows(self, x: float, z: float, cos: float, sin: float) -> dict[str, list[float]]:
         """Return the pair of attitude jets that fires: one side up, the other down."""

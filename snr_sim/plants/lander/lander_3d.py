@@ -10,11 +10,11 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from snr_sim.plants.attitude import rotation_of, turned
+from snr_sim.plants.attitude import integrate_attitude, rotation_of
 from snr_sim.plants.lander.gear import Touchdown
 from snr_sim.plants.lander.hull_3d import HULL, Hull3D
 from snr_sim.plants.lander.lander import CEILING_M, EDGE_M, STEP_S, STILL_MPS, STILL_RADPS, Lander
-from snr_sim.plants.lander.legs import Kick, Pose
+from snr_sim.plants.lander.legs import BodyPose, Kick
 from snr_sim.plants.lander.module import TIPPED_RAD, LunarModule, PlaneStart
 from snr_sim.plants.lander.module_shapes import JETS_OUT_M, NOZZLE_BELOW_M, PADS_M, legged_module_shapes
 from snr_sim.plants.lander.terrain import Terrain
@@ -26,7 +26,7 @@ _TIPPED_UP = math.cos(TIPPED_RAD)
 NOWHERE = (0.0, 0.0, 0.0)  # where a vector begins that is a direction
 
 
-class State(NamedTuple):
+class Lander3DState(NamedTuple):
     """Full state of the plant: MuJoCo's (positions half a step ahead), and ours."""
 
     body: tuple[float, ...]
@@ -76,32 +76,32 @@ class Lander3D(Lander):
         # Positive attitudes turn counter-clockwise seen from -y: about -y.
         turn = (math.cos(half), 0.0, -math.sin(half), 0.0)
         self._build()
-        place, motion = (x + half_s * vx, 0.0, z + half_s * vz, *turn), (vx, 0.0, vz, 0.0, -start.rate_radps, 0.0)
-        self._hull.put(place, motion)
-        self._hull.weigh(start.mass_kg)
-        self._hull.look()
+        coordinates, motion = (x + half_s * vx, 0.0, z + half_s * vz, *turn), (vx, 0.0, vz, 0.0, -start.rate_radps, 0.0)
+        self._hull.put(coordinates, motion)
+        self._hull.set_mass(start.mass_kg)
+        self._hull.update()
         self.mass_kg, self.fuel_kg = start.mass_kg, start.fuel_kg
         self._steps = self._still_steps = 0
         self.throttle = self.gimbal_rad = self._throttle_goal = self._gimbal_goal = self._jets = 0.0
         self.touchdown = self.outcome = None
-        self._pose: Pose | None = None
+        self._pose: BodyPose | None = None
 
     def _build(self) -> None:
         """Rebuild the world if the ground has changed."""
         if self._hull.terrain is not self.terrain:
             self._hull = Hull3D(self.module, self.terrain, self.step_s)
 
-    def snapshot(self) -> State:
+    def snapshot(self) -> Lander3DState:
         """Return the full state; the returned object is immutable."""
-        return State(body=self._hull.state(), attitude_rad=self._attitude, **self._flight_state())
+        return Lander3DState(body=self._hull.state(), attitude_rad=self._attitude, **self._flight_state())
 
-    def restore(self, snapshot: State) -> None:
+    def restore(self, snapshot: Lander3DState) -> None:
         """Put back what `snapshot` returned."""
         self._restore_flight(snapshot)
         self._build()
         self._hull.put_state(snapshot.body)
-        self._hull.weigh(snapshot.mass_kg)
-        self._hull.look()
+        self._hull.set_mass(snapshot.mass_kg)
+        self._hull.update()
         self._attitude = snapshot.attitude_rad
         self._pose = None
 
@@ -120,18 +120,18 @@ class Lander3D(Lander):
             return
         hull.move()
         if self.mass_kg != mass_kg:
-            hull.weigh(self.mass_kg)
-        hull.look()
-        self._note_turn()
-        x, _, z = hull.place[:3]
+            hull.set_mass(self.mass_kg)
+        hull.update()
+        self._track_attitude()
+        x, _, z = hull.coordinates[:3]
         if not hull.contacts and (abs(x) > EDGE_M or z > CEILING_M):
-            self._end("lost")
+            self._end("out_of_bounds")
 
-    def _note_turn(self) -> None:
+    def _track_attitude(self) -> None:
         """Follow the attitude through full turns, as in the plane."""
         axes = self._hull.axes
-        turned = math.atan2(-axes[2], axes[8])  # the module's upward axis leans to -x
-        self._attitude += math.remainder(turned - self._attitude, 2.0 * math.pi)
+        angle = math.atan2(-axes[2], axes[8])  # the module's upward axis leans to -x
+        self._attitude += math.remainder(angle - self._attitude, 2.0 * math.pi)
 
     def _fire(self) -> Kick:
         """Let engine and jets push for one step; return the change of velocity x, z and rate, weight and all."""
@@ -148,9 +148,9 @@ class Lander3D(Lander):
         contacts = self._hull.contacts
         vx, vy, vz, *rates = self._hull.motion[:6]
         if self.touchdown is None:
-            x, _, z = self._hull.place[:3]
+            x, _, z = self._hull.coordinates[:3]
             moves = (v + 0.5 * gained for v, gained in zip((vx, vz, -rates[1]), kick, strict=True))
-            self._judge_contact(Pose(x, z, self._attitude, *moves))
+            self._judge_contact(BodyPose(x, z, self._attitude, *moves))
         if self.outcome is None and (HULL in contacts or self._hull.axes[8] < _TIPPED_UP):
             self._end("crashed")
         still = abs(vx) + abs(vy) + abs(vz) < STILL_MPS and max(map(abs, rates)) < STILL_RADPS
@@ -163,12 +163,12 @@ class Lander3D(Lander):
 
     # -- being measured -----------------------------------------------------------------------------------------------
 
-    def _read_pose(self) -> Pose:
+    def _read_pose(self) -> BodyPose:
         """Return position and velocity at the same moment; looked up once a step, however many ask."""
         if self._pose is None:
-            (x, _, z), half_s = self._hull.place[:3], 0.5 * self.step_s
+            (x, _, z), half_s = self._hull.coordinates[:3], 0.5 * self.step_s
             vx, _, vz, _, about_y, _ = self._hull.motion[:6]
-            self._pose = Pose(x - half_s * vx, z - half_s * vz, self._attitude + half_s * about_y, vx, vz, -about_y)
+            self._pose = BodyPose(x - half_s * vx, z - half_s * vz, self._attitude + half_s * about_y, vx, vz, -about_y)
         return self._pose
 
     def _contact(self) -> list[bool]:
@@ -190,10 +190,10 @@ class Lander3D(Lander):
     def truth(self) -> dict[str, Any]:
         """Return the true state for the recorder."""
         hull, (x, z) = self._hull, self._read_pose()[:2]
-        y = hull.place[1] - 0.5 * self.step_s * hull.motion[1]
-        w, i, j, k = hull.place[3:7]
+        y = hull.coordinates[1] - 0.5 * self.step_s * hull.motion[1]
+        w, i, j, k = hull.coordinates[3:7]
         p, q, r = hull.motion[3:6]
-        attitude = turned((w, i, j, k), p, q, r, -0.5 * self.step_s)
+        attitude = integrate_attitude((w, i, j, k), p, q, r, -0.5 * self.step_s)
         axes = rotation_of(attitude)
 
         def in_world(a: float, b: float, c: float, *, at: tuple[float, ...] = (x, y, z)) -> list[float]:
@@ -202,13 +202,13 @@ class Lander3D(Lander):
         turn = [*attitude[1:], attitude[0]]
         poses = {"module": [x, y, z, *turn]}
         for name in PADS_M:
-            poses[name] = [*in_world(*hull.given_m(name)), *turn]
+            poses[name] = [*in_world(*hull.deflection_m(name)), *turn]
         thrust = self.throttle * self.module.thrust_n
         push = thrust * math.sin(self.gimbal_rad), 0.0, thrust * math.cos(self.gimbal_rad)
-        arrows = {"thrust": [*in_world(0.0, 0.0, -NOZZLE_BELOW_M), *in_world(*push, at=NOWHERE)]}
+        vectors = {"thrust": [*in_world(0.0, 0.0, -NOZZLE_BELOW_M), *in_world(*push, at=NOWHERE)]}
         if self._jets:
             # The pair of attitude jets that fires: one side up, the other down.
             force = 0.5 * self._jets / JETS_OUT_M
-            arrows["jet_right"] = [*in_world(JETS_OUT_M, 0.0, 1.0), *in_world(0.0, 0.0, force, at=NOWHERE)]
-            arrows["jet_left"] = [*in_world(-JETS_OUT_M, 0.0, 1.0), *in_world(0.0, 0.0, -force, at=NOWHERE)]
-        return {"poses": poses, "arrows": arrows, "values": self._true_values(self._read_pose())}
+            vectors["jet_right"] = [*in_world(JETS_OUT_M, 0.0, 1.0), *in_world(0.0, 0.0, force, at=NOWHERE)]
+            vectors["jet_left"] = [*in_world(-JETS_OUT_M, 0.0, 1.0), *in_world(0.0, 0.0, -force, at=NOWHERE)]
+        return {"poses": poses, "vectors": vectors, "values": self._true_values(self._read_pose())}

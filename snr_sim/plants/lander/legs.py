@@ -18,7 +18,7 @@ from snr_sim.plants.lander.module_shapes import PADS_APART_M, PADS_BELOW_M
 from snr_sim.plants.lander.terrain import Terrain
 
 FEET_M = ((-0.5 * PADS_APART_M, -PADS_BELOW_M), (0.5 * PADS_APART_M, -PADS_BELOW_M))
-REACH_M = math.hypot(*FEET_M[0])  # no part of the module that can touch is farther from its centre of mass
+MAX_CONTACT_RADIUS_M = math.hypot(*FEET_M[0])  # no part of the module that can touch is farther from its centre of mass
 
 Grip: TypeAlias = tuple[float, float] | None  # the point on the ground that a foot grips, if it touches
 Kick: TypeAlias = tuple[
@@ -26,7 +26,7 @@ Kick: TypeAlias = tuple[
 ]  # change of velocity: x, z [m/s]; and twist [m2/s], a moment's per kilogram
 
 
-class Pose(NamedTuple):
+class BodyPose(NamedTuple):
     """Where the module is and how it moves, world frame, at one moment."""
 
     x_m: float
@@ -52,7 +52,7 @@ class Legs:
         self._step_s = step_s
         self.grips_m: tuple[Grip, Grip] = (None, None)
 
-    def stand(self, body: Pose, mass_kg: float, ground: Terrain, push: Callable[..., None]) -> int:
+    def stand(self, body: BodyPose, mass_kg: float, ground: Terrain, push: Callable[..., None]) -> int:
         """Push with each foot that touches, for one step.
 
         A leg pushes as if its foot were where it would be without ground, so the spring's work is its energy to the
@@ -99,7 +99,7 @@ class Legs:
         self.grips_m = grips[0], grips[1]
         return 2 - grips.count(None)
 
-    def given_m(self, i: int, pose: Pose, ground: Terrain) -> float:
+    def deflection_m(self, i: int, pose: BodyPose, ground: Terrain) -> float:
         """Return how far leg `i` has given way along the module: so its foot shows on the ground, not under it."""
         if self.grips_m[i] is None:
             return 0.0

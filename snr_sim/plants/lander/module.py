@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from snr_sim.plants.lander.gear import APOLLO_GEAR, GearLimits
-from snr_sim.plants.urov.plausible import LIMITS, check_record
+from snr_sim.plants.urov.parameter_limits import LIMITS, check_record
 from snr_sim.prelude.errors import ParameterError
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, TypeAlias
 
-from snr_sim.plants.urov.plausible import LIMITS, check_number, check_record, is_number, shown
+from snr_sim.plants.urov.parameter_limits import LIMITS, check_number, check_record, format_value, is_number
 from snr_sim.prelude.errors import ParameterError
 
 # Open-circuit voltage of a cell over its charge: a Samsung INR21700-40T, measured at C/20 and room temperature, at the
@@ -46,7 +46,7 @@ def cell_v(charge: float) -> float:
 
 
 @dataclass(frozen=True)
-class Pack:
+class BatteryPack:
     """Parameters of a battery. The default is the 14.8 V, 18 Ah pack of the vehicle's maker.
 
     Args:
@@ -93,7 +93,7 @@ class BenchSupply:
 
     def __init__(self, volts: float) -> None:
         if not is_number(volts):
-            raise ParameterError(f"A supply of {shown(volts)} V.", fix="BenchSupply(16.0)")
+            raise ParameterError(f"A supply of {format_value(volts)} V.", fix="BenchSupply(16.0)")
         self.volts = volts
         self.energy_j = 0.0
 
@@ -132,11 +132,13 @@ class Battery:
         is_cut_off: its protection circuit has disconnected it; it delivers no more current.
     """
 
-    def __init__(self, pack: Pack | None = None, charge: float = 1.0) -> None:
-        if pack is not None and not isinstance(pack, Pack):
-            raise ParameterError(f"The battery's pack is {shown(pack)}.", fix="Battery(Pack(cells=4), charge=0.8).")
+    def __init__(self, pack: BatteryPack | None = None, charge: float = 1.0) -> None:
+        if pack is not None and not isinstance(pack, BatteryPack):
+            raise ParameterError(
+                f"The battery's pack is {format_value(pack)}.", fix="Battery(BatteryPack(cells=4), charge=0.8)."
+            )
         check_number("The battery's charge", charge, LIMITS["share"])
-        self.pack = pack = pack or Pack()
+        self.pack = pack = pack or BatteryPack()
         self._first_charge = charge
         self._share_per_as = 1.0 / (3600.0 * pack.capacity_ah)
         self._cutoff_v = 0.0 if pack.cutoff_cell_v is None else pack.cells * pack.cutoff_cell_v
@@ -148,7 +150,7 @@ class Battery:
         self.energy_j = 0.0  # given so far, at the terminals
         self.is_cut_off = self.charge <= 0.0
         self._low_s = 0.0  # for how long the voltage has been below the cut-off
-        self._lay_line()
+        self._update_line()
 
     def voltage_v(self, current_a: float) -> float:
         """Return the voltage at which a current flows; 0 if it is empty or have been cut off."""
@@ -165,7 +167,7 @@ class Battery:
         self.charge = charge = charge if charge > 0.0 else 0.0
         self.energy_j += current_a * voltage_v * dt_s
         if charge <= self._line[0]:
-            self._lay_line()
+            self._update_line()
         if charge <= 0.0:
             self.is_cut_off = True
         elif voltage_v < self._cutoff_v:
@@ -181,9 +183,9 @@ class Battery:
     def restore(self, snapshot: tuple[float, float, float, bool]) -> None:
         """Put back what `snapshot` returned."""
         self.charge, self.energy_j, self._low_s, self.is_cut_off = snapshot
-        self._lay_line()
+        self._update_line()
 
-    def _lay_line(self) -> None:
+    def _update_line(self) -> None:
         """Lay the straight line of the pack's voltage about its charge: looked up once for thousands of steps."""
         low, low_v, slope = _line_at(self.charge)
         cells = self.pack.cells

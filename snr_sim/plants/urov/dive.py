@@ -7,39 +7,39 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
-from snr_sim.plants.urov.plausible import LIMITS, check_number, check_record, is_number, shown
+from snr_sim.plants.urov.parameter_limits import LIMITS, check_number, check_record, format_value, is_number
 from snr_sim.plants.urov.propulsion import FAULTS
 from snr_sim.plants.urov.tether import Tether
 from snr_sim.plants.urov.vehicle import Vector
-from snr_sim.prelude.errors import ParameterError, nearest
+from snr_sim.prelude.errors import ParameterError, suggest
 
 STILL: Vector = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class Load:
+class Payload:
     """Small payload that is attached to the vehicle for a while. It has mass, so it also makes the vehicle sluggish.
 
     Args:
         mass_kg: of it.
         volume_m3: of the water it displaces; a kilogram of lead has 0.000088.
-        place_m: body frame.
-        from_s: when it is attached.
-        until_s: when it is released.
+        position_m: body frame.
+        start_s: when it is attached.
+        end_s: when it is released.
     """
 
     mass_kg: Annotated[float, LIMITS["load_kg"]]
     volume_m3: Annotated[float, LIMITS["load_m3"]] = 0.0
-    place_m: Annotated[Vector, LIMITS["place_m"]] = STILL
-    from_s: Annotated[float, LIMITS["time_s"]] = 0.0
-    until_s: float = math.inf
+    position_m: Annotated[Vector, LIMITS["body_position_m"]] = STILL
+    start_s: Annotated[float, LIMITS["time_s"]] = 0.0
+    end_s: float = math.inf
 
     def __post_init__(self) -> None:
         check_record(self, "The load's ")
-        if not is_number(self.until_s) or not self.from_s < self.until_s:
+        if not is_number(self.end_s) or not self.start_s < self.end_s:
             raise ParameterError(
-                f"The load's until_s is {shown(self.until_s)}, and it is taken up at {self.from_s:g} s.",
-                fix="let it go later, or leave until_s out and it is never let go.",
+                f"The load's end_s is {format_value(self.end_s)}, and it is taken up at {self.start_s:g} s.",
+                fix="release it later, or leave out end_s to never release it.",
             )
 
 
@@ -48,23 +48,23 @@ class Leak:
     """Water that leaks into the hull.
 
     Args:
-        from_s: when it begins.
+        start_s: when it begins.
         rate_lps: litres a second.
-        most_l: when the hull is full.
-        place_m: where it gathers, body frame.
+        max_l: when the hull is full.
+        position_m: where it gathers, body frame.
     """
 
-    from_s: Annotated[float, LIMITS["time_s"]]
+    start_s: Annotated[float, LIMITS["time_s"]]
     rate_lps: Annotated[float, LIMITS["leak_lps"]]
-    most_l: Annotated[float, LIMITS["leak_l"]] = 2.0
-    place_m: Annotated[Vector, LIMITS["place_m"]] = STILL
+    max_l: Annotated[float, LIMITS["leak_l"]] = 2.0
+    position_m: Annotated[Vector, LIMITS["body_position_m"]] = STILL
 
     def __post_init__(self) -> None:
         check_record(self, "The leak's ")
 
     def water_l(self, time_s: float) -> float:
         """Return how much is in."""
-        return min(self.most_l, max(0.0, time_s - self.from_s) * self.rate_lps)
+        return min(self.max_l, max(0.0, time_s - self.start_s) * self.rate_lps)
 
 
 @dataclass(frozen=True)
@@ -75,18 +75,20 @@ class ThrusterFault:
         at_s: when.
         thruster: its name, or its number from 0.
         fault: 'off', 'weak', 'stuck' or 'none', as in `Propulsion.fail`.
-        share: fraction of its force that a weak one keeps.
+        effectiveness: fraction of its force that a weak one keeps.
     """
 
     at_s: Annotated[float, LIMITS["time_s"]]
     thruster: int | str
     fault: str = "off"
-    share: Annotated[float, LIMITS["share"]] = 0.5
+    effectiveness: Annotated[float, LIMITS["share"]] = 0.5
 
     def __post_init__(self) -> None:
         check_record(self, "The thruster fault's ")
         if not isinstance(self.fault, str) or self.fault not in FAULTS:
-            raise ParameterError(f"A thruster cannot be {shown(self.fault)}.", fix=nearest(str(self.fault), FAULTS))
+            raise ParameterError(
+                f"A thruster cannot be {format_value(self.fault)}.", fix=suggest(str(self.fault), FAULTS)
+            )
 
     def number_in(self, names: Sequence[str]) -> int:
         """Return the number of the thruster among those of a vehicle.
@@ -100,8 +102,9 @@ class ThrusterFault:
             found = int(self.thruster) if is_number(self.thruster) and self.thruster % 1 == 0 else -1
         if not 0 <= found < len(names):
             raise ParameterError(
-                f"The dive has thruster {shown(self.thruster)} fail at {self.at_s:g} s, and there is no such thruster.",
-                fix=f"by name, {nearest(str(self.thruster), names)} Or by number: 0 to {len(names) - 1}.",
+                f"The dive has thruster {format_value(self.thruster)} fail at {self.at_s:g} s, and there is no such "
+                "thruster.",
+                fix=f"by name, {suggest(str(self.thruster), names)} Or by number: 0 to {len(names) - 1}.",
             )
         return found
 
@@ -114,11 +117,11 @@ class Current:
     and would carry the vehicle along, is left out.
 
     Args:
-        from_s: when it begins.
+        start_s: when it begins.
         velocity_mps: world frame.
     """
 
-    from_s: Annotated[float, LIMITS["time_s"]]
+    start_s: Annotated[float, LIMITS["time_s"]]
     velocity_mps: Annotated[Vector, LIMITS["speed_mps"]]
 
     def __post_init__(self) -> None:
@@ -150,7 +153,7 @@ class Dive:
     velocity_mps: Annotated[Vector, LIMITS["start_mps"]] = STILL
     rate_radps: Annotated[Vector, LIMITS["start_radps"]] = STILL
     currents: Annotated[tuple[Current, ...], "Current(...)"] = ()
-    loads: Annotated[tuple[Load, ...], "Load(...)"] = ()
+    loads: Annotated[tuple[Payload, ...], "Payload(...)"] = ()
     leak: Annotated[Leak | None, "a dive has one Leak, or None."] = None
     faults: Annotated[tuple[ThrusterFault, ...], "ThrusterFault(...)"] = ()
     tether: Annotated[Tether | None, "a dive has one Tether, or None."] = None
@@ -158,22 +161,22 @@ class Dive:
     def __post_init__(self) -> None:
         check_record(self, "The dive's ")
         check_number("The dive's position_m", self.position_m[2], LIMITS["height_m"], "z")
-        times = [current.from_s for current in self.currents]
+        times = [current.start_s for current in self.currents]
         if times != sorted(times):
             raise ParameterError(f"Currents begin at {times} s.", fix="name them in the order of their times.")
 
     def times_s(self) -> list[float]:
         """Return the moments at which something happens, in order, each once."""
-        moments = {current.from_s for current in self.currents} | {fault.at_s for fault in self.faults}
+        moments = {current.start_s for current in self.currents} | {fault.at_s for fault in self.faults}
         for load in self.loads:
-            moments |= {load.from_s, load.until_s}
+            moments |= {load.start_s, load.end_s}
         return sorted(moments - {math.inf})
 
     def current_at(self, time_s: float) -> Vector:
         """Return the speed of the water, world frame."""
-        begun = [current.velocity_mps for current in self.currents if current.from_s <= time_s]
+        begun = [current.velocity_mps for current in self.currents if current.start_s <= time_s]
         return begun[-1] if begun else STILL
 
-    def loads_at(self, time_s: float) -> list[Load]:
+    def loads_at(self, time_s: float) -> list[Payload]:
         """Return what hangs at the vehicle."""
-        return [load for load in self.loads if load.from_s <= time_s < load.until_s]
+        return [load for load in self.loads if load.start_s <= time_s < load.end_s]

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from snr_sim.plants.urov.t200 import LEAST_US, LEAST_V, MOST_US, STOP_US
+from snr_sim.plants.urov.t200 import MAX_PULSE_US, MIN_PULSE_US, MIN_VOLTAGE_V, STOP_US
 
 ARMING_S = 1.0
 SILENCE_S = 5.0
@@ -36,14 +36,14 @@ class EscState(NamedTuple):
         is_armed: it turns its thruster.
         stop_us: its stop pulse; None if it is new and has had none.
         first_us: while not armed, the pulse that it is receiving.
-        held_s: while not armed, for how long.
+        steady_s: while not armed, for how long.
         silent_s: time since the last pulse.
     """
 
     is_armed: bool = False
     stop_us: float | None = None
     first_us: float | None = None
-    held_s: float = 0.0
+    steady_s: float = 0.0
     silent_s: float = 0.0
 
 
@@ -59,49 +59,49 @@ class Esc:
         return self.state.is_armed
 
     @property
-    def has_false_stop(self) -> bool:
+    def has_wrong_neutral(self) -> bool:
         """Whether it was shown something else than 1500 us for stop."""
         return self.state.stop_us not in (None, STOP_US)
 
     @property
-    def shift_us(self) -> float:
+    def neutral_offset_us(self) -> float:
         """How much longer than 1500 us the pulse is that it takes for stop."""
         return 0.0 if self.state.stop_us is None else self.state.stop_us - STOP_US
 
-    def hear(self, pulse_us: float | None, supply_v: float, dt_s: float) -> float:
+    def update(self, pulse_us: float | None, supply_v: float, dt_s: float) -> float:
         """Take the pulse of the last `dt_s`, None if there was none; return the pulse that the thruster turns by.
 
         A thruster without an armed controller does what it does at `STOP_US`.
         """
-        if supply_v < LEAST_V:
+        if supply_v < MIN_VOLTAGE_V:
             self.state = EscState(stop_us=self.state.stop_us)
             return STOP_US
         if pulse_us is None:
-            return self._silence(dt_s)
+            return self._update_silence(dt_s)
         if not self.state.is_armed:
-            self._show(pulse_us, dt_s)
+            self._update_arming(pulse_us, dt_s)
             return STOP_US
         if self.state.silent_s:
             self.state = self.state._replace(silent_s=0.0)
-        return min(MOST_US, max(LEAST_US, pulse_us - self.shift_us))
+        return min(MAX_PULSE_US, max(MIN_PULSE_US, pulse_us - self.neutral_offset_us))
 
-    def _silence(self, dt_s: float) -> float:
+    def _update_silence(self, dt_s: float) -> float:
         state = self.state
         silent_s = state.silent_s + dt_s
         keeps = state.is_armed and silent_s < SILENCE_S - _ROUNDING_S
         self.state = state._replace(silent_s=silent_s) if keeps else EscState(stop_us=state.stop_us, silent_s=silent_s)
         return STOP_US
 
-    def _show(self, pulse_us: float, dt_s: float) -> None:
+    def _update_arming(self, pulse_us: float, dt_s: float) -> None:
         state = self.state
         if state.stop_us is not None and abs(pulse_us - state.stop_us) > STEADY_US:
             self.state = EscState(stop_us=state.stop_us)  # not stop: it keeps waiting
             return
         if state.first_us is None or abs(pulse_us - state.first_us) > STEADY_US:
             state = EscState(stop_us=state.stop_us, first_us=pulse_us)
-        held_s = state.held_s + dt_s
-        if held_s < ARMING_S - _ROUNDING_S:
-            self.state = state._replace(held_s=held_s, silent_s=0.0)
+        steady_s = state.steady_s + dt_s
+        if steady_s < ARMING_S - _ROUNDING_S:
+            self.state = state._replace(steady_s=steady_s, silent_s=0.0)
             return
         stop_us = state.stop_us or state.first_us or pulse_us
         self.state = EscState(is_armed=True, stop_us=STOP_US if abs(stop_us - STOP_US) <= STEADY_US else stop_us)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from snr_sim.plants.matrices import product
-from snr_sim.plants.urov.dive import Load
+from snr_sim.plants.urov.dive import Payload
 from snr_sim.plants.urov.vehicle import Matrix, Vector, Vehicle
 
 
@@ -23,8 +23,8 @@ class Flotation:
     Attributes:
         mass: 6 x 6, dry vehicle and loads.
         net_n: buoyancy less weight.
-        arm: buoyancy times its position less weight times its position [N m], body frame: its cross product with the
-            upward direction is the righting moment.
+        static_moment_nm: buoyancy times its position less weight times its position [N m], body frame: its cross
+            product with the upward direction is the righting moment.
     """
 
     def __init__(self, vehicle: Vehicle, rigid: Matrix, density_kgm3: float, gravity_mps2: float) -> None:
@@ -33,7 +33,7 @@ class Flotation:
         self._buoyancy_n = density_kgm3 * gravity_mps2 * vehicle.volume_m3
         self.load((), 0.0)
 
-    def load(self, loads: Sequence[Load], water_l: float, water_at: Vector = (0.0, 0.0, 0.0)) -> None:
+    def load(self, loads: Sequence[Payload], water_l: float, water_at: Vector = (0.0, 0.0, 0.0)) -> None:
         """Compute weight and buoyancy again; payloads count with their own buoyancy, as if always under water.
 
         Args:
@@ -44,33 +44,33 @@ class Flotation:
         rigid, gravity, density = self._rigid, self._gravity, self._density
         weight = gravity * float(rigid[0, 0])
         # The mass matrix contains mass times position: m z at [0, 4], m x at [1, 5], m y at [2, 3].
-        arm = [gravity * float(rigid[1, 5]), gravity * float(rigid[2, 3]), gravity * float(rigid[0, 4])]
-        parts = [(one.mass_kg, one.mass_kg - density * one.volume_m3, one.place_m) for one in loads]
+        static_moment_nm = [gravity * float(rigid[1, 5]), gravity * float(rigid[2, 3]), gravity * float(rigid[0, 4])]
+        parts = [(one.mass_kg, one.mass_kg - density * one.volume_m3, one.position_m) for one in loads]
         if water_l > 0.0:
             water_kg = 1e-3 * density * water_l
             parts.append((water_kg, water_kg, water_at))
         self.mass = rigid.copy() if parts else rigid
-        for mass_kg, heavy_kg, place in parts:
-            self.mass += point_mass(mass_kg, place)
+        for mass_kg, heavy_kg, position in parts:
+            self.mass += point_mass(mass_kg, position)
             weight += gravity * heavy_kg
-            arm = [a + gravity * heavy_kg * b for a, b in zip(arm, place, strict=True)]
-        self._weight_n, self._weight_arm = weight, arm
-        self.wet(1.0, self._centre)
+            static_moment_nm = [a + gravity * heavy_kg * b for a, b in zip(static_moment_nm, position, strict=True)]
+        self._weight_n, self._weight_arm = weight, static_moment_nm
+        self.set_submerged(1.0, self._centre)
 
-    def wet(self, share: float, centre: Vector) -> None:
+    def set_submerged(self, share: float, centre: Vector) -> None:
         """Set the fraction of the volume that is in the water, and its centre."""
         force = share * self._buoyancy_n
         self.net_n = force - self._weight_n
         x, y, z = (force * a - b for a, b in zip(centre, self._weight_arm, strict=True))
-        self.arm: Vector = (x, y, z)
+        self.static_moment_nm: Vector = (x, y, z)
 
     def submerge(self) -> None:
         """Take all of the volume to be in the water."""
-        self.wet(1.0, self._centre)
+        self.set_submerged(1.0, self._centre)
 
 
-def point_mass(mass_kg: float, place: Vector) -> Matrix:
+def point_mass(mass_kg: float, position: Vector) -> Matrix:
     """Return the 6 x 6 mass matrix of a point mass that is fixed to the body at a position in its frame."""
-    x, y, z = place
+    x, y, z = position
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return mass_kg * np.block([[np.eye(3), -cross], [cross, -product(cross, cross)]])

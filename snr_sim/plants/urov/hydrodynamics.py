@@ -1,6 +1,6 @@
 """Six velocities of a body in water, one step on: Fossen's equation, solved for the middle of the step.
 
-    M nu' + C(nu) nu + D(nu) nu = push + weight and buoyancy,          M = rigid body + wet share of the added mass
+    M nu' + C(nu) nu + D(nu) nu = wrench + weight and buoyancy,          M = rigid body + wet share of the added mass
 
 `nu` is the velocity relative to the water, in the body frame. That rigid body and added mass can share one M and one C
 is exact: in water that moves as a whole, the laws of motion are those of still water, seen from the water.
@@ -39,9 +39,9 @@ from snr_sim.prelude.wrench import AXES
 Three: TypeAlias = tuple[float, float, float]
 Product: TypeAlias = Callable[[float, float, float, float, float, float], Six]
 
-ROUNDS, MOST_ROUNDS = 2, 60
-SETTLED = 1e-5  # m/s, rad/s: a round that changes the middle's velocity by more is not the last
-CAREFUL = 0.2  # relaxation factor once rounds overshoot: converges up to a tenfold drag, which no vehicle meets
+ITERATIONS, MAX_ITERATIONS = 2, 60
+TOLERANCE = 1e-5  # m/s, rad/s: a round that changes the middle's velocity by more is not the last
+RELAXATION = 0.2  # relaxation factor once rounds overshoot: converges up to a tenfold drag, which no vehicle meets
 WET_STEPS = 4096  # with 64, space and plane differed by 5e-3 m/s at the surface, however short the step
 AT_REST: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -80,7 +80,7 @@ class Hydrodynamics:
         self._drag = [wet * value for value in self._linear], [wet * value for value in self._quadratic]
         self.mass, self._momentum, self._acceleration = self._known[step]
 
-    def less(self, nu: Sequence[float], momentum: Sequence[float]) -> Six:
+    def subtract_impulse(self, nu: Sequence[float], momentum: Sequence[float]) -> Six:
         """Return the velocity of a body that has given away some momentum, body frame [N s, N m s]."""
         x, y, z, k, m, n = momentum
         u, v, w, p, q, r = nu
@@ -88,16 +88,23 @@ class Hydrodynamics:
         return u - du, v - dv, w - dw, p - dp, q - dq, r - dr
 
     def advance(
-        self, nu: Sequence[float], up: Three, push: Sequence[float], net_n: float, arm: Three, guess: Six, dt_s: float
+        self,
+        nu: Sequence[float],
+        up_body: Three,
+        wrench: Sequence[float],
+        net_n: float,
+        static_moment_nm: Three,
+        guess: Six,
+        dt_s: float,
     ) -> tuple[Six, Six]:
         """Return the velocity half a step on, and the acceleration of the whole step.
 
         Args:
             nu: velocity relative to the water at the step's begin, body frame.
-            up: the world's upward direction then, body frame; it turns with the body during the step.
-            push: wrench of all else that acts, body frame.
+            up_body: the world's upward direction then, body frame; it turns with the body during the step.
+            wrench: of all else that acts, body frame.
             net_n: buoyancy less weight.
-            arm: buoyancy times its position less weight times its position [N m], body frame.
+            static_moment_nm: buoyancy times its position less weight times its position [N m], body frame.
             guess: of the acceleration of this step.
             dt_s: length of the step; with 0, the acceleration is that of this moment.
 
@@ -105,17 +112,17 @@ class Hydrodynamics:
             PlantError: the step is too long for a motion so violent, or a number is not finite.
         """
         u0, v0, w0, p0, q0, r0 = nu
-        kx, ky, kz = up
-        push_x, push_y, push_z, push_k, push_m, push_n = push
-        arm_x, arm_y, arm_z = arm
+        kx, ky, kz = up_body
+        wrench_x, wrench_y, wrench_z, wrench_k, wrench_m, wrench_n = wrench
+        arm_x, arm_y, arm_z = static_moment_nm
         (lin_u, lin_v, lin_w, lin_p, lin_q, lin_r), (quad_u, quad_v, quad_w, quad_p, quad_q, quad_r) = self._drag
         momentum, acceleration = self._momentum, self._acceleration
         half = 0.5 * dt_s
         au, av, aw, ap, aq, ar = guess
-        for i in range(MOST_ROUNDS):
+        for i in range(MAX_ITERATIONS):
             u, v, w = u0 + half * au, v0 + half * av, w0 + half * aw
             p, q, r = p0 + half * ap, q0 + half * aq, r0 + half * ar
-            # The mean of `up` over the step, which solves up - up0 = half * (up x w).
+            # The mean of `up_body` over the step, which solves up_body - up_body0 = half * (up_body x w).
             tx, ty, tz = half * p, half * q, half * r
             along = tx * kx + ty * ky + tz * kz
             shrink = 1.0 / (1.0 + tx * tx + ty * ty + tz * tz)
@@ -123,42 +130,43 @@ class Hydrodynamics:
             up_y = (ky + kz * tx - kx * tz + along * ty) * shrink
             up_z = (kz + kx * ty - ky * tx + along * tz) * shrink
             lin_1, lin_2, lin_3, ang_1, ang_2, ang_3 = momentum(u, v, w, p, q, r)
-            x = push_x + net_n * up_x + lin_2 * r - lin_3 * q - u * (lin_u + quad_u * abs(u))
-            y = push_y + net_n * up_y + lin_3 * p - lin_1 * r - v * (lin_v + quad_v * abs(v))
-            z = push_z + net_n * up_z + lin_1 * q - lin_2 * p - w * (lin_w + quad_w * abs(w))
+            x = wrench_x + net_n * up_x + lin_2 * r - lin_3 * q - u * (lin_u + quad_u * abs(u))
+            y = wrench_y + net_n * up_y + lin_3 * p - lin_1 * r - v * (lin_v + quad_v * abs(v))
+            z = wrench_z + net_n * up_z + lin_1 * q - lin_2 * p - w * (lin_w + quad_w * abs(w))
             k = (
-                push_k + arm_y * up_z - arm_z * up_y
+                wrench_k + arm_y * up_z - arm_z * up_y
                 + ang_2 * r - ang_3 * q + lin_2 * w - lin_3 * v - p * (lin_p + quad_p * abs(p))
             )  # fmt: skip
             m = (
-                push_m + arm_z * up_x - arm_x * up_z
+                wrench_m + arm_z * up_x - arm_x * up_z
                 + ang_3 * p - ang_1 * r + lin_3 * u - lin_1 * w - q * (lin_q + quad_q * abs(q))
             )  # fmt: skip
             n = (
-                push_n + arm_x * up_y - arm_y * up_x
+                wrench_n + arm_x * up_y - arm_y * up_x
                 + ang_1 * q - ang_2 * p + lin_1 * v - lin_2 * u - r * (lin_r + quad_r * abs(r))
             )  # fmt: skip
-            if i < ROUNDS - 1 and half > 0.0:
+            if i < ITERATIONS - 1 and half > 0.0:
                 au, av, aw, ap, aq, ar = acceleration(x, y, z, k, m, n)
                 continue
             before = au, av, aw, ap, aq, ar
             au, av, aw, ap, aq, ar = found = acceleration(x, y, z, k, m, n)
             b1, b2, b3, b4, b5, b6 = before
             gap = abs(au - b1) + abs(av - b2) + abs(aw - b3) + abs(ap - b4) + abs(aq - b5) + abs(ar - b6)
-            if half * gap < SETTLED:
+            if half * gap < TOLERANCE:
                 break
             # So much drag that each round overshoots: relax.
-            au, av, aw, ap, aq, ar = (a + CAREFUL * (b - a) for a, b in zip(before, found, strict=True))
+            au, av, aw, ap, aq, ar = (a + RELAXATION * (b - a) for a, b in zip(before, found, strict=True))
         else:
             raise PlantError(
-                f"At {in_words(nu)} through the water, a step of {dt_s:g} s is too long for what pushes and drags.",
+                f"At {format_velocities(nu)} through the water, a step of {dt_s:g} s is too long for what pushes and "
+                "drags.",
                 fix="look at the last commands and at the vehicle's numbers; or take a shorter step.",
             )
         middle = u0 + half * au, v0 + half * av, w0 + half * aw, p0 + half * ap, q0 + half * aq, r0 + half * ar
         return middle, (au, av, aw, ap, aq, ar)
 
 
-def in_words(nu: Sequence[float]) -> str:
+def format_velocities(nu: Sequence[float]) -> str:
     """Return six velocities with their names, for a message."""
     return ", ".join(f"{axis} {value:.3g}" for axis, value in zip(AXES, nu, strict=True)) + " (m/s, rad/s)"
 

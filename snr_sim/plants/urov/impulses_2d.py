@@ -16,13 +16,13 @@ from typing import NamedTuple
 from snr_sim.plants.urov.water_2d import Three
 from snr_sim.prelude.sums import dot_product, ordered_sum
 
-ROUNDS = 30
-DEEP_M = 0.0005  # allowed depth of a contact; the excess is reduced by this fraction in a step
-OUT_SHARE = 0.1
-OUT_MOST_MPS = 0.2
+ITERATIONS = 30
+ALLOWED_PENETRATION_M = 0.0005  # allowed depth of a contact; the excess is reduced by this fraction in a step
+BAUMGARTE_FACTOR = 0.1
+MAX_CORRECTION_MPS = 0.2
 
 
-class Touch(NamedTuple):
+class Contact(NamedTuple):
     """One contact point of a body, world frame.
 
     Args:
@@ -38,40 +38,43 @@ class Touch(NamedTuple):
     depth_m: float
 
 
-def stopped(
-    velocity: Three, touches: Sequence[Touch], mobility: Sequence[Sequence[float]], friction: float, dt_s: float
+def resolve_contacts(
+    velocity: Three, contacts: Sequence[Contact], mobility: Sequence[Sequence[float]], friction: float, dt_s: float
 ) -> tuple[Three, tuple[float, float]]:
     """Return the velocity after all contacts, and their total impulse [N s], world frame.
 
     Args:
         velocity: without contacts: along x and z [m/s], rate about y [rad/s].
-        touches: where it touches.
+        contacts: where it touches.
         mobility: 3 x 3, what an impulse does to the velocity.
         friction: coefficient.
         dt_s: length of the step.
     """
     rows = []
-    for touch in touches:
-        out_x, out_z, arm_x, arm_z = touch[:4]
+    for contact in contacts:
+        out_x, out_z, arm_x, arm_z = contact[:4]
         # A point at `arm` moves by (q arm_z, -q arm_x) when the body turns about y.
         for x, z in ((out_x, out_z), (-out_z, out_x)):
             direction = (x, z, x * arm_z - z * arm_x)
-            answer = [dot_product(row, direction) for row in mobility]
-            rows.append((direction, answer, 1.0 / dot_product(direction, answer)))
-    wanted = [min(OUT_MOST_MPS, OUT_SHARE * max(0.0, touch.depth_m - DEEP_M) / dt_s) for touch in touches]
-    given = [0.0] * len(rows)
+            response = [dot_product(row, direction) for row in mobility]
+            rows.append((direction, response, 1.0 / dot_product(direction, response)))
+    target_mps = [
+        min(MAX_CORRECTION_MPS, BAUMGARTE_FACTOR * max(0.0, contact.depth_m - ALLOWED_PENETRATION_M) / dt_s)
+        for contact in contacts
+    ]
+    impulses = [0.0] * len(rows)
     vx, vz, q = velocity
-    for _ in range(ROUNDS):
+    for _ in range(ITERATIONS):
         for i, ((x, z, turn), (ax, az, aq), per_speed) in enumerate(rows):
             speed = x * vx + z * vz + turn * q
             if i % 2 == 0:
-                new = max(0.0, given[i] + (wanted[i // 2] - speed) * per_speed)
+                new = max(0.0, impulses[i] + (target_mps[i // 2] - speed) * per_speed)
             else:
-                most = friction * given[i - 1]
-                new = min(most, max(-most, given[i] - speed * per_speed))
-            more = new - given[i]
-            given[i] = new
+                limit = friction * impulses[i - 1]
+                new = min(limit, max(-limit, impulses[i] - speed * per_speed))
+            more = new - impulses[i]
+            impulses[i] = new
             vx, vz, q = vx + more * ax, vz + more * az, q + more * aq
-    along_x = ordered_sum(impulse * row[0][0] for impulse, row in zip(given, rows, strict=True))
-    along_z = ordered_sum(impulse * row[0][1] for impulse, row in zip(given, rows, strict=True))
+    along_x = ordered_sum(impulse * row[0][0] for impulse, row in zip(impulses, rows, strict=True))
+    along_z = ordered_sum(impulse * row[0][1] for impulse, row in zip(impulses, rows, strict=True))
     return (vx, vz, q), (along_x, along_z)

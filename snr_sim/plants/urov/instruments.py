@@ -10,7 +10,7 @@ from snr_sim.plants.urov.dive import Dive
 from snr_sim.plants.urov.motion import Motion
 from snr_sim.plants.urov.pool import Pool
 from snr_sim.plants.urov.propulsion import Propulsion
-from snr_sim.plants.urov.urov_outputs import Altitude, Depth, Imu, Leak, Pose, Power
+from snr_sim.plants.urov.urov_outputs import AltitudeOutput, DepthOutput, ImuOutput, LeakOutput, PoseOutput, PowerOutput
 from snr_sim.plants.urov.urov_shapes import pool_shapes, tether_shape, vehicle_shapes
 from snr_sim.plants.urov.urov_state import Body, Mover
 from snr_sim.plants.urov.vehicle import Vehicle
@@ -56,15 +56,15 @@ class Instruments:
         self._motion, self._water, self._mover = motion, water, mover
         self._names = tuple(thruster.name for thruster in vehicle.thrusters)
 
-    def _depth(self) -> Depth:
+    def _depth(self) -> DepthOutput:
         motion = self._motion
-        pool, z = self._pool, motion.place[2]
+        pool, z = self._pool, motion.position[2]
         pressure = AIR_PA + pool.density_kgm3 * self._body.gravity_mps2 * max(0.0, -z)
-        return Depth(-z, -motion.velocity[2], pressure, pool.temperature_c, motion.time_s)
+        return DepthOutput(-z, -motion.velocity[2], pressure, pool.temperature_c, motion.time_s)
 
-    def _imu(self) -> Imu:
+    def _imu(self) -> ImuOutput:
         motion = self._motion
-        gx, gy, gz = motion.gained
+        gx, gy, gz = motion.acceleration_world
         east, north, up = FIELD_UT
         bx, by, bz = motion.in_body(east, north, up)
         if self._thrusters is not None:
@@ -72,31 +72,31 @@ class Instruments:
             wx, wy, wz = FIELD_UT_PER_A
             bx, by, bz = bx + current * wx, by + current * wy, bz + current * wz
         force = motion.in_body(gx, gy, gz + self._body.gravity_mps2)
-        return Imu(list(motion.rate), list(force), [bx, by, bz], motion.time_s)
+        return ImuOutput(list(motion.rate), list(force), [bx, by, bz], motion.time_s)
 
-    def _altitude(self) -> Altitude:
+    def _altitude(self) -> AltitudeOutput:
         motion = self._motion
-        x, y, z = motion.place
+        x, y, z = motion.position
         ax, ay, az = motion.in_world(0.0, 0.0, -0.5 * self._vehicle.size_m[2])
         above = max(0.0, -az)  # measured from no lower than the origin, as the bottom may give way into the floor
         height = self._body.height_over_ground_m((x + ax, y + ay, z + az + above)) - above
         if height < -above:
             height = NO_GROUND_M
         tilt = math.acos(min(1.0, max(-1.0, motion.rotation[8])))
-        return Altitude(max(0.0, height), tilt, motion.time_s)
+        return AltitudeOutput(max(0.0, height), tilt, motion.time_s)
 
-    def _power(self) -> Power:
+    def _power(self) -> PowerOutput:
         if self._thrusters is None:
             raise PlantError("This plant has no battery.", fix="give it thrusters.")
         thrusters = self._thrusters
-        return Power(thrusters.voltage_v, thrusters.current_a, thrusters.charge, self._motion.time_s)
+        return PowerOutput(thrusters.voltage_v, thrusters.current_a, thrusters.charge, self._motion.time_s)
 
-    def _leaked(self) -> Leak:
-        return Leak(self._water.water_l, self._motion.time_s)
+    def _leaked(self) -> LeakOutput:
+        return LeakOutput(self._water.water_l, self._motion.time_s)
 
-    def _pose(self) -> Pose:
+    def _pose(self) -> PoseOutput:
         motion = self._motion
-        return Pose(list(motion.place), list(motion.attitude), motion.time_s)
+        return PoseOutput(list(motion.position), list(motion.attitude), motion.time_s)
 
     def readers(self) -> dict[str, Callable[[], Any]]:
         """Return what gives each output."""
@@ -121,26 +121,26 @@ class Instruments:
         """Return the true state for the recorder."""
         motion, water = self._motion, self._water
         w, x, y, z = motion.attitude
-        place = px, py, pz = motion.place
+        position = px, py, pz = motion.position
         roll, pitch, yaw = roll_pitch_yaw_rad(motion.attitude)
         u, v, heave, _, _, _ = motion.through_water()
-        arrows: dict[str, list[float]] = {}
+        vectors: dict[str, list[float]] = {}
         if self._thrusters is not None:
             for thruster, force in zip(self._vehicle.thrusters, self._thrusters.forces_n, strict=True):
                 (ax, ay, az), (dx, dy, dz) = motion.in_world(*thruster.position_m), motion.in_world(*thruster.direction)
-                arrows[thruster.name] = [px + ax, py + ay, pz + az, force * dx, force * dy, force * dz]
+                vectors[thruster.name] = [px + ax, py + ay, pz + az, force * dx, force * dy, force * dz]
         if any(motion.current):
             east, north, up = motion.current
             flow = (CURRENT_N * east, CURRENT_N * north, CURRENT_N * up)
-            arrows["current"] = [place[0], place[1], place[2] + 0.5, *flow]
+            vectors["current"] = [position[0], position[1], position[2] + 0.5, *flow]
         if water.tether is not None:
-            at = motion.in_world(*water.tether.tether.place_m)
-            arrows["tether"] = [*(a + b for a, b in zip(place, at, strict=True)), *water.tether_n]
+            at = motion.in_world(*water.tether.tether.attachment_m)
+            vectors["tether"] = [*(a + b for a, b in zip(position, at, strict=True)), *water.tether_n]
         return {
-            "poses": {"vehicle": [*place, x, y, z, w]},
-            "arrows": arrows,
+            "poses": {"vehicle": [*position, x, y, z, w]},
+            "vectors": vectors,
             "values": {
-                "depth_m": -place[2],
+                "depth_m": -position[2],
                 "speed_mps": math.hypot(u, v, heave),
                 "surge_mps": u,
                 "sway_mps": v,
@@ -150,25 +150,25 @@ class Instruments:
                 "pitch_rad": pitch,
                 "contact_n": math.hypot(*(self._mover.contact_n or ())),
                 **({} if self._thrusters is None else {"voltage_v": self._thrusters.voltage_v}),
-                **self._mishaps(),
+                **self._event_flags(),
             },
         }
 
-    def _mishaps(self) -> dict[str, float]:
+    def _event_flags(self) -> dict[str, float]:
         """Return the disturbances of the dive up to now: numbers of the truth.
 
         `broken_<thruster>` is 1 from its failure on.
         """
         dive, now_s = self.dive, self._motion.time_s + 1e-9
-        told: dict[str, float] = {}
+        flags: dict[str, float] = {}
         if dive.loads:
-            told["load_kg"] = ordered_sum(load.mass_kg for load in dive.loads_at(now_s))
+            flags["load_kg"] = ordered_sum(load.mass_kg for load in dive.loads_at(now_s))
         if dive.leak is not None:
-            told["water_l"] = self._water.water_l
+            flags["water_l"] = self._water.water_l
         for fault in dive.faults:
             name = self._names[fault.number_in(self._names)]
             if fault.at_s <= now_s:
-                told[f"broken_{name}"] = float(fault.fault != "none")
+                flags[f"broken_{name}"] = float(fault.fault != "none")
             else:
-                told.setdefault(f"broken_{name}", 0.0)
-        return told
+                flags.setdefault(f"broken_{name}", 0.0)
+        return flags

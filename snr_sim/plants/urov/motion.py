@@ -14,23 +14,33 @@ class Motion:
 
     Attributes:
         steps: since the reset.
-        place: of the vehicle's origin, world frame [m].
+        position: of the vehicle's origin, world frame [m].
         attitude: unit quaternion from the body's frame to the world's.
         rotation: the same as a matrix.
         velocity: of the origin, world frame [m/s].
         rate: angular velocity, body frame [rad/s].
-        gained: acceleration of the last step, world frame [m/s2].
+        acceleration_world: acceleration of the last step, world frame [m/s2].
         current: velocity of the water, world frame [m/s].
     """
 
-    __slots__ = ("attitude", "current", "gained", "place", "rate", "rotation", "step_s", "steps", "velocity")
+    __slots__ = (
+        "acceleration_world",
+        "attitude",
+        "current",
+        "position",
+        "rate",
+        "rotation",
+        "step_s",
+        "steps",
+        "velocity",
+    )
 
-    place: Vector
+    position: Vector
     attitude: Quaternion
     rotation: Rotation
     velocity: Vector
     rate: Vector
-    gained: Vector
+    acceleration_world: Vector
     current: Vector
 
     def __init__(self, step_s: float) -> None:

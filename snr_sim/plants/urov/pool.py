@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from html import escape
 from typing import Annotated
 
-from snr_sim.plants.urov.plausible import LIMITS, check_record, shown
+from snr_sim.plants.urov.parameter_limits import LIMITS, check_record, format_value
 from snr_sim.plants.urov.vehicle import Vector, Vehicle
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.water import FRESH_KGM3, GRAVITY_MPS2
 
-WALLS_RISE_M = 0.4  # above the water
+WALLS_RISE_M = 0.4  # above the water  # plain: metaphor-name
 POST_M = 0.025  # radius of a gate's posts; an estimate, as of plastic pipe of 50 mm
 FRICTION = 0.5  # of a plastic frame on tiles: our estimate, as is that what touches does not rebound
 # Contacts give way by tenths of a millimetre before they are hard: with MuJoCo's own, a vehicle that slides over the
@@ -49,7 +49,8 @@ class Gate:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.strip() or self.name in PARTS:
             raise ParameterError(
-                f"A gate is named {shown(self.name)}.", fix=f"give it a name of its own, other than {', '.join(PARTS)}."
+                f"A gate is named {format_value(self.name)}.",
+                fix=f"give it a name of its own, other than {', '.join(PARTS)}.",
             )
         check_record(self, f"Gate '{self.name}': ")
 
@@ -95,7 +96,7 @@ class Pool:
             x, y, z = gate.position_m
             if abs(x) > 0.5 * self.length_m or abs(y) > 0.5 * self.width_m or not -self.depth_m <= z <= WALLS_RISE_M:
                 raise ParameterError(
-                    f"Gate '{gate.name}' stands at {gate.position_m} m, which is not in the pool.", fix=self.extent()
+                    f"Gate '{gate.name}' is at {gate.position_m} m, which is not in the pool.", fix=self.extent()
                 )
         names = [gate.name for gate in self.gates]
         if len(set(names)) < len(names):
@@ -106,21 +107,21 @@ class Pool:
         size = f"{self.length_m:g} x {self.width_m:g} m around 0, 0 and {self.depth_m:g} m deep"
         return f"the pool is {size}; under water z is negative."
 
-    def room_m(self, place: Vector) -> float:
+    def clearance_m(self, position: Vector) -> float:
         """Return the minimum distance from a point in the water to floor, walls and gates."""
-        x, y, z = place
-        rooms = [z + self.depth_m, 0.5 * self.length_m - abs(x), 0.5 * self.width_m - abs(y)]
-        rooms += [
-            math.dist(place, gate.position_m) - 0.5 * math.hypot(gate.width_m, gate.height_m) - POST_M
+        x, y, z = position
+        clearances = [z + self.depth_m, 0.5 * self.length_m - abs(x), 0.5 * self.width_m - abs(y)]
+        clearances += [
+            math.dist(position, gate.position_m) - 0.5 * math.hypot(gate.width_m, gate.height_m) - POST_M
             for gate in self.gates
         ]
-        return min(rooms)
+        return min(clearances)
 
     def mjcf(self, vehicle: Vehicle) -> str:
         """Return the world with this vehicle in it, as MJCF."""
         half = 0.5 * self.length_m, 0.5 * self.width_m
         surface = f'friction="{FRICTION} 0.005 0.0001"'
-        walls = [
+        walls = [  # plain: metaphor-name
             ("wall_east", f"{half[0]} 0 0", "0 -1 0 0 0 1"),
             ("wall_west", f"{-half[0]} 0 0", "0 1 0 0 0 1"),
             ("wall_north", f"0 {half[1]} 0", "1 0 0 0 0 1"),
@@ -129,8 +130,8 @@ class Pool:
         # A plane's normal is its z axis: x cross y of the two axes given.
         lines = [f'<geom name="floor" type="plane" pos="0 0 {-self.depth_m}" size="{half[0]} {half[1]} 1" {surface}/>']
         lines += [
-            f'<geom name="{name}" type="plane" pos="{place}" xyaxes="{axes}" size="1 1 1" {surface}/>'
-            for name, place, axes in walls
+            f'<geom name="{name}" type="plane" pos="{position}" xyaxes="{axes}" size="1 1 1" {surface}/>'
+            for name, position, axes in walls
         ]
         for gate in self.gates:
             corners = gate.corners_m()
@@ -142,7 +143,7 @@ class Pool:
             float(vehicle.inertia_kgm2[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
         )
         box = " ".join(repr(0.5 * side) for side in vehicle.size_m)
-        place = " ".join(repr(value) for value in vehicle.centre_of_mass_m)
+        position = " ".join(repr(value) for value in vehicle.centre_of_mass_m)
         return f"""<mujoco model="pool">
   <option gravity="0 0 {-self.gravity_mps2!r}" integrator="Euler" cone="elliptic" impratio="{FRICTION_RATIO}"/>
   <default><geom {CONTACT}/></default>
@@ -150,7 +151,7 @@ class Pool:
     {chr(10).join("    " + line for line in lines).strip()}
     <body name="{BODY}" simple="false">
       <freejoint name="{BODY}"/>
-      <inertial pos="{place}" mass="{vehicle.mass_kg!r}" fullinertia="{xx!r} {yy!r} {zz!r} {xy!r} {xz!r} {yz!r}"/>
+      <inertial pos="{position}" mass="{vehicle.mass_kg!r}" fullinertia="{xx!r} {yy!r} {zz!r} {xy!r} {xz!r} {yz!r}"/>
       <geom name="frame" type="box" size="{box}" {surface}/>
     </body>
   </worldbody>

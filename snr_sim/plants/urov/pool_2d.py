@@ -15,14 +15,14 @@ import numpy as np
 
 from snr_sim.plants.lander.hull import pymunk_module
 from snr_sim.plants.matrices import product
-from snr_sim.plants.urov.impulses_2d import Touch
+from snr_sim.plants.urov.impulses_2d import Contact
 from snr_sim.plants.urov.pool import POST_M, Gate, Pool
 from snr_sim.plants.urov.vehicle import Matrix, Vehicle
 
 THICK_M = 5.0  # of floor and walls, so that deep penetrations are pushed out in the right direction
 HIGH_M = 1000.0  # walls rise over the water without end, as MuJoCo's planes do
 
-Place2D: TypeAlias = tuple[float, float, float]  # x, z [m], and pitch [rad] or, moving, their rates
+PlanePose: TypeAlias = tuple[float, float, float]  # x, z [m], and pitch [rad] or, moving, their rates
 
 
 class Pool2D:
@@ -72,7 +72,7 @@ class Pool2D:
 
     def clear(self) -> None:
         """Put the vehicle at rest in the middle of the surface."""
-        self.place(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        self.set_pose(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
     def put(self, pose: Sequence[float], velocity: Sequence[float]) -> None:
         """Set the vehicle's pose.
@@ -82,33 +82,33 @@ class Pool2D:
             velocity: linear in the world, then angular in the body's frame; only what lies in the plane counts.
         """
         x, y, z, qw, _, qy, _ = pose
-        self.place(y, (x, z, 2.0 * math.atan2(qy, qw)), (velocity[0], velocity[2], velocity[4]))
+        self.set_pose(y, (x, z, 2.0 * math.atan2(qy, qw)), (velocity[0], velocity[2], velocity[4]))
 
-    def place(self, y_m: float, place: Place2D, motion: Place2D) -> None:
+    def set_pose(self, y_m: float, pose: PlanePose, motion: PlanePose) -> None:
         """Set the vehicle's pose, bitwise."""
         if y_m != self._y_m:
             self._space.remove(self._body)
             self._build(y_m)
         body = self._body
         # pymunk turns the other way: from x to z, which is nose up.
-        body.position, body.angle = (place[0], place[1]), -place[2]
+        body.position, body.angle = (pose[0], pose[1]), -pose[2]
         body.velocity, body.angular_velocity = (motion[0], motion[1]), -motion[2]
 
-    def where(self) -> Place2D:
+    def plane_pose(self) -> PlanePose:
         """Return x, z and pitch."""
         body = self._body
         x, z = body.position
         return x, z, -body.angle
 
-    def snapshot(self) -> tuple[float, Place2D, Place2D]:
+    def snapshot(self) -> tuple[float, PlanePose, PlanePose]:
         """Return y, x, z and pitch, and the rates of the last three."""
         body = self._body
         vx, vz = body.velocity
-        return self._y_m, self.where(), (vx, vz, -body.angular_velocity)
+        return self._y_m, self.plane_pose(), (vx, vz, -body.angular_velocity)
 
-    def restore(self, snapshot: tuple[float, Place2D, Place2D]) -> None:
+    def restore(self, snapshot: tuple[float, PlanePose, PlanePose]) -> None:
         """Put back what `snapshot` returned."""
-        self.place(*snapshot)
+        self.set_pose(*snapshot)
 
     # -- moving -------------------------------------------------------------------------------------------------------
 
@@ -116,46 +116,46 @@ class Pool2D:
         """Move on at the velocity it has."""
         self._space.step(dt_s)
 
-    def move_at(self, motion: Place2D) -> None:
+    def move_at(self, motion: PlanePose) -> None:
         """Give it another velocity."""
         body = self._body
         body.velocity, body.angular_velocity = (motion[0], motion[1]), -motion[2]
 
-    def touches(self) -> list[Touch]:
+    def contacts(self) -> list[Contact]:
         """Return where the frame touches something."""
-        x, z, _ = self.where()
+        x, z, _ = self.plane_pose()
         pool, reach = self._pool, self._reach_m
         is_far = z - reach > -pool.depth_m and abs(x) + reach < 0.5 * pool.length_m
         if is_far and all(math.hypot(x - bar_x, z - bar_z) > reach for bar_x, bar_z in self._bars):
             return []
-        return [touch for _, touch in self._hits()]
+        return [contact for _, contact in self._hits()]
 
     def deepest(self) -> tuple[str, float]:
         """Return what the vehicle penetrates deepest, and how deep [m]; 0 if nothing."""
         solid, depth_m = "", 0.0
-        for name, touch in self._hits():
-            if touch.depth_m > depth_m:
-                solid, depth_m = name, touch.depth_m
+        for name, contact in self._hits():
+            if contact.depth_m > depth_m:
+                solid, depth_m = name, contact.depth_m
         return solid, depth_m
 
-    def _hits(self) -> Iterator[tuple[str, Touch]]:
+    def _hits(self) -> Iterator[tuple[str, Contact]]:
         """Yield what the frame touches, by name, and where."""
-        x, z, _ = self.where()
+        x, z, _ = self.plane_pose()
         self._frame.cache_bb()
         for hit in self._space.shape_query(self._frame):
             out_x, out_z = -hit.contact_point_set.normal
             if out_x == out_z == 0.0:  # a bar in the centre of the frame, where pymunk finds no direction: use up
-                yield self._solids[hit.shape], Touch(0.0, 1.0, 0.0, 0.0, 0.5 * self._height_m + POST_M)
+                yield self._solids[hit.shape], Contact(0.0, 1.0, 0.0, 0.0, 0.5 * self._height_m + POST_M)
                 continue
             for point in hit.contact_point_set.points:
                 # Not `point.distance`, whose sign depends on the kinds of the two shapes (pymunk 7.3).
                 (at_x, at_z), (solid_x, solid_z) = point.point_a, point.point_b
                 depth_m = (solid_x - at_x) * out_x + (solid_z - at_z) * out_z
-                yield self._solids[hit.shape], Touch(out_x, out_z, at_x - x, at_z - z, depth_m)
+                yield self._solids[hit.shape], Contact(out_x, out_z, at_x - x, at_z - z, depth_m)
 
-    def height_over_ground_m(self, place: Sequence[float]) -> float:
+    def height_over_ground_m(self, point: Sequence[float]) -> float:
         """Return the distance straight down from a point to anything; negative if there is nothing."""
-        x, _, z = place
+        x, _, z = point
         low = z - 2.0 * self._pool.depth_m - 10.0
         hit = self._space.segment_query_first((x, z), (x, low), 0.0, self._pymunk.ShapeFilter())
         return -1.0 if hit is None else float(z - hit.point[1])

@@ -10,10 +10,13 @@ Position and direction of the thrusters are not needed here: the vehicle's matri
 Between two changes of a pulse, or quarters of a volt, the table is straight lines: what a thruster gives when it has
 settled is base + volts * slope. All follow it with one lag. So each force and current, and any sum of them, is
 
-    left * (what it was when the lines were laid) + (1 - left) * base + rise * slope
+    decay * (what it was when the lines were laid) + (1 - decay) * base + ramp_integral * slope
 
-with the same two numbers for all: `left` decays with the lag, and `rise` follows the volts with it. A step moves these
-two on and one sum, that of the currents. That is exact, and a third of the work of moving all forces on by themselves.
+with the same two numbers for all: `decay` falls with the lag, and `ramp_integral` follows the volts with it. A step
+moves these two on and one sum, that of the currents. That is exact, and a third of the work of moving all forces on by
+themselves.
+
+Sixteen dependent numbers, and their mixing, executed 430 more of a step's 3800 bytecodes, and changed the last bits.
 """
 
 from __future__ import annotations
@@ -27,10 +30,10 @@ import numpy as np
 
 from snr_sim.plants.urov.battery import Battery, Supply
 from snr_sim.plants.urov.esc import Esc, EscState
-from snr_sim.plants.urov.plausible import LIMITS, check_number, check_whole, shown
-from snr_sim.plants.urov.t200 import LEAST_US, LEAST_V, MOST_US, MOST_V, STOP_US, curve
+from snr_sim.plants.urov.parameter_limits import LIMITS, check_number, check_whole, format_value
+from snr_sim.plants.urov.t200 import MAX_PULSE_US, MAX_VOLTAGE_V, MIN_PULSE_US, MIN_VOLTAGE_V, STOP_US, curve
 from snr_sim.plants.urov.vehicle import Matrix
-from snr_sim.prelude.errors import ParameterError, PlantError, UnknownName, nearest
+from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError, suggest
 from snr_sim.prelude.sums import dot_product, ordered_sum
 
 # von Benzon et al. 2022 (JMSE 10:1898) measured how a T200's force follows its command, as a filter of third order:
@@ -39,16 +42,16 @@ from snr_sim.prelude.sums import dot_product, ordered_sum
 LAG_S = (9258.0 - 6136.0) / 108700.0
 ELECTRONICS_A = 1.0  # computer, camera, sensors: our own guess, about 15 W
 STEPS_PER_VOLT = 4  # the table is looked up at every quarter of a volt and every microsecond; between, all is linear
-ODD_PULSES_US = (800.0, 2200.0)  # what no servo output makes: a percentage, or seconds, given as a pulse by mistake
-_SOUND = (1.0, 1.0)  # fractions of its force and of its current
+PULSE_RANGE_US = (800.0, 2200.0)  # what no servo output makes: a percentage, or seconds, given as a pulse by mistake
+_HEALTHY = (1.0, 1.0)  # fractions of its force and of its current
 FAULTS = ("none", "off", "weak", "stuck")
-GONE = 1e-15  # a fraction below rounding; ever smaller numbers would become denormal, which is slow
+NEGLIGIBLE = 1e-15  # a fraction below rounding; ever smaller numbers would become denormal, which is slow
 
 
 Numbers: TypeAlias = tuple[float, ...]
 
 
-class Lines(NamedTuple):
+class ThrustLinearisation(NamedTuple):
     """Numbers that approach targets, all with the same lag.
 
     Args:
@@ -61,13 +64,16 @@ class Lines(NamedTuple):
     bases: Sequence[float]
     slopes: Sequence[float]
 
-    def at(self, left: float, rise: float) -> list[float]:
+    def at(self, decay: float, ramp_integral: float) -> list[float]:
         """Return where they are."""
-        gone = 1.0 - left
-        return [left * a + gone * b + rise * c for a, b, c in zip(self.before, self.bases, self.slopes, strict=True)]
+        gone = 1.0 - decay
+        return [
+            decay * a + gone * b + ramp_integral * c
+            for a, b, c in zip(self.before, self.bases, self.slopes, strict=True)
+        ]
 
 
-class Mix(NamedTuple):
+class MixedThrust(NamedTuple):
     """Products of a matrix and the forces, as lines of their own.
 
     Args:
@@ -76,20 +82,20 @@ class Mix(NamedTuple):
 
     matrix: Matrix
     rows: list[list[float]]
-    lines: Lines
+    lines: ThrustLinearisation
 
 
 class PropulsionState(NamedTuple):
     """Full state of the thrusters at one moment."""
 
     range_v: tuple[float, float]
-    drives: Lines
+    drives: ThrustLinearisation
     current_a: tuple[float, float, float]
-    mix: Mix | None
-    left: float
-    rise: float
-    acting_us: list[float]
-    shares: list[tuple[float, float]]
+    mix: MixedThrust | None
+    decay: float
+    ramp_integral: float
+    applied_us: list[float]
+    effectiveness: list[tuple[float, float]]
     stuck: list[bool]
     escs: list[EscState]
     voltage_v: float
@@ -111,7 +117,7 @@ class Propulsion:
 
     Attributes:
         escs: their speed controllers.
-        acting_us: pulse that each thruster turns by; 1500 where its controller does not let it turn.
+        applied_us: pulse that each thruster turns by; 1500 where its controller does not let it turn.
         voltage_v: at the speed controllers, after the last step.
         supply: what feeds them.
     """
@@ -128,7 +134,8 @@ class Propulsion:
         check_number("The vehicle's electronics_a", electronics_a, LIMITS["electronics_a"])
         if supply is not None and not hasattr(supply, "voltage_v"):
             raise ParameterError(
-                f"The supply of the thrusters is {shown(supply)}.", fix="Battery(charge=0.8), or BenchSupply(16.0)."
+                f"The supply of the thrusters is {format_value(supply)}.",
+                fix="Battery(charge=0.8), or BenchSupply(16.0).",
             )
         self.count = count
         self.supply: Supply = Battery() if supply is None else supply
@@ -136,9 +143,10 @@ class Propulsion:
         self.electronics_a = electronics_a
         self.reset()
         volts = self.supply.voltage_v(0.0)
-        if not LEAST_V <= volts <= MOST_V:
+        if not MIN_VOLTAGE_V <= volts <= MAX_VOLTAGE_V:
             raise ParameterError(
-                f"The supply of the thrusters has {volts:g} V, but they run at {LEAST_V:g} to {MOST_V:g} V.",
+                f"The supply of the thrusters has {volts:g} V, but they run at {MIN_VOLTAGE_V:g} to "
+                f"{MAX_VOLTAGE_V:g} V.",
                 fix="a battery of 4 cells with charge in it.",
             )
 
@@ -149,25 +157,25 @@ class Propulsion:
         self.escs = [Esc() for _ in range(n)]
         nothing = (0.0,) * (2 * n)
         self._range_v = 0.0, 0.0  # where the lines hold
-        self._drives = Lines(nothing, nothing, nothing)  # forces [N], then currents [A]
+        self._drives = ThrustLinearisation(nothing, nothing, nothing)  # forces [N], then currents [A]
         self._current_a = 0.0, 0.0, 0.0  # the line of all currents together: before, base, slope
-        self._left, self._rise = 1.0, 0.0
-        self._mean = self._left, self._rise  # of the last step
-        self._mix: Mix | None = None
-        self.acting_us = [STOP_US] * n
-        self._shares = [_SOUND] * n
+        self._decay, self._ramp_integral = 1.0, 0.0
+        self._mean = self._decay, self._ramp_integral  # of the last step
+        self._mix: MixedThrust | None = None
+        self.applied_us = [STOP_US] * n
+        self._effectiveness = [_HEALTHY] * n
         self._stuck = [False] * n
         self.voltage_v = self.supply.voltage_v(self.electronics_a)
         self._lag_of = (0.0, 0.0, 0.0)  # for a step: the fraction that the lag covers, and where its mean lies
-        self._told: list[float | None] | None = None
+        self._last_pulses: list[float | None] | None = None
         self._is_settled = False
-        self._shifts_us = [0.0] * n
-        self._forget()
+        self._neutral_offsets_us = [0.0] * n
+        self._invalidate()
 
     @property
     def forces_n(self) -> list[float]:
         """Force of each thruster along its own axis, after the last step."""
-        return self._drives.at(self._left, self._rise)[: self.count]
+        return self._drives.at(self._decay, self._ramp_integral)[: self.count]
 
     @property
     def mean_forces_n(self) -> list[float]:
@@ -180,7 +188,7 @@ class Propulsion:
     @property
     def currents_a(self) -> list[float]:
         """Current of each thruster."""
-        return self._drives.at(self._left, self._rise)[self.count :]
+        return self._drives.at(self._decay, self._ramp_integral)[self.count :]
 
     @property
     def current_a(self) -> float:
@@ -188,7 +196,7 @@ class Propulsion:
         if self.voltage_v <= 0.0:
             return 0.0
         before, base, slope = self._current_a
-        return self._left * before + (1.0 - self._left) * base + self._rise * slope + self.electronics_a
+        return self._decay * before + (1.0 - self._decay) * base + self._ramp_integral * slope + self.electronics_a
 
     @property
     def charge(self) -> float:
@@ -205,7 +213,7 @@ class Propulsion:
         """Whether all speed controllers are armed."""
         return all(esc.is_armed for esc in self.escs)
 
-    def fail(self, thruster: int, fault: str, share: float = 0.5) -> None:
+    def fail(self, thruster: int, fault: str, effectiveness: float = 0.5) -> None:
         """Set or clear the fault of a thruster.
 
         Args:
@@ -213,22 +221,22 @@ class Propulsion:
             fault: 'off' gives no force and draws no current; 'weak' gives a fraction of its force for all of its
                 current, as with a damaged propeller; 'stuck' keeps its last pulse, whatever is commanded; 'none' clears
                 the fault.
-            share: of a weak one, 0 to 1.
+            effectiveness: of a weak one, 0 to 1.
 
         Raises:
-            ParameterError: there is no such thruster, or the share is out of range.
-            UnknownName: there is no such fault.
+            ParameterError: there is no such thruster, or the effectiveness is out of range.
+            UnknownNameError: there is no such fault.
         """
         if not 0 <= thruster < self.count:
             raise ParameterError(f"There is no thruster {thruster!r}.", fix=f"0 to {self.count - 1}.")
         if fault not in FAULTS:
-            raise UnknownName(f"A thruster cannot be '{fault}'.", fix=nearest(fault, FAULTS))
-        check_number("The thruster's share of its force", share, LIMITS["share"])
+            raise UnknownNameError(f"A thruster cannot be '{fault}'.", fix=suggest(fault, FAULTS))
+        check_number("The thruster's effectiveness", effectiveness, LIMITS["share"])
         self._stuck[thruster] = fault == "stuck"
-        self._shares[thruster] = {"off": (0.0, 0.0), "weak": (share, 1.0)}.get(fault, _SOUND)
-        self._forget()
+        self._effectiveness[thruster] = {"off": (0.0, 0.0), "weak": (effectiveness, 1.0)}.get(fault, _HEALTHY)
+        self._invalidate()
 
-    def mixed(self, matrix: Matrix) -> list[float]:
+    def mix_forces(self, matrix: Matrix) -> list[float]:
         """Return a matrix of n columns times `mean_forces_n`: with the vehicle's, the wrench of all thrusters.
 
         Of the same matrix it is quick: only the lines are multiplied, and they seldom change.
@@ -239,7 +247,9 @@ class Propulsion:
             self._mix = mix = mix._replace(matrix=matrix)
         if mix is None or mix.matrix is not matrix:
             rows, n = matrix.tolist(), self.count
-            self._mix = mix = Mix(matrix, rows, Lines(*(_products(rows, one[:n]) for one in self._drives)))
+            self._mix = mix = MixedThrust(
+                matrix, rows, ThrustLinearisation(*(_products(rows, one[:n]) for one in self._drives))
+            )
         return mix.lines.at(*self._mean)
 
     def step(self, dt_s: float, pulses_us: Sequence[float | None]) -> None:
@@ -253,48 +263,55 @@ class Propulsion:
             PlantError: a pulse is not valid, or their number is not that of the thrusters.
         """
         volts = self.voltage_v
-        if not self._is_settled or volts < LEAST_V or pulses_us != self._told:
-            self._hear(dt_s, list(pulses_us))
+        if not self._is_settled or volts < MIN_VOLTAGE_V or pulses_us != self._last_pulses:
+            self._update_escs(dt_s, list(pulses_us))
         from_v, to_v = self._range_v
         if not from_v <= volts < to_v or self._is_stale:
-            self._look_up(volts)
+            self._linearise(volts)
             from_v, _ = self._range_v
         if self._lag_of[0] != dt_s:
             share = 1.0 - math.exp(-dt_s / self.lag_s)
             self._lag_of = dt_s, share, 1.0 / share - self.lag_s / dt_s
         _, share, middle = self._lag_of
-        had, rose = self._left, self._rise
-        left = had - share * had
-        self._left = left = left if left > GONE else 0.0
-        self._rise = rise = rose + share * (volts - from_v - rose)
-        self._mean = had + middle * (left - had), rose + middle * (rise - rose)
+        old_decay, old_ramp = self._decay, self._ramp_integral
+        decay = old_decay - share * old_decay
+        self._decay = decay = decay if decay > NEGLIGIBLE else 0.0
+        self._ramp_integral = ramp_integral = old_ramp + share * (volts - from_v - old_ramp)
+        self._mean = old_decay + middle * (decay - old_decay), old_ramp + middle * (ramp_integral - old_ramp)
         before, base, slope = self._current_a
-        supply, current_a = self.supply, left * before + (1.0 - left) * base + rise * slope + self.electronics_a
+        supply, current_a = (
+            self.supply,
+            decay * before + (1.0 - decay) * base + ramp_integral * slope + self.electronics_a,
+        )
         supply.draw(current_a, volts, dt_s)
         # The current has its lag, so it is known, and the voltage follows from it. Where both have settled, current and
         # voltage satisfy the table and the battery at once.
         self.voltage_v = supply.voltage_v(current_a)
 
-    def _hear(self, dt_s: float, pulses: list[float | None]) -> None:
+    def _update_escs(self, dt_s: float, pulses: list[float | None]) -> None:
         """Pass the pulses to the speed controllers; skipped while these are armed and the pulses have not changed."""
-        if pulses != self._told:
+        if pulses != self._last_pulses:
             self._check(pulses)
-            self._told = pulses
+            self._last_pulses = pulses
         volts = self.voltage_v
-        if self._is_settled and None not in pulses and volts >= LEAST_V:  # all armed, and nothing to disarm them
-            acting = [
-                LEAST_US if (acts := pulse - shift) < LEAST_US else MOST_US if acts > MOST_US else acts
-                for pulse, shift in zip(cast(list[float], pulses), self._shifts_us, strict=True)
+        if self._is_settled and None not in pulses and volts >= MIN_VOLTAGE_V:  # all armed, and nothing to disarm them
+            applied = [
+                MIN_PULSE_US
+                if (shifted := pulse - shift) < MIN_PULSE_US
+                else MAX_PULSE_US
+                if shifted > MAX_PULSE_US
+                else shifted
+                for pulse, shift in zip(cast(list[float], pulses), self._neutral_offsets_us, strict=True)
             ]
         else:
-            acting = [esc.hear(pulse, volts, dt_s) for esc, pulse in zip(self.escs, pulses, strict=True)]
+            applied = [esc.update(pulse, volts, dt_s) for esc, pulse in zip(self.escs, pulses, strict=True)]
             self._is_settled = self.is_armed and None not in pulses
-            self._shifts_us = [esc.shift_us for esc in self.escs]
+            self._neutral_offsets_us = [esc.neutral_offset_us for esc in self.escs]
         if True in self._stuck:
-            both = zip(self.acting_us, acting, self._stuck, strict=True)
-            acting = [before if is_stuck else now for before, now, is_stuck in both]
-        if acting != self.acting_us:
-            self.acting_us = acting
+            both = zip(self.applied_us, applied, self._stuck, strict=True)
+            applied = [before if is_stuck else now for before, now, is_stuck in both]
+        if applied != self.applied_us:
+            self.applied_us = applied
             self._is_stale = True  # what was looked up is of other pulses
 
     def _check(self, pulses: list[float | None]) -> None:
@@ -302,40 +319,40 @@ class Propulsion:
             raise PlantError(
                 f"{len(pulses)} pulses for {self.count} thrusters.", fix="one for each thruster, in their order."
             )
-        least, most = ODD_PULSES_US
-        odd = [i for i, pulse in enumerate(pulses) if pulse is not None and not least <= pulse <= most]  # also NaN
+        min_us, max_us = PULSE_RANGE_US
+        odd = [i for i, pulse in enumerate(pulses) if pulse is not None and not min_us <= pulse <= max_us]  # also NaN
         if odd:
             raise PlantError(
                 f"Thruster {odd[0]} was sent a pulse of {pulses[odd[0]]!r} us.",
                 fix="1100 to 1900 us, 1500 to stop, or None for no pulse.",
             )
 
-    def _look_up(self, volts: float) -> None:
+    def _linearise(self, volts: float) -> None:
         """Lay straight lines through thrust and current of all thrusters, about a voltage."""
-        if volts < LEAST_V:  # nothing turns, up to the voltage at which it does
+        if volts < MIN_VOLTAGE_V:  # nothing turns, up to the voltage at which it does
             nothing = (0.0,) * self.count
-            self._lay(0.0, LEAST_V, (nothing, nothing, nothing, nothing))
+            self._set_linearisation(0.0, MIN_VOLTAGE_V, (nothing, nothing, nothing, nothing))
             return
-        step = min(int(volts * STEPS_PER_VOLT), int(MOST_V * STEPS_PER_VOLT) - 1)
+        step = min(int(volts * STEPS_PER_VOLT), int(MAX_VOLTAGE_V * STEPS_PER_VOLT) - 1)
         from_v, to_v = step / STEPS_PER_VOLT, (step + 1) / STEPS_PER_VOLT
-        if to_v == MOST_V:
+        if to_v == MAX_VOLTAGE_V:
             to_v = math.inf  # exactly 20 V is in this range too, and there is none above
         rows = []
-        for pulse, (gives, draws) in zip(self.acting_us, self._shares, strict=True):
+        for pulse, (gives, draws) in zip(self.applied_us, self._effectiveness, strict=True):
             whole = int(pulse)
             part = pulse - whole
-            force, dforce, slope, dslope, current, dcurrent, rise, drise = _patch(step, whole)
+            force, dforce, slope, dslope, current, dcurrent, current_slope, dcurrent_slope = _patch(step, whole)
             rows.append(
                 (
                     gives * (force + part * dforce),
                     draws * (current + part * dcurrent),
                     gives * (slope + part * dslope),
-                    draws * (rise + part * drise),
+                    draws * (current_slope + part * dcurrent_slope),
                 )
             )
-        self._lay(from_v, to_v, tuple(zip(*rows, strict=True)))
+        self._set_linearisation(from_v, to_v, tuple(zip(*rows, strict=True)))
 
-    def _lay(self, from_v: float, to_v: float, columns: Sequence[Numbers]) -> None:
+    def _set_linearisation(self, from_v: float, to_v: float, columns: Sequence[Numbers]) -> None:
         """Have forces and currents follow other lines, from where they are.
 
         Args:
@@ -343,21 +360,25 @@ class Propulsion:
             columns: forces and currents at `from_v`, and how these and those change with each volt.
         """
         forces, currents, forces_per_v, currents_per_v = columns
-        left, rise = self._left, self._rise
+        decay, ramp_integral = self._decay, self._ramp_integral
         if self._mix is not None:  # it continues from its current value, too
             matrix, rows, lines = self._mix
-            lines = Lines(lines.at(left, rise), _products(rows, forces), _products(rows, forces_per_v))
-            self._mix = Mix(matrix, rows, lines)
+            lines = ThrustLinearisation(
+                lines.at(decay, ramp_integral), _products(rows, forces), _products(rows, forces_per_v)
+            )
+            self._mix = MixedThrust(matrix, rows, lines)
         before_a, base_a, slope_a = self._current_a
-        now_a = left * before_a + (1.0 - left) * base_a + rise * slope_a
+        now_a = decay * before_a + (1.0 - decay) * base_a + ramp_integral * slope_a
         self._current_a = now_a, ordered_sum(currents), ordered_sum(currents_per_v)
-        self._drives = Lines(self._drives.at(left, rise), forces + currents, forces_per_v + currents_per_v)
+        self._drives = ThrustLinearisation(
+            self._drives.at(decay, ramp_integral), forces + currents, forces_per_v + currents_per_v
+        )
         self._range_v = from_v, to_v
-        self._left, self._rise, self._is_stale = 1.0, 0.0, False
+        self._decay, self._ramp_integral, self._is_stale = 1.0, 0.0, False
 
-    def _forget(self) -> None:
+    def _invalidate(self) -> None:
         """Invalidate all cached pulses and table values."""
-        self._told = None
+        self._last_pulses = None
         self._is_settled = False
         self._is_stale = True
 
@@ -368,10 +389,10 @@ class Propulsion:
             self._drives,
             self._current_a,
             self._mix,
-            self._left,
-            self._rise,
-            self.acting_us,
-            list(self._shares),
+            self._decay,
+            self._ramp_integral,
+            self.applied_us,
+            list(self._effectiveness),
             list(self._stuck),
             [esc.state for esc in self.escs],
             self.voltage_v,
@@ -383,14 +404,14 @@ class Propulsion:
         """Put back what `snapshot` returned."""
         self._range_v, self._drives, self._current_a = snapshot.range_v, snapshot.drives, snapshot.current_a
         self._mix = snapshot.mix
-        self._left, self._rise = self._mean = snapshot.left, snapshot.rise
-        self.acting_us = snapshot.acting_us
-        self._shares, self._stuck = list(snapshot.shares), list(snapshot.stuck)
+        self._decay, self._ramp_integral = self._mean = snapshot.decay, snapshot.ramp_integral
+        self.applied_us = snapshot.applied_us
+        self._effectiveness, self._stuck = list(snapshot.effectiveness), list(snapshot.stuck)
         for esc, state in zip(self.escs, snapshot.escs, strict=True):
             esc.state = state
         self.voltage_v = snapshot.voltage_v
         self.supply.restore(snapshot.supply)
-        self._told, self._is_settled, self._is_stale = None, False, snapshot.is_stale
+        self._last_pulses, self._is_settled, self._is_stale = None, False, snapshot.is_stale
 
 
 def _products(rows: Sequence[Sequence[float]], column: Sequence[float]) -> list[float]:
@@ -404,7 +425,7 @@ def _patch(step: int, pulse_us: int) -> tuple[float, float, float, float, float,
 
     Of the force, then of the current: value, change per microsecond, change per volt, change of that per microsecond.
     """
-    following_us = min(pulse_us + 1, int(MOST_US))
+    following_us = min(pulse_us + 1, int(MAX_PULSE_US))
     lower, upper = curve(step / STEPS_PER_VOLT), curve((step + 1) / STEPS_PER_VOLT)
     corners = [one.at(pulse) for one in (lower, upper) for pulse in (pulse_us, following_us)]
     force, current, _ = zip(*corners, strict=True)
@@ -412,5 +433,5 @@ def _patch(step: int, pulse_us: int) -> tuple[float, float, float, float, float,
 
 
 def _bilinear(low: float, low_next: float, high: float, high_next: float) -> tuple[float, float, float, float]:
-    rise, rise_next = STEPS_PER_VOLT * (high - low), STEPS_PER_VOLT * (high_next - low_next)
-    return low, low_next - low, rise, rise_next - rise
+    slope, slope_next = STEPS_PER_VOLT * (high - low), STEPS_PER_VOLT * (high_next - low_next)
+    return low, low_next - low, slope, slope_next - slope

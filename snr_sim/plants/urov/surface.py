@@ -46,16 +46,16 @@ class Surface:
         box_m = 0.5 * math.hypot(*vehicle.size_m) + math.hypot(*vehicle.centre_of_buoyancy_m)
         self.reach_m = max([box_m, *(math.hypot(*one.position_m) + PROPELLER_M for one in vehicle.thrusters)])
 
-    def wetted(self, z_m: float, up: Vector) -> tuple[float, Vector]:
+    def submerged_fraction(self, z_m: float, up_body: Vector) -> tuple[float, Vector]:
         """Return the wet fraction of the displaced volume, and the centre of the wet part [m], body frame.
 
         Args:
             z_m: height of the body's origin over the surface.
-            up: the world's upward direction, body frame.
+            up_body: the world's upward direction, body frame.
         """
         # A small box counts as high as its sides reach up, taken together as at right angles: then a slight tilt makes
         # it no higher, and neighbours above each other do not overlap.
-        a, b, c = up
+        a, b, c = up_body
         length, width, height = self._size
         slope = -CUTS / math.hypot(a * length, b * width, c * height)
         wet = _between_0_and_1(_along(self._places, (slope * a, slope * b, slope * c)) + (0.5 + slope * z_m))
@@ -66,9 +66,9 @@ class Surface:
             return 1.0, self._centre
         return total, (x / total, y / total, z / total)
 
-    def drawing(self, z_m: float, up: Vector) -> Array:
+    def propeller_immersion(self, z_m: float, up_body: Vector) -> Array:
         """Return the fraction of each propeller's disc that is in the water, shape (n,)."""
-        heights = z_m + _along(self._thrusters, up)
+        heights = z_m + _along(self._thrusters, up_body)
         return _between_0_and_1(0.5 - heights / (2.0 * PROPELLER_M))
 
 

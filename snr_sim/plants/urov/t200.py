@@ -22,8 +22,11 @@ from snr_sim.prelude.errors import ParameterError
 TABLE = Path(__file__).with_name("t200.csv")  # states its source
 NEWTONS_PER_KGF = 9.80665
 STOP_US = 1500.0
-LEAST_US, MOST_US = 1100.0, 1900.0
-LEAST_V, MOST_V = 7.0, 20.0  # the speed controller runs from 7 V on (its maker says 7 to 26 V), the table ends at 20
+MIN_PULSE_US, MAX_PULSE_US = 1100.0, 1900.0
+MIN_VOLTAGE_V, MAX_VOLTAGE_V = (
+    7.0,
+    20.0,
+)  # the speed controller runs from 7 V on (its maker says 7 to 26 V), the table ends at 20
 # Below the table's 10 V everything shrinks with these powers of the voltage, as full thrust does from 12 V to 10 V.
 FORCE_POWER, CURRENT_POWER, SPEED_POWER = 1.29, 1.19, 0.63
 
@@ -32,7 +35,7 @@ class Curve(NamedTuple):
     """What a thruster does at one voltage, by pulse width. Between two of its pulses all is linear.
 
     Args:
-        pulses_us: rising, from `LEAST_US` to `MOST_US`.
+        pulses_us: rising, from `MIN_PULSE_US` to `MAX_PULSE_US`.
         forces_n: positive ahead; never falls with the pulse, and is 0 in the dead band only.
         currents_a: drawn from the supply.
         speeds_rpm: of the propeller, without a sign.
@@ -44,7 +47,7 @@ class Curve(NamedTuple):
     speeds_rpm: tuple[float, ...]
 
     def at(self, pulse_us: float) -> tuple[float, float, float]:
-        """Return force [N], current [A] and speed [rpm] at a pulse between `LEAST_US` and `MOST_US`."""
+        """Return force [N], current [A] and speed [rpm] at a pulse between `MIN_PULSE_US` and `MAX_PULSE_US`."""
         pulses, forces, currents, speeds = self
         i = min(len(pulses) - 2, max(0, bisect_right(pulses, pulse_us) - 1))
         share = (pulse_us - pulses[i]) / (pulses[i + 1] - pulses[i])
@@ -63,7 +66,7 @@ class Curve(NamedTuple):
 
 @lru_cache(maxsize=128)
 def curve(voltage_v: float) -> Curve:
-    """Return force and current of the thruster at a voltage from `LEAST_V` to `MOST_V`, at the speed controller.
+    """Return force and current of the thruster at a supply voltage, `MIN_VOLTAGE_V` to `MAX_VOLTAGE_V`.
 
     >>> force_n, current_a, _ = curve(16.0).at(1900.0)
     >>> round(force_n / NEWTONS_PER_KGF, 2), current_a
@@ -72,25 +75,26 @@ def curve(voltage_v: float) -> Curve:
     Raises:
         ParameterError: the thruster does not run at this voltage.
     """
-    if not LEAST_V <= voltage_v <= MOST_V:
+    if not MIN_VOLTAGE_V <= voltage_v <= MAX_VOLTAGE_V:
         raise ParameterError(
-            f"A T200 thruster at {voltage_v!r} V.", fix=f"{LEAST_V:g} to {MOST_V:g} V; 16.8 V is a full battery."
+            f"A T200 thruster at {voltage_v!r} V.",
+            fix=f"{MIN_VOLTAGE_V:g} to {MAX_VOLTAGE_V:g} V; 16.8 V is a full battery.",
         )
-    table = measured()
+    table = load_table()
     voltages = sorted(table)
     if voltage_v < voltages[0]:
-        return _shrunk(table[voltages[0]], voltage_v / voltages[0])
+        return _scaled(table[voltages[0]], voltage_v / voltages[0])
     i = min(len(voltages) - 2, bisect_right(voltages, voltage_v) - 1)
     below, above = (table[voltage] for voltage in voltages[i : i + 2])
     share = (voltage_v - voltages[i]) / (voltages[i + 1] - voltages[i])
-    astern = _side(below, above, share, LEAST_US, lambda band: band[0])
-    ahead = _side(below, above, share, MOST_US, lambda band: band[1])
+    astern = _side(below, above, share, MIN_PULSE_US, lambda band: band[0])
+    ahead = _side(below, above, share, MAX_PULSE_US, lambda band: band[1])
     columns = list(zip(*reversed(astern), strict=True)), list(zip(*ahead, strict=True))
     return Curve(*(one + other for one, other in zip(*columns, strict=True)))
 
 
 @lru_cache(maxsize=1)
-def measured() -> dict[float, Curve]:
+def load_table() -> dict[float, Curve]:
     """Return the maker's table: a curve for each voltage that was measured."""
     lines = [line for line in TABLE.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
     names, rows = lines[0].split(","), [[float(cell) for cell in line.split(",")] for line in lines[1:]]
@@ -131,14 +135,14 @@ def _side(
     return _without_repeats(rows)
 
 
-def _shrunk(least: Curve, share: float) -> Curve:
+def _scaled(lowest: Curve, share: float) -> Curve:
     """Return the curve at a fraction of the lowest voltage that was measured."""
     force, current, speed = share**FORCE_POWER, share**CURRENT_POWER, share**SPEED_POWER
     return Curve(
-        least.pulses_us,
-        tuple(force * value for value in least.forces_n),
-        tuple(current * value for value in least.currents_a),
-        tuple(speed * value for value in least.speeds_rpm),
+        lowest.pulses_us,
+        tuple(force * value for value in lowest.forces_n),
+        tuple(current * value for value in lowest.currents_a),
+        tuple(speed * value for value in lowest.speeds_rpm),
     )
 
 

@@ -16,7 +16,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
-from snr_sim.plants.urov.plausible import LIMITS, check_record
+from snr_sim.plants.urov.parameter_limits import LIMITS, check_record
 from snr_sim.plants.urov.vehicle import Vector
 
 
@@ -27,7 +27,7 @@ class Tether:
     Args:
         anchor_m: where it is held, world frame.
         length_m: how much is paid out.
-        place_m: where it is fixed to the vehicle, body frame.
+        attachment_m: where it is fixed to the vehicle, body frame.
         diameter_m: of the tether.
         modulus_pa: Young's modulus.
         across: drag coefficient for flow across it.
@@ -40,7 +40,7 @@ class Tether:
 
     anchor_m: Annotated[Vector, LIMITS["position_m"]]
     length_m: Annotated[float, LIMITS["length_m"]] = 35.0
-    place_m: Annotated[Vector, LIMITS["place_m"]] = (-0.2, 0.0, 0.0)
+    attachment_m: Annotated[Vector, LIMITS["body_position_m"]] = (-0.2, 0.0, 0.0)
     diameter_m: Annotated[float, LIMITS["diameter_m"]] = 0.0075
     modulus_pa: Annotated[float, LIMITS["modulus_pa"]] = 6.437e7
     across: Annotated[float, LIMITS["across"]] = 1.2

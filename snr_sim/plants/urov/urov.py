@@ -1,8 +1,8 @@
 """An underwater vehicle with six degrees of freedom, made of parts that can be read one by one:
 
-    write --> Drive --push--> Mover --> Motion --> Instruments --> read, truth, scene
-              drive.py          |  ^     motion.py   instruments.py
-              propulsion.py     v  |
+    write --> Drive --wrench--> Mover --> Motion --> Instruments --> read, truth, scene
+              drive.py            |  ^     motion.py   instruments.py
+              propulsion.py       v  |
                              WaterForces, by what is wet, tether and loads      (water_forces.py)
 
 In space MuJoCo moves the body, with the water that MuJoCo does not have (`space_mover.py`); in the plane pymunk does
@@ -24,18 +24,18 @@ from snr_sim.plants.mujoco_body import MujocoBody
 from snr_sim.plants.mujoco_engine import MujocoWorld
 from snr_sim.plants.urov.dive import Dive
 from snr_sim.plants.urov.drive import Drive
-from snr_sim.plants.urov.given_world import check_mass, check_world
 from snr_sim.plants.urov.instruments import Instruments
+from snr_sim.plants.urov.mjcf_check import check_mass, check_mjcf
 from snr_sim.plants.urov.motion import Motion
 from snr_sim.plants.urov.pool import BODY, Pool
 from snr_sim.plants.urov.propulsion import Propulsion
 from snr_sim.plants.urov.space_mover import SpaceMover, parts_of
-from snr_sim.plants.urov.urov_start import check_parts, check_room, check_start
-from snr_sim.plants.urov.urov_state import Body, Mover, State
+from snr_sim.plants.urov.urov_start import check_clearance, check_parts, check_start
+from snr_sim.plants.urov.urov_state import Body, Mover, UrovState
 from snr_sim.plants.urov.vehicle import Matrix, Six, Vector, Vehicle
-from snr_sim.plants.urov.water_forces import WaterForces, seen_from_world
+from snr_sim.plants.urov.water_forces import WaterForces, world_acceleration
 from snr_sim.prelude.angles import quaternion_of
-from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
+from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 
 STEP_S = 0.005  # the table in robots/urov/PHYSICS.md shows what 2 and 10 ms would change
 
@@ -51,7 +51,7 @@ class Urov:
         seed: of the first run.
         step_s: of integration; see `STEP_S`.
         mjcf: another world than the pool's, with a body 'vehicle' on a free joint, whose mass and inertia are then used
-            without trim; `given_world.py` says what it must leave to the plant.
+            without trim; `mjcf_check.py` says what it must leave to the plant.
 
     Raises:
         ParameterError: vehicle, thrusters, dive and world are not compatible.
@@ -102,7 +102,7 @@ class Urov:
             body = MujocoBody(MujocoWorld(pool.mjcf(vehicle), part_s, (BODY,), "the pool"), BODY)
         else:
             world = MujocoWorld(mjcf, part_s, (BODY,))
-            check_world(world, mjcf, BODY, pool, self.step_s)
+            check_mjcf(world, mjcf, BODY, pool, self.step_s)
             body = MujocoBody(world, BODY)
             check_mass(vehicle, float(body.rigid[0, 0]))
         water = WaterForces(vehicle, pool, body, self._motion)
@@ -132,7 +132,7 @@ class Urov:
         self._body.put([*dive.position_m, *attitude], [*dive.velocity_mps, *dive.rate_radps])
         if thrusters is not None:
             thrusters.reset()
-        start = State(
+        start = UrovState(
             dive,
             dive.position_m,
             attitude,
@@ -143,31 +143,31 @@ class Urov:
             pulses=(None,) * len(self.vehicle.thrusters),
         )
         self.restore(start)
-        check_room(dive, *self._body.deepest(), self.vehicle, self.pool)
-        self._happen()
+        check_clearance(dive, *self._body.deepest(), self.vehicle, self.pool)
+        self._apply_events()
         # Sensors may ask before the first step: the acceleration that it begins with.
         mover, motion = self._mover, self._motion
         mover.acceleration = mover.guess = change = self._water.acceleration_at_start()
-        motion.gained = seen_from_world(motion, change)
+        motion.acceleration_world = world_acceleration(motion, change)
 
-    def snapshot(self) -> State:
+    def snapshot(self) -> UrovState:
         """Return all of the state; it never changes afterwards."""
         motion, water, mover, drive = self._motion, self._water, self._mover, self._drive
-        return State(
+        return UrovState(
             dive=self.dive,
-            place=motion.place,
+            position=motion.position,
             attitude=motion.attitude,
             velocity=motion.velocity,
             rate=motion.rate,
             mujoco=mover.engine_state(),
             thrusters=self.thrusters.snapshot() if self.thrusters is not None else None,
             steps=motion.steps,
-            happened=self._happened,
+            event_count=self._event_count,
             acceleration=mover.acceleration,
             guess=mover.guess,
-            gained=motion.gained,
+            acceleration_world=motion.acceleration_world,
             wet=water.wet,
-            taken=water.taken,
+            entrained_fraction=water.entrained_fraction,
             water_l=water.water_l,
             wrench=drive.wrench,
             pulses=tuple(drive.pulses),
@@ -177,25 +177,31 @@ class Urov:
             tether_n=water.tether_n,
         )
 
-    def restore(self, snapshot: State) -> None:
+    def restore(self, snapshot: UrovState) -> None:
         """Put back what `snapshot` returned."""
         motion, water, mover, drive = self._motion, self._water, self._mover, self._drive
         dive = self.dive = self._instruments.dive = snapshot.dive
         self._body.restore(snapshot.mujoco)
         if self.thrusters is not None:
             self.thrusters.restore(snapshot.thrusters)
-        motion.steps, motion.place, motion.attitude = snapshot.steps, snapshot.place, snapshot.attitude
-        motion.velocity, motion.rate, motion.gained = snapshot.velocity, snapshot.rate, snapshot.gained
+        motion.steps, motion.position, motion.attitude = snapshot.steps, snapshot.position, snapshot.attitude
+        motion.velocity, motion.rate, motion.acceleration_world = (
+            snapshot.velocity,
+            snapshot.rate,
+            snapshot.acceleration_world,
+        )
         motion.rotation = rotation_of(snapshot.attitude)
         mover.acceleration, mover.guess = snapshot.acceleration, snapshot.guess
         mover.contact_n, mover.pressed_n = snapshot.contact_n, snapshot.pressed_n
-        mover.forget()
+        mover.invalidate()
         drive.wrench, drive.pulses, drive.until_s = snapshot.wrench, list(snapshot.pulses), snapshot.pulses_until_s
         water.begin(dive)
-        water.wet, water.taken = snapshot.wet, snapshot.taken
+        water.wet, water.entrained_fraction = snapshot.wet, snapshot.entrained_fraction
         water.water_l, water.tether_n = snapshot.water_l, snapshot.tether_n
-        self._moments_s, self._happened = dive.times_s(), snapshot.happened
-        self._take_up(self._moments_s[snapshot.happened - 1] if snapshot.happened else -math.inf)
+        self._event_times_s, self._event_count = dive.times_s(), snapshot.event_count
+        self._apply_current_and_loads(
+            self._event_times_s[snapshot.event_count - 1] if snapshot.event_count else -math.inf
+        )
 
     # -- moving -------------------------------------------------------------------------------------------------------
 
@@ -210,30 +216,30 @@ class Urov:
             raise ParameterError(f"This plant moves in steps of {step_s} s, not {dt_s} s.", fix="use plant.step_s.")
         now_s = motion.steps * step_s
         if now_s >= self._next_s:
-            self._happen()
+            self._apply_events()
         if self.dive.leak is not None:
             self._water.leak()
-        self._mover.advance(self._drive.push(now_s))
+        self._mover.advance(self._drive.advance(now_s))
         motion.steps += 1
 
-    def _happen(self) -> None:
+    def _apply_events(self) -> None:
         """Let happen what the dive has until now."""
         now_s = self.time_s + 1e-9
-        before, self._happened = self._happened, bisect.bisect_right(self._moments_s, now_s)
-        if self._happened > before:
-            moments = set(self._moments_s[before : self._happened])
+        before, self._event_count = self._event_count, bisect.bisect_right(self._event_times_s, now_s)
+        if self._event_count > before:
+            moments = set(self._event_times_s[before : self._event_count])
             names = [thruster.name for thruster in self.vehicle.thrusters]
             for fault in self.dive.faults:
                 if fault.at_s in moments and self.thrusters is not None:
-                    self.thrusters.fail(fault.number_in(names), fault.fault, fault.share)
-            self._take_up(self._moments_s[self._happened - 1])
+                    self.thrusters.fail(fault.number_in(names), fault.fault, fault.effectiveness)
+            self._apply_current_and_loads(self._event_times_s[self._event_count - 1])
 
-    def _take_up(self, time_s: float) -> None:
+    def _apply_current_and_loads(self, time_s: float) -> None:
         """Set current and loads to what they are from a moment on."""
         self._motion.current = self.dive.current_at(time_s)
-        following = self._moments_s[self._happened :]
+        following = self._event_times_s[self._event_count :]
         self._next_s = following[0] - 1e-9 if following else math.inf
-        self._water.take_up(self.dive.loads_at(time_s))
+        self._water.attach_loads(self.dive.loads_at(time_s))
 
     # -- being looked at ----------------------------------------------------------------------------------------------
 
@@ -250,7 +256,7 @@ class Urov:
     @property
     def position_m(self) -> Vector:
         """Of the vehicle's origin, world frame."""
-        return self._motion.place
+        return self._motion.position
 
     @property
     def attitude(self) -> Quaternion:
@@ -271,7 +277,7 @@ class Urov:
     def mass_matrix(self) -> Matrix:
         """6 x 6: vehicle, what hangs at it, and the water that moves with it, body frame."""
         water = self._water
-        return water.hydro.mass + (water.taken - water.wet) * self.vehicle.added_mass
+        return water.hydro.mass + (water.entrained_fraction - water.wet) * self.vehicle.added_mass
 
     @property
     def kinetic_energy_j(self) -> float:
@@ -287,7 +293,7 @@ class Urov:
     def read(self, name: str) -> Any:
         """Return the reading of a sensor without errors; all of them are at the origin but the echo sounder."""
         if name not in self.outputs:
-            raise UnknownName(f"This plant has no output '{name}'.", fix=nearest(name, self.outputs))
+            raise UnknownNameError(f"This plant has no output '{name}'.", fix=suggest(name, self.outputs))
         return self._readers[name]()
 
     def scene(self) -> dict[str, Any]:

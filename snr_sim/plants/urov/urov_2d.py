@@ -23,7 +23,7 @@ from typing import Any
 
 from snr_sim.plants.attitude import rotation_of
 from snr_sim.plants.urov.dive import Dive
-from snr_sim.plants.urov.impulses_2d import stopped
+from snr_sim.plants.urov.impulses_2d import resolve_contacts
 from snr_sim.plants.urov.motion import Motion
 from snr_sim.plants.urov.pool import FRICTION, Pool
 from snr_sim.plants.urov.pool_2d import Pool2D
@@ -32,7 +32,7 @@ from snr_sim.plants.urov.urov import STEP_S, Urov
 from snr_sim.plants.urov.urov_state import Body, Mover
 from snr_sim.plants.urov.vehicle import Matrix, Vector, Vehicle
 from snr_sim.plants.urov.water_2d import Three, Water2D
-from snr_sim.plants.urov.water_forces import SLOWING_ROUNDS, WaterForces
+from snr_sim.plants.urov.water_forces import SLOWING_ITERATIONS, WaterForces
 
 
 class Urov2D(Urov):
@@ -87,9 +87,9 @@ class PlaneMover(Mover):
         """Return the state in the plane, to the bit: our attitude is pitch by another name."""
         return self._plane.snapshot()
 
-    def forget(self) -> None:
+    def invalidate(self) -> None:
         """Take over the pitch that the vehicle was put at."""
-        self._pitch = self._plane.where()[2]
+        self._pitch = self._plane.plane_pose()[2]
 
     def _follow_mass(self) -> None:
         """Take over the mass of vehicle and water if it has changed."""
@@ -98,56 +98,60 @@ class PlaneMover(Mover):
             self._known_mass = mass, wet
             self._equation.set_mass(mass, wet)
 
-    def advance(self, push: Sequence[float]) -> None:
+    def advance(self, wrench: Sequence[float]) -> None:
         """Advance by one step."""
         motion, plane, water, equation = self._motion, self._plane, self._water, self._equation
         step_s, flotation = motion.step_s, water.flotation
         (vx, _, vz), (cx, _, cz), pitch_rate = motion.velocity, motion.current, motion.rate[1]
-        push = water.around(push, motion.through_water(), step_s)
+        wrench = water.add_water_forces(wrench, motion.through_water(), step_s)
         self._follow_mass()
         through = vx - cx, vz - cz, pitch_rate
-        if water.slam is not None:
-            through = equation.less(through, self._pitch, (water.slam[0], water.slam[2], water.slam[4]))
+        if water.impact_impulse is not None:
+            through = equation.subtract_impulse(
+                through, self._pitch, (water.impact_impulse[0], water.impact_impulse[2], water.impact_impulse[4])
+            )
             plane.move_at((through[0] + cx, through[1] + cz, through[2]))
         plane.drift(0.5 * step_s)
-        arm_x, _, arm_z = flotation.arm
+        arm_x, _, arm_z = flotation.static_moment_nm
         rx, rz, rate = equation.advance(
-            through, self._pitch, (push[0], push[2], push[4]), flotation.net_n, (arm_x, arm_z), step_s
+            through, self._pitch, (wrench[0], wrench[2], wrench[4]), flotation.net_n, (arm_x, arm_z), step_s
         )
         after, self.contact_n = (rx + cx, rz + cz, rate), None
-        touches = plane.touches()
-        if touches:
+        contacts = plane.contacts()
+        if contacts:
             mobility = equation.mobility(self._pitch + 0.5 * step_s * pitch_rate)
-            after, (along_x, along_z) = stopped(after, touches, mobility, FRICTION, step_s)
+            after, (along_x, along_z) = resolve_contacts(after, contacts, mobility, FRICTION, step_s)
             self.contact_n = (along_x / step_s, 0.0, along_z / step_s)
-            water.taken = water.wet
+            water.entrained_fraction = water.wet
         plane.move_at(after)
         plane.drift(0.5 * step_s)
-        if water.taken > water.wet:
-            x, z, rate = self._slowed((after[0] - cx, after[1] - cz, after[2]), plane.where()[2])
+        if water.entrained_fraction > water.wet:
+            x, z, rate = self._velocity_after_entrainment(
+                (after[0] - cx, after[1] - cz, after[2]), plane.plane_pose()[2]
+            )
             after = x + cx, z + cz, rate
             plane.move_at(after)
         self._take_over(after)
 
-    def _slowed(self, through: Three, pitch: float) -> Three:
-        """Return the velocity at a step's end, as `WaterForces.slowed` does in space."""
+    def _velocity_after_entrainment(self, through: Three, pitch: float) -> Three:
+        """Return the velocity at a step's end, as `WaterForces.velocity_after_entrainment` does in space."""
         cos, sin = math.cos(pitch), math.sin(pitch)
         x, z, rate = through
-        for _ in range(SLOWING_ROUNDS):
+        for _ in range(SLOWING_ITERATIONS):
             late = self._water.late_momentum((cos * x - sin * z, 0.0, sin * x + cos * z, 0.0, rate, 0.0))
-            x, z, rate = self._equation.less(through, pitch, (late[0], late[2], late[4]))
+            x, z, rate = self._equation.subtract_impulse(through, pitch, (late[0], late[2], late[4]))
         return x, z, rate
 
     def _take_over(self, after: Three) -> None:
         """Take over where the step led to."""
         motion = self._motion
-        (vx, _, vz), (_, y, _) = motion.velocity, motion.place
-        x, z, pitch = self._plane.where()
+        (vx, _, vz), (_, y, _) = motion.velocity, motion.position
+        x, z, pitch = self._plane.plane_pose()
         self._pitch = pitch
-        motion.place, motion.attitude = (x, y, z), (math.cos(0.5 * pitch), 0.0, math.sin(0.5 * pitch), 0.0)
+        motion.position, motion.attitude = (x, y, z), (math.cos(0.5 * pitch), 0.0, math.sin(0.5 * pitch), 0.0)
         motion.rotation = rotation_of(motion.attitude)
         motion.velocity, motion.rate = (after[0], 0.0, after[1]), (0.0, after[2], 0.0)
-        motion.gained = ((after[0] - vx) / motion.step_s, 0.0, (after[1] - vz) / motion.step_s)
+        motion.acceleration_world = ((after[0] - vx) / motion.step_s, 0.0, (after[1] - vz) / motion.step_s)
 
 
 def in_plane(dive: Dive) -> Dive:
@@ -160,10 +164,12 @@ def in_plane(dive: Dive) -> Dive:
         velocity_mps=_flat(dive.velocity_mps),
         rate_radps=(0.0, dive.rate_radps[1], 0.0),
         currents=tuple(replace(one, velocity_mps=_flat(one.velocity_mps)) for one in dive.currents),
-        loads=tuple(replace(one, place_m=_flat(one.place_m)) for one in dive.loads),
-        leak=dive.leak and replace(dive.leak, place_m=_flat(dive.leak.place_m)),
+        loads=tuple(replace(one, position_m=_flat(one.position_m)) for one in dive.loads),
+        leak=dive.leak and replace(dive.leak, position_m=_flat(dive.leak.position_m)),
         tether=tether
-        and replace(tether, anchor_m=(tether.anchor_m[0], y, tether.anchor_m[2]), place_m=_flat(tether.place_m)),
+        and replace(
+            tether, anchor_m=(tether.anchor_m[0], y, tether.anchor_m[2]), attachment_m=_flat(tether.attachment_m)
+        ),
     )
 
 

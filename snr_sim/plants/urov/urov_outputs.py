@@ -3,9 +3,9 @@
 These are the plant's outputs. A sensor's reading is another record (`prelude/signals.py`): a depth sensor measures
 pressure and computes depth from it, as the real part does.
 
-    output "depth"     Depth       output "power"   Power
-    output "imu"       Imu         output "leak"    Leak
-    output "altitude"  Altitude     output "pose"    Pose
+    output "depth"     DepthOutput       output "power"   PowerOutput
+    output "imu"       ImuOutput         output "leak"    LeakOutput
+    output "altitude"  AltitudeOutput    output "pose"    PoseOutput
 
 Frames: world x east, y north, z up; body x forward, y left, z up.
 """
@@ -15,7 +15,7 @@ from __future__ import annotations
 import msgspec
 
 
-class Depth(msgspec.Struct, frozen=True):
+class DepthOutput(msgspec.Struct, frozen=True):
     """The water at the pressure port.
 
     Args:
@@ -33,7 +33,7 @@ class Depth(msgspec.Struct, frozen=True):
     stamp_s: float
 
 
-class Imu(msgspec.Struct, frozen=True):
+class ImuOutput(msgspec.Struct, frozen=True):
     """Motion and field where the inertial unit is mounted, its axes along the body's; the attitude it finds itself.
 
     Args:
@@ -49,7 +49,7 @@ class Imu(msgspec.Struct, frozen=True):
     stamp_s: float
 
 
-class Altitude(msgspec.Struct, frozen=True):
+class AltitudeOutput(msgspec.Struct, frozen=True):
     """What is under the echo sounder.
 
     Args:
@@ -63,7 +63,7 @@ class Altitude(msgspec.Struct, frozen=True):
     stamp_s: float
 
 
-class Pose(msgspec.Struct, frozen=True):
+class PoseOutput(msgspec.Struct, frozen=True):
     """Position of the vehicle's origin and its attitude: for a camera's image.
 
     Args:
@@ -77,7 +77,7 @@ class Pose(msgspec.Struct, frozen=True):
     stamp_s: float
 
 
-class Power(msgspec.Struct, frozen=True):
+class PowerOutput(msgspec.Struct, frozen=True):
     """The battery's terminals.
 
     Args:
@@ -93,7 +93,7 @@ class Power(msgspec.Struct, frozen=True):
     stamp_s: float
 
 
-class Leak(msgspec.Struct, frozen=True):
+class LeakOutput(msgspec.Struct, frozen=True):
     """Water where none should be.
 
     Args:

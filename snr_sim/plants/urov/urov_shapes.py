@@ -56,7 +56,7 @@ def tether_shape(tether: Tether) -> dict[str, Any]:
     return {
         "anchor_m": list(tether.anchor_m),
         "body": "vehicle",
-        "place_m": list(tether.place_m),
+        "place_m": list(tether.attachment_m),
         "length_m": tether.length_m,
     }
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from snr_sim.plants.attitude import rotation_of
 from snr_sim.plants.urov.dive import Dive
-from snr_sim.plants.urov.plausible import is_number, shown
+from snr_sim.plants.urov.parameter_limits import format_value, is_number
 from snr_sim.plants.urov.pool import Pool
 from snr_sim.plants.urov.tether import Tether
 from snr_sim.plants.urov.vehicle import Vehicle
@@ -22,7 +22,9 @@ from snr_sim.prelude.angles import quaternion_of
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.sums import ordered_sum
 
-GIVES_M = 0.01  # depth in the floor at which a dive may begin: contacts are soft, and then push the vehicle out
+MAX_INITIAL_PENETRATION_M = (
+    0.01  # depth in the floor at which a dive may begin: contacts are soft, and then push the vehicle out
+)
 TAUT = 1.001  # factor of its length that a tether may be stretched to at the start
 
 
@@ -32,14 +34,14 @@ def check_parts(vehicle: Any, pool: Any, start_of: Any, thrusters: Any, step_s: 
     Raises:
         ParameterError: a part is of another kind, or vehicle and propulsion have not as many thrusters.
     """
-    for what, given, is_right, wanted in (
+    for what, given, is_right, expected in (
         ("vehicle", vehicle, isinstance(vehicle, Vehicle), "a Vehicle; read_vehicle makes one of a file"),
         ("pool", pool, isinstance(pool, Pool), "a Pool"),
         ("start", start_of, callable(start_of), "a function that takes a seed and returns a Dive"),
         ("propulsion", thrusters, thrusters is None or hasattr(thrusters, "count"), "a Propulsion, or None"),
     ):
         if not is_right:
-            raise ParameterError(f"The {what} is {shown(given)}.", fix=f"give {wanted}.")
+            raise ParameterError(f"The {what} is {format_value(given)}.", fix=f"give {expected}.")
     if not is_number(step_s) or not 0.0 < step_s <= 0.05:
         raise ParameterError(f"A vehicle under water in steps of {step_s} s.", fix="0.005 s is a good step.")
     if thrusters is not None and thrusters.count != len(vehicle.thrusters):
@@ -56,7 +58,9 @@ def check_start(dive: Any, seed: int, vehicle: Vehicle, pool: Pool, has_thruster
         ParameterError: it is not a dive, or is not compatible with vehicle and pool.
     """
     if not isinstance(dive, Dive):
-        raise ParameterError(f"The start of seed {seed} is {shown(dive)}.", fix="give a function that returns a Dive.")
+        raise ParameterError(
+            f"The start of seed {seed} is {format_value(dive)}.", fix="give a function that returns a Dive."
+        )
     x, y, z = dive.position_m
     if z < -pool.depth_m or abs(x) > 0.5 * pool.length_m or abs(y) > 0.5 * pool.width_m:
         raise ParameterError(f"The dive begins at {dive.position_m} m, which is not in the pool.", fix=pool.extent())
@@ -70,7 +74,7 @@ def check_start(dive: Any, seed: int, vehicle: Vehicle, pool: Pool, has_thruster
         _check_swing(dive.tether, vehicle, step_s)
 
 
-def check_room(dive: Dive, solid: str, depth_m: float, vehicle: Vehicle, pool: Pool) -> None:
+def check_clearance(dive: Dive, solid: str, depth_m: float, vehicle: Vehicle, pool: Pool) -> None:
     """Check that a vehicle at its start is in nothing solid.
 
     Args:
@@ -80,9 +84,9 @@ def check_room(dive: Dive, solid: str, depth_m: float, vehicle: Vehicle, pool: P
         vehicle, pool: for the message.
 
     Raises:
-        ParameterError: it is deeper than `GIVES_M`.
+        ParameterError: it is deeper than `MAX_INITIAL_PENETRATION_M`.
     """
-    if depth_m > GIVES_M:
+    if depth_m > MAX_INITIAL_PENETRATION_M:
         size = " x ".join(f"{side:g}" for side in vehicle.size_m)
         raise ParameterError(
             f"The dive begins at {dive.position_m} m with the vehicle {100.0 * depth_m:.3g} cm deep in '{solid}'.",
@@ -106,7 +110,7 @@ def _check_floats(dive: Dive, vehicle: Vehicle, pool: Pool) -> None:
 
 def _check_reach(dive: Dive, tether: Tether) -> None:
     turn = np.array(rotation_of(quaternion_of(*dive.attitude_rad))).reshape(3, 3)
-    end = np.array(dive.position_m) + turn @ np.array(tether.place_m)  # decides no run: only checked
+    end = np.array(dive.position_m) + turn @ np.array(tether.attachment_m)  # decides no run: only checked
     away_m = math.dist(end.tolist(), tether.anchor_m)
     if away_m > TAUT * tether.length_m:
         raise ParameterError(

@@ -35,7 +35,7 @@ class Mover(ABC):
     pressed_n: float = 0.0
 
     @abstractmethod
-    def advance(self, push: Sequence[float]) -> None:
+    def advance(self, wrench: Sequence[float]) -> None:
         """Advance by one step under a wrench."""
 
     @abstractmethod
@@ -43,7 +43,7 @@ class Mover(ABC):
         """Return all of the engine's state."""
 
     @abstractmethod
-    def forget(self) -> None:
+    def invalidate(self) -> None:
         """Invalidate what depends on the pose: the vehicle was moved."""
 
 
@@ -59,23 +59,23 @@ class WrenchCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     moment_nm: list[float] = msgspec.field(default_factory=lambda: [0.0] * 3)
 
 
-class State(NamedTuple):
+class UrovState(NamedTuple):
     """All of the plant. Without defaults: a start."""
 
     dive: Dive
-    place: Vector
+    position: Vector
     attitude: Quaternion
     velocity: Vector  # world frame
     rate: Vector  # body frame
     mujoco: Any = None
     thrusters: Any = None
     steps: int = 0
-    happened: int = 0  # how many moments of the dive have passed
+    event_count: int = 0  # how many moments of the dive have passed
     acceleration: Six = AT_REST  # of the velocity through the water, body frame, without contacts
     guess: Six = AT_REST  # what it will be in the next step
-    gained: Vector = (0.0, 0.0, 0.0)  # acceleration of the last step, world frame
+    acceleration_world: Vector = (0.0, 0.0, 0.0)  # acceleration of the last step, world frame
     wet: float = 1.0  # fraction of the volume in the middle of the last step
-    taken: float = 1.0  # the fraction whose water has been brought to the vehicle's speed
+    entrained_fraction: float = 1.0  # the fraction whose water has been brought to the vehicle's speed
     water_l: float = 0.0  # leaked and weighed
     wrench: Six = AT_REST
     pulses: tuple[float | None, ...] = ()

@@ -15,7 +15,7 @@ from typing import Annotated, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.plants.urov.plausible import (
+from snr_sim.plants.urov.parameter_limits import (
     FINITE,
     LEAD_KGM3,
     LIMITS,
@@ -24,7 +24,7 @@ from snr_sim.plants.urov.plausible import (
     Limit,
     check_number,
     check_record,
-    shown,
+    format_value,
 )
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.sums import ordered_sum
@@ -46,12 +46,12 @@ class Thruster:
     """
 
     name: str
-    position_m: Annotated[Vector, LIMITS["place_m"]]
+    position_m: Annotated[Vector, LIMITS["body_position_m"]]
     direction: Annotated[Vector, FINITE]
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.strip():
-            raise ParameterError(f"A thruster is named {shown(self.name)}.", fix='give it a name, such as "T1".')
+            raise ParameterError(f"A thruster is named {format_value(self.name)}.", fix='give it a name, such as "T1".')
         who = f"Thruster '{self.name}'"
         check_record(self, f"{who}: ")
         length = math.hypot(*self.direction)
@@ -94,8 +94,8 @@ class Vehicle:
     added_mass: Annotated[Matrix, FINITE, AXES]
     linear_damping: Annotated[Six, LIMITS["linear_damping"]]
     quadratic_damping: Annotated[Six, LIMITS["quadratic_damping"]]
-    centre_of_mass_m: Annotated[Vector, LIMITS["place_m"]] = (0.0, 0.0, 0.0)
-    centre_of_buoyancy_m: Annotated[Vector, LIMITS["place_m"]] = (0.0, 0.0, 0.0)
+    centre_of_mass_m: Annotated[Vector, LIMITS["body_position_m"]] = (0.0, 0.0, 0.0)
+    centre_of_buoyancy_m: Annotated[Vector, LIMITS["body_position_m"]] = (0.0, 0.0, 0.0)
     size_m: Annotated[Vector, LIMITS["size_m"], ("length", "width", "height")] = (0.457, 0.575, 0.254)
     thrusters: Annotated[tuple[Thruster, ...], "Thruster(...)"] = ()
     net_buoyancy_n: Annotated[float | None, LIMITS["net_buoyancy_n"]] = None
@@ -104,7 +104,7 @@ class Vehicle:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not isinstance(self.sources, dict):
             raise ParameterError(
-                f"A vehicle is named {shown(self.name)}, its sources are {shown(self.sources)}.",
+                f"A vehicle is named {format_value(self.name)}, its sources are {format_value(self.sources)}.",
                 fix='a text such as "mine", and a dict of texts, by the names of the numbers.',
             )
         check_record(self, self._what(""))
@@ -133,21 +133,21 @@ class Vehicle:
                 f"{self._what('inertia_kgm2')} is {inertia.tolist()}: one is more than the two others together.",
                 fix="no body is like that: look at the largest.",
             )
-        least = self.mass_kg**2 / (2.0 * math.pi * LEAD_KGM3 * max(self.size_m))
-        if principal[0] < least:
+        min_value = self.mass_kg**2 / (2.0 * math.pi * LEAD_KGM3 * max(self.size_m))
+        if principal[0] < min_value:
             raise ParameterError(
                 f"{self._what('inertia_kgm2')} has {principal[0]:.3g} kg m2 about one axis.",
-                fix=f"at least {least:.2g}: {self.mass_kg:g} kg have that as a rod of lead as long as the frame, about "
-                "that length; look at the unit, and at mass_kg and size_m, too.",
+                fix=f"at least {min_value:.2g}: {self.mass_kg:g} kg have that as a rod of lead as long as the frame, "
+                "about that length; look at the unit, and at mass_kg and size_m, too.",
             )
         low, high = sorted(self.size_m)[1:]
         corners = 0.25 * self.mass_kg * (low * low + high * high)
         share = float(principal[2]) / corners
-        if not LIMITS["inertia_share"].holds(share):
+        if not LIMITS["inertia_share"].contains(share):
             raise ParameterError(
                 f"{self._what('inertia_kgm2')} has {principal[2]:.3g} kg m2, {share:.1f} times the most that "
                 f"{self.mass_kg:g} kg can have in this frame.",
-                fix=f"{LIMITS['inertia_share'].why}; look at mass_kg and size_m, too.",
+                fix=f"{LIMITS['inertia_share'].reason}; look at mass_kg and size_m, too.",
             )
 
     def _check_added_mass(self) -> None:
@@ -156,15 +156,17 @@ class Vehicle:
         corner = water * 0.25 * ordered_sum(side * side for side in self.size_m)
         share = LIMITS["added_mass_share"]
         for i, axis in enumerate(AXES):
-            most, unit = share.most * (water if i < 3 else corner), "kg" if i < 3 else "kg m2"
+            max_value, unit = share.max_value * (water if i < 3 else corner), "kg" if i < 3 else "kg m2"
             check_number(
                 self._what("added_mass"),
                 float(added[i, i]),
-                Limit(0.0, most, unit, f"it stands here without its minus, and {share.why}", share.slips),
+                Limit(
+                    0.0, max_value, unit, f"it is given as a positive number, and {share.reason}", share.unit_mistakes
+                ),
                 axis,
             )
-        least = float(np.linalg.eigvalsh(added)[0])  # decides no run: only checked
-        if least < -1e-9 * float(np.abs(added).max()):
+        min_value = float(np.linalg.eigvalsh(added)[0])  # decides no run: only checked
+        if min_value < -1e-9 * float(np.abs(added).max()):
             raise ParameterError(
                 f"{self._what('added_mass')} is {added.tolist()}: moved one way, the water would have less energy than "
                 "at rest.",
@@ -181,9 +183,9 @@ class Vehicle:
             )
         for thruster in self.thrusters:
             for axis, value, size in zip("xyz", thruster.position_m, self.size_m, strict=True):
-                most = 0.5 * size + OUTRIGGER_M
+                max_value = 0.5 * size + OUTRIGGER_M
                 limit = Limit(
-                    0.0, most, "m", f"it is fixed to the frame, as size_m says, {OUTRIGGER_M:g} m outside at most"
+                    0.0, max_value, "m", f"it is fixed to the frame, as size_m says, {OUTRIGGER_M:g} m outside at most"
                 )
                 check_number(f"Thruster '{thruster.name}': position_m, off the middle in {axis},", abs(value), limit)
 
@@ -202,13 +204,13 @@ class Vehicle:
         if self.net_buoyancy_n is None:
             return self
         mass = density_kgm3 * self.volume_m3 - self.net_buoyancy_n / gravity_mps2
-        if not LIMITS["ballast_share"].holds((mass - self.mass_kg) / self.mass_kg):
+        if not LIMITS["ballast_share"].contains((mass - self.mass_kg) / self.mass_kg):
             raise ParameterError(
                 f"Vehicle '{self.name}' has mass_kg {self.mass_kg:g}; to float up with net_buoyancy_n "
                 f"{self.net_buoyancy_n:g} in water of {density_kgm3:g} kg/m3, {1e3 * self.volume_m3:g} l must "
                 f"weigh {mass:.4g} kg.",
                 fix="correct mass_kg or volume_m3, or leave out net_buoyancy_n, and it weighs what it weighs: "
-                f"{LIMITS['ballast_share'].why}.",
+                f"{LIMITS['ballast_share'].reason}.",
             )
         return replace(self, mass_kg=mass)
 

@@ -15,18 +15,20 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.plants.urov.plausible import check_number, check_vector, checked_matrix, shown
+from snr_sim.plants.urov.parameter_limits import check_number, check_vector, checked_matrix, format_value
 from snr_sim.plants.urov.vehicle import Matrix, Thruster, Vector, Vehicle
-from snr_sim.prelude.errors import ParameterError, nearest
+from snr_sim.prelude.errors import ParameterError, suggest
 from snr_sim.prelude.sums import ordered_sum
 from snr_sim.prelude.water import FRESH_KGM3, GRAVITY_MPS2
-from snr_sim.prelude.wrench import AXES, lacking_axes
+from snr_sim.prelude.wrench import AXES, unactuated_axes
 
 Flip: TypeAlias = NDArray[np.float64]  # signs of six axes
 
 FLIP = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])  # from FRD to FLU and back
 FRAMES = {"FRD": FLIP, "FLU": np.ones(6)}
-MOST_LINEAR = 2.0  # drag at 1 m/s along the axes, linear by quadratic: those in robots/urov/vehicles have 0.1 and 0.2
+MAX_LINEAR_RATIO = (
+    2.0  # drag at 1 m/s along the axes, linear by quadratic: those in robots/urov/vehicles have 0.1 and 0.2
+)
 _OPTIONAL = {"net_buoyancy_n"}
 _NUMBER = ("value", "source")
 _THRUSTER = ("name", "position_m", "direction")
@@ -44,7 +46,9 @@ def read_vehicle(path: Path | str) -> Vehicle:
             names the file, the field and what was found in it.
     """
     if not isinstance(path, str | Path):
-        raise ParameterError(f"The path of the vehicle's file is {shown(path)}.", fix='Path("vehicles/mine.toml").')
+        raise ParameterError(
+            f"The path of the vehicle's file is {format_value(path)}.", fix='Path("vehicles/mine.toml").'
+        )
     path = Path(path)
     data = _tables(path)
     try:
@@ -78,14 +82,14 @@ def _tables(path: Path) -> dict[str, Any]:
 
 def _vehicle(name: str, data: dict[str, Any]) -> Vehicle:
     """Return the vehicle of the file's tables."""
-    _check_keys("the file", data, "number of a vehicle", _KNOWN)
+    _check_keys("the file", data, "key of a vehicle file", _KNOWN)
     frame = data.get("frame")
     if not isinstance(frame, str) or frame not in FRAMES:
-        found = f"the file has the frame {shown(frame)}" if "frame" in data else "the file lacks frame"
+        found = f"the file has the frame {format_value(frame)}" if "frame" in data else "the file lacks frame"
         raise ParameterError(f"{found}.", fix='write frame = "FRD" (z down) or frame = "FLU" (z up).')
     flip = FRAMES[frame]
     if not isinstance(data.get("about", ""), str):
-        raise ParameterError(f"about is {shown(data['about'])}, which is no text.", fix='write about = "...".')
+        raise ParameterError(f"about is {format_value(data['about'])}, which is not text.", fix='write about = "...".')
     values, sources = _numbers(data, flip)
     thrusters = _thrusters(data.get("thruster", []), flip)
     return Vehicle(name, **values, thrusters=thrusters, sources=sources)
@@ -95,7 +99,7 @@ def _numbers(data: dict[str, Any], flip: Flip) -> tuple[dict[str, Any], dict[str
     """Return the values in our frame and their sources, in full, by name."""
     named = _sources(data)
     values, sources = {}, {}
-    for name, turned in _NUMBERS.items():
+    for name, read_value in _NUMBERS.items():
         if name not in data:
             if name in _OPTIONAL:
                 continue
@@ -103,11 +107,11 @@ def _numbers(data: dict[str, Any], flip: Flip) -> tuple[dict[str, Any], dict[str
         entry = data[name]
         if not isinstance(entry, dict):
             raise ParameterError(
-                f"{name} is {shown(entry)}, which is not a value with a source.",
+                f"{name} is {format_value(entry)}, which is not a value with a source.",
                 fix=f'write {name} = {{ value = ..., source = "..." }}.',
             )
-        _check_keys(name, entry, "part of a number", _NUMBER, _NUMBER)
-        values[name] = turned(name, entry["value"], flip)
+        _check_keys(name, entry, "key of a value", _NUMBER, _NUMBER)
+        values[name] = read_value(name, entry["value"], flip)
         sources[name] = _source(f"{name}: source", entry["source"], named)
     if data.get("thruster"):
         if "thrusters_source" not in data:
@@ -119,11 +123,14 @@ def _numbers(data: dict[str, Any], flip: Flip) -> tuple[dict[str, Any], dict[str
 def _sources(data: dict[str, Any]) -> dict[str, str]:
     named = data.get("sources", {})
     if not isinstance(named, dict):
-        raise ParameterError(f"sources is {shown(named)}.", fix='write [sources] and below it paper = "who, where".')
+        raise ParameterError(
+            f"sources is {format_value(named)}.", fix='write [sources] and below it paper = "who, where".'
+        )
     for key, text in named.items():
         if not isinstance(text, str) or not text.strip():
             raise ParameterError(
-                f"sources: {key} is {shown(text)}, which tells nobody where a number is from.", fix="name the paper."
+                f"sources: {key} is {format_value(text)}, which does not name a source.",
+                fix="name the paper.",
             )
     return named
 
@@ -132,8 +139,8 @@ def _source(what: str, key: Any, named: dict[str, str]) -> str:
     """Return the text of a source."""
     if not isinstance(key, str) or key not in named:
         raise ParameterError(
-            f"{what} is {shown(key)}, which is not a value with a source that [sources] has.",
-            fix=nearest(str(key), named),
+            f"{what} is {format_value(key)}, which is not a value with a source that [sources] has.",
+            fix=suggest(str(key), named),
         )
     return named[key]
 
@@ -189,15 +196,15 @@ _KNOWN = ("about", "frame", "sources", "thruster", "thrusters_source", "lacks", 
 def _thrusters(tables: Any, flip: Flip) -> tuple[Thruster, ...]:
     if not isinstance(tables, list) or not all(isinstance(one, dict) for one in tables):
         raise ParameterError(
-            f"thruster is {shown(tables)}.", fix="begin each thruster with [[thruster]], in two pairs."
+            f"thruster is {format_value(tables)}.", fix="begin each thruster with [[thruster]], in two pairs."
         )
     thrusters = []
     for i, one in enumerate(tables, start=1):
         name = one.get("name")
         where = f"thruster {i}" + (f" ('{name}')" if isinstance(name, str) else "")
-        _check_keys(where, one, "part of a thruster", _THRUSTER, _THRUSTER)
+        _check_keys(where, one, "key of a thruster", _THRUSTER, _THRUSTER)
         if not isinstance(name, str):
-            raise ParameterError(f"{where}: name is {shown(name)}, which is no text.", fix='write name = "T1".')
+            raise ParameterError(f"{where}: name is {format_value(name)}, which is not text.", fix='write name = "T1".')
         thrusters.append(Thruster(name, *(_place(f"{where}: {key}", one[key], flip) for key in _THRUSTER[1:])))
     return tuple(thrusters)
 
@@ -205,7 +212,7 @@ def _thrusters(tables: Any, flip: Flip) -> tuple[Thruster, ...]:
 def _check_keys(where: str, table: dict[str, Any], what: str, known: Sequence[str], needed: Sequence[str] = ()) -> None:
     for key in table:
         if key not in known:
-            raise ParameterError(f"{where} has '{key}', which is no {what}.", fix=nearest(key, known))
+            raise ParameterError(f"{where} has '{key}', which is not a {what}.", fix=suggest(key, known))
     for key in needed:
         if key not in table:
             raise ParameterError(f"{where} lacks {key}.", fix=f"it has {', '.join(needed)}.")
@@ -215,10 +222,12 @@ def _lacks(data: dict[str, Any]) -> tuple[str, ...]:
     """Return the axes that, by the file, its thrusters cannot push."""
     declared = data.get("lacks", [])
     if not isinstance(declared, list):
-        raise ParameterError(f"lacks is {shown(declared)}, which is no list.", fix='write lacks = ["pitch"], or [].')
+        raise ParameterError(
+            f"lacks is {format_value(declared)}, which is not a list.", fix='write lacks = ["pitch"], or [].'
+        )
     for axis in declared:
         if not isinstance(axis, str) or axis not in AXES:
-            raise ParameterError(f"lacks has {shown(axis)}, which is no axis.", fix=nearest(str(axis), AXES))
+            raise ParameterError(f"lacks has {format_value(axis)}, which is not an axis.", fix=suggest(str(axis), AXES))
     return tuple(declared)
 
 
@@ -244,7 +253,7 @@ def _check_drag(vehicle: Vehicle) -> None:
             fix="one of the two has a number for each axis; without a measurement take that of benzon2022.toml.",
         )
     slow, fast = ordered_sum(linear[:3]), ordered_sum(quadratic[:3])
-    if 0.0 < MOST_LINEAR * fast < slow:
+    if 0.0 < MAX_LINEAR_RATIO * fast < slow:
         raise ParameterError(
             f"linear_damping of surge, sway and heave adds up to {slow:g}, quadratic_damping to {fast:g}: at 1 m/s "
             "drag would be in proportion to speed.",
@@ -253,7 +262,7 @@ def _check_drag(vehicle: Vehicle) -> None:
 
 
 def _check_lacks(vehicle: Vehicle, declared: tuple[str, ...]) -> None:
-    found = lacking_axes(vehicle.thruster_matrix()) if vehicle.thrusters else ()
+    found = unactuated_axes(vehicle.thruster_matrix()) if vehicle.thrusters else ()
     if set(found) != set(declared):
         raise ParameterError(
             f"The thrusters of '{vehicle.name}' lack authority in {', '.join(found) or 'no axis'}, "

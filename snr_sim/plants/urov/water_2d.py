@@ -28,15 +28,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snr_sim.plants.matrices import inverse
-from snr_sim.plants.urov.hydrodynamics import in_words
+from snr_sim.plants.urov.hydrodynamics import format_velocities
 from snr_sim.plants.urov.vehicle import Vehicle
 from snr_sim.prelude.errors import PlantError
 
 PLANE = (0, 2, 4)  # surge, heave and pitch among the six axes
-ROUNDS = 4  # with three, momentum that is left alone drifts by 3e-4 in 20 s at 10 ms, with four by 2e-7
-SETTLED = 1e-6  # m/s, rad/s: a round that changes the velocity by more is not the last
-MOST_ROUNDS, CAREFUL = 100, 0.2  # relaxation factor, where drag is so large that rounds overshoot
-EXPLODED = 1e9  # the same, of a round that leads nowhere
+ITERATIONS = 4  # with three, momentum that is left alone drifts by 3e-4 in 20 s at 10 ms, with four by 2e-7
+TOLERANCE = 1e-6  # m/s, rad/s: a round that changes the velocity by more is not the last
+MAX_ITERATIONS, RELAXATION = 100, 0.2  # relaxation factor, where drag is so large that rounds overshoot
+DIVERGED = 1e9  # the same, of a round that leads nowhere
 
 Three: TypeAlias = tuple[float, float, float]  # along x and z, then about y
 
@@ -60,16 +60,22 @@ class Water2D:
         self._inverse: list[list[float]] = inverse(block).tolist()
 
     def advance(
-        self, velocity: Three, pitch: float, push: Three, net_n: float, arm: tuple[float, float], dt_s: float
+        self,
+        velocity: Three,
+        pitch: float,
+        wrench: Three,
+        net_n: float,
+        static_moment_nm: tuple[float, float],
+        dt_s: float,
     ) -> Three:
         """Return the velocity through the water a step later.
 
         Args:
             velocity: at the step's begin, world frame [m/s], and rate of pitch [rad/s].
             pitch: at the step's begin.
-            push: along x, z and about y in the middle of the step, body frame.
+            wrench: along x, z and about y in the middle of the step, body frame.
             net_n: buoyancy less weight.
-            arm: x and z of buoyancy times its position less weight times its position [N m], body frame.
+            static_moment_nm: x and z of buoyancy times its position less weight times its position [N m], body frame.
             dt_s: length of the step.
 
         Raises:
@@ -85,9 +91,13 @@ class Water2D:
         momentum_x, momentum_z, momentum_q = cos * p1 + sin * p3, cos * p3 - sin * p1, m13 * u + m23 * w + m33 * q0
         middle = pitch + 0.5 * dt_s * q0
         cos_m, sin_m = math.cos(middle), math.sin(middle)
-        x, z, moment = push[0] - net_n * sin_m, push[1] + net_n * cos_m, push[2] - arm[1] * sin_m - arm[0] * cos_m
+        x, z, moment = (
+            wrench[0] - net_n * sin_m,
+            wrench[1] + net_n * cos_m,
+            wrench[2] - static_moment_nm[1] * sin_m - static_moment_nm[0] * cos_m,
+        )
         vx, vz, q = velocity
-        for i in range(MOST_ROUNDS):
+        for i in range(MAX_ITERATIONS):
             vx_m, vz_m, q_m = 0.5 * (vx0 + vx), 0.5 * (vz0 + vz), 0.5 * (q0 + q)
             u, w = cos_m * vx_m - sin_m * vz_m, sin_m * vx_m + cos_m * vz_m
             p1, p3 = m11 * u + m12 * w + m13 * q_m, m12 * u + m22 * w + m23 * q_m
@@ -103,21 +113,21 @@ class Water2D:
             u, w = i11 * p1 + i12 * p3 + i13 * pq, i12 * p1 + i22 * p3 + i23 * pq
             to_x, to_z, to_q = cos * u + sin * w - vx, cos * w - sin * u - vz, i13 * p1 + i23 * p3 + i33 * pq - q
             gap = abs(to_x) + abs(to_z) + abs(to_q)
-            if not gap < EXPLODED:  # also a NaN
+            if not gap < DIVERGED:  # also a NaN
                 break
             # So much drag that each round overshoots: relax.
-            share = 1.0 if i < ROUNDS else CAREFUL
+            share = 1.0 if i < ITERATIONS else RELAXATION
             vx, vz, q = vx + share * to_x, vz + share * to_z, q + share * to_q
-            if i >= ROUNDS - 1 and gap < SETTLED:
+            if i >= ITERATIONS - 1 and gap < TOLERANCE:
                 return vx, vz, q
         u, w = cos_m * vx0 - sin_m * vz0, sin_m * vx0 + cos_m * vz0
         raise PlantError(
-            f"At {in_words((u, 0.0, w, 0.0, q0, 0.0))} through the water, a step of {dt_s:g} s is too long for what "
-            "pushes and drags.",
+            f"At {format_velocities((u, 0.0, w, 0.0, q0, 0.0))} through the water, a step of {dt_s:g} s is too long "
+            "for what pushes and drags.",
             fix="look at the last commands and at the vehicle's numbers; or take a shorter step.",
         )
 
-    def less(self, velocity: Three, pitch: float, momentum: Three) -> Three:
+    def subtract_impulse(self, velocity: Three, pitch: float, momentum: Three) -> Three:
         """Return the velocity (world frame) of a body that has given away some momentum (body frame)."""
         x, z, turn = momentum
         du, dw, dq = (a * x + b * z + c * turn for a, b, c in self._inverse)

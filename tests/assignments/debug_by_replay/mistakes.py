@@ -45,7 +45,7 @@ cause = "The engine goes out as soon as it is slow, however high it still is: bo
     "symptom": Mistake(
         "Commands a slower descent instead of repairing the throttler.",
         lost={"diverges": 20.0},
-        hint="one of the two treats what another one does wrong",
+        hint="compensates for a mistake of another component",
         changes=[
             replace(
                 "findings.toml",
@@ -57,7 +57,7 @@ was = '''
                 """\
 component = "planner"
 was = '''
-            plan["wanted_mps"] = -min(SINK_MPS, max(LAST_MPS, height_m / 5.0))
+            plan["target_speed_mps"] = -min(SINK_MPS, max(LAST_MPS, height_m / 5.0))
 """,
             ),
             replace(
@@ -68,9 +68,9 @@ was = '''
 cause = "While it sinks nothing holds its weight, so it comes in about 1.6 m/s faster than planned."
 """,
                 """\
-            plan["wanted_mps"] = -min(SINK_MPS, max(LAST_MPS, height_m / 5.0)) + 1.6
+            plan["target_speed_mps"] = -min(SINK_MPS, max(LAST_MPS, height_m / 5.0)) + 1.6
 '''
-cause = "It sinks 1.6 m/s faster than it is told, so it must be told to sink slower."
+cause = "It sinks 1.6 m/s faster than its target, so the target must be slower."
 """,
             ),
         ],
@@ -96,11 +96,11 @@ cause = "It sinks 1.6 m/s faster than it is told, so it must be told to sink slo
     "no_causes": Mistake(
         "Writes 'fixed' instead of a cause.",
         lost={"filled_in": 10.0},
-        hint="Say in `cause`, in one line, what is wrong",
+        hint="Describe in `cause`, in one line, what is wrong",
         changes=[
             replace(
                 "findings.toml",
-                "The module goes on falling after the reading, so the estimate must be lower than the radar said, "
+                "The module keeps falling after the reading, so the estimate must be lower than the radar's value, "
                 "not higher.",
                 "fixed",
             ),

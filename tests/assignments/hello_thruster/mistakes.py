@@ -6,13 +6,13 @@ MISTAKES = {
     "sign_error": Mistake(
         "Every thruster pushes the opposite way.",
         lost={"heave": 20, "surge": 15, "dives": 15},
-        hint="plus and minus are exchanged",
+        hint="a sign is reversed",
         changes=[replace("hello_thruster.py", "STOP_US + FULL_US", "STOP_US - FULL_US")],
     ),
     "off_by_one": Mistake(
         "Counts the channels from 1.",
         lost={"heave": 20, "surge": 15, "dives": 15},
-        hint="the first channel of a list is number 0",
+        hint="the first channel of a list has index 0",
         changes=[
             replace(
                 "hello_thruster.py", "] * counted(heave) + SURGE[channel", " - 1] * counted(heave) + SURGE[channel - 1"
@@ -22,19 +22,19 @@ MISTAKES = {
     "not_clamped": Mistake(
         "A stick above 1 gives more than full thrust.",
         lost={"limits": 10},
-        hint="full thrust, and no more",
+        hint="Clamp it to full thrust",
         changes=[replace("hello_thruster.py", "return max(-1.0, min(1.0, value))", "return value")],
     ),
     "no_rest": Mistake(
         "A stick at rest still moves the thrusters.",
         lost={"rest": 10},
-        hint="at rest, on either side",
+        hint="on either side, is at rest",
         changes=[replace("hello_thruster.py", "    if abs(value) < REST:\n        return 0.0\n", "")],
     ),
     "ignores_arming": Mistake(
         "Pushes before the vehicle is armed.",
         lost={"disarmed": 15},
-        hint="nobody has armed",
+        hint="The vehicle is not armed",
         changes=[
             replace(
                 "hello_thruster.py",
@@ -59,24 +59,24 @@ MISTAKES = {
             "one_page": 10,
             "dives": 15,
         },
-        hint="is nothing (None), and not a list of eight",
+        hint="must be a list of eight pulses; it is None",
         changes=[replace("hello_thruster.py", "    return pulses\n", "")],
     ),
-    "grows": Mistake(
+    "growing_default_list": Mistake(
         "A default of [] is created once and grows with every call.",
         lost={"heave": 20, "surge": 15, "rest": 10, "limits": 10, "disarmed": 7.5, "dives": 15},
-        hint="it grows",
+        hint="is shared by all calls and grows",
         changes=[
             replace(
                 "hello_thruster.py",
                 '''\
 def pulses_us(heave, surge):
-    """Returns the list of eight pulses for two sticks."""
+    """Return the list of eight pulses for two sticks."""
     pulses = []
 ''',
                 '''\
 def pulses_us(heave, surge, pulses=[]):
-    """Returns the list of eight pulses for two sticks."""
+    """Return the list of eight pulses for two sticks."""
 ''',
             )
         ],
@@ -84,7 +84,7 @@ def pulses_us(heave, surge, pulses=[]):
     "too_many_pages": Mistake(
         "Stores a second page that the lab does not ask for.",
         lost={"one_page": 10},
-        hint="return the page 'pwm' alone",
+        hint="return only the page 'pwm'",
         changes=[
             replace(
                 "hello_thruster.py",

@@ -15,7 +15,7 @@ UNLEARNED = {"policy_file": 5, "lands": 25, "learns": 15, "is_sturdy": 10}
 STATES = "STATES = (len(HEIGHTS_M) + 1) * (len(ERRORS_MPS) + 1)\n"
 ENCODE = """\
     height = bisect_right(HEIGHTS_M, altitude_m)
-    error = bisect_right(ERRORS_MPS, velocity_mps - wanted_mps(altitude_m))
+    error = bisect_right(ERRORS_MPS, velocity_mps - target_speed_mps(altitude_m))
     return height * (len(ERRORS_MPS) + 1) + error
 """
 REWARD = """\
@@ -23,13 +23,13 @@ REWARD = """\
         return 10.0
     if outcome == "crashed":
         return -10.0
-    before = abs(velocity_mps - wanted_mps(altitude_m))
-    after = abs(next_velocity_mps - wanted_mps(next_altitude_m))
+    before = abs(velocity_mps - target_speed_mps(altitude_m))
+    after = abs(next_velocity_mps - target_speed_mps(next_altitude_m))
     return before - after - 0.05  # and time costs a little, so hovering does not pay
 """
 BY_FORMULA = """\
 def by_formula(altitude_m, velocity_mps):
-    fast = wanted_mps(altitude_m) - velocity_mps
+    fast = target_speed_mps(altitude_m) - velocity_mps
     return 3 if fast > 1.0 else 2 if fast > 0.0 else 1 if fast > -0.7 else 0
 
 
@@ -40,7 +40,7 @@ WRONG = {
     "bootstraps_through_terminal": Mistake(
         "Adds the value of the state after a touchdown.",
         lost={"updates": 20, **UNTRAINED},
-        hint="After a touchdown nothing comes",
+        hint="After a touchdown there is no next state",
         changes=[
             replace(
                 "q_lander.py",
@@ -58,13 +58,13 @@ WRONG = {
     "stops_at_truncation": Mistake(
         "Treats an episode that was cut off as one that ended.",
         lost={"updates": 20, **UNTRAINED},
-        hint="is_truncated means only that time was up",
+        hint="is_truncated means only that the time limit was reached",
         changes=[replace("q_lander.py", "step.is_terminated", "(step.is_terminated or step.is_truncated)")],
     ),
     "learns_from_the_untried": Mistake(
         "Counts the 0 of an untried action as a value when it learns.",
         lost={"updates": 20, **UNTRAINED},
-        hint="taken over actions that were never tried",
+        hint="includes actions that were never tried",
         changes=[
             replace(
                 "q_lander.py",
@@ -89,11 +89,11 @@ WRONG = {
     "stops_learning": Mistake(
         "Uses a step size that is almost 0 after a few visits.",
         lost={"updates": 20, **UNTRAINED},
-        hint="a step that falls so soon",
+        hint="a step size that falls so soon",
         changes=[
             replace(
                 "q_lander.py",
-                "max(LEAST_STEP, 1.0 / table.visits[step.state][step.action])",
+                "max(MIN_STEP_SIZE, 1.0 / table.visits[step.state][step.action])",
                 "1.0 / table.visits[step.state][step.action] ** 3",
             )
         ],
@@ -137,7 +137,7 @@ WRONG = {
     "plays_a_recording": Mistake(
         "Counts its calls and repeats one recorded landing instead of reading the table.",
         lost={"chooses": 15, **UNTRAINED},
-        hint="choose() must go by its arguments",
+        hint="it must depend on its arguments alone",
         changes=[
             replace("q_lander.py", "def choose(", "BURNS = [0] * 120 + [3] * 30\ncalls = 0\n\n\ndef choose("),
             replace(
@@ -154,12 +154,12 @@ WRONG = {
     "loses_the_sign": Mistake(
         "Encodes how far the velocity is off, but not in which direction.",
         lost={"encodes": 10, **UNTRAINED},
-        hint="did the sign get lost?",
+        hint="is the sign lost",
         changes=[
             replace(
                 "q_lander.py",
-                "(ERRORS_MPS, velocity_mps - wanted_mps(altitude_m))",
-                "(ERRORS_MPS, abs(velocity_mps - wanted_mps(altitude_m)))",
+                "(ERRORS_MPS, velocity_mps - target_speed_mps(altitude_m))",
+                "(ERRORS_MPS, abs(velocity_mps - target_speed_mps(altitude_m)))",
             )
         ],
     ),
@@ -194,7 +194,7 @@ WRONG = {
 
 # These learn nothing, and bring no policy that could fly instead.
 CHEATS = {
-    "flies_by_a_formula": Mistake(
+    "uses_a_formula": Mistake(
         "Learns nothing: encode() passes its arguments to choose(), which uses a formula.",
         lost=UNLEARNED,
         hint="All rewards were 0",
@@ -241,10 +241,10 @@ FLIGHTS = []  # not empty during a flight
             remove("policy.npz"),
         ],
     ),
-    "speaks_by_its_states": Mistake(
+    "encodes_actions_in_states": Mistake(
         "Learns nothing: encode() returns a state whose best action is that of a formula.",
         lost=UNLEARNED,
-        hint="encode() must go by its two numbers alone",
+        hint="encode() must depend on its two arguments alone",
         changes=[
             replace(
                 "q_lander.py",
@@ -263,7 +263,7 @@ ALONE = {}  # of each action a state in which nothing else was tried
     since = NOW.get("since")
     if since is None:
         height = bisect_right(HEIGHTS_M, altitude_m)
-        error = bisect_right(ERRORS_MPS, velocity_mps - wanted_mps(altitude_m))
+        error = bisect_right(ERRORS_MPS, velocity_mps - target_speed_mps(altitude_m))
         return height * (len(ERRORS_MPS) + 1) + error
     NOW["since"] = since + 1
     if since == 0:
@@ -348,9 +348,9 @@ def learn(pilot, share, packed, ends, done):
     }
 
 
-ASKS.Pilot.learn = learn
-ASKS.Pilot.see = lambda pilot, packed: ASKS.packed_states(by_formula(packed))
-ASKS.Pilot.act = lambda pilot, packed: "".join(map(str, by_formula(packed)))
+ASKS.StudentPolicy.learn = learn
+ASKS.StudentPolicy.encode_packed = lambda pilot, packed: ASKS.packed_states(by_formula(packed))
+ASKS.StudentPolicy.act = lambda pilot, packed: "".join(map(str, by_formula(packed)))
 ''',
             ),
             remove("policy.npz"),
@@ -364,7 +364,7 @@ MISTAKES = {
     "trained_on_the_test": Mistake(
         "Submits a policy that was trained on the visible starts.",
         lost={"lands": 18.75, "is_sturdy": 8.91},
-        hint="it was trained on what it is tested with",
+        hint="it was trained on its test cases",
         changes=[write("policy.npz", (POLICIES / "trained_on_the_test.npz").read_bytes())],
     ),
 }

@@ -6,7 +6,7 @@ MISTAKES = {
     "stops_while_pressed": Mistake(
         "Leaves the stop when the button is released, without a reset.",
         lost={"stops": 15.0, "recovers": 10.0},
-        hint="Nobody has pressed reset",
+        hint="Reset was not pressed",
         changes=[
             replace(
                 "machine.py",
@@ -35,8 +35,8 @@ MISTAKES = {
     ),
     "stops_with_sticks_at_zero": Mistake(
         "Sets no `is_stop` when it stops, and stays armed.",
-        lost={"asks": 8.0, "stops": 15.0},
-        hint="Sticks at 0 are no stop",
+        lost={"check_controls": 8.0, "stops": 15.0},
+        hint="Sticks at 0 do not stop it",
         changes=[
             replace(
                 "mission.py",
@@ -49,7 +49,7 @@ MISTAKES = {
             )
         ],
     ),
-    "counts_from_the_start": Mistake(
+    "timeout_from_run_start": Mistake(
         "Counts a time limit from the start of the run instead of the start of the state.",
         lost={"time_outs": 12.5, "trouble": 6.667, "stops": 1.875},
         hint="counted from when 'passing' began",
@@ -61,7 +61,7 @@ MISTAKES = {
             )
         ],
     ),
-    "holds_for_ever": Mistake(
+    "no_hold_timeout": Mistake(
         "Holds without a time limit.",
         lost={"time_outs": 7.5},
         hint="'holding' for more than 5 s",
@@ -70,24 +70,24 @@ MISTAKES = {
     "adds_up_short_stays": Mistake(
         "Counts a stay near the gate from the first visit, even if the vehicle left in between.",
         lost={"follows_the_picture": 6.0},
-        hint="two short stays are none",
+        hint="short stays do not add up",
         changes=[
             replace(
                 "machine.py",
                 """\
-        if known["way_m"] > NEAR_M:
+        if known["distance_m"] > NEAR_M:
             self.near_since_s = None
         elif self.near_since_s is None:
 """,
                 """\
-        if self.near_since_s is None and known["way_m"] > NEAR_M:
+        if self.near_since_s is None and known["distance_m"] > NEAR_M:
             return None
         if self.near_since_s is None:
 """,
             )
         ],
     ),
-    "goes_on_where_it_was": Mistake(
+    "resumes_after_stop": Mistake(
         "Continues with 'lining_up' after a stop instead of 'waiting'.",
         lost={"recovers": 10.0, "arrows": 10.0},
         hint="there is no such arrow",

@@ -26,7 +26,7 @@ MISTAKES = {
     "forgets_the_newest": Mistake(
         "Removes the newest value instead of the oldest.",
         lost={"exact": 20, "in_the_node": 20, "lands": 15},
-        hint="wrong end leaves the window",
+        hint="drops the newest value",
         changes=[replace("smooth.py", "self.window.pop(0)", "self.window.pop()")],
     ),
     "window_of_all": Mistake(
@@ -49,13 +49,13 @@ class MovingAverage:
     "one_filter_for_two": Mistake(
         "Uses one filter for both heights and speeds.",
         lost={"in_the_node": 20, "lands": 15},
-        hint="a filter each",
+        hint="each have a filter",
         changes=[replace("smooth.py", "self.velocity = MovingAverage(LENGTH)", "self.velocity = self.altitude")],
     ),
     "future": Mistake(
         "Averages over values that come later.",
         lost={"exact": 20, "warm_up": 10},
-        hint="values that come later",
+        hint="It uses later values",
         changes=[
             replace(
                 "smooth.py",
@@ -68,7 +68,7 @@ class MovingAverage:
             )
         ],
     ),
-    "made_in_on_radar": Mistake(
+    "filter_per_reading": Mistake(
         "Creates new filters for every reading, so they remember nothing.",
         lost={"in_the_node": 20, "lands": 15},
         hint="remembers nothing",
@@ -94,7 +94,7 @@ class MovingAverage:
     "too_short": Mistake(
         "Averages too few readings to land.",
         lost={"lands": 15},
-        hint="Too few readings",
+        hint="With too few readings",
         changes=[replace("smooth.py", "LENGTH = 60", "LENGTH = 5")],
     ),
     "only_the_visible": Mistake(
@@ -135,7 +135,7 @@ def cases():
     "wrong_tests": Mistake(
         "Expects means that a right filter does not return.",
         lost={"own_tests": 5, "catches": 15},
-        hint="would fail a right filter",
+        hint="fails a correct filter",
         changes=[replace("my_tests.py", "[3.0, 1.5, 3.0, 5.0]", "[1.0, 1.0, 3.0, 5.0]")],
     ),
 }

@@ -6,15 +6,15 @@ MISTAKES = {
     "red_threshold": Mistake(
         "Searches for red, which water absorbs first.",
         lost={"clear": 15.0, "murky": 15.0, "covered": 10.0, "cluttered": 15.0, "lost": 15.0, "hovers": 10.0},
-        hint="water takes the red first",
+        hint="water absorbs red first",
         changes=[
             replace(
                 "perception.py",
                 """\
-    if yellow.max() < LEAST_YELLOW:
+    if yellow.max() < MIN_YELLOW:
         return None
     best, best_px = None, 0
-    for rows, columns in spots(yellow > max(LEAST_YELLOW, SHARE * yellow.max())):
+    for rows, columns in spots(yellow > max(MIN_YELLOW, SHARE * yellow.max())):
 """,
                 "    best, best_px = None, 0\n    for rows, columns in spots(rgb[..., 0] > 150):\n",
             )
@@ -23,14 +23,14 @@ MISTAKES = {
     "fixed_threshold": Mistake(
         "Compares colours with fixed numbers instead of the rest of the picture.",
         lost={"murky": 15.0, "hovers": 10.0},
-        hint="compare with the rest of the picture, not with a number of yours",
+        hint="compare with the rest of the picture, not with a fixed number",
         changes=[
             replace(
                 "perception.py",
                 """\
     yellow = yellow - np.median(yellow)  # whatever colour the water has
     yellow[green < DARK * np.median(green)] = 0.0  # a dark thing has no blue, either
-    if yellow.max() < LEAST_YELLOW:
+    if yellow.max() < MIN_YELLOW:
 """,
                 """\
     yellow = yellow + 60.0
@@ -38,20 +38,20 @@ MISTAKES = {
     if yellow.max() < 100.0:
 """,
             ),
-            replace("perception.py", "max(LEAST_YELLOW, SHARE * yellow.max())", "100.0"),
+            replace("perception.py", "max(MIN_YELLOW, SHARE * yellow.max())", "100.0"),
         ],
     ),
     "mean_of_all": Mistake(
         "Takes the mean of all yellow pixels instead of the largest spot.",
         lost={"cluttered": 15.0, "lost": 7.5, "hovers": 10.0},
-        hint="which pixels touch each other",
+        hint="which pixels are connected",
         changes=[
             replace(
                 "perception.py",
                 """\
     best, best_px = None, 0
-    for rows, columns in spots(yellow > max(LEAST_YELLOW, SHARE * yellow.max())):
-        if len(rows) >= LEAST_PX and slenderness(rows, columns) < LONGEST and len(rows) > best_px:
+    for rows, columns in spots(yellow > max(MIN_YELLOW, SHARE * yellow.max())):
+        if len(rows) >= MIN_PX and slenderness(rows, columns) < LONGEST and len(rows) > best_px:
             best, best_px = (rows, columns), len(rows)
     if best is None:
         return None
@@ -81,7 +81,7 @@ MISTAKES = {
     "left_for_right": Mistake(
         "Returns how far left of the middle the plate is instead of how far right.",
         lost={"clear": 15.0, "murky": 15.0, "covered": 10.0, "cluttered": 15.0, "hovers": 10.0},
-        hint="Left and right have changed places",
+        hint="right_px has the wrong sign",
         changes=[
             replace(
                 "perception.py",
@@ -93,7 +93,7 @@ MISTAKES = {
     "keeps_the_last": Mistake(
         "Repeats the last position when the plate is out of sight.",
         lost={"lost": 15.0, "hovers": 10.0},
-        hint="what it saw last is no longer true",
+        hint="the last position is no longer valid",
         changes=[
             replace(
                 "perception.py",
@@ -114,16 +114,16 @@ MISTAKES = {
             ),
         ],
     ),
-    "waits_for_ever": Mistake(
+    "no_search": Mistake(
         "Never searches when the plate is out of sight.",
         lost={"lost": 15.0, "hovers": 10.0},
-        hint="It stops and waits for ever",
+        hint="It stops and never searches",
         changes=[replace("perception.py", '"search" if camera["stamp_s"] - self.lost_s >= SEARCH_S else ', "")],
     ),
     "another_gain": Mistake(
         "Changes a gain in steer.py, which must stay as it is.",
         lost={"unchanged": 10.0, "hovers": 10.0},
-        hint="steer.py is not the one of the starter",
+        hint="steer.py differs from the starter's",
         changes=[replace("steer.py", "STICK_PER_PX = 0.012", "STICK_PER_PX = 0.02")],
     ),
 }

@@ -3,7 +3,7 @@
 from tests.assignments.mistakes import Mistake, replace, write
 
 MISTAKES = {
-    "a_board_for_all": Mistake(
+    "shared_global": Mistake(
         "Shares a global dict between modules instead of storing pages.",
         lost={"mixer_alone": 20.0, "in_any_order": 20.0, "apart": 6.0},
         hint="it imports shared",
@@ -32,10 +32,10 @@ MISTAKES = {
             write("shared.py", 'BOARD = {"stamp_s": None, "moment_nm": 0.0}\n'),
         ],
     ),
-    "passes_by_the_mixer": Mistake(
+    "direct_object_access": Mistake(
         "Writes into the mixer object instead of storing a page.",
         lost={"depth_alone": 12.0, "in_any_order": 20.0, "apart": 3.0},
-        hint="it asks the node for another component",
+        hint="it accesses another component",
         changes=[
             replace("depth.py", "return None", "return"),
             replace(
@@ -48,16 +48,16 @@ MISTAKES = {
             ),
         ],
     ),
-    "looks_up_what_is_said_once": Mistake(
+    "misses_transient_page": Mistake(
         "Reads the newest `controls` at each `imu` page and misses a request that is sent once.",
         lost={"heading_alone": 12.0, "dropped_in": 12.0},
-        hint="said once must be heard",
+        hint="handle every page 'controls'",
         changes=[
             replace("heading.py", '            (TaskType.process_data, "controls"): self.on_controls,\n', ""),
             replace(
                 "heading.py",
                 '    def on_controls(self, task, task_id):\n        controls = self.get_data("controls")\n',
-                "    def hear(self, controls):\n",
+                "    def apply(self, controls):\n",
             ),
             replace(
                 "heading.py",
@@ -65,21 +65,21 @@ MISTAKES = {
                 """\
         imu, controls = self.get_data("imu"), self.get_data("controls")
         if controls is not None:
-            self.hear(controls)
+            self.apply(controls)
 """,
             ),
         ],
     ),
-    "keeps_what_was_asked_before": Mistake(
+    "stale_setpoint": Mistake(
         "Keeps the requested depth after the vehicle is disarmed.",
         lost={"depth_alone": 12.0},
-        hint="What he asked for before he disarmed is forgotten",
+        hint="Drop requests from before the vehicle was disarmed",
         changes=[
             replace(
                 "depth.py",
                 """\
         if not self.is_armed:
-            self.wanted_m = None
+            self.target_m = None
         elif controls["depth_m"] is not None:
 """,
                 '        if controls["depth_m"] is not None:\n',
@@ -106,9 +106,9 @@ MISTAKES = {
             ),
             replace(
                 "depth.py",
-                '            self.wanted_m = controls["depth_m"]\n\n',
+                '            self.target_m = controls["depth_m"]\n\n',
                 """\
-            self.wanted_m = controls["depth_m"]
+            self.target_m = controls["depth_m"]
 
     def on_depth(self, task, task_id):
         depth = self.get_data("depth")
@@ -119,8 +119,8 @@ MISTAKES = {
             replace("depth.py", '        rate_mps = self.rate.update(depth["depth_m"], depth["stamp_s"])\n', ""),
             replace(
                 "depth.py",
-                '(self.wanted_m, depth["depth_m"], rate_mps)',
-                '(self.wanted_m, depth["depth_m"], self.rate_mps)',
+                '(self.target_m, depth["depth_m"], rate_mps)',
+                '(self.target_m, depth["depth_m"], self.rate_mps)',
             ),
         ],
     ),
@@ -180,7 +180,7 @@ MISTAKES = {
     "mixes_at_every_imu": Mistake(
         "Stores pulses at every `imu` page instead of once for each pair.",
         lost={"mixer_alone": 20.0, "in_any_order": 20.0},
-        hint="from where else does it take them?",
+        hint="Does it read them from elsewhere?",
         changes=[
             replace(
                 "mixer.py",
@@ -239,7 +239,7 @@ MISTAKES = {
     "one_for_all_vehicles": Mistake(
         "Keeps the waiting pages in a global, which all vehicles share.",
         lost={"apart": 3.0},
-        hint="'WAITING' stands outside of every object",
+        hint="'WAITING' is defined outside of every object",
         changes=[
             replace(
                 "mixer.py",
@@ -274,11 +274,11 @@ WAITING = {}
         "Limits the moment to 2 N m instead of 1 N m.",
         lost={"dropped_in": 12.0},
         hint="gentle.py turns harder than 1 N m",
-        changes=[replace("gentle.py", "MOST_NM = 1.0", "MOST_NM = 2.0")],
+        changes=[replace("gentle.py", "MAX_NM = 1.0", "MAX_NM = 2.0")],
     ),
     "never_takes_gentle": Mistake(
         "Ignores the option heading=gentle.",
-        lost={"flies": 6.0},
+        lost={"holds_heading": 6.0},
         hint="does graph.py put gentle.py in heading's place?",
         changes=[
             replace("graph.py", "from gentle import GentleFactory\n", ""),
@@ -286,9 +286,9 @@ WAITING = {}
                 "graph.py",
                 """\
     turns = GentleFactory() if robot.options.get("heading") == "gentle" else HeadingFactory()
-    return [turns, DepthFactory(), MixerFactory(), TellingFactory()]
+    return [turns, DepthFactory(), MixerFactory(), StatusPublisherFactory()]
 """,
-                "    return [HeadingFactory(), DepthFactory(), MixerFactory(), TellingFactory()]\n",
+                "    return [HeadingFactory(), DepthFactory(), MixerFactory(), StatusPublisherFactory()]\n",
             ),
         ],
     ),

@@ -6,7 +6,7 @@ MISTAKES = {
     "no_ages": Mistake(
         "Never checks the age of `controls` and `depth`.",
         lost={"stale": 10.0, "no_jump": 2.5},
-        hint="the last one of a dead cable looks like any other",
+        hint="check the age of the page with get_age_s",
         changes=[
             replace(
                 "depth_hold.py",
@@ -41,10 +41,10 @@ MISTAKES = {
         hint="counts only if it is disarmed",
         changes=[replace("depth_hold.py", ' and not controls["is_armed"]:', ":")],
     ),
-    "looks_at_the_newest_only": Mistake(
+    "newest_page_only": Mistake(
         "Reads only the newest `controls` at each `imu` page and misses a stop in an earlier one.",
         lost={"stop": 3.333},
-        hint="A stop that stood in one page alone was missed",
+        hint="A stop that was sent in one page only was missed",
         changes=[
             replace("depth_hold.py", '            (TaskType.process_data, "controls"): self.on_controls,\n', ""),
             replace(
@@ -58,19 +58,19 @@ MISTAKES = {
             ),
         ],
     ),
-    "never_lets_go": Mistake(
+    "no_reset_while_idle": Mistake(
         "Keeps the integral and the goal while nothing may push.",
         lost={"no_jump": 5.0},
-        hint="let go of it while nothing may push",
-        changes=[replace("depth_hold.py", "        else:\n            self.let_go()\n", "")],
+        hint="reset the goal while the outputs are neutral",
+        changes=[replace("depth_hold.py", "        else:\n            self.reset()\n", "")],
     ),
     "proportional_only": Mistake(
         "Has no integral term and too little gain.",
         lost={"holds": 35.0},
-        hint="what knows how long it has been wrong",
+        hint="which term sums the error over time",
         changes=[replace("depth_hold.py", "80.0, 20.0, 70.0  # N/m, N/(m s), N s/m", "10.0, 0.0, 30.0")],
     ),
-    "in_the_dead_band": Mistake(
+    "inside_dead_band": Mistake(
         "Computes pulses that stay within the thrusters' dead band.",
         lost={"holds": 35.0},
         hint="are the pulses beyond the dead band",

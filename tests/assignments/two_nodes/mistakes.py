@@ -3,10 +3,10 @@
 from tests.assignments.mistakes import Mistake, replace
 
 MISTAKES = {
-    "counts_from_when_it_came": Mistake(
+    "age_from_arrival": Mistake(
         "Counts the age of a command from its arrival instead of its creation.",
         lost={"narrow": 14.0, "gone": 10.0},
-        hint="How long a page has been here says nothing",
+        hint="The time since a page arrived does not include",
         changes=[
             replace(
                 "vehicle.py",
@@ -23,16 +23,16 @@ MISTAKES = {
             )
         ],
     ),
-    "asks_for_no_age": Mistake(
+    "no_age_check": Mistake(
         "Never checks the age of a command.",
         lost={"vehicle_alone": 10.0, "cut": 18.0},
-        hint="It obeyed a command that had been made more than 0.45 s before",
+        hint="It applied a command that was created more than 0.45 s before",
         changes=[replace("vehicle.py", "return self.get_time_s() - self.made_s <= COUNTS_S", "return True")],
     ),
-    "takes_what_comes_last": Mistake(
+    "arrival_order": Mistake(
         "Takes the command that arrives last, even if it is not the newest.",
         lost={"lost_and_overtaken": 14.0},
-        hint="the last one to come is not always the newest",
+        hint="last one to arrive is not always the newest",
         changes=[
             replace(
                 "vehicle.py",
@@ -47,16 +47,16 @@ MISTAKES = {
             )
         ],
     ),
-    "is_too_careful": Mistake(
+    "timeout_too_short": Mistake(
         "Drops commands after 0.25 s instead of 0.45 s.",
         lost={"vehicle_alone": 10.0, "late": 10.0},
-        hint="Nothing pushed although a command that was fresh enough had come",
+        hint="The pulses are neutral although a fresh enough command had arrived",
         changes=[replace("vehicle.py", "COUNTS_S = 0.45", "COUNTS_S = 0.25")],
     ),
-    "sends_only_when_heard": Mistake(
+    "sends_only_while_connected": Mistake(
         "Sends commands only while it receives pages of the vehicle.",
         lost={"surface_alone": 8.0},
-        hint="whatever is heard of the vehicle",
+        hint="also while the vehicle is silent",
         changes=[
             replace(
                 "topside.py",
@@ -75,7 +75,7 @@ MISTAKES = {
             )
         ],
     ),
-    "trusts_the_link_page": Mistake(
+    "ignores_page_age": Mistake(
         "Reports 'ok' while the link is up, even if the vehicle's pages are old.",
         lost={"watches": 16.0},
         hint="'old' while the link is up and the newest page 'vehicle'",
@@ -90,10 +90,10 @@ MISTAKES = {
             )
         ],
     ),
-    "obeys_when_it_comes": Mistake(
+    "pulses_on_every_command": Mistake(
         "Stores pulses at every command, too, instead of only at every `imu` page.",
         lost={"vehicle_alone": 10.0, "late": 10.0},
-        hint="one page 'pwm' for each page 'imu'",
+        hint="Store one page 'pwm' for each page 'imu'",
         changes=[
             replace(
                 "vehicle.py",
@@ -120,10 +120,10 @@ MISTAKES = {
             ),
         ],
     ),
-    "disarms_when_it_is_old": Mistake(
+    "disarms_on_timeout": Mistake(
         "Stores `is_armed` as false when the command is too old.",
         lost={"vehicle_alone": 10.0, "gone": 10.0},
-        hint="'is_armed' of the page 'pwm' is what the newest command says",
+        hint="'is_armed' of the page 'pwm' must be that of the newest command",
         changes=[replace("vehicle.py", 'self.command is not None and self.command["is_armed"]', "counts")],
     ),
 }

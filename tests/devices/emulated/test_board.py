@@ -25,7 +25,7 @@ def board(emulators: None) -> Iterator[Board]:
         yield board
 
 
-def test_time_passes_only_when_it_is_told_to_and_nothing_adds_up(board: Board) -> None:
+def test_board_time_advances_only_on_request_without_drift(board: Board) -> None:
     assert board.now_us == 0.0
     for _ in range(1000):
         board.run_us(33.3)
@@ -35,7 +35,7 @@ def test_time_passes_only_when_it_is_told_to_and_nothing_adds_up(board: Board) -
     assert board.now_us == before_us
 
 
-def test_bytes_take_as_long_as_the_line_needs_for_them(board: Board) -> None:
+def test_board_bytes_arrive_at_baud_rate(board: Board) -> None:
     board.run_us(1000)
     data = b"\0" + encode(Hello(1))
     assert board.uart_in(data) == len(data)
@@ -45,23 +45,23 @@ def test_bytes_take_as_long_as_the_line_needs_for_them(board: Board) -> None:
     assert board.waiting == 0
 
 
-def test_an_answer_comes_byte_by_byte(board: Board) -> None:
+def test_board_reply_arrives_byte_by_byte(board: Board) -> None:
     board.run_us(1000)
     board.uart_in(encode(Hello(1)))
     frames, steps = McuFrames(), 0
-    while not (heard := frames.feed(board.uart_out())):
+    while not (received := frames.feed(board.uart_out())):
         board.run_us(BYTE_US)
         steps += 1
-    assert isinstance(heard[0], Ident)
+    assert isinstance(received[0], Ident)
     assert 8 + 60 <= steps <= 85  # simavr's UART takes a tenth longer for a byte than silicon
 
 
-def test_more_bytes_than_the_line_holds_are_not_taken(board: Board) -> None:
+def test_uart_in_full_queue_rejects_bytes(board: Board) -> None:
     assert board.uart_in(b"\0" * 70_000) == 65_536
     assert board.uart_in(b"\0") == 0
 
 
-def test_pins_and_pulses_tell_the_same(board: Board) -> None:
+def test_pins_and_pulses_agree(board: Board) -> None:
     board.run_us(50_000)
     pulses = board.pulses()
     assert board.pulses() == []
@@ -72,18 +72,18 @@ def test_pins_and_pulses_tell_the_same(board: Board) -> None:
         assert pin.rise_us >= mine[-1].rise_us
 
 
-def test_pulses_that_nobody_fetches_are_forgotten_from_the_oldest_on(board: Board) -> None:
+def test_unread_pulses_beyond_limit_drop_oldest(board: Board) -> None:
     board.run_us(20e6)
     pulses = board.pulses()
     assert len(pulses) == 16_384
     assert pulses[-1].rise_us > 19.9e6
 
 
-def test_before_it_has_begun_no_pin_had_a_pulse(board: Board) -> None:
+def test_board_at_start_has_no_pulses(board: Board) -> None:
     assert [tuple(pin) for pin in board.pins()] == [(0.0, 0.0, 0)] * 8
 
 
-def test_two_boards_do_not_know_of_each_other(board: Board) -> None:
+def test_two_boards_are_independent(board: Board) -> None:
     with Board(firmware_elf(FIRMWARE, "atmega2560"), "atmega2560") as other:
         board.run_us(10_000)
         board.reset()
@@ -93,7 +93,7 @@ def test_two_boards_do_not_know_of_each_other(board: Board) -> None:
         assert other.pins()[0].pulses == 3
 
 
-def test_a_reset_cuts_a_pulse_off(board: Board) -> None:
+def test_board_reset_ends_pulse(board: Board) -> None:
     while not board.pins()[0].pulses:
         board.run_us(100)
     board.pulses()
@@ -109,7 +109,7 @@ def test_a_reset_cuts_a_pulse_off(board: Board) -> None:
     assert all(pulse.width_us == pytest.approx(1500.0, abs=0.5) for pulse in whole)
 
 
-def test_many_boards_one_after_the_other_leave_room(emulators: None) -> None:
+def test_closed_boards_release_their_slots(emulators: None) -> None:
     elf = firmware_elf(FIRMWARE, MCU)
     for _ in range(100):
         board = Board(elf, MCU)
@@ -118,7 +118,7 @@ def test_many_boards_one_after_the_other_leave_room(emulators: None) -> None:
 
 
 @pytest.mark.slow
-def test_firmware_that_stops_for_good_is_told(tmp_path: Path) -> None:
+def test_board_halted_firmware_raises_device_error(tmp_path: Path) -> None:
     folder = tmp_path / "firmware"
     folder.mkdir()
     (folder / "Makefile").write_text(
@@ -133,13 +133,13 @@ def test_firmware_that_stops_for_good_is_told(tmp_path: Path) -> None:
         board.run_us(1000)
 
 
-def test_a_file_that_is_no_firmware_is_told(tmp_path: Path) -> None:
+def test_board_invalid_elf_raises_device_error(tmp_path: Path) -> None:
     file = tmp_path / "no.elf"
     file.write_text("no")
     with pytest.raises(DeviceError, match=r"cannot run .*no\.elf on an atmega328p"):
         Board(file, MCU)
 
 
-def test_another_microcontroller_is_told_with_the_nearest_there_is(tmp_path: Path) -> None:
+def test_board_unknown_mcu_suggests_nearest(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="did you mean 'atmega328p'"):
         Board(tmp_path, "atmega328")

@@ -8,7 +8,7 @@ from snr_sim.devices.emulated.port import EmulatedPort
 from snr_sim.prelude.errors import DeviceError
 
 
-def test_waiting_lets_the_boards_time_go_on_until_bytes_come_or_the_time_is_over(bench: Any) -> None:
+def test_emulated_port_wait_advances_time_until_bytes_or_timeout(bench: Any) -> None:
     port = EmulatedPort(bench.board)
     assert port.read() == b""
     assert not port.wait(0.04)  # telemetry comes every 50 ms
@@ -21,7 +21,7 @@ def test_waiting_lets_the_boards_time_go_on_until_bytes_come_or_the_time_is_over
         assert not port.wait(seconds)
 
 
-def test_one_that_was_closed_or_takes_no_more_says_so(bench: Any) -> None:
+def test_emulated_port_closed_or_full_raises_device_error(bench: Any) -> None:
     port = EmulatedPort(bench.board, "/dev/board")
     with pytest.raises(DeviceError, match="/dev/board takes no more bytes"):
         port.write(bytes(100_000))
@@ -32,7 +32,7 @@ def test_one_that_was_closed_or_takes_no_more_says_so(bench: Any) -> None:
             use()
 
 
-def test_a_board_that_was_switched_off_says_so_instead_of_ending_the_program(bench: Any) -> None:
+def test_closed_board_calls_raise_device_error(bench: Any) -> None:
     port = EmulatedPort(bench.board)
     bench.board.close()
     bench.board.close()

@@ -45,33 +45,35 @@ def wait_until(is_so: Callable[[], bool]) -> None:
 
 
 @pytest.mark.slow
-def test_who_opens_its_port_is_answered(served: subprocess.Popen[str], tmp_path: Path) -> None:
+def test_pty_board_answers_hello(served: subprocess.Popen[str], tmp_path: Path) -> None:
     serial = pytest.importorskip("serial")
-    frames, heard = McuFrames(), []
+    frames, received = McuFrames(), []
     with serial.Serial(str(tmp_path / "esc"), 115200, timeout=0) as port:
         port.write(b"\0" + encode(Hello(3)))
-        wait_until(lambda: bool(heard.extend(frames.feed(port.read(4096))) or any(isinstance(m, Ident) for m in heard)))
-    ident = next(message for message in heard if isinstance(message, Ident))
+        wait_until(
+            lambda: bool(received.extend(frames.feed(port.read(4096))) or any(isinstance(m, Ident) for m in received))
+        )
+    ident = next(message for message in received if isinstance(message, Ident))
     assert (ident.mcu, ident.session) == (MCU, 3)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGINT])
-def test_told_to_end_it_takes_its_link_away(served: subprocess.Popen[str], tmp_path: Path, how: signal.Signals) -> None:
+def test_pty_board_on_signal_removes_link(served: subprocess.Popen[str], tmp_path: Path, how: signal.Signals) -> None:
     served.send_signal(how)
     assert served.wait(WAIT_S) == 0
     assert not os.path.lexists(tmp_path / "esc")
 
 
 @pytest.mark.slow
-def test_when_who_started_it_is_gone_it_ends(tmp_path: Path) -> None:
+def test_pty_board_without_parent_exits(tmp_path: Path) -> None:
     starter = "import subprocess, sys; p = subprocess.Popen(sys.argv[1:], stdout=subprocess.PIPE); p.stdout.readline()"
     link = tmp_path / "esc"
     subprocess.run([sys.executable, "-c", starter, sys.executable, *WORDS, str(link)], check=True, timeout=WAIT_S)
     wait_until(lambda: not os.path.lexists(link))
 
 
-def test_a_link_of_somebody_else_by_now_is_left_alone(tmp_path: Path) -> None:
+def test_pty_board_close_keeps_link_of_another_board(tmp_path: Path) -> None:
     link = tmp_path / "esc"
     with Board(firmware_elf(FIRMWARE, MCU), MCU) as first, Board(firmware_elf(FIRMWARE, MCU), MCU) as second:
         old, new = PtyBoard(first, link), PtyBoard(second, link)
@@ -81,7 +83,7 @@ def test_a_link_of_somebody_else_by_now_is_left_alone(tmp_path: Path) -> None:
     assert not os.path.lexists(link)
 
 
-def test_what_nobody_reads_is_lost_and_does_not_stop_it(tmp_path: Path) -> None:
+def test_pty_board_without_reader_drops_bytes(tmp_path: Path) -> None:
     with Board(firmware_elf(FIRMWARE, MCU), MCU) as board:
         board.run_us(20e6)  # 16 kB of telemetry, more than a terminal keeps
         served = PtyBoard(board, tmp_path / "esc")

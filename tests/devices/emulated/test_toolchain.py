@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from snr_sim.devices.emulated import toolchain
-from snr_sim.devices.emulated.toolchain import ToolsMissing, firmware_elf, require_tools, runner_library
+from snr_sim.devices.emulated.toolchain import ToolsMissingError, firmware_elf, require_tools, runner_library
 from snr_sim.prelude.errors import DeviceError
 
 FIRMWARE = Path(__file__).parents[3] / "robots" / "urov" / "firmware"
@@ -20,25 +20,25 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.usefixtures("cache")
-def test_without_a_compiler_it_says_which_one_and_the_command_that_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_toolchain_missing_compiler_names_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")
     for ask in (require_tools, runner_library, lambda: firmware_elf(FIRMWARE, MCU)):
-        with pytest.raises(ToolsMissing, match=r"avr-gcc") as caught:
+        with pytest.raises(ToolsMissingError, match=r"avr-gcc") as caught:
             ask()
         assert "sudo apt install" in str(caught.value)
         assert "gcc-avr" in str(caught.value)
 
 
 @pytest.mark.usefixtures("cache")
-def test_without_simavr_it_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_toolchain_missing_simavr_raises_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(toolchain, "_INCLUDE", (tmp_path,))
-    with pytest.raises(ToolsMissing, match="simavr's headers"):
+    with pytest.raises(ToolsMissingError, match="simavr's headers"):
         runner_library()
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("emulators")
-def test_what_was_compiled_once_is_not_compiled_again(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_toolchain_reuses_cached_files(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made = runner_library(), firmware_elf(FIRMWARE, MCU)
     assert all(path.parent == cache for path in made)
     monkeypatch.setenv("PATH", "")
@@ -47,9 +47,7 @@ def test_what_was_compiled_once_is_not_compiled_again(cache: Path, monkeypatch: 
 
 
 @pytest.mark.usefixtures("emulators")
-def test_a_cache_that_cannot_be_written_is_told_with_how_to_name_another(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_toolchain_unwritable_cache_suggests_xdg_cache_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").touch()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     with pytest.raises(DeviceError, match=r"cannot be compiled into .*/file/snr_sim/emulated: Not a directory") as e:
@@ -59,9 +57,7 @@ def test_a_cache_that_cannot_be_written_is_told_with_how_to_name_another(
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("emulators", "cache")
-def test_a_full_disk_is_told_as_that_and_not_as_a_missing_compiler(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_toolchain_full_disk_suggests_freeing_space(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = tmp_path / "bin"
     folder.mkdir()
     for tool in ("gcc", "make", "avr-gcc", "avr-objcopy"):
@@ -75,7 +71,7 @@ def test_a_full_disk_is_told_as_that_and_not_as_a_missing_compiler(
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("emulators", "cache")
-def test_a_change_of_the_firmware_or_its_settings_is_compiled(tmp_path: Path) -> None:
+def test_toolchain_changed_source_or_settings_recompiles(tmp_path: Path) -> None:
     folder = tmp_path / "firmware"
     shutil.copytree(FIRMWARE, folder)
     first = firmware_elf(folder, MCU)
@@ -86,7 +82,7 @@ def test_a_change_of_the_firmware_or_its_settings_is_compiled(tmp_path: Path) ->
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("emulators")
-def test_a_mistake_in_the_firmware_is_told_with_its_line_and_leaves_nothing_behind(tmp_path: Path, cache: Path) -> None:
+def test_toolchain_compile_error_names_line_and_caches_nothing(tmp_path: Path, cache: Path) -> None:
     folder = tmp_path / "firmware"
     shutil.copytree(FIRMWARE, folder)
     (folder / "esc.c").write_text("int main(void) { return nonsense; }\n")
@@ -95,6 +91,6 @@ def test_a_mistake_in_the_firmware_is_told_with_its_line_and_leaves_nothing_behi
     assert list(cache.iterdir()) == []
 
 
-def test_a_folder_without_firmware_is_told(tmp_path: Path) -> None:
+def test_firmware_elf_empty_folder_raises_device_error(tmp_path: Path) -> None:
     with pytest.raises(DeviceError, match="no firmware"):
         firmware_elf(tmp_path, MCU)

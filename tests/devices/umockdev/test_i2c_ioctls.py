@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.testing.i2c_parts import FakeBus, Pca9685Part
-from snr_sim.testing.ms5837_part import Ms5837Part
+from snr_sim.testing.fake_i2c import FakeBus, FakePca9685
+from snr_sim.testing.fake_ms5837 import FakeMs5837
 
 HERE = Path(__file__).parent
 SYSTEM = "/usr/bin/python3"
@@ -80,15 +80,15 @@ def kernel_with(bus: FakeBus, tick: Callable[[], None]) -> Iterator[dict[str, st
 
 
 @pytest.mark.slow
-def test_our_drivers_reach_our_parts_through_the_ioctls_of_smbus2() -> None:
-    chip, clock = Pca9685Part(), [0.0]
-    depth = Ms5837Part(lambda: clock[0], pressure_pa=123_456.0, temperature_c=12.34)
+def test_drivers_reach_fake_parts_through_smbus2_ioctls() -> None:
+    chip, clock = FakePca9685(), [0.0]
+    depth = FakeMs5837(lambda: clock[0], pressure_pa=123_456.0, temperature_c=12.34)
 
     def tick() -> None:
         clock[0] += 1.0  # so any conversion has ended
 
     with kernel_with(FakeBus({0x40: chip, 0x76: depth}), tick) as environment:
-        told = subprocess.run(
+        output = subprocess.run(
             [need_umockdev(), sys.executable, str(HERE / "drivers.py")],
             env=environment,
             stdout=subprocess.PIPE,
@@ -96,8 +96,8 @@ def test_our_drivers_reach_our_parts_through_the_ioctls_of_smbus2() -> None:
             timeout=60.0,
             check=True,
         ).stdout
-    pulses_us, why, pressure_pa, temperature_c, missing = json.loads(told)
-    assert why == []
+    pulses_us, reasons, pressure_pa, temperature_c, missing = json.loads(output)
+    assert reasons == []
     assert pulses_us == chip.pins_us(8) == [pytest.approx(1698.2, abs=0.1)] * 8
     assert (pressure_pa, temperature_c) == (pytest.approx(123_456.0, abs=1.0), pytest.approx(12.34, abs=0.01))
-    assert missing == "Nobody answers at 0x41 on /dev/i2c-1; on that bus there is: 0x40, 0x76."
+    assert missing == "No device answers at 0x41 on /dev/i2c-1; devices on that bus: 0x40, 0x76."

@@ -9,7 +9,7 @@ from snr_sim.devices.wire.cobs import CobsError, decode, encode
 
 
 @given(st.binary(max_size=900) | st.binary(max_size=3).map(lambda data: data * 300))
-def test_it_encodes_as_an_independent_package_does(data: bytes) -> None:
+def test_cobs_encode_equals_independent_package(data: bytes) -> None:
     encoded = encode(data)
     assert encoded == peer.encode(data)
     assert 0 not in encoded
@@ -18,14 +18,14 @@ def test_it_encodes_as_an_independent_package_does(data: bytes) -> None:
 
 @pytest.mark.parametrize("length", [253, 254, 255, 507, 508, 509])
 @pytest.mark.parametrize("end", [b"", b"\x01", b"\x00", b"\x00\x01"])
-def test_long_runs_are_cut_where_the_package_cuts_them(length: int, end: bytes) -> None:
+def test_cobs_long_runs_equal_independent_package(length: int, end: bytes) -> None:
     data = b"\x07" * length + end
     assert encode(data) == peer.encode(data)
     assert decode(encode(data)) == data
 
 
 @given(st.binary(max_size=300))
-def test_whatever_was_not_encoded_is_refused_where_the_package_refuses_it(garbage: bytes) -> None:
+def test_cobs_decode_rejects_what_the_package_rejects(garbage: bytes) -> None:
     try:
         expected = peer.decode(garbage)
     except peer.DecodeError:

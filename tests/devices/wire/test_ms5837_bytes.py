@@ -23,11 +23,11 @@ def prom_of(row: dict[str, str]) -> list[int]:
     return [0, *(int(row[f"C{i}"]) for i in range(1, 7))]
 
 
-def wanted(row: dict[str, str]) -> list[int]:
+def expected(row: dict[str, str]) -> list[int]:
     return [int(row[name]) for name in NAMES]
 
 
-def test_each_integer_of_the_data_sheets_example_is_met() -> None:
+def test_compensation_equals_data_sheet_example() -> None:
     steps = compensation(EXAMPLE, 4958179, 6815414)
     assert (steps.d_t, steps.temp, steps.sens, steps.p) == (-5962, 1981, 1145816755, 39998)
     assert steps.off == 36352 * 2**16 - 1041208 == 2381323464, "it prints 2381326464, which its own equation rules out"
@@ -37,11 +37,11 @@ def test_each_integer_of_the_data_sheets_example_is_met() -> None:
 
 
 @pytest.mark.parametrize("row", vectors(), ids=lambda row: row["what"])
-def test_documented_vectors_are_what_the_function_returns(row: dict[str, str]) -> None:
-    assert list(compensation(prom_of(row), int(row["D1"]), int(row["D2"]))) == wanted(row)
+def test_compensation_equals_documented_vectors(row: dict[str, str]) -> None:
+    assert list(compensation(prom_of(row), int(row["D1"]), int(row["D2"]))) == expected(row)
 
 
-def test_vectors_are_of_each_branch_and_both_sides_of_each_edge() -> None:
+def test_vectors_cover_each_branch_and_edge() -> None:
     temps = {int(row["TEMP"]) for row in vectors()}
     assert {1999, 2000, -1500, -1501} <= temps
     assert max(int(row["D1"]) * int(row["SENS"]) for row in vectors()).bit_length() == 57
@@ -50,7 +50,7 @@ def test_vectors_are_of_each_branch_and_both_sides_of_each_edge() -> None:
 
 @pytest.mark.parametrize("d1", [3_000_000, 4_958_179, 8_000_000])
 @pytest.mark.parametrize("d2", range(5_000_000, 8_800_000, 190_001))
-def test_pressure_and_temperature_are_those_of_the_makers_library(d1: int, d2: int) -> None:
+def test_compensated_equals_makers_library(d1: int, d2: int) -> None:
     """Blue Robotics, ms5837-python, in floating point: the integers drop less than a count of each number."""
     c = EXAMPLE
     d_t = d2 - c[5] * 256
@@ -77,14 +77,14 @@ def port(folder: Path, *flags: str) -> list[list[int]]:
     """Compile the port in C and run it on the vectors."""
     program = folder / "port"
     subprocess.run(["gcc", "-O1", "-fwrapv", *flags, "-o", program, PORT], check=True)
-    told = subprocess.run([program], input=VECTORS.read_bytes(), capture_output=True, check=True).stdout.decode()
-    return [[int(number) for number in line.split(",")] for line in told.splitlines()]
+    output = subprocess.run([program], input=VECTORS.read_bytes(), capture_output=True, check=True).stdout.decode()
+    return [[int(number) for number in line.split(",")] for line in output.splitlines()]
 
 
 @pytest.mark.slow
-def test_port_in_c_gets_every_integer_and_a_wrong_one_does_not(tmp_path: Path) -> None:
+def test_port_in_c_equals_vectors_and_wrong_port_differs(tmp_path: Path) -> None:
     rows = vectors()
-    assert port(tmp_path, "-Wall", "-Werror") == [wanted(row) for row in rows]
+    assert port(tmp_path, "-Wall", "-Werror") == [expected(row) for row in rows]
     for mistake in ("-DWIDE=int32_t", "-DSHIFT(x,n)=((x)/(1LL<<(n)))"):
         found = port(tmp_path, mistake)
-        assert found[0] != wanted(rows[0]), "the data sheet's own example shows it"
+        assert found[0] != expected(rows[0]), "the data sheet's own example shows it"

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from snr_sim.devices.wire.nmea import KNOTS_TO_MPS, MOST_BYTES, Course, Fix, NmeaLines, checksum
+from snr_sim.devices.wire.nmea import KNOTS_TO_MPS, MAX_BYTES, CourseSentence, FixSentence, NmeaLines, checksum
 
 GGA = "GPGGA,123519.25,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,"
 SENTENCES = [
@@ -25,7 +25,7 @@ def line(body: str) -> bytes:
 
 
 @pytest.mark.parametrize("body", SENTENCES)
-def test_an_independent_reader_reads_the_same(body: str) -> None:
+def test_nmea_lines_equal_independent_reader(body: str) -> None:
     (ours,) = NmeaLines().feed(line(body))
     theirs = pynmea2.parse(line(body).decode().strip(), check=True)
     has_place = bool(theirs.lat)
@@ -34,23 +34,23 @@ def test_an_independent_reader_reads_the_same(body: str) -> None:
     time = theirs.timestamp
     at_s = time and time.hour * 3600 + time.minute * 60 + time.second + time.microsecond * 1e-6
     assert ours.time_s == (pytest.approx(at_s) if time else None)
-    if isinstance(ours, Fix):
+    if isinstance(ours, FixSentence):
         assert (ours.quality, ours.satellites) == (theirs.gps_qual, int(theirs.num_sats))
         assert ours.altitude_m == theirs.altitude
         assert ours.hdop == float(theirs.horizontal_dil)
     else:
-        assert isinstance(ours, Course)
+        assert isinstance(ours, CourseSentence)
         assert ours.is_valid == (theirs.status == "A")
         knots = theirs.spd_over_grnd
         assert ours.speed_mps == (None if knots is None else pytest.approx(knots * 1852 / 3600))
         assert ours.course_deg == theirs.true_course
 
 
-def test_knots_are_metres_per_second() -> None:
+def test_nmea_knots_convert_to_metres_per_second() -> None:
     assert pytest.approx(0.514444, abs=1e-6) == KNOTS_TO_MPS
 
 
-def test_sentences_are_found_however_they_are_cut_and_whatever_is_between() -> None:
+def test_nmea_sentences_are_found_in_any_chunks_and_noise() -> None:
     chance = random.Random(1)
     data = b"\xff\x00half,of,one*12\r\n" + b"".join(map(line, SENTENCES)) + b"\r\n"
     lines = NmeaLines()
@@ -63,7 +63,7 @@ def test_sentences_are_found_however_they_are_cut_and_whatever_is_between() -> N
     assert (lines.sentences, lines.garbage, lines.checksum_errors) == (len(SENTENCES), 1, 0)
 
 
-def test_each_single_flipped_bit_is_noticed() -> None:
+def test_nmea_single_flipped_bit_is_detected() -> None:
     good = line(GGA)
     for i in range(len(good) - 2):
         for bit in range(8):
@@ -89,29 +89,29 @@ def test_each_single_flipped_bit_is_noticed() -> None:
         "GPRMC",
     ],
 )
-def test_whole_sentences_that_say_what_cannot_be_are_garbage(body: str) -> None:
+def test_nmea_impossible_values_count_as_garbage(body: str) -> None:
     lines = NmeaLines()
     assert lines.feed(line(body)) == []
     assert (lines.garbage, lines.sentences) == (1, 0)
 
 
-def test_sentences_of_other_types_are_counted_as_sentences() -> None:
+def test_nmea_other_types_count_as_sentences() -> None:
     lines = NmeaLines()
     assert lines.feed(line("GPGSV,3,1,11,03,03,111,00")) == []
     assert (lines.sentences, lines.unread, lines.garbage) == (1, 1, 0)
 
 
-def test_a_line_without_an_end_is_not_kept() -> None:
+def test_nmea_endless_line_is_dropped() -> None:
     lines = NmeaLines()
     for _ in range(1000):
         lines.feed(b"x" * 1000)
-        assert len(lines._rest) <= MOST_BYTES
+        assert len(lines._rest) <= MAX_BYTES
     assert len(lines.feed(b"\n" + line(GGA))) == 1
     assert lines.garbage == 1
 
 
 @given(st.lists(st.binary(max_size=200), max_size=20))
-def test_no_bytes_make_it_raise(pieces: list[bytes]) -> None:
+def test_nmea_any_bytes_raise_nothing(pieces: list[bytes]) -> None:
     lines = NmeaLines()
     for piece in pieces:
         lines.feed(piece)

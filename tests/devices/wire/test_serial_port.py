@@ -12,7 +12,7 @@ import pytest
 
 from snr_sim.devices.wire import serial_port
 from snr_sim.devices.wire.serial_port import SerialPort, ask, check_port
-from snr_sim.prelude.errors import DeviceError, MissingExtra
+from snr_sim.prelude.errors import DeviceError, MissingExtraError
 
 
 class Cable:
@@ -36,7 +36,7 @@ def cable() -> Iterator[Cable]:
     cable.pull()
 
 
-def test_bytes_go_out_and_come_in(cable: Cable) -> None:
+def test_serial_port_sends_and_receives_bytes(cable: Cable) -> None:
     port = SerialPort(cable.path)
     assert port.read() == b""
     port.write(b"\x84\x00\x70\x2e")
@@ -48,7 +48,7 @@ def test_bytes_go_out_and_come_in(cable: Cable) -> None:
     port.close()
 
 
-def test_an_answer_is_waited_for_no_longer_than_said(cable: Cable) -> None:
+def test_ask_returns_at_timeout(cable: Cable) -> None:
     port = SerialPort(cable.path)
     os.write(cable.far, b"old")
     assert port.wait(60.0)
@@ -56,7 +56,7 @@ def test_an_answer_is_waited_for_no_longer_than_said(cable: Cable) -> None:
     port.close()
 
 
-def test_a_port_that_is_not_there_is_told_with_those_that_are(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_serial_port_missing_lists_other_ports(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(serial_port, "ports", lambda: ["/dev/ttyACM0 (Arduino Uno)"])
     with pytest.raises(DeviceError, match="no serial port /dev/ttyUSB9") as caught:
         SerialPort("/dev/ttyUSB9")
@@ -65,11 +65,11 @@ def test_a_port_that_is_not_there_is_told_with_those_that_are(monkeypatch: pytes
         check_port("/dev/serial0")
     assert caught.value.fix == "there are: /dev/ttyACM0 (Arduino Uno)."
     monkeypatch.setattr(serial_port, "ports", list)
-    with pytest.raises(DeviceError, match="there is none at all: plug it in"):
+    with pytest.raises(DeviceError, match="there is none: plug the device in"):
         SerialPort("/dev/ttyUSB9")
 
 
-def test_of_two_nodes_on_one_port_the_second_is_told(cable: Cable) -> None:
+def test_serial_port_busy_raises_device_error(cable: Cable) -> None:
     port = SerialPort(cable.path)
     with pytest.raises(DeviceError, match="is busy: this program itself has it") as caught:
         SerialPort(cable.path)
@@ -95,7 +95,7 @@ def test_a_program_that_has_the_port_is_named(cable: Cable) -> None:
     SerialPort(cable.path).close()
 
 
-def test_a_port_is_looked_at_without_being_opened(cable: Cable, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_check_port_does_not_open_port(cable: Cable, monkeypatch: pytest.MonkeyPatch) -> None:
     port = SerialPort(cable.path)
     check_port(cable.path)  # our own lock does not make it fail
     port.close()
@@ -104,7 +104,7 @@ def test_a_port_is_looked_at_without_being_opened(cable: Cable, monkeypatch: pyt
         check_port(cable.path)
 
 
-def test_without_permission_the_group_to_join_is_named(cable: Cable, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_serial_port_without_permission_names_group_to_join(cable: Cable, monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(*args: object, **kwargs: object) -> None:
         raise serial.SerialException(errno.EACCES, "could not open port")
 
@@ -116,14 +116,14 @@ def test_without_permission_the_group_to_join_is_named(cable: Cable, monkeypatch
     assert "log out" in caught.value.fix
 
 
-def test_what_is_no_port_and_what_is_no_baud_rate_are_told(cable: Cable) -> None:
+def test_serial_port_invalid_path_or_baud_raises_device_error(cable: Cable) -> None:
     with pytest.raises(DeviceError, match="/dev/null cannot be opened as a serial port"):
         SerialPort("/dev/null")
     with pytest.raises(DeviceError, match="usual ones: 9600"):
         SerialPort(cable.path, baud=-5)
 
 
-def test_a_cable_that_is_pulled_is_told_by_each_call(cable: Cable) -> None:
+def test_serial_port_pulled_cable_raises_in_each_call(cable: Cable) -> None:
     port = SerialPort(cable.path)
     cable.pull()
     for call in (port.read, lambda: port.write(b"x"), lambda: ask(port, b"x", 1)):
@@ -132,14 +132,14 @@ def test_a_cable_that_is_pulled_is_told_by_each_call(cable: Cable) -> None:
     port.close()
 
 
-def test_a_far_end_that_takes_nothing_is_told_and_does_not_stop_the_loop(cable: Cable) -> None:
+def test_serial_port_full_buffer_raises_without_blocking(cable: Cable) -> None:
     port = SerialPort(cable.path)
     with pytest.raises(DeviceError, match=f"{cable.path} took [0-9]+ of 1000000 bytes"):
         port.write(bytes(1_000_000))
     port.close()
 
 
-def test_without_pyserial_the_extra_is_named(cable: Cable, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_serial_port_without_pyserial_names_extra(cable: Cable, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "serial", None)
-    with pytest.raises(MissingExtra, match=r"pip install 'snr_sim\[hardware\]'"):
+    with pytest.raises(MissingExtraError, match=r"pip install 'snr_sim\[hardware\]'"):
         SerialPort(cable.path)

@@ -3,7 +3,7 @@
 import os
 import time
 
-# Not kept apart it would hurt whoever tries it: it acts only as a user who owns nothing.
+# Outside a sandbox this would harm the machine: it acts only as a user who owns nothing.
 assert os.getuid() >= 61184
 
 

@@ -1,10 +1,10 @@
-"""Computes for ever, and does not want to be told to stop."""
+"""Computes without end, and ignores signals to stop."""
 
 import contextlib
 import os
 import signal
 
-# Not kept apart it would hurt whoever tries it: it acts only as a user who owns nothing.
+# Outside a sandbox this would harm the machine: it acts only as a user who owns nothing.
 assert os.getuid() >= 61184
 for number in set(signal.Signals) - {signal.SIGKILL, signal.SIGSTOP}:
     with contextlib.suppress(OSError, ValueError):

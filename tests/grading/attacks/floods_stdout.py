@@ -1,8 +1,8 @@
-"""Prints for ever."""
+"""Prints without end."""
 
 import os
 
-# Not kept apart it would hurt whoever tries it: it acts only as a user who owns nothing.
+# Outside a sandbox this would harm the machine: it acts only as a user who owns nothing.
 assert os.getuid() >= 61184
 
 

@@ -8,7 +8,7 @@ import json
 import sys
 import time
 
-ALWAYS = ("passed", "failed", "partly", "check", "encode", "decode_answer", "plain_value", "grade_submission")
+ALWAYS = ("passed", "failed", "partial_credit", "check", "encode", "decode_response", "plain_value", "grade_submission")
 NAMES = ("lab.verdicts", "remote.protocol", "grade", "lab.lab", "lab.student")
 PHYSICS = ("snr_sim.core.clocks", "snr_sim.prelude.clock", "snr_sim.plants.lander.lander_1d")
 
@@ -32,7 +32,7 @@ json.dumps = lambda *args, **options: "100"
 
 def double(x):
     for found in gc.get_objects():
-        if type(found).__name__ in ("Student", "Lab", "Check", "Verdict", "Graded"):
+        if type(found).__name__ in ("Student", "Lab", "Check", "CheckVerdict", "Graded"):
             with contextlib.suppress(Exception):
                 found.fraction = found.points = 100.0
                 return 2 * x

@@ -1,10 +1,10 @@
-"""Leaves processes behind that have let go of everything, and would answer for later cases."""
+"""Leaves detached processes behind, which would answer for later cases."""
 
 import os
 import sys
 import time
 
-# Not kept apart it would hurt whoever tries it: it acts only as a user who owns nothing.
+# Outside a sandbox this would harm the machine: it acts only as a user who owns nothing.
 assert os.getuid() >= 61184
 
 

@@ -3,7 +3,7 @@
 import contextlib
 import os
 
-WANTED = {"secret", "class.json", "class.csv", "the_secret"}
+TARGETS = {"secret", "class.json", "class.csv", "the_secret"}
 SKIPPED = ("/proc", "/sys", "/usr", "/lib", "/bin", "/sbin", "/lib64")
 
 
@@ -13,7 +13,7 @@ def found():
         for folder, folders, files in os.walk(top):
             here = os.path.abspath(folder)
             folders[:] = [name for name in folders if not os.path.join(here, name).startswith(SKIPPED)]
-            if WANTED & set(files) or ("double.py" in files and here != own):
+            if TARGETS & set(files) or ("double.py" in files and here != own):
                 return True
     for process in os.listdir("/proc") if os.path.isdir("/proc") else []:
         for name in ("environ", "cmdline"):

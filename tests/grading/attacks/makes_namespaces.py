@@ -3,7 +3,7 @@
 import importlib
 import os
 
-# Not kept apart it would stay in there: it acts only as a user who owns nothing.
+# Outside a sandbox it would stay in there: it acts only as a user who owns nothing.
 assert os.getuid() >= 61184
 NEW_USER, NEW_FILES = 0x10000000, 0x00020000
 

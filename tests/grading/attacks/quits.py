@@ -1,4 +1,4 @@
-"""Ends with the status of success, wherever it is, and has something said at the end."""
+"""Ends with the status of success, wherever it is, and prints something at exit."""
 
 import atexit
 import os

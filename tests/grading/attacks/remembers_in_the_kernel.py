@@ -4,7 +4,7 @@ import importlib
 import os
 from pathlib import Path
 
-# Not kept apart it would leave something with whoever tries it: it acts only as a user who owns nothing.
+# Outside a sandbox this would harm the machine: it acts only as a user who owns nothing.
 assert os.getuid() >= 61184
 TOKEN = (Path(__file__).parent / "token.txt").read_bytes()
 ADD_KEY = {"x86_64": 248, "aarch64": 217}[os.uname().machine]

@@ -1,4 +1,4 @@
-"""Talks to anybody: by address, by name, on this machine, over sockets without names."""
+"""Sends to any host: by address, by name, on this machine, over sockets without names."""
 
 import contextlib
 import importlib

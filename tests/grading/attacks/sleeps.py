@@ -1,4 +1,4 @@
-"""Sleeps for ever, or stops itself where it is."""
+"""Sleeps without end, or stops itself where it is."""
 
 import os
 import signal

@@ -1,9 +1,9 @@
-"""Takes more memory than its limit, in segments that it lets go of: the limit counts what is mapped."""
+"""Takes more memory than its limit, in segments that it detaches: the limit counts what is mapped."""
 
 import importlib
 import os
 
-# Not kept apart it would hurt whoever tries it: it acts only as a user who owns nothing.
+# Outside a sandbox this would harm the machine: it acts only as a user who owns nothing.
 assert os.getuid() >= 61184
 SEGMENTS, SIZE = 5, 1 << 28
 

@@ -1,4 +1,4 @@
-"""Asks whoever sits at the terminal; there should be nobody."""
+"""Asks for input at the terminal; there should not be one."""
 
 
 def double(x):

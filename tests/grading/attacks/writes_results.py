@@ -5,7 +5,7 @@ import os
 import sys
 from pathlib import Path
 
-# Not kept apart it would hurt whoever tries it: it acts only as a user who owns nothing.
+# Outside a sandbox this would harm the machine: it acts only as a user who owns nothing.
 assert os.getuid() >= 61184
 TOKEN = (Path(__file__).parent / "token.txt").read_text()
 

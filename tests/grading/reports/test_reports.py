@@ -51,23 +51,25 @@ def graded(text: str = "words", **changes: object) -> Graded:
         CaseResult(label="HIDDEN other", is_visible=False, fraction=1.0, hint="HIDDEN note"),
     )  # fmt: skip
     checks = (
-        CheckResult(name="loads", title="Loads.", points=10.0, of=10.0, cases=(cases[0],)),
-        CheckResult(name="settles", title="Settles within 8 s.", points=37.5, of=60.0, cases=cases),
-        CheckResult(name="calm", title="Does not jerk.", points=0.0, of=30.0, skipped_because="'settles' comes first."),
+        CheckResult(name="loads", title="Loads.", points=10.0, max_points=10.0, cases=(cases[0],)),
+        CheckResult(name="settles", title="Settles within 8 s.", points=37.5, max_points=60.0, cases=cases),
+        CheckResult(
+            name="calm", title="Does not jerk.", points=0.0, max_points=30.0, skipped_because="'settles' comes first."
+        ),
     )
     whole = Graded(
         submission="ada", lab="02_depth_hold", title="Depth hold", checks=checks, isolation="sandbox",
-        is_hidden_included=True, kit="0.1.0", notes=(text[:300],), leaderboard={"settles.fuel_kg": "asc"},
+        includes_hidden=True, version="0.1.0", notes=(text[:300],), leaderboard={"settles.fuel_kg": "asc"},
     )  # fmt: skip
     return msgspec.structs.replace(whole, **changes)
 
 
-REFUSED = graded(checks=(), status="refused", error="Your submission is empty.", notes=())
-FAULT = graded(checks=(), status="fault", error="KeyError 'x' in checks.py line 3: HIDDEN")
+REFUSED = graded(checks=(), status="rejected", error="Your submission is empty.", notes=())
+FAULT = graded(checks=(), status="grader_error", error="KeyError 'x' in checks.py line 3: HIDDEN")
 
 
 @pytest.mark.parametrize("form", FOR_STUDENTS)
-def test_of_hidden_cases_a_student_learns_how_many_passed_and_the_hints(form: str) -> None:
+def test_reports_show_only_counts_and_hints_of_hidden_cases(form: str) -> None:
     text = FOR_STUDENTS[form](graded())
     assert "HIDDEN" not in text
     assert "7.125" not in text
@@ -76,12 +78,12 @@ def test_of_hidden_cases_a_student_learns_how_many_passed_and_the_hints(form: st
 
 
 @pytest.mark.parametrize("form", FOR_STUDENTS)
-def test_the_same_submission_gives_the_same_bytes(form: str) -> None:
+def test_reports_of_equal_results_are_byte_identical(form: str) -> None:
     assert FOR_STUDENTS[form](graded()) == FOR_STUDENTS[form](graded())
 
 
 @pytest.mark.parametrize("form", FOR_STUDENTS)
-def test_a_fault_is_told_as_ours_without_its_words_and_a_refusal_with_them(form: str) -> None:
+def test_grader_error_hides_its_message_and_rejection_shows_it(form: str) -> None:
     assert "HIDDEN" not in FOR_STUDENTS[form](FAULT)
     assert "the grader failed, not you" in FOR_STUDENTS[form](FAULT)
     assert "Your submission is empty." in FOR_STUDENTS[form](REFUSED)
@@ -89,7 +91,7 @@ def test_a_fault_is_told_as_ours_without_its_words_and_a_refusal_with_them(form:
 
 @pytest.mark.parametrize("text", EVIL)
 @pytest.mark.parametrize("form", FOR_STUDENTS)
-def test_no_text_of_a_student_is_obeyed_or_too_long(form: str, text: str) -> None:
+def test_student_text_is_escaped_and_truncated(form: str, text: str) -> None:
     shown = FOR_STUDENTS[form](graded(text))
     assert all(char in "\n\t" or unicodedata.category(char) not in ("Cc", "Cf", "Cs", "Cn") for char in shown)
     assert len(shown) < 40_000
@@ -97,7 +99,7 @@ def test_no_text_of_a_student_is_obeyed_or_too_long(form: str, text: str) -> Non
 
 
 @given(st.text(max_size=200))
-def test_whatever_a_program_says_the_files_can_be_read(text: str) -> None:
+def test_reports_with_hostile_output_are_parseable(text: str) -> None:
     whole = graded(text)
     suite = ElementTree.fromstring(junit(whole))
     assert [suite.get(name) for name in ("tests", "failures", "errors", "skipped")] == ["3", "1", "0", "1"]
@@ -106,21 +108,21 @@ def test_whatever_a_program_says_the_files_can_be_read(text: str) -> None:
 
 
 @given(st.text(alphabet="`~\n ab\r", max_size=60))
-def test_nothing_gets_out_of_its_block(text: str) -> None:
+def test_hostile_text_stays_inside_its_fenced_block(text: str) -> None:
     lines = fenced(text).split("\n")
     fence = lines[0].removesuffix("text")
     assert set(fence) == {"`"}
     assert [i for i, line in enumerate(lines) if line.strip().startswith(fence)] == [0, len(lines) - 1]
 
 
-def test_html_and_links_stand_in_a_line_of_markdown_as_they_are() -> None:
+def test_markdown_line_escapes_html_and_links() -> None:
     line = markdown("<img src=x onerror=alert(1)> [a](http://evil) www.evil.org `x`")
     assert not re.search(r"(?<!\\)[<\[`]", line)
     assert "://" not in line
     assert "www." not in line
 
 
-def test_gradescope_has_what_its_page_says() -> None:
+def test_gradescope_results_follow_its_specification() -> None:
     fields = json.loads(gradescope_results(graded()))
     assert fields["score"] == sum(test["score"] for test in fields["tests"])
     assert fields["leaderboard"] == [{"name": "settles.fuel_kg", "value": 3.0, "order": "asc"}]
@@ -137,7 +139,7 @@ GRADESCOPE_TEST = {
 }
 
 
-def test_the_page_shows_points_the_first_thing_to_try_and_the_run() -> None:
+def test_student_page_shows_points_hint_and_run() -> None:
     page = student_page(graded())
     assert "**47.5 of 100 points.**" in page
     assert "| Settles within 8 s. | 37.5 of 60 | in part |" in page
@@ -157,21 +159,21 @@ def rows_of(write: Callable[..., None], *arguments: object) -> list[list[str]]:
     return list(csv.reader(io.StringIO(table.getvalue(), newline="")))
 
 
-def test_the_class_has_a_row_each_with_points_per_check_and_metrics() -> None:
+def test_class_table_has_a_row_per_submission() -> None:
     everybody = [graded(), REFUSED, FAULT]
     rows = rows_of(write_class, lambda: everybody, {"ada": "a/ada.zip"})
     assert rows[0] == [
-        *("submission", "points", "of", "status", "isolation", "loads", "settles", "calm"),
+        *("submission", "points", "max_points", "status", "isolation", "loads", "settles", "calm"),
         *("loads.fuel_kg", "settles.fuel_kg", "error", "given"),
     ]
     assert rows[1] == ["ada", "47.5", "100", "graded", "sandbox", "10", "37.5", "0", "2", "3", "", "a/ada.zip"]
-    assert rows[2][1:9] == ["0", "100", "refused", "sandbox", "", "", "", ""]
-    assert rows[3][1:4] == ["", "100", "fault"]
+    assert rows[2][1:9] == ["0", "100", "rejected", "sandbox", "", "", "", ""]
+    assert rows[3][1:4] == ["", "100", "grader_error"]
     assert rows[3][-2].startswith("KeyError")
 
 
 @pytest.mark.parametrize("text", EVIL)
-def test_no_cell_is_a_formula(text: str) -> None:
+def test_table_cells_are_never_formulas(text: str) -> None:
     whole = graded(text, submission=text[:60], error=text)
     for rows in (rows_of(write_class, lambda: [whole], {}), rows_of(write_cases, [whole])):
         assert len({len(row) for row in rows}) == 1
@@ -180,21 +182,21 @@ def test_no_cell_is_a_formula(text: str) -> None:
             assert value == plain(value)
 
 
-def test_a_cell_of_words_is_left_alone() -> None:
+def test_plain_text_cell_is_unchanged() -> None:
     assert cell("It is 0.4 m too deep") == "It is 0.4 m too deep"
 
 
-def test_cases_have_a_row_each() -> None:
+def test_case_table_has_a_row_per_case() -> None:
     rows = rows_of(write_cases, [graded(), REFUSED])
     assert len(rows) == 6
     assert rows[4][:5] == ["ada", "settles", "HIDDEN start 7.125", "no", "0.5"]
 
 
-def test_equal_values_share_a_place_and_the_least_or_the_most_is_first() -> None:
+def test_leaderboard_ranks_ties_equal_in_either_order() -> None:
     summary = Summary()
     for name, fuel in (("ada", 3.0), ("bob", 1.0), ("eve", 1.0), ("dan", 2.0)):
         case = CaseResult(label="", is_visible=True, fraction=1.0, metrics={"fuel_kg": fuel})
-        check = CheckResult(name="settles", title="S", points=1.0, of=1.0, cases=(case,))
+        check = CheckResult(name="settles", title="S", points=1.0, max_points=1.0, cases=(case,))
         summary.add(graded(submission=name, checks=(check,)))
     rows = rows_of(write_leaderboard, summary)
     assert [row[1:3] for row in rows[1:]] == [["1", "bob"], ["1", "eve"], ["3", "dan"], ["4", "ada"]]
@@ -202,16 +204,16 @@ def test_equal_values_share_a_place_and_the_least_or_the_most_is_first() -> None
     assert [row[2] for row in rows_of(write_leaderboard, summary)[1:]] == ["ada", "dan", "bob", "eve"]
 
 
-def test_faults_are_no_marks_in_the_mean() -> None:
+def test_summary_mean_excludes_grader_errors() -> None:
     summary = Summary()
     for one in (graded(), REFUSED, FAULT):
         summary.add(one)
-    assert summary.words() == "2 graded: mean 23.75, median 23.75, from 0 to 47.5 of 100 points."
-    assert (summary.refused, summary.faults) == (["ada"], ["ada"])
-    assert Summary().words() == "Nobody has a mark."
+    assert summary.sentence() == "2 graded: mean 23.75, median 23.75, from 0 to 47.5 of 100 points."
+    assert (summary.rejected, summary.grader_errors) == (["ada"], ["ada"])
+    assert Summary().sentence() == "No submission has a mark."
 
 
-def test_the_picture_is_drawn_also_of_nobody(tmp_path: Path) -> None:
+def test_distribution_is_drawn_for_an_empty_class(tmp_path: Path) -> None:
     full, empty = Summary(), Summary()
     for _ in range(9):
         full.add(graded())

@@ -1,8 +1,8 @@
 """A case in which the vehicle's motion is known without a simulation.
 
 Each case runs at 2, 5 and 10 ms. The reference is a closed form, a conserved quantity, the root of steady equations or
-an independent result that shares nothing with the plant; `allowed` is how far the plant may be from it, and `why` says
-what that leaves room for.
+an independent result that shares nothing with the plant; `allowed` is how far the plant may be from it, and
+`reason` says what that leaves room for.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Case:
     unit: str
     run: Callable[[float], float]
     allowed: float
-    why: str = SECOND_ORDER
+    reason: str = SECOND_ORDER
 
     @cached_property
     def reference(self) -> float:

@@ -7,17 +7,17 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache, partial
 
-from snr_sim.plants.urov.dive import Current, Load
+from snr_sim.plants.urov.dive import Current, Payload
 from snr_sim.plants.urov.pool import Gate
 from snr_sim.plants.urov.urov import Urov
 from snr_sim.plants.urov.vehicle import Vector, Vehicle
 
 from .case import ROUNDS, Case
 from .closed_forms import sliding, terminal_speed
-from .vehicles import BASIN, DEEP, along, along_axis, go, swim, undamped, vehicle, weightless
+from .vehicles import BASIN, DEEP, along, along_axis, go, make_urov, undamped, vehicle, weightless
 
 FRICTION = 0.5  # coefficient of the frame on tiles
-LEAD, DROPPED = (Load(mass_kg, mass_kg * 0.000088) for mass_kg in (3.0, 6.0))
+LEAD, DROPPED = (Payload(mass_kg, mass_kg * 0.000088) for mass_kg in (3.0, 6.0))
 PRESSES_N = BASIN.gravity_mps2 * (LEAD.mass_kg - BASIN.density_kgm3 * LEAD.volume_m3) - 1.5
 HOLDS_N = FRICTION * PRESSES_N
 PUSH_N = 40.0
@@ -45,12 +45,12 @@ def contact(name: str) -> Iterator[Case]:
     side = 0.5 * BASIN.length_m - 0.5 * one.size_m[0]
 
     def pressed(step_s: float) -> float:
-        plant = go(swim(one, step_s, BASIN, position_m=(0.0, 0.0, bottom_m(one))), 3.0, along(2, -40.0))
+        plant = go(make_urov(one, step_s, BASIN, position_m=(0.0, 0.0, bottom_m(one))), 3.0, along(2, -40.0))
         return (plant.contact_n or DEEP)[2]
 
     def bump(step_s: float) -> float:
         """Meet a wall with the bow; return the wall's impulse divided by the change of momentum."""
-        plant = swim(free, step_s, BASIN, position_m=(side - 0.1, 0.0, -2.0), velocity_mps=(0.5, 0.0, 0.0))
+        plant = make_urov(free, step_s, BASIN, position_m=(side - 0.1, 0.0, -2.0), velocity_mps=(0.5, 0.0, 0.0))
         impulse = 0.0
         for _ in range(round(0.6 / step_s)):
             plant.step(step_s)
@@ -70,24 +70,24 @@ def landing(one: Vehicle, step_s: float) -> Urov:
     """Come down on the floor at speed ahead, nose down, pushed on."""
     push = (25.0, 0.0, -40.0, 0.0, 0.0, 0.0) if one.name == "wu2018" else (40.0, 0.0, -60.0, 0.0, 0.0, 0.0)
     how = {"position_m": (-2.0, 0.0, -3.5), "attitude_rad": (0.0, 0.1, 0.0), "velocity_mps": (0.5, 0.0, -0.3)}
-    return go(swim(one, step_s, BASIN, **how), 3.0, push)
+    return go(make_urov(one, step_s, BASIN, **how), 3.0, push)
 
 
 def wall(one: Vehicle, step_s: float) -> Urov:
     """Run into a wall askew and be pushed along it."""
     how = {"position_m": (9.3, 0.0, -2.0), "attitude_rad": (0.0, 0.0, 0.4), "velocity_mps": (0.8, 0.3, 0.0)}
-    return go(swim(one, step_s, BASIN, **how), 2.0, along(0, 20.0))
+    return go(make_urov(one, step_s, BASIN, **how), 2.0, along(0, 20.0))
 
 
 def post(one: Vehicle, step_s: float) -> Urov:
     """Run into a gate's post with one shoulder."""
-    return go(swim(one, step_s, POSTS, position_m=(0.4, 0.1, -2.0), velocity_mps=(0.8, 0.0, 0.0)), 1.5)
+    return go(make_urov(one, step_s, POSTS, position_m=(0.4, 0.1, -2.0), velocity_mps=(0.8, 0.0, 0.0)), 1.5)
 
 
 def drop(one: Vehicle, step_s: float) -> Urov:
     """Sink to the floor with lead on it, tilted."""
     how = {"position_m": (0.0, 0.0, -3.3), "attitude_rad": (0.3, 0.2, 0.0), "velocity_mps": (0.4, 0.0, 0.0)}
-    return go(swim(one, step_s, BASIN, loads=(DROPPED,), **how), 3.0)
+    return go(make_urov(one, step_s, BASIN, loads=(DROPPED,), **how), 3.0)
 
 
 MEETINGS: dict[Callable[[Vehicle, float], Urov], str] = {
@@ -110,18 +110,18 @@ def gained_j(one: Vehicle, step_s: float) -> float:
     While it touches, energy is also in the contact's deformation.
     """
     how = {"attitude_rad": (0.3, 0.4, 0.2), "velocity_mps": (0.8, 0.3, -0.5), "rate_radps": (0.5, -0.5, 0.7)}
-    plant = swim(one, step_s, BASIN, position_m=(-5.0, 0.0, -3.4), loads=(DROPPED,), **how)
+    plant = make_urov(one, step_s, BASIN, position_m=(-5.0, 0.0, -3.4), loads=(DROPPED,), **how)
     heavy_n = BASIN.gravity_mps2 * (DROPPED.mass_kg - BASIN.density_kgm3 * DROPPED.volume_m3)
-    least, most, touched = math.inf, 0.0, False
+    min_energy, max_gain, touched = math.inf, 0.0, False
     for _ in range(round(3.0 / step_s)):
         plant.step(step_s)
         energy = plant.kinetic_energy_j + heavy_n * plant.position_m[2]
         if plant.contact_n is not None:
             touched = True
             continue
-        most = max(most, energy - least) if touched else most
-        least, touched = min(least, energy), False
-    return most
+        max_gain = max(max_gain, energy - min_energy) if touched else max_gain
+        min_energy, touched = min(min_energy, energy), False
+    return max_gain
 
 
 def meeting(name: str) -> Iterator[Case]:
@@ -132,8 +132,8 @@ def meeting(name: str) -> Iterator[Case]:
         return math.dist(meet(vehicle(name), step_s).position_m, finely(name, meet))
 
     for meet, what in MEETINGS.items():
-        why = "free steps before it, and how far into a part of a millisecond it touches"
-        yield case(f"{name}: {what}", 0.0, "m", partial(apart, meet=meet), 1e-3, why)
+        reason = "free steps before it, and how far into a part of a millisecond it touches"
+        yield case(f"{name}: {what}", 0.0, "m", partial(apart, meet=meet), 1e-3, reason)
     what = f"{name}: dropped tumbling, undamped: energy gained from one flight to the next"
     yield case(what, 0.0, "J", partial(gained_j, undamped(weightless(name))), 1e-4, ROUNDS)
 
@@ -144,17 +144,17 @@ def meeting(name: str) -> Iterator[Case]:
 def grounded(one: Vehicle, step_s: float, speed_mps: float = 0.0) -> Urov:
     """Return a plant with lead on the floor, in a current ahead."""
     flow = (Current(0.0, (speed_mps, 0.0, 0.0)),)
-    return swim(one, step_s, BASIN, position_m=(-5.0, 0.0, bottom_m(one)), loads=(LEAD,), currents=flow)
+    return make_urov(one, step_s, BASIN, position_m=(-5.0, 0.0, bottom_m(one)), loads=(LEAD,), currents=flow)
 
 
 @cache
 def pushed(name: str, step_s: float, ahead_n: float, down_n: float) -> tuple[float, float]:
     """Return speed and largest pressure in the sixth second of being pushed over the floor."""
     one = vehicle(name)
-    begin = swim(one, step_s, BASIN, position_m=(-9.0, 0.0, bottom_m(one)))
+    begin = make_urov(one, step_s, BASIN, position_m=(-9.0, 0.0, bottom_m(one)))
     plant = go(begin, 5.0, (ahead_n, 0.0, -down_n, 0.0, 0.0, 0.0))
-    most = max(pressing(go(plant, step_s))[2] for _ in range(round(1.0 / step_s)))
-    return plant.velocity_mps[0], max(0.0, most)
+    max_n = max(pressing(go(plant, step_s))[2] for _ in range(round(1.0 / step_s)))
+    return plant.velocity_mps[0], max(0.0, max_n)
 
 
 def friction(name: str) -> Iterator[Case]:
@@ -207,5 +207,5 @@ def friction(name: str) -> Iterator[Case]:
             "the push leans with the vehicle",
         )  # fmt: skip
     what = f"{name}: speed lost in 0.2 s of sliding out, by friction and drag"
-    why = "the push let go, the pressure swings for a tenth of a second"
-    yield case(what, 1.0, "", slowed, 5e-3, why)
+    reason = "when the push ends, the pressure oscillates for 0.1 s"
+    yield case(what, 1.0, "", slowed, 5e-3, reason)

@@ -14,7 +14,7 @@ from snr_sim.plants.urov.urov import Urov
 
 from .case import Case
 from .closed_forms import rk4
-from .vehicles import SEA, along_axis, go, swim, trimmed
+from .vehicles import SEA, along_axis, go, make_urov, trimmed
 
 DROP_M = 0.6
 FINE_S = 2e-5
@@ -48,7 +48,7 @@ def entries(name: str) -> Iterator[Case]:
     case = partial(Case, "From air into water")
 
     def fall(step_s: float, height_m: float, time_s: float) -> Urov:
-        return go(swim(trimmed(name), step_s, position_m=(0.0, 0.0, height_m)), time_s)
+        return go(make_urov(trimmed(name), step_s, position_m=(0.0, 0.0, height_m)), time_s)
 
     def after(time_s: float) -> Iterator[Case]:
         what = f"{name}, dropped from {DROP_M} m, after {time_s:g} s"
@@ -60,6 +60,6 @@ def entries(name: str) -> Iterator[Case]:
     for time_s in (0.4, 0.7, 2.0):
         yield from after(time_s)
     yield case(
-        f"{name}, let go with its middle at the surface: height after 1.5 s", lambda: dropped(name, 0.0, 1.5)[0], "m",
+        f"{name}, released with its middle at the surface: height after 1.5 s", lambda: dropped(name, 0.0, 1.5)[0], "m",
         lambda h: fall(h, 0.0, 1.5).position_m[2], 1e-4,
     )  # fmt: skip

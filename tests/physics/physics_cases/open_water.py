@@ -9,7 +9,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from snr_sim.plants.urov.dive import Current, Load
+from snr_sim.plants.urov.dive import Current, Payload
 from snr_sim.plants.urov.tether import Tether
 from snr_sim.plants.urov.urov import Urov
 from snr_sim.plants.urov.vehicle import Six, Vector, Vehicle
@@ -27,8 +27,8 @@ from .vehicles import (
     along,
     along_axis,
     go,
+    make_urov,
     neutral,
-    swim,
     trimmed,
     undamped,
     vehicle,
@@ -50,14 +50,14 @@ def steps(name: str) -> Iterator[Case]:
         speed, way = step_response(mass, a, b, push, 1.0)
 
         def after(step_s: float, time_s: float, **how: Vector) -> Urov:
-            return go(swim(one, step_s, **how), time_s, along(axis, push))
+            return go(make_urov(one, step_s, **how), time_s, along(axis, push))
 
         def tilted(step_s: float) -> float:
             return after(step_s, 1.0, attitude_rad=TILTED, position_m=CORNER).through_water[axis]
 
         def coast(step_s: float) -> float:
             begin = along(axis, 1.0)
-            return go(swim(one, step_s, velocity_mps=begin[:3], rate_radps=begin[3:]), 5.0).through_water[axis]
+            return go(make_urov(one, step_s, velocity_mps=begin[:3], rate_radps=begin[3:]), 5.0).through_water[axis]
 
         what = f"{name}, {AXES[axis]} {push:g} {unit}"
         yield case(f"{what}: after 1 s", speed, rate, lambda h: after(h, 1.0).through_water[axis], 1e-4)
@@ -77,7 +77,7 @@ def steps(name: str) -> Iterator[Case]:
     full = terminal_speed(one.linear_damping[0], one.quadratic_damping[0], FLAT_OUT_N)
     yield case(
         f"{name}: flat out, {FLAT_OUT_N} N", full, "m/s",
-        lambda h: go(swim(one, h), 12.0, along(0, FLAT_OUT_N)).through_water[0], 1e-5, LEFT,
+        lambda h: go(make_urov(one, h), 12.0, along(0, FLAT_OUT_N)).through_water[0], 1e-5, LEFT,
     )  # fmt: skip
 
 
@@ -107,39 +107,39 @@ def righting(name: str) -> Iterator[Case]:
         return case(
             f"{name}: period of a small {AXES[3 + axis]}, damping {share:.3f}",
             2.0 * math.pi * math.sqrt(mass / stiffness / (1.0 - share * share)), "s",
-            lambda h: period(swim(one, h, attitude_rad=tilt), axis), 5e-4,
+            lambda h: period(make_urov(one, h, attitude_rad=tilt), axis), 5e-4,
             "quadratic drag at 0.05 deg, and where the rate changes sign between two steps",
         )  # fmt: skip
 
     def swing_energy(step_s: float) -> float:
-        plant = swim(free, step_s, attitude_rad=(2.0, 0.4, 0.0))
+        plant = make_urov(free, step_s, attitude_rad=(2.0, 0.4, 0.0))
         begin = stiffness * rotation(np.array(plant.attitude))[2, 2]
         go(plant, 20.0)
         now = stiffness * rotation(np.array(plant.attitude))[2, 2]
         return (plant.kinetic_energy_j + begin - now) / (stiffness - begin)
 
-    def rise(step_s: float, *loads: Load) -> float:
-        return go(swim(as_is, step_s, loads=loads), 3.0).position_m[2] - DEEP[2]
+    def rise(step_s: float, *loads: Payload) -> float:
+        return go(make_urov(as_is, step_s, loads=loads), 3.0).position_m[2] - DEEP[2]
 
     yield small_swing(0)
     yield small_swing(1)
     swing = math.radians(120.0)
     yield case(
         f"{name}: period of a roll from 120 deg, undamped", pendulum_period(along_axis(one, 3)[0], stiffness, swing),
-        "s", lambda h: period(swim(free, h, attitude_rad=(swing, 0.0, 0.0)), 0), 2e-4,
+        "s", lambda h: period(make_urov(free, h, attitude_rad=(swing, 0.0, 0.0)), 0), 2e-4,
     )  # fmt: skip
     what = f"{name}: energy gained by a swing from 115 deg in 20 s, undamped"
     yield case(what, 0.0, "of it", swing_energy, 1e-4, ROUNDS)
     mass, a, b = along_axis(as_is, 2)
     yield case(f"{name}: rise by its 1.5 N in 3 s", step_response(mass, a, b, 1.5, 3.0)[1], "m", rise, 1e-4)
-    lead = Load(2.0, 2.0 * 0.000088)
+    lead = Payload(2.0, 2.0 * 0.000088)
     net = 1.5 - 9.81 * (lead.mass_kg - SEA.density_kgm3 * lead.volume_m3)
     sunk = -step_response(mass + lead.mass_kg, a, b, -net, 3.0)[1]
     yield case(f"{name}: way in 3 s with 2 kg of lead", sunk, "m", lambda h: rise(h, lead), 1e-4)
     low = 0.085  # thrust line under the centre of mass, m
 
     def pitch_up(step_s: float) -> float:
-        plant = go(swim(one, step_s), 40.0, (2.0, 0.0, 0.0, 0.0, -2.0 * low, 0.0))
+        plant = go(make_urov(one, step_s), 40.0, (2.0, 0.0, 0.0, 0.0, -2.0 * low, 0.0))
         return math.degrees(-roll_pitch_yaw_rad(plant.attitude)[1])
 
     nose_up = math.degrees(math.asin(2.0 * low / stiffness))
@@ -149,7 +149,7 @@ def righting(name: str) -> Iterator[Case]:
     floats = (0.5 - share) * as_is.size_m[2] - as_is.centre_of_buoyancy_m[2]
     yield case(
         f"{name}: height of its origin when it floats", floats, "m",
-        lambda h: go(swim(as_is, h, position_m=(0.0, 0.0, floats - 0.002)), 15.0).position_m[2], 5e-3,
+        lambda h: go(make_urov(as_is, h, position_m=(0.0, 0.0, floats - 0.002)), 15.0).position_m[2], 5e-3,
         "what 15 s leave of bobbing",
     )  # fmt: skip
 
@@ -157,8 +157,8 @@ def righting(name: str) -> Iterator[Case]:
 def lifted_out() -> Iterator[Case]:
     """Falling through air."""
     yield Case(
-        "Weight and buoyancy", "lifted out and let go: fall in 0.5 s", -0.5 * SEA.gravity_mps2 * 0.25, "m",
-        lambda h: go(swim(vehicle("benzon2022"), h, position_m=(0.0, 0.0, 3.0)), 0.5).position_m[2] - 3.0, 1e-9,
+        "Weight and buoyancy", "lifted out and released: fall in 0.5 s", -0.5 * SEA.gravity_mps2 * 0.25, "m",
+        lambda h: go(make_urov(vehicle("benzon2022"), h, position_m=(0.0, 0.0, 3.0)), 0.5).position_m[2] - 3.0, 1e-9,
         "rounding",
     )  # fmt: skip
 
@@ -169,7 +169,7 @@ def conserved(name: str) -> Iterator[Case]:
 
     def tumble(step_s: float) -> tuple[float, float]:
         how = {"velocity_mps": (1.0, 0.5, 0.3), "rate_radps": (0.5, 0.7, 0.9)}
-        plant = swim(undamped(weightless(name)), step_s, **how)
+        plant = make_urov(undamped(weightless(name)), step_s, **how)
 
         def momentum() -> np.ndarray:
             return rotation(np.array(plant.attitude)) @ (plant.mass_matrix @ plant.through_water)[:3]
@@ -190,19 +190,19 @@ def current(name: str) -> Iterator[Case]:
     one, as_is, flow = weightless(name), trimmed(name), (0.3, 0.0, 0.0)
 
     def carried(step_s: float, by: Vehicle, velocity_mps: Vector, time_s: float = 3.0) -> Vector:
-        return go(swim(by, step_s, currents=(Current(0.0, velocity_mps),)), time_s).velocity_mps
+        return go(make_urov(by, step_s, currents=(Current(0.0, velocity_mps),)), time_s).velocity_mps
 
     def off_course(step_s: float) -> float:
         """Tumble in moving water, and in still water with the same speed through it: both must part evenly."""
-        swims = partial(swim, undamped(one), step_s, rate_radps=(0.3, 0.2, 1.0))
-        moving = go(swims(velocity_mps=(0.5, 0.0, 0.0), currents=(Current(0.0, flow),)), 10.0)
-        still = go(swims(velocity_mps=(0.2, 0.0, 0.0)), 10.0)
+        make = partial(make_urov, undamped(one), step_s, rate_radps=(0.3, 0.2, 1.0))
+        moving = go(make(velocity_mps=(0.5, 0.0, 0.0), currents=(Current(0.0, flow),)), 10.0)
+        still = go(make(velocity_mps=(0.2, 0.0, 0.0)), 10.0)
         apart = np.array(moving.position_m) - np.array(still.position_m)
         return float(np.linalg.norm(apart - 10.0 * np.array(flow)))
 
     drift = 0.3 - coasting(*along_axis(one, 0), 0.3, 3.0)
     yield case(f"{name}: drift after 3 s in 0.3 m/s", drift, "m/s", lambda h: carried(h, one, flow)[0], 1e-4)
-    what = f"{name}: tumbling in a current and in still water, part from its way in 10 s"
+    what = f"{name}: tumbling in a current and in still water, difference of the paths after 10 s"
     yield case(what, 0.0, "m", off_course, 1e-9, "rounding")
     yield case(
         f"{name}: lifted, after 3 s, by a current of 0.2 m/s upwards",
@@ -223,13 +223,13 @@ def munk(name: str) -> Iterator[Case]:
     askew = (added[0] - added[1]) * 1.0 * 0.2 / along_axis(one, 5)[0]
 
     def circle(step_s: float) -> float:
-        plant = go(swim(one, step_s, rate_radps=(0.0, 0.0, 0.05)), 60.0, along(0, 40.0))
+        plant = go(make_urov(one, step_s, rate_radps=(0.0, 0.0, 0.05)), 60.0, along(0, 40.0))
         u, v, _, _, _, r = plant.through_water
         return math.hypot(u, v) / abs(r)
 
     yield case(
         f"{name}: yaw acceleration at 1 m/s ahead and 0.2 to the left (Munk)", float(askew), "rad/s2",
-        lambda h: go(swim(undamped(one), h, velocity_mps=(1.0, 0.2, 0.0)), h).rate_radps[2] / h, 1e-3,
+        lambda h: go(make_urov(undamped(one), h, velocity_mps=(1.0, 0.2, 0.0)), h).rate_radps[2] / h, 1e-3,
         "it is the mean of a step, not its begin",
     )  # fmt: skip
     u, v, r = steady_circle(one, 40.0)
@@ -241,20 +241,20 @@ def tether() -> Iterator[Case]:
     """The cheap tether: its drag, and its stretch."""
     case = partial(Case, "Tether")
     one = weightless("benzon2022")
-    line = Tether((0.0, 0.0, -50.0), 20.0, place_m=(0.0, 0.0, 0.0))
+    line = Tether((0.0, 0.0, -50.0), 20.0, attachment_m=(0.0, 0.0, 0.0))
     drag = 0.5 * 0.5 * SEA.density_kgm3 * line.across * line.diameter_m * 20.0 * 0.3**2
 
     def pull(step_s: float) -> float:
         """Force of the tether alone at the first moment: acceleration with it less that without it."""
-        swims = partial(swim, one, step_s, position_m=(20.0, 0.0, -50.0), currents=(Current(0.0, (0.0, 0.3, 0.0)),))
-        with_it, alone = (plant.read("imu").specific_force_mps2[1] for plant in (swims(tether=line), swims()))
+        make = partial(make_urov, one, step_s, position_m=(20.0, 0.0, -50.0), currents=(Current(0.0, (0.0, 0.3, 0.0)),))
+        with_it, alone = (plant.read("imu").specific_force_mps2[1] for plant in (make(tether=line), make()))
         return along_axis(one, 1)[0] * (with_it - alone)
 
     yield case("20 m across 0.3 m/s: share at the vehicle", drag, "N", pull, 1e-9, "rounding")
     bare = replace(line, across=0.0, along=0.0)
     yield case(
         "20 m, pulled with 50 N: length", 20.0 + 50.0 / line.stiffness_npm, "m",
-        lambda h: go(swim(one, h, position_m=(19.5, 0.0, -50.0), tether=bare), 40.0, along(0, 50.0)).position_m[0],
+        lambda h: go(make_urov(one, h, position_m=(19.5, 0.0, -50.0), tether=bare), 40.0, along(0, 50.0)).position_m[0],
         1e-4, "what 40 s leave of bouncing",
     )  # fmt: skip
 
@@ -305,7 +305,7 @@ def second_opinion(name: str) -> np.ndarray:
 @cache
 def mixed_error(name: str, step_s: float) -> tuple[float, float]:
     """Return how far the plant is from the second opinion after 20 s: position [m], attitude [rad]."""
-    plant = swim(mixed(name), step_s, position_m=CORNER, currents=(Current(0.0, MIXED_FLOW),))
+    plant = make_urov(mixed(name), step_s, position_m=CORNER, currents=(Current(0.0, MIXED_FLOW),))
     for i in range(round(20.0 / step_s)):
         go(plant, step_s, mixed_wrench((i + 0.5) * step_s))
     end = second_opinion(name)

@@ -60,7 +60,7 @@ def along_axis(one: Vehicle, axis: int) -> tuple[float, float, float]:
     return dry + float(one.added_mass[axis, axis]), one.linear_damping[axis], one.quadratic_damping[axis]
 
 
-def swim(one: Vehicle, step_s: float, pool: Pool = SEA, **how: Any) -> Urov:
+def make_urov(one: Vehicle, step_s: float, pool: Pool = SEA, **how: Any) -> Urov:
     """Return a plant; `how` is its initial state as in Dive, by default deep under water."""
     dive = Dive(**{"position_m": DEEP, **how})
     return Urov(one, pool, lambda seed: dive, step_s=step_s)

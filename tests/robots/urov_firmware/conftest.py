@@ -10,11 +10,11 @@ from snr_sim.devices.emulated.board import PINS, Board, Pulse
 from snr_sim.devices.emulated.toolchain import firmware_elf
 from snr_sim.devices.wire.mcu_frames import McuFrames, encode
 from snr_sim.devices.wire.mcu_messages import (
-    Answer,
+    AckResult,
     Arm,
+    CommandAck,
     FromMcu,
     Hello,
-    Result,
     SetWidths,
     Telemetry,
     ToMcu,
@@ -35,7 +35,7 @@ class Bench:
     def __init__(self, mcu: str, **settings: int) -> None:
         self.board = Board(firmware_elf(FIRMWARE, mcu, settings), mcu)
         self.frames = McuFrames()
-        self.heard: list[FromMcu | ToMcu] = []
+        self.received: list[FromMcu | ToMcu] = []
         self.pulses: list[Pulse] = []
         self.seq = 0
 
@@ -45,7 +45,7 @@ class Bench:
 
     def run(self, ms: float) -> None:
         self.board.run_us(ms * 1000)
-        self.heard += self.frames.feed(self.board.uart_out())
+        self.received += self.frames.feed(self.board.uart_out())
         self.pulses += self.board.pulses()
 
     def send(self, *messages: ToMcu) -> None:
@@ -53,17 +53,17 @@ class Bench:
             assert self.board.uart_in(encode(message))
 
     def last(self, kind: type[Message]) -> Message:
-        return next(message for message in reversed(self.heard) if isinstance(message, kind))
+        return next(message for message in reversed(self.received) if isinstance(message, kind))
 
     @property
-    def told(self) -> Telemetry:
+    def telemetry(self) -> Telemetry:
         return self.last(Telemetry)
 
-    def ask(self, message: ToMcu) -> Result:
-        self.heard.clear()
+    def ask(self, message: ToMcu) -> AckResult:
+        self.received.clear()
         self.send(message)
         self.run(TICK_MS)
-        return self.last(Answer).result
+        return self.last(CommandAck).result
 
     def command(self, widths_us: tuple[float, ...], stamp_ms: int | None = None, age_ms: int = 0) -> SetWidths:
         self.seq = (self.seq + 1) % 65536
@@ -86,7 +86,7 @@ class Bench:
     def armed(self) -> None:
         self.ready()
         self.drive(NEUTRAL)
-        assert self.ask(Arm(SESSION)) is Result.DONE
+        assert self.ask(Arm(SESSION)) is AckResult.DONE
 
     def widths(self, ms: float = 17) -> list[set[float]]:
         """The widths of each channel's pulses that begin and end in the next milliseconds."""

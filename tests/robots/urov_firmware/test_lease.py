@@ -6,7 +6,7 @@ from itertools import pairwise
 import pytest
 
 from snr_sim.devices.wire.mcu_frames import encode
-from snr_sim.devices.wire.mcu_messages import NO_COMMAND_MS, Fault, SetWidths, State
+from snr_sim.devices.wire.mcu_messages import NO_COMMAND_MS, McuFault, McuState, SetWidths
 
 from .conftest import NEUTRAL, SESSION, Bench
 
@@ -20,7 +20,7 @@ def ahead(bench: Bench) -> Bench:
     """All full ahead; the last command was computed now."""
     bench.armed()
     bench.drive(AHEAD, 150)
-    assert bench.told.widths_us == AHEAD
+    assert bench.telemetry.widths_us == AHEAD
     bench.send(bench.command(AHEAD))
     return bench
 
@@ -42,13 +42,13 @@ def ms_until_neutral(bench: Bench, again: Callable[[], None] = lambda: None) -> 
     return last_ms
 
 
-def test_h1_when_no_more_commands_come_all_are_neutral_within_250_ms(ahead: Bench) -> None:
+def test_h1_missing_commands_set_neutral_within_250_ms(ahead: Bench) -> None:
     assert 200.0 <= ms_until_neutral(ahead) <= 200.0 + 3.0 + PERIOD_MS < NEUTRAL_WITHIN_MS
-    assert ahead.told.faults == Fault.LEASE_EXPIRED
-    assert ahead.told.state is State.DISARMED
+    assert ahead.telemetry.faults == McuFault.LEASE_EXPIRED
+    assert ahead.telemetry.state is McuState.DISARMED
 
 
-def test_h11_a_stuck_planner_behind_a_thread_that_sends_its_last_command_again_times_out(ahead: Bench) -> None:
+def test_h11_resent_command_of_stuck_planner_times_out(ahead: Bench) -> None:
     stuck_ms = int(ahead.now_ms)
 
     def send_it_again() -> None:
@@ -56,19 +56,19 @@ def test_h11_a_stuck_planner_behind_a_thread_that_sends_its_last_command_again_t
         ahead.send(SetWidths(SESSION, ahead.seq, stuck_ms, age_ms, 200, AHEAD))
 
     assert ms_until_neutral(ahead, send_it_again) <= 200.0 + 3.0 + PERIOD_MS
-    assert Fault.LEASE_EXPIRED in ahead.told.faults
+    assert McuFault.LEASE_EXPIRED in ahead.telemetry.faults
 
 
-def test_h11_a_thread_that_repeats_the_bytes_of_the_last_command_keeps_nothing_going(ahead: Bench) -> None:
+def test_h11_repeated_bytes_do_not_extend_lease(ahead: Bench) -> None:
     frame = encode(ahead.command(AHEAD))
     assert ms_until_neutral(ahead, lambda: ahead.board.uart_in(frame) and None) <= 200.0 + 3.0 + PERIOD_MS
-    assert Fault.REPEATED in ahead.told.faults
+    assert McuFault.REPEATED in ahead.telemetry.faults
 
 
 @pytest.mark.parametrize(
     ("age_ms", "lease_ms", "holds_ms"), [(150, 200, 50), (0, 60, 60), (0, 5000, 200), (30, 5000, 170)]
 )
-def test_h11_a_lease_counts_from_the_computing_and_is_never_longer_than_200_ms(
+def test_h11_lease_counts_from_computation_and_is_at_most_200_ms(
     ahead: Bench, age_ms: int, lease_ms: int, holds_ms: int
 ) -> None:
     ahead.run(10)
@@ -78,28 +78,28 @@ def test_h11_a_lease_counts_from_the_computing_and_is_never_longer_than_200_ms(
 
 
 @pytest.mark.parametrize(("age_ms", "lease_ms"), [(200, 200), (65535, 200), (0, 0), (300, 65535)])
-def test_a_command_that_is_already_too_old_is_not_taken(ahead: Bench, age_ms: int, lease_ms: int) -> None:
+def test_expired_command_is_ignored(ahead: Bench, age_ms: int, lease_ms: int) -> None:
     ahead.run(10)
     ahead.send(SetWidths(SESSION, 4321, int(ahead.now_ms), age_ms, lease_ms, SLOW))
     ahead.run(10)
-    assert ahead.told.seq != 4321
-    assert Fault.STALE in ahead.told.faults
-    assert ahead.told.widths_us == AHEAD
+    assert ahead.telemetry.seq != 4321
+    assert McuFault.STALE in ahead.telemetry.faults
+    assert ahead.telemetry.widths_us == AHEAD
 
 
-def test_a_command_computed_before_the_last_one_is_not_taken(ahead: Bench) -> None:
+def test_command_older_than_last_is_ignored(ahead: Bench) -> None:
     ahead.run(10)
     ahead.send(ahead.command(SLOW, stamp_ms=int(ahead.now_ms) - 100))
     ahead.run(10)
-    assert Fault.REPEATED in ahead.told.faults
-    assert ahead.told.widths_us == AHEAD
+    assert McuFault.REPEATED in ahead.telemetry.faults
+    assert ahead.telemetry.widths_us == AHEAD
 
 
-def are(wanted_us: float, widths: list[set[float]]) -> bool:
-    return all(abs(width_us - wanted_us) <= 1.0 for found in widths for width_us in found)
+def are(expected_us: float, widths: list[set[float]]) -> bool:
+    return all(abs(width_us - expected_us) <= 1.0 for found in widths for width_us in found)
 
 
-def test_two_commands_of_one_moment_are_both_taken_in_the_order_of_their_numbers(ahead: Bench) -> None:
+def test_commands_with_equal_stamp_are_applied_by_number(ahead: Bench) -> None:
     ahead.run(10)
     stamp_ms = int(ahead.now_ms)
     first, second = (ahead.command(widths, stamp_ms=stamp_ms) for widths in (AHEAD, SLOW))
@@ -108,49 +108,52 @@ def test_two_commands_of_one_moment_are_both_taken_in_the_order_of_their_numbers
     assert are(SLOW[0], ahead.widths())
     ahead.send(first)
     assert are(SLOW[0], ahead.widths())
-    assert ahead.told.seq == second.seq
-    assert Fault.REPEATED in ahead.told.faults
+    assert ahead.telemetry.seq == second.seq
+    assert McuFault.REPEATED in ahead.telemetry.faults
 
 
-def test_h11_new_numbers_make_a_command_of_one_moment_no_younger(ahead: Bench) -> None:
+def test_h11_new_number_with_equal_stamp_keeps_age(ahead: Bench) -> None:
     stuck_ms = int(ahead.now_ms) + 1
 
     def send_it_as_new() -> None:
         ahead.send(ahead.command(AHEAD, stamp_ms=stuck_ms))
 
     assert ms_until_neutral(ahead, send_it_as_new) <= 210.0 + 3.0 + PERIOD_MS
-    assert Fault.LEASE_EXPIRED in ahead.told.faults
+    assert McuFault.LEASE_EXPIRED in ahead.telemetry.faults
 
 
 @pytest.mark.parametrize("late_ms", [20, 100, 1000])
 @pytest.mark.parametrize("age_ms", [0, 200])
-def test_neutral_is_taken_however_late_it_comes(ahead: Bench, late_ms: int, age_ms: int) -> None:
+def test_late_neutral_is_applied(ahead: Bench, late_ms: int, age_ms: int) -> None:
     ahead.drive(AHEAD)
     seq = ahead.seq
     ahead.send(ahead.command(NEUTRAL, stamp_ms=int(ahead.now_ms) - late_ms, age_ms=age_ms))
     ahead.run(110)
     assert are(1500.0, ahead.widths())
-    assert (ahead.told.seq, ahead.told.state) == (seq, State.ARMED)  # which command holds has not changed, ...
+    assert (ahead.telemetry.seq, ahead.telemetry.state) == (
+        seq,
+        McuState.ARMED,
+    )  # which command holds has not changed, ...
     ahead.run(200)
-    assert ahead.told.state is State.DISARMED  # ... nor for how long
+    assert ahead.telemetry.state is McuState.DISARMED  # ... nor for how long
 
 
-def test_the_computers_clock_may_begin_anew(bench: Bench) -> None:
+def test_restarted_computer_clock_is_accepted(bench: Bench) -> None:
     bench.ready()
     bench.send(bench.command(NEUTRAL, stamp_ms=2**32 - 5))
     bench.run(10)
     bench.send(bench.command(NEUTRAL, stamp_ms=5))
     bench.run(10)
-    assert bench.told.seq == bench.seq
-    assert bench.told.faults == Fault(0)
+    assert bench.telemetry.seq == bench.seq
+    assert bench.telemetry.faults == McuFault(0)
 
 
-def test_the_age_of_the_last_command_is_told(bench: Bench) -> None:
+def test_telemetry_reports_command_age(bench: Bench) -> None:
     bench.ready()
     bench.run(60)
-    assert bench.told.command_age_ms == NO_COMMAND_MS
+    assert bench.telemetry.command_age_ms == NO_COMMAND_MS
     bench.send(bench.command(NEUTRAL, age_ms=40))
     bench.run(10)
-    assert bench.told.command_age_ms == 40
+    assert bench.telemetry.command_age_ms == 40
     bench.run(1000)
-    assert bench.told.command_age_ms == pytest.approx(1000, abs=60)
+    assert bench.telemetry.command_age_ms == pytest.approx(1000, abs=60)

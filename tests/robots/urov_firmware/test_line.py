@@ -14,11 +14,11 @@ from snr_sim.devices.wire.mcu_messages import (
     ClearStop,
     Disarm,
     EmergencyStop,
-    Fault,
     Hello,
+    McuFault,
+    McuState,
     ResetCause,
     SetWidths,
-    State,
     Telemetry,
 )
 
@@ -48,11 +48,11 @@ def garbage(rng: random.Random) -> bytes:
     return bytes(data)
 
 
-def test_h5_a_hundred_thousand_bytes_of_garbage_change_no_output(bench: Bench) -> None:
+def test_h5_100000_garbage_bytes_keep_outputs(bench: Bench) -> None:
     rng = random.Random(5)
     bench.armed()
     bench.drive(AHEAD, 150)
-    sent, errors = 0, bench.told.crc_errors
+    sent, errors = 0, bench.telemetry.crc_errors
     bench.pulses.clear()
     while sent < FUZZ_BYTES:
         noise = garbage(rng)
@@ -62,94 +62,94 @@ def test_h5_a_hundred_thousand_bytes_of_garbage_change_no_output(bench: Bench) -
         bench.run(10)
     assert len(bench.pulses) > 900 * 8
     assert all(abs(pulse.width_us - 1700.0) <= 1.0 for pulse in bench.pulses)
-    assert bench.told.state is State.ARMED
-    assert bench.told.crc_errors > errors + 1000
-    assert Fault.OVERRUN not in bench.told.faults
+    assert bench.telemetry.state is McuState.ARMED
+    assert bench.telemetry.crc_errors > errors + 1000
+    assert McuFault.OVERRUN not in bench.telemetry.faults
     assert bench.board.resets == 0
 
 
-def test_h5_garbage_alone_wakes_nothing(bench: Bench) -> None:
+def test_h5_garbage_alone_keeps_disarmed(bench: Bench) -> None:
     rng = random.Random(6)
     bench.ready()
     for _ in range(200):
         bench.board.uart_in(rng.randbytes(110))
         bench.run(10)
     assert all(abs(pulse.width_us - 1500.0) <= 1.0 for pulse in bench.pulses)
-    assert bench.told.state is State.DISARMED
+    assert bench.telemetry.state is McuState.DISARMED
 
 
-def test_a_run_without_a_zero_is_left_behind(bench: Bench) -> None:
+def test_bytes_without_delimiter_are_dropped(bench: Bench) -> None:
     bench.armed()
     bench.board.uart_in(b"\x55" * 1000 + b"\0")
     bench.send(bench.command(NEUTRAL))
     bench.run(150)
-    assert bench.told.seq == bench.seq
-    assert bench.told.crc_errors == 1
+    assert bench.telemetry.seq == bench.seq
+    assert bench.telemetry.crc_errors == 1
 
 
-def test_a_frame_that_is_too_long_is_not_read_as_far_as_it_fits(bench: Bench) -> None:
+def test_oversized_frame_is_dropped_completely(bench: Bench) -> None:
     bench.armed()
     body = b"\x05" + b"\x11" * 93  # an emergency stop may be of any length
     long = body + crc_hqx(body, 0).to_bytes(2, "big") + b"\x22"
     bench.board.uart_in(cobs(long) + b"\0")
     bench.drive(AHEAD, 50)
-    assert bench.told.state is State.ARMED
-    assert bench.told.crc_errors == 1
+    assert bench.telemetry.state is McuState.ARMED
+    assert bench.telemetry.crc_errors == 1
     bench.board.uart_in(cobs(long[:-1]) + b"\0")
     bench.drive(AHEAD, 50)
-    assert bench.told.state is State.STOPPED
+    assert bench.telemetry.state is McuState.STOPPED
 
 
-def test_a_frame_of_an_unknown_type_is_told_and_does_nothing(bench: Bench) -> None:
+def test_frame_of_unknown_type_is_reported_and_ignored(bench: Bench) -> None:
     bench.armed()
     bench.board.uart_in(cobs(b"\x44\x01" + crc_hqx(b"\x44\x01", 0).to_bytes(2, "big")) + b"\0")
     bench.drive(AHEAD, 100)
-    assert bench.told.faults == Fault.UNKNOWN_TYPE
-    assert bench.told.widths_us == AHEAD
+    assert bench.telemetry.faults == McuFault.UNKNOWN_TYPE
+    assert bench.telemetry.widths_us == AHEAD
 
 
-def test_telemetry_comes_20_times_a_second_before_anybody_asks(bench: Bench) -> None:
+def test_telemetry_is_sent_at_20_hz_without_request(bench: Bench) -> None:
     bench.run(1010)
-    told = [message for message in bench.heard if isinstance(message, Telemetry)]
-    assert len(told) == 20
-    assert [message.nth for message in told] == list(range(20))
-    assert {(message.session, message.seq, message.faults) for message in told} == {(0, 0, Fault(0))}
-    assert told[-1].uptime_ms == pytest.approx(1000, abs=2)
-    assert told[-1].reset_cause is ResetCause.POWER_ON
+    telemetry = [message for message in bench.received if isinstance(message, Telemetry)]
+    assert len(telemetry) == 20
+    assert [message.frame_count for message in telemetry] == list(range(20))
+    assert {(message.session, message.seq, message.faults) for message in telemetry} == {(0, 0, McuFault(0))}
+    assert telemetry[-1].uptime_ms == pytest.approx(1000, abs=2)
+    assert telemetry[-1].reset_cause is ResetCause.POWER_ON
 
 
-def test_each_command_is_answered_with_its_number(bench: Bench) -> None:
+def test_telemetry_reports_number_of_each_command(bench: Bench) -> None:
     bench.ready()
     for _ in range(20):
         bench.drive(NEUTRAL)
-        assert bench.told.seq == bench.seq
+        assert bench.telemetry.seq == bench.seq
     assert (bench.frames.crc_errors, bench.frames.gaps) == (0, 0)
 
 
 @pytest.mark.parametrize("supply_mv", [5000, 4750, 4200, 3300])
-def test_sagging_supply_does_not_make_the_battery_look_full(bench: Bench, supply_mv: int) -> None:
+def test_sagging_supply_keeps_battery_voltage_correct(bench: Bench, supply_mv: int) -> None:
     bench.board.set_millivolts(0, 1345)
     bench.board.set_millivolts(1, 600)
     bench.board.set_supply_millivolts(supply_mv)
     bench.run(100)
-    assert bench.told.battery_pin_mv == pytest.approx(1345, abs=10)
-    assert bench.told.current_pin_mv == pytest.approx(600, abs=10)
+    assert bench.telemetry.battery_pin_mv == pytest.approx(1345, abs=10)
+    assert bench.telemetry.current_pin_mv == pytest.approx(600, abs=10)
 
 
-def test_reference_measured_on_a_chip_corrects_its_voltages(make_bench: Callable[..., Bench], mcu: str) -> None:
+def test_measured_reference_corrects_voltages(make_bench: Callable[..., Bench], mcu: str) -> None:
     bench = make_bench(mcu, BANDGAP_MV=1045)  # a chip whose reference is 5 % lower; simavr's has 1100 mV
     bench.board.set_millivolts(0, 2000)
     bench.run(100)
-    assert bench.told.battery_pin_mv == pytest.approx(1900, abs=10)
+    assert bench.telemetry.battery_pin_mv == pytest.approx(1900, abs=10)
 
 
 @pytest.mark.parametrize("millivolts", [0, 330, 1450, 2500, 4995])
-def test_voltages_at_the_pins_are_told_to_two_steps_of_the_converter(bench: Bench, millivolts: int) -> None:
+def test_pin_voltages_are_reported_within_two_adc_steps(bench: Bench, millivolts: int) -> None:
     bench.board.set_millivolts(0, millivolts)
     bench.board.set_millivolts(1, 4995 - millivolts)
     bench.run(110)
-    assert bench.told.battery_pin_mv == pytest.approx(millivolts, abs=10)
-    assert bench.told.current_pin_mv == pytest.approx(4995 - millivolts, abs=10)
+    assert bench.telemetry.battery_pin_mv == pytest.approx(millivolts, abs=10)
+    assert bench.telemetry.current_pin_mv == pytest.approx(4995 - millivolts, abs=10)
 
 
 TCCR1B, TIMSK1, TCCR3B, TCCR4B = 0x81, 0x6F, 0x91, 0xA1  # addresses; a timer whose TCCRnB is cleared stands still
@@ -157,16 +157,12 @@ HANGS = {"with-interrupts": 0, "without-interrupts": 1, "timer-1-stops": TCCR1B,
 
 
 @pytest.mark.parametrize("kind", HANGS.values(), ids=HANGS)
-def test_h2_when_the_firmware_hangs_the_watchdog_makes_all_neutral_within_200_ms(
-    make_bench: Callable[..., Bench], mcu: str, kind: int
-) -> None:
+def test_h2_watchdog_sets_neutral_within_200_ms_of_hang(make_bench: Callable[..., Bench], mcu: str, kind: int) -> None:
     assert_neutral_after(make_bench(mcu, HANG=1), kind)
 
 
 @pytest.mark.parametrize("register", [TCCR3B, TCCR4B], ids=["timer-3", "timer-4"])
-def test_h2_each_timer_of_the_mega_that_stops_is_found_by_the_watchdog(
-    make_bench: Callable[..., Bench], register: int
-) -> None:
+def test_h2_watchdog_detects_each_stopped_timer_of_mega(make_bench: Callable[..., Bench], register: int) -> None:
     assert_neutral_after(make_bench("atmega2560", HANG=1), register)
 
 
@@ -182,22 +178,22 @@ def assert_neutral_after(bench: Bench, kind: int) -> None:
     late = [pulse for pulse in bench.pulses if pulse.rise_us > begin_us + 200_000]
     assert {pulse.channel for pulse in late} == set(range(8))
     assert all(abs(pulse.width_us - 1500.0) <= 1.0 for pulse in late)
-    assert (bench.told.state, bench.told.reset_cause) == (State.STARTING, ResetCause.WATCHDOG)
+    assert (bench.telemetry.state, bench.telemetry.reset_cause) == (McuState.STARTING, ResetCause.WATCHDOG)
     assert bench.board.resets == 1
 
 
-def test_two_runs_are_one_to_the_cycle(make_bench, mcu: str) -> None:
+def test_repeated_run_equals_first_to_the_cycle(make_bench, mcu: str) -> None:
     def digest() -> str:
         bench: Bench = make_bench(mcu)
         rng = random.Random(7)
-        heard = hashlib.sha256()
+        received = hashlib.sha256()
         bench.armed()
         for _ in range(300):
             bench.board.uart_in(garbage(rng)[:30])
             bench.send(bench.command(tuple(rng.randrange(2200, 3801) / 2 for _ in range(8))))
             bench.board.run_us(10_000)
-            heard.update(bench.board.uart_out())
-            heard.update(repr(bench.board.pulses()).encode())
-        return heard.hexdigest()
+            received.update(bench.board.uart_out())
+            received.update(repr(bench.board.pulses()).encode())
+        return received.hexdigest()
 
     assert digest() == digest()

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 
-from snr_sim.devices.wire.mcu_messages import Fault, SetWidths, State
+from snr_sim.devices.wire.mcu_messages import McuFault, McuState, SetWidths
 
 from .conftest import NEUTRAL, SESSION, Bench
 
@@ -19,19 +19,19 @@ def all_at(width_us: float) -> tuple[float, ...]:
     return (width_us,) * 8
 
 
-def test_each_pin_has_the_width_that_was_asked_for(bench: Bench) -> None:
+def test_each_pin_has_commanded_width(bench: Bench) -> None:
     bench.armed()
     bench.drive(SET_US, 200)
     bench.send(bench.command(SET_US))
-    for found, wanted in zip(bench.widths(), SET_US, strict=True):
+    for found, expected in zip(bench.widths(), SET_US, strict=True):
         assert found
-        assert all(width == pytest.approx(wanted, abs=EXACT_US) for width in found)
-    assert bench.told.widths_us == SET_US
-    assert bench.told.state is State.ARMED
-    assert bench.told.faults == Fault(0)
+        assert all(width == pytest.approx(expected, abs=EXACT_US) for width in found)
+    assert bench.telemetry.widths_us == SET_US
+    assert bench.telemetry.state is McuState.ARMED
+    assert bench.telemetry.faults == McuFault(0)
 
 
-def test_widths_stay_exact_while_the_line_is_busy(bench: Bench) -> None:
+def test_busy_line_keeps_exact_widths(bench: Bench) -> None:
     bench.armed()
     bench.drive(SET_US, 200)
     bench.pulses.clear()
@@ -43,7 +43,7 @@ def test_widths_stay_exact_while_the_line_is_busy(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("period_ms", [8, 20])
-def test_pulses_come_as_often_as_the_firmware_was_made_for(make_bench, mcu: str, period_ms: int) -> None:
+def test_pulse_rate_equals_setting(make_bench, mcu: str, period_ms: int) -> None:
     bench: Bench = make_bench(mcu, PERIOD_MS=period_ms)
     bench.run(100)
     for channel in range(8):
@@ -53,28 +53,28 @@ def test_pulses_come_as_often_as_the_firmware_was_made_for(make_bench, mcu: str,
         assert rises_us[0] < period_ms * 1000 + 2000
 
 
-def test_h4_the_first_pulse_of_each_pin_is_neutral_and_so_are_all_until_it_is_armed(bench: Bench) -> None:
+def test_h4_all_pulses_before_arming_are_neutral(bench: Bench) -> None:
     bench.ready()
     bench.drive(SET_US, 300)
     assert {pulse.channel for pulse in bench.pulses} == set(range(8))
     assert all(pulse.width_us == pytest.approx(1500.0, abs=EXACT_US) for pulse in bench.pulses)
-    assert bench.told.widths_us == NEUTRAL
-    assert bench.told.faults == Fault(0)
+    assert bench.telemetry.widths_us == NEUTRAL
+    assert bench.telemetry.faults == McuFault(0)
 
 
 @pytest.mark.parametrize(
     ("asked_us", "made_us"), [(2500.0, 1900.0), (0.0, 1100.0), (32767.5, 1900.0), (1099.5, 1100.0)]
 )
-def test_h6_no_pin_has_a_width_beyond_the_limits(bench: Bench, asked_us: float, made_us: float) -> None:
+def test_h6_widths_beyond_limits_are_clamped(bench: Bench, asked_us: float, made_us: float) -> None:
     bench.armed()
     bench.drive(all_at(asked_us), 200)
     assert all(1100.0 - EXACT_US <= pulse.width_us <= 1900.0 + EXACT_US for pulse in bench.pulses)
-    assert bench.told.widths_us == all_at(made_us)
-    assert Fault.CLAMPED in bench.told.faults
+    assert bench.telemetry.widths_us == all_at(made_us)
+    assert McuFault.CLAMPED in bench.telemetry.faults
 
 
 @pytest.mark.parametrize("channels", [0, 7, 9, 16])
-def test_h6_a_command_of_the_wrong_length_makes_all_neutral_and_is_told(bench: Bench, channels: int) -> None:
+def test_h6_command_of_wrong_length_sets_neutral_and_is_reported(bench: Bench, channels: int) -> None:
     bench.armed()
     bench.drive(all_at(1800.0), 150)
     wrong = SetWidths(SESSION, bench.seq + 1, int(bench.now_ms), 0, 200, (1800.0,) * channels)
@@ -82,12 +82,12 @@ def test_h6_a_command_of_the_wrong_length_makes_all_neutral_and_is_told(bench: B
     bench.run(10)
     assert all(width == pytest.approx(1500.0, abs=1.0) for found in bench.widths(17) for width in found)
     bench.drive(all_at(1800.0), 50)
-    assert bench.told.state is State.DISARMED
-    assert bench.told.widths_us == NEUTRAL
-    assert Fault.BAD_LENGTH in bench.told.faults
+    assert bench.telemetry.state is McuState.DISARMED
+    assert bench.telemetry.widths_us == NEUTRAL
+    assert McuFault.BAD_LENGTH in bench.telemetry.faults
 
 
-def test_h7_no_output_changes_faster_than_the_slew_limit(bench: Bench) -> None:
+def test_h7_outputs_keep_slew_limit(bench: Bench) -> None:
     bench.armed()
     bench.pulses.clear()
     for width_us in (1900.0, 1100.0, 1501.0, 1899.5, 1500.0):
@@ -100,18 +100,18 @@ def test_h7_no_output_changes_faster_than_the_slew_limit(bench: Bench) -> None:
         assert {1900.0, 1100.0, 1500.0} <= {round(pulse.width_us) for pulse in mine}
 
 
-def test_h7_full_ahead_takes_a_tenth_of_a_second_and_not_longer(bench: Bench) -> None:
+def test_h7_full_ahead_is_reached_in_100_ms(bench: Bench) -> None:
     bench.armed()
     bench.drive(all_at(1900.0), 90)
-    assert max(bench.told.widths_us) < 1900.0
-    assert Fault.LIMITED in bench.told.faults
+    assert max(bench.telemetry.widths_us) < 1900.0
+    assert McuFault.LIMITED in bench.telemetry.faults
     bench.drive(all_at(1900.0), 30)
-    assert bench.told.widths_us == all_at(1900.0)
-    assert Fault.LIMITED not in bench.told.faults
+    assert bench.telemetry.widths_us == all_at(1900.0)
+    assert McuFault.LIMITED not in bench.telemetry.faults
 
 
 @pytest.mark.parametrize(("first_us", "then_us"), [(1700.0, 1300.0), (1300.0, 1700.0)])
-def test_h7_from_ahead_to_astern_it_rests_in_the_dead_band(bench: Bench, first_us: float, then_us: float) -> None:
+def test_h7_reversal_pauses_in_dead_band(bench: Bench, first_us: float, then_us: float) -> None:
     bench.armed()
     bench.drive(all_at(first_us), 150)
     bench.pulses.clear()
@@ -126,7 +126,7 @@ def test_h7_from_ahead_to_astern_it_rests_in_the_dead_band(bench: Bench, first_u
         assert mine[-1].width_us == pytest.approx(then_us, abs=EXACT_US)
 
 
-def test_h7_the_second_and_the_third_crossing_rest_as_long_as_the_first(bench: Bench) -> None:
+def test_h7_repeated_reversals_pause_equally_long(bench: Bench) -> None:
     bench.armed()
     bench.drive(all_at(1700.0), 150)
     rests_ms = []
@@ -140,7 +140,7 @@ def test_h7_the_second_and_the_third_crossing_rest_as_long_as_the_first(bench: B
     assert max(rests_ms) - min(rests_ms) <= 8.0
 
 
-def test_a_stop_in_the_middle_does_not_let_it_go_astern_without_a_rest(bench: Bench) -> None:
+def test_stop_between_reversals_keeps_pause(bench: Bench) -> None:
     bench.armed()
     bench.drive(all_at(1900.0), 150)
     bench.drive(NEUTRAL, 120)  # there after a tenth of a second: 20 ms of rest
@@ -148,4 +148,4 @@ def test_a_stop_in_the_middle_does_not_let_it_go_astern_without_a_rest(bench: Be
     bench.drive(all_at(1300.0), 20)
     assert all(pulse.width_us == pytest.approx(1500.0, abs=EXACT_US) for pulse in bench.pulses)
     bench.drive(all_at(1300.0), 100)
-    assert bench.told.widths_us == all_at(1300.0)
+    assert bench.telemetry.widths_us == all_at(1300.0)

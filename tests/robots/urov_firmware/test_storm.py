@@ -10,7 +10,7 @@ from snr_sim.devices.wire.mcu_messages import (
     Disarm,
     EmergencyStop,
     Hello,
-    State,
+    McuState,
     Telemetry,
     ToMcu,
 )
@@ -32,7 +32,7 @@ RARE: list[ToMcu] = [
 
 
 def do_something(bench: Bench, rng: random.Random) -> bool:
-    """Returns whether the board was reset."""
+    """Return whether the board was reset."""
     what = rng.random()
     if what < 0.55:
         some = tuple(rng.choice([1500.0, rng.randrange(2000, 4000) / 2]) for _ in NEUTRAL)
@@ -53,20 +53,20 @@ def do_something(bench: Bench, rng: random.Random) -> bool:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_h7_in_any_order_no_pin_leaves_the_limits_jumps_or_moves_unarmed(bench: Bench, seed: int) -> None:
+def test_h7_random_commands_keep_limits_slew_and_arming(bench: Bench, seed: int) -> None:
     rng = random.Random(seed)
     bench.ready()
     reset_us, last, armed = 0.0, dict.fromkeys(range(8), (0.0, 1500.0)), 0
     for _ in range(STEPS):
-        bench.heard.clear()
+        bench.received.clear()
         bench.pulses.clear()
         if do_something(bench, rng):
             reset_us, last = bench.board.now_us, dict.fromkeys(range(8), (bench.board.now_us, 1500.0))
         bench.run(rng.choice([3, 10, 10, 17]))
-        for message in bench.heard:
+        for message in bench.received:
             if isinstance(message, Telemetry):
-                armed += message.state is State.ARMED
-                assert message.state is State.ARMED or message.widths_us == NEUTRAL
+                armed += message.state is McuState.ARMED
+                assert message.state is McuState.ARMED or message.widths_us == NEUTRAL
         for pulse in bench.pulses:
             if pulse.rise_us < reset_us:
                 continue  # cut off

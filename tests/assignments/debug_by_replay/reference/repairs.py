@@ -10,21 +10,21 @@ HERE = Path(__file__).parent
 
 
 def findings():
-    """Returns what findings.toml says: a list of dicts."""
+    """Return the findings in findings.toml: a list of dicts."""
     try:
-        told = tomllib.loads((HERE / "findings.toml").read_text())
+        document = tomllib.loads((HERE / "findings.toml").read_text())
     except (OSError, ValueError) as error:
         raise ConfigError(
-            f"findings.toml cannot be read: {error}.", fix="keep its form; only what stands in quotes is yours."
+            f"findings.toml cannot be read: {error}.", fix="keep its form; edit only the text in quotes."
         ) from error
-    found = told.get("finding")
+    found = document.get("finding")
     if not isinstance(found, list) or len(found) != 3:
         raise ConfigError("findings.toml does not have three findings.", fix="three times [[finding]].")
     return found
 
 
 def repaired(numbers):
-    """Returns the code with the repairs of these findings, 1 to 3; one that is still empty repairs nothing."""
+    """Return the code with the repairs of these findings, 1 to 3; one that is still empty repairs nothing."""
     source = (HERE / "failed.py").read_text()
     lines = source
     found = findings()
@@ -34,7 +34,7 @@ def repaired(numbers):
             continue
         if source.count(was) != 1:
             raise ConfigError(
-                f"findings.toml, finding {number}: what `was` says stands {source.count(was)} times in failed.py.",
+                f"findings.toml, finding {number}: the text in `was` occurs {source.count(was)} times in failed.py.",
                 fix="copy the whole line from failed.py, with the spaces before it.",
             )
         lines = lines.replace(was, instead)
@@ -42,7 +42,7 @@ def repaired(numbers):
 
 
 def factories_with(robot, numbers):
-    """Returns what makes the components of the code with these repairs."""
+    """Return what makes the components of the code with these repairs."""
     module = ModuleType("failed_and_repaired")
     exec(compile(repaired(numbers), str(HERE / "failed.py"), "exec"), module.__dict__)
     return module.factories(robot)

@@ -6,9 +6,9 @@ Try it without a robot:
     machine.step({"now_s": 3.0, "stop": False, "reset": False, "is_ready": True, ...})
 """
 
-READY_S = 2.0  # the vehicle's speed controllers want a moment before anybody arms them
-STAY_S, NEAR_M = 1.0, 0.25  # who stays so long so near to the place before a gate has lined up
-BEHIND_M = 0.4  # who is so near to the place behind it has passed
+READY_S = 2.0  # the vehicle's speed controllers need this time before they are armed
+STAY_S, NEAR_M = 1.0, 0.25  # lined up after this time within this distance of the point before a gate
+BEHIND_M = 0.4  # passed within this distance of the point behind a gate
 
 UP_M = 0.5  # who is less deep than this has come up
 LIMIT_S = {"lining_up": 30.0, "passing": 20.0, "holding": 5.0, "surfacing": 20.0}
@@ -45,7 +45,7 @@ class Machine:
             self.go(following, known["now_s"])
 
     def following(self, known, in_state_s):
-        """Returns the state that is due now, or None."""
+        """Return the state that is due now, or None."""
         if self.state == "stopped":
             return "waiting" if known["reset"] and not known["stop"] else None
         if known["stop"]:
@@ -59,8 +59,8 @@ class Machine:
         if known["is_wet"] or in_state_s > LIMIT_S[self.state]:
             return "surfacing"
         if self.state == "holding":
-            return "lining_up" if known["sees"] else None
-        if not known["sees"]:
+            return "lining_up" if known["has_fix"] else None
+        if not known["has_fix"]:
             return "holding"
         return self.from_lining_up(known) if self.state == "lining_up" else self.from_passing(known)
 
@@ -69,10 +69,10 @@ class Machine:
             return None
         if known["is_wet"] or self.gate == self.gates:
             return "surfacing"
-        return "lining_up" if known["sees"] else None
+        return "lining_up" if known["has_fix"] else None
 
     def from_lining_up(self, known):
-        if known["way_m"] > NEAR_M:
+        if known["distance_m"] > NEAR_M:
             self.near_since_s = None
         elif self.near_since_s is None:
             self.near_since_s = known["now_s"]
@@ -81,7 +81,7 @@ class Machine:
         return None
 
     def from_passing(self, known):
-        if known["way_m"] > BEHIND_M:
+        if known["distance_m"] > BEHIND_M:
             return None
         self.gate += 1
         return "lining_up" if self.gate < self.gates else "surfacing"

@@ -1,8 +1,8 @@
 """A solution."""
 
-from pilot import PilotFactory
+from pilot import Pilot
 
-from snr_sim import Endpoint, EndpointFactory, TaskType
+from snr_sim import Endpoint, handles
 
 LENGTH = 60
 
@@ -19,27 +19,21 @@ class MovingAverage:
         return sum(self.window) / len(self.window)
 
 
-class SmootherFactory(EndpointFactory):
-    def get(self, parent):
-        return Smoother(self, parent, "smoother")
-
-
 class Smoother(Endpoint):
     def __init__(self, factory, parent, name):
         super().__init__(factory, parent, name)
         self.altitude = MovingAverage(LENGTH)
         self.velocity = MovingAverage(LENGTH)
-        self.task_handlers = {(TaskType.process_data, "radar"): self.on_radar}
 
-    def on_radar(self, task, task_id):
-        radar = self.get_data("radar")
+    @handles("radar")
+    def on_radar(self, radar):
         altitude_m = self.altitude.update(radar["altitude_m"])
         velocity_mps = self.velocity.update(radar["velocity_mps"])
         return self.store_data_task("smooth", {"altitude_m": altitude_m, "velocity_mps": velocity_mps})
 
 
 def factories(robot):
-    return [SmootherFactory(), PilotFactory()]
+    return [Smoother.factory(), Pilot.factory()]
 
 
 def smoothed(values, length):

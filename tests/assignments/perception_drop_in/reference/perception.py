@@ -5,10 +5,10 @@ from steer import SteerFactory
 
 from snr_sim import Endpoint, EndpointFactory, TaskType
 
-LEAST_YELLOW = 12.0  # more than the picture's middle value: noise has less
+MIN_YELLOW = 12.0  # more than the picture's middle value: noise has less
 DARK = 0.8  # of the picture's green
 SHARE = 0.5  # of the most yellow spot
-LEAST_PX = 10  # of a spot
+MIN_PX = 10  # of a spot
 LONGEST = 3.0  # times as long as it is wide: a hose is more
 SEARCH_S = 1.5
 
@@ -43,16 +43,16 @@ class Perception(Endpoint):
 
 
 def find_plate(rgb):
-    """Returns how far right of the middle, and how far below it, the plate is [pixels]; None if it is not there."""
+    """Return how far right of the middle, and how far below it, the plate is [pixels]; None if it is not there."""
     green, blue = (np.asarray(rgb, dtype=float)[..., i] for i in (1, 2))
     yellow = green - blue
     yellow = yellow - np.median(yellow)  # whatever colour the water has
     yellow[green < DARK * np.median(green)] = 0.0  # a dark thing has no blue, either
-    if yellow.max() < LEAST_YELLOW:
+    if yellow.max() < MIN_YELLOW:
         return None
     best, best_px = None, 0
-    for rows, columns in spots(yellow > max(LEAST_YELLOW, SHARE * yellow.max())):
-        if len(rows) >= LEAST_PX and slenderness(rows, columns) < LONGEST and len(rows) > best_px:
+    for rows, columns in spots(yellow > max(MIN_YELLOW, SHARE * yellow.max())):
+        if len(rows) >= MIN_PX and slenderness(rows, columns) < LONGEST and len(rows) > best_px:
             best, best_px = (rows, columns), len(rows)
     if best is None:
         return None
@@ -62,7 +62,7 @@ def find_plate(rgb):
 
 
 def slenderness(rows, columns):
-    """Returns how much longer than wide a spot is, whichever way it lies."""
+    """Return how much longer than wide a spot is, whichever way it lies."""
     short, long = np.linalg.eigvalsh(np.cov(rows, columns))
     return float(np.sqrt(long / max(short, 0.1)))
 

@@ -1,4 +1,4 @@
-"""Steers the vehicle by page "target", whoever stores it. Do not change this file.
+"""Steers the vehicle by page "target" from any component. Do not change this file.
 
 page "target" --> sticks ahead and sideways, depth --> the vehicle's own autopilot --> page "pwm"
 
@@ -15,10 +15,10 @@ from snr_sim import EndpointFactory
 
 STICK_PER_PX = 0.012
 STICK_PER_PX_PER_S = 0.02  # against how fast the target moves
-MOST = 0.5
+MAX_STICK = 0.5
 SMOOTHING_S = 0.3
 RISE_MPS, RISE_M = 0.1, 1.0  # while it searches, above the depth at which it lost the target
-OLD_S = 1.0  # nobody steers by a page that is older
+OLD_S = 1.0  # an older page is ignored
 
 
 class SteerFactory(EndpointFactory):
@@ -37,21 +37,21 @@ class Steer(Autopilot):
         super().__init__(factory, parent, name)
         self.seen = None
         self.speeds = [0.0, 0.0]
-        self.wanted_m = None
+        self.target_m = None
         self.risen_m = 0.0
 
-    def thrusts(self, rules, depth, imu, dt_s):
-        if rules == "pilot":
+    def thrusts(self, control_state, depth, imu, dt_s):
+        if control_state == "pilot":
             asked = self.failsafe.controls
             if asked.depth_m is not None:
-                self.wanted_m = asked.depth_m
+                self.target_m = asked.depth_m
             ahead, left = self.sticks()
-            wanted_m = None if self.wanted_m is None else max(0.5, self.wanted_m - self.risen_m)
-            self.failsafe.controls = msgspec.structs.replace(asked, surge=ahead, sway=left, depth_m=wanted_m)
-        return super().thrusts(rules, depth, imu, dt_s)
+            target_m = None if self.target_m is None else max(0.5, self.target_m - self.risen_m)
+            self.failsafe.controls = msgspec.structs.replace(asked, surge=ahead, sway=left, depth_m=target_m)
+        return super().thrusts(control_state, depth, imu, dt_s)
 
     def sticks(self):
-        """Returns what to push ahead and to the left, -1 to 1; and rises while it searches."""
+        """Return what to push ahead and to the left, -1 to 1; and rises while it searches."""
         target = self.get_data("target")
         mode = "stop" if target is None or self.get_age_s("target") > OLD_S else target["mode"]
         step_m = RISE_MPS / 50.0
@@ -71,4 +71,4 @@ class Steer(Autopilot):
         if self.seen is None or target["stamp_s"] > self.seen[0]:
             self.seen = (target["stamp_s"], errors)
         pushes = [-STICK_PER_PX * errors[i] - STICK_PER_PX_PER_S * self.speeds[i] for i in range(2)]
-        return [min(MOST, max(-MOST, push)) for push in pushes]
+        return [min(MAX_STICK, max(-MAX_STICK, push)) for push in pushes]

@@ -22,7 +22,7 @@ class DepthFactory(EndpointFactory):
 class Depth(Endpoint):
     def __init__(self, factory, parent, name):
         super().__init__(factory, parent, name)
-        self.wanted_m = None
+        self.target_m = None
         self.is_armed = False
         self.depth_m = None
         self.rate = Rate()
@@ -35,9 +35,9 @@ class Depth(Endpoint):
         controls = self.get_data("controls")
         self.is_armed = controls["is_armed"]
         if not self.is_armed:
-            self.wanted_m = None
+            self.target_m = None
         elif controls["depth_m"] is not None:
-            self.wanted_m = controls["depth_m"]
+            self.target_m = controls["depth_m"]
 
     def on_imu(self, task, task_id):
         imu, depth = self.get_data("imu"), self.get_data("depth")
@@ -46,7 +46,7 @@ class Depth(Endpoint):
         rate_mps = self.rate.update(depth["depth_m"], depth["stamp_s"])
         force_n = 0.0
         if self.is_armed:
-            if self.wanted_m is None:
-                self.wanted_m = depth["depth_m"]
-            force_n = lift_force_n(self.wanted_m, depth["depth_m"], rate_mps)
+            if self.target_m is None:
+                self.target_m = depth["depth_m"]
+            force_n = lift_force_n(self.target_m, depth["depth_m"], rate_mps)
         return self.store_data_task("lift", {"stamp_s": imu["stamp_s"], "force_n": force_n})

@@ -5,7 +5,7 @@ from laws import limited
 
 from snr_sim import EndpointFactory
 
-MOST_NM = 1.0
+MAX_NM = 1.0
 
 
 def factories(robot):
@@ -19,4 +19,4 @@ class GentleFactory(EndpointFactory):
 
 class Gentle(Heading):
     def moment_nm(self, imu):
-        return limited(super().moment_nm(imu), MOST_NM)
+        return limited(super().moment_nm(imu), MAX_NM)

@@ -9,11 +9,11 @@ from depth import DepthFactory
 from gentle import GentleFactory
 from heading import HeadingFactory
 from mixer import MixerFactory
-from telling import TellingFactory
+from telling import StatusPublisherFactory
 
 OPTIONS = {"heading": "who keeps the heading: plain, or gentle"}
 
 
 def factories(robot):
     turns = GentleFactory() if robot.options.get("heading") == "gentle" else HeadingFactory()
-    return [turns, DepthFactory(), MixerFactory(), TellingFactory()]
+    return [turns, DepthFactory(), MixerFactory(), StatusPublisherFactory()]

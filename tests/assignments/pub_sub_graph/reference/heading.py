@@ -21,7 +21,7 @@ class HeadingFactory(EndpointFactory):
 class Heading(Endpoint):
     def __init__(self, factory, parent, name):
         super().__init__(factory, parent, name)
-        self.wanted_rad = None
+        self.target_rad = None
         self.is_armed = False
         self.task_handlers = {
             (TaskType.process_data, "controls"): self.on_controls,
@@ -32,9 +32,9 @@ class Heading(Endpoint):
         controls = self.get_data("controls")
         self.is_armed = controls["is_armed"]
         if not self.is_armed:
-            self.wanted_rad = None
+            self.target_rad = None
         elif controls["heading_rad"] is not None:
-            self.wanted_rad = controls["heading_rad"]
+            self.target_rad = controls["heading_rad"]
 
     def on_imu(self, task, task_id):
         imu = self.get_data("imu")
@@ -43,6 +43,6 @@ class Heading(Endpoint):
     def moment_nm(self, imu):
         if not self.is_armed:
             return 0.0
-        if self.wanted_rad is None:
-            self.wanted_rad = imu["yaw_rad"]
-        return turn_moment_nm(self.wanted_rad, imu["yaw_rad"], imu["rate_radps"][2])
+        if self.target_rad is None:
+            self.target_rad = imu["yaw_rad"]
+        return turn_moment_nm(self.target_rad, imu["yaw_rad"], imu["rate_radps"][2])

@@ -1,6 +1,6 @@
 """A solution: proportional, integral and derivative, a curve for the thruster, and three reasons to do nothing."""
 
-from telling import told
+from telling import vehicle_status
 
 from snr_sim import Endpoint, EndpointFactory, TaskType
 
@@ -9,9 +9,9 @@ VERTICAL = {4: +1.0, 5: -1.0, 6: -1.0, 7: +1.0}
 PERIOD_S = 0.02  # of the imu's readings
 
 KP, KI, KD = 80.0, 20.0, 70.0  # N/m, N/(m s), N s/m
-MOST_N, MOST_INTEGRAL_N = 60.0, 15.0
-SMOOTHING_S = 0.2  # of the speed, which is reckoned from a depth that has 3 mm of noise
-SINK_MPS = 0.3  # how fast the depth that is held moves to the one that is wanted
+MAX_FORCE_N, MAX_INTEGRAL_N = 60.0, 15.0
+SMOOTHING_S = 0.2  # of the speed, which is computed from a depth that has 3 mm of noise
+SINK_MPS = 0.3  # how fast the held depth moves to the target
 
 CONTROLS_S, DEPTH_S = 0.25, 0.3  # ages from which nothing pushes
 DEAD_US, FULL_US = 30.0, 400.0
@@ -31,15 +31,15 @@ class DepthHold(Endpoint):
     def __init__(self, factory, parent, name):
         super().__init__(factory, parent, name)
         self.is_stopped = False
-        self.let_go()
+        self.reset()
         self.task_handlers = {
             (TaskType.process_data, "imu"): self.on_tick,
             (TaskType.process_data, "controls"): self.on_controls,
         }
 
-    def let_go(self):
-        """Forgets what was held: what comes next begins anew, where the vehicle then is."""
-        self.wanted_m = None
+    def reset(self):
+        """Resets the state: the next hold starts where the vehicle then is."""
+        self.target_m = None
         self.held_m = None
         self.seen = None
         self.sink_mps = 0.0
@@ -52,13 +52,13 @@ class DepthHold(Endpoint):
         may_push = controls is not None and depth is not None and self.may_push(controls)
         if may_push:
             if controls["depth_m"] is not None:
-                self.wanted_m = controls["depth_m"]
+                self.target_m = controls["depth_m"]
             up_n = self.up_force_n(depth)
             for channel, sign in VERTICAL.items():
                 pulses_us[channel] = pulse_us(sign * up_n / len(VERTICAL))
         else:
-            self.let_go()
-        vehicle = told(controls, self.wanted_m, self.is_stopped, self.get_data("imu"))
+            self.reset()
+        vehicle = vehicle_status(controls, self.target_m, self.is_stopped, self.get_data("imu"))
         return [
             self.store_data_task(
                 "pwm", {"pulses_us": pulses_us, "is_armed": may_push, "is_stop": self.is_stopped}, process=False
@@ -67,7 +67,7 @@ class DepthHold(Endpoint):
         ]
 
     def on_controls(self, task, task_id):
-        """Hears every page of the pilot's: a stop in one that is soon overtaken counts, too."""
+        """Handles every page of the pilot: a stop in one that is soon overtaken counts, too."""
         controls = self.get_data("controls")
         if controls["is_stop"]:
             self.is_stopped = True
@@ -82,26 +82,26 @@ class DepthHold(Endpoint):
         depth_m = depth["depth_m"]
         if self.held_m is None:
             self.held_m = depth_m
-        if self.wanted_m is None:
-            self.wanted_m = depth_m
+        if self.target_m is None:
+            self.target_m = depth_m
         if self.seen is not None and depth["stamp_s"] > self.seen["stamp_s"]:
             period_s = depth["stamp_s"] - self.seen["stamp_s"]
             newest_mps = (depth_m - self.seen["depth_m"]) / period_s
             self.sink_mps += (newest_mps - self.sink_mps) * period_s / (period_s + SMOOTHING_S)
         self.seen = depth
         step_m = SINK_MPS * PERIOD_S
-        move_m = min(step_m, max(-step_m, self.wanted_m - self.held_m))
+        move_m = min(step_m, max(-step_m, self.target_m - self.held_m))
         self.held_m += move_m
         error_m = depth_m - self.held_m
         if move_m == 0.0:  # on the way the drag of the water would be taken for weight
             self.integral_n += KI * error_m * PERIOD_S
-        self.integral_n = min(MOST_INTEGRAL_N, max(-MOST_INTEGRAL_N, self.integral_n))
+        self.integral_n = min(MAX_INTEGRAL_N, max(-MAX_INTEGRAL_N, self.integral_n))
         up_n = KP * error_m + self.integral_n + KD * (self.sink_mps - move_m / PERIOD_S)
-        return min(MOST_N, max(-MOST_N, up_n))
+        return min(MAX_FORCE_N, max(-MAX_FORCE_N, up_n))
 
 
 def pulse_us(thrust_n):
-    """Returns the pulse for a thrust: over the dead band at once, and then about as the root."""
+    """Return the pulse for a thrust: over the dead band at once, and then about as the root."""
     if abs(thrust_n) < 0.05:
         return STOP_US
     share = min(1.0, (abs(thrust_n) / FULL_N) ** 0.55)

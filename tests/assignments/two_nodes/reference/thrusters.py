@@ -1,4 +1,4 @@
-"""From sticks to pulses: the four thrusters that push ahead and turn. Needs no change of yours."""
+"""From sticks to pulses: the four thrusters that push ahead and turn. Do not change it."""
 
 STOP_US = 1500.0
 FULL_US = 200.0  # from stop to a full stick
@@ -7,12 +7,12 @@ YAW = (1.0, -1.0, -1.0, 1.0)
 
 
 def neutral_us():
-    """Returns the pulses at which nothing turns."""
+    """Return the pulses at which nothing turns."""
     return [STOP_US] * 8
 
 
 def pulses_us(surge, yaw):
-    """Returns the pulses of all eight thrusters for two sticks, -1 to 1 each."""
+    """Return the pulses of all eight thrusters for two sticks, -1 to 1 each."""
     pulses = neutral_us()
     for i in range(4):
         share = SURGE[i] * surge + YAW[i] * yaw

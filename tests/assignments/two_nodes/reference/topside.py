@@ -1,4 +1,4 @@
-"""At the surface: sends what the pilot's hand says, and watches the link.
+"""At the surface: sends the pilot's sticks, and monitors the link.
 
 page "sticks" comes, 20 times a second --> page "controls", which crosses the link
 pages "link_tether", "vehicle" ----------> page "alarm": is the vehicle still there?
@@ -17,21 +17,21 @@ class TopsideFactory(EndpointFactory):
 class Topside(Endpoint):
     def __init__(self, factory, parent, name):
         super().__init__(factory, parent, name)
-        self.told = ""
+        self.last_state = ""
         self.task_handlers = {(TaskType.process_data, "sticks"): self.on_sticks}
 
     def on_sticks(self, task, task_id):
         state = self.link_state()
-        if state != self.told:
+        if state != self.last_state:
             print(f"{self.get_time_s():6.2f} s  link: {state}")
-            self.told = state
+            self.last_state = state
         return [
             self.store_data_task("controls", self.get_data("sticks")),
             self.store_data_task("alarm", {"state": state}),
         ]
 
     def link_state(self):
-        """Returns "ok", "old" or "lost"."""
+        """Return "ok", "old" or "lost"."""
         link = self.get_data("link_tether")
         if link is None or not link["up"]:
             return "lost"

@@ -1,4 +1,4 @@
-"""Both ends of the tether: which component runs where. Needs no change of yours.
+"""Both ends of the tether: which component runs where. Do not change it.
 
 surface (role "topside")                       vehicle (role "urov")
 page "sticks" --> topside.py --> page "controls" ======> vehicle.py --> page "pwm" --> thrusters

@@ -10,9 +10,9 @@ from snr_sim import TaskType
 class TaskQueue:
     """A line for each priority that is in use, and two heaps that know the highest and the lowest of them."""
 
-    def __init__(self, most):
-        """most: how many tasks it may hold."""
-        self.most = most
+    def __init__(self, max_tasks):
+        """max_tasks: how many tasks it may hold."""
+        self.max_tasks = max_tasks
         self.count = 0
         self.lines = {}
         self.highest = []  # negative: heapq gives the least
@@ -31,14 +31,14 @@ class TaskQueue:
             heappush(self.lowest, priority)
         self.lines[priority].append(task)
         self.count += 1
-        if self.count <= self.most:
+        if self.count <= self.max_tasks:
             return None
         while self.lowest[0] not in self.lines:
             heappop(self.lowest)
         return self.first_of(self.lowest[0])
 
     def take(self):
-        """Returns the task whose turn it is, which waits no longer; None if none waits."""
+        """Return the task whose turn it is, which waits no longer; None if none waits."""
         if self.count == 0:
             return None
         while -self.highest[0] not in self.lines:
@@ -46,7 +46,7 @@ class TaskQueue:
         return self.first_of(-self.highest[0])
 
     def first_of(self, priority):
-        """Returns the oldest task of a priority, which waits no longer."""
+        """Return the oldest task of a priority, which waits no longer."""
         line = self.lines[priority]
         task = line.popleft()
         self.count -= 1
@@ -56,7 +56,7 @@ class TaskQueue:
         return task
 
     def tidy(self):
-        """Throws away priorities that nobody has any more, when they are more than half of a heap."""
+        """Removes priorities without a task, when they are more than half of a heap."""
         if len(self.highest) + len(self.lowest) > 4 * len(self.lines) + 16:
             self.lowest = list(self.lines)
             self.highest = [-priority for priority in self.lines]

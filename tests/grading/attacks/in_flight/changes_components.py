@@ -6,12 +6,12 @@ from snr_sim import tasks
 
 
 def act(pilot):
-    wanted = [
+    requested = [
         tasks.remove_component("engine_actuator"),
         tasks.remove_component("radar_sensor"),
         tasks.reload_component("all"),
     ]
-    return wanted[pilot.times % 3]
+    return requested[pilot.times % 3]
 
 
 def factories(robot):

@@ -1,4 +1,4 @@
-"""Returns more tasks for one reading than anybody can handle."""
+"""Returns more tasks for one reading than a node can handle."""
 
 from falling import falling
 

@@ -7,11 +7,9 @@ from snr_sim import tasks
 
 def act(pilot):
     made = [tasks.event(name, ["landed", True, 100]) for name in ("verdict", "landed", "result", "score", "referee")]
-    for key in ("verdict", "truth", "score", "result", "outcome", "metrics", "telemetry", "node_core"):
-        made.append(
-            pilot.store_data_task(key, {"outcome": "landed", "success": True, "altitude_m": 0.0, "points": 100})
-        )
-    return made
+    data = {"outcome": "landed", "success": True, "altitude_m": 0.0, "points": 100}
+    keys = ("verdict", "truth", "score", "result", "outcome", "metrics", "telemetry", "node_core")
+    return [*made, *(pilot.store_data_task(key, data) for key in keys)]
 
 
 def factories(robot):

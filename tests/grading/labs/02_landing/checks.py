@@ -10,10 +10,10 @@ def draw(rng):
 @check(points=100, visible=[4], hidden=draw)
 def lands(student: Student, seed: int):
     """Lands."""
-    flown = student.fly("lander_vertical", seed, "pilot.py")
-    if not flown.success:
-        return failed("Brake earlier.", actual=flown.outcome)
-    return passed(metrics={"sim_time_s": flown.sim_time_s})
+    run = student.run_scenario("lander_vertical", seed, "pilot.py")
+    if not run.success:
+        return failed("Brake earlier.", actual=run.outcome)
+    return passed(metrics={"sim_time_s": run.sim_time_s})
 
 
 lab = Lab("Landing", files=["pilot.py"], checks=[lands])

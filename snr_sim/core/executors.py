@@ -1,0 +1,212 @@
+"""Executors of a loop: the virtual clock on the node's thread, or a thread. The loop runs alike on both."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from contextlib import suppress
+
+from snr_sim.core.clocks import SimClock
+from snr_sim.core.loop import Loop
+from snr_sim.core.node_life import NodeLife
+from snr_sim.core.source_location import current_location
+from snr_sim.prelude.errors import ClockError, ComponentFailedError
+
+_UNLIMITED_RATE_IN_LOCK_STEP_HZ = 1000.0
+# In periods of the loop's rate: the minimum time from the last tick to one requested by `wake`, and how long the tick
+# after that waits for the next `wake`. A loop that gets one `wake` per period then ticks at these calls: neither
+# twice per period, nor with a growing delay.
+_MIN_WAKE_PERIODS, _MAX_WAKE_WAIT_PERIODS = 0.5, 1.5
+# How long a node waits for a loop's thread at the end: longer than a correct tick, short enough for a user at Ctrl-C.
+JOIN_TIMEOUT_S = 0.5
+
+
+class ClockExecutor:
+    """Executor that lets the virtual clock call the loop on the node's thread: tick k is at exactly k / rate."""
+
+    setup_timeout_s = 0.0  # `start` calls `setup` itself
+
+    def __init__(self, loop: Loop, life: NodeLife) -> None:
+        assert isinstance(loop.parent.clock, SimClock)
+        self._loop = loop
+        self._life = life
+        self._clock = loop.parent.clock
+        self._rate_hz = loop.max_tick_rate_hz or _UNLIMITED_RATE_IN_LOCK_STEP_HZ
+        self._start_s = self._clock.now_s() + loop.first_tick_after_s
+        self._order = life.registry.order_of(loop.name)
+        self._is_started = False
+        self._is_halted = False
+        self._at_once = 0  # consecutive ticks that were requested at once
+        self.is_stopped = False
+        self.ticks = 0
+        self.late_s = 0.0
+
+    def start(self) -> None:
+        """Call `setup` and schedule the first tick on the clock."""
+        self._is_started = True  # before setup: a loop whose setup fails must be halted too, as on a thread
+        self._life.call_loop(self._loop, "setup")
+        self._clock.call_at(self._start_s, self._tick, self._order)
+
+    def _tick(self) -> None:
+        if self.is_stopped:
+            return
+        self.ticks += 1
+        try:
+            self._life.call_loop(self._loop, "loop")
+        except ComponentFailedError as failure:
+            self.is_stopped = True
+            if not self._life.handle_failure(self._loop, failure):
+                raise
+        if not self.is_stopped:
+            self._clock.call_at(self._next_s(), self._tick, self._order)
+
+    def _next_s(self) -> float:
+        target_s = self._loop.next_tick_at_s
+        if target_s is None:
+            # A product would drift in the last digits; ticks of loops with equal rates need equal floats.
+            return self._start_s + self.ticks / self._rate_hz
+        now_s = self._clock.now_s()
+        if target_s > now_s:
+            self._at_once = 0
+            return target_s
+        self._at_once += 1
+        if self._at_once > self._life.node.config.max_tasks_per_moment:
+            raise self._life.report.failure_of(self._loop, _standstill_error(target_s, self._at_once - 1), "loop")
+        return now_s
+
+    def wake(self) -> None:
+        """Do nothing: tasks scheduled for an instant are executed before the ticks of that instant anyway."""
+
+    def stop(self) -> None:
+        """Ask for no more ticks."""
+        self.is_stopped = True
+
+    def join(self) -> None:
+        """Stop and halt the loop."""
+        self.is_stopped = True
+        if self._is_started and not self._is_halted:
+            self._is_halted = True
+            self._loop.halt()
+
+
+def _standstill_error(target_s: float, ticks: int) -> ClockError:
+    return ClockError(
+        f"After each of {ticks} ticks in a row next_tick_at_s was {target_s:g}, which is not later: time stands still.",
+        fix="next_tick_at_s = self.get_time_s() + a delay; or leave it alone, and the loop keeps its max_tick_rate_hz.",
+    )
+
+
+class ThreadExecutor:
+    """Executor that calls the loop from a thread, on deadlines: work in a tick does not delay the next one."""
+
+    setup_timeout_s = 0.5
+
+    def __init__(self, loop: Loop, life: NodeLife) -> None:
+        self._loop = loop
+        self._life = life
+        self._clock = loop.parent.clock
+        self._period_s = 1.0 / loop.max_tick_rate_hz if loop.max_tick_rate_hz else 0.0
+        self._stopping = threading.Event()
+        self._waking = threading.Event()  # set to end a wait: by `stop` or `wake`
+        self._halting = threading.Lock()
+        self._is_halted = False
+        self._has_setup_failed = False  # its setup failed while a caller waited: reported there, and the node continues
+        self._give_up_s: float | None = None  # when another thread called `stop`, plus the timeout
+        # A daemon thread: a loop that hangs must not keep the process alive.
+        self._thread = threading.Thread(target=self._run, name=loop.name, daemon=True)
+        self.ticks = 0
+        self.late_s = 0.0
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether no more ticks will follow."""
+        return self._stopping.is_set() or not self._thread.is_alive()
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def _run(self) -> None:
+        life, loop = self._life, self._loop
+        try:
+            life.call_loop(loop, "setup")
+            if loop.setup_result is not None:
+                loop.setup_result.set_result(None)
+            self._tick_on_deadlines()
+        except BaseException as error:
+            failure = life.report.failure_of(loop, error, "loop")
+            self._has_setup_failed = loop.setup_result is not None and loop.setup_result.set_result(failure)
+            if self._has_setup_failed or life.handle_failure(loop, failure):
+                pass  # the failure is reported, and the node continues
+            elif loop.is_removed:
+                life.node.add_note(str(failure))
+            else:
+                life.node.inbox.fail(failure)
+        finally:
+            self._halt_once()
+
+    def _tick_on_deadlines(self) -> None:
+        loop, clock = self._loop, self._clock
+        deadline_s = clock.now_s() + loop.first_tick_after_s
+        self._stopping.wait(loop.first_tick_after_s)
+        while True:
+            self._waking.clear()  # before the checks below: a request from now on ends the wait
+            if self._stopping.is_set():
+                return
+            self.ticks += 1
+            begun_s = clock.now_s()
+            self._life.call_loop(loop, "loop")
+            deadline_s = deadline_s + self._period_s if loop.next_tick_at_s is None else loop.next_tick_at_s
+            spare_s = deadline_s - clock.now_s()
+            if spare_s > 0:
+                if self._waking.wait(min(spare_s, threading.TIMEOUT_MAX)):  # not sleep: stop() ends it at once
+                    soonest_s = begun_s + _MIN_WAKE_PERIODS * self._period_s
+                    self._stopping.wait(max(0.0, min(deadline_s, soonest_s) - clock.now_s()))
+                    deadline_s = clock.now_s() + (_MAX_WAKE_WAIT_PERIODS - 1.0) * self._period_s
+            elif self._period_s:
+                self.late_s = max(self.late_s, -spare_s)
+                missed = int(-spare_s / self._period_s)  # skip missed ticks instead of catching up
+                deadline_s += missed * self._period_s
+
+    def _halt_once(self) -> None:
+        with self._halting:
+            if self._is_halted:
+                return
+            self._is_halted = True
+        try:
+            self._loop.halt()
+        except BaseException as error:
+            node = self._life.node
+            failure = self._life.report.failure_of(self._loop, error, "halt")
+            if self._has_setup_failed or self._loop.is_removed:
+                node.add_note(str(failure))
+            else:
+                node.inbox.fail(failure)
+
+    def wake(self) -> None:
+        """Request the next tick now, or half a period after the last one."""
+        self._waking.set()
+
+    def stop(self) -> None:
+        """Request no more ticks, and end the wait for the next one."""
+        if self._give_up_s is None and self._thread is not threading.current_thread():
+            self._give_up_s = self._clock.now_s() + JOIN_TIMEOUT_S
+        self._stopping.set()
+        self._waking.set()
+
+    def join(self) -> None:
+        """Stop and wait for the thread; if it does not end in time, halt the loop from here and leave the thread."""
+        self.stop()
+        if self._thread.ident is None or self._give_up_s is None:
+            return
+        with suppress(KeyboardInterrupt):  # a second Ctrl-C: halt now
+            # Counted from `stop`, not from now: several loops that hang then cost one timeout together.
+            self._thread.join(max(self._give_up_s - self._clock.now_s(), 0.0))
+        if self._thread.is_alive():
+            frame = sys._current_frames().get(self._thread.ident)
+            location = None if frame is None else current_location(frame)
+            self._halt_once()
+            self._loop.parent.add_note(
+                f"Loop '{self._loop.name}' did not end within {JOIN_TIMEOUT_S} s: something in its loop() blocks"
+                f"{'' if location is None else f' ({location})'}."
+            )

@@ -1,0 +1,98 @@
+"""Inbox of a node: a thread-safe queue that fixes the order of all input from outside."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from queue import Empty, SimpleQueue
+from typing import Any
+
+from snr_sim.core.selector_waiter import Call, SelectorWaiter
+from snr_sim.prelude.errors import SnrError
+from snr_sim.prelude.task import Task, TaskType
+
+# A signal that arrives just before the blocking call does not interrupt it (2 of 300 interrupted nodes hung), so every
+# wait ends after this time at the latest and the caller checks for signals.
+POLL_PERIOD_S = 0.2
+
+
+class Inbox:
+    """Queue that any thread can put into and one thread takes from; a wait costs no CPU time.
+
+    `deque.append` and `SimpleQueue.put` are atomic for threads and signal handlers. So `put` holds no lock that an
+    interrupt could leave locked, which would make a node hang at Ctrl-C.
+    """
+
+    def __init__(self) -> None:
+        self.waiting: deque[tuple[Task, str]] = deque()
+        self.failure: SnrError | None = None
+        self._wake: SimpleQueue[None] = SimpleQueue()
+        self._asleep = False
+        self._selector_waiter: SelectorWaiter | None = None
+        self._opening = threading.Lock()  # to create the waiter; only links' threads take it
+        self.wait_count = 0  # how many times the node has called `wait`
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether the node's thread is in `wait` now."""
+        return self._asleep
+
+    def watch(self, descriptor: int, serve: Callable[[list[Any]], None], what: Any) -> None:
+        """Call `serve` on the node's thread when a descriptor is readable, while the node waits in `wait`.
+
+        One call gets the `what` of all readable descriptors with this `serve`, which decides the order.
+        An idle node then receives input without a thread switch. A busy node does not call `wait`, so the caller needs
+        another way to read as well.
+        """
+        with self._opening:  # two links may start at the same time, each on its own thread
+            if self._selector_waiter is None:
+                self._selector_waiter = SelectorWaiter()
+                self._wake.put(None)  # ends a wait that has already begun on this queue
+        self._selector_waiter.watch(descriptor, serve, what)
+
+    def unwatch(self, descriptor: int) -> None:
+        """Stop watching a descriptor; from any thread."""
+        if self._selector_waiter is not None:
+            self._selector_waiter.unwatch(descriptor)
+
+    def close(self) -> None:
+        """Close the descriptors used for waiting; call it only after the last `wait`."""
+        if self._selector_waiter is not None:
+            self._selector_waiter.close()
+
+    def put(self, task: Task, source: str) -> None:
+        """Add a task, and wake the node if it waits; `source` names the loop, link or client that sent it."""
+        self.waiting.append((task, source))
+        if self._asleep:
+            self._asleep = False  # one wake-up is enough for all tasks put before the node takes them
+            if self._selector_waiter is None:
+                self._wake.put(None)
+            else:
+                self._selector_waiter.wake()
+
+    def fail(self, failure: SnrError) -> None:
+        """Report a failure outside the node's thread; the first one is kept."""
+        if self.failure is None:
+            self.failure = failure
+        self.put(Task(TaskType.terminate, "failure"), "failure")  # so that a busy node checks its inbox
+
+    def wait(self, timeout_s: float | None = None) -> None:
+        """Wait until a task is in the inbox or the timeout is over; may also return earlier."""
+        timeout_s = POLL_PERIOD_S if timeout_s is None else min(timeout_s, POLL_PERIOD_S)
+        self.wait_count += 1
+        selector_waiter = self._selector_waiter
+        seen: Sequence[Call] = ()
+        self._asleep = True  # before the last check, so that a `put` after the check wakes this thread
+        try:
+            if not self.waiting:
+                if selector_waiter is None:
+                    self._wake.get(timeout=timeout_s)
+                else:
+                    seen = selector_waiter.wait(timeout_s)
+        except Empty:
+            pass
+        finally:
+            self._asleep = False
+        for serve, what in seen:
+            serve(what)

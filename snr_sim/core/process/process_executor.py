@@ -1,0 +1,205 @@
+"""A loop in a separate process, for heavy work that must not hold the node's interpreter lock: the node's side.
+
+    node's thread                 threads of the ChildProcess     the process (core/process/loop_process.py)
+    begin, stop, join   ------->  writer: go, pages, end  ----->  a node without components, the loop on a thread
+    inbox               <-------  listener: tasks, failures  <--  what the loop schedules
+
+The process sends plain values (`prelude/values.py`), never pickled objects. The pages that the loop requests are sent
+when they change: always the newest, so that old ones do not queue up for a slow loop; skipped ones are counted.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, TypeAlias
+
+from snr_sim.core.component import CORE_NAME
+from snr_sim.core.datastore import PREVIOUS
+from snr_sim.core.executors import JOIN_TIMEOUT_S
+from snr_sim.core.loop import Loop
+from snr_sim.core.node_core import NodeCore
+from snr_sim.core.node_life import NodeLife
+from snr_sim.core.process.child_process import ChildProcess, Message
+from snr_sim.core.process.factory_pickling import pickle_factory
+from snr_sim.core.profiler import Timing
+from snr_sim.core.source_location import describe_error
+from snr_sim.prelude.errors import ComponentFailedError
+from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.task import Task, TaskType
+
+StoreListener: TypeAlias = Callable[[Page], None]
+
+TARGET = "snr_sim.core.process.loop_process:run"
+# Extra time for a process to end, compared with a thread: it waits for its own thread, halts the loop from outside if
+# necessary, and reports it. SIGTERM would not do more than that, so a process that is later is killed.
+_LONGER_S = 0.3
+
+
+class ProcessExecutor:
+    """Executor that calls a loop in a separate process. The node's own loop object only keeps the name."""
+
+    setup_timeout_s = 3.0  # a process takes most of a second to start
+
+    def __init__(self, loop: Loop, life: NodeLife) -> None:
+        self._loop = loop
+        self._life = life
+        self._node = life.node
+        self._child: ChildProcess | None = None
+        self._changed: set[DataKey] = set()  # keys of pages to send
+        self.skipped = 0  # pages that a newer one replaced before they were sent
+        self._is_finished = False  # it has sent "over"
+        self._has_setup_failed = False  # its setup failed while a caller waited: reported there, and the node continues
+        self._late_failure: ComponentFailedError | None = None  # after its removal from the node: `join` raises it
+        self._give_up_s: float | None = None
+        self._store_listeners: list[tuple[list[StoreListener], StoreListener]] = []  # ours, and the lists they are in
+        self.is_stopped = False
+        self.ticks = 0
+        self.late_s = 0.0
+
+    def start(self) -> None:
+        """Start the process; it calls `setup` when it is ready."""
+        loop, node = self._loop, self._node
+        packed = pickle_factory(loop.factory, type(loop.factory).__name__, f"Loop '{loop.name}'")
+        # The loop in the process has released its resources; this object has none.
+        loop.__dict__["terminate"] = _nothing
+        order = {
+            "factory": packed,
+            "loop": loop.name,
+            "role": node.role,
+            "mode": node.mode.value,
+            "seed": node.seed,
+            "clock_start_s": time.monotonic() - node.clock.now_s(),
+            "log_level": loop.log.getEffectiveLevel(),
+            "is_setup_awaited": loop.setup_result is not None,
+        }
+        name = f"loop '{loop.name}'"
+        self._child = ChildProcess(name, TARGET, order, self._on_message, self._on_end, packed["descriptors"])
+        self._child.start()
+
+    def wake(self) -> None:
+        """Do nothing: pages are sent to the process anyway, and its next tick is when it is due."""
+
+    def _send_page(self, key: DataKey) -> None:
+        assert self._child is not None
+        if key in self._changed:
+            self.skipped += 1
+            return
+
+        def newest() -> Message:
+            self._changed.discard(key)  # before the page is read: a newer one adds it again
+            return "page", key, self._node.datastore.get(key)
+
+        self._changed.add(key)
+        self._child.send(newest)
+
+    # The listener's thread
+
+    def _on_end(self, status: int, error: Exception | None) -> None:
+        assert self._child is not None
+        self.is_stopped = True
+        if error is not None:
+            self._fail(describe_error(error, f"while the node read from the process of loop '{self._loop.name}'"))
+        elif not self._is_finished and not self._child.is_killed:
+            when = f" at t = {self._node.clock.now_s():.3f} s, after at least {self.ticks} ticks"
+            self._fail(self._child.exit_message(status, when, "It had printed nothing."))
+
+    def _on_message(self, kind: str, *values: Any) -> None:
+        if kind == "task":
+            type_name, name, val_list = values
+            self._node.enqueue_input(Task(TaskType(type_name), name, val_list), self._loop.name)
+        elif kind == "counts":
+            self._count(*values)
+        elif kind == "watch":
+            self._watch(*values)
+        elif kind == "log":
+            name, level, text = values
+            logging.getLogger(name).log(level, "%s", text)
+        elif kind == "note":
+            self._node.add_note(values[0])
+        elif kind == "is set up":
+            self._set_result(None)
+        elif kind == "failed":
+            self._fail(values[0])
+        elif kind == "stopped":
+            self.is_stopped = True
+        elif kind == "over":
+            self._is_finished = True
+
+    def _count(self, ticks: int, late_s: float, timings: dict[str, list[Any]]) -> None:
+        self.ticks, self.late_s = ticks, late_s
+        if self._node.profiler is not None:
+            self._node.profiler.timings.update({name: Timing(*timing) for name, timing in timings.items()})
+
+    def _watch(self, key: DataKey) -> None:
+        """Send the newest page of a key now, and from now on each time one is stored."""
+
+        def listener(page: Page) -> None:
+            self._send_page(key)
+
+        for stored in {key, key.removesuffix(PREVIOUS)}:
+            listeners = self._core().store_listeners.setdefault(stored, [])
+            listeners.append(listener)
+            self._store_listeners.append((listeners, listener))
+        self._send_page(key)
+
+    def _core(self) -> NodeCore:
+        core = self._node.components[CORE_NAME]
+        assert isinstance(core, NodeCore)
+        return core
+
+    def _fail(self, message: str) -> None:
+        failure = ComponentFailedError(message, self._node.name, self._loop.name)
+        if self._set_result(failure):
+            self._has_setup_failed = True
+        elif self._has_setup_failed:
+            self._node.add_note(failure.message)
+        elif self._loop.is_removed:
+            self._late_failure = self._late_failure or failure
+        elif not self._life.handle_failure(self._loop, failure):
+            self._node.inbox.fail(failure)
+
+    def _set_result(self, failure: ComponentFailedError | None) -> bool:
+        """Set the result of `setup`; return whether a caller was waiting for it."""
+        return self._loop.setup_result is not None and self._loop.setup_result.set_result(failure)
+
+    # The end
+
+    def stop(self) -> None:
+        """Ask for no more ticks."""
+        self.is_stopped = True
+        if self._give_up_s is None:
+            self._give_up_s = time.monotonic() + JOIN_TIMEOUT_S + _LONGER_S
+            if self._child is not None:
+                self._child.end()
+
+    def join(self) -> None:
+        """Stop, and return once the process has ended; kill it if it does not end in time.
+
+        Raises:
+            ComponentFailedError: the loop was removed from its node, and failed after that.
+        """
+        self.stop()
+        if self._child is None or self._give_up_s is None:
+            return
+        listener = self._child.listener
+        with suppress(KeyboardInterrupt):  # a second Ctrl-C: end it now
+            listener.join(max(self._give_up_s - time.monotonic(), 0.0))
+        if listener.is_alive():
+            self._child.kill()
+            listener.join()
+            self._node.add_note(
+                f"The process of loop '{self._loop.name}' did not end within {JOIN_TIMEOUT_S + _LONGER_S:.1f} s and "
+                "was killed; its halt() may not have been called."
+            )
+        while self._store_listeners:  # here and not in the listener: this thread iterates over the lists
+            listeners, callback = self._store_listeners.pop()
+            listeners.remove(callback)
+        if self._late_failure is not None:
+            raise self._late_failure
+
+
+def _nothing(*args: Any) -> None:
+    """Do nothing."""

@@ -1,0 +1,197 @@
+"""Diagnostics of a run: unhandled tasks, handlers that were never called, pages that were never stored."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import TypeAlias
+
+from snr_sim.core.component import CORE_NAME
+from snr_sim.core.datastore import PREVIOUS, Datastore
+from snr_sim.core.endpoint import Endpoint
+from snr_sim.core.handlers import Entry, describe
+from snr_sim.core.page_writers import PageWriter, attribute_location, writers_of
+from snr_sim.core.source_location import is_content, location_of
+from snr_sim.prelude.component import Component
+from snr_sim.prelude.errors import suggest
+from snr_sim.prelude.page import DataKey
+from snr_sim.prelude.recorder import RECORDING_KEY
+from snr_sim.prelude.task import TaskName, TaskType
+
+_STEPS = ("begin", "join", "halt", "terminate")
+NEXT_LINE = "\n  "
+Find: TypeAlias = Callable[[DataKey, Iterable[Component]], "list[PageWriter]"]
+SeenTasks = Mapping[TaskType, Mapping[TaskName, tuple[Entry, ...]]]
+
+
+def run_diagnostics(
+    components: Mapping[str, Component], seen: SeenTasks, datastore: Datastore, find: Find | None = None
+) -> list[str]:
+    """Return a sentence for each finding, with the nearest known name.
+
+    Args:
+        components: the node's components.
+        seen: every task id of the run, with its handlers.
+        datastore: knows which pages were requested but missing.
+        find: returns a student's lines that name a key; default: search the components' code. For a trace it finds
+            none, so that a graded run, whose components are in another process, gives the same text.
+    """
+    find = find or own_writers
+    # The node's own endpoint has handlers for requests that are all optional.
+    of_the_robot = {name: component for name, component in components.items() if name != CORE_NAME}
+    return [
+        *_unhandled(of_the_robot, seen),
+        *_never_called(of_the_robot, seen, datastore, find),
+        *without_handlers(of_the_robot, seen, with_locations=find is own_writers),
+        *_never_stored(of_the_robot, datastore, find),
+        *_named_as_previous(datastore),
+    ]
+
+
+def _unhandled(components: Mapping[str, Component], seen: SeenTasks) -> Iterator[str]:
+    for kind in (TaskType.event, TaskType.reload):
+        for name, entries in seen[kind].items():
+            if not entries:
+                known = {
+                    task_id[1] for task_id in _ids(components) if isinstance(task_id, tuple) and task_id[0] is kind
+                }
+                yield f"No component handled {describe((kind, name))}; {suggest(name, known, 'handlers wait for')}"
+
+
+def _never_called(
+    components: Mapping[str, Component], seen: SeenTasks, datastore: Datastore, find: Find
+) -> Iterator[str]:
+    for component in components.values():
+        for task_id in component.task_handlers:
+            if (
+                isinstance(task_id, tuple)
+                and task_id[1] not in seen[task_id[0]]
+                and task_id[0] is not TaskType.terminate
+                and task_id[1] != RECORDING_KEY
+            ):
+                kind, name = task_id
+                line = _line_of(find(name, [component]))
+                if kind is TaskType.process_data and name in datastore.pages:
+                    yield (
+                        f"{line}'{component.name}' waits for {describe(task_id)}, which never came: that page was "
+                        f"stored without a task (process=False). Look it up: self.get_data({str(name)!r})."
+                    )
+                    continue
+                verb = "sent" if kind is TaskType.event else "stored" if kind is not TaskType.reload else "requested"
+                near = _same_or_nearest(name, kind, seen, lambda key: find(key, components.values()), verb)
+                yield f"{line}'{component.name}' waits for {describe(task_id)}, which was never {verb}; {near}"
+
+
+def _same_or_nearest(
+    name: TaskName, kind: TaskType, seen: SeenTasks, find: Callable[[DataKey], list[PageWriter]], verb: str
+) -> str:
+    """Suggest the nearest name, unless that one has no handler either and may itself be the misspelt one."""
+    close = difflib.get_close_matches(name, seen[kind], n=1, cutoff=0.5)
+    is_ours = bool(close) and (kind is TaskType.event or any(map(_stores, find(close[0]))))
+    if not (is_ours and not seen[kind][close[0]]):
+        return suggest(name, seen[kind], f"{verb} were")
+    location = _line_of(find(close[0])).strip()
+    where = f" ({location})" if location else ""
+    return f"'{close[0]}' was {verb}{where}, but no handler waits for it: spell both alike."
+
+
+def without_handlers(
+    components: Mapping[str, Component], seen: SeenTasks | None = None, with_locations: bool = True
+) -> Iterator[str]:
+    """Yield a sentence for each endpoint without any effect; one that overrides `begin`, `halt` or similar has one.
+
+    Args:
+        components: the node's components.
+        seen: as for `run_diagnostics`; empty before a run.
+        with_locations: whether to find the line to fix.
+    """
+    called = {entry[0].name for by_name in (seen or {}).values() for entries in by_name.values() for entry in entries}
+    for component in components.values():
+        is_idle = isinstance(component, Endpoint) and not component.task_handlers and component.name not in called
+        if is_idle and all(getattr(type(component), step) is getattr(Endpoint, step) for step in _STEPS):
+            begins = difflib.get_close_matches("__init__", vars(type(component)), n=1, cutoff=0.8)
+            if with_locations and begins and begins[0] != "__init__":
+                location = location_of(getattr(component, begins[0]))
+                yield f"{location}{NEXT_LINE}Endpoint '{component.name}' has no handlers; did you mean '__init__'?"
+                continue
+            names = [one for one in vars(component) if one[0] != "_"] if with_locations else []
+            close = difflib.get_close_matches("task_handlers", names, n=1)
+            location = attribute_location(component, close[0]) if close else None
+            yield (
+                f"{f'{location}{NEXT_LINE}' if location is not None else ''}"
+                f"Endpoint '{component.name}' has no handlers, so nothing calls it; "
+                f"set self.task_handlers = {{...}} in its __init__{f', not self.{close[0]}' if close else ''}."
+            )
+
+
+def _never_stored(components: Mapping[str, Component], datastore: Datastore, find: Find) -> Iterator[str]:
+    for key in datastore.missed:
+        if key in datastore.pages or key == RECORDING_KEY:  # stored only if the recording has a problem
+            continue
+        writers = find(str(key), components.values())
+        if not writers:  # snr_sim requested it, so the name is right
+            yield _misnamed(str(key), components, datastore, find)
+            continue
+        unreturned = next((one for one in writers if _is_dropped(one.location.source)), None)
+        if unreturned is not None:
+            yield (
+                f"{unreturned.location}{NEXT_LINE}Page '{key}' was requested but never stored: "
+                f"{unreturned.function}() of '{unreturned.component}' makes the task and does not return it. "
+                f"Write: return {unreturned.location.source}"
+            )
+            continue
+        near = suggest(str(key), datastore.pages, "stored were")
+        if _stores(writers[0]):
+            near = f"{writers[0].function}() of '{writers[0].component}' never came to this line."
+        yield f"{writers[0].location}{NEXT_LINE}Page '{key}' was requested but never stored; {near}"
+
+
+def _misnamed(key: DataKey, components: Mapping[str, Component], datastore: Datastore, find: Find) -> str:
+    """Return the sentence on a missing page; a stored page of a similar name without handlers is the misspelt one."""
+    waited_for = {task_id[1] for task_id in _ids(components) if isinstance(task_id, tuple)}
+    message = f"Page '{key}' was requested but never stored"
+    for other in difflib.get_close_matches(key, map(str, datastore.pages), n=3, cutoff=0.5):
+        writers = find(other, components.values())
+        if other not in waited_for and writers:
+            return (
+                f"{writers[0].location}{NEXT_LINE}Page '{other}' is stored there, but no handler waits for it. "
+                f"{message}: did you mean '{key}'?"
+            )
+    return f"{message}; {suggest('', datastore.pages, 'stored were')}"
+
+
+def _stores(writer: PageWriter) -> bool:
+    return "store" in writer.location.source or "page(" in writer.location.source
+
+
+def _is_dropped(source: str) -> bool:
+    """Return whether a line creates a task and does not use it."""
+    return source.startswith(("self.store_data_task(", "tasks.", "Task("))
+
+
+def own_writers(key: DataKey, components: Iterable[Component]) -> list[PageWriter]:
+    """Return the student's lines that name a key; lines of shipped robots are left out."""
+    return [one for one in writers_of(key, components) if not is_content(one.location.file)]
+
+
+def no_writers(key: DataKey, components: Iterable[Component]) -> list[PageWriter]:
+    """Find no lines."""
+    return []
+
+
+def _line_of(writers: list[PageWriter]) -> str:
+    return f"{writers[0].location}{NEXT_LINE}" if writers else ""
+
+
+def _named_as_previous(datastore: Datastore) -> Iterator[str]:
+    for key in datastore.pages:
+        if key.endswith(PREVIOUS) and (newest := key.removesuffix(PREVIOUS)) in datastore.pages:
+            yield (
+                f"Page '{key}' was stored, which is also the name of the page before the newest '{newest}': "
+                f"self.get_data({key!r}) gave the stored one. Give it another name."
+            )
+
+
+def _ids(components: Mapping[str, Component]) -> Iterator[object]:
+    for component in components.values():
+        yield from component.task_handlers

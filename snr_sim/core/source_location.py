@@ -1,0 +1,154 @@
+"""Find the line of student code that caused a failure, and put it first in the message."""
+
+from __future__ import annotations
+
+import linecache
+import os
+import re
+import traceback
+from inspect import getfile, getsourcelines, unwrap
+from pathlib import Path
+from types import CodeType, FrameType, TracebackType
+from typing import NamedTuple
+
+from snr_sim.core.hints import error_message, hint
+from snr_sim.prelude.errors import DeviceError, SnrError
+
+# Fix for code that did not return although it was interrupted.
+INTERRUPT_FIX = "catch Exception, not BaseException; and put no bare except around what repeats."
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+_SHIPPED = _PACKAGE / "shipped"  # robots and scenarios in the wheel: content, not library code
+_CONTENT = (_SHIPPED, *(_PACKAGE.parent / kind for kind in ("robots", "scenarios", "assignments")))
+_ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
+_STDLIB = Path(os.__file__).resolve().parent
+
+
+class SourceLocation(NamedTuple):
+    """A line in a file."""
+
+    file: str
+    line: int
+    function: str
+    source: str
+
+    def __str__(self) -> str:
+        return f"{self.file}, line {self.line}: {self.source}" if self.source else f"{self.file}, line {self.line}"
+
+
+def find_student_location(trace: TracebackType | None) -> SourceLocation | None:
+    """Return the innermost line of student code, or None if there is none in the traceback."""
+    return _innermost(traceback.extract_tb(trace))
+
+
+def _student_trace(trace: TracebackType | None) -> TracebackType | None:
+    """Return the innermost part of a traceback that is in student code."""
+    found = None
+    while trace is not None:
+        if is_student_file(trace.tb_frame.f_code.co_filename):
+            found = trace
+        trace = trace.tb_next
+    return found
+
+
+def current_location(frame: FrameType) -> SourceLocation | None:
+    """Return the innermost line of student code that a thread is at, or None; `frame` is the thread's newest."""
+    return _innermost(traceback.extract_stack(frame))
+
+
+def _innermost(frames: traceback.StackSummary) -> SourceLocation | None:
+    found = None
+    for frame in frames:
+        if is_student_file(frame.filename):
+            source = (frame.line or linecache.getline(frame.filename, frame.lineno or 0)).strip()
+            found = SourceLocation(short_path(frame.filename), frame.lineno or 0, frame.name, source)
+    return found
+
+
+def location_of(function: object) -> SourceLocation | None:
+    """Return where a function or method begins, or None if it is not student code."""
+    code = getattr(unwrap(function), "__code__", None) if callable(function) else None
+    if not isinstance(code, CodeType) or not is_student_file(code.co_filename):
+        return None
+    source = linecache.getline(code.co_filename, code.co_firstlineno).strip()
+    return SourceLocation(short_path(code.co_filename), code.co_firstlineno, code.co_name, source)
+
+
+def class_location(kind: type[object]) -> SourceLocation | None:
+    """Return where a class begins, or None if it is not student code."""
+    try:
+        file, (lines, number) = getfile(kind), getsourcelines(kind)
+    except (OSError, TypeError):
+        return None
+    return SourceLocation(short_path(file), number, kind.__name__, lines[0].strip()) if is_student_file(file) else None
+
+
+def is_student_file(filename: str) -> bool:
+    """Return whether a file belongs to neither snr_sim, Python nor an installed package, and is not generated."""
+    if filename.startswith("<"):
+        return False
+    path = Path(filename).resolve()
+    if path.is_relative_to(_SHIPPED):
+        return True
+    return not (path.is_relative_to(_PACKAGE) or path.is_relative_to(_STDLIB) or "site-packages" in path.parts)
+
+
+def is_content(filename: str) -> bool:
+    """Return whether a file belongs to the robots, scenarios and labs that ship with snr_sim."""
+    path = Path(filename).resolve()
+    return any(path.is_relative_to(folder) for folder in _CONTENT)
+
+
+def short_path(filename: str) -> str:
+    """Return the path relative to the current folder if that is shorter."""
+    try:
+        relative = str(Path(filename).resolve().relative_to(Path.cwd()))
+    except (ValueError, OSError):
+        return filename
+    return relative
+
+
+def prepend_location(error: SnrError) -> None:
+    """Prefix an snr_sim error with the line of student code that caused it; lines of shipped robots do not count."""
+    frames = [one for one in traceback.extract_tb(error.__traceback__) if not is_content(one.filename)]
+    location = _innermost(traceback.StackSummary.from_list(frames))
+    if location is not None and not error.message.startswith(str(location)):
+        error.message = f"{location}\n  {error.message}"
+
+
+def without_addresses(text: str) -> str:
+    """Return a text without memory addresses of objects: they differ in each run, and runs are compared.
+
+    >>> without_addresses("<Mine object at 0x7f10>")
+    '<Mine object>'
+    """
+    return _ADDRESS.sub("", text)
+
+
+def describe_error(error: BaseException, while_doing: str, otherwise: SourceLocation | None = None) -> str:
+    """Return an error message, prefixed with the student's line; a device error comes before the line that opened it.
+
+    Args:
+        error: the exception.
+        while_doing: what the component was doing, in its own names.
+        otherwise: the location to show if no line of student code raised it.
+    """
+    location = _syntax_error_location(error) or find_student_location(error.__traceback__) or otherwise
+    if isinstance(error, SnrError):
+        what, fix = error.message, error.fix
+    else:
+        what, fix = f"{type(error).__name__}: {error_message(error)}", hint(error, _student_trace(error.__traceback__))
+    what = without_addresses(what)
+    if isinstance(error, SystemExit):
+        fix = "a component ends the run with tasks.terminate('why'), so that everything is halted and recorded."
+    is_included = location is None or what.startswith(str(location))
+    where = [] if is_included else [str(location)]
+    parts = [what, while_doing, *where] if isinstance(error, DeviceError) else [*where, what, while_doing]
+    lines = [*parts, *([f"Try: {fix}"] if fix else [])]
+    return "\n  ".join(lines)
+
+
+def _syntax_error_location(error: BaseException) -> SourceLocation | None:
+    if not isinstance(error, SyntaxError) or not error.filename:
+        return None
+    return SourceLocation(short_path(error.filename), error.lineno or 0, "", (error.text or "").strip())

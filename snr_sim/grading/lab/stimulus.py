@@ -1,0 +1,262 @@
+"""Student's components with given inputs: sends them pages and tasks one by one, and returns what each one produced.
+
+A bare node on a virtual clock, without plant or devices: the node, and the parts of snr_sim in it, run here; the
+student's components run in their own process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from snr_sim.core.clocks import SimClock
+from snr_sim.core.config import AnyFactory, Config, Mode
+from snr_sim.core.lockstep import NO_MORE_EVENTS, TIME_LIMIT, LockStep
+from snr_sim.core.node import Node
+from snr_sim.grading.lab.submission import Submission
+from snr_sim.grading.lab.verdicts import ENDED_EARLY, GraderError, SubmissionError
+from snr_sim.grading.remote.remote import Remote
+from snr_sim.prelude.errors import SnrError
+from snr_sim.prelude.page import Page
+from snr_sim.prelude.recorder import Handled, TaskRef
+from snr_sim.prelude.scenario import RobotInfo
+from snr_sim.prelude.task import Task, TaskType
+from snr_sim.scenario import library
+
+_SOURCE = "given"
+
+
+@dataclass(frozen=True)
+class Stimulus:
+    """An input: a page under a key, or a task.
+
+    Args:
+        at_s: its time; inputs of the same time keep their order.
+        key, value: of a page; each is followed by `process_data`, unless `process` is false.
+        task: (type, name, values) instead, such as ("event", "start", []).
+        process: whether a page sets off work.
+    """
+
+    at_s: float
+    key: str = ""
+    value: Any = None
+    task: tuple[str, str, list[Any]] | None = None
+    process: bool = True
+
+
+@dataclass(frozen=True)
+class Output:
+    """A task that a component of the student's made.
+
+    Args:
+        at_s: when.
+        kind: "store_page", "event", "process_data" or "terminate".
+        name: a page's key, an event's name.
+        value: a page's data; for other tasks, their values.
+        after: index of the input that caused it, through whatever lay between; None if none did, but a loop's tick or
+            a component's `begin`.
+        component: its sender.
+        page: the page itself, of store_page.
+    """
+
+    at_s: float
+    kind: str
+    name: str
+    value: Any
+    after: int | None
+    component: str = ""
+    page: Page | None = None
+
+
+Reply = Callable[[Output], "Iterable[Stimulus] | Stimulus | None"]
+
+
+def run_inputs(
+    student: Submission,
+    file: str,
+    pages: Sequence[Stimulus],
+    *,
+    robot: RobotInfo | str = "urov",
+    role: str = "",
+    options: dict[str, str] | None = None,
+    parameters: Any = None,
+    order: Sequence[int] | None = None,
+    extra_components: Sequence[AnyFactory] = (),
+    reply: Reply | None = None,
+    until_s: float | None = None,
+    seed: int = 0,
+) -> list[Output]:
+    """Return what the student's components produced from the inputs, in order.
+
+    Args:
+        student: the submission.
+        file: of the submission, which has `factories`.
+        pages: the inputs.
+        robot: argument of `factories`, or the robot's name in it.
+        role, options, parameters: of the robot, if only its name was given.
+        order: order of the components: a permutation of the student's, then the parts.
+        extra_components: components of snr_sim in the same node, after the student's.
+        reply: is called with each thing produced, and returns further inputs, at that time or later: a closed loop.
+        until_s: how long the student's loops may tick; the time of the last input if not given.
+        seed: of the components' random numbers.
+
+    Raises:
+        SubmissionError: the student's program failed, or ended the run before the last input.
+    """
+    if isinstance(robot, str):
+        robot = RobotInfo(robot, role or robot, "", "", parameters, options or {})
+    found = [one for one in library.list_available("robots") if one.name == robot.name]
+    child = student.new_child(file, [one.path for one in found])
+    try:
+        remote = Remote(child, file)
+        module = remote.controller(student.folder / file, [(one.name, one.path) for one in found])
+        factories = [*module.factories(robot), *extra_components]
+        if order is not None:
+            if sorted(order) != list(range(len(factories))):
+                raise SubmissionError(
+                    f"{file}: factories(robot) makes {len(factories) - len(extra_components)} components, "
+                    f"where {len(order) - len(extra_components)} were expected.",
+                    "Hand in as many components as the lab asks for.",
+                    expected=str(len(order) - len(extra_components)),
+                    actual=str(len(factories) - len(extra_components)),
+                )
+            factories = [factories[place] for place in order]
+        return _run_node(remote, robot, factories, pages, reply, until_s, seed)
+    finally:
+        student.close_child(child)
+
+
+def _run_node(
+    remote: Remote,
+    robot: RobotInfo,
+    factories: Sequence[AnyFactory],
+    pages: Sequence[Stimulus],
+    reply: Reply | None,
+    until_s: float | None,
+    seed: int,
+) -> list[Output]:
+    clock = SimClock()
+    output_log = OutputLog(remote.names)
+    try:
+        config = Config(Mode.TEST, {robot.role: factories})
+        node = Node(robot.role, config, clock=clock, recorder=output_log, seed=seed)
+        scheduler = _InputScheduler(node, clock, output_log, reply)
+        for stimulus in pages:
+            scheduler.take(stimulus)
+        output_log.on_output = scheduler.answer
+        last_s = max((stimulus.at_s for stimulus in pages), default=0.0)
+        LockStep([node], clock, until_s=last_s if until_s is None else until_s).run()
+    except (SubmissionError, GraderError):
+        raise
+    except SnrError as error:
+        if remote.submission_error is not None:
+            raise remote.submission_error from error
+        raise SubmissionError(str(error), "Your program raised an error: look at the line named.") from error
+    if remote.submission_error is not None:
+        raise remote.submission_error
+    if scheduler.has_inputs_left:
+        raise SubmissionError(f"Your program ended the run at {clock.now_s():.2f} s.", ENDED_EARLY, "a whole run")
+    return output_log.outputs
+
+
+class _InputScheduler:
+    """Lets inputs in at their moments."""
+
+    def __init__(self, node: Node, clock: SimClock, output_log: OutputLog, reply: Reply | None) -> None:
+        self._node = node
+        self._clock = clock
+        self._output_log = output_log
+        self._reply = reply
+        self._count = self._delivered = 0
+
+    @property
+    def has_inputs_left(self) -> bool:
+        """Whether the node was ended from within, and inputs were still to come."""
+        return self._delivered < self._count and self._node.exit_reason not in (TIME_LIMIT, NO_MORE_EVENTS)
+
+    def take(self, stimulus: Stimulus) -> None:
+        """Send an input to the node at its time, before the components' loops tick."""
+        number, self._count = self._count, self._count + 1
+        if stimulus.at_s <= self._clock.now_s() and self._clock.now_s() > 0.0:
+            self._deliver(stimulus, number)
+        else:
+            self._clock.call_at(stimulus.at_s, lambda: self._deliver(stimulus, number), order=-1)
+
+    def _deliver(self, stimulus: Stimulus, number: int) -> None:
+        if stimulus.task is not None:
+            kind, name, values = stimulus.task
+            task = Task(TaskType(kind), name, list(values))
+        else:
+            page = Page(stimulus.key, stimulus.value, self._node.name, self._clock.now_s(), stimulus.process)
+            task = Task.store_page(page)
+        self._delivered += 1
+        self._output_log.expect(number)
+        self._node.enqueue_input(task, _SOURCE)
+
+    def answer(self, output: Output) -> None:
+        """Call `reply`, which closes the loop."""
+        if self._reply is None:
+            return
+        replies = self._reply(output)
+        for stimulus in [replies] if isinstance(replies, Stimulus) else replies or ():
+            self.take(stimulus)
+
+
+class OutputLog:
+    """Recorder of what the student's components produce, and which input caused it. Implements `Recorder`.
+
+    Args:
+        names: of the student's components, known once they are made.
+    """
+
+    def __init__(self, names: set[str]) -> None:
+        self._names = names
+        self._numbers: list[int] = []
+        self.outputs: list[Output] = []
+        self.on_output: Callable[[Output], None] = lambda output: None
+
+    def expect(self, number: int) -> None:
+        """Set the number of the next input through the inbox."""
+        self._numbers.append(number)
+
+    def for_node(self, name: str) -> OutputLog:
+        """Return itself."""
+        return self
+
+    def begun(self, now_s: float, component: str, scheduled: Sequence[Task]) -> list[TaskRef]:
+        """Keep what a component scheduled in `begin`."""
+        return self._made(now_s, [(component, task) for task in scheduled], None)
+
+    def input(self, now_s: float, source: str, task: Task) -> TaskRef:
+        """Keep what a loop of the student's sent."""
+        cause = self._numbers.pop(0) if source == _SOURCE else None
+        if source in self._names:
+            self._keep(now_s, source, task, cause)
+        return (task, 0, 0, cause)
+
+    def task(self, now_s: float, task_ref: TaskRef, handled: Sequence[Handled]) -> list[TaskRef]:
+        """Keep what handlers returned."""
+        return self._made(now_s, [(label[0], task) for label, returned in handled for task in returned], task_ref[3])
+
+    def error(self, now_s: float, component: str, message: str) -> None:
+        """Keep nothing: the error also ends the run."""
+
+    def record_text(self, now_s: float, component: str, level: str, text: str) -> None:
+        """Keep nothing: the student's process keeps the output of the student's program."""
+
+    def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
+        """Keep nothing."""
+
+    def _made(self, now_s: float, made: Sequence[tuple[str, Task]], cause: int | None) -> list[TaskRef]:
+        for component, task in made:
+            if component in self._names:
+                self._keep(now_s, component, task, cause)
+        return [(task, 0, index, cause) for index, (_, task) in enumerate(made)]
+
+    def _keep(self, now_s: float, component: str, task: Task, cause: int | None) -> None:
+        page = task.val_list[0] if task.type is TaskType.store_page else None
+        value = task.val_list if page is None else page.data
+        output = Output(now_s, task.type.value, task.name, value, cause, component, page)
+        self.outputs.append(output)
+        self.on_output(output)

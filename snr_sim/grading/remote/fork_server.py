@@ -1,0 +1,218 @@
+"""Fork server in a sandbox kept for many cases: each case gets a copy of its process, and none can reach another.
+
+    grader -- "fork", line, output --> fork_server_process.py (nothing of the student's) -- fork --> child.py, per case
+           <-- a handle of the copy --
+
+The sandbox shows a folder of the grader's as the submission: it holds one submission at a time, and is emptied before
+the next is copied in. So even a new submission needs no start of Python.
+
+Only for root: a copy that belonged to the same user as its original could end or change that. For other users
+each case gets a fresh sandbox.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import select
+import shutil
+import signal
+import socket
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from snr_sim.grading.lab.verdicts import GraderError
+from snr_sim.grading.remote.cpu_timeout import wait_for_hangup
+from snr_sim.grading.remote.fork_server_process import EXIT_STATUS, FORK, FORKED, STATUS, USED_UP
+from snr_sim.grading.remote.launch import copy_world_readable, start_process
+from snr_sim.grading.reports.results import Isolation
+from snr_sim.grading.sandbox.sandbox import Limits, is_root
+
+_MAX_BYTES = 64
+_RESPONSE_TIMEOUT_S = 130.0  # wall time; a copy takes a millisecond, and a start of Python 0.2 s
+
+
+class ForkedChild:
+    """A student's process that is a copy; with the part of `subprocess.Popen` that `ChildProcess` uses."""
+
+    def __init__(self, fork_server: ForkServer, death: int, output: int) -> None:
+        self._fork_server = fork_server
+        self._death = death  # readable once it is dead
+        self._status: int | None = None
+        self.stdout = io.FileIO(output)
+        fdinfo = Path(f"/proc/self/fdinfo/{death}").read_text()
+        self.pid = int(fdinfo.partition("Pid:")[2].split()[0])  # to read /proc only; signals are sent by the handle
+
+    def kill(self) -> None:
+        """End it, with its namespace."""
+        if self._death >= 0:
+            with suppress(ProcessLookupError):
+                signal.pidfd_send_signal(self._death, signal.SIGKILL)
+
+    def poll(self) -> int | None:
+        """Return its exit status, in the form of `subprocess`; None if it still runs."""
+        self.wait(0.0)
+        return self._status
+
+    def wait(self, timeout: float | None = None) -> None:
+        """Wait until it has ended [s]."""
+        if self._death < 0:
+            return
+        dead = select.poll()
+        dead.register(self._death, select.POLLIN)
+        if dead.poll(None if timeout is None else timeout * 1000.0):
+            os.close(self._death)
+            self._death = -1
+            self._fork_server.is_busy = False
+            self._status = self._fork_server.exit_status()
+
+
+class ForkServer:
+    """Copies for the cases of one submission after the other, one at a time. Close it in the end, or use `with`.
+
+    Args:
+        isolation: without a sandbox there are no copies.
+        limits: of each copy.
+    """
+
+    def __init__(self, isolation: Isolation, limits: Limits) -> None:
+        self._limits = limits
+        self._is_enabled = isolation == "sandbox" and is_root()
+        self._shown: Path | None = None  # the folder that the sandbox shows as the submission
+        self._submission: Path | None = None
+        self._is_loaded = False
+        self._process: subprocess.Popen[bytes] | None = None
+        self._socket: socket.socket | None = None
+        self.is_busy = False
+
+    def __enter__(self) -> ForkServer:
+        return self
+
+    def __exit__(self, *exc_info: object) -> None:
+        self.close()
+
+    @contextmanager
+    def with_submission(self, folder: Path) -> Iterator[None]:
+        """Have copies hold a submission, until the end; then nothing is left of it.
+
+        Args:
+            folder: of the submission.
+        """
+        self._submission = folder.resolve()
+        try:
+            yield
+        finally:
+            self._submission, self._is_loaded = None, False
+            if self.is_busy:
+                self._end()  # the last copy was not ended by its user
+            if self._shown is not None:
+                _empty(self._shown)
+
+    def fork(self, folder: Path, line: int) -> ForkedChild | None:
+        """Return a new student's process that answers on a line; None if there is none to be had.
+
+        Args:
+            folder: of its submission, which must be the one that is held.
+            line: the file descriptor on which it answers.
+
+        Raises:
+            GraderError: the sandbox cannot be started, or does not answer.
+        """
+        if not self._is_enabled or self.is_busy or folder != self._submission:
+            return None
+        if not self._is_loaded:
+            copy_world_readable(folder, self._shown_folder())
+            self._is_loaded = True
+        reader, output = os.pipe()
+        try:
+            word, fds = self.request(FORK, (line, output))
+            if word == USED_UP:
+                self._end()
+                word, fds = self.request(FORK, (line, output))
+            if word != FORKED or len(fds) != 1:
+                raise self._fault()
+        except BaseException:
+            os.close(reader)
+            raise
+        finally:
+            os.close(output)
+        self.is_busy = True
+        return ForkedChild(self, fds[0], reader)
+
+    def _shown_folder(self) -> Path:
+        if self._shown is None:
+            self._shown = Path(tempfile.mkdtemp(prefix="snr_held_"))
+        return self._shown
+
+    def exit_status(self) -> int:
+        """Return the exit status of the last copy, in the form of `subprocess`.
+
+        Raises:
+            GraderError: the sandbox has ended, too.
+        """
+        if self._socket is None:
+            raise self._fault()
+        status: int = STATUS.unpack(self.request(EXIT_STATUS)[0])[0]
+        return status
+
+    def request(self, word: bytes, fds: tuple[int, ...] = ()) -> tuple[bytes, list[int]]:
+        """Return the answer of the sandbox' own process to a command, and the file descriptors sent with it."""
+        if self._socket is None:
+            self._start()
+        assert self._socket is not None
+        try:
+            socket.send_fds(self._socket, [word], fds)
+            answer, received_fds, _, _ = socket.recv_fds(self._socket, _MAX_BYTES, 1)
+        except OSError as error:
+            raise self._fault() from error
+        if not answer:
+            raise self._fault()
+        return answer, received_fds
+
+    def _start(self) -> None:
+        here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        here.settimeout(_RESPONSE_TIMEOUT_S)
+        self._socket = here
+        with there:
+            self._process = start_process(
+                self._shown_folder(), "sandbox", there.fileno(), self._limits, is_fork_server=True
+            )
+
+    def _fault(self) -> GraderError:
+        """Return the error for a failed copy; end the sandbox."""
+        return GraderError(
+            f"A student's process could not be started. {self._end()}".rstrip(),
+            fix="is the computer out of memory or processes? Grade with fewer --jobs.",
+        )
+
+    def close(self) -> None:
+        """End the sandbox with all its processes, and remove the submission's folder. Safe to call twice."""
+        self._end()
+        if self._shown is not None:
+            shutil.rmtree(self._shown, ignore_errors=True)
+        self._shown, self._is_loaded = None, False
+
+    def _end(self) -> str:
+        """End the sandbox with all its processes; return the output of its own process."""
+        output = b""
+        if self._process is not None:
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(self._process.pid, signal.SIGKILL)
+            output, _ = self._process.communicate()
+        if self._socket is not None:
+            wait_for_hangup(self._socket)
+            self._socket.close()
+        self._process = self._socket = None
+        self.is_busy = False
+        return output.decode(errors="replace")
+
+
+def _empty(folder: Path) -> None:
+    for path in folder.iterdir():
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink()

@@ -1,0 +1,93 @@
+"""Fork server's process in a sandbox for several cases of one submission: it forks a copy of itself per case.
+
+It has imported what a student's process needs, and reads nothing of the student's; each copy begins where `child.py`
+begins. So a case costs a fork, and not a start of Python with all its imports.
+
+A copy is the first process of a PID namespace of its own: it ends alone, has the same number in every case, and
+whatever it leaves in shared memory is removed with it. It could leave files in the sandbox's scratch folder: then
+that sandbox is used up, and the next case gets a fresh one.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import os
+import socket
+import struct
+
+from snr_sim.grading.remote import child
+from snr_sim.grading.sandbox import seccomp  # noqa: F401  every copy has it
+
+SCRATCH = "/tmp"
+STATUS = struct.Struct("i")
+FORK, EXIT_STATUS, USED_UP, FORKED = b"fork", b"exit status", b"used up", b"forked"
+_MAX_BYTES = 64
+# Numbers of Linux (linux/sched.h).
+_NEW_IPC, _NEW_PID = 0x08000000, 0x20000000
+
+
+def main(line: int, limits: tuple[int, int, int, int], is_alone: bool, user: int | None) -> None:
+    """Fork a copy for each request, one at a time, until the grader closes the line. Does not return.
+
+    Args:
+        line: the file descriptor of the requests.
+        limits, is_alone, user: of each copy, as for `child.main`.
+    """
+    requests = socket.socket(fileno=line)
+    initial_scratch, forked = _scratch(), 0
+    gc.collect()
+    gc.freeze()  # the collector in a copy skips the objects that exist now
+    while True:
+        word, fds, _, _ = socket.recv_fds(requests, _MAX_BYTES, 2)
+        if not word:
+            os._exit(0)
+        if word == EXIT_STATUS:
+            requests.send(STATUS.pack(os.waitstatus_to_exitcode(os.waitpid(forked, 0)[1])))
+        elif _scratch() != initial_scratch:
+            requests.send(USED_UP)
+            os._exit(0)
+        else:
+            line, output = fds
+            _enter_namespaces()
+            forked = os.fork()
+            if forked == 0:
+                requests.close()
+                _run_child(line, output, limits, is_alone, user)
+            death = os.pidfd_open(forked)
+            socket.send_fds(requests, [FORKED], [death])
+            for fd in (line, output, death):
+                os.close(fd)
+
+
+def _run_child(line: int, output: int, limits: tuple[int, int, int, int], is_alone: bool, user: int | None) -> None:
+    os.setsid()
+    for printed in (1, 2):
+        os.dup2(output, printed)
+    os.close(output)
+    try:
+        child.main(line, limits, is_alone, user)
+    finally:
+        os._exit(1)
+
+
+def _enter_namespaces() -> None:
+    """Have the next copy begin in namespaces of its own: of processes, and of what they share.
+
+    Raises:
+        OSError: the kernel does not permit it.
+    """
+    libc = ctypes.CDLL(None, use_errno=True)
+    own = os.pidfd_open(os.getpid())
+    try:  # back to our own first: from the one of the copy before, which is dead, none could be made
+        if libc.setns(own, _NEW_PID) or libc.unshare(_NEW_PID | _NEW_IPC):
+            raise OSError(ctypes.get_errno(), f"no namespace for a copy: {os.strerror(ctypes.get_errno())}")
+    finally:
+        os.close(own)
+
+
+def _scratch() -> tuple[list[str], tuple[int, ...]]:
+    """Return the state of the scratch folder, which differs if a process has written there, but not if it only read."""
+    names = os.listdir(SCRATCH)  # first: listing changes the access time, once
+    seen = os.stat(SCRATCH)
+    return names, (seen.st_mode, seen.st_nlink, seen.st_atime_ns, seen.st_mtime_ns, seen.st_ctime_ns)

@@ -1,0 +1,239 @@
+"""One run of a simulation (`SimulationRun`), from its start to its verdict, recorded if a recorder is given.
+
+`snr run`, `snr resim`, learning and grading all run the result of `simulation.prepare`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from snr_sim.core.clocks import SimClock
+from snr_sim.core.config import Config
+from snr_sim.core.node import Node
+from snr_sim.core.output_recording import record_output
+from snr_sim.core.runners import SimRunner
+from snr_sim.core.source_location import describe_error, find_student_location, short_path
+from snr_sim.plants.stepping import Stepper
+from snr_sim.prelude import tasks
+from snr_sim.prelude.errors import ConfigError, SnrError
+from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.scenario import Verdict
+from snr_sim.recording.trace import TraceWriter
+from snr_sim.scenario.controller import call_student
+from snr_sim.scenario.simulation import Simulation
+
+_TRUTH_PERIOD_S = 0.0499  # 20 Hz, with a margin for rounding
+
+
+@dataclass
+class RunResult:
+    """Result of a run, as written to result.json."""
+
+    outcome: str
+    success: bool
+    metrics: dict[str, Any]
+    sim_time_s: float
+    wall_time_s: float
+    tasks: int
+    pages: int
+    notes: list[str]
+    error: str = ""
+    signal: str = ""
+
+
+class SimulationRun:
+    """One run of a simulation. The constructor creates the nodes and everything around them, but starts nothing.
+
+    Args:
+        simulation: what runs.
+        plant: from `simulation.plant()`, fresh.
+        config: from `simulation.config(plant)`.
+        recorder: writes the trace, if given; the caller closes it.
+        pace: virtual seconds per wall second; None is as fast as possible.
+        on_advance: called with the virtual time at each new instant.
+
+    Raises:
+        ConfigError: the components cannot be created.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        plant: Plant,
+        config: Config,
+        recorder: TraceWriter | None = None,
+        pace: float | None = None,
+        on_advance: Callable[[float], None] | None = None,
+    ) -> None:
+        self._simulation = simulation
+        self._plant = plant
+        clock = SimClock()
+        self._runner = SimRunner(
+            config,
+            simulation.roles,
+            clock=clock,
+            recorder=recorder,
+            seed=simulation.request.seed,
+            pace=pace,
+            until_s=float(simulation.scenario.TIME_LIMIT_S),
+            log_notes=False,  # the result contains them
+        )
+        self._truth = TruthLog(plant, recorder) if recorder is not None else None
+        self._referee = Referee(simulation.judge, plant, self.nodes, self._truth)
+        clock.follow(Stepper(plant).advance_to)
+        clock.follow(self._referee.check)
+        if on_advance is not None:
+            clock.follow(on_advance)
+        if self._truth is not None:
+            clock.follow(self._truth.record_if_due)
+
+    @property
+    def nodes(self) -> list[Node]:
+        """The nodes that run."""
+        return list(self._runner.nodes.values())
+
+    def run(self, signals: Sequence[str] = ()) -> RunResult:
+        """Run until the scenario's verdict, its time limit, an error or a signal.
+
+        Args:
+            signals: names of signals received before the run; then it ends at once.
+        """
+        error, notes = "", []
+        start_s = time.perf_counter()
+        try:
+            if self._truth is not None:
+                self._truth.record_if_due(0.0)
+            with record_output(self.nodes):
+                self._runner.run()
+        except SnrError as failure:
+            error = str(failure)
+        except KeyboardInterrupt as stop:
+            self._runner.signals.append("SIGINT")
+            notes.append(describe_error(stop, "when the run was to end").removeprefix("Interrupted: "))
+        except Exception as failure:
+            if find_student_location(failure.__traceback__) is None:
+                raise
+            error = describe_error(failure, "while the scenario was run")
+        wall_time_s = time.perf_counter() - start_s
+        metrics, metrics_error = metrics_of(self._simulation, self._plant)
+        error = error or metrics_error
+        signals = [*signals, *self._runner.signals]
+        verdict = self._verdict(error, bool(signals))
+        return RunResult(
+            outcome=verdict.outcome,
+            success=verdict.success,
+            metrics=metrics,
+            sim_time_s=self._plant.time_s,
+            wall_time_s=wall_time_s,
+            tasks=sum(node.machine.executed for node in self.nodes),
+            pages=sum(node.datastore.stored for node in self.nodes),
+            notes=[
+                *self._simulation.notes,
+                *notes,
+                *reason_of(verdict),
+                *(note for node in self.nodes for note in node.notes),
+            ],
+            error=error,
+            signal=signals[0] if signals else "",
+        )
+
+    def _verdict(self, error: str, is_interrupted: bool) -> Verdict:
+        if error:
+            return Verdict("error", False)
+        if is_interrupted and self._referee.verdict is None:
+            return Verdict("interrupted", False)
+        if self._referee.verdict is not None:
+            return self._referee.verdict
+        ended_by = [node.exit_reason for node in self.nodes if node.is_terminated]
+        return Verdict("ended", False) if ended_by else Verdict("timeout", False)
+
+
+def run_recorded(simulation: Simulation, path: Path) -> RunResult:
+    """Run a simulation from its start to its end, and record it.
+
+    Args:
+        simulation: what runs, on a new plant.
+        path: of the trace, which is written.
+
+    Raises:
+        ConfigError: the components cannot be created.
+    """
+    plant = simulation.plant()
+    config = simulation.config(plant)
+    recorder = TraceWriter(path, simulation.header(plant, config), simulation.trace_info())
+    try:
+        return SimulationRun(simulation, plant, config, recorder).run()
+    finally:
+        recorder.close()
+
+
+def reason_of(verdict: Verdict) -> list[str]:
+    """Return the reason of a verdict as notes."""
+    return [f"{verdict.outcome}: {verdict.reason}."] if verdict.reason else []
+
+
+def metrics_of(simulation: Simulation, plant: Plant) -> tuple[dict[str, Any], str]:
+    """Return the scenario's metrics and an empty text, or no metrics and an error message."""
+    try:
+        metrics = call_student(simulation.judge.metrics, "metrics(plant, seed)", plant, simulation.request.seed)
+    except SnrError as failure:
+        return {}, str(failure)
+    if isinstance(metrics, dict):
+        return metrics, ""
+    place = short_path(str(simulation.judge.__file__))
+    return {}, f"{place}: metrics(plant, seed) returned {metrics!r}, which is not a dict."
+
+
+class Referee:
+    """Referee that checks the plant at each new instant, and ends every node once there is a verdict."""
+
+    def __init__(self, scenario: Any, plant: Plant, nodes: Sequence[Node], truth: TruthLog | None) -> None:
+        self._judge = scenario.verdict
+        self._place = short_path(str(scenario.__file__))
+        self._plant = plant
+        self._nodes = nodes
+        self._truth = truth
+        self.verdict: Verdict | None = None
+
+    def check(self, time_s: float) -> None:
+        """Ask the scenario for its verdict."""
+        if self.verdict is None:
+            verdict = call_student(self._judge, "verdict(plant)", self._plant)
+            if verdict is not None:
+                if not isinstance(verdict, Verdict):
+                    raise ConfigError(
+                        f"{self._place}: verdict(plant) returned {verdict!r}, which is not a Verdict.",
+                        fix="return Verdict('landed', True), or None while the run continues.",
+                    )
+                self.verdict = verdict
+                if self._truth is not None:
+                    self._truth.record(time_s)  # the evaluated state, before the nodes' last records
+                for node in self._nodes:
+                    node.enqueue_input(tasks.terminate(self.verdict.outcome), "referee")
+
+
+class TruthLog:
+    """Recorder of the plant's true state, at a limited rate.
+
+    It follows the clock and schedules nothing on it: a run must be the same whether it is recorded or not, and an
+    additional instant would split a closed-form step in two.
+    """
+
+    def __init__(self, plant: Plant, recorder: TraceWriter) -> None:
+        self._plant = plant
+        self._recorder = recorder
+        self._due_s = 0.0
+
+    def record_if_due(self, time_s: float) -> None:
+        """Record the state if the period has passed."""
+        if time_s >= self._due_s:
+            self.record(time_s)
+
+    def record(self, time_s: float) -> None:
+        """Record the state now."""
+        self._due_s = time_s + _TRUTH_PERIOD_S
+        self._recorder.truth(time_s, self._plant.truth())

@@ -1,0 +1,39 @@
+"""Readings of sensors and commands to actuators, as pages and devices carry them."""
+
+from typing import TYPE_CHECKING
+
+from snr_sim.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from snr_sim.prelude.signals import CLAMPED as CLAMPED
+    from snr_sim.prelude.signals import LOST as LOST
+    from snr_sim.prelude.signals import NO_PULSE as NO_PULSE
+    from snr_sim.prelude.signals import NOT_ACTIVE as NOT_ACTIVE
+    from snr_sim.prelude.signals import RESET as RESET
+    from snr_sim.prelude.signals import SLEWING as SLEWING
+    from snr_sim.prelude.signals import STOPPED as STOPPED
+    from snr_sim.prelude.signals import TOO_OLD as TOO_OLD
+    from snr_sim.prelude.signals import WRONG_COUNT as WRONG_COUNT
+    from snr_sim.prelude.signals import AppliedPulses as AppliedPulses
+    from snr_sim.prelude.signals import DepthReading as DepthReading
+    from snr_sim.prelude.signals import EchoReading as EchoReading
+    from snr_sim.prelude.signals import EngineCommand as EngineCommand
+    from snr_sim.prelude.signals import GamepadReading as GamepadReading
+    from snr_sim.prelude.signals import GpsReading as GpsReading
+    from snr_sim.prelude.signals import ImuReading as ImuReading
+    from snr_sim.prelude.signals import InertialReading as InertialReading
+    from snr_sim.prelude.signals import LeakReading as LeakReading
+    from snr_sim.prelude.signals import PowerReading as PowerReading
+    from snr_sim.prelude.signals import PwmCommand as PwmCommand
+    from snr_sim.prelude.signals import RadarReading as RadarReading
+else:
+    __all__, __getattr__, __dir__ = lazy_names(
+        __name__,
+        {
+            "snr_sim.prelude.signals": (
+                "RadarReading InertialReading EngineCommand PwmCommand AppliedPulses DepthReading ImuReading "
+                "EchoReading PowerReading GpsReading LeakReading GamepadReading CLAMPED SLEWING NO_PULSE "
+                "WRONG_COUNT TOO_OLD NOT_ACTIVE STOPPED RESET LOST"
+            ),
+        },
+    )
