@@ -153,6 +153,7 @@ def test_pilot_without_terminal_logs_missing_input(here: Path, more: list[str]) 
 
 
 @pytest.mark.wall_clock
+@pytest.mark.unmeasured
 def test_vehicle_with_full_disk_continues_and_surface_reports_it(here: Path, start: Start) -> None:
     topside, urov = start("topside"), start("urov", room=300_000)  # with less it is not armed
     wait_for_page(here / "topside", "vehicle", '"is_armed":true', topside)

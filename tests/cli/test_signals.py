@@ -172,6 +172,7 @@ def test_signal_after_run_loses_unwritten_files_only(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("room", [2_000, 100_000])
+@pytest.mark.unmeasured
 def test_full_disk_stops_run_with_message_and_complete_trace(here: Path, room: int) -> None:
     run_limited(10**9, "run", "lander_pad", "--no-rrd", "--out", "first")
     (first,) = (here / "first").iterdir()
@@ -194,6 +195,7 @@ def test_full_disk_stops_run_with_message_and_complete_trace(here: Path, room: i
 
 
 @pytest.mark.slow
+@pytest.mark.unmeasured
 def test_disk_full_from_first_line_is_reported(here: Path) -> None:
     done = run_limited(100, "run", "lander_vertical", "--json", "--no-rrd")
     assert done.returncode == 2
@@ -225,6 +227,7 @@ def test_unwritten_result_is_noted_and_run_counts(
 
 
 @pytest.mark.slow
+@pytest.mark.unmeasured
 def test_full_disk_during_view_loses_view_only(here: Path) -> None:
     pytest.importorskip("rerun")
     run_limited(10**9, "run", "lander_vertical", "--json", "--no-rrd", "--out", "first")
@@ -238,6 +241,7 @@ def test_full_disk_during_view_loses_view_only(here: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.unmeasured
 def test_full_disk_during_compare_reports_error(here: Path) -> None:
     pytest.importorskip("rerun")
     run_limited(10**9, "run", "lander_vertical", "--json")

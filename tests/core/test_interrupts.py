@@ -63,6 +63,7 @@ def test_signal_just_before_sleep_ends_run(number: int, capfd: pytest.CaptureFix
 
 
 @pytest.mark.slow
+@pytest.mark.unmeasured
 def test_signal_to_forked_child_does_not_end_parent() -> None:
     def fork_and_end(task: Any, task_id: Any) -> Any:
         pid = os.fork()

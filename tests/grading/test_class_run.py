@@ -439,6 +439,7 @@ def test_workers_are_pinned_when_each_core_has_one(grade_by: GradeBy, handed_in:
     assert sorted(os.sched_getaffinity(0)) == cores
 
 
+@pytest.mark.unmeasured
 def test_full_disk_raises_and_ends_all_workers(
     double_lab: Path, handed_in: HandedIn, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
