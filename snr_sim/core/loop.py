@@ -9,7 +9,8 @@ from __future__ import annotations
 from numbers import Real
 from typing import Any, Literal, Protocol
 
-from snr_sim.core.component import ComponentFactory, FactoryMaker, NodeComponent
+from snr_sim.core.component import NodeComponent
+from snr_sim.core.factory import ComponentFactory, FactoryOfClass
 from snr_sim.core.reload.setup_result import SetupResult
 from snr_sim.core.thesis_members import LoopMembers
 from snr_sim.prelude.errors import ParameterError, suggest
@@ -87,7 +88,7 @@ class Loop(LoopMembers, NodeComponent):
     # past means at once.
     next_tick_at_s: float | None = None
 
-    factory = FactoryMaker(LoopFactory)
+    factory = FactoryOfClass(LoopFactory)
 
     def __init_subclass__(cls, **options: Any) -> None:
         """Accept `backing`, the former name of `executor`."""

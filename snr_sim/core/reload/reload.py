@@ -17,8 +17,9 @@ from dataclasses import dataclass, field, replace
 from types import ModuleType
 from typing import Any, TypeAlias, TypeVar
 
-from snr_sim.core.component import CORE_NAME, ComponentFactory
+from snr_sim.core.component import CORE_NAME
 from snr_sim.core.endpoint import Endpoint
+from snr_sim.core.factory import ComponentFactory
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node_life import NodeLife
 from snr_sim.core.reload.sources import ModuleReload, modules_of, show_source_in_use

@@ -14,7 +14,8 @@ from pathlib import Path
 from types import FunctionType, ModuleType
 from weakref import WeakKeyDictionary
 
-from snr_sim.core.component import ComponentFactory, NodeComponent
+from snr_sim.core.component import NodeComponent
+from snr_sim.core.factory import ComponentFactory
 from snr_sim.core.reload.source_files import source_files
 from snr_sim.core.source_location import is_student_file
 from snr_sim.prelude.errors import ConfigError
