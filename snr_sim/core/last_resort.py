@@ -75,7 +75,7 @@ class LastResort:
         run_in_parallel([*(loop.join for loop in loops), *([sys.stdout.flush] if sys.stdout else [])], HALT_S)
         run_in_parallel([loop.terminate for loop in loops], HALT_S)
         if stuck is not None:
-            stuck.record_interrupt(name, because if location is None else f"{location}\n  {because}")
+            stuck.report.record_interrupt(name, because if location is None else f"{location}\n  {because}")
             time.sleep(2 * 0.05)  # two periods of the trace's flusher
         where = "" if location is None else f"{location}\n  "
         halted = f" Halted: {', '.join(loop.name for loop in loops)}." if loops else ""

@@ -156,11 +156,11 @@ def _end_all(nodes: Sequence[NodeParts], cause: str | BaseException) -> None:
     for node in nodes:
         try:
             if isinstance(cause, ComponentFailedError):
-                node.record_failure(cause)
+                node.report.record_failure(cause)
             node.end(reason, error)
         except Exception as another:
             if failure is not None or not isinstance(cause, str):  # another one is raised
-                node.notes.append(str(another))
+                node.report.notes.append(str(another))
             failure = failure or another
     if failure is not None and isinstance(cause, str):
         raise failure

@@ -6,9 +6,9 @@ import threading
 from collections.abc import Callable
 
 from snr_sim.core.component_registry import ComponentRegistry
-from snr_sim.core.handlers import describe
+from snr_sim.core.handlers import as_tasks, describe
 from snr_sim.core.loop import Loop
-from snr_sim.core.machine import HandlerError, as_tasks
+from snr_sim.core.machine import HandlerError
 from snr_sim.core.node_parts import NodeParts
 from snr_sim.core.node_report import NodeReport
 from snr_sim.core.reload.setup_result import SetupResult
@@ -24,12 +24,6 @@ OVERLOAD_TASKS = 1000
 
 class NodeLife:
     """Life cycle of a node's components: begins, runs and ends them.
-
-    Args:
-        node: their node.
-        registry: its components.
-        report: collects notes and failures.
-        recorder: of the node, if the run is recorded.
 
     Attributes:
         is_finished: whether the end of the run has begun: components are being halted, or have been.
@@ -123,13 +117,18 @@ class NodeLife:
         try:
             self.node.machine.run_ready()
         except HandlerError as failed:
-            cause = failed.__cause__
-            assert cause is not None
-            if isinstance(cause, KeyboardInterrupt):
-                interrupt = self.report.failure_of_handling(failed, cause)
-                self.report.record_interrupt(interrupt.component, interrupt.message)
-                raise cause from None  # an interrupt, not a failure
-            raise self.report.failure_of_handling(failed, cause) from cause
+            failure = self._failure_of(failed)
+            raise failure from (None if failure is failed.__cause__ else failed.__cause__)
+
+    def _failure_of(self, failed: HandlerError) -> BaseException:
+        """Return what a handler raised as a failure; an interrupt is not one: it is recorded, and returned itself."""
+        cause = failed.__cause__
+        assert cause is not None
+        failure = self.report.failure_of_handling(failed, cause)
+        if not isinstance(cause, KeyboardInterrupt):
+            return failure
+        self.report.record_interrupt(failure.component, failure.message)
+        return cause
 
     def end(self, reason: str | None = None, error: Exception | None = None) -> None:
         """Execute the queued tasks, then halt and terminate each component, even if some of them raise.
@@ -160,10 +159,8 @@ class NodeLife:
             self._call_last(component, "terminate", component.terminate, failures)
         self.node.inbox.close()
         failure = self.node.inbox.failure
-        if (
-            isinstance(failure, ComponentFailedError) and failure is not error
-        ):  # from a loop's thread, perhaps in its halt
-            failures.append(failure)
+        if isinstance(failure, ComponentFailedError) and failure is not error:
+            failures.append(failure)  # from a loop's thread, perhaps in its halt
         self._note_overload()
         first_added, lines = len(self.report.notes), list[str]()
         if not self.node.never_ran:
@@ -174,7 +171,9 @@ class NodeLife:
             self.report.record_failure(failure)
         self.report.notes.extend(failure.message for failure in failures[1:])  # the first is raised
         if self._recorder is not None:
-            self._recorder.end(self.node.machine.now_s, self.node.exit_reason or "", self.node.summary())
+            counts = {"tasks": self.node.machine.executed, "pages": self.node.datastore.stored}
+            summary = {**counts, "notes": self.report.notes}
+            self._recorder.end(self.node.machine.now_s, self.node.exit_reason or "", summary)
         # With the student's lines, which a trace does not contain.
         self.report.notes[first_added : first_added + len(lines)] = lines
         self.report.notes = self.report.finished_notes()
@@ -200,21 +199,17 @@ class NodeLife:
     def _drain(self, failures: list[ComponentFailedError]) -> None:
         try:
             cut_off = self.node.machine.drain()
-        except HandlerError as failed:
-            cause = failed.__cause__
-            if cause is not None and not isinstance(cause, KeyboardInterrupt):
-                failures.append(self.report.failure_of_handling(failed, cause))
-            elif cause is not None:
-                interrupt = self.report.failure_of_handling(failed, cause)
-                self.report.record_interrupt(interrupt.component, interrupt.message)
-        except ComponentFailedError as failure:
-            failures.append(failure)
-        else:
             if cut_off:
                 self.node.add_note(
                     f"The node ended with {cut_off} tasks undone: there was no end to them, "
                     "or they would have taken too long."
                 )
+        except HandlerError as failed:
+            cause = self._failure_of(failed)
+            if isinstance(cause, ComponentFailedError):
+                failures.append(cause)
+        except ComponentFailedError as failure:
+            failures.append(failure)
 
     def _call_last(
         self, component: Component, step: str, function: Callable[[], None], failures: list[ComponentFailedError]

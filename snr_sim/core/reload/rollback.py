@@ -13,8 +13,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import wraps
 
+from snr_sim.core.handlers import as_tasks
 from snr_sim.core.loop import Loop
-from snr_sim.core.machine import as_tasks
 from snr_sim.core.reload.reload import AnyComponent, ComponentManager
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
