@@ -30,11 +30,6 @@ class Endpoint(NodeComponent):
     Decorate methods with `@handles`, or set `self.task_handlers` in `__init__`: such a handler is called with
     (task, task_id). Each returns None, a task, or a list of tasks. Take random numbers from `self.rng`, time from
     `self.get_time_s()`, and nothing else from outside: that makes a run repeatable.
-
-    Args:
-        factory: its factory.
-        parent: its node.
-        name: unique in the node.
     """
 
     _of_class: ClassVar[Mapping[TaskId, TaskHandler]] = {}

@@ -6,14 +6,15 @@ clock in lock step; on the wall clock a thread of the loop's own, or a process.
 
 from __future__ import annotations
 
+from collections import deque
 from numbers import Real
+from queue import Empty, SimpleQueue
 from typing import Any, Literal, Protocol
 
 from snr_sim.core.component import NodeComponent
 from snr_sim.core.factory import ComponentFactory, FactoryOfClass
-from snr_sim.core.reload.setup_result import SetupResult
 from snr_sim.core.thesis_members import LoopMembers
-from snr_sim.prelude.errors import ParameterError, suggest
+from snr_sim.prelude.errors import ComponentFailedError, ParameterError, suggest
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.renamed import warn_renamed
 from snr_sim.prelude.task import SomeTasks, TaskHandlerMap
@@ -51,6 +52,39 @@ class LoopExecutor(Protocol):
         ...
 
 
+class SetupResult:
+    """Result of a `setup` on another thread, for one caller that waits; each side learns whether the other is there.
+
+    On a thread, `setup` fails after `begin` has returned. At the start of a node, such a failure ends the node. In a
+    reload the old loop has to continue instead; so the reload waits a short time for the result.
+    """
+
+    def __init__(self) -> None:
+        self._result: SimpleQueue[ComponentFailedError | None] = SimpleQueue()
+        self._token = deque([None])  # the first side takes it: `pop` is atomic, and no lock can stay held
+
+    def set_result(self, failure: ComponentFailedError | None) -> bool:
+        """Set the result; return whether a caller was waiting for it."""
+        if not self._is_first():
+            return False
+        self._result.put(failure)
+        return True
+
+    def wait(self, timeout_s: float) -> ComponentFailedError | None:
+        """Wait for the result; return the failure, or None after success or the timeout, which ends the wait."""
+        try:
+            return self._result.get(timeout=timeout_s)
+        except Empty:
+            return None if self._is_first() else self._result.get()
+
+    def _is_first(self) -> bool:
+        try:
+            self._token.pop()
+        except IndexError:
+            return False
+        return True
+
+
 def _is_rate(value: object) -> bool:
     return isinstance(value, Real) and 0 <= float(value) < float("inf")
 
@@ -68,9 +102,7 @@ class Loop(LoopMembers, NodeComponent):
     """A component that is called periodically.
 
     Args:
-        factory: its factory.
-        parent: its node.
-        name: unique in the node.
+        factory, parent, name: as of every component.
         max_tick_rate_hz: how often `loop` is called; deadlines are kept, so work does not slow the rate down.
             0 is as often as possible on a thread, and 1000 Hz in lock step, where time must advance. Default: the
             class attribute.

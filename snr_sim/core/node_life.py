@@ -7,11 +7,10 @@ from collections.abc import Callable
 
 from snr_sim.core.component_registry import ComponentRegistry
 from snr_sim.core.handlers import as_tasks, describe
-from snr_sim.core.loop import Loop
+from snr_sim.core.loop import Loop, SetupResult
 from snr_sim.core.machine import HandlerError
 from snr_sim.core.node_parts import NodeParts
 from snr_sim.core.node_report import NodeReport
-from snr_sim.core.reload.setup_result import SetupResult
 from snr_sim.core.run_diagnostics import no_writers, run_diagnostics
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, TraceError
