@@ -1,6 +1,6 @@
 """End the process of a run that does not shut down because its code swallows every interrupt.
 
-Called from the thread of `core/wake_up.py` or of `core/watchdog.py`, since the node's own thread is the stuck one.
+Called from the thread of `core/interrupts.py` or of `core/watchdog.py`, since the node's own thread is the stuck one.
 Loops are halted first, so that actuators are neutral.
 
 C code that holds the interpreter lock stops all threads, this one too: then only the runner of a role in a process, or
