@@ -19,14 +19,7 @@ _GIVEN = 4  # self, factory, parent, name: the parameters of every component's _
 
 @dataclass(frozen=True)
 class ShortForm:
-    """What a factory that `MyComponent.factory` has made creates.
-
-    Args:
-        component_class: the class.
-        name: of the component.
-        init_settings: for the class's `__init__`.
-        settings: attributes of the component.
-    """
+    """What a factory that `MyComponent.factory` has made creates: with settings for `__init__`, and as attributes."""
 
     component_class: type[Any]
     name: str
@@ -71,12 +64,7 @@ class ComponentFactory:
 
 
 class FactoryOfClass:
-    """Descriptor: `MyEndpoint.factory(...)` makes a factory; `self.factory` is the one that made the component.
-
-    Args:
-        kind: of the factories that it returns.
-        component_class: the class, once it is read from one.
-    """
+    """Descriptor: `MyEndpoint.factory(...)` makes a factory; `self.factory` is the one that made the component."""
 
     def __init__(self, kind: type[ComponentFactory], component_class: type[Any] = object) -> None:
         self._kind = kind

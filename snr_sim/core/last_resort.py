@@ -28,12 +28,7 @@ HALT_S = 1.0  # for all halts together; a loop on a thread that hangs takes 0.5 
 
 
 class LastResort:
-    """Monitor of a run that is to end.
-
-    Args:
-        nodes: of the run.
-        main: identifier of the thread that runs them.
-    """
+    """Monitor of a run that is to end; `main` identifies the thread that runs its nodes."""
 
     def __init__(self, nodes: Sequence[NodeParts], main: int) -> None:
         self._nodes = nodes

@@ -16,15 +16,7 @@ MAX_NOTES = 100  # a limit on memory: failures with ever-changing messages must 
 
 
 class NodeReport:
-    """Collector of the notes and failures of a run.
-
-    Args:
-        name, clock, machine: of their node.
-        recorder: of the node, if the run is recorded.
-
-    Attributes:
-        notes: for the end of the run.
-    """
+    """Collector of the notes and failures of a node's run; `notes` are for its end."""
 
     def __init__(self, name: str, clock: Clock, machine: EventMachine, recorder: NodeRecorder | None) -> None:
         self.notes: list[str] = []

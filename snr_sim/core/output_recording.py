@@ -25,11 +25,7 @@ LEVELS = ("PRINT", "INFO", "WARNING", "ERROR", "CRITICAL")
 
 @contextmanager
 def record_output(nodes: Container[Node]) -> Iterator[None]:
-    """Record what the components of these nodes print while active.
-
-    Args:
-        nodes: of the run.
-    """
+    """Record what the components of these nodes print while active."""
     stream = sys.stdout = RecordedOutput(sys.stdout, nodes)
     try:
         yield

@@ -35,12 +35,7 @@ class ExecutedTask(NamedTuple):
 
 
 class TaskLimit:
-    """Limit on the machines of a run, reset at each instant.
-
-    Args:
-        nodes: of the run.
-        clock: their clock.
-    """
+    """Limit on the machines of a run, reset at each instant."""
 
     def __init__(self, nodes: Sequence[NodeParts], clock: SimClock) -> None:
         self._nodes = nodes

@@ -184,32 +184,6 @@ class _ToStderr(logging.Handler):
             print(line, file=sys.stderr, flush=True)
 
 
-class TestRunner:
-    """Runner of the role 'test' in virtual time, so that nothing sleeps.
-
-    Args:
-        config: has the role 'test'.
-        seed: of the run.
-        until_s: the longest virtual time.
-    """
-
-    __test__ = False  # pytest: this is not a test class
-
-    def __init__(self, config: Config, *, seed: int = 0, until_s: float = 3600.0) -> None:
-        self.clock = SimClock()
-        self.node = Node(TEST_ROLE, config, clock=self.clock, seed=seed)
-        self._until_s = until_s
-
-    def run(self) -> None:
-        """Run until a terminate task, or until nothing is due any more.
-
-        Raises:
-            ComponentFailedError: a handler or a loop raised.
-        """
-        with graceful_shutdown([self.node]):
-            LockStep([self.node], self.clock, until_s=self._until_s).run()
-
-
 class SimRunner:
     """Runner of several roles in one process under one virtual clock, with simulated links between them.
 
@@ -265,3 +239,19 @@ class SimRunner:
         finally:
             if self._log_notes:
                 _log_notes(nodes, threads)
+
+
+class TestRunner(SimRunner):
+    """Runner of the role 'test' in virtual time, so that nothing sleeps.
+
+    Args:
+        config: has the role 'test'.
+        seed: of the run.
+        until_s: the longest virtual time.
+    """
+
+    __test__ = False  # pytest: this is not a test class
+
+    def __init__(self, config: Config, *, seed: int = 0, until_s: float = 3600.0) -> None:
+        super().__init__(config, [TEST_ROLE], seed=seed, until_s=until_s, log_notes=False)
+        self.node = self.nodes[TEST_ROLE]

@@ -221,11 +221,7 @@ def _source(name: str) -> list[Any]:
 
 
 class _SentModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
-    """Finder of the sent modules, which take precedence over other modules of the same name.
-
-    Args:
-        modules: as `_sources` returns them.
-    """
+    """Finder of the modules that `_sources` returned: they take precedence over others of the same name."""
 
     def __init__(self, modules: Mapping[str, Sequence[Any]]) -> None:
         self._modules = modules

@@ -35,12 +35,7 @@ _printing = threading.Lock()
 
 
 class OutputReader:
-    """Reader of one output of a process, which forwards it line by line.
-
-    Args:
-        pipe: to read from.
-        forward: gets each line, without its end.
-    """
+    """Reader of one output of a process; `forward` gets each line, without its end."""
 
     def __init__(self, pipe: int, forward: Callable[[str], None]) -> None:
         self._pipe = pipe
@@ -165,9 +160,7 @@ def start_process(
 ) -> tuple[subprocess.Popen[bytes], Connection]:
     """Return a new Python process that runs one function of snr_sim, and our end of the connection to it.
 
-    Args:
-        target, fds: as for `SpawnedProcess`.
-        stdout, stderr: as for `subprocess.Popen`; our own if not given.
+    Arguments are as for `SpawnedProcess` and `subprocess.Popen`.
 
     Raises:
         ConfigError: processes cannot be started here.

@@ -57,9 +57,6 @@ class ComponentManager:
 
     In a replay the node has no loops, since their tasks come from the trace. If one of them is requested, it is created
     here, so that the outcome is the recorded one, but it never begins.
-
-    Args:
-        life: of their node.
     """
 
     def __init__(self, life: NodeLife) -> None:

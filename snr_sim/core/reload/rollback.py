@@ -32,8 +32,7 @@ class Probation:
     """A reload whose new code may still fail.
 
     Args:
-        number: number of the reload in its node.
-        began_s: node time of the reload.
+        number: of the reload in its node, which began at node time `began_s`.
         old, new: the components that were exchanged, by name.
         undo: restores the code and the state of the factories.
         calls: number of handler calls of each new component, by its name.

@@ -9,11 +9,7 @@ from typing import Any
 class Snapshot:
     """Snapshot of an object's attributes, with the content of lists, dicts, sets, arrays and some modules' objects.
 
-    Containers are restored in place, so all references to a shared one see the old content.
-
-    Args:
-        thing: the object.
-        kinds: the names of these modules.
+    Containers are restored in place, so all references to a shared one see the old content. `kinds` names the modules.
     """
 
     def __init__(self, thing: Any, kinds: Collection[str] = ()) -> None:
