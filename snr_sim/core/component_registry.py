@@ -38,11 +38,7 @@ class ComponentRegistry:
         self._last_index = 0
 
     def add_all(self, factories: Iterable[Any], is_replay: bool) -> None:
-        """Create and append a component of each factory; in a replay leave out loops.
-
-        Raises:
-            ConfigError: a factory does not return a component, or two have the same name.
-        """
+        """Create and append a component of each factory, as `make` and `add` do; in a replay leave out loops."""
         for self._last_index, factory in enumerate(factories, 1):
             if not (is_replay and isinstance(factory, LoopFactory)):
                 self.add(self.make(factory), self._last_index)
@@ -93,11 +89,7 @@ class ComponentRegistry:
         return component
 
     def add(self, component: Component, index: int) -> None:
-        """Add a component that `make` has returned, at `index` in the order.
-
-        Raises:
-            ConfigError: a component of that name exists.
-        """
+        """Add what `make` has returned, at `index` in the order; raise a ConfigError if its name is taken."""
         other = self.components.get(component.name)
         if other is not None:
             raise ConfigError(

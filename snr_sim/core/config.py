@@ -94,11 +94,7 @@ class Config:
         return {"max_tasks_per_moment": self.max_tasks_per_moment, "stall_limit_s": self.stall_limit_s}
 
     def get(self, role: RoleName) -> list[AnyFactory]:
-        """Return the factories of a role.
-
-        Raises:
-            UnknownNameError: there is no such role.
-        """
+        """Return the factories of a role; raise an UnknownNameError if there is none of that name."""
         if not isinstance(role, str):
             raise UnknownNameError(f"{role!r} is not the name of a role.", fix=f"one of {', '.join(self.factories)}.")
         if role not in self.factories:

@@ -151,11 +151,7 @@ def check_handlers(owner: str, handlers: Any) -> None:
 
 
 def check_id(owner: str, task_id: Any) -> None:
-    """Check that tasks can have this id.
-
-    Raises:
-        ConfigError: they cannot.
-    """
+    """Raise a ConfigError unless tasks can have this id."""
     if isinstance(task_id, TaskType):
         return
     if isinstance(task_id, tuple) and len(task_id) == 2:
@@ -220,11 +216,7 @@ def check_returns(what: str, function: Any) -> None:
 
 
 def as_tasks(returned: SomeTasks | Any, component: Component, handler: Any) -> Sequence[Task]:
-    """Return what a handler returned as a sequence of tasks.
-
-    Raises:
-        TaskError: it is something else.
-    """
+    """Return what a handler returned as a sequence of tasks; raise a TaskError if it is something else."""
     if type(returned) is Task:
         return (returned,)
     if returned is None:

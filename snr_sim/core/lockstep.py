@@ -16,11 +16,7 @@ TIME_LIMIT = "time limit"
 
 
 def run_node(node: NodeParts) -> None:
-    """Run one node until it ends, on the clock it has.
-
-    Raises:
-        ComponentFailedError: a handler or a loop raised; everything has been halted.
-    """
+    """Run one node until it ends, on the clock it has; raise what `LockStep.run` raises."""
     if isinstance(node.clock, SimClock):
         LockStep([node], node.clock).run()
         return

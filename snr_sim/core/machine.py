@@ -157,11 +157,7 @@ class EventMachine:
                 return
 
     def execute_next(self) -> None:
-        """Execute one task; the queue must not be empty. It is recorded even if a handler raises.
-
-        Raises:
-            HandlerError: as above.
-        """
+        """Execute one task of a queue that is not empty; it is recorded even if a handler raises a HandlerError."""
         task_ref = (self._urgent or self.queue).popleft()
         recorder, scheduled = self._recorder, self._scheduled
         task = self.task = task_ref if recorder is None else task_ref[0]
@@ -211,11 +207,7 @@ class EventMachine:
         return self.queue_length
 
     def accept_inputs(self) -> None:
-        """Queue the tasks in the inbox. This fixes their order, which a replay repeats.
-
-        Raises:
-            ComponentFailedError: a loop failed on its own thread.
-        """
+        """Queue the tasks in the inbox, in the order that a replay repeats; raise what a loop's thread reported."""
         if self.inbox.failure is not None:
             raise self.inbox.failure
         waiting, enqueue = self.inbox.waiting, self._enqueue

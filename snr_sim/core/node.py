@@ -120,11 +120,7 @@ class Node(NodeMembers):
     # Life: begin, run until ended, end. `loop` does all three.
 
     def loop(self) -> None:
-        """Run until a terminate task has been executed.
-
-        Raises:
-            ComponentFailedError: a handler or a loop raised; everything has been halted.
-        """
+        """Run until a terminate task has been executed; raise a ComponentFailedError if a handler or a loop raises."""
         run_node(self)
 
     def begin(self) -> None:
@@ -178,11 +174,7 @@ class Node(NodeMembers):
             self.machine.schedule([tasks] if type(tasks) is Task else as_tasks(tasks, running, self.schedule))
 
     def enqueue_input(self, tasks: SomeTasks, source: str) -> None:
-        """Put tasks in the inbox, from any thread; `source` names the sender.
-
-        Raises:
-            TaskError: something is not a task.
-        """
+        """Put tasks in the inbox, from any thread; `source` names the sender. Raise a TaskError for anything else."""
         if type(tasks) is Task:
             self.inbox.put(tasks, source)
             return

@@ -108,11 +108,7 @@ class NodeLife:
         return any(one is component for one in self._begun)
 
     def run_ready(self) -> None:
-        """Execute tasks until none is left or the node has ended.
-
-        Raises:
-            ComponentFailedError: a handler or a loop raised.
-        """
+        """Execute tasks until none is left or the node has ended; raise a ComponentFailedError if a handler raises."""
         try:
             self.node.machine.run_ready()
         except HandlerError as failed:
@@ -223,11 +219,7 @@ class NodeLife:
             self.node.machine.running = None
 
     def call_loop(self, loop: Loop, step: str) -> None:
-        """Call a loop's `setup` or `loop`: on the node's thread in lock step, on the loop's own otherwise.
-
-        Raises:
-            ComponentFailedError: it raised.
-        """
+        """Call a loop's `setup` or `loop`, on the node's thread in lock step, else on its own; report its error."""
         is_ours = threading.get_ident() == self.node.thread_id
         if is_ours:
             self.node.machine.running = loop

@@ -50,11 +50,7 @@ class TaskLimit:
             machine.max_executed = machine.executed + at_most
 
     def check(self) -> None:
-        """Raise if a node has reached its limit and still has tasks.
-
-        Raises:
-            ComponentFailedError: a node has; the message names the tasks that schedule each other.
-        """
+        """Raise a ComponentFailedError that names the tasks if a node has reached its limit and still has tasks."""
         for machine, _ in self._machines:
             if machine.executed >= machine.max_executed and machine.queued and not machine.is_ended:
                 node = next(node for node in self._nodes if node.machine is machine)

@@ -91,11 +91,7 @@ class MessageLine:
         return True
 
     def receive(self) -> list[Any]:
-        """Return the next message: its kind, then its values.
-
-        Raises:
-            EOFError, OSError: the other process has gone.
-        """
+        """Return the next message: its kind, then its values; raise an EOFError or OSError at its end."""
         return self.decode(self.receive_bytes())
 
     def receive_bytes(self) -> bytes:

@@ -162,11 +162,7 @@ class ProcessExecutor:
                 self._child.end()
 
     def join(self) -> None:
-        """Stop, and return once the process has ended; kill it if it does not end in time.
-
-        Raises:
-            ComponentFailedError: the loop was removed from its node, and failed after that.
-        """
+        """Stop, and return once the process has ended; kill it if it is late. Raise a removed loop's failure."""
         self.stop()
         if self._child is None or self._give_up_s is None:
             return

@@ -135,11 +135,7 @@ class ComponentManager:
         return {name: known[name] for name in sorted(known, key=self.life.registry.order_of)}
 
     def find(self, name: Any) -> AnyComponent:
-        """Return a component.
-
-        Raises:
-            UnknownNameError: no component has that name, or it is the node's own.
-        """
+        """Return a component; raise an UnknownNameError if no component has that name, or it is the node's own."""
         if name == CORE_NAME:
             raise UnknownNameError(
                 f"'{CORE_NAME}' is the node itself: it can be neither reloaded nor removed.",
@@ -191,11 +187,7 @@ class ComponentManager:
             self.life.registry.set_order(one.name)
 
     def begin(self, component: AnyComponent) -> None:
-        """Begin a component, unless it is a loop in a replay.
-
-        Raises:
-            ComponentFailedError: it raised.
-        """
+        """Begin a component, unless it is a loop in a replay; raise a ComponentFailedError if it raises."""
         if not self.is_absent(component):
             self.life.begin_added(component)
 
@@ -373,11 +365,7 @@ def _set_classes(factory: ComponentFactory, classes: Sequence[type[Any] | None])
 
 
 def _newest(kind: type[Any], modules: Sequence[ModuleType]) -> type[Any]:
-    """Return the class of that name in the reloaded module, or the class itself if its module was not reloaded.
-
-    Raises:
-        ConfigError: the new code has no such class.
-    """
+    """Return the class of that name in its reloaded module, or the class itself if its module was not reloaded."""
     for module in modules:
         if module.__name__ != kind.__module__:
             continue
