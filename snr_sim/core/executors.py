@@ -203,8 +203,7 @@ class ThreadExecutor:
             # Counted from `stop`, not from now: several loops that hang then cost one timeout together.
             self._thread.join(max(self._give_up_s - self._clock.now_s(), 0.0))
         if self._thread.is_alive():
-            frame = sys._current_frames().get(self._thread.ident)
-            location = None if frame is None else current_location(frame)
+            location = current_location(sys._current_frames().get(self._thread.ident))
             self._halt_once()
             self._loop.parent.add_note(
                 f"Loop '{self._loop.name}' did not end within {JOIN_TIMEOUT_S} s: something in its loop() blocks"

@@ -56,8 +56,7 @@ class LastResort:
         stuck = next((node for node in self._nodes if node.machine.running is not None), None)
         name = "" if stuck is None or stuck.machine.running is None else stuck.machine.running.name
         what = f"component '{name}'" if name else "the run"
-        frame = sys._current_frames().get(self._main)
-        location = None if frame is None else current_location(frame)
+        location = current_location(sys._current_frames().get(self._main))
         because = f"{what} did not return, although it was interrupted"
         loops = [
             loop

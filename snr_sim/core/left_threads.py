@@ -17,8 +17,7 @@ def notes_on_threads(before: Collection[threading.Thread] = ()) -> list[str]:
     for thread in threading.enumerate():
         if thread.daemon or thread is threading.main_thread() or thread in before or thread.ident is None:
             continue
-        frame = frames.get(thread.ident)
-        location = None if frame is None else current_location(frame)
+        location = current_location(frames.get(thread.ident))
         if location is None and getattr(getattr(thread, "_target", None), "__module__", "") == _POOLS:
             continue
         where = "" if location is None else f" ({location})"
