@@ -19,7 +19,7 @@ from typing import Any
 
 from snr_sim.core.loop import Loop
 from snr_sim.core.node_parts import NodeParts
-from snr_sim.core.source_location import INTERRUPT_FIX, current_location
+from snr_sim.core.source_location import INTERRUPT_FIX, after_line, current_location
 
 # A run without any change for this time after a signal is stuck. Longer than each component's time at the end.
 STUCK_S = 2.0
@@ -69,13 +69,11 @@ class LastResort:
         run_in_parallel([*(loop.join for loop in loops), *([sys.stdout.flush] if sys.stdout else [])], HALT_S)
         run_in_parallel([loop.terminate for loop in loops], HALT_S)
         if stuck is not None:
-            stuck.report.record_interrupt(name, because if location is None else f"{location}\n  {because}")
+            stuck.report.record_interrupt(name, after_line(location, because))
             time.sleep(2 * 0.05)  # two periods of the trace's flusher
-        where = "" if location is None else f"{location}\n  "
         halted = f" Halted: {', '.join(loop.name for loop in loops)}." if loops else ""
-        write_stderr(
-            f"{where}{reason}: {because}. After {STUCK_S:g} s the process was ended.{halted}\n  Try: {INTERRUPT_FIX}"
-        )
+        what = f"{reason}: {because}. After {STUCK_S:g} s the process was ended.{halted}\n  Try: {INTERRUPT_FIX}"
+        write_stderr(after_line(location, what))
         os._exit(status)
 
 

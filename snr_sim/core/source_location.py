@@ -42,6 +42,11 @@ def location_in(code: CodeType, line: int, function: str = "") -> SourceLocation
     return SourceLocation(short_path(code.co_filename), line, function or code.co_name, source)
 
 
+def after_line(location: SourceLocation | None, text: str) -> str:
+    """Return a text, after the line that it is about if that is known."""
+    return text if location is None else f"{location}\n  {text}"
+
+
 def find_student_location(trace: TracebackType | None, is_content_skipped: bool = False) -> SourceLocation | None:
     """Return the innermost line of student code, or None if there is none in the traceback."""
     trace = _student_trace(trace, is_content_skipped)
@@ -112,7 +117,7 @@ def prepend_location(error: SnrError) -> None:
     """Prefix an snr_sim error with the line of student code that caused it; lines of shipped robots do not count."""
     location = find_student_location(error.__traceback__, is_content_skipped=True)
     if location is not None and not error.message.startswith(str(location)):
-        error.message = f"{location}\n  {error.message}"
+        error.message = after_line(location, error.message)
 
 
 def without_addresses(text: str) -> str:
