@@ -114,10 +114,7 @@ def interrupt_main_thread() -> None:
 def wake_on_signals(numbers: Sequence[int], handled: Sequence[object], check: Callable[[int], None]) -> Iterator[None]:
     """Wake the main thread at the first of these signals, while active. Call it from the main thread only.
 
-    Args:
-        numbers: of signals that have Python handlers.
-        handled: is no longer empty once a handler has run.
-        check: called periodically with the signal's number from then on, on a thread.
+    A Python handler makes `handled` no longer empty. After a signal, a thread calls `check` with its number in a loop.
     """
     if not hasattr(signal, "pthread_kill"):  # Windows, where Ctrl-C ends a sleep by another mechanism
         yield

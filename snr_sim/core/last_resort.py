@@ -37,12 +37,7 @@ class LastResort:
         self._since_s = 0.0
 
     def check(self, reason: str, status: int) -> None:
-        """End the process if nothing has changed for too long.
-
-        Args:
-            reason: why the run is to end.
-            status: exit status of the process.
-        """
+        """End the process with this exit status if nothing has changed for too long since the run was to end."""
         running = [node.machine.running for node in self._nodes]
         state = [*map(id, running), *((node.is_finished, node.machine.executed) for node in self._nodes)]
         now_s = time.monotonic()

@@ -157,12 +157,7 @@ class Node(NodeMembers):
     # Tasks
 
     def schedule(self, tasks: SomeTasks, source: str = "outside") -> None:
-        """Queue tasks: as results of the running handler, or as inputs if none of this node's handlers runs.
-
-        Args:
-            tasks: a task, several, or None.
-            source: the sender's name, if they are inputs.
-        """
+        """Queue tasks: as results of the running handler, or as inputs of `source` if none of this node's runs."""
         running = self.machine.running
         if running is None or threading.get_ident() != self.thread_id:
             self.enqueue_input(tasks, source)

@@ -46,11 +46,7 @@ class Standstill:
         self._reported_lines: set[tuple[str, int]] = set()
 
     def check(self, passed_s: float) -> str | None:
-        """Return a report if one is due, else None.
-
-        Args:
-            passed_s: wall time since the last check.
-        """
+        """Return a report if one is due, else None; `passed_s` is the wall time since the last check."""
         state = self._progress()
         is_same = state == self._state
         call = self._call(is_same)

@@ -106,11 +106,7 @@ class SpawnedProcess:
         return self.line.send_bytes(message)
 
     def receive_loop(self, on_message: Callable[[bytes], None]) -> int:
-        """Receive messages until the process has ended; return its exit status, or minus a signal's number.
-
-        Args:
-            on_message: gets each message, in order.
-        """
+        """Pass on messages until the process has ended; return its exit status, or minus a signal's number."""
         line, outputs = self.line.fileno(), {output.fileno(): output for output in self._outputs}
         ends = [line] if self._pidfd is None else [line, self._pidfd]
         while True:

@@ -242,13 +242,12 @@ class _Reload:
         """Run a step for a component; if it fails, keep the component's old code and note the failure."""
         try:
             return step(*args)
-        except (Exception, SystemExit) as error:
+        except BaseException as error:
             self._keep(component)
+            if not isinstance(error, (Exception, SystemExit)):
+                raise
             names = self._failures.setdefault(_error_text(error, "while it was read again for a reload"), [])
             names.append(component.name)
-        except BaseException:
-            self._keep(component)
-            raise
         return None
 
     def _modules(self, component: AnyComponent) -> list[ModuleType]:
@@ -281,11 +280,7 @@ class _Reload:
             try:
                 module_reload = self._module_reloads[module] = ModuleReload(module)
                 self._sources[module_reload.name] = module_reload.sha256
-                try:
-                    module_reload.execute()
-                except BaseException:
-                    module_reload.undo()
-                    raise
+                module_reload.execute()
             except (Exception, SystemExit) as error:
                 self._module_reloads[module] = error
         module_reload_or_error = self._module_reloads[module]

@@ -92,9 +92,6 @@ def _check_target(factory: str, target: object) -> None:
 class ModuleReload:
     """A module's file, read again. The module is unchanged until `execute`, and `undo` restores it.
 
-    Args:
-        module: has a file.
-
     Raises:
         ConfigError: the file does not exist any more.
     """
@@ -115,7 +112,7 @@ class ModuleReload:
         self._before: dict[str, object] | None = None  # once it is executed
 
     def execute(self) -> None:
-        """Execute the new code in the module, as Python does at the first import. Raises the code's exceptions."""
+        """Execute the new code in the module, as Python does at the first import; if it raises, undo that and raise."""
         path = str(self.module.__file__)
         source_files().check(Path(path), self._source)
         tree = ast.parse(self._source, path)
@@ -128,6 +125,9 @@ class ModuleReload:
         token = reloading_file.set(self.name)
         try:
             exec(code, namespace)
+        except BaseException:
+            self.undo()
+            raise
         finally:
             reloading_file.reset(token)
         if self.module.__name__ != "__main__":
