@@ -45,8 +45,8 @@ class NodeComponent(ComponentMembers):
 
     def __init__(self, factory: ComponentFactory, parent: NodeApi, name: str) -> None:
         self.factory = factory
-        self.parent = parent
-        self.name = name
+        self.parent: NodeApi = parent
+        self.name: str = name
         short = getattr(factory, "_short_form", None)  # a factory need not be one of ours
         if short is not None:
             for key, value in short.settings.items():

@@ -37,9 +37,9 @@ class ClockExecutor:
         self._is_started = False
         self._is_halted = False
         self._at_once = 0  # consecutive ticks that were requested at once
-        self.is_stopped = False
-        self.ticks = 0
-        self.late_s = 0.0
+        self.is_stopped: bool = False
+        self.ticks: int = 0
+        self.late_s: float = 0.0
 
     def start(self) -> None:
         """Call `setup` and schedule the first tick on the clock."""
@@ -114,8 +114,8 @@ class ThreadExecutor:
         self._give_up_s: float | None = None  # when another thread called `stop`, plus the timeout
         # A daemon thread: a loop that hangs must not keep the process alive.
         self._thread = threading.Thread(target=self._run, name=loop.name, daemon=True)
-        self.ticks = 0
-        self.late_s = 0.0
+        self.ticks: int = 0
+        self.late_s: float = 0.0
 
     @property
     def is_stopped(self) -> bool:

@@ -29,7 +29,7 @@ class HandlerMap(dict[TaskId, TaskHandler]):
 
     def __init__(self, handlers: Mapping[TaskId, TaskHandler], on_change: Callable[[], None]) -> None:
         super().__init__(handlers)
-        self.on_change = on_change
+        self.on_change: Callable[[], None] = on_change
 
 
 def _notifying(name: str) -> Callable[..., Any]:
@@ -57,7 +57,7 @@ class HandlerLookup:
     """
 
     def __init__(self, components: Mapping[str, Component], profiler: Profiler | None = None) -> None:
-        self.components = components
+        self.components: Mapping[str, Component] = components
         self._profiler = profiler
         # Wraps a handler while new code is on probation (core/reload/rollback.py).
         self.wrap_handler: Callable[[Component, TaskHandler], TaskHandler] | None = None

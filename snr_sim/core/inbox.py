@@ -81,7 +81,7 @@ class Inbox:
         self._asleep = False
         self._selector_waiter: SelectorWaiter | None = None
         self._opening = threading.Lock()  # to create the waiter; only links' threads take it
-        self.wait_count = 0  # how many times the node has called `wait`
+        self.wait_count: int = 0  # how many times the node has called `wait`
 
     @property
     def is_waiting(self) -> bool:

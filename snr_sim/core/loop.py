@@ -33,23 +33,18 @@ class LoopExecutor(Protocol):
     @property
     def is_stopped(self) -> bool:
         """Whether no more ticks will follow."""
-        ...
 
     def start(self) -> None:
         """Begin calling."""
-        ...
 
     def wake(self) -> None:
         """Request the next call now; no effect in lock step and in a process."""
-        ...
 
     def stop(self) -> None:
         """Request no more calls; return at once."""
-        ...
 
     def join(self) -> None:
         """Stop, and return once `halt` has been called."""
-        ...
 
 
 class SetupResult:
@@ -141,7 +136,7 @@ class Loop(LoopMembers, NodeComponent):
         self.task_handlers: TaskHandlerMap = {}  # a loop only sends tasks; endpoints handle them
         self._executor: LoopExecutor | None = None
         self.setup_result: SetupResult | None = None  # of `setup` on a thread, if a caller waits
-        self.is_removed = False  # removed: its node continues, whatever its `halt` raises
+        self.is_removed: bool = False  # removed: its node continues, whatever its `halt` raises
 
     def setup(self) -> None:
         """Prepare; called once before the first `loop`, on the same thread."""

@@ -36,8 +36,8 @@ class HandlerError(Exception):
 
     def __init__(self, component: Component | None, task: Task) -> None:
         super().__init__()
-        self.component = component
-        self.task = task
+        self.component: Component | None = component
+        self.task: Task = task
 
 
 class EventMachine:
@@ -56,15 +56,15 @@ class EventMachine:
         latch: Callable[[], float] | None,
         recorder: NodeRecorder | None = None,
     ) -> None:
-        self.lookup = lookup
-        self.inbox = inbox
-        self.now_s = 0.0
-        self.executed = 0
-        self.max_executed = sys.maxsize  # limit of `run_ready`: see core/runaway.py
-        self.longest_queue = 0  # right after inputs were queued: there it grows if inputs arrive too fast
+        self.lookup: HandlerLookup = lookup
+        self.inbox: Inbox = inbox
+        self.now_s: float = 0.0
+        self.executed: int = 0
+        self.max_executed: int = sys.maxsize  # limit of `run_ready`: see core/runaway.py
+        self.longest_queue: int = 0  # right after inputs were queued: there it grows if inputs arrive too fast
         self.running: Component | None = None  # the component whose code runs now
         self.task: Task | None = None  # the task whose handlers run now
-        self.is_ended = False
+        self.is_ended: bool = False
         self._latch = latch
         self._recorder = recorder
         self._scheduled: list[Task] = []  # by the running component of a recorded node, so far

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from snr_sim.core.clocks import SimClock, WallClock
 from snr_sim.core.component_registry import ComponentRegistry
-from snr_sim.core.config import Config
+from snr_sim.core.config import Config, Mode
 from snr_sim.core.datastore import PREVIOUS, Datastore
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.executors import ClockExecutor, ThreadExecutor
@@ -81,28 +81,28 @@ class Node(NodeMembers):
                 f"Node({role!r}, ...) got a {type(config).__name__} where its Config belongs.",
                 fix=f"Node({role!r}, Config(factories={{{role!r}: [MyFactory()]}})).",
             )
-        self.role = role
-        self.config = config
-        self.mode = config.mode
-        self.name = f"{role}_node"
-        self.clock = clock or WallClock()
-        self.is_in_lock_step = isinstance(self.clock, SimClock)  # then all nodes have one clock
-        self.seed = seed
-        self.component_seed = component_seed(seed)  # seed of its components' generators
-        self.is_replay = is_replay  # then without effects outside: no files written, no pages sent
-        self.inbox = Inbox()
-        self.datastore = Datastore()
+        self.role: RoleName = role
+        self.config: Config = config
+        self.mode: Mode = config.mode
+        self.name: str = f"{role}_node"
+        self.clock: Clock = clock or WallClock()
+        self.is_in_lock_step: bool = isinstance(self.clock, SimClock)  # then all nodes have one clock
+        self.seed: int = seed
+        self.component_seed: int = component_seed(seed)  # seed of its components' generators
+        self.is_replay: bool = is_replay  # then without effects outside: no files written, no pages sent
+        self.inbox: Inbox = Inbox()
+        self.datastore: Datastore = Datastore()
         self.profiler = config.get_profiler()
         self.exit_reason: str | None = None
-        self.registry = ComponentRegistry(self)
+        self.registry: ComponentRegistry = ComponentRegistry(self)
         latch = None if isinstance(self.clock, SimClock) else self.clock.now_s
         lookup = HandlerLookup(self.registry.components, self.profiler)
         self._recorder = recorder.for_node(self.name) if recorder is not None else None
-        self.machine = EventMachine(lookup, self.inbox, latch, self._recorder)
-        self.thread_id = threading.get_ident()
-        self.never_ran = False  # an error ended it at its start, so do not report missing pages
-        self.report = NodeReport(self.name, self.clock, self.machine, self._recorder)
-        self.life = NodeLife(self, self.registry, self.report, self._recorder)
+        self.machine: EventMachine = EventMachine(lookup, self.inbox, latch, self._recorder)
+        self.thread_id: int = threading.get_ident()
+        self.never_ran: bool = False  # an error ended it at its start, so do not report missing pages
+        self.report: NodeReport = NodeReport(self.name, self.clock, self.machine, self._recorder)
+        self.life: NodeLife = NodeLife(self, self.registry, self.report, self._recorder)
         self._core = NodeCore(self, self.life)
         self.registry.add(self._core, 0)
         self.registry.add_all(config.get(role), is_replay)

@@ -33,11 +33,11 @@ class NodeLife:
     def __init__(
         self, node: NodeParts, registry: ComponentRegistry, report: NodeReport, recorder: NodeRecorder | None
     ) -> None:
-        self.is_finished = False
-        self.is_halting = False
-        self.node = node
-        self.registry = registry
-        self.report = report
+        self.is_finished: bool = False
+        self.is_halting: bool = False
+        self.node: NodeParts = node
+        self.registry: ComponentRegistry = registry
+        self.report: NodeReport = report
         self.handle_failure: Callable[[Loop, ComponentFailedError], bool] = lambda loop, failure: False
         self._recorder = recorder
         self._begun: list[Component] = []

@@ -36,16 +36,12 @@ class NodeParts(NodeApi, Protocol):
 
     def begin(self) -> None:
         """Begin each component."""
-        ...
 
     def run_ready(self) -> None:
         """Execute tasks until none is left or the node has ended."""
-        ...
 
     def end(self, reason: str | None = None, error: Exception | None = None) -> None:
         """Finish what is queued, then halt and terminate each component."""
-        ...
 
     def has_begun(self, component: Component) -> bool:
         """Return whether a component has begun and has not been terminated."""
-        ...

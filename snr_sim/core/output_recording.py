@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from snr_sim.core.node import Node
 
 
-LEVELS = ("PRINT", "INFO", "WARNING", "ERROR", "CRITICAL")
+LEVELS: tuple[str, ...] = ("PRINT", "INFO", "WARNING", "ERROR", "CRITICAL")
 
 
 @contextmanager
@@ -48,8 +48,8 @@ class RecordedOutput(io.TextIOBase):
     """
 
     def __init__(self, target: Any, nodes: Container[Node]) -> None:
-        self.is_finished = False
-        self.target = target
+        self.is_finished: bool = False
+        self.target: Any = target
         self._nodes = nodes
 
     def write(self, text: str) -> int:

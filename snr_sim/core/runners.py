@@ -36,7 +36,6 @@ class NodeLink(Protocol):
 
     def attach(self, nodes: dict[RoleName, Node], clock: SimClock) -> None:
         """Connect to the linked nodes, before they begin."""
-        ...
 
 
 class SynchronousRunner:
@@ -59,7 +58,7 @@ class SynchronousRunner:
         recorder: Recorder | None = None,
         seed: int = 0,
     ) -> None:
-        self.node = Node(role, config, clock=clock, recorder=recorder, seed=seed)
+        self.node: Node = Node(role, config, clock=clock, recorder=recorder, seed=seed)
 
     def run(self) -> None:
         """Run until a terminate task, or a signal, ends it.
@@ -218,7 +217,7 @@ class SimRunner:
         names = list(roles if roles is not None else config.factories)
         if len(set(names)) != len(names):
             raise ConfigError(f"A role is named twice: {', '.join(names)}.", fix="each role runs once.")
-        self.clock = clock or SimClock()
+        self.clock: SimClock = clock or SimClock()
         self.nodes = {role: Node(role, config, clock=self.clock, recorder=recorder, seed=seed) for role in names}
         for link in links:
             link.attach(self.nodes, self.clock)
@@ -254,4 +253,4 @@ class TestRunner(SimRunner):
 
     def __init__(self, config: Config, *, seed: int = 0, until_s: float = 3600.0) -> None:
         super().__init__(config, [TEST_ROLE], seed=seed, until_s=until_s, log_notes=False)
-        self.node = self.nodes[TEST_ROLE]
+        self.node: Node = self.nodes[TEST_ROLE]

@@ -36,7 +36,7 @@ class Standstill:
     """
 
     def __init__(self, nodes: Sequence[NodeParts], call: Callable[[bool], CurrentCall]) -> None:
-        self.stalled_s = 0.0  # wall time without any change
+        self.stalled_s: float = 0.0  # wall time without any change
         self._nodes = nodes
         self._call = call
         self._state: list[Any] = []

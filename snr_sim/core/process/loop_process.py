@@ -92,8 +92,8 @@ class ProcessLifetime:
     """Lifetime of this process: events for its start and its end."""
 
     def __init__(self) -> None:
-        self.may_go = threading.Event()
-        self.is_ending = threading.Event()
+        self.may_go: threading.Event = threading.Event()
+        self.is_ending: threading.Event = threading.Event()
 
     def wait_until(self, event: threading.Event, periodic: Any = None) -> None:
         """Wait in short steps, since a signal that arrives just before the blocking call does not end it."""

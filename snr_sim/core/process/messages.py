@@ -51,7 +51,7 @@ class MessageLine:
     """
 
     def __init__(self, connection: Connection, user: str = "", pidfd: int | None = None) -> None:
-        self.user = user
+        self.user: str = user
         self._connection = connection
         self._pidfd = pidfd
         self._sending = threading.Lock()

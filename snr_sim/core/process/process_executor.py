@@ -45,15 +45,15 @@ class ProcessExecutor:
         self._node = life.node
         self._child: ChildProcess | None = None
         self._changed: set[DataKey] = set()  # keys of pages to send
-        self.skipped = 0  # pages that a newer one replaced before they were sent
+        self.skipped: int = 0  # pages that a newer one replaced before they were sent
         self._is_finished = False  # it has sent "over"
         self._has_setup_failed = False  # its setup failed while a caller waited: reported there, and the node continues
         self._late_failure: ComponentFailedError | None = None  # after its removal from the node: `join` raises it
         self._give_up_s: float | None = None
         self._store_listeners: list[tuple[DataKey, Callable[[Page], None]]] = []
-        self.is_stopped = False
-        self.ticks = 0
-        self.late_s = 0.0
+        self.is_stopped: bool = False
+        self.ticks: int = 0
+        self.late_s: float = 0.0
 
     def start(self) -> None:
         """Start the process; it calls `setup` when it is ready."""

@@ -85,7 +85,7 @@ class SpawnedProcess:
         )
         # Without pidfd only the end of the connection shows it, which a forked grandchild may keep open.
         self._pidfd = os.pidfd_open(self.pid) if hasattr(os, "pidfd_open") else None
-        self.line = MessageLine(line, pidfd=self._pidfd)
+        self.line: MessageLine = MessageLine(line, pidfd=self._pidfd)
         self._outputs = [
             OutputReader(pipe.fileno(), forward)
             for pipe, forward in ((self._process.stdout, out), (self._process.stderr, self._keep))

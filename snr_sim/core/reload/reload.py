@@ -60,7 +60,7 @@ class ComponentManager:
     """
 
     def __init__(self, life: NodeLife) -> None:
-        self.life = life
+        self.life: NodeLife = life
         self.node = life.node
         # Puts new code on probation: `rollback.Probations.begin`, if there are any.
         self.put_on_probation: PutOnProbation = lambda old, new, undo: None

@@ -104,11 +104,11 @@ class ModuleReload:
         except OSError as error:
             raise ConfigError(f"The file {path} cannot be read again: {error.strerror}.") from error
         _show(path, source)  # tracebacks of the new code show the new line
-        self.module = module
+        self.module: ModuleType = module
         self._source = source
         self._source_before = _sources.get(module)
-        self.name = "/".join(path.parts[-2:])  # the same for every folder in which a replay is started
-        self.sha256 = hashlib.sha256(source).hexdigest()
+        self.name: str = "/".join(path.parts[-2:])  # the same for every folder in which a replay is started
+        self.sha256: str = hashlib.sha256(source).hexdigest()
         self._before: dict[str, object] | None = None  # once it is executed
 
     def execute(self) -> None:
