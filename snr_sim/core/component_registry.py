@@ -108,7 +108,8 @@ class ComponentRegistry:
             components = self.components.copy()  # faster than to insert 1000 items into a new dict
             components[new.name] = new
             self.components = components
-            self.set_order(new.name)
+            self._last_index += 1
+            self._indices[new.name] = self._last_index
             lookup.components = self.components
             lookup.add(new)
             return
@@ -120,12 +121,6 @@ class ComponentRegistry:
     def order_of(self, component_name: str) -> int:
         """Return a component's index in the order of the node's components; a reload keeps it."""
         return self._indices[component_name]
-
-    def set_order(self, component_name: str, index: int | None = None) -> None:
-        """Set a component's index in the order; without `index`, the last."""
-        if index is None:
-            index = self._last_index = self._last_index + 1
-        self._indices[component_name] = index
 
 
 def _describe_non_factory(factory: Any) -> tuple[str, str]:

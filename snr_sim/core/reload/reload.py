@@ -25,6 +25,7 @@ from snr_sim.core.node_life import NodeLife
 from snr_sim.core.reload.sources import ModuleReload, modules_of, show_source_in_use
 from snr_sim.core.reload.state_snapshot import Snapshot
 from snr_sim.core.source_location import describe_error
+from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, SnrError, UnknownNameError, suggest
 
 AnyComponent: TypeAlias = Endpoint | Loop
@@ -55,8 +56,8 @@ class ChangeResult:
 class ComponentManager:
     """Manager of the components of one node: adds, removes and reloads them.
 
-    In a replay the node has no loops, since their tasks come from the trace. If one of them is requested, it is created
-    here, so that the outcome is the recorded one, but it never begins.
+    A replay begins without loops, since their tasks come from the trace. They are created at the first request, so that
+    the outcome is the recorded one, but never begin.
     """
 
     def __init__(self, life: NodeLife) -> None:
@@ -64,7 +65,8 @@ class ComponentManager:
         self.node = life.node
         # Puts new code on probation: `rollback.Probations.begin`, if there are any.
         self.put_on_probation: PutOnProbation = lambda old, new, undo: None
-        self._absent: dict[str, AnyComponent] | None = None  # the loops of a replay, created at the first request
+        self.replace_component: Callable[[Component | None, Component | None], None] = life.registry.replace_component
+        self._has_loops = not self.node.is_replay
 
     def reload(self, requested: str, more: Sequence[str] = ()) -> ChangeResult:
         """Recreate components from the present code in their files; each file is read once.
@@ -81,12 +83,12 @@ class ComponentManager:
 
     def add(self, factory: Any, is_started: bool) -> ChangeResult:
         """Add a factory's component as the last of the components."""
-        node = self.node
         requested = type(factory).__name__
         try:
+            self._create_loops()
             component = self.life.registry.make(factory)
             requested = component.name
-            other = node.components.get(requested) or self._absent_ones().get(requested)
+            other = self.node.components.get(requested)
             if other is not None:
                 raise ConfigError(
                     f"A component '{requested}' is to be added, but there is one: a {type(other).__name__}. It stays.",
@@ -125,14 +127,13 @@ class ComponentManager:
 
     def all(self) -> dict[str, AnyComponent]:
         """Return every component of the robot, in their order; in a replay the loops as well."""
-        node = self.node
-        known: dict[str, AnyComponent] = {
+        self._create_loops()
+        components = self.node.components
+        return {
             name: one
-            for name, one in node.components.items()
-            if isinstance(one, (Endpoint, Loop)) and one.is_robot_component
+            for name in sorted(components, key=self.life.registry.order_of)
+            if isinstance(one := components[name], (Endpoint, Loop)) and one.is_robot_component
         }
-        known |= self._absent_ones()
-        return {name: known[name] for name in sorted(known, key=self.life.registry.order_of)}
 
     def find(self, name: Any) -> AnyComponent:
         """Return a component; raise an UnknownNameError if no component has that name, or it is the node's own."""
@@ -159,32 +160,12 @@ class ComponentManager:
         """Return whether a component is only a placeholder: a loop in a replay."""
         return self.node.is_replay and isinstance(component, Loop)
 
-    def _absent_ones(self) -> dict[str, AnyComponent]:
-        if not self.node.is_replay:
-            return {}
-        if self._absent is None:
-            self._absent = {}
+    def _create_loops(self) -> None:
+        if not self._has_loops:
+            self._has_loops = True
             for index, factory in enumerate(self.node.config.get(self.node.role), 1):
                 if isinstance(factory, LoopFactory):
-                    loop = self.life.registry.make(factory)
-                    self._absent[loop.name] = loop
-                    self.life.registry.set_order(loop.name, index)
-        return self._absent
-
-    def replace_component(self, old: AnyComponent | None, new: AnyComponent | None) -> None:
-        """Replace a component; `old` None: append, `new` None: remove."""
-        one = new or old
-        assert one is not None
-        if not self.is_absent(one):
-            self.life.registry.replace_component(old, new)
-            return
-        absent = self._absent_ones()
-        if new is None:
-            del absent[one.name]
-            return
-        absent[one.name] = new
-        if old is None:
-            self.life.registry.set_order(one.name)
+                    self.life.registry.add(self.life.registry.make(factory), index)
 
     def begin(self, component: AnyComponent) -> None:
         """Begin a component, unless it is a loop in a replay; raise a ComponentFailedError if it raises."""
