@@ -78,15 +78,10 @@ class Inbox:
         self.waiting: deque[tuple[Task, str]] = deque()
         self.failure: SnrError | None = None
         self._wake: SimpleQueue[None] = SimpleQueue()
-        self._asleep = False
+        self.is_waiting: bool = False  # whether the node's thread is in `wait` now
         self._selector_waiter: SelectorWaiter | None = None
         self._opening = threading.Lock()  # to create the waiter; only links' threads take it
         self.wait_count: int = 0  # how many times the node has called `wait`
-
-    @property
-    def is_waiting(self) -> bool:
-        """Whether the node's thread is in `wait` now."""
-        return self._asleep
 
     def watch(self, descriptor: int, serve: Callable[[list[Any]], None], what: Any) -> None:
         """Call `serve` on the node's thread when a descriptor is readable, while the node waits in `wait`.
@@ -114,8 +109,8 @@ class Inbox:
     def put(self, task: Task, source: str) -> None:
         """Add a task, and wake the node if it waits; `source` names the loop, link or client that sent it."""
         self.waiting.append((task, source))
-        if self._asleep:
-            self._asleep = False  # one wake-up is enough for all tasks put before the node takes them
+        if self.is_waiting:
+            self.is_waiting = False  # one wake-up is enough for all tasks put before the node takes them
             if self._selector_waiter is None:
                 self._wake.put(None)
             else:
@@ -133,7 +128,7 @@ class Inbox:
         self.wait_count += 1
         selector_waiter = self._selector_waiter
         seen: Sequence[Call] = ()
-        self._asleep = True  # before the last check, so that a `put` after the check wakes this thread
+        self.is_waiting = True  # before the last check, so that a `put` after the check wakes this thread
         try:
             if not self.waiting:
                 if selector_waiter is None:
@@ -143,6 +138,6 @@ class Inbox:
         except Empty:
             pass
         finally:
-            self._asleep = False
+            self.is_waiting = False
         for serve, what in seen:
             serve(what)

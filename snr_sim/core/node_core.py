@@ -40,8 +40,6 @@ class NodeCore(Endpoint):
         self.store_listeners: dict[DataKey, list[Callable[[Page], None]]] = {}
         self._manager = ComponentManager(life)
         self._probations = Probations(self._manager, self._report_rollback)
-        self._manager.put_on_probation = self._probations.begin
-        life.handle_failure = self._probations.handle_failure
         self.task_handlers = {
             TaskType.store_page: self.store,
             TaskType.terminate: self.end_node,

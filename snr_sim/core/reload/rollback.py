@@ -57,7 +57,7 @@ class Probations:
     """The reloads of one node whose new code is on probation, the newest last.
 
     Args:
-        manager: exchanges the components.
+        manager: exchanges the components, and from now on puts new ones on probation here.
         report: takes the component's name and a message on the rollback; returns the tasks that report it.
     """
 
@@ -67,6 +67,7 @@ class Probations:
         self._report = report
         self._probations: list[Probation] = []
         self._reloads = 0
+        manager.put_on_probation, manager.life.handle_failure = self.begin, self.handle_failure
 
     def begin(self, old: dict[str, AnyComponent], new: dict[str, AnyComponent], undo: Callable[[], None]) -> None:
         """Put a reload's components on probation; arguments as of `Probation`. The reload adds to them later."""
