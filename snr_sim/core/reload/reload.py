@@ -3,17 +3,20 @@
 A reload reads the files of a component again, and its factory, which keeps its state, creates the component again. If
 a step fails, it is undone: the old code continues, and the outcome has the reason. No queued task is lost.
 
-The result is a page `reload` (`add_component`, `remove_component`): {component, ok, message, created, sources}, with
-the sha256 of the files read. A reload waits for the new loop's `setup` (`setup_timeout_s`), so that a loop that fails
-leaves the old one in place. A loop that fails after its removal (its `halt` raises, its process dies) is noted and does
-not end the node. Processes get the sources of their node's modules as of the first send or the last reload, so they run
-the same code whatever was saved since. Changes between import and the first process cannot be detected.
+The result is a page `reload` (`add_component`, `remove_component`): {component, ok, message, created, sources}, which
+are the requested name; whether the whole request was executed; a text, of a failure with the student's line first;
+names of the components created; and the sha256 of each file read, by folder and file name.
+
+A reload waits for the new loop's `setup` (`setup_timeout_s`), so that a loop that fails leaves the old one in place. A
+loop that fails after its removal (its `halt` raises, its process dies) is noted and does not end the node. Processes
+get the sources of their node's modules as of the first send or the last reload, so they run the same code whatever was
+saved since. Changes between import and the first process cannot be detected.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from types import ModuleType
 from typing import Any, TypeAlias, TypeVar
 
@@ -25,8 +28,11 @@ from snr_sim.core.node_life import NodeLife
 from snr_sim.core.reload.sources import ModuleReload, modules_of, show_source_in_use
 from snr_sim.core.reload.state_snapshot import Snapshot
 from snr_sim.core.source_location import describe_error
+from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, SnrError, UnknownNameError, suggest
+from snr_sim.prelude.page import DataKey
+from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 
 AnyComponent: TypeAlias = Endpoint | Loop
 T = TypeVar("T")
@@ -34,55 +40,37 @@ PutOnProbation: TypeAlias = Callable[[dict[str, AnyComponent], dict[str, AnyComp
 ALL = "all"
 
 
-@dataclass
-class ChangeResult:
-    """Outcome of a change, as in the page that reports it.
-
-    Args:
-        component: as requested: a name, or "all".
-        ok: whether the whole request was executed.
-        message: as text; of a failure the student's line first.
-        created: names of the components that were created.
-        sources: sha256 of each file that was read again, by folder and file name; also of one that is not Python.
-    """
-
-    component: str
-    ok: bool
-    message: str
-    created: list[str] = field(default_factory=list)
-    sources: dict[str, str] = field(default_factory=dict)
-
-
 class ComponentManager:
-    """Manager of the components of one node: adds, removes and reloads them.
+    """Handlers of the tasks that add, remove and reload components of one node; `core` is its core endpoint.
 
     A replay begins without loops, since their tasks come from the trace. They are created at the first request, so that
     the outcome is the recorded one, but never begin.
     """
 
-    def __init__(self, life: NodeLife) -> None:
+    def __init__(self, life: NodeLife, core: Endpoint) -> None:
         self.life: NodeLife = life
         self.node = life.node
+        self._core = core
         # Puts new code on probation: `rollback.Probations.begin`, if there are any.
         self.put_on_probation: PutOnProbation = lambda old, new, undo: None
         self.replace_component: Callable[[Component | None, Component | None], None] = life.registry.replace_component
         self._has_loops = not self.node.is_replay
 
-    def reload(self, requested: str, more: Sequence[str] = ()) -> ChangeResult:
+    def reload(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Recreate components from the present code in their files; each file is read once.
 
-        Args:
-            requested: a component's name, or "all", which leaves out consoles; those can be named.
-            more: further names.
+        The task's name is a component's, or "all", which leaves out consoles; its values are further names.
         """
         try:
-            chosen = self._chosen([requested, *more])
+            chosen = self._chosen([task.name, *task.val_list])
         except SnrError as error:
-            return ChangeResult(requested, False, str(error))
-        return _Reload(self, requested, chosen).run()
+            return self.report(TaskType.reload.value, task.name, False, str(error))
+        return _Reload(self, task.name, chosen).run()
 
-    def add(self, factory: Any, is_started: bool) -> ChangeResult:
-        """Add a factory's component as the last of the components."""
+    def add_component(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Add a factory's component as the last of the components; a second value of False does not begin it."""
+        factory = task.val_list[0] if task.val_list else None
+        is_started = len(task.val_list) < 2 or bool(task.val_list[1])
         requested = type(factory).__name__
         try:
             self._create_loops()
@@ -98,10 +86,9 @@ class ComponentManager:
             if is_started:
                 self._begin_added(component)
         except (Exception, SystemExit) as error:
-            return ChangeResult(
-                requested, False, _error_text(error, "while it was added; the node continues without it")
-            )
-        return ChangeResult(requested, True, f"'{requested}' was added.", [requested])
+            message = _error_text(error, "while it was added; the node continues without it")
+            return self.report(tasks.ADD_COMPONENT_TASK_NAME, requested, False, message)
+        return self.report(tasks.ADD_COMPONENT_TASK_NAME, requested, True, f"'{requested}' was added.", [requested])
 
     def _begin_added(self, component: AnyComponent) -> None:
         try:
@@ -111,17 +98,35 @@ class ComponentManager:
             self.replace_component(component, None)
             raise
 
-    def remove(self, name: str) -> ChangeResult:
-        """Halt a component, and remove it from the node."""
+    def remove_component(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Halt the component of that name, and remove it from the node."""
+        name = task.val_list[0] if task.val_list else ""
         try:
             component = self.find(name)
         except SnrError as error:
-            return ChangeResult(name, False, str(error))
+            return self.report(tasks.REMOVE_COMPONENT_TASK_NAME, name, False, str(error))
         self.replace_component(component, None)  # first: a component that is being halted must not handle tasks
         failures = self.life.end_removed(component)
-        return ChangeResult(
-            name, not failures, "\n".join([f"'{name}' was removed.", *(one.message for one in failures)])
-        )
+        message = "\n".join([f"'{name}' was removed.", *(one.message for one in failures)])
+        return self.report(tasks.REMOVE_COMPONENT_TASK_NAME, name, not failures, message)
+
+    def report(
+        self,
+        key: DataKey,
+        component: str,
+        ok: bool,
+        message: str,
+        created: Sequence[str] = (),
+        sources: Mapping[str, str] | None = None,
+    ) -> Task:
+        """Report the outcome of a change in the log, at the end of the run if it failed, and in the page returned."""
+        if ok:
+            self._core.log.info("%s", message)
+        else:
+            self._core.log.warning("%s", message)
+            self.node.add_note(message)
+        outcome: dict[str, Any] = {"component": component, "ok": ok, "message": message}
+        return self._core.store_data_task(key, outcome | {"created": list(created), "sources": sources or {}})
 
     # The steps of all three
 
@@ -202,7 +207,7 @@ class _Reload:
         self._new: dict[str, AnyComponent] = {}
         self._undo: list[Callable[[], None]] = []  # what puts their factories back
 
-    def run(self) -> ChangeResult:
+    def run(self) -> Task:
         planned = [(old, self._try(old, self._modules, old)) for old in self._components]
         for old, modules in planned:
             for module in modules or ():
@@ -317,13 +322,14 @@ class _Reload:
                 if not users and isinstance(module_reload, ModuleReload):
                     module_reload.undo()
 
-    def _outcome(self) -> ChangeResult:
+    def _outcome(self) -> Task:
         lines = [f"{message}\n  Kept as before: {', '.join(names)}." for message, names in self._failures.items()]
         if self._created or not lines:
             lines.append(f"Recreated: {', '.join(self._created) or 'nothing'}.")
         lines += self._remarks
         is_ok = not self._failures and not self._remarks
-        return ChangeResult(self._requested, is_ok, "\n".join(lines), self._created, self._sources)
+        key = TaskType.reload.value
+        return self._manager.report(key, self._requested, is_ok, "\n".join(lines), self._created, self._sources)
 
 
 def _classes(factory: ComponentFactory) -> tuple[type[Any], type[Any] | None]:
