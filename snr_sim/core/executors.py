@@ -136,14 +136,16 @@ class ThreadExecutor:
         except BaseException as error:
             failure = life.report.failure_of(loop, error, "loop")
             self._has_setup_failed = loop.setup_result is not None and loop.setup_result.set_result(failure)
-            if self._has_setup_failed or life.handle_failure(loop, failure):
-                pass  # the failure is reported, and the node continues
-            elif loop.is_removed:
-                life.node.add_note(str(failure))
-            else:
-                life.node.inbox.fail(failure)
+            if not (self._has_setup_failed or life.handle_failure(loop, failure)):
+                self._report(failure)
         finally:
             self._halt_once()
+
+    def _report(self, failure: ComponentFailedError) -> None:
+        if self._has_setup_failed or self._loop.is_removed:  # then the node continues
+            self._life.node.add_note(str(failure))
+        else:
+            self._life.node.inbox.fail(failure)
 
     def _tick_on_deadlines(self) -> None:
         loop, clock = self._loop, self._clock
@@ -176,12 +178,7 @@ class ThreadExecutor:
         try:
             self._loop.halt()
         except BaseException as error:
-            node = self._life.node
-            failure = self._life.report.failure_of(self._loop, error, "halt")
-            if self._has_setup_failed or self._loop.is_removed:
-                node.add_note(str(failure))
-            else:
-                node.inbox.fail(failure)
+            self._report(self._life.report.failure_of(self._loop, error, "halt"))
 
     def wake(self) -> None:
         """Request the next tick now, or half a period after the last one."""
