@@ -34,8 +34,7 @@ class ClockExecutor:
         self._rate_hz = loop.max_tick_rate_hz or _UNLIMITED_RATE_IN_LOCK_STEP_HZ
         self._start_s = self._clock.now_s() + loop.first_tick_after_s
         self._order = life.registry.order_of(loop.name)
-        self._is_started = False
-        self._is_halted = False
+        self._must_halt = False
         self._at_once = 0  # consecutive ticks that were requested at once
         self.is_stopped: bool = False
         self.ticks: int = 0
@@ -43,7 +42,7 @@ class ClockExecutor:
 
     def start(self) -> None:
         """Call `setup` and schedule the first tick on the clock."""
-        self._is_started = True  # before setup: a loop whose setup fails must be halted too, as on a thread
+        self._must_halt = True  # before setup: a loop whose setup fails must be halted too, as on a thread
         self._life.call_loop(self._loop, "setup")
         self._clock.call_at(self._start_s, self._tick, self._order)
 
@@ -84,8 +83,8 @@ class ClockExecutor:
     def join(self) -> None:
         """Stop and halt the loop."""
         self.is_stopped = True
-        if self._is_started and not self._is_halted:
-            self._is_halted = True
+        if self._must_halt:
+            self._must_halt = False
             self._loop.halt()
 
 
