@@ -10,9 +10,10 @@ from collections.abc import Callable, Sequence
 from types import ModuleType
 from typing import Any, TypeAlias
 
-from snr_sim.core.component import ComponentFactory, NodeComponent
+from snr_sim.core.component import NodeComponent
 from snr_sim.core.config import Config
 from snr_sim.core.endpoint import Endpoint
+from snr_sim.core.factory import ComponentFactory
 from snr_sim.core.loop import Loop
 from snr_sim.core.node import Node
 from snr_sim.core.profiler import Profiler

@@ -93,11 +93,7 @@ class SimClock:
         callback()
 
     def sleep_until(self, time_s: float) -> None:
-        """Raise: in lock step time advances only between tasks, so a sleep would never end.
-
-        Raises:
-            ClockError: always, unless `time_s` has passed.
-        """
+        """Raise a ClockError unless `time_s` has passed: in lock step time advances only between tasks."""
         if time_s > self._now_s:
             raise ClockError(
                 f"Something slept until {time_s:.3f} s under the virtual clock, where time moves only between tasks.",

@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
-from types import GenericAlias, ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
 
+from snr_sim.core.factory import ComponentFactory, FactoryOfClass
 from snr_sim.core.page_data import data_of_page
 from snr_sim.core.page_types import declared_key, from_page
-from snr_sim.core.settings import default_name, split_settings
 from snr_sim.core.thesis_members import ComponentMembers
-from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey, Page
-from snr_sim.prelude.retired import Retired
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.snapshot import IMMUTABLE
 from snr_sim.prelude.task import SomeTasks, Task, TaskType
@@ -28,125 +23,6 @@ if TYPE_CHECKING:
 Data = TypeVar("Data")
 CORE_NAME = "node_core"  # the node's own endpoint
 _STORE_PAGE = TaskType.store_page  # looked up once: in Python 3.11 a member of an Enum takes 0.1 us to find
-
-
-class ComponentFactory:
-    """Factory of one component of a node. The factory's own state survives a reload of the component.
-
-    Args:
-        reload_targets: modules whose code is read again when the component is reloaded, in this order: list helpers
-            first, then the module of the component. Default: the student's own files that define the classes of
-            component and factory.
-    """
-
-    def __init__(self, reload_targets: ModuleType | Sequence[ModuleType] | None = None) -> None:
-        targets = [reload_targets] if isinstance(reload_targets, ModuleType) else reload_targets
-        self.reload_targets: list[ModuleType] = list(targets or [])
-
-    # Set by `NodeComponent.factory`. One name with an underscore: a student's factory has any others.
-    _short_form: ShortForm | None = None
-
-    reload: Any = Retired(
-        "factory.reload", "tasks.reload_component('name') from a handler, or `reload` on the console."
-    )
-
-    def __class_getitem__(cls, kind: object) -> GenericAlias:  # AbstractFactory[Endpoint], as the thesis annotates
-        return GenericAlias(cls, kind)
-
-    def get(self, parent: NodeApi) -> NodeComponent:
-        """Return a new component that belongs to the node `parent`."""
-        component: NodeComponent = self._create(parent, "component")
-        return component
-
-    def _create(self, parent: NodeApi, what: str) -> Any:
-        """Return a component of `component_class`; a factory without one has a `get` of its own."""
-        short = self._short_form
-        if short is None:
-            raise NotImplementedError(f"{type(self).__name__} needs a method get(self, parent) that returns its {what}")
-        return short.component_class(self, parent, short.name, **short.init_settings)
-
-
-@dataclass(frozen=True)
-class ShortForm:
-    """What a factory that `NodeComponent.factory` has made creates.
-
-    Args:
-        component_class: the class.
-        name: of the component.
-        init_settings: for the class's `__init__`.
-        settings: attributes of the component.
-    """
-
-    component_class: type[NodeComponent]
-    name: str
-    init_settings: Mapping[str, Any]
-    settings: Mapping[str, Any]
-
-
-class FactoryMaker:
-    """Descriptor: `MyEndpoint.factory(...)` makes a factory; `self.factory` is the one that made the component.
-
-    Args:
-        kind: of the factory.
-    """
-
-    def __init__(self, kind: type[ComponentFactory]) -> None:
-        self._kind = kind
-
-    @overload
-    def __get__(self, component: None, owner: type[NodeComponent]) -> FactoryOfClass: ...
-
-    @overload
-    def __get__(self, component: NodeComponent, owner: type[NodeComponent]) -> Any: ...
-
-    def __get__(self, component: NodeComponent | None, owner: type[NodeComponent]) -> Any:
-        if component is not None:  # its own attribute, which hides this one, is not there yet
-            raise AttributeError(f"{owner.__name__} has not called its parent's __init__(factory, parent, name)")
-        return FactoryOfClass(self._kind, owner)
-
-    if TYPE_CHECKING:
-
-        def __set__(self, component: NodeComponent, factory: ComponentFactory) -> None: ...
-
-
-class FactoryOfClass:
-    """Function `factory` of a class of components.
-
-    Args:
-        kind: of the factories that it returns.
-        component_class: the class.
-    """
-
-    def __init__(self, kind: type[ComponentFactory], component_class: type[NodeComponent]) -> None:
-        self._kind = kind
-        self.component_class = component_class
-
-    def __call__(
-        self,
-        name: str | None = None,
-        *,
-        reload_targets: ModuleType | Sequence[ModuleType] | None = None,
-        **settings: Any,
-    ) -> Any:
-        """Return a factory of the class's components.
-
-        Args:
-            name: of the component; the class's name in lower case if not given.
-            reload_targets: as of any factory.
-            settings: attributes that the class declares, or parameters of its `__init__`; a reload keeps them.
-
-        Raises:
-            ConfigError: the name is not text, or the class has no such setting.
-        """
-        kind = self.component_class
-        if name is not None and not isinstance(name, str):
-            raise ConfigError(
-                f"{kind.__name__}.factory() is given {name!r} as the component's name, which is not text.",
-                fix=f'{kind.__name__}.factory(name="{default_name(kind)}"); settings have names, as hover=0.3.',
-            )
-        factory = self._kind(reload_targets)
-        factory._short_form = ShortForm(kind, name or default_name(kind), *split_settings(kind, settings))
-        return factory
 
 
 class NodeComponent(ComponentMembers):
@@ -165,12 +41,12 @@ class NodeComponent(ComponentMembers):
     is_reloaded_with_all: ClassVar[bool] = True
 
     # On the class: makes a factory, `Gentle.factory(name="gentle", hover=0.3)`. On a component: the factory it is from.
-    factory = FactoryMaker(ComponentFactory)
+    factory = FactoryOfClass(ComponentFactory)
 
     def __init__(self, factory: ComponentFactory, parent: NodeApi, name: str) -> None:
         self.factory = factory
-        self.parent = parent
-        self.name = name
+        self.parent: NodeApi = parent
+        self.name: str = name
         short = getattr(factory, "_short_form", None)  # a factory need not be one of ours
         if short is not None:
             for key, value in short.settings.items():
@@ -187,7 +63,7 @@ class NodeComponent(ComponentMembers):
         raise NotImplementedError
 
     def page(self, key: DataKey, data: Any, process: bool = True) -> Page:
-        """Return a page of this node, created now, with a copy of the data: see `Node.page`."""
+        """Return a page of this node, created now, with a copy of the data: see `data_of_page`."""
         kept = data if type(data) in IMMUTABLE else data_of_page(self.parent, key, data)
         return Page(key, kept, self.parent.name, self.get_time_s(), process)
 

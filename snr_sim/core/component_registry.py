@@ -27,9 +27,6 @@ _STEPS = ("begin", "setup", "loop", "halt", "terminate")  # methods that an auth
 class ComponentRegistry:
     """Components of one node by name, and the order in which they handle a task.
 
-    Args:
-        node: their node.
-
     Attributes:
         components: by name; a new dict after each change at run time, because other threads read it.
     """
@@ -41,11 +38,7 @@ class ComponentRegistry:
         self._last_index = 0
 
     def add_all(self, factories: Iterable[Any], is_replay: bool) -> None:
-        """Create and append a component of each factory; in a replay leave out loops.
-
-        Raises:
-            ConfigError: a factory does not return a component, or two have the same name.
-        """
+        """Create and append a component of each factory, as `make` and `add` do; in a replay leave out loops."""
         for self._last_index, factory in enumerate(factories, 1):
             if not (is_replay and isinstance(factory, LoopFactory)):
                 self.add(self.make(factory), self._last_index)
@@ -58,26 +51,8 @@ class ComponentRegistry:
         """
         node, name = self._node, type(factory).__name__
         if not isinstance(factory, (EndpointFactory, LoopFactory)):
-            owner = getattr(factory, "__self__", None)
-            if inspect.ismethod(factory) and owner is not None and not isinstance(owner, type):
-                raise ConfigError(
-                    f"Role '{node.role}' lists {type(owner).__name__}.{factory.__name__} where a factory belongs.",
-                    fix=f'call it: .{factory.__name__}(...), as in tether.server("depth").',
-                )
-            if isinstance(factory, type) and issubclass(factory, (Endpoint, Loop)):
-                raise ConfigError(
-                    f"Role '{node.role}' lists the class {factory.__name__} where a factory belongs.",
-                    fix=f"{factory.__name__}.factory().",
-                )
-            if hasattr(factory, "attach"):  # runners.NodeLink
-                raise ConfigError(
-                    f"Role '{node.role}' lists a {name}, which links roles of one simulation, where a factory belongs.",
-                    fix="SimRunner(config, links=[link]); between processes a SocketsPair or a PipesPair.",
-                )
-            raise ConfigError(
-                f"Role '{node.role}' lists {factory!r} where a factory belongs.",
-                fix="list instances: [MyFactory()], not the class and not the endpoint itself.",
-            )
+            what, fix = _describe_non_factory(factory)
+            raise ConfigError(f"Role '{node.role}' lists {what} where a factory belongs.", fix=fix)
         try:
             component = factory.get(node)
         except SnrError as error:
@@ -87,13 +62,12 @@ class ComponentRegistry:
             what = f"while {name}.get() made a component of role '{node.role}'"
             raise ConfigError(describe_error(error, what, class_location(type(factory)))) from error
         expected: type[Endpoint | Loop] = Endpoint if isinstance(factory, EndpointFactory) else Loop
-        an_expected = f"{'an' if expected is Endpoint else 'a'} {expected.__name__}"
         if not isinstance(component, expected):
             location = location_of(factory.get)
             where = f"{location}\n  " if location is not None else ""
             raise ConfigError(
                 f"{where}{name}.get() of role '{node.role}' returned {without_addresses(repr(component))}, "
-                f"but should return {an_expected}.",
+                f"but should return {'an' if expected is Endpoint else 'a'} {expected.__name__}.",
                 fix=f"end get(self, parent) with: return My{expected.__name__}(self, parent, 'its_name').",
             )
         if not hasattr(component, "name"):
@@ -115,11 +89,7 @@ class ComponentRegistry:
         return component
 
     def add(self, component: Component, index: int) -> None:
-        """Add a component that `make` has returned, at `index` in the order.
-
-        Raises:
-            ConfigError: a component of that name exists.
-        """
+        """Add what `make` has returned, at `index` in the order; raise a ConfigError if its name is taken."""
         other = self.components.get(component.name)
         if other is not None:
             raise ConfigError(
@@ -138,7 +108,8 @@ class ComponentRegistry:
             components = self.components.copy()  # faster than to insert 1000 items into a new dict
             components[new.name] = new
             self.components = components
-            self.set_order(new.name)
+            self._last_index += 1
+            self._indices[new.name] = self._last_index
             lookup.components = self.components
             lookup.add(new)
             return
@@ -151,8 +122,16 @@ class ComponentRegistry:
         """Return a component's index in the order of the node's components; a reload keeps it."""
         return self._indices[component_name]
 
-    def set_order(self, component_name: str, index: int | None = None) -> None:
-        """Set a component's index in the order; without `index`, the last."""
-        if index is None:
-            index = self._last_index = self._last_index + 1
-        self._indices[component_name] = index
+
+def _describe_non_factory(factory: Any) -> tuple[str, str]:
+    """Return what a role lists where a factory belongs, and what to do about it."""
+    owner = getattr(factory, "__self__", None)
+    if inspect.ismethod(factory) and owner is not None and not isinstance(owner, type):
+        call = f'call it: .{factory.__name__}(...), as in tether.server("depth").'
+        return f"{type(owner).__name__}.{factory.__name__}", call
+    if isinstance(factory, type) and issubclass(factory, (Endpoint, Loop)):
+        return f"the class {factory.__name__}", f"{factory.__name__}.factory()."
+    if hasattr(factory, "attach"):  # runners.NodeLink
+        instead = "SimRunner(config, links=[link]); between processes a SocketsPair or a PipesPair."
+        return f"a {type(factory).__name__}, which links roles of one simulation,", instead
+    return repr(factory), "list instances: [MyFactory()], not the class and not the endpoint itself."

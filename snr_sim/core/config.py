@@ -83,9 +83,9 @@ class Config:
             )
         if not (type(stall_limit_s) in (int, float) and stall_limit_s > 0):
             raise ConfigError(f"A Config with stall_limit_s={stall_limit_s!r}.", fix="seconds, such as 60.0.")
-        self.mode = Mode(mode)
-        self.max_tasks_per_moment = max_tasks_per_moment
-        self.stall_limit_s = stall_limit_s
+        self.mode: Mode = Mode(mode)
+        self.max_tasks_per_moment: int = max_tasks_per_moment
+        self.stall_limit_s: float = stall_limit_s
         self.factories = {role: list(components) for role, components in factories.items()}
 
     @property
@@ -94,11 +94,7 @@ class Config:
         return {"max_tasks_per_moment": self.max_tasks_per_moment, "stall_limit_s": self.stall_limit_s}
 
     def get(self, role: RoleName) -> list[AnyFactory]:
-        """Return the factories of a role.
-
-        Raises:
-            UnknownNameError: there is no such role.
-        """
+        """Return the factories of a role; raise an UnknownNameError if there is none of that name."""
         if not isinstance(role, str):
             raise UnknownNameError(f"{role!r} is not the name of a role.", fix=f"one of {', '.join(self.factories)}.")
         if role not in self.factories:

@@ -44,7 +44,7 @@ class CurrentCall(NamedTuple):
     @property
     def location(self) -> SourceLocation | None:
         """The student's line, to be shown."""
-        return None if self.frame is None else current_location(self.frame)
+        return current_location(self.frame)
 
 
 def current_call(newest: FrameType | None, base: FrameType | None, with_task: bool = False) -> CurrentCall:

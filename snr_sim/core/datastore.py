@@ -23,7 +23,7 @@ class Datastore:
         self.pages: dict[DataKey, Page] = {}
         self.previous: dict[DataKey, Page] = {}
         self.missed: dict[DataKey, None] = {}  # requested too early, in order; reported if never stored
-        self.stored = 0
+        self.stored: int = 0
 
     def put(self, page: Page) -> Page | None:
         """Make `page` the newest of its key; return the previous newest, if any.

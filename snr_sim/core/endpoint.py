@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from types import FunctionType, MethodType
 from typing import Any, ClassVar
 
-from snr_sim.core.component import ComponentFactory, FactoryMaker, NodeComponent
+from snr_sim.core.component import NodeComponent
+from snr_sim.core.factory import ComponentFactory, FactoryOfClass
 from snr_sim.core.handlers import HandlerMap, check_handlers, describe
 from snr_sim.core.handles import decorated_handlers
 from snr_sim.prelude.errors import ConfigError
@@ -29,11 +30,6 @@ class Endpoint(NodeComponent):
     Decorate methods with `@handles`, or set `self.task_handlers` in `__init__`: such a handler is called with
     (task, task_id). Each returns None, a task, or a list of tasks. Take random numbers from `self.rng`, time from
     `self.get_time_s()`, and nothing else from outside: that makes a run repeatable.
-
-    Args:
-        factory: its factory.
-        parent: its node.
-        name: unique in the node.
     """
 
     _of_class: ClassVar[Mapping[TaskId, TaskHandler]] = {}
@@ -48,7 +44,7 @@ class Endpoint(NodeComponent):
             cls._of_class = table
             del cls.task_handlers  # or it would hide the property below, and all objects would share one map
 
-    factory = FactoryMaker(EndpointFactory)
+    factory = FactoryOfClass(EndpointFactory)
 
     def __init__(self, factory: EndpointFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)

@@ -34,16 +34,15 @@ class ClockExecutor:
         self._rate_hz = loop.max_tick_rate_hz or _UNLIMITED_RATE_IN_LOCK_STEP_HZ
         self._start_s = self._clock.now_s() + loop.first_tick_after_s
         self._order = life.registry.order_of(loop.name)
-        self._is_started = False
-        self._is_halted = False
+        self._must_halt = False
         self._at_once = 0  # consecutive ticks that were requested at once
-        self.is_stopped = False
-        self.ticks = 0
-        self.late_s = 0.0
+        self.is_stopped: bool = False
+        self.ticks: int = 0
+        self.late_s: float = 0.0
 
     def start(self) -> None:
         """Call `setup` and schedule the first tick on the clock."""
-        self._is_started = True  # before setup: a loop whose setup fails must be halted too, as on a thread
+        self._must_halt = True  # before setup: a loop whose setup fails must be halted too, as on a thread
         self._life.call_loop(self._loop, "setup")
         self._clock.call_at(self._start_s, self._tick, self._order)
 
@@ -84,8 +83,8 @@ class ClockExecutor:
     def join(self) -> None:
         """Stop and halt the loop."""
         self.is_stopped = True
-        if self._is_started and not self._is_halted:
-            self._is_halted = True
+        if self._must_halt:
+            self._must_halt = False
             self._loop.halt()
 
 
@@ -114,8 +113,8 @@ class ThreadExecutor:
         self._give_up_s: float | None = None  # when another thread called `stop`, plus the timeout
         # A daemon thread: a loop that hangs must not keep the process alive.
         self._thread = threading.Thread(target=self._run, name=loop.name, daemon=True)
-        self.ticks = 0
-        self.late_s = 0.0
+        self.ticks: int = 0
+        self.late_s: float = 0.0
 
     @property
     def is_stopped(self) -> bool:
@@ -136,14 +135,16 @@ class ThreadExecutor:
         except BaseException as error:
             failure = life.report.failure_of(loop, error, "loop")
             self._has_setup_failed = loop.setup_result is not None and loop.setup_result.set_result(failure)
-            if self._has_setup_failed or life.handle_failure(loop, failure):
-                pass  # the failure is reported, and the node continues
-            elif loop.is_removed:
-                life.node.add_note(str(failure))
-            else:
-                life.node.inbox.fail(failure)
+            if not (self._has_setup_failed or life.handle_failure(loop, failure)):
+                self._report(failure)
         finally:
             self._halt_once()
+
+    def _report(self, failure: ComponentFailedError) -> None:
+        if self._has_setup_failed or self._loop.is_removed:  # then the node continues
+            self._life.node.add_note(str(failure))
+        else:
+            self._life.node.inbox.fail(failure)
 
     def _tick_on_deadlines(self) -> None:
         loop, clock = self._loop, self._clock
@@ -176,12 +177,7 @@ class ThreadExecutor:
         try:
             self._loop.halt()
         except BaseException as error:
-            node = self._life.node
-            failure = self._life.report.failure_of(self._loop, error, "halt")
-            if self._has_setup_failed or self._loop.is_removed:
-                node.add_note(str(failure))
-            else:
-                node.inbox.fail(failure)
+            self._report(self._life.report.failure_of(self._loop, error, "halt"))
 
     def wake(self) -> None:
         """Request the next tick now, or half a period after the last one."""
@@ -203,8 +199,7 @@ class ThreadExecutor:
             # Counted from `stop`, not from now: several loops that hang then cost one timeout together.
             self._thread.join(max(self._give_up_s - self._clock.now_s(), 0.0))
         if self._thread.is_alive():
-            frame = sys._current_frames().get(self._thread.ident)
-            location = None if frame is None else current_location(frame)
+            location = current_location(sys._current_frames().get(self._thread.ident))
             self._halt_once()
             self._loop.parent.add_note(
                 f"Loop '{self._loop.name}' did not end within {JOIN_TIMEOUT_S} s: something in its loop() blocks"

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Mapping
-from types import CodeType, FunctionType
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from types import AsyncGeneratorType, CodeType, CoroutineType, FunctionType, GeneratorType
 from typing import Any, TypeAlias
 from weakref import WeakSet
 
@@ -12,7 +12,7 @@ from snr_sim.core.profiler import Profiler
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ConfigError, TaskError, suggest
-from snr_sim.prelude.task import Task, TaskHandler, TaskId, TaskName, TaskType
+from snr_sim.prelude.task import SomeTasks, Task, TaskHandler, TaskId, TaskName, TaskType
 
 # One handler to call: its component, the function, the id it was registered for, and the names of both for the trace.
 Entry: TypeAlias = tuple[Component, TaskHandler, TaskId, tuple[str, str]]
@@ -29,7 +29,7 @@ class HandlerMap(dict[TaskId, TaskHandler]):
 
     def __init__(self, handlers: Mapping[TaskId, TaskHandler], on_change: Callable[[], None]) -> None:
         super().__init__(handlers)
-        self.on_change = on_change
+        self.on_change: Callable[[], None] = on_change
 
 
 def _notifying(name: str) -> Callable[..., Any]:
@@ -57,7 +57,7 @@ class HandlerLookup:
     """
 
     def __init__(self, components: Mapping[str, Component], profiler: Profiler | None = None) -> None:
-        self.components = components
+        self.components: Mapping[str, Component] = components
         self._profiler = profiler
         # Wraps a handler while new code is on probation (core/reload/rollback.py).
         self.wrap_handler: Callable[[Component, TaskHandler], TaskHandler] | None = None
@@ -151,11 +151,7 @@ def check_handlers(owner: str, handlers: Any) -> None:
 
 
 def check_id(owner: str, task_id: Any) -> None:
-    """Check that tasks can have this id.
-
-    Raises:
-        ConfigError: they cannot.
-    """
+    """Raise a ConfigError unless tasks can have this id."""
     if isinstance(task_id, TaskType):
         return
     if isinstance(task_id, tuple) and len(task_id) == 2:
@@ -217,6 +213,35 @@ def check_returns(what: str, function: Any) -> None:
             f"{what} is an async function, but handlers are not awaited.",
             fix="write def without async; a Loop does the work that has to wait.",
         )
+
+
+def as_tasks(returned: SomeTasks | Any, component: Component, handler: Any) -> Sequence[Task]:
+    """Return what a handler returned as a sequence of tasks; raise a TaskError if it is something else."""
+    if type(returned) is Task:
+        return (returned,)
+    if returned is None:
+        return ()
+    if isinstance(returned, (list, tuple)):
+        for item in returned:
+            if type(item) is not Task:
+                raise _not_a_task(item, component, handler, f"a {type(returned).__name__} with ")
+        return tuple(returned)
+    raise _not_a_task(returned, component, handler, "")
+
+
+def _not_a_task(value: Any, component: Component, handler: Any, within: str) -> TaskError:
+    returned = f"'{component.name}.{handler_name(handler)}' returned"
+    fix = "return None, a Task or a list of Tasks."
+    if isinstance(value, CoroutineType):
+        value.close()  # else Python warns that it was never awaited
+    if isinstance(value, (GeneratorType, CoroutineType, AsyncGeneratorType)):  # disguised, as in a lambda
+        kind = "a generator: it has a yield" if isinstance(value, GeneratorType) else "of an async function"
+        return TaskError(f"{returned} what is {kind}, and not a task.", fix=fix)
+    if isinstance(value, TaskType):
+        fix = f"that is a kind of task; tasks.event('name') or Task(TaskType.{value.value}, 'name') makes one."
+    elif isinstance(value, str):
+        fix = f"did you mean tasks.event({value!r})?"
+    return TaskError(f"{returned} {within}{value!r}, which is not a task.", fix=fix)
 
 
 def handler_name(handler: Any) -> str:

@@ -27,7 +27,7 @@ from typing import Any, TypeVar
 
 from snr_sim.core.handlers import check_returns, describe
 from snr_sim.core.page_types import declared_key, from_page
-from snr_sim.core.source_location import location_of
+from snr_sim.core.source_location import after_line, location_of
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.page import DataKey
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
@@ -91,19 +91,15 @@ def _check_method(method: Any, handled: _Handled) -> None:
     if not isinstance(method, FunctionType):
         raise ConfigError(f"@handles is above {method!r}, which is not a method.", fix="decorate a def in a class.")
     argument = "task" if handled.takes_task else "data"
-    name, where = method.__name__, location_of(method)
-    what = f"{name}, the handler of {describe(handled.task_id)},"
+    name = method.__name__
     check_returns(f"Handler '{name}' for {describe(handled.task_id)}", method)
     signature = inspect.signature(method)
     try:
         signature.bind(None, None)
     except TypeError:
-        raise ConfigError(
-            f"{where}\n  {what} takes {signature}, but is called with (self, {argument})."
-            if where is not None
-            else f"{what} takes {signature}, but is called with (self, {argument}).",
-            fix=f"def {name}(self, {argument}).",
-        ) from None
+        what = f"{name}, the handler of {describe(handled.task_id)}, takes {signature}"
+        message = after_line(location_of(method), f"{what}, but is called with (self, {argument}).")
+        raise ConfigError(message, fix=f"def {name}(self, {argument}).") from None
 
 
 def is_decorated(kind: type) -> bool:

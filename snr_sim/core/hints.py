@@ -15,14 +15,13 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from enum import EnumMeta
-from types import FrameType, ModuleType, TracebackType
+from types import ModuleType, TracebackType
 from typing import Any
 
 from snr_sim.prelude.errors import suggest
 
 _UNKNOWN = object()
 _PACKAGES = ("snr_sim", "numpy", "scipy", "matplotlib", "pymunk", "mujoco", "gymnasium")
-_NONE = "a page that was never stored is None"
 
 
 def hint(error: BaseException, trace: TracebackType | None) -> str:
@@ -34,9 +33,9 @@ def hint(error: BaseException, trace: TracebackType | None) -> str:
     """
     if _source(trace).lstrip().startswith("raise"):
         return ""  # that line raises the error itself, with its author's message
-    words = next((words for kind, words in _WORDS.items() if isinstance(error, kind)), None)
+    words = next((words for kind, words in _WORDS.items() if isinstance(error, kind)), "")
     try:
-        return words(error, trace) if words is not None else ""
+        return words if isinstance(words, str) else words(error, trace)
     except Exception:  # a student's own __dir__ or __eq__ may raise: report the error without a hint
         return ""
 
@@ -78,14 +77,12 @@ def _of_import(error: Any, trace: object) -> str:
 
 
 def _of_name(error: Any, trace: TracebackType | None) -> str:
-    frame = _frame(trace)
     found = re.search(r"'(\w+)'", str(error))
-    if frame is None or found is None:
+    if trace is None or found is None:
         return ""
     if isinstance(error, UnboundLocalError):
         return f'give {found[1]} a value on each way that leads to this line; a text has quotes: "{found[1]}".'
-    known = {**vars(builtins), **frame.f_globals, **frame.f_locals}
-    return about_name(found[1], known, frame.f_locals.get("self"))
+    return about_name(found[1], _names(trace), trace.tb_frame.f_locals.get("self"))
 
 
 def about_name(name: str, known: Iterable[str], owner: object = None) -> str:
@@ -120,17 +117,14 @@ def _of_attribute(error: Any, trace: TracebackType | None) -> str:
 
 
 def _of_key(error: Any, trace: TracebackType | None) -> str:
-    node = _node(trace)
-    owner = _value(node.value, trace) if isinstance(node, ast.Subscript) else _UNKNOWN
-    key = error.args[0] if error.args else ""
+    owner = _indexed(trace)
     if isinstance(owner, Mapping):
-        return suggest(str(key), map(str, owner), "its keys are")
+        return suggest(str(error.args[0] if error.args else ""), map(str, owner), "its keys are")
     return "look up what keys it has: print(list(...)); or ask with .get(key), which gives None."
 
 
 def _of_index(error: Any, trace: TracebackType | None) -> str:
-    node = _node(trace)
-    owner = _value(node.value, trace) if isinstance(node, ast.Subscript) else _UNKNOWN
+    owner = _indexed(trace)
     if isinstance(owner, (list, tuple, str)):
         has = f"it has {len(owner)}, so 0 to {len(owner) - 1}" if owner else "it is empty"
         return f"{has}: test len(...) before."
@@ -166,31 +160,11 @@ def _about_none(node: ast.expr | None) -> str:
     inner = node.value if isinstance(node, (ast.Subscript, ast.Attribute)) else None
     what = ast.unparse(inner) if isinstance(inner, (ast.Name, ast.Attribute)) else "page"
     taken = f"page = {ast.unparse(inner)}; " if isinstance(inner, ast.Call) else ""
-    return f"test it first, for {_NONE}: {taken}if {what} is None: return None."
-
-
-def _of_zero(error: object, trace: object) -> str:
-    return "a divisor other than 0: test it before you divide, and decide what holds then."
-
-
-def _of_file(error: Any, trace: object) -> str:
-    return "look at its path: it counts from the folder in which you started the program."
-
-
-def _of_method(error: object, trace: object) -> str:
-    return "write that method in the class; its name has to be spelt like this."
-
-
-def _of_value(error: object, trace: object) -> str:
-    return "look at the value that is named: it has the right kind, and cannot be used for this."
-
-
-def _of_recursion(error: object, trace: object) -> str:
-    return "a function calls itself without an end: return before that in some case."
+    return f"test it first, for a page that was never stored is None: {taken}if {what} is None: return None."
 
 
 # The first matching class is used.
-_WORDS: dict[type[BaseException], Callable[[Any, TracebackType | None], str]] = {
+_WORDS: dict[type[BaseException], str | Callable[[Any, TracebackType | None], str]] = {
     SyntaxError: _of_syntax,
     ImportError: _of_import,
     NameError: _of_name,
@@ -198,11 +172,11 @@ _WORDS: dict[type[BaseException], Callable[[Any, TracebackType | None], str]] = 
     KeyError: _of_key,
     IndexError: _of_index,
     TypeError: _of_type,
-    ZeroDivisionError: _of_zero,
-    FileNotFoundError: _of_file,
-    RecursionError: _of_recursion,
-    NotImplementedError: _of_method,
-    ValueError: _of_value,
+    ZeroDivisionError: "a divisor other than 0: test it before you divide, and decide what holds then.",
+    FileNotFoundError: "look at its path: it counts from the folder in which you started the program.",
+    RecursionError: "a function calls itself without an end: return before that in some case.",
+    NotImplementedError: "write that method in the class; its name has to be spelt like this.",
+    ValueError: "look at the value that is named: it has the right kind, and cannot be used for this.",
 }
 
 
@@ -224,8 +198,14 @@ def _public(owner: object) -> list[str]:
     return [name for name in {*names, *getattr(owner, "__all__", ())} if not name.startswith("_")]
 
 
-def _frame(trace: TracebackType | None) -> FrameType | None:
-    return None if trace is None else trace.tb_frame
+def _names(trace: TracebackType) -> dict[str, Any]:
+    return {**vars(builtins), **trace.tb_frame.f_globals, **trace.tb_frame.f_locals}
+
+
+def _indexed(trace: TracebackType | None) -> Any:
+    """Return the value whose index or key failed."""
+    node = _node(trace)
+    return _value(node.value, trace) if isinstance(node, ast.Subscript) else _UNKNOWN
 
 
 def _source(trace: TracebackType | None) -> str:
@@ -239,8 +219,7 @@ def _node(trace: TracebackType | None) -> ast.expr | None:
     """Return the expression that failed, if it is on one line."""
     if trace is None:
         return None
-    positions = list(trace.tb_frame.f_code.co_positions())
-    line, last_line, first, last = positions[trace.tb_lasti // 2]
+    line, last_line, first, last = list(trace.tb_frame.f_code.co_positions())[trace.tb_lasti // 2]
     if line is None or line != last_line or first is None:
         return None
     text = linecache.getline(trace.tb_frame.f_code.co_filename, line).encode()[first:last].decode(errors="replace")
@@ -252,17 +231,13 @@ def _node(trace: TracebackType | None) -> ast.expr | None:
 
 def _value(node: ast.expr, trace: TracebackType | None) -> Any:
     """Return the value of a name, or of its attribute, at the line that failed, without executing anything."""
-    frame = _frame(trace)
-    if frame is None:
-        return _UNKNOWN
-    if isinstance(node, ast.Name):
-        return {**vars(builtins), **frame.f_globals, **frame.f_locals}.get(node.id, _UNKNOWN)
-    if isinstance(node, ast.Attribute):
-        owner = _value(node.value, trace)
-        return getattr(owner, "__dict__", {}).get(node.attr, _UNKNOWN)
     match node:
-        case ast.Call(func=ast.Attribute(value=owner_node, attr="get_data"), args=[ast.Constant(value=str(key))]):
-            node_of_it = getattr(_value(owner_node, trace), "parent", None)
+        case ast.Name(id=name) if trace is not None:
+            return _names(trace).get(name, _UNKNOWN)
+        case ast.Attribute(value=owner, attr=name):
+            return getattr(_value(owner, trace), "__dict__", {}).get(name, _UNKNOWN)
+        case ast.Call(func=ast.Attribute(value=owner, attr="get_data"), args=[ast.Constant(value=str(key))]):
+            node_of_it = getattr(_value(owner, trace), "parent", None)
             page = getattr(getattr(node_of_it, "datastore", None), "pages", {}).get(key)
             return None if page is None else page.data
     return _UNKNOWN

@@ -2,19 +2,69 @@
 
 from __future__ import annotations
 
+import selectors
+import socket
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from queue import Empty, SimpleQueue
-from typing import Any
+from typing import Any, TypeAlias
 
-from snr_sim.core.selector_waiter import Call, SelectorWaiter
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.task import Task, TaskType
 
 # A signal that arrives just before the blocking call does not interrupt it (2 of 300 interrupted nodes hung), so every
 # wait ends after this time at the latest and the caller checks for signals.
 POLL_PERIOD_S = 0.2
+Call: TypeAlias = tuple[Callable[[list[Any]], None], list[Any]]  # what to call, and with what
+
+
+class SelectorWaiter:
+    """Wait for descriptors and a wake-up, once a descriptor is watched. One thread waits; any may call the rest."""
+
+    def __init__(self) -> None:
+        self._selector = selectors.DefaultSelector()
+        self._near, self._far = socket.socketpair()
+        self._near.setblocking(False)
+        self._far.setblocking(False)
+        self._selector.register(self._far, selectors.EVENT_READ, (self._woken, None))
+
+    def watch(self, descriptor: int, serve: Callable[[list[Any]], None], what: Any) -> None:
+        """Register a descriptor: `wait` returns `serve` and `what` when it is readable."""
+        self._selector.register(descriptor, selectors.EVENT_READ, (serve, what))
+
+    def unwatch(self, descriptor: int) -> None:
+        """Unregister a descriptor; call it before the descriptor is closed."""
+        with suppress(KeyError):
+            self._selector.unregister(descriptor)
+
+    def wake(self) -> None:
+        """End a wait; also from a signal handler."""
+        with suppress(OSError):  # a full buffer wakes the waiter as well; a closed one has none
+            self._near.send(b"\0")
+
+    def wait(self, timeout_s: float) -> Sequence[Call]:
+        """Wait for a readable descriptor, a wake-up or the timeout; return the functions to call, with their lists."""
+        events = self._selector.select(timeout_s)
+        if len(events) == 1:  # the usual case
+            serve, what = events[0][0].data
+            return [(serve, [what])]
+        calls: dict[Callable[[list[Any]], None], list[Any]] = {}
+        for key, _ in events:
+            serve, what = key.data
+            calls.setdefault(serve, []).append(what)
+        return list(calls.items())
+
+    def close(self) -> None:
+        """Close the descriptors."""
+        self._selector.close()
+        self._near.close()
+        self._far.close()
+
+    def _woken(self, what: list[Any]) -> None:
+        with suppress(OSError):
+            self._far.recv(4096)
 
 
 class Inbox:
@@ -28,15 +78,10 @@ class Inbox:
         self.waiting: deque[tuple[Task, str]] = deque()
         self.failure: SnrError | None = None
         self._wake: SimpleQueue[None] = SimpleQueue()
-        self._asleep = False
+        self.is_waiting: bool = False  # whether the node's thread is in `wait` now
         self._selector_waiter: SelectorWaiter | None = None
         self._opening = threading.Lock()  # to create the waiter; only links' threads take it
-        self.wait_count = 0  # how many times the node has called `wait`
-
-    @property
-    def is_waiting(self) -> bool:
-        """Whether the node's thread is in `wait` now."""
-        return self._asleep
+        self.wait_count: int = 0  # how many times the node has called `wait`
 
     def watch(self, descriptor: int, serve: Callable[[list[Any]], None], what: Any) -> None:
         """Call `serve` on the node's thread when a descriptor is readable, while the node waits in `wait`.
@@ -64,8 +109,8 @@ class Inbox:
     def put(self, task: Task, source: str) -> None:
         """Add a task, and wake the node if it waits; `source` names the loop, link or client that sent it."""
         self.waiting.append((task, source))
-        if self._asleep:
-            self._asleep = False  # one wake-up is enough for all tasks put before the node takes them
+        if self.is_waiting:
+            self.is_waiting = False  # one wake-up is enough for all tasks put before the node takes them
             if self._selector_waiter is None:
                 self._wake.put(None)
             else:
@@ -83,7 +128,7 @@ class Inbox:
         self.wait_count += 1
         selector_waiter = self._selector_waiter
         seen: Sequence[Call] = ()
-        self._asleep = True  # before the last check, so that a `put` after the check wakes this thread
+        self.is_waiting = True  # before the last check, so that a `put` after the check wakes this thread
         try:
             if not self.waiting:
                 if selector_waiter is None:
@@ -93,6 +138,6 @@ class Inbox:
         except Empty:
             pass
         finally:
-            self._asleep = False
+            self.is_waiting = False
         for serve, what in seen:
             serve(what)

@@ -5,26 +5,33 @@ student code is still running after `GRACE_PERIOD_S` (a `while True`, a `sleep(6
 interrupts it at once. A `halt` that has just begun, and snr_sim's own steps at the end of a run, are not interrupted:
 repeated Ctrl-C must not prevent the motors from being stopped. If the code swallows the interrupts too, the process
 is ended: see `core/last_resort.py`.
+
+Python runs signal handlers between bytecodes only. A signal that arrives after that check but before the sleep system
+call does not interrupt the call: `sleep(60)` would last its whole minute. So a thread reads every signal from
+`signal.set_wakeup_fd`, and sends it again if its handler has not run. Sending a pending signal twice has no further
+effect. After that the thread monitors the run.
 """
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any
 
 from snr_sim.core.last_resort import LastResort
 from snr_sim.core.node_parts import NodeParts
-from snr_sim.core.wake_up import wake_on_signals
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
 
 GRACE_PERIOD_S = 0.3
 FINAL_ESCALATION = 3  # timer rings after the signal without a running component: something other than a component hangs
-
+WAKE_S = 0.1  # a handler runs at once, except during a long call into C code
+_NO_SIGNAL = b"\0"  # ends the thread: closing the pipe would not, while a forked child holds it
+_watched: list[int] = []  # file descriptors; a forked child must not write its signals to ours
 
 _entered: list[int] = []  # thread of each active `graceful_shutdown`: the main one only; they can be nested
 
@@ -101,3 +108,49 @@ def interrupt_main_thread() -> None:
     """
     if _entered and hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, 1e-6, GRACE_PERIOD_S)
+
+
+@contextmanager
+def wake_on_signals(numbers: Sequence[int], handled: Sequence[object], check: Callable[[int], None]) -> Iterator[None]:
+    """Wake the main thread at the first of these signals, while active. Call it from the main thread only.
+
+    A Python handler makes `handled` no longer empty. After a signal, a thread calls `check` with its number in a loop.
+    """
+    if not hasattr(signal, "pthread_kill"):  # Windows, where Ctrl-C ends a sleep by another mechanism
+        yield
+        return
+    read_end, write_end = os.pipe()
+    os.set_blocking(write_end, False)
+    main, is_finished = threading.get_ident(), threading.Event()
+
+    def watch() -> None:
+        while (number := os.read(read_end, 1)) != _NO_SIGNAL:
+            while number[0] in numbers and not is_finished.wait(WAKE_S):
+                if not handled:
+                    signal.pthread_kill(main, number[0])
+                check(number[0])
+
+    watcher = threading.Thread(target=watch, name="wake_up", daemon=True)
+    before = signal.set_wakeup_fd(write_end, warn_on_full_buffer=False)
+    _watched.append(write_end)
+    watcher.start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+        _watched.remove(write_end)
+        is_finished.set()
+        os.write(write_end, _NO_SIGNAL)
+        watcher.join()
+        os.close(write_end)
+        os.close(read_end)
+
+
+def _reset_after_fork() -> None:
+    if _watched:
+        with suppress(ValueError):
+            signal.set_wakeup_fd(-1)
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_reset_after_fork)

@@ -1,6 +1,6 @@
 """End the process of a run that does not shut down because its code swallows every interrupt.
 
-Called from the thread of `core/wake_up.py` or of `core/watchdog.py`, since the node's own thread is the stuck one.
+Called from the thread of `core/interrupts.py` or of `core/watchdog.py`, since the node's own thread is the stuck one.
 Loops are halted first, so that actuators are neutral.
 
 C code that holds the interpreter lock stops all threads, this one too: then only the runner of a role in a process, or
@@ -19,7 +19,7 @@ from typing import Any
 
 from snr_sim.core.loop import Loop
 from snr_sim.core.node_parts import NodeParts
-from snr_sim.core.source_location import INTERRUPT_FIX, current_location
+from snr_sim.core.source_location import INTERRUPT_FIX, after_line, current_location
 
 # A run without any change for this time after a signal is stuck. Longer than each component's time at the end.
 STUCK_S = 2.0
@@ -28,12 +28,7 @@ HALT_S = 1.0  # for all halts together; a loop on a thread that hangs takes 0.5 
 
 
 class LastResort:
-    """Monitor of a run that is to end.
-
-    Args:
-        nodes: of the run.
-        main: identifier of the thread that runs them.
-    """
+    """Monitor of a run that is to end; `main` identifies the thread that runs its nodes."""
 
     def __init__(self, nodes: Sequence[NodeParts], main: int) -> None:
         self._nodes = nodes
@@ -42,12 +37,7 @@ class LastResort:
         self._since_s = 0.0
 
     def check(self, reason: str, status: int) -> None:
-        """End the process if nothing has changed for too long.
-
-        Args:
-            reason: why the run is to end.
-            status: exit status of the process.
-        """
+        """End the process with this exit status if nothing has changed for too long since the run was to end."""
         running = [node.machine.running for node in self._nodes]
         state = [*map(id, running), *((node.is_finished, node.machine.executed) for node in self._nodes)]
         now_s = time.monotonic()
@@ -61,8 +51,7 @@ class LastResort:
         stuck = next((node for node in self._nodes if node.machine.running is not None), None)
         name = "" if stuck is None or stuck.machine.running is None else stuck.machine.running.name
         what = f"component '{name}'" if name else "the run"
-        frame = sys._current_frames().get(self._main)
-        location = None if frame is None else current_location(frame)
+        location = current_location(sys._current_frames().get(self._main))
         because = f"{what} did not return, although it was interrupted"
         loops = [
             loop
@@ -75,13 +64,11 @@ class LastResort:
         run_in_parallel([*(loop.join for loop in loops), *([sys.stdout.flush] if sys.stdout else [])], HALT_S)
         run_in_parallel([loop.terminate for loop in loops], HALT_S)
         if stuck is not None:
-            stuck.record_interrupt(name, because if location is None else f"{location}\n  {because}")
+            stuck.report.record_interrupt(name, after_line(location, because))
             time.sleep(2 * 0.05)  # two periods of the trace's flusher
-        where = "" if location is None else f"{location}\n  "
         halted = f" Halted: {', '.join(loop.name for loop in loops)}." if loops else ""
-        write_stderr(
-            f"{where}{reason}: {because}. After {STUCK_S:g} s the process was ended.{halted}\n  Try: {INTERRUPT_FIX}"
-        )
+        what = f"{reason}: {because}. After {STUCK_S:g} s the process was ended.{halted}\n  Try: {INTERRUPT_FIX}"
+        write_stderr(after_line(location, what))
         os._exit(status)
 
 

@@ -12,17 +12,12 @@ _POOLS = "concurrent.futures.thread"  # Python ends a pool's idle threads itself
 
 
 def notes_on_threads(before: Collection[threading.Thread] = ()) -> list[str]:
-    """Return a note on each thread that keeps the program alive, with the line that it is at.
-
-    Args:
-        before: threads to leave out: those that ran before the run.
-    """
+    """Return a note on each thread, except those from `before` the run, that keeps the program alive; with its line."""
     frames, notes = sys._current_frames(), []
     for thread in threading.enumerate():
         if thread.daemon or thread is threading.main_thread() or thread in before or thread.ident is None:
             continue
-        frame = frames.get(thread.ident)
-        location = None if frame is None else current_location(frame)
+        location = current_location(frames.get(thread.ident))
         if location is None and getattr(getattr(thread, "_target", None), "__module__", "") == _POOLS:
             continue
         where = "" if location is None else f" ({location})"

@@ -16,11 +16,7 @@ TIME_LIMIT = "time limit"
 
 
 def run_node(node: NodeParts) -> None:
-    """Run one node until it ends, on the clock it has.
-
-    Raises:
-        ComponentFailedError: a handler or a loop raised; everything has been halted.
-    """
+    """Run one node until it ends, on the clock it has; raise what `LockStep.run` raises."""
     if isinstance(node.clock, SimClock):
         LockStep([node], node.clock).run()
         return
@@ -156,11 +152,11 @@ def _end_all(nodes: Sequence[NodeParts], cause: str | BaseException) -> None:
     for node in nodes:
         try:
             if isinstance(cause, ComponentFailedError):
-                node.record_failure(cause)
+                node.report.record_failure(cause)
             node.end(reason, error)
         except Exception as another:
             if failure is not None or not isinstance(cause, str):  # another one is raised
-                node.notes.append(str(another))
+                node.report.notes.append(str(another))
             failure = failure or another
     if failure is not None and isinstance(cause, str):
         raise failure

@@ -6,13 +6,15 @@ clock in lock step; on the wall clock a thread of the loop's own, or a process.
 
 from __future__ import annotations
 
+from collections import deque
 from numbers import Real
+from queue import Empty, SimpleQueue
 from typing import Any, Literal, Protocol
 
-from snr_sim.core.component import ComponentFactory, FactoryMaker, NodeComponent
-from snr_sim.core.reload.setup_result import SetupResult
+from snr_sim.core.component import NodeComponent
+from snr_sim.core.factory import ComponentFactory, FactoryOfClass
 from snr_sim.core.thesis_members import LoopMembers
-from snr_sim.prelude.errors import ParameterError, suggest
+from snr_sim.prelude.errors import ComponentFailedError, ParameterError, suggest
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.renamed import warn_renamed
 from snr_sim.prelude.task import SomeTasks, TaskHandlerMap
@@ -31,23 +33,51 @@ class LoopExecutor(Protocol):
     @property
     def is_stopped(self) -> bool:
         """Whether no more ticks will follow."""
-        ...
 
     def start(self) -> None:
         """Begin calling."""
-        ...
 
     def wake(self) -> None:
         """Request the next call now; no effect in lock step and in a process."""
-        ...
 
     def stop(self) -> None:
         """Request no more calls; return at once."""
-        ...
 
     def join(self) -> None:
         """Stop, and return once `halt` has been called."""
-        ...
+
+
+class SetupResult:
+    """Result of a `setup` on another thread, for one caller that waits; each side learns whether the other is there.
+
+    On a thread, `setup` fails after `begin` has returned. At the start of a node, such a failure ends the node. In a
+    reload the old loop has to continue instead; so the reload waits a short time for the result.
+    """
+
+    def __init__(self) -> None:
+        self._result: SimpleQueue[ComponentFailedError | None] = SimpleQueue()
+        self._token = deque([None])  # the first side takes it: `pop` is atomic, and no lock can stay held
+
+    def set_result(self, failure: ComponentFailedError | None) -> bool:
+        """Set the result; return whether a caller was waiting for it."""
+        if not self._is_first():
+            return False
+        self._result.put(failure)
+        return True
+
+    def wait(self, timeout_s: float) -> ComponentFailedError | None:
+        """Wait for the result; return the failure, or None after success or the timeout, which ends the wait."""
+        try:
+            return self._result.get(timeout=timeout_s)
+        except Empty:
+            return None if self._is_first() else self._result.get()
+
+    def _is_first(self) -> bool:
+        try:
+            self._token.pop()
+        except IndexError:
+            return False
+        return True
 
 
 def _is_rate(value: object) -> bool:
@@ -67,9 +97,7 @@ class Loop(LoopMembers, NodeComponent):
     """A component that is called periodically.
 
     Args:
-        factory: its factory.
-        parent: its node.
-        name: unique in the node.
+        factory, parent, name: as of every component.
         max_tick_rate_hz: how often `loop` is called; deadlines are kept, so work does not slow the rate down.
             0 is as often as possible on a thread, and 1000 Hz in lock step, where time must advance. Default: the
             class attribute.
@@ -87,7 +115,7 @@ class Loop(LoopMembers, NodeComponent):
     # past means at once.
     next_tick_at_s: float | None = None
 
-    factory = FactoryMaker(LoopFactory)
+    factory = FactoryOfClass(LoopFactory)
 
     def __init_subclass__(cls, **options: Any) -> None:
         """Accept `backing`, the former name of `executor`."""
@@ -108,7 +136,7 @@ class Loop(LoopMembers, NodeComponent):
         self.task_handlers: TaskHandlerMap = {}  # a loop only sends tasks; endpoints handle them
         self._executor: LoopExecutor | None = None
         self.setup_result: SetupResult | None = None  # of `setup` on a thread, if a caller waits
-        self.is_removed = False  # removed: its node continues, whatever its `halt` raises
+        self.is_removed: bool = False  # removed: its node continues, whatever its `halt` raises
 
     def setup(self) -> None:
         """Prepare; called once before the first `loop`, on the same thread."""

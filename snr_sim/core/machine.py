@@ -14,21 +14,21 @@ import sys
 from collections import deque
 from collections.abc import Callable, Sequence
 from itertools import islice
-from types import AsyncGeneratorType, CoroutineType, GeneratorType
 from typing import Any
 
-from snr_sim.core.handlers import HandlerLookup, handler_name
+from snr_sim.core.handlers import HandlerLookup, as_tasks
 from snr_sim.core.inbox import Inbox
 from snr_sim.prelude.component import Component
-from snr_sim.prelude.errors import ComponentFailedError, TaskError
+from snr_sim.prelude.errors import ComponentFailedError
 from snr_sim.prelude.recorder import Handled, NodeRecorder, TaskRef
-from snr_sim.prelude.task import SomeTasks, Task, TaskType
+from snr_sim.prelude.task import Task, TaskType
 
 # At its end a run executes the queued tasks, and the tasks they return, this many generations deep: the last page is
 # stored and processed, and the resulting page is stored. A task that reschedules itself endlessly is cut off here.
 DRAIN_GENERATIONS = 10
 # On the wall clock it also takes no longer than this: shutdown of a robot must not wait for a long queue.
 MAX_DRAIN_S = 0.3
+_TERMINATE = TaskType.terminate
 
 
 class HandlerError(Exception):
@@ -36,16 +36,15 @@ class HandlerError(Exception):
 
     def __init__(self, component: Component | None, task: Task) -> None:
         super().__init__()
-        self.component = component
-        self.task = task
+        self.component: Component | None = component
+        self.task: Task = task
 
 
 class EventMachine:
     """Queue and execution of one node's tasks.
 
     Args:
-        lookup: finds the handlers of a task.
-        inbox: receives tasks from outside the node.
+        lookup, inbox: of the node.
         latch: returns the time for the next task; None if `now_s` is set from outside, as in lock step.
         recorder: gets every input and every executed task, if there is one.
     """
@@ -57,15 +56,15 @@ class EventMachine:
         latch: Callable[[], float] | None,
         recorder: NodeRecorder | None = None,
     ) -> None:
-        self.lookup = lookup
-        self.inbox = inbox
-        self.now_s = 0.0
-        self.executed = 0
-        self.max_executed = sys.maxsize  # limit of `run_ready`: see core/runaway.py
-        self.longest_queue = 0  # right after inputs were queued: there it grows if inputs arrive too fast
+        self.lookup: HandlerLookup = lookup
+        self.inbox: Inbox = inbox
+        self.now_s: float = 0.0
+        self.executed: int = 0
+        self.max_executed: int = sys.maxsize  # limit of `run_ready`: see core/runaway.py
+        self.longest_queue: int = 0  # right after inputs were queued: there it grows if inputs arrive too fast
         self.running: Component | None = None  # the component whose code runs now
         self.task: Task | None = None  # the task whose handlers run now
-        self.is_ended = False
+        self.is_ended: bool = False
         self._latch = latch
         self._recorder = recorder
         self._scheduled: list[Task] = []  # by the running component of a recorded node, so far
@@ -87,13 +86,6 @@ class EventMachine:
         """The ticket that `execute_next` will take (the task, without a recorder); None if the queue is empty."""
         waiting = self._urgent or self.queue
         return waiting[0] if waiting else None
-
-    @property
-    def next_task(self) -> Task | None:
-        """The task that `execute_next` will take."""
-        first = self.next_task_ref
-        task: Task | None = first if first is None or self._recorder is None else first[0]
-        return task
 
     def waiting_tasks(self, at_most: int) -> list[Task]:
         """Return the oldest queued tasks. Safe from another thread, since the queue is copied atomically."""
@@ -165,11 +157,7 @@ class EventMachine:
                 return
 
     def execute_next(self) -> None:
-        """Execute one task; the queue must not be empty. It is recorded even if a handler raises.
-
-        Raises:
-            HandlerError: as above.
-        """
+        """Execute one task of a queue that is not empty; it is recorded even if a handler raises a HandlerError."""
         task_ref = (self._urgent or self.queue).popleft()
         recorder, scheduled = self._recorder, self._scheduled
         task = self.task = task_ref if recorder is None else task_ref[0]
@@ -219,11 +207,7 @@ class EventMachine:
         return self.queue_length
 
     def accept_inputs(self) -> None:
-        """Queue the tasks in the inbox. This fixes their order, which a replay repeats.
-
-        Raises:
-            ComponentFailedError: a loop failed on its own thread.
-        """
+        """Queue the tasks in the inbox, in the order that a replay repeats; raise what a loop's thread reported."""
         if self.inbox.failure is not None:
             raise self.inbox.failure
         waiting, enqueue = self.inbox.waiting, self._enqueue
@@ -284,48 +268,3 @@ class EventMachine:
     def _queue_task_refs(self, task_refs: Sequence[TaskRef]) -> None:
         for task_ref in task_refs:
             (self._urgent if task_ref[0].type is _TERMINATE else self.queue).append(task_ref)
-
-
-_TERMINATE = TaskType.terminate
-
-
-def as_tasks(returned: SomeTasks | Any, component: Component, handler: Any) -> Sequence[Task]:
-    """Return what a handler returned as a sequence of tasks.
-
-    Raises:
-        TaskError: it is something else.
-    """
-    if type(returned) is Task:
-        return (returned,)
-    if returned is None:
-        return ()
-    if isinstance(returned, (list, tuple)):
-        for item in returned:
-            if type(item) is not Task:
-                raise _not_a_task(item, component, handler, f"a {type(returned).__name__} with ")
-        return tuple(returned)
-    raise _not_a_task(returned, component, handler, "")
-
-
-def _not_a_task(value: Any, component: Component, handler: Any, within: str) -> TaskError:
-    if isinstance(value, (GeneratorType, CoroutineType, AsyncGeneratorType)):
-        return _not_run(value, component, handler)
-    fix = (
-        f"did you mean tasks.event({value!r})?" if isinstance(value, str) else "return None, a Task or a list of Tasks."
-    )
-    if isinstance(value, TaskType):
-        fix = f"that is a kind of task; tasks.event('name') or Task(TaskType.{value.value}, 'name') makes one."
-    return TaskError(
-        f"'{component.name}.{handler_name(handler)}' returned {within}{value!r}, which is not a task.", fix=fix
-    )
-
-
-def _not_run(value: Any, component: Component, handler: Any) -> TaskError:
-    """Return the error for a disguised generator function, such as one in a lambda; see `check_returns`."""
-    if isinstance(value, CoroutineType):
-        value.close()  # else Python warns that it was never awaited
-    kind = "a generator: it has a yield" if isinstance(value, GeneratorType) else "of an async function"
-    return TaskError(
-        f"'{component.name}.{handler_name(handler)}' returned what is {kind}, and not a task.",
-        fix="return None, a Task or a list of Tasks.",
-    )

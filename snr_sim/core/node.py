@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING, Any
 
 from snr_sim.core.clocks import SimClock, WallClock
 from snr_sim.core.component_registry import ComponentRegistry
-from snr_sim.core.config import Config
+from snr_sim.core.config import Config, Mode
 from snr_sim.core.datastore import PREVIOUS, Datastore
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.executors import ClockExecutor, ThreadExecutor
-from snr_sim.core.handlers import HandlerLookup
+from snr_sim.core.handlers import HandlerLookup, as_tasks
 from snr_sim.core.inbox import Inbox
 from snr_sim.core.lockstep import run_node
 from snr_sim.core.loop import Loop, LoopExecutor
-from snr_sim.core.machine import EventMachine, as_tasks
+from snr_sim.core.machine import EventMachine
 from snr_sim.core.node_core import NodeCore
 from snr_sim.core.node_life import NodeLife
 from snr_sim.core.node_report import NodeReport
@@ -32,7 +32,7 @@ from snr_sim.core.reload.sources import reloading_file
 from snr_sim.core.thesis_members import NodeMembers
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import Component, RoleName
-from snr_sim.prelude.errors import ComponentFailedError, ConfigError, TaskError
+from snr_sim.prelude.errors import ConfigError, TaskError
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.recorder import Recorder
 from snr_sim.prelude.rng import component_seed, rng_for
@@ -41,7 +41,7 @@ from snr_sim.prelude.task import SomeTasks, Task, TaskName, TaskType
 if TYPE_CHECKING:
     import numpy as np
 
-_PROCESS_DATA = TaskType.process_data  # looked up once: in Python 3.11 a member of an Enum takes 0.1 us to find
+_PROCESS_DATA = TaskType.process_data  # looked up once, as in component.py
 
 
 class Node(NodeMembers):
@@ -81,28 +81,28 @@ class Node(NodeMembers):
                 f"Node({role!r}, ...) got a {type(config).__name__} where its Config belongs.",
                 fix=f"Node({role!r}, Config(factories={{{role!r}: [MyFactory()]}})).",
             )
-        self.role = role
-        self.config = config
-        self.mode = config.mode
-        self.name = f"{role}_node"
-        self.clock = clock or WallClock()
-        self.is_in_lock_step = isinstance(self.clock, SimClock)  # then all nodes have one clock
-        self.seed = seed
-        self.component_seed = component_seed(seed)  # seed of its components' generators
-        self.is_replay = is_replay  # then without effects outside: no files written, no pages sent
-        self.inbox = Inbox()
-        self.datastore = Datastore()
+        self.role: RoleName = role
+        self.config: Config = config
+        self.mode: Mode = config.mode
+        self.name: str = f"{role}_node"
+        self.clock: Clock = clock or WallClock()
+        self.is_in_lock_step: bool = isinstance(self.clock, SimClock)  # then all nodes have one clock
+        self.seed: int = seed
+        self.component_seed: int = component_seed(seed)  # seed of its components' generators
+        self.is_replay: bool = is_replay  # then without effects outside: no files written, no pages sent
+        self.inbox: Inbox = Inbox()
+        self.datastore: Datastore = Datastore()
         self.profiler = config.get_profiler()
         self.exit_reason: str | None = None
-        self.registry = ComponentRegistry(self)
+        self.registry: ComponentRegistry = ComponentRegistry(self)
         latch = None if isinstance(self.clock, SimClock) else self.clock.now_s
         lookup = HandlerLookup(self.registry.components, self.profiler)
         self._recorder = recorder.for_node(self.name) if recorder is not None else None
-        self.machine = EventMachine(lookup, self.inbox, latch, self._recorder)
-        self.thread_id = threading.get_ident()
-        self.never_ran = False  # an error ended it at its start, so do not report missing pages
-        self.report = NodeReport(self, self._recorder)
-        self.life = NodeLife(self, self.registry, self.report, self._recorder)
+        self.machine: EventMachine = EventMachine(lookup, self.inbox, latch, self._recorder)
+        self.thread_id: int = threading.get_ident()
+        self.never_ran: bool = False  # an error ended it at its start, so do not report missing pages
+        self.report: NodeReport = NodeReport(self.name, self.clock, self.machine, self._recorder)
+        self.life: NodeLife = NodeLife(self, self.registry, self.report, self._recorder)
         self._core = NodeCore(self, self.life)
         self.registry.add(self._core, 0)
         self.registry.add_all(config.get(role), is_replay)
@@ -120,15 +120,11 @@ class Node(NodeMembers):
     # Life: begin, run until ended, end. `loop` does all three.
 
     def loop(self) -> None:
-        """Run until a terminate task has been executed.
-
-        Raises:
-            ComponentFailedError: a handler or a loop raised; everything has been halted.
-        """
+        """Run until a terminate task has been executed; raise a ComponentFailedError if a handler or a loop raises."""
         run_node(self)
 
     def begin(self) -> None:
-        """Begin each component, in order; from now on this thread is the node's: see `NodeLife.begin`."""
+        """Begin each component: see `NodeLife.begin`."""
         self.life.begin()
 
     def run_ready(self) -> None:
@@ -158,25 +154,10 @@ class Node(NodeMembers):
         """End the node after the current task, as a terminate task does; from any thread, and before it begins."""
         self.schedule(Task(TaskType.terminate, reason), "set_terminate_flag")
 
-    def note_terminated(self, reason: str) -> None:
-        """Keep the reason of the first terminate task, which has been executed, and end the machine."""
-        if self.exit_reason is None:
-            self.exit_reason = reason
-        self.machine.is_ended = True
-
-    def summary(self) -> dict[str, Any]:
-        """Return the counts of the run that the trace's last record contains."""
-        return {"tasks": self.machine.executed, "pages": self.datastore.stored, "notes": self.notes}
-
     # Tasks
 
     def schedule(self, tasks: SomeTasks, source: str = "outside") -> None:
-        """Queue tasks: as results of the running handler, or as inputs if none of this node's handlers runs.
-
-        Args:
-            tasks: a task, several, or None.
-            source: the sender's name, if they are inputs.
-        """
+        """Queue tasks: as results of the running handler, or as inputs of `source` if none of this node's runs."""
         running = self.machine.running
         if running is None or threading.get_ident() != self.thread_id:
             self.enqueue_input(tasks, source)
@@ -188,22 +169,17 @@ class Node(NodeMembers):
             self.machine.schedule([tasks] if type(tasks) is Task else as_tasks(tasks, running, self.schedule))
 
     def enqueue_input(self, tasks: SomeTasks, source: str) -> None:
-        """Put tasks in the inbox, from any thread; `source` names the sender.
-
-        Raises:
-            TaskError: something is not a task.
-        """
+        """Put tasks in the inbox, from any thread; `source` names the sender. Raise a TaskError for anything else."""
         if type(tasks) is Task:
             self.inbox.put(tasks, source)
             return
         for task in tasks if isinstance(tasks, (list, tuple)) else [tasks]:
-            if type(task) is not Task:
-                if task is None:
-                    continue
+            if type(task) is Task:
+                self.inbox.put(task, source)
+            elif task is not None:
                 raise TaskError(
                     f"'{source}' scheduled {task!r}, which is not a task.", fix="tasks.event('name') makes one."
                 )
-            self.inbox.put(task, source)
 
     def seen_tasks(self) -> Mapping[TaskType, Mapping[TaskName, Any]]:
         """Return all executed tasks by type and name, with their handlers."""
@@ -229,14 +205,7 @@ class Node(NodeMembers):
     # Data
 
     def page(self, key: DataKey, data: Any, process: bool = True) -> Page:
-        """Return a page of this node, created now, with a copy of the data.
-
-        Dicts, lists, arrays and dataclasses are copied, so later changes by their owner do not change the page. An
-        object of another class is noted at the end of the run, with the line that stored it.
-
-        Raises:
-            TaskError: the data contain a part of the program, such as an endpoint.
-        """
+        """Return a page of this node, created now, with a copy of the data: see `data_of_page`."""
         return Page(key, data_of_page(self, key, data), self.name, self.get_time_s(), process)
 
     def store_page(self, page: Page) -> None:
@@ -254,8 +223,7 @@ class Node(NodeMembers):
     def get_page(self, key: DataKey) -> Page | None:
         """Return the newest page of a key, or None; `<key>_prev` is the one before.
 
-        In a handler of `process_data` it is the page that the task carries, and the one before that: each stored page
-        is processed, even if newer ones have been stored since.
+        In a handler of `process_data` it is the page that the task carries, and the one before that.
         """
         newest = self.datastore.get(key)
         task = self.machine.task
@@ -277,11 +245,7 @@ class Node(NodeMembers):
         return None if page is None else page.data
 
     def get_age_s(self, key: DataKey) -> float:
-        """Return the age of the page of `get_page` [s], also if another node made it; infinite if there is none.
-
-        On the wall clock, the age of another node's page is known only if a link to that node knows its clock: see
-        core/page_age.py. Otherwise it is infinite, since a command of unknown age must not count as fresh.
-        """
+        """Return the age of the page of `get_page` [s]; infinite without one, or if unknown: see core/page_age.py."""
         page = self.get_page(key)
         return float("inf") if page is None else page_age_s(self, page)
 
@@ -290,10 +254,7 @@ class Node(NodeMembers):
         return self._core.received_s.get(key, float("-inf"))
 
     def add_store_listener(self, key: DataKey, callback: Callable[[Page], None]) -> None:
-        """Call `callback` with every page of a key right after it was stored, on the node's thread.
-
-        Links send pages this way. Listeners are not part of the machine: a replay has none and gives the same results.
-        """
+        """Call `callback` with every page of a key right after it was stored, on the node's thread: see `NodeCore`."""
         self._core.store_listeners.setdefault(key, []).append(callback)
 
     def remove_store_listener(self, key: DataKey, callback: Callable[[Page], None]) -> None:
@@ -340,14 +301,6 @@ class Node(NodeMembers):
     def has_begun(self, component: Component) -> bool:
         """Return whether a component has begun and has not been terminated."""
         return self.life.has_begun(component)
-
-    def record_failure(self, failure: ComponentFailedError) -> None:
-        """Write a failure of this node into the trace, once."""
-        self.report.record_failure(failure)
-
-    def record_interrupt(self, component_name: str, message: str) -> None:
-        """Record in the trace which handler was interrupted: a replay must not run it again and hang."""
-        self.report.record_interrupt(component_name, message)
 
     def record_text(self, component: str, level: str, text: str) -> None:
         """Record a text that a component has printed or logged; from any thread.

@@ -1,22 +1,22 @@
-"""The node's own endpoint, first of its components: it stores pages, changes the components, and ends the run."""
+"""The node's own endpoint, first of its components: it stores pages and ends the run."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from snr_sim.core.component import CORE_NAME
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.node_life import NodeLife
 from snr_sim.core.node_parts import NodeParts
-from snr_sim.core.reload.reload import ChangeResult, ComponentManager
+from snr_sim.core.reload.reload import ComponentManager
 from snr_sim.core.reload.rollback import Probations
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import TaskError
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 
-_PROCESS_DATA = TaskType.process_data  # looked up once: in Python 3.11 a member of an Enum takes 0.1 us to find
+_PROCESS_DATA = TaskType.process_data  # looked up once, as in component.py
 
 
 class NodeCore(Endpoint):
@@ -38,18 +38,15 @@ class NodeCore(Endpoint):
         self.received_s: dict[DataKey, float] = {}  # arrival time of the newest page of a key from other nodes
         # Callbacks by key: links send these pages on. Not part of the machine, so a replay has none.
         self.store_listeners: dict[DataKey, list[Callable[[Page], None]]] = {}
-        self._manager = ComponentManager(life)
-        self._probations = Probations(self._manager, self._report_rollback)
-        self._manager.put_on_probation = self._probations.begin
-        life.handle_failure = self._probations.handle_failure
+        manager = ComponentManager(life, self)
         self.task_handlers = {
             TaskType.store_page: self.store,
             TaskType.terminate: self.end_node,
-            TaskType.reload: self.reload,
-            (TaskType.event, tasks.ADD_COMPONENT_TASK_NAME): self.add_component,
-            (TaskType.event, tasks.REMOVE_COMPONENT_TASK_NAME): self.remove_component,
-            (TaskType.event, tasks.REMOVE_ENDPOINT_TASK_NAME): self.remove_component,
-            (TaskType.event, tasks.ROLL_BACK_TASK_NAME): self.roll_back,
+            TaskType.reload: manager.reload,
+            (TaskType.event, tasks.ADD_COMPONENT_TASK_NAME): manager.add_component,
+            (TaskType.event, tasks.REMOVE_COMPONENT_TASK_NAME): manager.remove_component,
+            (TaskType.event, tasks.REMOVE_ENDPOINT_TASK_NAME): manager.remove_component,
+            (TaskType.event, tasks.ROLL_BACK_TASK_NAME): Probations(manager).roll_back,
             (TaskType.event, tasks.FINISH_TASK_NAME): self.finish,
         }
 
@@ -87,7 +84,9 @@ class NodeCore(Endpoint):
 
     def end_node(self, task: Task, task_id: TaskId) -> SomeTasks:
         """End the node; the task's name is the reason."""
-        self._node.note_terminated(task.name)
+        if self._node.exit_reason is None:
+            self._node.exit_reason = task.name
+        self._node.machine.is_ended = True
         return None
 
     def finish(self, task: Task, task_id: TaskId) -> SomeTasks:
@@ -96,37 +95,3 @@ class NodeCore(Endpoint):
         if generations > 0:
             return Task(task.type, task.name, [reason, generations - 1])
         return tasks.terminate(reason)
-
-    def reload(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Reload the component of that name, or all; the values can contain further names."""
-        return self._report(TaskType.reload.value, self._manager.reload(task.name, task.val_list))
-
-    def add_component(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Add a factory's component."""
-        factory = task.val_list[0] if task.val_list else None
-        is_started = len(task.val_list) < 2 or bool(task.val_list[1])
-        return self._report(tasks.ADD_COMPONENT_TASK_NAME, self._manager.add(factory, is_started))
-
-    def remove_component(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Remove the component of that name."""
-        name = task.val_list[0] if task.val_list else ""
-        return self._report(tasks.REMOVE_COMPONENT_TASK_NAME, self._manager.remove(name))
-
-    def roll_back(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Roll back the reload that created a loop which failed."""
-        match task.val_list:
-            case [str(name), int(number), str(message)]:
-                return self._probations.roll_back(name, number, message)
-        return None
-
-    def _report_rollback(self, name: str, message: str) -> Sequence[Task]:
-        return [self._report(TaskType.reload.value, ChangeResult(name, False, message))]
-
-    def _report(self, key: DataKey, outcome: ChangeResult) -> Task:
-        """Report the outcome of a change in the log and in a page, and a failure also at the end of the run."""
-        if outcome.ok:
-            self.log.info("%s", outcome.message)
-        else:
-            self.log.warning("%s", outcome.message)
-            self._node.add_note(outcome.message)
-        return self.store_data_task(key, {**vars(outcome)})

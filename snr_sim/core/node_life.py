@@ -6,12 +6,11 @@ import threading
 from collections.abc import Callable
 
 from snr_sim.core.component_registry import ComponentRegistry
-from snr_sim.core.handlers import describe
-from snr_sim.core.loop import Loop
-from snr_sim.core.machine import HandlerError, as_tasks
+from snr_sim.core.handlers import as_tasks, describe
+from snr_sim.core.loop import Loop, SetupResult
+from snr_sim.core.machine import HandlerError
 from snr_sim.core.node_parts import NodeParts
 from snr_sim.core.node_report import NodeReport
-from snr_sim.core.reload.setup_result import SetupResult
 from snr_sim.core.run_diagnostics import no_writers, run_diagnostics
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, TraceError
@@ -25,12 +24,6 @@ OVERLOAD_TASKS = 1000
 class NodeLife:
     """Life cycle of a node's components: begins, runs and ends them.
 
-    Args:
-        node: their node.
-        registry: its components.
-        report: collects notes and failures.
-        recorder: of the node, if the run is recorded.
-
     Attributes:
         is_finished: whether the end of the run has begun: components are being halted, or have been.
         is_halting: whether it is too late for components to schedule tasks.
@@ -40,11 +33,11 @@ class NodeLife:
     def __init__(
         self, node: NodeParts, registry: ComponentRegistry, report: NodeReport, recorder: NodeRecorder | None
     ) -> None:
-        self.is_finished = False
-        self.is_halting = False
-        self.node = node
-        self.registry = registry
-        self.report = report
+        self.is_finished: bool = False
+        self.is_halting: bool = False
+        self.node: NodeParts = node
+        self.registry: ComponentRegistry = registry
+        self.report: NodeReport = report
         self.handle_failure: Callable[[Loop, ComponentFailedError], bool] = lambda loop, failure: False
         self._recorder = recorder
         self._begun: list[Component] = []
@@ -115,21 +108,22 @@ class NodeLife:
         return any(one is component for one in self._begun)
 
     def run_ready(self) -> None:
-        """Execute tasks until none is left or the node has ended.
-
-        Raises:
-            ComponentFailedError: a handler or a loop raised.
-        """
+        """Execute tasks until none is left or the node has ended; raise a ComponentFailedError if a handler raises."""
         try:
             self.node.machine.run_ready()
         except HandlerError as failed:
-            cause = failed.__cause__
-            assert cause is not None
-            if isinstance(cause, KeyboardInterrupt):
-                interrupt = self.report.failure_of_handling(failed, cause)
-                self.report.record_interrupt(interrupt.component, interrupt.message)
-                raise cause from None  # an interrupt, not a failure
-            raise self.report.failure_of_handling(failed, cause) from cause
+            failure = self._failure_of(failed)
+            raise failure from (None if failure is failed.__cause__ else failed.__cause__)
+
+    def _failure_of(self, failed: HandlerError) -> BaseException:
+        """Return what a handler raised as a failure; an interrupt is not one: it is recorded, and returned itself."""
+        cause = failed.__cause__
+        assert cause is not None
+        failure = self.report.failure_of_handling(failed, cause)
+        if not isinstance(cause, KeyboardInterrupt):
+            return failure
+        self.report.record_interrupt(failure.component, failure.message)
+        return cause
 
     def end(self, reason: str | None = None, error: Exception | None = None) -> None:
         """Execute the queued tasks, then halt and terminate each component, even if some of them raise.
@@ -160,10 +154,8 @@ class NodeLife:
             self._call_last(component, "terminate", component.terminate, failures)
         self.node.inbox.close()
         failure = self.node.inbox.failure
-        if (
-            isinstance(failure, ComponentFailedError) and failure is not error
-        ):  # from a loop's thread, perhaps in its halt
-            failures.append(failure)
+        if isinstance(failure, ComponentFailedError) and failure is not error:
+            failures.append(failure)  # from a loop's thread, perhaps in its halt
         self._note_overload()
         first_added, lines = len(self.report.notes), list[str]()
         if not self.node.never_ran:
@@ -174,7 +166,9 @@ class NodeLife:
             self.report.record_failure(failure)
         self.report.notes.extend(failure.message for failure in failures[1:])  # the first is raised
         if self._recorder is not None:
-            self._recorder.end(self.node.machine.now_s, self.node.exit_reason or "", self.node.summary())
+            counts = {"tasks": self.node.machine.executed, "pages": self.node.datastore.stored}
+            summary = {**counts, "notes": self.report.notes}
+            self._recorder.end(self.node.machine.now_s, self.node.exit_reason or "", summary)
         # With the student's lines, which a trace does not contain.
         self.report.notes[first_added : first_added + len(lines)] = lines
         self.report.notes = self.report.finished_notes()
@@ -200,21 +194,17 @@ class NodeLife:
     def _drain(self, failures: list[ComponentFailedError]) -> None:
         try:
             cut_off = self.node.machine.drain()
-        except HandlerError as failed:
-            cause = failed.__cause__
-            if cause is not None and not isinstance(cause, KeyboardInterrupt):
-                failures.append(self.report.failure_of_handling(failed, cause))
-            elif cause is not None:
-                interrupt = self.report.failure_of_handling(failed, cause)
-                self.report.record_interrupt(interrupt.component, interrupt.message)
-        except ComponentFailedError as failure:
-            failures.append(failure)
-        else:
             if cut_off:
                 self.node.add_note(
                     f"The node ended with {cut_off} tasks undone: there was no end to them, "
                     "or they would have taken too long."
                 )
+        except HandlerError as failed:
+            cause = self._failure_of(failed)
+            if isinstance(cause, ComponentFailedError):
+                failures.append(cause)
+        except ComponentFailedError as failure:
+            failures.append(failure)
 
     def _call_last(
         self, component: Component, step: str, function: Callable[[], None], failures: list[ComponentFailedError]
@@ -229,11 +219,7 @@ class NodeLife:
             self.node.machine.running = None
 
     def call_loop(self, loop: Loop, step: str) -> None:
-        """Call a loop's `setup` or `loop`: on the node's thread in lock step, on the loop's own otherwise.
-
-        Raises:
-            ComponentFailedError: it raised.
-        """
+        """Call a loop's `setup` or `loop`, on the node's thread in lock step, else on its own; report its error."""
         is_ours = threading.get_ident() == self.node.thread_id
         if is_ours:
             self.node.machine.running = loop

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from snr_sim.core.machine import HandlerError
-from snr_sim.core.node_parts import NodeParts
+from snr_sim.core.machine import EventMachine, HandlerError
 from snr_sim.core.source_location import describe_error, location_of, without_addresses
+from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ComponentFailedError
 from snr_sim.prelude.page import DataKey
@@ -16,19 +16,11 @@ MAX_NOTES = 100  # a limit on memory: failures with ever-changing messages must 
 
 
 class NodeReport:
-    """Collector of the notes and failures of a run.
+    """Collector of the notes and failures of a node's run; `notes` are for its end."""
 
-    Args:
-        node: their node.
-        recorder: of the node, if the run is recorded.
-
-    Attributes:
-        notes: for the end of the run.
-    """
-
-    def __init__(self, node: NodeParts, recorder: NodeRecorder | None) -> None:
+    def __init__(self, name: str, clock: Clock, machine: EventMachine, recorder: NodeRecorder | None) -> None:
         self.notes: list[str] = []
-        self._node = node
+        self._name, self._clock, self._machine = name, clock, machine
         self._recorder = recorder
         self._lines: dict[str, str] = {}  # by note: the student's lines that it is about
         self._objects: set[tuple[DataKey, type]] = set()  # non-data objects in pages, each noted once
@@ -38,41 +30,40 @@ class NodeReport:
         """Return an error in `begin`, `setup`, `loop`, `halt` or `terminate` as a failure with a message."""
         if isinstance(error, ComponentFailedError):
             return error
-        where = f"in {step}() of component '{component.name}' at t = {self._node.clock.now_s():.3f} s"
-        return ComponentFailedError(describe_error(error, where), self._node.name, component.name, step)
+        where = f"in {step}() of component '{component.name}' at t = {self._clock.now_s():.3f} s"
+        return ComponentFailedError(describe_error(error, where), self._name, component.name, step)
 
     def failure_of_handling(self, failed: HandlerError, error: BaseException) -> ComponentFailedError:
         """Return an error that the machine has raised as a failure with a message."""
         if failed.component is not None:
             return self.failure_in_handler(failed.component, failed.task, error)
-        where = f"in node '{self._node.name}', while it looked for handlers of {self._describe_task(failed.task)}"
-        return ComponentFailedError(describe_error(error, where), self._node.name)
+        where = f"in node '{self._name}', while it looked for handlers of {self._describe_task(failed.task)}"
+        return ComponentFailedError(describe_error(error, where), self._name)
 
     def failure_in_handler(self, component: Component, task: Task, error: BaseException) -> ComponentFailedError:
         """Return an error in a component's handler of a task as a failure with a message."""
         name = component.name
-        entries = self._node.machine.lookup.find(task)
-        called = [entry for entry in entries if entry[0] is component]
+        called = [entry for entry in self._machine.lookup.find(task) if entry[0] is component]
         labels = [f"{label[1]}(), " for _, _, _, label in called]
         begins = location_of(called[0][1]) if called else None  # a wrong return value: no line of the handler raised
         where = f"in {''.join(labels)}component '{name}', while it handled {self._describe_task(task)}"
-        return ComponentFailedError(describe_error(error, where, begins), self._node.name, name)
+        return ComponentFailedError(describe_error(error, where, begins), self._name, name)
 
     def _describe_task(self, task: Task) -> str:
-        return f"{task.type} '{task.name}' at t = {self._node.machine.now_s:.3f} s"
+        return f"{task.type} '{task.name}' at t = {self._machine.now_s:.3f} s"
 
     def record_failure(self, failure: ComponentFailedError) -> None:
         """Write a failure of this node into the trace, once."""
-        if failure.node != self._node.name or any(failure is other for other in self._failures):
+        if failure.node != self._name or any(failure is other for other in self._failures):
             return
         self._failures.append(failure)
         if self._recorder is not None:
-            self._recorder.error(self._node.machine.now_s, failure.component, failure.message)
+            self._recorder.error(self._machine.now_s, failure.component, failure.message)
 
     def record_interrupt(self, component_name: str, message: str) -> None:
         """Record in the trace which handler was interrupted: a replay must not run it again and hang."""
         if self._recorder is not None:
-            self._recorder.error(self._node.machine.now_s, component_name, f"{INTERRUPTED}: {message}")
+            self._recorder.error(self._machine.now_s, component_name, f"{INTERRUPTED}: {message}")
 
     def add_note(self, text: str, lines: str = "") -> None:
         """Keep a note for the end of the run, once: repeated failures must not fill the memory.

@@ -20,16 +20,12 @@ if TYPE_CHECKING:
     from snr_sim.core.node import Node
 
 
-LEVELS = ("PRINT", "INFO", "WARNING", "ERROR", "CRITICAL")
+LEVELS: tuple[str, ...] = ("PRINT", "INFO", "WARNING", "ERROR", "CRITICAL")
 
 
 @contextmanager
 def record_output(nodes: Container[Node]) -> Iterator[None]:
-    """Record what the components of these nodes print while active.
-
-    Args:
-        nodes: of the run.
-    """
+    """Record what the components of these nodes print while active."""
     stream = sys.stdout = RecordedOutput(sys.stdout, nodes)
     try:
         yield
@@ -52,8 +48,8 @@ class RecordedOutput(io.TextIOBase):
     """
 
     def __init__(self, target: Any, nodes: Container[Node]) -> None:
-        self.is_finished = False
-        self.target = target
+        self.is_finished: bool = False
+        self.target: Any = target
         self._nodes = nodes
 
     def write(self, text: str) -> int:

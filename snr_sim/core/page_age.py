@@ -20,8 +20,9 @@ LINK_PREFIX = "link_"
 def page_age_s(node: NodeApi, page: Page) -> float:
     """Return the age of a page [s]; if uncertain, an upper bound.
 
-    On the wall clock, the age of another node's page is infinite if no link knows that node's clock. The age is at
-    least the time since the page arrived, which this node's own clock measures even if the other program has ended.
+    On the wall clock, the age of another node's page is infinite if no link knows that node's clock, since a command of
+    unknown age must not count as fresh. The age is at least the time since the page arrived, which this node's own
+    clock measures even if the other program has ended.
     """
     now_s = node.get_time_s()
     if page.origin == node.name:

@@ -55,11 +55,7 @@ def page(key: DataKey) -> Callable[[StructClass], StructClass]:
 
 
 def declared_key(kind: object) -> DataKey:
-    """Return the key of the page that a class declares.
-
-    Raises:
-        ConfigError: it is not a class that `page` declares.
-    """
+    """Return the key of the page that a class declares; raise a ConfigError if it declares none."""
     key = getattr(kind, _KEY, None) if isinstance(kind, type) else None
     if not isinstance(key, str):
         name = getattr(kind, "__name__", repr(kind))

@@ -7,13 +7,12 @@ and returns the lines that could have stored the page: usually one.
 from __future__ import annotations
 
 import dis
-import linecache
 from collections.abc import Iterable, Iterator
 from functools import partial
 from types import CodeType, FunctionType
 from typing import Any, NamedTuple
 
-from snr_sim.core.source_location import SourceLocation, is_student_file, short_path
+from snr_sim.core.source_location import SourceLocation, is_student_file, location_in
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.page import DataKey
 
@@ -53,11 +52,13 @@ def attribute_location(component: Component, name: str) -> SourceLocation | None
     """Return the first line of student code that sets an attribute of a component, or None."""
     for function in _functions(component):
         for step in dis.get_instructions(function.__code__):
-            line = step.positions.lineno if step.positions is not None else None
-            if step.opname == "STORE_ATTR" and step.argval == name and line is not None:
-                file = function.__code__.co_filename
-                return SourceLocation(short_path(file), line, function.__name__, linecache.getline(file, line).strip())
+            if step.opname == "STORE_ATTR" and step.argval == name and (line := _line_of(step)) is not None:
+                return location_in(function.__code__, line, function.__name__)
     return None
+
+
+def _line_of(step: dis.Instruction) -> int | None:
+    return step.positions.lineno if step.positions is not None else None
 
 
 def _mentions(key: DataKey, component: Component) -> Iterator[PageWriter]:
@@ -68,11 +69,8 @@ def _mentions(key: DataKey, component: Component) -> Iterator[PageWriter]:
             for step in dis.get_instructions(code):
                 is_text = step.opname == "LOAD_CONST" and step.argval == key  # excludes a variable of that name
                 is_named = is_text or (step.opname.startswith("LOAD_") and step.argval in names)
-                line = step.positions.lineno if step.positions is not None else None
-                if is_named and line is not None and type(step.argval) is str:
-                    source = linecache.getline(code.co_filename, line).strip()
-                    location = SourceLocation(short_path(code.co_filename), line, function.__name__, source)
-                    yield PageWriter(component.name, function.__name__, location)
+                if is_named and type(step.argval) is str and (line := _line_of(step)) is not None:
+                    yield PageWriter(component.name, function.__name__, location_in(code, line, function.__name__))
 
 
 def _functions(component: Component) -> Iterator[FunctionType]:

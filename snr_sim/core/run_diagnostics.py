@@ -11,7 +11,7 @@ from snr_sim.core.datastore import PREVIOUS, Datastore
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.handlers import Entry, describe
 from snr_sim.core.page_writers import PageWriter, attribute_location, writers_of
-from snr_sim.core.source_location import is_content, location_of
+from snr_sim.core.source_location import after_line, is_content, location_of
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import suggest
 from snr_sim.prelude.page import DataKey
@@ -30,9 +30,8 @@ def run_diagnostics(
     """Return a sentence for each finding, with the nearest known name.
 
     Args:
-        components: the node's components.
+        components, datastore: of the node.
         seen: every task id of the run, with its handlers.
-        datastore: knows which pages were requested but missing.
         find: returns a student's lines that name a key; default: search the components' code. For a trace it finds
             none, so that a graded run, whose components are in another process, gives the same text.
     """
@@ -52,34 +51,26 @@ def _unhandled(components: Mapping[str, Component], seen: SeenTasks) -> Iterator
     for kind in (TaskType.event, TaskType.reload):
         for name, entries in seen[kind].items():
             if not entries:
-                known = {
-                    task_id[1] for task_id in _ids(components) if isinstance(task_id, tuple) and task_id[0] is kind
-                }
+                known = {name for _, of, name in _named_ids(components) if of is kind}
                 yield f"No component handled {describe((kind, name))}; {suggest(name, known, 'handlers wait for')}"
 
 
 def _never_called(
     components: Mapping[str, Component], seen: SeenTasks, datastore: Datastore, find: Find
 ) -> Iterator[str]:
-    for component in components.values():
-        for task_id in component.task_handlers:
-            if (
-                isinstance(task_id, tuple)
-                and task_id[1] not in seen[task_id[0]]
-                and task_id[0] is not TaskType.terminate
-                and task_id[1] != RECORDING_KEY
-            ):
-                kind, name = task_id
-                line = _line_of(find(name, [component]))
-                if kind is TaskType.process_data and name in datastore.pages:
-                    yield (
-                        f"{line}'{component.name}' waits for {describe(task_id)}, which never came: that page was "
-                        f"stored without a task (process=False). Look it up: self.get_data({str(name)!r})."
-                    )
-                    continue
-                verb = "sent" if kind is TaskType.event else "stored" if kind is not TaskType.reload else "requested"
-                near = _same_or_nearest(name, kind, seen, lambda key: find(key, components.values()), verb)
-                yield f"{line}'{component.name}' waits for {describe(task_id)}, which was never {verb}; {near}"
+    for component, kind, name in _named_ids(components):
+        if name in seen[kind] or kind is TaskType.terminate or name == RECORDING_KEY:
+            continue
+        waits = f"{_line_of(find(name, [component]))}'{component.name}' waits for {describe((kind, name))}, which"
+        if kind is TaskType.process_data and name in datastore.pages:
+            yield (
+                f"{waits} never came: that page was stored without a task (process=False). "
+                f"Look it up: self.get_data({str(name)!r})."
+            )
+        else:
+            verb = "sent" if kind is TaskType.event else "stored" if kind is not TaskType.reload else "requested"
+            near = _same_or_nearest(name, kind, seen, lambda key: find(key, components.values()), verb)
+            yield f"{waits} was never {verb}; {near}"
 
 
 def _same_or_nearest(
@@ -100,10 +91,7 @@ def without_handlers(
 ) -> Iterator[str]:
     """Yield a sentence for each endpoint without any effect; one that overrides `begin`, `halt` or similar has one.
 
-    Args:
-        components: the node's components.
-        seen: as for `run_diagnostics`; empty before a run.
-        with_locations: whether to find the line to fix.
+    Args are as for `run_diagnostics`; `seen` is empty before a run, and `with_locations` finds the line to fix.
     """
     called = {entry[0].name for by_name in (seen or {}).values() for entries in by_name.values() for entry in entries}
     for component in components.values():
@@ -116,12 +104,11 @@ def without_handlers(
                 continue
             names = [one for one in vars(component) if one[0] != "_"] if with_locations else []
             close = difflib.get_close_matches("task_handlers", names, n=1)
-            location = attribute_location(component, close[0]) if close else None
-            yield (
-                f"{f'{location}{NEXT_LINE}' if location is not None else ''}"
+            what = (
                 f"Endpoint '{component.name}' has no handlers, so nothing calls it; "
                 f"set self.task_handlers = {{...}} in its __init__{f', not self.{close[0]}' if close else ''}."
             )
+            yield after_line(attribute_location(component, close[0]) if close else None, what)
 
 
 def _never_stored(components: Mapping[str, Component], datastore: Datastore, find: Find) -> Iterator[str]:
@@ -148,7 +135,7 @@ def _never_stored(components: Mapping[str, Component], datastore: Datastore, fin
 
 def _misnamed(key: DataKey, components: Mapping[str, Component], datastore: Datastore, find: Find) -> str:
     """Return the sentence on a missing page; a stored page of a similar name without handlers is the misspelt one."""
-    waited_for = {task_id[1] for task_id in _ids(components) if isinstance(task_id, tuple)}
+    waited_for = {name for _, _, name in _named_ids(components)}
     message = f"Page '{key}' was requested but never stored"
     for other in difflib.get_close_matches(key, map(str, datastore.pages), n=3, cutoff=0.5):
         writers = find(other, components.values())
@@ -192,6 +179,9 @@ def _named_as_previous(datastore: Datastore) -> Iterator[str]:
             )
 
 
-def _ids(components: Mapping[str, Component]) -> Iterator[object]:
+def _named_ids(components: Mapping[str, Component]) -> Iterator[tuple[Component, TaskType, TaskName]]:
+    """Yield each component with kind and name of the tasks that it handles by name."""
     for component in components.values():
-        yield from component.task_handlers
+        for task_id in component.task_handlers:
+            if isinstance(task_id, tuple):
+                yield component, *task_id

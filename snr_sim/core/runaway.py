@@ -16,6 +16,7 @@ from snr_sim.core.machine import EventMachine, HandlerError
 from snr_sim.core.node_parts import NodeParts
 from snr_sim.core.source_location import SourceLocation, location_of
 from snr_sim.prelude.errors import ComponentFailedError
+from snr_sim.prelude.task import Task
 
 WATCHED_TASKS = 60  # executed one by one above the limit, to find which schedules which
 SHOWN_TASKS = 12
@@ -34,12 +35,7 @@ class ExecutedTask(NamedTuple):
 
 
 class TaskLimit:
-    """Limit on the machines of a run, reset at each instant.
-
-    Args:
-        nodes: of the run.
-        clock: their clock.
-    """
+    """Limit on the machines of a run, reset at each instant."""
 
     def __init__(self, nodes: Sequence[NodeParts], clock: SimClock) -> None:
         self._nodes = nodes
@@ -54,11 +50,7 @@ class TaskLimit:
             machine.max_executed = machine.executed + at_most
 
     def check(self) -> None:
-        """Raise if a node has reached its limit and still has tasks.
-
-        Raises:
-            ComponentFailedError: a node has; the message names the tasks that schedule each other.
-        """
+        """Raise a ComponentFailedError that names the tasks if a node has reached its limit and still has tasks."""
         for machine, _ in self._machines:
             if machine.executed >= machine.max_executed and machine.queued and not machine.is_ended:
                 node = next(node for node in self._nodes if node.machine is machine)
@@ -79,9 +71,10 @@ def watch(nodes: Sequence[NodeParts], clock: SimClock) -> list[ExecutedTask]:
             if node.is_terminated or not machine.queued:
                 continue
             machine.accept_inputs()
-            task = machine.next_task
-            if task is None:
+            task_ref = machine.next_task_ref
+            if task_ref is None:
                 return steps
+            task = task_ref if type(task_ref) is Task else task_ref[0]
             entries = machine.lookup.find(task)
             called = tuple((".".join(label), location_of(handler)) for _, handler, _, label in entries)
             steps.append(ExecutedTask(node.name, describe(task.id()), called))

@@ -36,7 +36,6 @@ class NodeLink(Protocol):
 
     def attach(self, nodes: dict[RoleName, Node], clock: SimClock) -> None:
         """Connect to the linked nodes, before they begin."""
-        ...
 
 
 class SynchronousRunner:
@@ -59,7 +58,7 @@ class SynchronousRunner:
         recorder: Recorder | None = None,
         seed: int = 0,
     ) -> None:
-        self.node = Node(role, config, clock=clock, recorder=recorder, seed=seed)
+        self.node: Node = Node(role, config, clock=clock, recorder=recorder, seed=seed)
 
     def run(self) -> None:
         """Run until a terminate task, or a signal, ends it.
@@ -184,32 +183,6 @@ class _ToStderr(logging.Handler):
             print(line, file=sys.stderr, flush=True)
 
 
-class TestRunner:
-    """Runner of the role 'test' in virtual time, so that nothing sleeps.
-
-    Args:
-        config: has the role 'test'.
-        seed: of the run.
-        until_s: the longest virtual time.
-    """
-
-    __test__ = False  # pytest: this is not a test class
-
-    def __init__(self, config: Config, *, seed: int = 0, until_s: float = 3600.0) -> None:
-        self.clock = SimClock()
-        self.node = Node(TEST_ROLE, config, clock=self.clock, seed=seed)
-        self._until_s = until_s
-
-    def run(self) -> None:
-        """Run until a terminate task, or until nothing is due any more.
-
-        Raises:
-            ComponentFailedError: a handler or a loop raised.
-        """
-        with graceful_shutdown([self.node]):
-            LockStep([self.node], self.clock, until_s=self._until_s).run()
-
-
 class SimRunner:
     """Runner of several roles in one process under one virtual clock, with simulated links between them.
 
@@ -244,7 +217,7 @@ class SimRunner:
         names = list(roles if roles is not None else config.factories)
         if len(set(names)) != len(names):
             raise ConfigError(f"A role is named twice: {', '.join(names)}.", fix="each role runs once.")
-        self.clock = clock or SimClock()
+        self.clock: SimClock = clock or SimClock()
         self.nodes = {role: Node(role, config, clock=self.clock, recorder=recorder, seed=seed) for role in names}
         for link in links:
             link.attach(self.nodes, self.clock)
@@ -265,3 +238,19 @@ class SimRunner:
         finally:
             if self._log_notes:
                 _log_notes(nodes, threads)
+
+
+class TestRunner(SimRunner):
+    """Runner of the role 'test' in virtual time, so that nothing sleeps.
+
+    Args:
+        config: has the role 'test'.
+        seed: of the run.
+        until_s: the longest virtual time.
+    """
+
+    __test__ = False  # pytest: this is not a test class
+
+    def __init__(self, config: Config, *, seed: int = 0, until_s: float = 3600.0) -> None:
+        super().__init__(config, [TEST_ROLE], seed=seed, until_s=until_s, log_notes=False)
+        self.node: Node = self.nodes[TEST_ROLE]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import linecache
 import os
 import re
-import traceback
 from inspect import getfile, getsourcelines, unwrap
 from pathlib import Path
 from types import CodeType, FrameType, TracebackType
@@ -36,33 +35,40 @@ class SourceLocation(NamedTuple):
         return f"{self.file}, line {self.line}: {self.source}" if self.source else f"{self.file}, line {self.line}"
 
 
-def find_student_location(trace: TracebackType | None) -> SourceLocation | None:
+def location_in(code: CodeType, line: int, function: str = "") -> SourceLocation:
+    """Return a line of code; of its own function if no other is given."""
+    linecache.checkcache(code.co_filename)
+    source = linecache.getline(code.co_filename, line).strip()
+    return SourceLocation(short_path(code.co_filename), line, function or code.co_name, source)
+
+
+def after_line(location: SourceLocation | None, text: str) -> str:
+    """Return a text, after the line that it is about if that is known."""
+    return text if location is None else f"{location}\n  {text}"
+
+
+def find_student_location(trace: TracebackType | None, is_content_skipped: bool = False) -> SourceLocation | None:
     """Return the innermost line of student code, or None if there is none in the traceback."""
-    return _innermost(traceback.extract_tb(trace))
+    trace = _student_trace(trace, is_content_skipped)
+    return None if trace is None else location_in(trace.tb_frame.f_code, trace.tb_lineno)
 
 
-def _student_trace(trace: TracebackType | None) -> TracebackType | None:
+def _student_trace(trace: TracebackType | None, is_content_skipped: bool = False) -> TracebackType | None:
     """Return the innermost part of a traceback that is in student code."""
     found = None
     while trace is not None:
-        if is_student_file(trace.tb_frame.f_code.co_filename):
+        file = trace.tb_frame.f_code.co_filename
+        if is_student_file(file) and not (is_content_skipped and is_content(file)):
             found = trace
         trace = trace.tb_next
     return found
 
 
-def current_location(frame: FrameType) -> SourceLocation | None:
+def current_location(frame: FrameType | None) -> SourceLocation | None:
     """Return the innermost line of student code that a thread is at, or None; `frame` is the thread's newest."""
-    return _innermost(traceback.extract_stack(frame))
-
-
-def _innermost(frames: traceback.StackSummary) -> SourceLocation | None:
-    found = None
-    for frame in frames:
-        if is_student_file(frame.filename):
-            source = (frame.line or linecache.getline(frame.filename, frame.lineno or 0)).strip()
-            found = SourceLocation(short_path(frame.filename), frame.lineno or 0, frame.name, source)
-    return found
+    while frame is not None and not is_student_file(frame.f_code.co_filename):
+        frame = frame.f_back
+    return None if frame is None else location_in(frame.f_code, frame.f_lineno or 0)
 
 
 def location_of(function: object) -> SourceLocation | None:
@@ -70,8 +76,7 @@ def location_of(function: object) -> SourceLocation | None:
     code = getattr(unwrap(function), "__code__", None) if callable(function) else None
     if not isinstance(code, CodeType) or not is_student_file(code.co_filename):
         return None
-    source = linecache.getline(code.co_filename, code.co_firstlineno).strip()
-    return SourceLocation(short_path(code.co_filename), code.co_firstlineno, code.co_name, source)
+    return location_in(code, code.co_firstlineno)
 
 
 def class_location(kind: type[object]) -> SourceLocation | None:
@@ -110,10 +115,9 @@ def short_path(filename: str) -> str:
 
 def prepend_location(error: SnrError) -> None:
     """Prefix an snr_sim error with the line of student code that caused it; lines of shipped robots do not count."""
-    frames = [one for one in traceback.extract_tb(error.__traceback__) if not is_content(one.filename)]
-    location = _innermost(traceback.StackSummary.from_list(frames))
+    location = find_student_location(error.__traceback__, is_content_skipped=True)
     if location is not None and not error.message.startswith(str(location)):
-        error.message = f"{location}\n  {error.message}"
+        error.message = after_line(location, error.message)
 
 
 def without_addresses(text: str) -> str:

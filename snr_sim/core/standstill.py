@@ -13,6 +13,7 @@ from typing import Any
 from snr_sim.core.current_call import CurrentCall
 from snr_sim.core.handlers import describe
 from snr_sim.core.node_parts import NodeParts
+from snr_sim.core.source_location import after_line
 from snr_sim.prelude.errors import ComponentFailedError
 
 REPORT_AFTER_S = 2.0
@@ -35,7 +36,7 @@ class Standstill:
     """
 
     def __init__(self, nodes: Sequence[NodeParts], call: Callable[[bool], CurrentCall]) -> None:
-        self.stalled_s = 0.0  # wall time without any change
+        self.stalled_s: float = 0.0  # wall time without any change
         self._nodes = nodes
         self._call = call
         self._state: list[Any] = []
@@ -45,11 +46,7 @@ class Standstill:
         self._reported_lines: set[tuple[str, int]] = set()
 
     def check(self, passed_s: float) -> str | None:
-        """Return a report if one is due, else None.
-
-        Args:
-            passed_s: wall time since the last check.
-        """
+        """Return a report if one is due, else None; `passed_s` is the wall time since the last check."""
         state = self._progress()
         is_same = state == self._state
         call = self._call(is_same)
@@ -101,10 +98,9 @@ class Standstill:
         ]
 
     def _describe(self, call: CurrentCall) -> str:
-        where = "" if call.location is None else f"{call.location}\n  "
         task = "" if call.task is None else f", which handles {describe(call.task.id())},"
         at = f"at t = {self.node.machine.now_s:.3f} s"
-        return f"{where}{self._who(call)}{task} has not returned for {self.stalled_s:.0f} s {at}"
+        return after_line(call.location, f"{self._who(call)}{task} has not returned for {self.stalled_s:.0f} s {at}")
 
     def _who(self, call: CurrentCall) -> str:
         function = f"{call.function}() of " if call.function else ""

@@ -35,10 +35,7 @@ class Watchdog:
 
     Args:
         nodes: of the run.
-        now_s: wall time.
-        frames: returns the newest frame of each thread.
-        report: receives the reports.
-        pause: waits the given seconds.
+        now_s, frames, report, pause: the clock, each thread's newest frame, the output and the sleep, as tests need.
 
     Attributes:
         failure: why the watchdog ended the run, if it did.

@@ -7,9 +7,10 @@ from collections.abc import Callable, Sequence
 from types import ModuleType
 from typing import Any
 
-from snr_sim.core.component import FactoryOfClass, NodeComponent
+from snr_sim.core.component import NodeComponent
 from snr_sim.core.config import AnyFactory
 from snr_sim.core.endpoint import EndpointFactory
+from snr_sim.core.factory import FactoryOfClass
 from snr_sim.core.loop import LoopFactory
 from snr_sim.core.source_location import describe_error, location_of, prepend_location, short_path, without_addresses
 from snr_sim.prelude.errors import ConfigError, SnrError

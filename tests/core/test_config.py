@@ -9,31 +9,30 @@ from snr_sim.core.reload.watch import with_watch
 from snr_sim.prelude.errors import ConfigError, UnknownNameError
 from snr_sim.testing.function_components import FunctionEndpointFactory
 
-
-@pytest.mark.parametrize("factories", [None, {}])
-def test_a_config_without_roles_is_refused(factories: Any) -> None:
-    with pytest.raises(ConfigError, match=r"no roles(.|\n)*Config\(factories="):
-        Config(factories=factories)
-
-
-def test_factories_given_where_the_mode_belongs_are_noticed() -> None:
-    with pytest.raises(ConfigError, match="factories="):
-        Config({"robot": [FunctionEndpointFactory()]})  # type: ignore[arg-type]
+FACTORY = FunctionEndpointFactory()
+NO_ROLES = r"no roles(.|\n)*Config\(factories="
+NO_MODE = r"with the mode(.|\n)*debug, deployed, test"
+NO_LIST = r"role 'robot'(.|\n)*a list"
 
 
-@pytest.mark.parametrize("mode", ["nonsense", None, 3, ["debug"]])
-def test_a_mode_that_does_not_exist_is_refused(mode: Any) -> None:
-    with pytest.raises(ConfigError, match=r"with the mode(.|\n)*debug, deployed, test"):
-        Config(mode, {"robot": []})
+@pytest.mark.parametrize(
+    ("mode", "factories", "message"),
+    [
+        (Mode.DEPLOYED, None, NO_ROLES),
+        (Mode.DEPLOYED, {}, NO_ROLES),
+        ({"robot": [FACTORY]}, None, "factories="),
+        *((mode, {"robot": []}, NO_MODE) for mode in ("nonsense", None, 3, ["debug"])),
+        (Mode.TEST, [FACTORY], r"factories are a list(.|\n)*a dict"),
+        *((Mode.TEST, {"robot": components}, NO_LIST) for components in (FACTORY, "abc", None)),
+    ],
+)
+def test_wrong_config_raises_config_error(mode: Any, factories: Any, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        Config(mode, factories)
 
 
 def test_a_mode_may_be_given_as_its_word() -> None:
     assert Config("debug", {"robot": []}).mode is Mode.DEBUG  # type: ignore[arg-type]
-
-
-def test_non_dict_factories_raise_config_error() -> None:
-    with pytest.raises(ConfigError, match=r"factories are a list(.|\n)*a dict"):
-        Config(Mode.TEST, [FunctionEndpointFactory()])  # type: ignore[arg-type]
 
 
 def test_non_text_role_raises_unknown_name() -> None:
@@ -44,12 +43,6 @@ def test_non_text_role_raises_unknown_name() -> None:
 def test_a_node_without_its_config_says_where_it_belongs() -> None:
     with pytest.raises(ConfigError, match=r"Node\('robot', ...\) got a dict(.|\n)*Config\(factories="):
         Node("robot", {"robot": []})  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("components", [FunctionEndpointFactory(), "abc", None])
-def test_a_role_is_a_list_of_factories(components: Any) -> None:
-    with pytest.raises(ConfigError, match=r"role 'robot'(.|\n)*a list"):
-        Config(factories={"robot": components})
 
 
 def test_a_config_keeps_its_own_lists() -> None:

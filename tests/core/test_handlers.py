@@ -10,7 +10,6 @@ from snr_sim import (
     Endpoint,
     EndpointFactory,
     Loop,
-    LoopFactory,
     Node,
     SimClock,
     SomeTasks,
@@ -94,13 +93,8 @@ class OfTheClass(Endpoint):
         self.schedule(Task(*X))
 
 
-class OfTheClassFactory(EndpointFactory):
-    def get(self, parent: Node) -> Endpoint:
-        return OfTheClass(self, parent, "part")
-
-
 def test_handlers_of_the_class_are_methods_and_belong_to_each_object() -> None:
-    nodes = [Node("r", Config(factories={"r": [OfTheClassFactory()]}), clock=SimClock()) for _ in range(2)]
+    nodes = [Node("r", Config(factories={"r": [OfTheClass.factory("part")]}), clock=SimClock()) for _ in range(2)]
     first, second = (node.components["part"] for node in nodes)
     first.task_handlers[Y] = new
     assert Y not in second.task_handlers
@@ -217,14 +211,9 @@ class Yielding(Loop):
         yield self.schedule(tasks.event("x"))
 
 
-class YieldingFactory(LoopFactory):
-    def get(self, parent: Node) -> Loop:
-        return Yielding(self, parent, "pump")
-
-
 def test_a_loop_that_would_never_run_because_of_a_yield_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"^loop\(\) of component 'pump' is a generator function"):
-        Node("r", Config(factories={"r": [YieldingFactory()]}), clock=SimClock())
+        Node("r", Config(factories={"r": [Yielding.factory("pump")]}), clock=SimClock())
 
 
 LATE_HANDLERS: list[list[Any]] = [

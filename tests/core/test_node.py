@@ -470,18 +470,9 @@ class Greeter(Endpoint):
         self.schedule(tasks.event("hello"))
 
 
-class MadeOf(EndpointFactory):
-    def __init__(self, kind: type[Endpoint], name: str) -> None:
-        super().__init__()
-        self.kind, self.name = kind, name
-
-    def get(self, parent: Node) -> Endpoint:
-        return self.kind(self, parent, self.name)
-
-
 def test_endpoint_without_handlers_or_begin_is_reported() -> None:
     receiver = FunctionEndpointFactory({TaskType.event: lambda task, task_id: None})
-    assert notes_of(MadeOf(Idle, "sleeper"), MadeOf(Greeter, "greeter"), receiver) == [
+    assert notes_of(Idle.factory("sleeper"), Greeter.factory(), receiver) == [
         "Endpoint 'sleeper' has no handlers, so nothing calls it; set self.task_handlers = {...} in its __init__."
     ]
 
@@ -495,7 +486,7 @@ def test_endpoint_that_removed_its_handlers_is_not_reported() -> None:
         def on_hello(self, task: Any, task_id: Any) -> None:
             self.task_handlers.clear()
 
-    assert notes_of(MadeOf(Greeter, "greeter"), MadeOf(Once, "once")) == []
+    assert notes_of(Greeter.factory(), Once.factory()) == []
 
 
 @pytest.mark.parametrize("step", ["halt", "terminate"])

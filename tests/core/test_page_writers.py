@@ -40,13 +40,8 @@ class Pilot(Endpoint):
         return self.get_data("sonar")
 
 
-class PilotFactory(EndpointFactory):
-    def get(self, parent: Node) -> Endpoint:
-        return Pilot(self, parent, "pilot")
-
-
 def authors(key: str) -> list[tuple[str, str, str]]:
-    factories = [PilotFactory(), FunctionEndpointFactory({TaskType.event: partial(steers, "up")}, "helm")]
+    factories = [Pilot.factory(), FunctionEndpointFactory({TaskType.event: partial(steers, "up")}, "helm")]
     node = Node("r", Config(factories={"r": factories}), clock=SimClock())
     return [(one.component, one.function, one.location.source) for one in writers_of(key, node.components.values())]
 

@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from snr_sim.core.reload.setup_result import SetupResult
+from snr_sim.core.loop import SetupResult
 from snr_sim.prelude.errors import ComponentFailedError
 
 

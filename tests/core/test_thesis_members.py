@@ -10,7 +10,6 @@ from snr_sim import (
     Config,
     Endpoint,
     Loop,
-    LoopFactory,
     Node,
     Page,
     SimClock,
@@ -111,11 +110,7 @@ def test_a_component_may_have_a_member_of_its_own_by_a_retired_name() -> None:
         def setup(self) -> None:
             self.timer = "mine"
 
-    class MineFactory(LoopFactory):
-        def get(self, parent: Node) -> Loop:
-            return Mine(self, parent, "mine")
-
-    mine = MineFactory().get(run(TimeoutLoopFactory(ms=1)))
+    mine = Mine.factory().get(run(TimeoutLoopFactory(ms=1)))
     mine.setup()
     assert (mine.timer, mine.delay_s) == ("mine", 0.25)
 
@@ -136,11 +131,7 @@ def test_task_source_is_not_called_and_is_noted() -> None:
         def task_source(self) -> None:
             raise AssertionError
 
-    class PolledFactory(FunctionEndpointFactory):
-        def get(self, parent: Node) -> Any:
-            return Polled(self, parent, "polled")
-
-    node = run(PolledFactory(), TimeoutLoopFactory(ms=1))
+    node = run(Polled.factory(), TimeoutLoopFactory(ms=1))
     assert "'polled' has a task_source(), which nothing calls: a Loop brings in what is outside." in node.notes
 
 

@@ -46,14 +46,14 @@ class ChildProcess:
         out: Callable[[str], None] | None = None,
         err: Callable[[str], None] | None = None,
     ) -> None:
-        self.name = name
-        self.is_killed = False  # killed by this process: too late, or before it had begun
+        self.name: str = name
+        self.is_killed: bool = False  # killed by this process: too late, or before it had begun
         self._on_message, self._on_end = on_message, on_end
         self._process = SpawnedProcess(target, descriptors, out, err)
         self._process.line.user = f"{name[0].upper()}{name[1:]}"
         self._outbox: SimpleQueue[Message | Callable[[], Message] | None] = SimpleQueue()
         self._outbox.put(("begin", order))
-        self.listener = threading.Thread(target=self._listen, name=f"{name} listener", daemon=True)
+        self.listener: threading.Thread = threading.Thread(target=self._listen, name=f"{name} listener", daemon=True)
         self._writer = threading.Thread(target=self._write, name=f"{name} writer", daemon=True)
 
     def start(self) -> None:

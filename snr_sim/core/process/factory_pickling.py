@@ -55,7 +55,7 @@ def pickle_factory(thing: Any, name: str, user: str) -> dict[str, Any]:
         ConfigError: it cannot be sent; the message names the attribute and a fix.
     """
     try:
-        pickler = _dump(thing)
+        pickler = _Pickler(thing)
     except SnrError as error:  # the object itself raises it
         raise ConfigError(f"{user} runs in a process of its own. {error.message}", fix=error.fix) from error
     except Exception as error:  # a student's __reduce__ may raise anything
@@ -91,14 +91,15 @@ def unpickle_factory(packed: Mapping[str, Any]) -> Any:
 
 
 class _Pickler(cloudpickle.Pickler):  # type: ignore[misc] # it has no types
-    """Pickler that also records the modules, code files and descriptors that the process needs."""
+    """Pickler of one object that also records the modules, code files and descriptors that the process needs."""
 
-    def __init__(self) -> None:
-        self.data = io.BytesIO()
+    def __init__(self, thing: Any) -> None:
+        self.data: io.BytesIO = io.BytesIO()
         super().__init__(self.data)
         self.modules: dict[str, None] = {}
         self.files: dict[str, None] = {}
         self.descriptors: list[int] = []
+        self.dump(thing)
 
     def reducer_override(self, obj: Any) -> Any:
         """Return the reduced form of an object, or NotImplemented if pickle handles it itself."""
@@ -112,27 +113,17 @@ class _Pickler(cloudpickle.Pickler):  # type: ignore[misc] # it has no types
                 return _reduce_struct(obj)
         elif type(obj) is socket.socket:
             self.descriptors.append(obj.fileno())
-            return _inherited_socket, (obj.fileno(),)
+            return _inherited, (obj.fileno(),)
         elif isinstance(obj, Connection):  # pickle would send the bare number, which is another file there
             self.descriptors.append(obj.fileno())
-            return _inherited_pipe, (obj.fileno(), obj.readable, obj.writable)
+            return _inherited, (obj.fileno(), obj.readable, obj.writable)
         return super().reducer_override(obj)
 
 
-def _dump(thing: Any) -> _Pickler:
-    pickler = _Pickler()
-    pickler.dump(thing)
-    return pickler
-
-
-def _inherited_socket(descriptor: int) -> socket.socket:
+def _inherited(descriptor: int, *directions: bool) -> socket.socket | Connection:
+    """Return an open pipe, which can be read, written or both, or else a socket."""
     os.set_inheritable(descriptor, False)
-    return socket.socket(fileno=descriptor)
-
-
-def _inherited_pipe(descriptor: int, is_readable: bool, is_writable: bool) -> Connection:
-    os.set_inheritable(descriptor, False)
-    return Connection(descriptor, is_readable, is_writable)
+    return Connection(descriptor, *directions) if directions else socket.socket(fileno=descriptor)
 
 
 def _reduce_struct(kind: Any) -> tuple[Any, ...]:
@@ -221,11 +212,7 @@ def _source(name: str) -> list[Any]:
 
 
 class _SentModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
-    """Finder of the sent modules, which take precedence over other modules of the same name.
-
-    Args:
-        modules: as `_sources` returns them.
-    """
+    """Finder of the modules that `_sources` returned: they take precedence over others of the same name."""
 
     def __init__(self, modules: Mapping[str, Sequence[Any]]) -> None:
         self._modules = modules
@@ -261,7 +248,7 @@ def _find_unpicklable(thing: Any, error: Exception) -> tuple[str, str]:
             if id(part) in seen:  # a reference cycle
                 continue
             try:
-                _dump(part)
+                _Pickler(part)
             except Exception as its_error:
                 path, thing, error = path + step, part, its_error
                 seen.add(id(part))

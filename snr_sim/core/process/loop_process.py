@@ -20,13 +20,12 @@ from snr_sim.core.config import Config, Mode
 from snr_sim.core.datastore import Datastore
 from snr_sim.core.executors import JOIN_TIMEOUT_S, ThreadExecutor
 from snr_sim.core.inbox import POLL_PERIOD_S, Inbox
-from snr_sim.core.loop import Loop
+from snr_sim.core.loop import Loop, SetupResult
 from snr_sim.core.node import Node
 from snr_sim.core.node_life import NodeLife
 from snr_sim.core.process import spawned
 from snr_sim.core.process.factory_pickling import unpickle_factory
 from snr_sim.core.process.messages import MessageLine
-from snr_sim.core.reload.setup_result import SetupResult
 from snr_sim.core.source_location import describe_error
 from snr_sim.prelude.errors import ComponentFailedError, SnrError
 from snr_sim.prelude.page import DataKey, Page
@@ -55,7 +54,8 @@ def run(line: Connection) -> None:
     threading.Thread(target=spawned.execute_messages, args=orders, daemon=True).start()
     try:
         node = LoopNode(begin, messages, pages)
-        loop = make_loop(node, begin)
+        loop = unpickle_factory(begin["factory"]).get(node)
+        assert isinstance(loop, Loop), f"{loop!r} is not a Loop, but the node's factory returned one"
     except (Exception, SystemExit) as error:
         messages.send("failed", describe_error(error, f"while loop '{begin['loop']}' was made in its process"))
         messages.send("over")
@@ -71,13 +71,6 @@ def run(line: Connection) -> None:
     finish(node, loop, executor, messages)
 
 
-def make_loop(node: Node, begin: dict[str, Any]) -> Loop:
-    """Return the loop, created again in this process."""
-    loop = unpickle_factory(begin["factory"]).get(node)
-    assert isinstance(loop, Loop), f"{loop!r} is not a Loop, but the node's factory returned one"
-    return loop
-
-
 def finish(node: Node, loop: Loop, executor: ProcessThread, messages: MessageLine) -> None:
     """End the loop as a node ends it, and send "over"."""
     for step, function in (("halt", executor.join), ("terminate", loop.terminate)):
@@ -91,16 +84,16 @@ def finish(node: Node, loop: Loop, executor: ProcessThread, messages: MessageLin
 
 def send_counts(messages: MessageLine, node: Node, executor: ProcessThread) -> None:
     """Send the loop's number of ticks, largest delay and timings."""
-    timings = {} if node.profiler is None else {name: astuple(one) for name, one in node.profiler.timings.items()}
-    messages.send("counts", executor.ticks, executor.late_s, {name: list(timing) for name, timing in timings.items()})
+    timings = {} if node.profiler is None else {name: list(astuple(one)) for name, one in node.profiler.timings.items()}
+    messages.send("counts", executor.ticks, executor.late_s, timings)
 
 
 class ProcessLifetime:
     """Lifetime of this process: events for its start and its end."""
 
     def __init__(self) -> None:
-        self.may_go = threading.Event()
-        self.is_ending = threading.Event()
+        self.may_go: threading.Event = threading.Event()
+        self.is_ending: threading.Event = threading.Event()
 
     def wait_until(self, event: threading.Event, periodic: Any = None) -> None:
         """Wait in short steps, since a signal that arrives just before the blocking call does not end it."""

@@ -51,7 +51,7 @@ class MessageLine:
     """
 
     def __init__(self, connection: Connection, user: str = "", pidfd: int | None = None) -> None:
-        self.user = user
+        self.user: str = user
         self._connection = connection
         self._pidfd = pidfd
         self._sending = threading.Lock()
@@ -91,11 +91,7 @@ class MessageLine:
         return True
 
     def receive(self) -> list[Any]:
-        """Return the next message: its kind, then its values.
-
-        Raises:
-            EOFError, OSError: the other process has gone.
-        """
+        """Return the next message: its kind, then its values; raise an EOFError or OSError at its end."""
         return self.decode(self.receive_bytes())
 
     def receive_bytes(self) -> bytes:

@@ -14,13 +14,11 @@ import logging
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, TypeAlias
+from typing import Any
 
-from snr_sim.core.component import CORE_NAME
 from snr_sim.core.datastore import PREVIOUS
 from snr_sim.core.executors import JOIN_TIMEOUT_S
 from snr_sim.core.loop import Loop
-from snr_sim.core.node_core import NodeCore
 from snr_sim.core.node_life import NodeLife
 from snr_sim.core.process.child_process import ChildProcess, Message
 from snr_sim.core.process.factory_pickling import pickle_factory
@@ -29,8 +27,6 @@ from snr_sim.core.source_location import describe_error
 from snr_sim.prelude.errors import ComponentFailedError
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import Task, TaskType
-
-StoreListener: TypeAlias = Callable[[Page], None]
 
 TARGET = "snr_sim.core.process.loop_process:run"
 # Extra time for a process to end, compared with a thread: it waits for its own thread, halts the loop from outside if
@@ -49,22 +45,22 @@ class ProcessExecutor:
         self._node = life.node
         self._child: ChildProcess | None = None
         self._changed: set[DataKey] = set()  # keys of pages to send
-        self.skipped = 0  # pages that a newer one replaced before they were sent
+        self.skipped: int = 0  # pages that a newer one replaced before they were sent
         self._is_finished = False  # it has sent "over"
         self._has_setup_failed = False  # its setup failed while a caller waited: reported there, and the node continues
         self._late_failure: ComponentFailedError | None = None  # after its removal from the node: `join` raises it
         self._give_up_s: float | None = None
-        self._store_listeners: list[tuple[list[StoreListener], StoreListener]] = []  # ours, and the lists they are in
-        self.is_stopped = False
-        self.ticks = 0
-        self.late_s = 0.0
+        self._store_listeners: list[tuple[DataKey, Callable[[Page], None]]] = []
+        self.is_stopped: bool = False
+        self.ticks: int = 0
+        self.late_s: float = 0.0
 
     def start(self) -> None:
         """Start the process; it calls `setup` when it is ready."""
         loop, node = self._loop, self._node
         packed = pickle_factory(loop.factory, type(loop.factory).__name__, f"Loop '{loop.name}'")
         # The loop in the process has released its resources; this object has none.
-        loop.__dict__["terminate"] = _nothing
+        loop.__dict__["terminate"] = lambda: None
         order = {
             "factory": packed,
             "loop": loop.name,
@@ -107,31 +103,27 @@ class ProcessExecutor:
             self._fail(self._child.exit_message(status, when, "It had printed nothing."))
 
     def _on_message(self, kind: str, *values: Any) -> None:
-        if kind == "task":
-            type_name, name, val_list = values
-            self._node.enqueue_input(Task(TaskType(type_name), name, val_list), self._loop.name)
-        elif kind == "counts":
-            self._count(*values)
-        elif kind == "watch":
-            self._watch(*values)
-        elif kind == "log":
-            name, level, text = values
-            logging.getLogger(name).log(level, "%s", text)
-        elif kind == "note":
-            self._node.add_note(values[0])
-        elif kind == "is set up":
-            self._set_result(None)
-        elif kind == "failed":
-            self._fail(values[0])
-        elif kind == "stopped":
-            self.is_stopped = True
-        elif kind == "over":
-            self._is_finished = True
-
-    def _count(self, ticks: int, late_s: float, timings: dict[str, list[Any]]) -> None:
-        self.ticks, self.late_s = ticks, late_s
-        if self._node.profiler is not None:
-            self._node.profiler.timings.update({name: Timing(*timing) for name, timing in timings.items()})
+        match kind, *values:
+            case "task", type_name, name, val_list:
+                self._node.enqueue_input(Task(TaskType(type_name), name, val_list), self._loop.name)
+            case "counts", ticks, late_s, timings:
+                self.ticks, self.late_s = ticks, late_s
+                if self._node.profiler is not None:
+                    self._node.profiler.timings.update({name: Timing(*timing) for name, timing in timings.items()})
+            case "watch", key:
+                self._watch(key)
+            case "log", name, level, text:
+                logging.getLogger(name).log(level, "%s", text)
+            case "note", text:
+                self._node.add_note(text)
+            case ("is set up",):
+                self._set_result(None)
+            case "failed", message, *_:
+                self._fail(message)
+            case ("stopped",):
+                self.is_stopped = True
+            case ("over",):
+                self._is_finished = True
 
     def _watch(self, key: DataKey) -> None:
         """Send the newest page of a key now, and from now on each time one is stored."""
@@ -140,15 +132,9 @@ class ProcessExecutor:
             self._send_page(key)
 
         for stored in {key, key.removesuffix(PREVIOUS)}:
-            listeners = self._core().store_listeners.setdefault(stored, [])
-            listeners.append(listener)
-            self._store_listeners.append((listeners, listener))
+            self._node.add_store_listener(stored, listener)
+            self._store_listeners.append((stored, listener))
         self._send_page(key)
-
-    def _core(self) -> NodeCore:
-        core = self._node.components[CORE_NAME]
-        assert isinstance(core, NodeCore)
-        return core
 
     def _fail(self, message: str) -> None:
         failure = ComponentFailedError(message, self._node.name, self._loop.name)
@@ -176,11 +162,7 @@ class ProcessExecutor:
                 self._child.end()
 
     def join(self) -> None:
-        """Stop, and return once the process has ended; kill it if it does not end in time.
-
-        Raises:
-            ComponentFailedError: the loop was removed from its node, and failed after that.
-        """
+        """Stop, and return once the process has ended; kill it if it is late. Raise a removed loop's failure."""
         self.stop()
         if self._child is None or self._give_up_s is None:
             return
@@ -195,11 +177,6 @@ class ProcessExecutor:
                 "was killed; its halt() may not have been called."
             )
         while self._store_listeners:  # here and not in the listener: this thread iterates over the lists
-            listeners, callback = self._store_listeners.pop()
-            listeners.remove(callback)
+            self._node.remove_store_listener(*self._store_listeners.pop())
         if self._late_failure is not None:
             raise self._late_failure
-
-
-def _nothing(*args: Any) -> None:
-    """Do nothing."""

@@ -35,12 +35,7 @@ _printing = threading.Lock()
 
 
 class OutputReader:
-    """Reader of one output of a process, which forwards it line by line.
-
-    Args:
-        pipe: to read from.
-        forward: gets each line, without its end.
-    """
+    """Reader of one output of a process; `forward` gets each line, without its end."""
 
     def __init__(self, pipe: int, forward: Callable[[str], None]) -> None:
         self._pipe = pipe
@@ -90,7 +85,7 @@ class SpawnedProcess:
         )
         # Without pidfd only the end of the connection shows it, which a forked grandchild may keep open.
         self._pidfd = os.pidfd_open(self.pid) if hasattr(os, "pidfd_open") else None
-        self.line = MessageLine(line, pidfd=self._pidfd)
+        self.line: MessageLine = MessageLine(line, pidfd=self._pidfd)
         self._outputs = [
             OutputReader(pipe.fileno(), forward)
             for pipe, forward in ((self._process.stdout, out), (self._process.stderr, self._keep))
@@ -111,11 +106,7 @@ class SpawnedProcess:
         return self.line.send_bytes(message)
 
     def receive_loop(self, on_message: Callable[[bytes], None]) -> int:
-        """Receive messages until the process has ended; return its exit status, or minus a signal's number.
-
-        Args:
-            on_message: gets each message, in order.
-        """
+        """Pass on messages until the process has ended; return its exit status, or minus a signal's number."""
         line, outputs = self.line.fileno(), {output.fileno(): output for output in self._outputs}
         ends = [line] if self._pidfd is None else [line, self._pidfd]
         while True:
@@ -165,9 +156,7 @@ def start_process(
 ) -> tuple[subprocess.Popen[bytes], Connection]:
     """Return a new Python process that runs one function of snr_sim, and our end of the connection to it.
 
-    Args:
-        target, fds: as for `SpawnedProcess`.
-        stdout, stderr: as for `subprocess.Popen`; our own if not given.
+    Arguments are as for `SpawnedProcess` and `subprocess.Popen`.
 
     Raises:
         ConfigError: processes cannot be started here.

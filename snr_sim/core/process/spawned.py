@@ -14,7 +14,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any
 
-BLOCKED_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+BLOCKED_SIGNALS: tuple[signal.Signals, ...] = (signal.SIGINT, signal.SIGTERM)
 
 # Whether this process is importing the files of the program that started it: they must not start it again.
 is_reading_program = False

@@ -3,28 +3,36 @@
 A reload reads the files of a component again, and its factory, which keeps its state, creates the component again. If
 a step fails, it is undone: the old code continues, and the outcome has the reason. No queued task is lost.
 
-The result is a page `reload` (`add_component`, `remove_component`): {component, ok, message, created, sources}, with
-the sha256 of the files read. A reload waits for the new loop's `setup` (`setup_timeout_s`), so that a loop that fails
-leaves the old one in place. A loop that fails after its removal (its `halt` raises, its process dies) is noted and does
-not end the node. Processes get the sources of their node's modules as of the first send or the last reload, so they run
-the same code whatever was saved since. Changes between import and the first process cannot be detected.
+The result is a page `reload` (`add_component`, `remove_component`): {component, ok, message, created, sources}, which
+are the requested name; whether the whole request was executed; a text, of a failure with the student's line first;
+names of the components created; and the sha256 of each file read, by folder and file name.
+
+A reload waits for the new loop's `setup` (`setup_timeout_s`), so that a loop that fails leaves the old one in place. A
+loop that fails after its removal (its `halt` raises, its process dies) is noted and does not end the node. Processes
+get the sources of their node's modules as of the first send or the last reload, so they run the same code whatever was
+saved since. Changes between import and the first process cannot be detected.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from types import ModuleType
 from typing import Any, TypeAlias, TypeVar
 
-from snr_sim.core.component import CORE_NAME, ComponentFactory
+from snr_sim.core.component import CORE_NAME
 from snr_sim.core.endpoint import Endpoint
+from snr_sim.core.factory import ComponentFactory
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node_life import NodeLife
 from snr_sim.core.reload.sources import ModuleReload, modules_of, show_source_in_use
 from snr_sim.core.reload.state_snapshot import Snapshot
 from snr_sim.core.source_location import describe_error
+from snr_sim.prelude import tasks
+from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, SnrError, UnknownNameError, suggest
+from snr_sim.prelude.page import DataKey
+from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 
 AnyComponent: TypeAlias = Endpoint | Loop
 T = TypeVar("T")
@@ -32,63 +40,43 @@ PutOnProbation: TypeAlias = Callable[[dict[str, AnyComponent], dict[str, AnyComp
 ALL = "all"
 
 
-@dataclass
-class ChangeResult:
-    """Outcome of a change, as in the page that reports it.
-
-    Args:
-        component: as requested: a name, or "all".
-        ok: whether the whole request was executed.
-        message: as text; of a failure the student's line first.
-        created: names of the components that were created.
-        sources: sha256 of each file that was read again, by folder and file name; also of one that is not Python.
-    """
-
-    component: str
-    ok: bool
-    message: str
-    created: list[str] = field(default_factory=list)
-    sources: dict[str, str] = field(default_factory=dict)
-
-
 class ComponentManager:
-    """Manager of the components of one node: adds, removes and reloads them.
+    """Handlers of the tasks that add, remove and reload components of one node; `core` is its core endpoint.
 
-    In a replay the node has no loops, since their tasks come from the trace. If one of them is requested, it is created
-    here, so that the outcome is the recorded one, but it never begins.
-
-    Args:
-        life: of their node.
+    A replay begins without loops, since their tasks come from the trace. They are created at the first request, so that
+    the outcome is the recorded one, but never begin.
     """
 
-    def __init__(self, life: NodeLife) -> None:
-        self.life = life
+    def __init__(self, life: NodeLife, core: Endpoint) -> None:
+        self.life: NodeLife = life
         self.node = life.node
+        self._core = core
         # Puts new code on probation: `rollback.Probations.begin`, if there are any.
         self.put_on_probation: PutOnProbation = lambda old, new, undo: None
-        self._absent: dict[str, AnyComponent] | None = None  # the loops of a replay, created at the first request
+        self.replace_component: Callable[[Component | None, Component | None], None] = life.registry.replace_component
+        self._has_loops = not self.node.is_replay
 
-    def reload(self, requested: str, more: Sequence[str] = ()) -> ChangeResult:
+    def reload(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Recreate components from the present code in their files; each file is read once.
 
-        Args:
-            requested: a component's name, or "all", which leaves out consoles; those can be named.
-            more: further names.
+        The task's name is a component's, or "all", which leaves out consoles; its values are further names.
         """
         try:
-            chosen = self._chosen([requested, *more])
+            chosen = self._chosen([task.name, *task.val_list])
         except SnrError as error:
-            return ChangeResult(requested, False, str(error))
-        return _Reload(self, requested, chosen).run()
+            return self.report(TaskType.reload.value, task.name, False, str(error))
+        return _Reload(self, task.name, chosen).run()
 
-    def add(self, factory: Any, is_started: bool) -> ChangeResult:
-        """Add a factory's component as the last of the components."""
-        node = self.node
+    def add_component(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Add a factory's component as the last of the components; a second value of False does not begin it."""
+        factory = task.val_list[0] if task.val_list else None
+        is_started = len(task.val_list) < 2 or bool(task.val_list[1])
         requested = type(factory).__name__
         try:
+            self._create_loops()
             component = self.life.registry.make(factory)
             requested = component.name
-            other = node.components.get(requested) or self._absent_ones().get(requested)
+            other = self.node.components.get(requested)
             if other is not None:
                 raise ConfigError(
                     f"A component '{requested}' is to be added, but there is one: a {type(other).__name__}. It stays.",
@@ -98,10 +86,9 @@ class ComponentManager:
             if is_started:
                 self._begin_added(component)
         except (Exception, SystemExit) as error:
-            return ChangeResult(
-                requested, False, _error_text(error, "while it was added; the node continues without it")
-            )
-        return ChangeResult(requested, True, f"'{requested}' was added.", [requested])
+            message = _error_text(error, "while it was added; the node continues without it")
+            return self.report(tasks.ADD_COMPONENT_TASK_NAME, requested, False, message)
+        return self.report(tasks.ADD_COMPONENT_TASK_NAME, requested, True, f"'{requested}' was added.", [requested])
 
     def _begin_added(self, component: AnyComponent) -> None:
         try:
@@ -111,37 +98,50 @@ class ComponentManager:
             self.replace_component(component, None)
             raise
 
-    def remove(self, name: str) -> ChangeResult:
-        """Halt a component, and remove it from the node."""
+    def remove_component(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Halt the component of that name, and remove it from the node."""
+        name = task.val_list[0] if task.val_list else ""
         try:
             component = self.find(name)
         except SnrError as error:
-            return ChangeResult(name, False, str(error))
+            return self.report(tasks.REMOVE_COMPONENT_TASK_NAME, name, False, str(error))
         self.replace_component(component, None)  # first: a component that is being halted must not handle tasks
         failures = self.life.end_removed(component)
-        return ChangeResult(
-            name, not failures, "\n".join([f"'{name}' was removed.", *(one.message for one in failures)])
-        )
+        message = "\n".join([f"'{name}' was removed.", *(one.message for one in failures)])
+        return self.report(tasks.REMOVE_COMPONENT_TASK_NAME, name, not failures, message)
+
+    def report(
+        self,
+        key: DataKey,
+        component: str,
+        ok: bool,
+        message: str,
+        created: Sequence[str] = (),
+        sources: Mapping[str, str] | None = None,
+    ) -> Task:
+        """Report the outcome of a change in the log, at the end of the run if it failed, and in the page returned."""
+        if ok:
+            self._core.log.info("%s", message)
+        else:
+            self._core.log.warning("%s", message)
+            self.node.add_note(message)
+        outcome: dict[str, Any] = {"component": component, "ok": ok, "message": message}
+        return self._core.store_data_task(key, outcome | {"created": list(created), "sources": sources or {}})
 
     # The steps of all three
 
     def all(self) -> dict[str, AnyComponent]:
         """Return every component of the robot, in their order; in a replay the loops as well."""
-        node = self.node
-        known: dict[str, AnyComponent] = {
+        self._create_loops()
+        components = self.node.components
+        return {
             name: one
-            for name, one in node.components.items()
-            if isinstance(one, (Endpoint, Loop)) and one.is_robot_component
+            for name in sorted(components, key=self.life.registry.order_of)
+            if isinstance(one := components[name], (Endpoint, Loop)) and one.is_robot_component
         }
-        known |= self._absent_ones()
-        return {name: known[name] for name in sorted(known, key=self.life.registry.order_of)}
 
     def find(self, name: Any) -> AnyComponent:
-        """Return a component.
-
-        Raises:
-            UnknownNameError: no component has that name, or it is the node's own.
-        """
+        """Return a component; raise an UnknownNameError if no component has that name, or it is the node's own."""
         if name == CORE_NAME:
             raise UnknownNameError(
                 f"'{CORE_NAME}' is the node itself: it can be neither reloaded nor removed.",
@@ -165,39 +165,15 @@ class ComponentManager:
         """Return whether a component is only a placeholder: a loop in a replay."""
         return self.node.is_replay and isinstance(component, Loop)
 
-    def _absent_ones(self) -> dict[str, AnyComponent]:
-        if not self.node.is_replay:
-            return {}
-        if self._absent is None:
-            self._absent = {}
+    def _create_loops(self) -> None:
+        if not self._has_loops:
+            self._has_loops = True
             for index, factory in enumerate(self.node.config.get(self.node.role), 1):
                 if isinstance(factory, LoopFactory):
-                    loop = self.life.registry.make(factory)
-                    self._absent[loop.name] = loop
-                    self.life.registry.set_order(loop.name, index)
-        return self._absent
-
-    def replace_component(self, old: AnyComponent | None, new: AnyComponent | None) -> None:
-        """Replace a component; `old` None: append, `new` None: remove."""
-        one = new or old
-        assert one is not None
-        if not self.is_absent(one):
-            self.life.registry.replace_component(old, new)
-            return
-        absent = self._absent_ones()
-        if new is None:
-            del absent[one.name]
-            return
-        absent[one.name] = new
-        if old is None:
-            self.life.registry.set_order(one.name)
+                    self.life.registry.add(self.life.registry.make(factory), index)
 
     def begin(self, component: AnyComponent) -> None:
-        """Begin a component, unless it is a loop in a replay.
-
-        Raises:
-            ComponentFailedError: it raised.
-        """
+        """Begin a component, unless it is a loop in a replay; raise a ComponentFailedError if it raises."""
         if not self.is_absent(component):
             self.life.begin_added(component)
 
@@ -231,7 +207,7 @@ class _Reload:
         self._new: dict[str, AnyComponent] = {}
         self._undo: list[Callable[[], None]] = []  # what puts their factories back
 
-    def run(self) -> ChangeResult:
+    def run(self) -> Task:
         planned = [(old, self._try(old, self._modules, old)) for old in self._components]
         for old, modules in planned:
             for module in modules or ():
@@ -252,13 +228,12 @@ class _Reload:
         """Run a step for a component; if it fails, keep the component's old code and note the failure."""
         try:
             return step(*args)
-        except (Exception, SystemExit) as error:
+        except BaseException as error:
             self._keep(component)
+            if not isinstance(error, (Exception, SystemExit)):
+                raise
             names = self._failures.setdefault(_error_text(error, "while it was read again for a reload"), [])
             names.append(component.name)
-        except BaseException:
-            self._keep(component)
-            raise
         return None
 
     def _modules(self, component: AnyComponent) -> list[ModuleType]:
@@ -291,11 +266,7 @@ class _Reload:
             try:
                 module_reload = self._module_reloads[module] = ModuleReload(module)
                 self._sources[module_reload.name] = module_reload.sha256
-                try:
-                    module_reload.execute()
-                except BaseException:
-                    module_reload.undo()
-                    raise
+                module_reload.execute()
             except (Exception, SystemExit) as error:
                 self._module_reloads[module] = error
         module_reload_or_error = self._module_reloads[module]
@@ -351,13 +322,14 @@ class _Reload:
                 if not users and isinstance(module_reload, ModuleReload):
                     module_reload.undo()
 
-    def _outcome(self) -> ChangeResult:
+    def _outcome(self) -> Task:
         lines = [f"{message}\n  Kept as before: {', '.join(names)}." for message, names in self._failures.items()]
         if self._created or not lines:
             lines.append(f"Recreated: {', '.join(self._created) or 'nothing'}.")
         lines += self._remarks
         is_ok = not self._failures and not self._remarks
-        return ChangeResult(self._requested, is_ok, "\n".join(lines), self._created, self._sources)
+        key = TaskType.reload.value
+        return self._manager.report(key, self._requested, is_ok, "\n".join(lines), self._created, self._sources)
 
 
 def _classes(factory: ComponentFactory) -> tuple[type[Any], type[Any] | None]:
@@ -375,11 +347,7 @@ def _set_classes(factory: ComponentFactory, classes: Sequence[type[Any] | None])
 
 
 def _newest(kind: type[Any], modules: Sequence[ModuleType]) -> type[Any]:
-    """Return the class of that name in the reloaded module, or the class itself if its module was not reloaded.
-
-    Raises:
-        ConfigError: the new code has no such class.
-    """
+    """Return the class of that name in its reloaded module, or the class itself if its module was not reloaded."""
     for module in modules:
         if module.__name__ != kind.__module__:
             continue

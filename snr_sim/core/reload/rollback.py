@@ -9,17 +9,17 @@ this runs on the node's thread, between two calls, and depends only on tasks and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import wraps
 
+from snr_sim.core.handlers import as_tasks
 from snr_sim.core.loop import Loop
-from snr_sim.core.machine import as_tasks
 from snr_sim.core.reload.reload import AnyComponent, ComponentManager
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ComponentFailedError
-from snr_sim.prelude.task import SomeTasks, Task, TaskHandler, TaskId
+from snr_sim.prelude.task import SomeTasks, Task, TaskHandler, TaskId, TaskType
 
 # New code is on probation until this node time has passed and its component's handlers have been called this often. A
 # loop is on probation for the time only, since a replay does not know its calls.
@@ -32,8 +32,7 @@ class Probation:
     """A reload whose new code may still fail.
 
     Args:
-        number: number of the reload in its node.
-        began_s: node time of the reload.
+        number: of the reload in its node, which began at node time `began_s`.
         old, new: the components that were exchanged, by name.
         undo: restores the code and the state of the factories.
         calls: number of handler calls of each new component, by its name.
@@ -57,17 +56,15 @@ class Probation:
 class Probations:
     """The reloads of one node whose new code is on probation, the newest last.
 
-    Args:
-        manager: exchanges the components.
-        report: takes the component's name and a message on the rollback; returns the tasks that report it.
+    From now on `manager`, which exchanges the components, puts new ones on probation here.
     """
 
-    def __init__(self, manager: ComponentManager, report: Callable[[str, str], Sequence[Task]]) -> None:
+    def __init__(self, manager: ComponentManager) -> None:
         self._manager = manager
         self._node = manager.node
-        self._report = report
         self._probations: list[Probation] = []
         self._reloads = 0
+        manager.put_on_probation, manager.life.handle_failure = self.begin, self.handle_failure
 
     def begin(self, old: dict[str, AnyComponent], new: dict[str, AnyComponent], undo: Callable[[], None]) -> None:
         """Put a reload's components on probation; arguments as of `Probation`. The reload adds to them later."""
@@ -99,8 +96,8 @@ class Probations:
                 return as_tasks(handler(task, task_id), component, handler)
             except (Exception, SystemExit) as error:
                 failure = self._manager.life.report.failure_in_handler(component, task, error)
-            reports = self._roll_back(probation, name, failure.message)
-            return [*reports, *as_tasks(self._call_old_handler(name, task), component, handler)]
+            report = self._roll_back(probation, name, failure.message)
+            return [report, *as_tasks(self._call_old_handler(name, task), component, handler)]
 
         return call
 
@@ -113,15 +110,19 @@ class Probations:
         self._node.enqueue_input(tasks.roll_back(loop.name, probation.number, failure.message), loop.name)
         return True
 
-    def roll_back(self, name: str, number: int, message: str) -> Sequence[Task]:
-        """Roll back the reload of that number, if the loop it created is still in the node."""
-        probation = next((one for one in reversed(self._probations) if name in one.new), None)
-        return [] if probation is None or probation.number != number else self._roll_back(probation, name, message)
+    def roll_back(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Handle the task of a loop that failed: roll back its reload, if that is the newest of its name."""
+        match task.val_list:
+            case [str(name), int(number), str(message)]:
+                probation = next((one for one in reversed(self._probations) if name in one.new), None)
+                if probation is not None and probation.number == number:
+                    return self._roll_back(probation, name, message)
+        return None
 
     def _probation_of(self, component: Component) -> Probation | None:
         return next((one for one in self._probations if one.new.get(component.name) is component), None)
 
-    def _roll_back(self, failed: Probation, name: str, message: str) -> Sequence[Task]:
+    def _roll_back(self, failed: Probation, name: str, message: str) -> Task:
         """Restore the newest code of a component that has passed its probation, or else the first."""
         first = next(index for index, one in enumerate(self._probations) if name in one.new)
         undone = self._probations[first:]
@@ -144,7 +145,8 @@ class Probations:
         what, _, fix = message.partition("\n  Try: ")
         words = f"{after_s:.3f} s after its reload, which was rolled back: {', '.join(back)} as before it."
         fix = fix or "correct this line and save the file again."
-        return self._report(name, "\n  ".join([what, words, *remarks, f"Try: {fix}"]))
+        lines = "\n  ".join([what, words, *remarks, f"Try: {fix}"])
+        return self._manager.report(TaskType.reload.value, name, False, lines)
 
     def _call_old_handler(self, name: str, task: Task) -> SomeTasks:
         """Return the tasks of the restored component for a task."""

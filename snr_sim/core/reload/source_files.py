@@ -28,11 +28,7 @@ class SourceFiles:
         return sorted(folder.glob("*.py"))
 
     def read(self, path: Path) -> bytes:
-        """Return the content of a file.
-
-        Raises:
-            OSError: it cannot be read.
-        """
+        """Return the content of a file; raise an OSError if it cannot be read."""
         return path.read_bytes()
 
     def check(self, path: Path, source: bytes) -> None:

@@ -14,7 +14,8 @@ from pathlib import Path
 from types import FunctionType, ModuleType
 from weakref import WeakKeyDictionary
 
-from snr_sim.core.component import ComponentFactory, NodeComponent
+from snr_sim.core.component import NodeComponent
+from snr_sim.core.factory import ComponentFactory
 from snr_sim.core.reload.source_files import source_files
 from snr_sim.core.source_location import is_student_file
 from snr_sim.prelude.errors import ConfigError
@@ -91,9 +92,6 @@ def _check_target(factory: str, target: object) -> None:
 class ModuleReload:
     """A module's file, read again. The module is unchanged until `execute`, and `undo` restores it.
 
-    Args:
-        module: has a file.
-
     Raises:
         ConfigError: the file does not exist any more.
     """
@@ -106,15 +104,15 @@ class ModuleReload:
         except OSError as error:
             raise ConfigError(f"The file {path} cannot be read again: {error.strerror}.") from error
         _show(path, source)  # tracebacks of the new code show the new line
-        self.module = module
+        self.module: ModuleType = module
         self._source = source
         self._source_before = _sources.get(module)
-        self.name = "/".join(path.parts[-2:])  # the same for every folder in which a replay is started
-        self.sha256 = hashlib.sha256(source).hexdigest()
+        self.name: str = "/".join(path.parts[-2:])  # the same for every folder in which a replay is started
+        self.sha256: str = hashlib.sha256(source).hexdigest()
         self._before: dict[str, object] | None = None  # once it is executed
 
     def execute(self) -> None:
-        """Execute the new code in the module, as Python does at the first import. Raises the code's exceptions."""
+        """Execute the new code in the module, as Python does at the first import; if it raises, undo that and raise."""
         path = str(self.module.__file__)
         source_files().check(Path(path), self._source)
         tree = ast.parse(self._source, path)
@@ -127,6 +125,9 @@ class ModuleReload:
         token = reloading_file.set(self.name)
         try:
             exec(code, namespace)
+        except BaseException:
+            self.undo()
+            raise
         finally:
             reloading_file.reset(token)
         if self.module.__name__ != "__main__":

@@ -44,8 +44,8 @@ class WatchLoopFactory(LoopFactory):
 
     def __init__(self, rate_hz: float = 2.0, name: str = "watch") -> None:
         super().__init__()
-        self.rate_hz = rate_hz
-        self.name = name
+        self.rate_hz: float = rate_hz
+        self.name: str = name
         self.seen: dict[Path, FileStamp] = {}
 
     def get(self, parent: NodeApi) -> WatchLoop:

@@ -19,9 +19,9 @@ import msgspec
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import AnyFactory, Config, Mode
 from snr_sim.core.endpoint import Endpoint
-from snr_sim.core.handlers import handler_name
+from snr_sim.core.handlers import as_tasks, handler_name
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.machine import EventMachine, as_tasks
+from snr_sim.core.machine import EventMachine
 from snr_sim.core.node import Node
 from snr_sim.core.output_recording import RecordedOutput
 from snr_sim.core.source_location import describe_error, location_of

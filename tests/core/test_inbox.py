@@ -4,8 +4,7 @@ import threading
 import pytest
 
 from snr_sim import Config, Mode, Node, tasks
-from snr_sim.core.inbox import Inbox
-from snr_sim.core.selector_waiter import SelectorWaiter
+from snr_sim.core.inbox import Inbox, SelectorWaiter
 
 LIMIT_S = 90.0
 
