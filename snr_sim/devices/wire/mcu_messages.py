@@ -12,7 +12,6 @@ import msgspec
 
 PROTOCOL = 1
 BAUD = 115_200
-NEUTRAL_US = 1500.0
 NO_COMMAND_MS = 0xFFFF  # the age of the last command when there was none
 
 
