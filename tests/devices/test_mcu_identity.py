@@ -8,7 +8,7 @@ import pytest
 
 from snr_sim.devices.mcu.mcu import McuPwm
 from snr_sim.devices.mcu.mcu_board import McuBoard
-from snr_sim.devices.mcu.mcu_identity import NAME, check_identity, incompatibilities
+from snr_sim.devices.mcu.mcu_handshake import NAME, check_identity, incompatibilities
 from snr_sim.devices.wire.mcu_messages import Arm, Ident, McuFault, McuState, ResetCause, Telemetry
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.testing.fake_mcu import FakeMcu

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 from snr_sim.devices.mcu.mcu_board import SILENT_S, McuBoard
-from snr_sim.devices.mcu.mcu_handshake import FLASH
-from snr_sim.devices.mcu.mcu_identity import check_identity
+from snr_sim.devices.mcu.mcu_handshake import FLASH, check_identity
 from snr_sim.devices.pwm.pwm_backend import STOP_US, PwmBackend
 from snr_sim.devices.wire.mcu_messages import (
     TYPE_OF,
@@ -65,17 +65,13 @@ class McuPwm(PwmBackend):
 
     def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, reasons: list[str]) -> list[float]:
         """Send pulses and return those of the newest telemetry."""
-        try:
-            self._receive(reasons)
-            if self.state not in ("activating", "active"):
-                return self.still_us
-            if lease_s > 0.0:
-                self._command(pulses_us, stamp_s, lease_s)
-            if self.state == "activating" and self.is_neutral_requested:
-                self._request_arming()
-        except DeviceError as error:
-            self._mark_lost(error)
-            raise
+        self._receive(reasons)
+        if self.state not in ("activating", "active"):
+            return self.still_us
+        if lease_s > 0.0:
+            self._command(pulses_us, stamp_s, lease_s)
+        if self.state == "activating" and self.is_neutral_requested:
+            self._request_arming()
         if self._widths_us != pulses_us:
             reasons.append(SLEWING)
         return list(self._widths_us)
@@ -83,10 +79,7 @@ class McuPwm(PwmBackend):
     def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
         """Request pulses. While it is not active it only receives, and so detects a pulled wire."""
         if self.state == "inactive":
-            try:
-                self._receive([])
-            except DeviceError as error:
-                self._mark_lost(error)
+            self._try(lambda: self._receive([]))
         return super().write_us(pulses_us, stamp_s, lease_s)
 
     def _command(self, pulses_us: list[float], stamp_s: float, lease_s: float) -> None:
@@ -106,20 +99,24 @@ class McuPwm(PwmBackend):
         """Process the messages that the board has sent since the last call.
 
         Raises:
-            DeviceError: the wire is gone, the board is silent, or it has lost our session.
+            DeviceError: the wire is gone, the board is silent, or it has lost our session; the port is closed.
         """
         board = self.board
-        board.poll()
-        for message in board.take_messages():
-            if isinstance(message, Telemetry):
-                self._on_telemetry(message, reasons)
-            elif isinstance(message, CommandAck):
-                self._on_ack(message, reasons)
-        if board.silent_s > SILENT_S:
-            raise DeviceError(
-                f"{board.name}: no telemetry for {board.silent_s:.2f} s, though the port is open.",
-                fix="check the board's plug and supply.",
-            )
+        try:
+            board.poll()
+            for message in board.take_messages():
+                if isinstance(message, Telemetry):
+                    self._on_telemetry(message, reasons)
+                elif isinstance(message, CommandAck):
+                    self._on_ack(message, reasons)
+            if board.silent_s > SILENT_S:
+                raise DeviceError(
+                    f"{board.name}: no telemetry for {board.silent_s:.2f} s, though the port is open.",
+                    fix="check the board's plug and supply.",
+                )
+        except DeviceError as error:
+            board.mark_lost(str(error))
+            raise
 
     def _on_telemetry(self, telemetry: Telemetry, reasons: list[str]) -> None:
         if telemetry.session != self.board.session:
@@ -151,13 +148,12 @@ class McuPwm(PwmBackend):
             self._is_disarming = False
         elif ack.to == TYPE_OF[EmergencyStop] or ack.result == AckResult.STOPPED:
             self._set_inactive("emergency stop", reasons, STOPPED)
-        elif ack.to == TYPE_OF[Arm] and ack.result == AckResult.DONE and self._is_arming:
-            self.state, self.reason = "active", ""
+        elif (ack.to, ack.result) == (TYPE_OF[Arm], AckResult.DONE):
+            self._on_armed()
 
-    @property
-    def _is_arming(self) -> bool:
-        """Whether a positive answer belongs to the current request, not to an earlier one."""
-        return self.state == "activating" and not self._is_disarming
+    def _on_armed(self) -> None:
+        if self.state == "activating" and not self._is_disarming:  # else it answers an earlier request
+            self.state, self.reason = "active", ""
 
     def _set_inactive(self, what: str, reasons: list[str], *words: str) -> None:
         if self.state in ("activating", "active"):
@@ -212,7 +208,7 @@ class McuPwm(PwmBackend):
         if self.board.is_open:
             self._is_disarming = True
             self._requested_s = self.now_s()
-            self._send(Disarm(self.board.session))
+            self.board.send(Disarm(self.board.session))
 
     def on_close(self) -> None:
         """Release the board."""
@@ -225,12 +221,12 @@ class McuPwm(PwmBackend):
     def on_stop(self) -> None:
         """Store the stop in the microcontroller: it outlives this program, until it is cleared or power is cut."""
         self.board.open(self)
-        self._send(EmergencyStop(self.board.session))
+        self.board.send(EmergencyStop(self.board.session))
 
     def on_clear_stop(self) -> None:
         """Clear it in the microcontroller."""
         self.board.open(self)
-        self._send(ClearStop(self.board.session))
+        self.board.send(ClearStop(self.board.session))
 
     def _request_arming(self) -> None:
         now_s = self.now_s()
@@ -239,16 +235,6 @@ class McuPwm(PwmBackend):
             session = self.board.session
             # Not before it has reported that it is disarmed: telemetry still in transit is older.
             self.board.send(Disarm(session) if self._is_disarming else Arm(session))
-
-    def _send(self, message: Disarm | EmergencyStop | ClearStop) -> None:
-        try:
-            self.board.send(message)
-        except DeviceError as error:
-            self._mark_lost(error)
-
-    def _mark_lost(self, error: DeviceError) -> None:
-        self.board.mark_lost(str(error))
-        self.fail(str(error))
 
 
 @dataclass(frozen=True)
@@ -303,19 +289,12 @@ class McuPower(LifeCycle):
         self._board, self._scale = board, scale
 
     def read(self) -> PowerReading | Stale:
-        """Return the reading in the newest telemetry.
-
-        Raises:
-            SensorLostError: it was closed.
-        """
+        """Return the reading in the newest telemetry."""
         board = self._board
         if self.state == "closed":
             raise SensorLostError(f"{self.title} was closed.", fix="open another.")
-        if board.is_open:
-            try:
-                board.poll()
-            except DeviceError as error:
-                board.mark_lost(str(error))
+        with suppress(DeviceError):  # the board keeps it as its fault
+            board.poll()
         telemetry, measured_s = board.telemetry, board.measured_s
         if not board.is_open or telemetry is None or measured_s is None:
             return Stale(board.fault, measured_s)
@@ -324,11 +303,7 @@ class McuPower(LifeCycle):
         return self._scale.reading(telemetry.battery_pin_mv, telemetry.current_pin_mv, measured_s)
 
     def on_configure(self) -> None:
-        """Open the board.
-
-        Raises:
-            DeviceError: see `McuBoard.open`.
-        """
+        """Open the board."""
         self._board.open(self)
 
     def on_close(self) -> None:

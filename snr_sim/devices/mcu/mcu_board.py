@@ -12,8 +12,8 @@ import threading
 import time
 import weakref
 from collections import deque
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 
 from snr_sim.devices.mcu.mcu_handshake import handshake
 from snr_sim.devices.wire.mcu_frames import McuFrames, encode
@@ -104,19 +104,19 @@ class McuBoard:
         """Send a message.
 
         Raises:
-            DeviceError: the wire is gone.
+            DeviceError: the wire is gone, which closes the port.
         """
-        with self._lock:
-            self._require_open().write(encode(message))
+        with self._open_wire() as port:
+            port.write(encode(message))
 
     def poll(self) -> None:
         """Process the bytes that have arrived.
 
         Raises:
-            DeviceError: the wire is gone.
+            DeviceError: the wire is gone, which closes the port.
         """
-        with self._lock:
-            self._take(self._require_open().read())
+        with self._open_wire() as port:
+            self._take(port.read())
 
     def take_messages(self) -> list[FromMcu]:
         """Return the messages since the last call, for the one device that acts."""
@@ -188,10 +188,16 @@ class McuBoard:
         if isinstance(message, Telemetry):
             self.telemetry, self.measured_s = message, self.now_s()
 
-    def _require_open(self) -> BytePort:
-        if self._port is None:
-            raise DeviceError(self.fault)
-        return self._port
+    @contextmanager
+    def _open_wire(self) -> Iterator[BytePort]:
+        with self._lock:
+            if self._port is None:
+                raise DeviceError(self.fault)
+            try:
+                yield self._port
+            except DeviceError as error:
+                self.mark_lost(str(error))
+                raise
 
 
 def _send_close(port: BytePort, session: int) -> None:
