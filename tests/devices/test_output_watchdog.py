@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from snr_sim.devices.pwm.output_watchdog import OutputWatchdog
+from snr_sim.devices.pwm.pwm_supervisor import OutputWatchdog
 from snr_sim.testing.fakes import FakeSensor  # a device, of which only the life cycle is used here
 
 GENEROUS_S = 60.0

@@ -5,12 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from functools import partial
 from typing import Any
 
 from snr_sim.devices.pwm.passive_pwm import PassivePwm
 from snr_sim.devices.pwm.pwm_backend import PwmBackend
-from snr_sim.devices.wire.child_port import ChildPort
 from snr_sim.devices.wire.lease_messages import (
     ArmOutputs,
     CloseOutputs,
@@ -19,8 +17,7 @@ from snr_sim.devices.wire.lease_messages import (
     LeaseStatus,
     Message,
     OpenOutputs,
-    encode,
-    receive,
+    SupervisorPort,
 )
 from snr_sim.prelude.device import LEASE_S
 from snr_sim.prelude.errors import DeviceError
@@ -28,8 +25,6 @@ from snr_sim.prelude.signals import NOT_ACTIVE, SLEWING
 
 OPEN_S = 20.0  # until a new Python on a small computer has opened them
 ANSWER_S = 1.0
-
-open_supervisor = partial(ChildPort, "snr_sim.devices.pwm.pwm_supervisor:run", receive)
 
 
 class SupervisedPwm(PwmBackend):
@@ -52,7 +47,7 @@ class SupervisedPwm(PwmBackend):
         now_s: Callable[[], float],
         opener: str,
         args: Sequence[Any],
-        open_line: Callable[[], ChildPort[Message]] = open_supervisor,
+        open_line: Callable[[], SupervisorPort] = SupervisorPort,
         monotonic_s: Callable[[], float] = time.monotonic,
     ) -> None:
         super().__init__(now_s, like.channels, like.limits_us, like.resolution_us)
@@ -60,7 +55,7 @@ class SupervisedPwm(PwmBackend):
         self.title = f"{like.title}, behind its supervisor,"
         self._opener, self._args = opener, list(args)
         self._open_line, self._monotonic_s = open_line, monotonic_s
-        self._line: ChildPort[Message] | None = None
+        self._line: SupervisorPort | None = None
         self._has_held = False
         self._seq = 0
         self._requested_us: list[float] = []
@@ -115,7 +110,8 @@ class SupervisedPwm(PwmBackend):
         self._seq += 1
         # An old command has expired to neutral, and no newer state is possible.
         age_s = self.now_s() - stamp_s if lease_s > 0.0 else 0.0
-        self._send(Lease(self._seq, pulses_us, now_s - age_s, age_s + lease_s if lease_s > 0.0 else LEASE_S))
+        left_s = age_s + lease_s if lease_s > 0.0 else LEASE_S
+        self._require_open().write(Lease(self._seq, pulses_us, now_s - age_s, left_s))
         self._requested_by_seq[self._seq] = pulses_us
         self._receive()
         status = self._status
@@ -137,7 +133,7 @@ class SupervisedPwm(PwmBackend):
         line = self._require_open()
         self._receive()
         before = len(self._requested_by_seq)
-        self._send(order)
+        line.write(order)
         until_s = time.monotonic() + timeout_s
         answers = before + 1
         while answers and line.wait(max(0.0, until_s - time.monotonic())):
@@ -149,9 +145,6 @@ class SupervisedPwm(PwmBackend):
             )
         if self._status.state == "error":
             raise DeviceError(self._status.reason, fix=self._status.fix)
-
-    def _send(self, message: Message) -> None:
-        self._require_open().write(encode(message))
 
     def _receive(self) -> int:
         """Read the answers that have arrived; return their number."""
@@ -171,10 +164,10 @@ class SupervisedPwm(PwmBackend):
         if line is None:
             return
         with suppress(DeviceError):  # a supervisor that has died
-            line.write(encode(CloseOutputs()))
+            line.write(CloseOutputs())
         line.close()
 
-    def _require_open(self) -> ChildPort[Message]:
+    def _require_open(self) -> SupervisorPort:
         if self._line is None:
             raise DeviceError(f"{self.title} is not open.", fix="call configure() first.")
         return self._line
