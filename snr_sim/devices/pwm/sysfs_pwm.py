@@ -22,7 +22,7 @@ from pathlib import Path
 
 from snr_sim.devices.pwm.passive_pwm import PwmChip
 from snr_sim.devices.pwm.pwm_backend import LIMITS_US, STOP_US
-from snr_sim.devices.wire.permission import how_to_use
+from snr_sim.devices.wire.permission import group_of, how_to_use
 from snr_sim.prelude.errors import DeviceError
 
 ROOT = Path("/sys/class/pwm")
@@ -149,11 +149,9 @@ class SysfsPins(PwmChip):
     def _read(self, path: Path) -> str:
         try:
             return path.read_text(encoding="ascii").strip()
-        except FileNotFoundError:
-            if path.name == "polarity":
-                return ""  # not every chip has it
-            raise _access_error(path, "", FileNotFoundError(errno.ENOENT, "No such file")) from None
         except OSError as error:
+            if path.name == "polarity" and error.errno == errno.ENOENT:
+                return ""  # not every chip has it
             raise _access_error(path, "", error) from error
 
 
@@ -174,7 +172,7 @@ def find_chip(root: Path = ROOT) -> Path:
 def _access_error(path: Path, text: str, error: OSError) -> DeviceError:
     if error.errno in (errno.EACCES, errno.EPERM):
         return DeviceError(
-            f"{path} may not be written by this user: it belongs to group '{_group_of(path)}'.",
+            f"{path} may not be written by this user: it belongs to group '{group_of(path)}'.",
             fix=how_to_use(path, "gpio"),
         )
     if error.errno == errno.EBUSY:
@@ -184,10 +182,3 @@ def _access_error(path: Path, text: str, error: OSError) -> DeviceError:
     if error.errno == errno.EINVAL:
         return DeviceError(f"{path} did not take '{text}': Invalid argument.", fix="`dmesg | tail`; another dtoverlay?")
     return DeviceError(f"{path}: {error.strerror}.", fix="was the overlay taken away? `ls /sys/class/pwm`.")
-
-
-def _group_of(path: Path) -> str:
-    try:
-        return path.group()
-    except (OSError, KeyError):
-        return "unknown"

@@ -51,35 +51,20 @@ def calibration(words: Sequence[int]) -> tuple[int, ...]:
 
 
 class Compensation(NamedTuple):
-    """Each intermediate integer from raw counts to pressure and temperature, named as in the data sheet.
+    """Each intermediate integer from raw counts to pressure and temperature, named as in the data sheet."""
 
-    Args:
-        d_t: dT, difference to the reference temperature, in counts.
-        temp: TEMP, of the first order [0.01 C].
-        off: OFF, offset.
-        sens: SENS, sensitivity.
-        p: P, of the first order [0.1 mbar].
-        t_i: Ti, subtracted from TEMP by the second order.
-        off_i: OFFi, subtracted from OFF.
-        sens_i: SENSi, subtracted from SENS.
-        off_2: OFF2.
-        sens_2: SENS2.
-        temp_2: TEMP2, of the second order [0.01 C].
-        p_2: P2, of the second order [0.1 mbar].
-    """
-
-    d_t: int
-    temp: int
+    d_t: int  # difference to the reference temperature, in counts
+    temp: int  # of the first order [0.01 C]
     off: int
     sens: int
-    p: int
-    t_i: int
+    p: int  # of the first order [0.1 mbar]
+    t_i: int  # subtracted from TEMP by the second order
     off_i: int
     sens_i: int
     off_2: int
     sens_2: int
-    temp_2: int
-    p_2: int
+    temp_2: int  # of the second order [0.01 C]
+    p_2: int  # of the second order [0.1 mbar]
 
 
 def compensation(c: Sequence[int], d1: int, d2: int) -> Compensation:

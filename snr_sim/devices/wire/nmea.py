@@ -69,14 +69,13 @@ class NmeaLines:
     """Decoder from bytes to sentences. Never raises, never grows.
 
     Attributes:
-        sentences: complete sentences.
-        unread: complete ones of types that are not decoded.
+        sentences: complete sentences, also of types that are not decoded.
         checksum_errors: lines with a wrong check sum.
         garbage: lines that are not sentences, or too long.
     """
 
     def __init__(self) -> None:
-        self.sentences = self.unread = self.checksum_errors = self.garbage = 0
+        self.sentences = self.checksum_errors = self.garbage = 0
         self._rest = b""
         self._is_skipping = False  # inside a line that is too long
 
@@ -113,12 +112,8 @@ class NmeaLines:
             return None
         fields = body.decode("ascii").split(",")
         read = _READERS.get(fields[0][2:])
-        if read is None:
-            self.sentences += 1
-            self.unread += 1
-            return None
         try:
-            sentence = read(fields)
+            sentence = read(fields) if read is not None else None
         except (ValueError, IndexError):
             self.garbage += 1
             return None

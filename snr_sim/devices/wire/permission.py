@@ -42,6 +42,14 @@ def owner_of(path: Path) -> FileOwner:
     return FileOwner(name, about.st_gid != 0 and about.st_mode & required == required)
 
 
+def group_of(path: Path) -> str:
+    """Return the name of a file's group, or 'unknown'."""
+    try:
+        return path.group()
+    except (OSError, KeyError):
+        return "unknown"
+
+
 def how_to_use(path: Path, usual: str, owner: FileOwner | None = None) -> str:
     """Return how to get access to a file.
 

@@ -15,7 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Protocol
 
-from snr_sim.devices.wire.permission import how_to_use
+from snr_sim.devices.wire.permission import group_of, how_to_use
 from snr_sim.prelude.errors import DeviceError, MissingExtraError
 
 ANSWER_S = 0.5  # how long `ask` waits for an answer
@@ -180,7 +180,7 @@ def _open_error(path: str, baud: int, error: Exception) -> DeviceError:
         return DeviceError(f"There is no serial port {path}.", fix=fix)
     if number in (errno.EACCES, errno.EPERM):
         return DeviceError(
-            f"{path} may not be opened by this user: it belongs to {_group_of(path)}.",
+            f"{path} may not be opened by this user: it belongs to group '{group_of(Path(path))}'.",
             fix=how_to_use(Path(path), "dialout"),
         )
     if number in (errno.EBUSY, errno.EAGAIN):
@@ -206,10 +206,3 @@ def _holder(path: str) -> str:
         except OSError:
             continue  # of another user, or it has ended meanwhile
     return found
-
-
-def _group_of(path: str) -> str:
-    try:
-        return f"group '{Path(path).group()}'"
-    except (OSError, KeyError):
-        return "a group of its own"
