@@ -20,9 +20,8 @@ from statistics import median
 from harness import Outcome, Row, Skipped, what_can_run
 
 from snr_sim import Config, Node, TimeoutLoopFactory, WallClock
-from snr_sim.devices.emulated.board import PINS, Board
+from snr_sim.devices.emulated.board import PINS, Board, EmulatedPort
 from snr_sim.devices.emulated.lock_step import ProcessorInLoopPlant
-from snr_sim.devices.emulated.port import EmulatedPort
 from snr_sim.devices.emulated.toolchain import firmware_elf
 from snr_sim.devices.mcu.mcu import McuPwm
 from snr_sim.devices.mcu.mcu_board import McuBoard

@@ -11,8 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from snr_sim.devices.emulated.board import Board
-from snr_sim.devices.emulated.port import EmulatedPort
+from snr_sim.devices.emulated.board import Board, EmulatedPort
 from snr_sim.devices.mcu.mcu import PowerScale
 from snr_sim.devices.mcu.mcu_board import McuBoard
 from snr_sim.devices.pwm.pwm_backend import STOP_US
@@ -25,7 +24,7 @@ SIGNAL_TIMEOUT_US = 50_000.0  # without a pulse for this time, a speed controlle
 
 
 class ProcessorInLoopPlant:
-    """A plant and a board in lock step. Implements `Plant` except `snapshot`; other members are the plant's.
+    """A plant and a board in lock step. Implements `Plant` except `snapshot`; what is missing here is the plant's.
 
     Args:
         plant: the driven plant.
@@ -82,21 +81,6 @@ class ProcessorInLoopPlant:
         """The plant's step; a plant without a fixed step is stepped often enough to follow the pulses."""
         return self.plant.step_s or STEP_S
 
-    @property
-    def time_s(self) -> float:
-        """The plant's time. The board's is later by its time before the start and by the greeting."""
-        return self.plant.time_s
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names that `write` accepts."""
-        return self.plant.inputs
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names that `read` accepts."""
-        return self.plant.outputs
-
     def reset(self, seed: int) -> None:
         """Reset the plant, and power up a new board."""
         self.plant.reset(seed)
@@ -140,26 +124,10 @@ class ProcessorInLoopPlant:
             raise PlantError(f"'{name}' is driven by the board's pins.", fix="command it over the serial line.")
         self.plant.write(name, command)
 
-    def read(self, name: str) -> Any:
-        """Return an output of the plant."""
-        return self.plant.read(name)
-
     def snapshot(self) -> Any:
-        """Raise an error.
-
-        Raises:
-            PlantError: always: simavr cannot restore a state.
-        """
+        """Raise a PlantError: simavr cannot restore a state."""
         raise PlantError("An emulated board cannot be reset to an earlier state.", fix="use --io sim for this.")
 
     def restore(self, snapshot: Any) -> None:
-        """Raise an error, as there is no snapshot."""
+        """Raise a PlantError, as there is no snapshot."""
         self.snapshot()
-
-    def scene(self) -> dict[str, Any]:
-        """Return the plant's scene."""
-        return self.plant.scene()
-
-    def truth(self) -> dict[str, Any]:
-        """Return the plant's truth."""
-        return self.plant.truth()

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim.devices.emulated.port import EmulatedPort
+from snr_sim.devices.emulated.board import EmulatedPort
 from snr_sim.prelude.errors import DeviceError
 
 
