@@ -11,8 +11,7 @@ from typing import Any
 import msgspec
 
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.devices.command_input import CommandInput
-from snr_sim.devices.commands import command_of
+from snr_sim.devices.commands import CommandInput, command_of
 from snr_sim.prelude.device import Device, Sensor, Stale
 from snr_sim.prelude.errors import CommandError, DeviceError
 from snr_sim.prelude.interfaces import implements

@@ -4,7 +4,7 @@ import math
 from types import SimpleNamespace
 from typing import Any
 
-from snr_sim.devices.command_input import CommandInput
+from snr_sim.devices.commands import CommandInput
 from snr_sim.prelude.page import Page
 
 

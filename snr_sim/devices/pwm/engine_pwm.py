@@ -7,8 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from snr_sim.devices.command_input import CommandInput
-from snr_sim.devices.commands import check_finite, command_of
+from snr_sim.devices.commands import CommandInput, check_finite, command_of
 from snr_sim.devices.pwm.pwm_backend import STOP_US
 from snr_sim.devices.pwm.pwm_loop import TIMEOUT_S, PwmLoopFactory
 from snr_sim.prelude.device import LEASE_S, PwmOut
