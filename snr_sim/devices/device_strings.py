@@ -86,11 +86,7 @@ SENSORS = tuple(kind for kind in SETTINGS if kind not in OUTPUTS)
 def open_pwm(
     text: str, now_s: Callable[[], float], channels: int, limits_us: tuple[float, float] = LIMITS_US
 ) -> PwmBackend:
-    """Open outputs of servo pulses.
-
-    Raises:
-        UnknownNameError, ParameterError: see `split`.
-    """
+    """Open outputs of servo pulses; `split` raises errors of the text."""
     kind, where, settings = split(text, OUTPUTS)
     if kind == "mcu":
         return McuPwm(McuBoard(lambda: SerialPort(where, BAUD), now_s), now_s, channels)
@@ -125,15 +121,12 @@ def _supervised_chip(text: str, channels: int, limits_us: tuple[float, float], r
 
 
 def open_sensor(text: str, now_s: Callable[[], float], about: Any = None) -> Sensor[Any]:
-    """Open a real sensor.
+    """Open a real sensor; `split` raises errors of the text.
 
     Args:
         text: kind and address.
         now_s: the clock that stamps readings.
         about: settings of the part, for kinds that have some: `Ms5837` of an ms5837.
-
-    Raises:
-        UnknownNameError, ParameterError: see `split`.
     """
     kind, where, settings = split(text, SENSORS)
     if kind == "gps":
@@ -183,11 +176,7 @@ def _value(text: str, given: str, value: str, setting: Setting) -> Any:
 
 
 def check_io(io: Io) -> None:
-    """Check the settings in `--io` before anything is opened.
-
-    Raises:
-        UnknownNameError, ParameterError: see `split`.
-    """
+    """Check the settings in `--io` before anything is opened; see `split` for the errors."""
     if io.kind in OUTPUTS:
         split(str(io), OUTPUTS)
 

@@ -39,13 +39,8 @@ def configure_device(device: Any, what: str) -> Any:
 
 
 def start_device(device: Any, what: str) -> Any:
-    """Configure and activate a device that has just been opened, and return it.
-
-    Raises:
-        DeviceError: it is not a device; or an error of its `configure` or `activate`.
-    """
-    device = configure_device(device, what)
-    device.activate()
+    """Configure and activate a device that has just been opened, and return it; see `configure_device`."""
+    configure_device(device, what).activate()
     return device
 
 

@@ -48,12 +48,7 @@ def require_tools() -> None:
 
 
 def runner_library() -> Path:
-    """Return the compiled `board.c`, a shared library.
-
-    Raises:
-        ToolsMissingError: see `require_tools`.
-        DeviceError: the compiler failed; with its output.
-    """
+    """Return the compiled `board.c`, a shared library; raise errors as `firmware_elf` does."""
     target = cache_folder() / f"board-{_digest([_RUNNER])}.so"
     if not target.exists():
         require_tools()

@@ -170,11 +170,7 @@ class McuPwm(PwmBackend):
     # -- life cycle ---------------------------------------------------------------------------------------------------
 
     def on_configure(self) -> None:
-        """Open the board and check its identity.
-
-        Raises:
-            DeviceError: see `McuBoard.open` and `check_identity`; or an emergency stop is set.
-        """
+        """Open the board; check its identity, and that no emergency stop is set."""
         ident = self.board.open(self)
         self.board.poll()
         self.title = f"The microcontroller at {self.board.name}"
@@ -185,11 +181,7 @@ class McuPwm(PwmBackend):
         self._check_not_stopped()
 
     def on_activate(self) -> None:
-        """Request arming: send neutral commands until the speed controllers have started.
-
-        Raises:
-            DeviceError: an emergency stop is set.
-        """
+        """Request arming: send neutral commands until the speed controllers have started; not in an emergency stop."""
         self._check_not_stopped()
         self.state, self.reason = "activating", "the speed controllers are shown neutral"
         self.disarm_reasons = []

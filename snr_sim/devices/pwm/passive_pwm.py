@@ -100,11 +100,7 @@ class PassivePwm(PwmBackend):
         return self.chip.counts()
 
     def on_configure(self) -> None:
-        """Open the chip, at neutral.
-
-        Raises:
-            DeviceError: see `PwmChip.open`.
-        """
+        """Open the chip, at neutral."""
         try:
             self.chip.open()
         finally:

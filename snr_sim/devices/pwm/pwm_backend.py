@@ -130,11 +130,7 @@ class PwmBackend(LifeCycle):
             self.fail(str(error))
 
     def activate(self) -> None:
-        """Arm; see `PwmOut`.
-
-        Raises:
-            DeviceError: an emergency stop is set, the outputs are not configured, or an error of `on_activate`.
-        """
+        """Arm; see `PwmOut`. An emergency stop that is set is one more error."""
         if self.is_stopped:
             raise DeviceError(f"{self.title} has its emergency stop set.", fix="make it safe, then clear the stop.")
         super().activate()

@@ -68,11 +68,7 @@ class SupervisedPwm(PwmBackend):
         return self._status.counts
 
     def on_configure(self) -> None:
-        """Start a supervisor, which opens the outputs.
-
-        Raises:
-            DeviceError: the supervisor's error, or that it died.
-        """
+        """Start a supervisor, which opens the outputs. Its error is raised here."""
         self._end_supervisor()
         self._line = self._open_line()
         self._requested_by_seq.clear()

@@ -90,11 +90,7 @@ class Icm20948(LifeCycleSensor):
         return {"errors": self._errors}
 
     def on_configure(self) -> None:
-        """Reset and initialise it; check its identity, its registers, and that it measures gravity.
-
-        Raises:
-            DeviceError: a check failed.
-        """
+        """Reset and initialise it; check its identity, its registers, and that it measures gravity."""
         self.on_close()
         self._bus = self._open_bus()
         self._identify(self._address, WHO_AM_I, IDENTITY, "an ICM-20948")
@@ -116,11 +112,7 @@ class Icm20948(LifeCycleSensor):
         self._newest = self._measure()
 
     def read(self) -> ImuReading | Stale:
-        """Return a new measurement.
-
-        Raises:
-            SensorLostError: it was closed.
-        """
+        """Return a new measurement."""
         idle = self.idle(self._newest.stamp_s if self._newest else None)
         if idle is not None:
             return idle

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -33,25 +33,6 @@ RESOLUTION_PA = 10.0  # a tenth of a millibar, the last digit of the data sheet'
 RESOLUTION_C = 0.01
 LIMITS_PA = (0.0, 3_000_000.0)
 OFFSET_PA = 5_000.0  # half of the usual range: our estimate
-
-
-class Water(Protocol):
-    """Plant output with the state of the water at the sensor."""
-
-    @property
-    def pressure_pa(self) -> float:
-        """Absolute pressure."""
-        ...
-
-    @property
-    def temperature_c(self) -> float:
-        """Temperature of the water."""
-        ...
-
-    @property
-    def stamp_s(self) -> float:
-        """Time of the state."""
-        ...
 
 
 class Pressure(msgspec.Struct, frozen=True):
@@ -138,7 +119,7 @@ class Ms5837:
         return DepthReading(depth, measured.pressure_pa, measured.temperature_c, measured.stamp_s)
 
     def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
-        """Open the sensor in a plant, at an output with the state of the water (`Water`)."""
+        """Open the sensor in a plant, at an output with `pressure_pa`, `temperature_c` and `stamp_s` of the water."""
         return SimSensor(plant, output, self.errors, rng, _raw_pressure, self.reading)
 
 

@@ -39,11 +39,7 @@ class BytePort(Protocol):
         ...
 
     def read(self) -> bytes:
-        """Return the received bytes, which may be none, without waiting.
-
-        Raises:
-            DeviceError: the port is gone.
-        """
+        """Return the received bytes, which may be none, without waiting; raise the same error."""
         ...
 
     def wait(self, seconds: float) -> bool:
