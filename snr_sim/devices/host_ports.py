@@ -19,19 +19,12 @@ from snr_sim.prelude.errors import MissingExtraError
 
 @dataclass(frozen=True)
 class HostPort:
-    """One connector.
+    """One connector."""
 
-    Args:
-        kind: 'serial', 'i2c' or 'pwm'.
-        name: as `--io` accepts it: a port, the number of a bus, a chip.
-        about: further information.
-        fix: what to do before it can be used; empty if it can be.
-    """
-
-    kind: str
-    name: str
-    about: str
-    fix: str = ""
+    kind: str  # 'serial', 'i2c' or 'pwm'
+    name: str  # as `--io` accepts it: a port, the number of a bus, a chip
+    about: str  # further information
+    fix: str = ""  # what to do before it can be used; empty if it can be
 
 
 def may_use(path: Path) -> bool:
@@ -41,16 +34,10 @@ def may_use(path: Path) -> bool:
 
 @dataclass(frozen=True)
 class HostInfo:
-    """A computer, or in a test a folder with the same files.
+    """A computer, or in a test a folder with the same files."""
 
-    Args:
-        root: root folder of its files.
-        ports: its serial ports, each optionally with its device in brackets.
-        may_use, owner_of: permission and owner of a file.
-    """
-
-    root: Path = Path("/")
-    ports: Callable[[], list[str]] = serial_port.ports
+    root: Path = Path("/")  # root folder of its files
+    ports: Callable[[], list[str]] = serial_port.ports  # serial ports, each optionally with its device in brackets
     may_use: Callable[[Path], bool] = may_use
     owner_of: Callable[[Path], FileOwner] = owner_of
 

@@ -33,29 +33,19 @@ _CYCLE_US = 1.0 / _CYCLES_PER_US
 
 
 class Pulse(NamedTuple):
-    """A pulse that has ended.
-
-    Args:
-        rise_us: its rising edge, since power on.
-    """
+    """A pulse that has ended."""
 
     channel: int
-    rise_us: float
+    rise_us: float  # its rising edge, since power on
     width_us: float
 
 
 class Pin(NamedTuple):
-    """Last state of a channel's pin.
+    """Last state of a channel's pin."""
 
-    Args:
-        rise_us: rising edge of the last pulse, since power on; it may not have ended.
-        width_us: of the last pulse that has ended; 0 if there was none.
-        pulses: number of ended pulses.
-    """
-
-    rise_us: float
-    width_us: float
-    pulses: int
+    rise_us: float  # rising edge of the last pulse, since power on; it may not have ended
+    width_us: float  # of the last pulse that has ended; 0 if there was none
+    pulses: int  # that have ended
 
 
 @cache

@@ -23,15 +23,10 @@ END_S = 5.0
 
 
 class OpenOutputs(msgspec.Struct, frozen=True, tag=True):
-    """Opens the outputs and leaves them at neutral.
+    """Opens the outputs and leaves them at neutral."""
 
-    Args:
-        opener: "module:function"; called with `args` it returns a PwmOut.
-        args: its arguments.
-    """
-
-    opener: str
-    args: list[Any]
+    opener: str  # "module:function", which returns a PwmOut
+    args: list[Any]  # its arguments
 
 
 class ArmOutputs(msgspec.Struct, frozen=True, tag=True):
@@ -45,19 +40,12 @@ class DisarmOutputs(msgspec.Struct, frozen=True, tag=True):
 
 
 class Lease(msgspec.Struct, frozen=True, tag=True):
-    """Requests pulses for a limited time.
+    """Requests pulses for a limited time."""
 
-    Args:
-        seq: counts up.
-        pulses_us: one for each channel.
-        stamp_s: when the command was computed.
-        lease_s: how long it is valid from then on.
-    """
-
-    seq: int
-    pulses_us: list[float]
-    stamp_s: float
-    lease_s: float
+    seq: int  # counts up
+    pulses_us: list[float]  # one for each channel
+    stamp_s: float  # when the command was computed
+    lease_s: float  # how long it is valid from then on
 
 
 class CloseOutputs(msgspec.Struct, frozen=True, tag=True):
@@ -65,25 +53,15 @@ class CloseOutputs(msgspec.Struct, frozen=True, tag=True):
 
 
 class LeaseStatus(msgspec.Struct, frozen=True, tag=True):
-    """Reply to one order.
+    """Reply to one order. State, reason and counts are those of Health."""
 
-    Args:
-        seq: of the newest lease.
-        state: of the outputs, as in Health.
-        reason: as in Health.
-        pulses_us: the applied pulses.
-        reasons: why they differ from the command.
-        counts: as in Health.
-        fix: if the order failed, what to try.
-    """
-
-    seq: int
+    seq: int  # of the newest lease
     state: str
     reason: str
-    pulses_us: list[float]
-    reasons: list[str]
+    pulses_us: list[float]  # the applied ones
+    reasons: list[str]  # why they differ from the command
     counts: dict[str, int]
-    fix: str = ""
+    fix: str = ""  # if the order failed, what to try
 
 
 Message: TypeAlias = OpenOutputs | ArmOutputs | DisarmOutputs | Lease | CloseOutputs | LeaseStatus

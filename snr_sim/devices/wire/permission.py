@@ -16,15 +16,10 @@ _ON_BOARD = ("ttyS", "ttyAMA", "ttyTHS")  # a system may use these for its conso
 
 @dataclass(frozen=True)
 class FileOwner:
-    """Group of a file.
+    """Group of a file."""
 
-    Args:
-        group: its group's name, or number if it has none.
-        has_access: whether members of that group may read and write it.
-    """
-
-    group: str
-    has_access: bool
+    group: str  # its group's name, or number if it has none
+    has_access: bool  # whether members of that group may read and write it
 
 
 def owner_of(path: Path) -> FileOwner:
