@@ -20,14 +20,10 @@ _SHOWN_LENGTH = 80
 
 
 class CommandInput:
-    """Receives a loop's command pages, and reports where an invalid one was stored.
+    """Receives the pages of a key for the loop that writes them, and reports where an invalid one was stored.
 
     On the wall clock each page wakes the loop: otherwise it would wait half a tick on average. In lock step a tick runs
     after everything else at its time, so pages wait less.
-
-    Args:
-        loop: the loop that writes the commands.
-        key: of their pages.
     """
 
     def __init__(self, loop: Loop, key: str) -> None:

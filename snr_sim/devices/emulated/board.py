@@ -200,14 +200,7 @@ class Board:
 
 
 class EmulatedPort:
-    """Serial port of a board, without a wire or an operating system; time advances only on request.
-
-    Implements `BytePort`.
-
-    Args:
-        board: at its other end.
-        name: its name in messages.
-    """
+    """Serial port of a board, without a wire or an operating system. Implements `BytePort`."""
 
     def __init__(self, board: Board, name: str = "the emulated board") -> None:
         self._board, self.name = board, name

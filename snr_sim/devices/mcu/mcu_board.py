@@ -65,7 +65,7 @@ class McuBoard:
         self._users: set[int] = set()
         self._finalizer: weakref.finalize[..., McuBoard] | None = None
         self._lock = threading.RLock()
-        self._counts = {"crc_errors": 0, "gaps": 0, "frames": 0, "bytes": 0, "reopened": -1}
+        self._reopened = -1
 
     @property
     def is_open(self) -> bool:
@@ -141,14 +141,14 @@ class McuBoard:
 
         'crc_errors_at_mcu' are frames that reached the microcontroller damaged.
         """
+        frames = self._frames
         there = {} if self.telemetry is None else {"crc_errors_at_mcu": self.telemetry.crc_errors}
-        frames, before = self._frames, self._counts
         return {
-            "bytes": before["bytes"],
-            "frames": before["frames"] + frames.frames,
-            "crc_errors": before["crc_errors"] + frames.crc_errors + frames.oversized,
-            "gaps": before["gaps"] + frames.gaps,
-            "reopened": max(0, before["reopened"]),
+            "bytes": frames.received_bytes,
+            "frames": frames.frames,
+            "crc_errors": frames.crc_errors + frames.oversized,
+            "gaps": frames.gaps,
+            "reopened": max(0, self._reopened),
             "silent_ms": int(self.silent_s * 1e3) if self.is_open else 0,
             **there,
         }
@@ -156,8 +156,8 @@ class McuBoard:
     def _handshake(self) -> None:
         port = self._open_port()
         self.name = port.name
-        self._counts = {**self.counts(), "reopened": self._counts["reopened"] + 1}
-        self._frames = McuFrames()  # its count of gaps restarts, too
+        self._reopened += 1
+        self._frames.resync()
         self.session = self.session % 0xFFFF + 1
         self.telemetry = None
         try:
@@ -176,11 +176,9 @@ class McuBoard:
             raise
 
     def _take(self, data: bytes) -> None:
-        if data:
-            self._counts["bytes"] += len(data)
-            for message in self._frames.feed(data):
-                if isinstance(message, Telemetry | CommandAck):
-                    self._note(message)
+        for message in self._frames.feed(data):
+            if isinstance(message, Telemetry | CommandAck):
+                self._note(message)
 
     def _note(self, message: FromMcu) -> None:
         self._received_s = self._line_s()

@@ -42,8 +42,6 @@ def handshake(
     """Send a greeting and wait for the answer; return it, and the messages after it.
 
     Args:
-        port: open.
-        frames: decodes the bytes.
         session: of this greeting.
         timeout_s: how long to wait, by `line_s`; a boot loader takes up to 2 s.
         line_s: the clock of the line.
@@ -112,12 +110,7 @@ def _no_answer_error(port: str, received: bytes, has_telemetry: bool, timeout_s:
 
 
 def check_identity(port: str, ident: Ident, channels: int) -> None:
-    """Check that a board meets the requirements.
-
-    Args:
-        port: its name in messages.
-        ident: the identity it has sent.
-        channels: how many are needed.
+    """Check that the board at a port meets the requirements.
 
     Raises:
         DeviceError: it does not; lists all differences.

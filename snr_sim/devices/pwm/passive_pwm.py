@@ -22,9 +22,7 @@ class PwmChip:
 
     Args:
         title: its name in messages.
-        channels: how many outputs are used.
-        limits_us: shortest and longest pulse.
-        resolution_us: step of the pulses; 0 if they are exact.
+        channels, limits_us, resolution_us: as in PwmBackend.
 
     Attributes:
         still_us: the pulses it makes for neutral.

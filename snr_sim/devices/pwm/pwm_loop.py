@@ -67,15 +67,10 @@ class PwmLoopFactory(ActuatorLoopFactory):
         return PwmLoop(self, parent, f"{self.key}_actuator", self.rate_hz)
 
     def read_command(self, data: Any, out: PwmOut, commands: CommandInput) -> PwmCommand:
-        """Return the pulses that a page's data request.
-
-        Args:
-            data: of the page.
-            out: the outputs.
-            commands: records clamped values.
+        """Return the pulses that a page's data request; `commands` notes clamped values.
 
         Raises:
-            CommandError: the data are not a command of pulses.
+            CommandError: the data are not such a command.
         """
         command: PwmCommand = command_of(data, PwmCommand, {"pulses_us": out.limits_us})
         for i, pulse in enumerate(command.pulses_us):

@@ -102,12 +102,7 @@ def _watch(heartbeat_fd: int, out: PwmOut) -> None:
 
 
 class OutputSupervisor:
-    """Executes orders and checks the lease. Owns no pipe, so a test needs none.
-
-    Args:
-        now_s: the clock of lease stamps.
-        start_watchdog: starts a watchdog for open outputs.
-    """
+    """Executes orders and checks the lease by the clock of its stamps. Owns no pipe, so a test needs none."""
 
     def __init__(
         self, now_s: Callable[[], float], start_watchdog: Callable[[PwmOut], OutputWatchdog] | None = None

@@ -126,10 +126,15 @@ class McuFrames:
         oversized: runs of bytes without a zero, longer than any frame: another baud rate, another device.
         gaps: frames of the microcontroller that were lost, by their count.
         frames: messages decoded.
+        received_bytes: in all.
     """
 
     def __init__(self) -> None:
-        self.crc_errors = self.unknown_frames = self.oversized = self.gaps = self.frames = 0
+        self.crc_errors = self.unknown_frames = self.oversized = self.gaps = self.frames = self.received_bytes = 0
+        self.resync()
+
+    def resync(self) -> None:
+        """Forget a partial frame and the count of frames: another stream starts."""
         self._rest = bytearray()
         self._is_skipping = False  # inside an oversized run
         self._next_count: int | None = None
@@ -144,6 +149,7 @@ class McuFrames:
         1
         """
         messages: list[ToMcu | FromMcu] = []
+        self.received_bytes += len(data)
         *ends, rest = data.split(b"\0")
         for end in ends:
             self._add(end)
