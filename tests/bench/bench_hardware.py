@@ -44,6 +44,7 @@ from snr_sim.prelude.signals import PowerReading
 from snr_sim.testing.function_components import FunctionLoop, FunctionLoopFactory
 
 FIRMWARE = Path(__file__).parents[2] / "robots" / "urov" / "firmware"
+PTY_BOARD = Path(__file__).parents[1] / "devices" / "emulated" / "pty_board.py"
 CHANNELS = 8
 STILL = [1500.0] * CHANNELS
 STEP_S = 0.005
@@ -264,7 +265,7 @@ def latency_rows(seconds: float) -> Iterator[Outcome]:
     with tempfile.TemporaryDirectory() as folder:
         link, log = Path(folder) / "esc", Path(folder) / "log"
         arguments = [str(FIRMWARE), "--link", str(link), "--log", str(log)]
-        command = [sys.executable, "-m", "snr_sim.devices.emulated.pty_board", *arguments]
+        command = [sys.executable, str(PTY_BOARD), *arguments]
         written: list[tuple[float, bytes]] = []
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as board:
             assert board.stdout is not None
