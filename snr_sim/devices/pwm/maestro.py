@@ -57,7 +57,6 @@ class Maestro(PwmChip):
         self._counts: Counter[str] = Counter()
         self._query_times_s: list[float] = []  # times of error queries that are not answered yet
         self._received = b""
-        self._errors = MaestroError(0)
         self._consecutive_errors = 0
         self._sent_s = now_s()
 
@@ -95,19 +94,18 @@ class Maestro(PwmChip):
         if silent_s > LEASE_S:
             self.tripped = f"it was sent nothing for {silent_s:.2f} s, so its timeout came"
             pulses_us = self.still_us
-        self._exchange(pulses_us)
-        if self._errors & MaestroError.TIMEOUT and not self.tripped:
+        if self._exchange(pulses_us) & MaestroError.TIMEOUT and not self.tripped:
             self.tripped = "its serial timeout came: it went to its home positions by itself"
             pulses_us = self.still_us
             self._exchange(pulses_us)
         return pulses_us
 
-    def _exchange(self, pulses_us: list[float]) -> None:
-        """Send targets and query errors; read the answers to earlier queries."""
+    def _exchange(self, pulses_us: list[float]) -> MaestroError:
+        """Send targets and query errors; return the answers that have arrived to this and earlier queries."""
         self._command(pulses_us)
         self._write(wire.get_errors())
         self._query_times_s.append(self._now_s())
-        self._receive()
+        return self._receive()
 
     def close(self) -> None:
         """Close the port."""
@@ -184,10 +182,10 @@ class Maestro(PwmChip):
     def _encode(self, command: bytes) -> bytes:
         return wire.with_crc(command) if self._has_crc else command
 
-    def _receive(self) -> None:
-        """Read the answers to error queries without waiting."""
+    def _receive(self) -> MaestroError:
+        """Return the answers to error queries without waiting."""
         self._received += self._require_open().read()
-        self._errors = MaestroError(0)
+        errors = MaestroError(0)
         while len(self._received) >= wire.ERRORS_BYTES:
             number = wire.number_of(self._received)
             self._received = self._received[wire.ERRORS_BYTES :]
@@ -196,12 +194,13 @@ class Maestro(PwmChip):
                     f"{self.title} sends bytes that were not requested.", fix="close other programs that use this port."
                 )
             self._query_times_s.pop(0)
-            self._take(MaestroError(number))
+            self._count(MaestroError(number))
+            errors |= MaestroError(number)
         if self._query_times_s and self._now_s() > self._query_times_s[0] + ANSWER_S:
             raise DeviceError(f"{self.title} has not answered for {ANSWER_S:g} s.", fix="check its cable and power.")
+        return errors
 
-    def _take(self, errors: MaestroError) -> None:
-        self._errors |= errors
+    def _count(self, errors: MaestroError) -> None:
         self._counts.update(bit.name.lower() for bit in MaestroError if bit & errors and bit.name)
         self._consecutive_errors = self._consecutive_errors + 1 if errors & ~MaestroError.TIMEOUT else 0
         if self._consecutive_errors >= MAX_ERRORS:
@@ -212,8 +211,7 @@ class Maestro(PwmChip):
 
     def _reset_errors(self) -> None:
         self._sent_s = self._now_s()
-        self._query_times_s, self._received = [], b""
-        self._errors, self._consecutive_errors = MaestroError(0), 0
+        self._query_times_s, self._received, self._consecutive_errors = [], b"", 0
 
     def _require_open(self) -> BytePort:
         if self._port is None:

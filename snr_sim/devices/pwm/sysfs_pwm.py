@@ -78,7 +78,12 @@ class SysfsPins(PwmChip):
         """
         reclaim = self._reclaim or self._chip is not None
         self._chip, self._pins = find_chip(self._root), []
-        self._check_count(self._chip)
+        count = int(self._read(self._chip / "npwm") or 0)
+        if count < self.channels:
+            raise DeviceError(
+                f"{self._chip.name} has {count} channels; {self.channels} are needed.",
+                fix="--io mcu:PORT or --io pca9685:BUS:ADDR, which have more.",
+            )
         for channel in range(self.channels):
             self._take(self._chip, channel, reclaim)
 
@@ -103,14 +108,6 @@ class SysfsPins(PwmChip):
         for pin in pins:
             self._write(pin / "enable", "0")
             self._write(pin.parent / "unexport", pin.name.removeprefix("pwm"))
-
-    def _check_count(self, chip: Path) -> None:
-        count = int(self._read(chip / "npwm") or 0)
-        if count < self.channels:
-            raise DeviceError(
-                f"{chip.name} has {count} channels; {self.channels} are needed.",
-                fix="--io mcu:PORT or --io pca9685:BUS:ADDR, which have more.",
-            )
 
     def _take(self, chip: Path, channel: int, reclaim: bool) -> None:
         pin = chip / f"pwm{channel}"
