@@ -14,20 +14,7 @@ from dataclasses import dataclass
 from snr_sim.devices.mcu.mcu_board import SILENT_S, McuBoard
 from snr_sim.devices.mcu.mcu_handshake import FLASH, check_identity
 from snr_sim.devices.pwm.pwm_backend import STOP_US, PwmBackend
-from snr_sim.devices.wire.mcu_messages import (
-    TYPE_OF,
-    AckResult,
-    Arm,
-    ClearStop,
-    CommandAck,
-    Disarm,
-    EmergencyStop,
-    McuFault,
-    McuState,
-    ResetCause,
-    SetWidths,
-    Telemetry,
-)
+from snr_sim.devices.wire import mcu_messages as wire
 from snr_sim.prelude.device import LEASE_S, Stale
 from snr_sim.prelude.errors import DeviceError, ParameterError, SensorLostError
 from snr_sim.prelude.life_cycle import LifeCycle
@@ -36,10 +23,10 @@ from snr_sim.prelude.signals import NOT_ACTIVE, RESET, SLEWING, STOPPED, TOO_OLD
 RESOLUTION_US = 0.5
 _ARM_REQUEST_PERIOD_S = 0.05
 _RESETS = {
-    ResetCause.WATCHDOG: "its watchdog: the firmware had hung",
-    ResetCause.BROWN_OUT: "its supply was too low for a moment",
-    ResetCause.EXTERNAL: "its reset pin, for example because a program opened the port",
-    ResetCause.POWER_ON: "its power came back",
+    wire.ResetCause.WATCHDOG: "its watchdog: the firmware had hung",
+    wire.ResetCause.BROWN_OUT: "its supply was too low for a moment",
+    wire.ResetCause.EXTERNAL: "its reset pin, for example because a program opened the port",
+    wire.ResetCause.POWER_ON: "its power came back",
 }
 
 
@@ -91,7 +78,7 @@ class McuPwm(PwmBackend):
         lease_ms = min(0xFFFF, age_ms + int(lease_s * 1e3 + 1e-6))
         self._seq = (self._seq + 1) & 0xFFFF
         stamp_ms = round(stamp_s * 1e3) & 0xFFFFFFFF
-        board.send(SetWidths(board.session, self._seq, stamp_ms, age_ms, lease_ms, (*pulses_us, *spare)))
+        board.send(wire.SetWidths(board.session, self._seq, stamp_ms, age_ms, lease_ms, (*pulses_us, *spare)))
 
     # -- received messages --------------------------------------------------------------------------------------------
 
@@ -105,9 +92,9 @@ class McuPwm(PwmBackend):
         try:
             board.poll()
             for message in board.take_messages():
-                if isinstance(message, Telemetry):
+                if isinstance(message, wire.Telemetry):
                     self._on_telemetry(message, reasons)
-                elif isinstance(message, CommandAck):
+                elif isinstance(message, wire.CommandAck):
                     self._on_ack(message, reasons)
             if board.silent_s > SILENT_S:
                 raise DeviceError(
@@ -118,7 +105,7 @@ class McuPwm(PwmBackend):
             board.mark_lost(str(error))
             raise
 
-    def _on_telemetry(self, telemetry: Telemetry, reasons: list[str]) -> None:
+    def _on_telemetry(self, telemetry: wire.Telemetry, reasons: list[str]) -> None:
         if telemetry.session != self.board.session:
             self.disarm_reasons = [] if telemetry.session else [RESET]
             raise DeviceError(
@@ -132,23 +119,23 @@ class McuPwm(PwmBackend):
                 fix=FLASH,
             )
         self._widths_us = list(telemetry.widths_us[: self.channels])
-        if self.state != "active" or telemetry.state == McuState.ARMED:
+        if self.state != "active" or telemetry.state == wire.McuState.ARMED:
             return
-        if telemetry.state == McuState.STOPPED:
+        if telemetry.state == wire.McuState.STOPPED:
             self._set_inactive("emergency stop", reasons, STOPPED)
-        elif telemetry.faults & McuFault.LEASE_EXPIRED:
+        elif telemetry.faults & wire.McuFault.LEASE_EXPIRED:
             self._set_inactive(
                 "no new command in time: the microcontroller went to neutral by itself", reasons, TOO_OLD
             )
         else:
             self._set_inactive("the microcontroller has disarmed by itself", reasons)
 
-    def _on_ack(self, ack: CommandAck, reasons: list[str]) -> None:
-        if ack.to == TYPE_OF[Disarm]:
+    def _on_ack(self, ack: wire.CommandAck, reasons: list[str]) -> None:
+        if ack.to == wire.TYPE_OF[wire.Disarm]:
             self._is_disarming = False
-        elif ack.to == TYPE_OF[EmergencyStop] or ack.result == AckResult.STOPPED:
+        elif ack.to == wire.TYPE_OF[wire.EmergencyStop] or ack.result == wire.AckResult.STOPPED:
             self._set_inactive("emergency stop", reasons, STOPPED)
-        elif (ack.to, ack.result) == (TYPE_OF[Arm], AckResult.DONE):
+        elif (ack.to, ack.result) == (wire.TYPE_OF[wire.Arm], wire.AckResult.DONE):
             self._on_armed()
 
     def _on_armed(self) -> None:
@@ -161,7 +148,7 @@ class McuPwm(PwmBackend):
             self.disarm_reasons = [word for word in words if word == STOPPED]
             reasons += [word for word in (NOT_ACTIVE, *words) if word not in reasons]
 
-    def _session_lost_message(self, telemetry: Telemetry) -> str:
+    def _session_lost_message(self, telemetry: wire.Telemetry) -> str:
         if telemetry.session:
             return f"{self.board.name}: another program has greeted the microcontroller."
         causes = [words for cause, words in _RESETS.items() if telemetry.reset_cause & cause]
@@ -189,7 +176,7 @@ class McuPwm(PwmBackend):
 
     def _check_not_stopped(self) -> None:
         telemetry = self.board.telemetry
-        if telemetry is not None and telemetry.state == McuState.STOPPED:
+        if telemetry is not None and telemetry.state == wire.McuState.STOPPED:
             raise DeviceError(
                 f"{self.board.name}: its emergency stop is set.",
                 fix="make it safe; then clear the stop, or switch it off and on.",
@@ -200,7 +187,7 @@ class McuPwm(PwmBackend):
         if self.board.is_open:
             self._is_disarming = True
             self._requested_s = self.now_s()
-            self.board.send(Disarm(self.board.session))
+            self.board.send(wire.Disarm(self.board.session))
 
     def on_close(self) -> None:
         """Release the board."""
@@ -213,12 +200,12 @@ class McuPwm(PwmBackend):
     def on_stop(self) -> None:
         """Store the stop in the microcontroller: it outlives this program, until it is cleared or power is cut."""
         self.board.open(self)
-        self.board.send(EmergencyStop(self.board.session))
+        self.board.send(wire.EmergencyStop(self.board.session))
 
     def on_clear_stop(self) -> None:
         """Clear it in the microcontroller."""
         self.board.open(self)
-        self.board.send(ClearStop(self.board.session))
+        self.board.send(wire.ClearStop(self.board.session))
 
     def _request_arming(self) -> None:
         now_s = self.now_s()
@@ -226,7 +213,7 @@ class McuPwm(PwmBackend):
             self._requested_s = now_s
             session = self.board.session
             # Not before it has reported that it is disarmed: telemetry still in transit is older.
-            self.board.send(Disarm(session) if self._is_disarming else Arm(session))
+            self.board.send(wire.Disarm(session) if self._is_disarming else wire.Arm(session))
 
 
 @dataclass(frozen=True)

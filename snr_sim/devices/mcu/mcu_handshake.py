@@ -12,18 +12,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from snr_sim.devices.pwm.pwm_backend import LIMITS_US, STOP_US
+from snr_sim.devices.wire import mcu_messages as wire
 from snr_sim.devices.wire.mcu_frames import McuFrames, encode
-from snr_sim.devices.wire.mcu_messages import (
-    PROTOCOL,
-    TYPE_OF,
-    AckResult,
-    CommandAck,
-    FromMcu,
-    Hello,
-    Ident,
-    Telemetry,
-    ToMcu,
-)
 from snr_sim.devices.wire.serial_port import BytePort
 from snr_sim.prelude.errors import DeviceError
 
@@ -38,7 +28,7 @@ _SHOWN = 16  # bytes
 
 def handshake(
     port: BytePort, frames: McuFrames, session: int, timeout_s: float, line_s: Callable[[], float]
-) -> tuple[Ident, list[FromMcu]]:
+) -> tuple[wire.Ident, list[wire.FromMcu]]:
     """Send a greeting and wait for the answer; return it, and the messages after it.
 
     Args:
@@ -54,7 +44,7 @@ def handshake(
     sent_s = -_RETRY_PERIOD_S
     while (now_s := line_s()) < end_s:
         if now_s >= sent_s + _RETRY_PERIOD_S or sent_s < 0.0:
-            port.write(b"\0" + encode(Hello(session)))  # the zero ends any partial frame
+            port.write(b"\0" + encode(wire.Hello(session)))  # the zero ends any partial frame
             sent_s = now_s
         port.wait(min(end_s, sent_s + _RETRY_PERIOD_S) - now_s)
         data = port.read()
@@ -63,23 +53,24 @@ def handshake(
         messages = frames.feed(data)
         for i, message in enumerate(messages):
             _check_version(port.name, message)
-            if isinstance(message, Ident) and message.session == session:
-                return message, [one for one in messages[i + 1 :] if isinstance(one, Telemetry | CommandAck)]
-        has_telemetry = has_telemetry or any(isinstance(message, Telemetry) for message in messages)
+            if isinstance(message, wire.Ident) and message.session == session:
+                return message, [one for one in messages[i + 1 :] if isinstance(one, wire.Telemetry | wire.CommandAck)]
+        has_telemetry = has_telemetry or any(isinstance(message, wire.Telemetry) for message in messages)
     raise _no_answer_error(port.name, received, has_telemetry, timeout_s)
 
 
-def _check_version(port: str, message: ToMcu | FromMcu) -> None:
-    if isinstance(message, Ident) and message.protocol != PROTOCOL:
+def _check_version(port: str, message: wire.ToMcu | wire.FromMcu) -> None:
+    if isinstance(message, wire.Ident) and message.protocol != wire.PROTOCOL:
         firmware = ".".join(map(str, message.firmware))
         raise DeviceError(
             f"{port}: firmware {firmware} of '{message.name}' speaks protocol {message.protocol}, "
-            f"this program protocol {PROTOCOL}.",
+            f"this program protocol {wire.PROTOCOL}.",
             fix=FLASH,
         )
-    if isinstance(message, CommandAck) and (message.to, message.result) == (TYPE_OF[Hello], AckResult.OTHER_PROTOCOL):
+    refusal = (wire.TYPE_OF[wire.Hello], wire.AckResult.OTHER_PROTOCOL)
+    if isinstance(message, wire.CommandAck) and (message.to, message.result) == refusal:
         raise DeviceError(
-            f"{port}: its firmware does not speak protocol {PROTOCOL}, which this program uses.", fix=FLASH
+            f"{port}: its firmware does not speak protocol {wire.PROTOCOL}, which this program uses.", fix=FLASH
         )
 
 
@@ -109,7 +100,7 @@ def _no_answer_error(port: str, received: bytes, has_telemetry: bool, timeout_s:
     )
 
 
-def check_identity(port: str, ident: Ident, channels: int) -> None:
+def check_identity(port: str, ident: wire.Ident, channels: int) -> None:
     """Check that the board at a port meets the requirements.
 
     Raises:
@@ -123,7 +114,7 @@ def check_identity(port: str, ident: Ident, channels: int) -> None:
         )
 
 
-def incompatibilities(ident: Ident, channels: int) -> list[str]:
+def incompatibilities(ident: wire.Ident, channels: int) -> list[str]:
     """Return each field of a board's identity that does not fit, with the required value; empty if all fit."""
     low_us, high_us = LIMITS_US
     limits_fit = low_us <= ident.lowest_us < STOP_US < ident.highest_us <= high_us

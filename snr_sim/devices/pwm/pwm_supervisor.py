@@ -22,17 +22,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 
 from snr_sim.core.process import spawned
-from snr_sim.devices.wire.lease_messages import (
-    ArmOutputs,
-    CloseOutputs,
-    DisarmOutputs,
-    Lease,
-    LeaseStatus,
-    Message,
-    OpenOutputs,
-    encode,
-    receive,
-)
+from snr_sim.devices.wire import lease_messages as wire
 from snr_sim.prelude.device import LEASE_S, PwmOut
 from snr_sim.prelude.errors import DeviceError, SnrError
 
@@ -116,7 +106,7 @@ class OutputSupervisor:
         self._reasons: list[str] = []
         self.has_closed = False
 
-    def execute(self, order: Message) -> LeaseStatus:
+    def execute(self, order: wire.Message) -> wire.LeaseStatus:
         """Execute an order; the answer contains the error if it fails."""
         self.poll()
         try:
@@ -158,36 +148,36 @@ class OutputSupervisor:
                 self._watchdog = None
             self._out.close()
 
-    def _execute(self, order: Message) -> None:
-        if isinstance(order, OpenOutputs):
+    def _execute(self, order: wire.Message) -> None:
+        if isinstance(order, wire.OpenOutputs):
             module, _, function = order.opener.partition(":")
             self._out = getattr(importlib.import_module(module), function)(*order.args)
             self._out.configure()
             if self._start_watchdog is not None and self._watchdog is None:
                 self._watchdog = self._start_watchdog(self._out)
-        elif isinstance(order, CloseOutputs):
+        elif isinstance(order, wire.CloseOutputs):
             self.has_closed = True
         elif self._out is None:
             raise DeviceError("These outputs are not open.", fix="call configure() first.")
-        elif isinstance(order, ArmOutputs):
+        elif isinstance(order, wire.ArmOutputs):
             self._out.activate()
             self._until_s = self._now_s() + IDLE_S  # until the first lease
-        elif isinstance(order, DisarmOutputs):
+        elif isinstance(order, wire.DisarmOutputs):
             self._out.deactivate(order.reason)
-        elif isinstance(order, Lease):
+        elif isinstance(order, wire.Lease):
             self._lease(self._out, order)
 
-    def _lease(self, out: PwmOut, lease: Lease) -> None:
+    def _lease(self, out: PwmOut, lease: wire.Lease) -> None:
         applied = out.write_us(lease.pulses_us, lease.stamp_s, lease.lease_s)
         self._seq, self._applied_us, self._reasons = lease.seq, applied.pulses_us, applied.reason
         self._until_s = min(lease.stamp_s, self._now_s()) + lease.lease_s  # of the newest command, not the latest
 
-    def _status(self, message: str = "", fix: str = "") -> LeaseStatus:
+    def _status(self, message: str = "", fix: str = "") -> wire.LeaseStatus:
         if self._out is None:
-            return LeaseStatus(self._seq, "error", message, [], [], {}, fix)
+            return wire.LeaseStatus(self._seq, "error", message, [], [], {}, fix)
         health = self._out.health()
         state = "error" if message else health.state
-        return LeaseStatus(
+        return wire.LeaseStatus(
             self._seq, state, message or health.reason, self._applied_us, self._reasons, health.counts, fix
         )
 
@@ -215,4 +205,4 @@ def run(line: Connection) -> int:
 def _serve(line: Connection, supervisor: OutputSupervisor) -> None:
     while not supervisor.has_closed:
         if line.poll(supervisor.poll()):
-            line.send_bytes(encode(supervisor.execute(receive(line))))
+            line.send_bytes(wire.encode(supervisor.execute(wire.receive(line))))

@@ -15,24 +15,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from snr_sim.devices.wire import cobs
-from snr_sim.devices.wire.mcu_messages import (
-    TYPE_OF,
-    AckResult,
-    Arm,
-    ClearStop,
-    CommandAck,
-    Disarm,
-    EmergencyStop,
-    FromMcu,
-    Hello,
-    Ident,
-    McuFault,
-    McuState,
-    ResetCause,
-    SetWidths,
-    Telemetry,
-    ToMcu,
-)
+from snr_sim.devices.wire import mcu_messages as mcu
 from snr_sim.prelude.errors import CommandError
 
 MAX_CHANNELS = 16
@@ -70,32 +53,32 @@ _U8, _U16, _U32 = _Field("B"), _Field("H"), _Field("I", lambda value: value & 0x
 _WIDTH, _VERSION = _Field("H", _steps, _width_us), _Field("2s", bytes, tuple)
 # After the type. Those of _HAS_WIDTHS end with a width for each channel.
 _FIELDS: dict[type[Any], tuple[_Field, ...]] = {
-    Hello: (_U16, _U8),
-    SetWidths: (_U16, _U16, _U32, _U16, _U16),
-    Arm: (_U16,),
-    Disarm: (_U16,),
-    EmergencyStop: (_U16,),
-    ClearStop: (_U16,),
-    Ident: (_U8, _U16, _U8, _VERSION, _U8, *[_WIDTH] * 4, *[_U16] * 6, _name(12), _name(16)),
-    Telemetry: (
+    mcu.Hello: (_U16, _U8),
+    mcu.SetWidths: (_U16, _U16, _U32, _U16, _U16),
+    mcu.Arm: (_U16,),
+    mcu.Disarm: (_U16,),
+    mcu.EmergencyStop: (_U16,),
+    mcu.ClearStop: (_U16,),
+    mcu.Ident: (_U8, _U16, _U8, _VERSION, _U8, *[_WIDTH] * 4, *[_U16] * 6, _name(12), _name(16)),
+    mcu.Telemetry: (
         *(_U8, _U16, _U16, _U32),
-        *(_Field("B", unpack=McuState), _Field("H", unpack=McuFault), _Field("B", unpack=ResetCause)),
+        *(_Field("B", unpack=mcu.McuState), _Field("H", unpack=mcu.McuFault), _Field("B", unpack=mcu.ResetCause)),
         *[_U16] * 4,
     ),
-    CommandAck: (_U8, _U16, _U8, _Field("B", unpack=AckResult)),
+    mcu.CommandAck: (_U8, _U16, _U8, _Field("B", unpack=mcu.AckResult)),
 }
-_HAS_WIDTHS = (SetWidths, Telemetry)
+_HAS_WIDTHS = (mcu.SetWidths, mcu.Telemetry)
 _STRUCTS = {kind: struct.Struct("<B" + "".join(one.letter for one in fields)) for kind, fields in _FIELDS.items()}
-_KINDS = {number: kind for kind, number in TYPE_OF.items()}
+_KINDS = {number: kind for kind, number in mcu.TYPE_OF.items()}
 
 
-def encode(message: ToMcu | FromMcu) -> bytes:
+def encode(message: mcu.ToMcu | mcu.FromMcu) -> bytes:
     """Return a message as the bytes of its frame, with the zero that ends it.
 
     Raises:
         CommandError: a value is not a finite number or does not fit, or there are more than 16 widths.
 
-    >>> encode(Arm(session=1)).hex(" ")
+    >>> encode(mcu.Arm(session=1)).hex(" ")
     '03 03 01 03 6a 61 00'
     """
     try:
@@ -107,14 +90,14 @@ def encode(message: ToMcu | FromMcu) -> bytes:
     return cobs.encode(body + crc_hqx(body, 0).to_bytes(_CRC_BYTES, "big")) + b"\0"
 
 
-def _pack(message: ToMcu | FromMcu) -> bytes:
+def _pack(message: mcu.ToMcu | mcu.FromMcu) -> bytes:
     kind = type(message)
     values = list(msgspec.structs.astuple(message))
     widths_us = values.pop() if kind in _HAS_WIDTHS else ()
     if len(widths_us) > MAX_CHANNELS:
         raise CommandError(f"{len(widths_us)} widths are too many for one frame.", fix=f"send at most {MAX_CHANNELS}.")
     packed = [field.pack(value) for field, value in zip(_FIELDS[kind], values, strict=True)]
-    return _STRUCTS[kind].pack(TYPE_OF[kind], *packed) + struct.pack(f"<{len(widths_us)}H", *map(_steps, widths_us))
+    return _STRUCTS[kind].pack(mcu.TYPE_OF[kind], *packed) + struct.pack(f"<{len(widths_us)}H", *map(_steps, widths_us))
 
 
 class McuFrames:
@@ -139,7 +122,7 @@ class McuFrames:
         self._is_skipping = False  # inside an oversized run
         self._next_count: int | None = None
 
-    def feed(self, data: bytes) -> list[ToMcu | FromMcu]:
+    def feed(self, data: bytes) -> list[mcu.ToMcu | mcu.FromMcu]:
         """Add received bytes; return the messages that are complete.
 
         >>> frames = McuFrames()
@@ -148,7 +131,7 @@ class McuFrames:
         >>> frames.crc_errors
         1
         """
-        messages: list[ToMcu | FromMcu] = []
+        messages: list[mcu.ToMcu | mcu.FromMcu] = []
         self.received_bytes += len(data)
         *ends, rest = data.split(b"\0")
         for end in ends:
@@ -168,7 +151,7 @@ class McuFrames:
             self._is_skipping = True
             self.oversized += 1
 
-    def _end_frame(self) -> ToMcu | FromMcu | None:
+    def _end_frame(self) -> mcu.ToMcu | mcu.FromMcu | None:
         encoded, self._is_skipping = bytes(self._rest), False
         self._rest.clear()
         if not encoded:
@@ -186,14 +169,14 @@ class McuFrames:
             self.unknown_frames += 1
             return None
         self.frames += 1
-        if isinstance(message, (Telemetry, CommandAck, Ident)):
+        if isinstance(message, (mcu.Telemetry, mcu.CommandAck, mcu.Ident)):
             if self._next_count is not None:
                 self.gaps += (message.frame_count - self._next_count) % 256
             self._next_count = (message.frame_count + 1) % 256
         return message
 
 
-def _unpack(body: bytes) -> ToMcu | FromMcu | None:
+def _unpack(body: bytes) -> mcu.ToMcu | mcu.FromMcu | None:
     """Return the message in a frame without its check sum; None if its type, length or a value is unknown."""
     kind = _KINDS.get(body[0])
     if kind is None:
@@ -209,5 +192,5 @@ def _unpack(body: bytes) -> ToMcu | FromMcu | None:
         return None
     if has_widths:
         values.append(tuple(map(_width_us, struct.unpack_from(f"<{width_bytes // 2}H", body, head.size))))
-    message: ToMcu | FromMcu = kind(*values)
+    message: mcu.ToMcu | mcu.FromMcu = kind(*values)
     return message
