@@ -108,11 +108,7 @@ def command_of(data: Any, command_type: type[Any], limits: Limits) -> Any:
 
 
 def check_finite(name: str, value: float, limits: tuple[float, float]) -> None:
-    """Check a number of a command for NaN and infinity.
-
-    Raises:
-        CommandError: it is NaN or infinite.
-    """
+    """Raise a CommandError if a number of a command is NaN or infinite."""
     if not math.isfinite(value):
         raise CommandError(
             f"{name} must be finite, not {value!r}.",

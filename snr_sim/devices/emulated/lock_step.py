@@ -115,11 +115,7 @@ class ProcessorInLoopPlant:
             self.plant.write(self._input, self._command_of(pulses_us))
 
     def write(self, name: str, command: Any) -> None:
-        """Write an input other than the one that the pins drive.
-
-        Raises:
-            PlantError: the pins drive it.
-        """
+        """Write an input; raise a PlantError for the one that the pins drive."""
         if name == self._input:
             raise PlantError(f"'{name}' is driven by the board's pins.", fix="command it over the serial line.")
         self.plant.write(name, command)

@@ -101,20 +101,12 @@ class McuBoard:
                 self.mark_lost(f"{self.name} was closed.")
 
     def send(self, message: ToMcu) -> None:
-        """Send a message.
-
-        Raises:
-            DeviceError: the wire is gone, which closes the port.
-        """
+        """Send a message. A wire that is gone raises a DeviceError and closes the port."""
         with self._open_wire() as port:
             port.write(encode(message))
 
     def poll(self) -> None:
-        """Process the bytes that have arrived.
-
-        Raises:
-            DeviceError: the wire is gone, which closes the port.
-        """
+        """Process the bytes that have arrived; errors as in `send`."""
         with self._open_wire() as port:
             self._take(port.read())
 

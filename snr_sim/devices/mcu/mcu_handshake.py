@@ -101,11 +101,7 @@ def _no_answer_error(port: str, received: bytes, has_telemetry: bool, timeout_s:
 
 
 def check_identity(port: str, ident: wire.Ident, channels: int) -> None:
-    """Check that the board at a port meets the requirements.
-
-    Raises:
-        DeviceError: it does not; lists all differences.
-    """
+    """Raise a DeviceError with all differences if the board at a port does not meet the requirements."""
     wrong = incompatibilities(ident, channels)
     if wrong:
         raise DeviceError(

@@ -105,11 +105,7 @@ class PassivePwm(PwmBackend):
             self.title = self.chip.title  # it may have read its port's name
 
     def on_activate(self) -> None:
-        """Start to send neutral.
-
-        Raises:
-            DeviceError: the last pulse would stay if this program were killed.
-        """
+        """Start to send neutral; raise a DeviceError if the last pulse would outlive this program."""
         self.chip.before_arming()
         if not (self.has_independent_failsafe or self._is_supervised):
             raise DeviceError(

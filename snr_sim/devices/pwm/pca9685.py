@@ -80,11 +80,7 @@ class Pca9685(PwmChip):
         return count + 1 if count * self.count_us < low else count
 
     def open(self) -> None:
-        """Initialise the chip: all outputs off, sleep, set the rate, wake, neutral.
-
-        Raises:
-            DeviceError: no device answers, or a register does not read back as written.
-        """
+        """Initialise the chip: all outputs off, sleep, set the rate, wake, neutral."""
         self.close()
         self._bus = self._open_bus()
         self._write(ALL_LED_OFF_H, FULL_OFF)  # first: it may be driving a thruster; also required before sleep

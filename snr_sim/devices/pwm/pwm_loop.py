@@ -67,11 +67,7 @@ class PwmLoopFactory(ActuatorLoopFactory):
         return PwmLoop(self, parent, f"{self.key}_actuator", self.rate_hz)
 
     def read_command(self, data: Any, out: PwmOut, commands: CommandInput) -> PwmCommand:
-        """Return the pulses that a page's data request; `commands` notes clamped values.
-
-        Raises:
-            CommandError: the data are not such a command.
-        """
+        """Return the pulses that a page's data request; errors as `command_of`. `commands` notes clamped values."""
         command: PwmCommand = command_of(data, PwmCommand, {"pulses_us": out.limits_us})
         for i, pulse in enumerate(command.pulses_us):
             check_finite(f"pulses_us[{i}]", pulse, out.limits_us)

@@ -119,11 +119,7 @@ class SupervisorPort:
         self.pid: int = self._process.pid
 
     def write(self, order: Message) -> None:
-        """Send an order.
-
-        Raises:
-            DeviceError: the process has ended, or does not read.
-        """
+        """Send an order; raise a DeviceError if the process has ended or does not read."""
         if not select.select([], [self._line], [], 0)[1]:
             raise DeviceError(f"The process {self.pid} does not read its input: it hangs.", fix=f"kill -9 {self.pid}")
         try:
@@ -132,11 +128,7 @@ class SupervisorPort:
             raise self._ended() from error
 
     def read(self) -> list[Message]:
-        """Return the messages that have arrived.
-
-        Raises:
-            DeviceError: the process has ended.
-        """
+        """Return the messages that have arrived; raise a DeviceError if the process has ended."""
         messages: list[Message] = []
         try:
             while self._line.poll():

@@ -23,11 +23,7 @@ class FileOwner:
 
 
 def owner_of(path: Path) -> FileOwner:
-    """Return the group of a file.
-
-    Raises:
-        OSError: the file does not exist.
-    """
+    """Return the group of a file; raise an OSError if it does not exist."""
     about = path.stat()
     required = stat.S_IWGRP if path.name == "export" else stat.S_IRGRP | stat.S_IWGRP  # export is write-only
     try:
