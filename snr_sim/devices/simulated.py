@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import msgspec
@@ -24,6 +25,12 @@ if TYPE_CHECKING:
 CommandT = TypeVar("CommandT", bound=msgspec.Struct)
 
 SAME_TIME_S = 1e-9  # times closer than this are equal, to allow for rounding
+
+
+def fields_of(kind: type[msgspec.Struct]) -> Callable[[Any], Any]:
+    """Return a function that makes a struct from an object's fields of the same names, for `SimSensor`'s `measure`."""
+    values_of = attrgetter(*kind.__struct_fields__)
+    return lambda thing: kind(*values_of(thing))
 
 
 class SimSensor(LifeCycle):

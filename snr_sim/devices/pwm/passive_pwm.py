@@ -119,17 +119,14 @@ class PassivePwm(PwmBackend):
     def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, reasons: list[str]) -> list[float]:
         """Send pulses; end arming when neutral was sent for long enough and is commanded."""
         made = self.chip.send(pulses_us)
+        has_started = self.now_s() >= self._neutral_since_s + self.esc_start_s
         if self.chip.tripped:
             if self.state == "active":
                 self.state, self.reason = "inactive", self.chip.tripped
                 reasons.append(NOT_ACTIVE)
-        elif self.state == "activating" and self.is_neutral_requested and self._has_started():
+        elif self.state == "activating" and self.is_neutral_requested and has_started:
             self.state, self.reason = "active", ""
         return made
-
-    def _has_started(self) -> bool:
-        """Return whether neutral has been sent for long enough."""
-        return self.now_s() >= self._neutral_since_s + self.esc_start_s
 
     def on_deactivate(self, reason: str) -> None:
         """Put all at neutral."""

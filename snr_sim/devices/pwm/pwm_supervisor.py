@@ -189,7 +189,9 @@ def run(line: Connection) -> int:
     supervisor = OutputSupervisor(time.monotonic, lambda out: OutputWatchdog(out, [line.fileno()]))
     reason = "the robot's program has gone without closing them"
     try:
-        _serve(line, supervisor)
+        while not supervisor.has_closed:
+            if line.poll(supervisor.poll()):
+                line.send_bytes(wire.encode(supervisor.execute(wire.receive(line))))
     except DeviceError as error:
         reason = error.message
     except (EOFError, OSError):
@@ -200,9 +202,3 @@ def run(line: Connection) -> int:
         with suppress(OSError):
             print(f"Outputs have gone to neutral: {reason}.", file=sys.stderr)
     return 0
-
-
-def _serve(line: Connection, supervisor: OutputSupervisor) -> None:
-    while not supervisor.has_closed:
-        if line.poll(supervisor.poll()):
-            line.send_bytes(wire.encode(supervisor.execute(wire.receive(line))))

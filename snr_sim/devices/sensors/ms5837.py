@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from snr_sim.devices.sensors.sensor_errors import BiasDrift, SensorErrors
-from snr_sim.devices.simulated import SimSensor
+from snr_sim.devices.simulated import SimSensor, fields_of
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import DepthReading
@@ -120,8 +120,4 @@ class Ms5837:
 
     def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
         """Open the sensor in a plant, at an output with `pressure_pa`, `temperature_c` and `stamp_s` of the water."""
-        return SimSensor(plant, output, self.errors, rng, _raw_pressure, self.reading)
-
-
-def _raw_pressure(water: Any) -> Pressure:
-    return Pressure(water.pressure_pa, water.temperature_c, water.stamp_s)
+        return SimSensor(plant, output, self.errors, rng, fields_of(Pressure), self.reading)
