@@ -80,8 +80,6 @@ class McuPwm(PwmBackend):
         stamp_ms = round(stamp_s * 1e3) & 0xFFFFFFFF
         board.send(wire.SetWidths(board.session, self._seq, stamp_ms, age_ms, lease_ms, (*pulses_us, *spare)))
 
-    # -- received messages --------------------------------------------------------------------------------------------
-
     def _receive(self, reasons: list[str]) -> None:
         """Process the messages that the board has sent since the last call.
 
@@ -153,8 +151,6 @@ class McuPwm(PwmBackend):
             return f"{self.board.name}: another program has greeted the microcontroller."
         causes = [words for cause, words in _RESETS.items() if telemetry.reset_cause & cause]
         return f"{self.board.name}: the microcontroller has restarted ({', '.join(causes) or 'its boot loader'})."
-
-    # -- life cycle ---------------------------------------------------------------------------------------------------
 
     def on_configure(self) -> None:
         """Open the board; check its identity, and that no emergency stop is set."""
