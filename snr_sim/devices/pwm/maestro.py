@@ -19,10 +19,11 @@ from snr_sim.devices.pwm.passive_pwm import PwmChip
 from snr_sim.devices.pwm.pwm_backend import LIMITS_US, STOP_US
 from snr_sim.devices.wire import maestro as wire
 from snr_sim.devices.wire.maestro import MaestroError
-from snr_sim.devices.wire.serial_port import ANSWER_S, BytePort, ask
+from snr_sim.devices.wire.serial_port import BytePort
 from snr_sim.prelude.device import LEASE_S
 from snr_sim.prelude.errors import DeviceError
 
+ANSWER_S = 0.5
 PROBE_US = STOP_US + 1.0
 SILENCE_S = LEASE_S + 0.04  # by then a timeout that is set as above has expired
 MAX_ERRORS = 5  # in a row
@@ -152,8 +153,12 @@ class Maestro(PwmChip):
 
     def _ask(self, question: bytes, length: int, about: str) -> int:
         port = self._require_open()
-        answer = ask(port, self._encode(question), length, ANSWER_S)
-        self._sent_s = self._now_s()
+        port.read()  # what was received earlier is no answer to this
+        self._write(question)
+        answer = port.read()
+        until_s = time.monotonic() + ANSWER_S
+        while len(answer) < length and port.wait(max(0.0, until_s - time.monotonic())):
+            answer += port.read()
         if not answer:
             raise DeviceError(
                 f"{self.title} does not answer when asked for {about}: 0 bytes in {ANSWER_S:g} s.",

@@ -1,6 +1,6 @@
 """Serial ports: the only module that imports pyserial. Sends and receives bytes; explains why a port fails.
 
-A port is opened with an exclusive lock; only `ask` and `wait` block.
+A port is opened with an exclusive lock; only `wait` blocks.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import errno
 import importlib
 import os
 import select
-import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Protocol
@@ -18,7 +17,6 @@ from typing import Any, Protocol
 from snr_sim.devices.wire.permission import group_of, how_to_use
 from snr_sim.prelude.errors import DeviceError, MissingExtraError
 
-ANSWER_S = 0.5  # how long `ask` waits for an answer
 _BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 460800, 500000, 921600, 1000000)
 
 
@@ -109,24 +107,6 @@ class SerialPort:
             f"{self.name} is gone: {error}.",
             fix="is the cable in, and does the device have power? `ls /dev/tty*` shows where it came back.",
         )
-
-
-def ask(port: BytePort, request: bytes, length: int, timeout_s: float = ANSWER_S) -> bytes:
-    """Send a request and return the answer: at least `length` bytes, or as many as arrived in time.
-
-    Args:
-        port: destination. Bytes received earlier are discarded.
-        request: bytes to send.
-        length: of the whole answer.
-        timeout_s: by the computer's clock.
-    """
-    port.read()
-    port.write(request)
-    answer = port.read()
-    until_s = time.monotonic() + timeout_s
-    while len(answer) < length and port.wait(max(0.0, until_s - time.monotonic())):
-        answer += port.read()
-    return answer
 
 
 def check_port(path: str) -> None:
