@@ -28,9 +28,9 @@ class GamepadLoopFactory(LoopFactory):
 
     def __init__(self, key: str, open_device: Callable[[], Sensor[GamepadReading]], rate_hz: float = 50.0) -> None:
         super().__init__()
-        self.key = key
-        self.open_device = open_device
-        self.rate_hz = rate_hz
+        self.key: str = key
+        self.open_device: Callable[[], Sensor[GamepadReading]] = open_device
+        self.rate_hz: float = rate_hz
 
     def get(self, parent: NodeApi) -> GamepadLoop:
         """Return the loop `<key>_sensor`."""

@@ -72,10 +72,10 @@ class SensorLoopFactory(LoopFactory):
 
     def __init__(self, key: str, open_device: Callable[[], Sensor[Any]], rate_hz: float, process: bool = True) -> None:
         super().__init__()
-        self.key = key
-        self.open_device = open_device
-        self.rate_hz = rate_hz
-        self.process = process
+        self.key: str = key
+        self.open_device: Callable[[], Sensor[Any]] = open_device
+        self.rate_hz: float = rate_hz
+        self.process: bool = process
 
     def get(self, parent: NodeApi) -> SensorLoop:
         """Return the loop `<key>_sensor`."""
@@ -140,10 +140,10 @@ class ActuatorLoopFactory(LoopFactory):
 
     def __init__(self, key: str, open_device: Callable[[], Device], rate_hz: float, timeout_s: float = 0.5) -> None:
         super().__init__()
-        self.key = key
-        self.open_device = open_device
-        self.rate_hz = rate_hz
-        self.timeout_s = timeout_s
+        self.key: str = key
+        self.open_device: Callable[[], Device] = open_device
+        self.rate_hz: float = rate_hz
+        self.timeout_s: float = timeout_s
 
     def get(self, parent: NodeApi) -> CommandLoop:
         """Return the loop `<key>_actuator`."""
@@ -157,7 +157,7 @@ class CommandLoop(DeviceLoop):
 
     def __init__(self, factory: ActuatorLoopFactory, parent: NodeApi, name: str, max_tick_rate_hz: float) -> None:
         super().__init__(factory, parent, name, max_tick_rate_hz)
-        self.commands = CommandInput(self, factory.key)
+        self.commands: CommandInput = CommandInput(self, factory.key)
 
     def begin(self) -> None:
         """Start the ticks, and receive commands from now on."""

@@ -21,7 +21,7 @@ from snr_sim.prelude.errors import DeviceError, ParameterError, suggest
 CLOCK_HZ = 16_000_000
 _CYCLES_PER_US = CLOCK_HZ // 1_000_000
 # Port and bit of each channel; the same as in the firmware's pulses_*.c.
-PINS = {
+PINS: dict[str, str] = {
     "atmega328p": "D2 D3 D4 D5 D6 D7 B0 B1",
     "atmega2560": "E4 E5 E3 H3 H4 H5 B5 B6",
 }
@@ -98,7 +98,7 @@ class Board:
     def __init__(self, elf: Path, mcu: str = "atmega328p", baud: int = BAUD) -> None:
         if mcu not in PINS:
             raise ParameterError(f"There is no emulated microcontroller '{mcu}'.", fix=suggest(mcu, PINS))
-        self.mcu = mcu
+        self.mcu: str = mcu
         self._library = _library(runner_library())
         pins = PINS[mcu].replace(" ", "").encode()
         self._board = self._library.board_open(str(elf).encode(), mcu.encode(), CLOCK_HZ, baud, pins)

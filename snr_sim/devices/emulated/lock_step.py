@@ -53,7 +53,7 @@ class ProcessorInLoopPlant:
         scale: PowerScale = PowerScale(),  # noqa: B008
         up_s: float = 0.0,
     ) -> None:
-        self.plant = plant
+        self.plant: Plant = plant
         self._open_board, self._channels, self._input, self._command_of = open_board, channels, input_name, command_of
         self._power, self._scale, self._up_s = power, scale, up_s
         self._pulses_us: list[float] | None = None
@@ -64,7 +64,7 @@ class ProcessorInLoopPlant:
         self._connect_battery()  # before its first measurement, which would be 0 V otherwise
         board.run_us(self._up_s * 1e6)
         self._pulses_us = None
-        self.mcu = McuBoard(
+        self.mcu: McuBoard = McuBoard(
             lambda: EmulatedPort(board), lambda: self.plant.time_s, lambda: board.now_us * 1e-6, session=1
         )
 

@@ -43,7 +43,7 @@ class McuPwm(PwmBackend):
 
     def __init__(self, board: McuBoard, now_s: Callable[[], float], channels: int) -> None:
         super().__init__(now_s, channels, resolution_us=RESOLUTION_US)
-        self.board = board
+        self.board: McuBoard = board
         self.title = "The microcontroller"
         self._seq = 0
         self._widths_us = self.still_us

@@ -52,12 +52,12 @@ class McuBoard:
         session: int | None = None,
     ) -> None:
         self._open_port, self.now_s, self._line_s, self._timeout_s = open_port, now_s, line_s, timeout_s
-        self.session = int.from_bytes(os.urandom(2)) % 0xFFFF if session is None else session - 1
+        self.session: int = int.from_bytes(os.urandom(2)) % 0xFFFF if session is None else session - 1
         self.ident: Ident | None = None
         self.telemetry: Telemetry | None = None
         self.measured_s: float | None = None
-        self.fault = "The microcontroller's port has not been opened."
-        self.name = "the microcontroller"
+        self.fault: str = "The microcontroller's port has not been opened."
+        self.name: str = "the microcontroller"
         self._received_s = 0.0
         self._port: BytePort | None = None
         self._frames = McuFrames()

@@ -81,7 +81,7 @@ class EnginePwmLoopFactory(PwmLoopFactory):
         lease_s: float = LEASE_S,
     ) -> None:
         super().__init__(key, open_device, rate_hz, timeout_s, lease_s)
-        self.servos = servos
+        self.servos: EngineServos = servos
 
     def read_command(self, data: Any, out: PwmOut, commands: CommandInput) -> PwmCommand:
         """Return the pulses for an engine command, clamped to the range of the engine."""

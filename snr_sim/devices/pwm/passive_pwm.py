@@ -29,7 +29,7 @@ class PwmChip:
         tripped: why the outputs went to neutral by themselves at the last `send`; empty if they did not.
     """
 
-    has_independent_failsafe = False  # whether they are neutral when this program is killed
+    has_independent_failsafe: bool = False  # whether they are neutral when this program is killed
 
     def __init__(
         self,
@@ -38,12 +38,12 @@ class PwmChip:
         limits_us: tuple[float, float] = LIMITS_US,
         resolution_us: float = 0.0,
     ) -> None:
-        self.title = title
-        self.channels = channels
-        self.limits_us = limits_us
-        self.resolution_us = resolution_us
-        self.still_us = [STOP_US] * channels
-        self.tripped = ""
+        self.title: str = title
+        self.channels: int = channels
+        self.limits_us: tuple[float, float] = limits_us
+        self.resolution_us: float = resolution_us
+        self.still_us: list[float] = [STOP_US] * channels
+        self.tripped: str = ""
 
     def open(self) -> None:
         """Open the wire, identify the device, and set all outputs to neutral.
@@ -86,10 +86,10 @@ class PassivePwm(PwmBackend):
         self, chip: PwmChip, now_s: Callable[[], float], esc_start_s: float = ESC_START_S, is_supervised: bool = False
     ) -> None:
         super().__init__(now_s, chip.channels, chip.limits_us, chip.resolution_us)
-        self.chip = chip
+        self.chip: PwmChip = chip
         self.title, self.still_us = chip.title, chip.still_us
         self.has_independent_failsafe = chip.has_independent_failsafe
-        self.esc_start_s = esc_start_s
+        self.esc_start_s: float = esc_start_s
         self._is_supervised = is_supervised
         self._neutral_since_s = 0.0
 

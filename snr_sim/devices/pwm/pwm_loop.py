@@ -49,7 +49,7 @@ class PwmLoopFactory(ActuatorLoopFactory):
         lease_s: how long outputs with their own lease follow a command.
     """
 
-    arms_automatically = False  # for a robot without an operator
+    arms_automatically: bool = False  # for a robot without an operator
 
     def __init__(
         self,
@@ -60,7 +60,7 @@ class PwmLoopFactory(ActuatorLoopFactory):
         lease_s: float = LEASE_S,
     ) -> None:
         super().__init__(key, open_device, rate_hz, timeout_s)
-        self.lease_s = lease_s
+        self.lease_s: float = lease_s
 
     def get(self, parent: NodeApi) -> PwmLoop:
         """Return the loop `<key>_actuator`."""

@@ -46,7 +46,7 @@ class OutputWatchdog:
 
     def __init__(self, out: PwmOut, inherited_fds: Sequence[int] = ()) -> None:
         read, self._write = os.pipe()
-        self.pid = os.fork()
+        self.pid: int = os.fork()
         if self.pid == 0:
             try:
                 for fd in (self._write, *inherited_fds):
@@ -104,7 +104,7 @@ class OutputSupervisor:
         self._seq = 0
         self._applied_us: list[float] = []
         self._reasons: list[str] = []
-        self.has_closed = False
+        self.has_closed: bool = False
 
     def execute(self, order: wire.Message) -> wire.LeaseStatus:
         """Execute an order; the answer contains the error if it fails."""

@@ -25,7 +25,7 @@ from snr_sim.devices.pwm.pwm_backend import LIMITS_US, STOP_US
 from snr_sim.devices.wire.permission import group_of, how_to_use
 from snr_sim.prelude.errors import DeviceError
 
-ROOT = Path("/sys/class/pwm")
+ROOT: Path = Path("/sys/class/pwm")
 CHIPS = {"1f00098000.pwm": "Raspberry Pi 5", "fe20c000.pwm": "Raspberry Pi 4", "3f20c000.pwm": "Raspberry Pi 3"}
 PERIOD_NS = 20_000_000
 OVERLAYS = (

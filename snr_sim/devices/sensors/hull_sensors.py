@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 # A module for 60 V and 120 A with a 12-bit converter: steps follow from that; noise is about one (our own choice).
-POWER_MODULE = SensorErrors(
+POWER_MODULE: SensorErrors = SensorErrors(
     noise={"voltage_v": 0.015, "current_a": 0.03},
     resolution={"voltage_v": 60.0 / 4096, "current_a": 120.0 / 4096},
     limits={"voltage_v": (0.0, 60.0), "current_a": (0.0, 120.0)},

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _DEG = math.radians(1.0)
 
-BNO055 = SensorErrors(
+BNO055: SensorErrors = SensorErrors(
     noise={
         "rate_radps": 0.12 * _DEG,  # 0.014 deg/s per root Hz, as of its gyroscope sold as BMI055, in 47 Hz
         "specific_force_mps2": 0.015,  # 150 ug per root Hz, as of the BMI055, in 62.5 Hz

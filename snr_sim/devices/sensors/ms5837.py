@@ -26,12 +26,12 @@ from snr_sim.prelude.water import AIR_PA, FRESH_KGM3, GRAVITY_MPS2
 if TYPE_CHECKING:
     import numpy as np
 
-NOISE_PA = {256: 157.0, 512: 84.0, 1024: 54.0, 2048: 38.0, 4096: 28.0, 8192: 20.0}  # by oversampling
-OVERSAMPLING = tuple(NOISE_PA)
+NOISE_PA: dict[int, float] = {256: 157.0, 512: 84.0, 1024: 54.0, 2048: 38.0, 4096: 28.0, 8192: 20.0}  # by oversampling
+OVERSAMPLING: tuple[int, ...] = tuple(NOISE_PA)
 CONVERSION_S_PER_SAMPLE = 2.2e-6  # one conversion, at most; a measurement has two: pressure, then temperature
 RESOLUTION_PA = 10.0  # a tenth of a millibar, the last digit of the data sheet's P: 1 mm of water
 RESOLUTION_C = 0.01
-LIMITS_PA = (0.0, 3_000_000.0)
+LIMITS_PA: tuple[float, float] = (0.0, 3_000_000.0)
 OFFSET_PA = 5_000.0  # half of the usual range: our estimate
 
 

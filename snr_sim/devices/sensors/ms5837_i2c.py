@@ -25,7 +25,7 @@ CONVERSION_S_PER_SAMPLE = 2.5e-6  # 2.2 at most, plus a margin
 RESET_S = 0.01
 STALE_S = 0.5
 TEMPERATURE_EVERY = 10
-AIR_PA = (85_000.0, 108_500.0)  # highest at sea level, and of a town at 1400 m
+AIR_PA: tuple[float, float] = (85_000.0, 108_500.0)  # highest at sea level, and of a town at 1400 m
 _NOTHING, _RESET, _PRESSURE, _TEMPERATURE = "nothing", "reset", "pressure", "temperature"  # the command in progress
 _PLAUSIBLE_PA = (20_000.0, 3_100_000.0)
 

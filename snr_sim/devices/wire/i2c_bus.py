@@ -33,7 +33,7 @@ class I2cBus:
     """
 
     def __init__(self, number: int, open_raw: Callable[[int], Any] | None = None) -> None:
-        self.name = f"/dev/i2c-{number}"
+        self.name: str = f"/dev/i2c-{number}"
         try:
             self._raw = (open_raw or _smbus2)(number)
         except FileNotFoundError as error:

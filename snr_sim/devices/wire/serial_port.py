@@ -62,7 +62,7 @@ class SerialPort:
     """
 
     def __init__(self, path: str, baud: int = 115_200) -> None:
-        self.name = path
+        self.name: str = path
         serial = _pyserial()
         try:
             self._serial: Any = serial.Serial(path, baud, timeout=0, write_timeout=0, exclusive=True)
