@@ -81,7 +81,7 @@ class Maestro(PwmChip):
 
     def before_arming(self) -> None:
         """Discard errors from the time in which nothing was sent."""
-        self._ask(wire.get_errors(), wire.ERRORS_BYTES, "its errors")
+        self._ask(wire.GET_ERRORS, "its errors")
         self._reset_errors()
 
     def send(self, pulses_us: list[float]) -> list[float]:
@@ -100,7 +100,7 @@ class Maestro(PwmChip):
     def _exchange(self, pulses_us: list[float]) -> MaestroError:
         """Send targets and query errors; return the answers that have arrived to this and earlier queries."""
         self._command(pulses_us)
-        self._write(wire.get_errors())
+        self._write(wire.GET_ERRORS)
         self._query_times_s.append(self._now_s())
         return self._receive()
 
@@ -112,8 +112,8 @@ class Maestro(PwmChip):
 
     def _identify(self) -> None:
         """Check that it answers as a Maestro and has enough channels."""
-        self._ask(wire.get_errors(), wire.ERRORS_BYTES, "its errors")
-        errors = self._ask(wire.get_errors(), wire.ERRORS_BYTES, "its errors")  # the first answer may report old errors
+        self._ask(wire.GET_ERRORS, "its errors")
+        errors = self._ask(wire.GET_ERRORS, "its errors")  # the first answer may report old errors
         if errors & ~_ALL_ERRORS:
             raise DeviceError(
                 f"{self.title} reports the errors 0x{errors:04x}, with bits that no Maestro has: it is another device.",
@@ -124,7 +124,7 @@ class Maestro(PwmChip):
                 f"{self.title} rejects commands: {wire.describe_errors(errors)}.",
                 fix="set has_crc to the same value as 'Enable CRC' in its settings; close other programs on the port.",
             )
-        self._ask(wire.get_position(self.channels - 1), wire.POSITION_BYTES, f"channel {self.channels - 1}")
+        self._ask(wire.get_position(self.channels - 1), f"channel {self.channels - 1}")
 
     def _test_timeout(self) -> None:
         """Check that all channels go to neutral when commands stop."""
@@ -132,7 +132,7 @@ class Maestro(PwmChip):
         for channel in range(self.channels):
             self._check_channel(channel, PROBE_US, "its mode is not 'Servo', or a speed or acceleration limits it")
         self._sleep(SILENCE_S)
-        errors = self._ask(wire.get_errors(), wire.ERRORS_BYTES, "its errors")
+        errors = self._ask(wire.GET_ERRORS, "its errors")
         if not errors & MaestroError.TIMEOUT:
             raise DeviceError(
                 f"{self.title} did not time out after {SILENCE_S:.2f} s without commands: if this program were killed, "
@@ -143,7 +143,7 @@ class Maestro(PwmChip):
             self._check_channel(channel, STOP_US, "on an error it does not go to 1500 us")
 
     def _check_channel(self, channel: int, expected_us: float, otherwise: str) -> None:
-        made_us = self._ask(wire.get_position(channel), wire.POSITION_BYTES, f"channel {channel}") / 4.0
+        made_us = self._ask(wire.get_position(channel), f"channel {channel}") / 4.0
         if made_us != expected_us:
             raise DeviceError(
                 f"{self.title}: channel {channel} makes {made_us:g} us, not {expected_us:g}: {otherwise}.",
@@ -151,13 +151,13 @@ class Maestro(PwmChip):
                 "On startup or error: Go to 1500.",
             )
 
-    def _ask(self, question: bytes, length: int, about: str) -> int:
+    def _ask(self, question: bytes, about: str) -> int:
         port = self._require_open()
         port.read()  # what was received earlier is no answer to this
         self._write(question)
         answer = port.read()
         until_s = time.monotonic() + ANSWER_S
-        while len(answer) < length and port.wait(max(0.0, until_s - time.monotonic())):
+        while len(answer) < wire.ANSWER_BYTES and port.wait(max(0.0, until_s - time.monotonic())):
             answer += port.read()
         if not answer:
             raise DeviceError(
@@ -165,13 +165,13 @@ class Maestro(PwmChip):
                 fix="check its port (the command port is the first of two), serial mode 'USB Dual Port', power, "
                 "'Enable CRC' and its number of channels.",
             )
-        if len(answer) != length:
+        if len(answer) != wire.ANSWER_BYTES:
             raise DeviceError(
-                f"{self.title} answers {len(answer)} bytes when asked for {about}, a Maestro {length}: "
+                f"{self.title} answers {len(answer)} bytes when asked for {about}, a Maestro {wire.ANSWER_BYTES}: "
                 f"{answer[:16].hex(' ')}.",
                 fix="`snr doctor` shows whether another device or program is on this port.",
             )
-        return wire.number_of(answer)
+        return int.from_bytes(answer, "little")
 
     def _command(self, pulses_us: list[float]) -> None:
         self._write(*wire.set_targets(pulses_us))
@@ -181,15 +181,15 @@ class Maestro(PwmChip):
         self._sent_s = self._now_s()
 
     def _encode(self, command: bytes) -> bytes:
-        return wire.with_crc(command) if self._has_crc else command
+        return command + bytes([wire.crc7(command)]) if self._has_crc else command
 
     def _receive(self) -> MaestroError:
         """Return the answers to error queries without waiting."""
         self._received += self._require_open().read()
         errors = MaestroError(0)
-        while len(self._received) >= wire.ERRORS_BYTES:
-            number = wire.number_of(self._received)
-            self._received = self._received[wire.ERRORS_BYTES :]
+        while len(self._received) >= wire.ANSWER_BYTES:
+            number = int.from_bytes(self._received[: wire.ANSWER_BYTES], "little")
+            self._received = self._received[wire.ANSWER_BYTES :]
             if not self._query_times_s or number & ~_ALL_ERRORS:
                 raise DeviceError(
                     f"{self.title} sends bytes that were not requested.", fix="close other programs that use this port."
