@@ -98,10 +98,6 @@ def command_of(data: Any, command_type: type[Any], limits: Limits) -> Any:
     if type(data) is command_type:
         return data
     try:
-        return msgspec.convert(data, ensure_type_info(command_type))
-    except msgspec.ValidationError:
-        pass
-    try:
         return msgspec.convert(_plain(data), ensure_type_info(command_type))
     except msgspec.ValidationError as error:
         raise _command_error(data, command_type, limits) from error
