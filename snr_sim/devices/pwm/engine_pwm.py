@@ -61,12 +61,8 @@ class EngineServos:
 class EnginePwmLoopFactory(PwmLoopFactory):
     """Writes the newest engine command to three servo outputs; neutral when there is none or it is too old.
 
-    A lander has no operator who could arm it: it arms itself at the start.
-
-    Args:
-        key: of the command page (`EngineCommand`); the page `<key>_applied` reports its effect, see `PwmLoopFactory`.
-        servos: conversion between commands and pulses.
-        open_device, rate_hz, timeout_s, lease_s: see `PwmLoopFactory`.
+    A lander has no operator who could arm it: it arms itself at the start. Arguments are those of `PwmLoopFactory`,
+    for pages that hold an `EngineCommand`, and `servos`, the conversion between commands and pulses.
     """
 
     arms_automatically = True
