@@ -153,7 +153,7 @@ class Maestro(PwmChip):
 
     def _ask(self, question: bytes, about: str) -> int:
         port = self._require_open()
-        port.read()  # what was received earlier is no answer to this
+        port.read()  # discards what was received earlier
         self._write(question)
         answer = port.read()
         until_s = time.monotonic() + ANSWER_S

@@ -25,9 +25,9 @@ _CRC_BYTES = 2
 
 
 class _Field(NamedTuple):
-    """Bytes of one field: its letter of `struct`, and the conversions to and from the value of that letter."""
+    """Bytes of one field: its format in `struct`, and the conversions to and from the packed value."""
 
-    letter: str
+    code: str
     pack: Callable[[Any], Any] = lambda value: value
     unpack: Callable[[Any], Any] = lambda packed: packed
 
@@ -68,7 +68,7 @@ _FIELDS: dict[type[Any], tuple[_Field, ...]] = {
     mcu.CommandAck: (_U8, _U16, _U8, _Field("B", unpack=mcu.AckResult)),
 }
 _HAS_WIDTHS = (mcu.SetWidths, mcu.Telemetry)
-_STRUCTS = {kind: struct.Struct("<B" + "".join(one.letter for one in fields)) for kind, fields in _FIELDS.items()}
+_STRUCTS = {kind: struct.Struct("<B" + "".join(one.code for one in fields)) for kind, fields in _FIELDS.items()}
 _KINDS = {number: kind for kind, number in mcu.TYPE_OF.items()}
 
 
