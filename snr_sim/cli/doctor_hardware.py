@@ -8,8 +8,7 @@ from typing import Any
 from snr_sim.cli.finding import Finding
 from snr_sim.devices.host_ports import HostInfo, HostPort
 from snr_sim.devices.mcu.mcu_board import McuBoard
-from snr_sim.devices.mcu.mcu_handshake import FLASH
-from snr_sim.devices.mcu.mcu_identity import CHANNELS, incompatibilities
+from snr_sim.devices.mcu.mcu_handshake import CHANNELS, FLASH, incompatibilities
 from snr_sim.devices.pwm.pwm_backend import STOP_US
 from snr_sim.devices.wire.mcu_messages import BAUD, Ident, McuFault, ResetCause, Telemetry
 from snr_sim.devices.wire.serial_port import BytePort, SerialPort

@@ -43,17 +43,11 @@ SUPERVISED = ("pca9685", "sysfs")  # they hold their last pulse
 
 @dataclass(frozen=True)
 class Setting:
-    """A setting that may follow an address.
+    """A setting that may follow an address."""
 
-    Args:
-        read: converts its text to the value.
-        expected: description of valid values.
-        fits: whether a value is valid.
-    """
-
-    read: Callable[[str], Any]
-    expected: str
-    fits: Callable[[Any], bool] = lambda value: True
+    read: Callable[[str], Any]  # converts its text to the value
+    expected: str  # description of valid values
+    fits: Callable[[Any], bool] = lambda value: True  # whether a value is valid
 
 
 # Of the internal oscillator and of an external clock: NXP, PCA9685 data sheet, tables 13 and 14.
@@ -86,11 +80,7 @@ SENSORS = tuple(kind for kind in SETTINGS if kind not in OUTPUTS)
 def open_pwm(
     text: str, now_s: Callable[[], float], channels: int, limits_us: tuple[float, float] = LIMITS_US
 ) -> PwmBackend:
-    """Open outputs of servo pulses.
-
-    Raises:
-        UnknownNameError, ParameterError: see `split`.
-    """
+    """Open outputs of servo pulses; `split` raises errors of the text."""
     kind, where, settings = split(text, OUTPUTS)
     if kind == "mcu":
         return McuPwm(McuBoard(lambda: SerialPort(where, BAUD), now_s), now_s, channels)
@@ -105,35 +95,30 @@ def open_pwm(
 
 def open_supervised(text: str, channels: int, low_us: float, high_us: float, reclaim: bool = False) -> PassivePwm:
     """Open outputs that hold their last pulse, in the supervisor's process, whose clock is the computer's."""
-    return PassivePwm(_supervised_chip(text, channels, (low_us, high_us), reclaim), time.monotonic, is_supervised=True)
-
-
-def _supervised_chip(text: str, channels: int, limits_us: tuple[float, float], reclaim: bool) -> PwmChip:
     kind, where, settings = split(text, SUPERVISED)
     if kind == "sysfs":
-        return SysfsPins(channels, limits_us, root=Path(where) if where else ROOT, reclaim=reclaim)
-    bus, address = bus_and_address(where)
-    clock_hz = settings.get("clock_hz")
-    return Pca9685(
-        lambda: I2cBus(bus),
-        address,
-        channels,
-        limits_us,
-        oscillator_hz=clock_hz or settings.get("oscillator_hz", OSCILLATOR_HZ),
-        has_external_clock=clock_hz is not None,
-    )
+        chip: PwmChip = SysfsPins(channels, (low_us, high_us), root=Path(where) if where else ROOT, reclaim=reclaim)
+    else:
+        bus, address = bus_and_address(where)
+        clock_hz = settings.get("clock_hz")
+        chip = Pca9685(
+            lambda: I2cBus(bus),
+            address,
+            channels,
+            (low_us, high_us),
+            oscillator_hz=clock_hz or settings.get("oscillator_hz", OSCILLATOR_HZ),
+            has_external_clock=clock_hz is not None,
+        )
+    return PassivePwm(chip, time.monotonic, is_supervised=True)
 
 
 def open_sensor(text: str, now_s: Callable[[], float], about: Any = None) -> Sensor[Any]:
-    """Open a real sensor.
+    """Open a real sensor; `split` raises errors of the text.
 
     Args:
         text: kind and address.
         now_s: the clock that stamps readings.
         about: settings of the part, for kinds that have some: `Ms5837` of an ms5837.
-
-    Raises:
-        UnknownNameError, ParameterError: see `split`.
     """
     kind, where, settings = split(text, SENSORS)
     if kind == "gps":
@@ -183,11 +168,7 @@ def _value(text: str, given: str, value: str, setting: Setting) -> Any:
 
 
 def check_io(io: Io) -> None:
-    """Check the settings in `--io` before anything is opened.
-
-    Raises:
-        UnknownNameError, ParameterError: see `split`.
-    """
+    """Check the settings in `--io` before anything is opened; see `split` for the errors."""
     if io.kind in OUTPUTS:
         split(str(io), OUTPUTS)
 

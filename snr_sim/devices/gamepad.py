@@ -18,19 +18,16 @@ from snr_sim.prelude.signals import GamepadReading
 
 
 class GamepadLoopFactory(LoopFactory):
-    """Reads a pad at a rate and stores each reading as a page.
+    """Reads a pad at a rate and stores the fields of each `GamepadReading` as a page.
 
-    Args:
-        key: of the page; it holds the fields of a `GamepadReading`.
-        open_device: opens the pad.
-        rate_hz: how often it is read.
+    Arguments are those of `SensorLoopFactory`.
     """
 
     def __init__(self, key: str, open_device: Callable[[], Sensor[GamepadReading]], rate_hz: float = 50.0) -> None:
         super().__init__()
-        self.key = key
-        self.open_device = open_device
-        self.rate_hz = rate_hz
+        self.key: str = key
+        self.open_device: Callable[[], Sensor[GamepadReading]] = open_device
+        self.rate_hz: float = rate_hz
 
     def get(self, parent: NodeApi) -> GamepadLoop:
         """Return the loop `<key>_sensor`."""

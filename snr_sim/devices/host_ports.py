@@ -19,19 +19,12 @@ from snr_sim.prelude.errors import MissingExtraError
 
 @dataclass(frozen=True)
 class HostPort:
-    """One connector.
+    """One connector."""
 
-    Args:
-        kind: 'serial', 'i2c' or 'pwm'.
-        name: as `--io` accepts it: a port, the number of a bus, a chip.
-        about: further information.
-        fix: what to do before it can be used; empty if it can be.
-    """
-
-    kind: str
-    name: str
-    about: str
-    fix: str = ""
+    kind: str  # 'serial', 'i2c' or 'pwm'
+    name: str  # as `--io` accepts it: a port, the number of a bus, a chip
+    about: str  # further information
+    fix: str = ""  # what to do before it can be used; empty if it can be
 
 
 def may_use(path: Path) -> bool:
@@ -41,26 +34,17 @@ def may_use(path: Path) -> bool:
 
 @dataclass(frozen=True)
 class HostInfo:
-    """A computer, or in a test a folder with the same files.
+    """A computer, or in a test a folder with the same files."""
 
-    Args:
-        root: root folder of its files.
-        ports: its serial ports, each optionally with its device in brackets.
-        may_use, owner_of: permission and owner of a file.
-    """
-
-    root: Path = Path("/")
-    ports: Callable[[], list[str]] = serial_port.ports
+    root: Path = Path("/")  # root folder of its files
+    ports: Callable[[], list[str]] = serial_port.ports  # serial ports, each optionally with its device in brackets
     may_use: Callable[[Path], bool] = may_use
     owner_of: Callable[[Path], FileOwner] = owner_of
 
     @property
     def model(self) -> str:
         """Its model if known: 'Raspberry Pi 4 Model B Rev 1.4'."""
-        try:
-            return (self.root / "proc/device-tree/model").read_text(errors="replace").rstrip("\0\n")
-        except OSError:
-            return ""
+        return _text_of(self.root / "proc/device-tree/model")
 
     @property
     def is_pi(self) -> bool:
@@ -93,20 +77,14 @@ class HostInfo:
 
     def _i2c(self) -> Iterator[HostPort]:
         for path in sorted((self.root / "dev").glob("i2c-*")):
-            try:
-                about = (self.root / "sys/class/i2c-dev" / path.name / "name").read_text().strip()
-            except OSError:
-                about = ""
+            about = _text_of(self.root / "sys/class/i2c-dev" / path.name / "name")
             yield HostPort("i2c", path.name.removeprefix("i2c-"), about, self._permission_fix(path, "i2c"))
 
     def _pwm(self) -> Iterator[HostPort]:
         for chip in sorted((self.root / "sys/class/pwm").glob("pwmchip*")):
             device = os.path.basename(os.path.realpath(chip / "device"))
             known = CHIPS.get(device)
-            try:
-                channels = (chip / "npwm").read_text().strip()
-            except OSError:
-                channels = "?"
+            channels = _text_of(chip / "npwm") or "?"
             about = f"{chip.name}, {channels} channels, {f'the one of a {known}' if known else 'not a Pi header'}"
             yield HostPort("pwm", device, about, self._permission_fix(chip / "export", "gpio") if known else "")
 
@@ -123,3 +101,11 @@ class HostInfo:
             "i2c": "sudo raspi-config nonint do_i2c 0 on a Raspberry Pi; else sudo modprobe i2c-dev.",
             "pwm": OVERLAYS,
         }[kind]
+
+
+def _text_of(path: Path) -> str:
+    """Return the text in one of the kernel's files; empty if there is none."""
+    try:
+        return path.read_text(errors="replace").strip("\0\n ")
+    except OSError:
+        return ""

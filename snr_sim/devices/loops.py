@@ -11,8 +11,7 @@ from typing import Any
 import msgspec
 
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.devices.command_input import CommandInput
-from snr_sim.devices.commands import command_of
+from snr_sim.devices.commands import CommandInput, command_of
 from snr_sim.prelude.device import Device, Sensor, Stale
 from snr_sim.prelude.errors import CommandError, DeviceError
 from snr_sim.prelude.interfaces import implements
@@ -40,13 +39,8 @@ def configure_device(device: Any, what: str) -> Any:
 
 
 def start_device(device: Any, what: str) -> Any:
-    """Configure and activate a device that has just been opened, and return it.
-
-    Raises:
-        DeviceError: it is not a device; or an error of its `configure` or `activate`.
-    """
-    device = configure_device(device, what)
-    device.activate()
+    """Configure and activate a device that has just been opened, and return it; see `configure_device`."""
+    configure_device(device, what).activate()
     return device
 
 
@@ -78,10 +72,10 @@ class SensorLoopFactory(LoopFactory):
 
     def __init__(self, key: str, open_device: Callable[[], Sensor[Any]], rate_hz: float, process: bool = True) -> None:
         super().__init__()
-        self.key = key
-        self.open_device = open_device
-        self.rate_hz = rate_hz
-        self.process = process
+        self.key: str = key
+        self.open_device: Callable[[], Sensor[Any]] = open_device
+        self.rate_hz: float = rate_hz
+        self.process: bool = process
 
     def get(self, parent: NodeApi) -> SensorLoop:
         """Return the loop `<key>_sensor`."""
@@ -146,10 +140,10 @@ class ActuatorLoopFactory(LoopFactory):
 
     def __init__(self, key: str, open_device: Callable[[], Device], rate_hz: float, timeout_s: float = 0.5) -> None:
         super().__init__()
-        self.key = key
-        self.open_device = open_device
-        self.rate_hz = rate_hz
-        self.timeout_s = timeout_s
+        self.key: str = key
+        self.open_device: Callable[[], Device] = open_device
+        self.rate_hz: float = rate_hz
+        self.timeout_s: float = timeout_s
 
     def get(self, parent: NodeApi) -> CommandLoop:
         """Return the loop `<key>_actuator`."""
@@ -163,7 +157,7 @@ class CommandLoop(DeviceLoop):
 
     def __init__(self, factory: ActuatorLoopFactory, parent: NodeApi, name: str, max_tick_rate_hz: float) -> None:
         super().__init__(factory, parent, name, max_tick_rate_hz)
-        self.commands = CommandInput(self, factory.key)
+        self.commands: CommandInput = CommandInput(self, factory.key)
 
     def begin(self) -> None:
         """Start the ticks, and receive commands from now on."""

@@ -39,7 +39,6 @@ class ReplayedSensor(LifeCycle):
         """Return the newest reading, or `Stale` where there was none.
 
         Raises:
-            SensorLostError: it was closed.
             DeviceError: the data of a page are not such a reading.
         """
         if self.state == "closed":

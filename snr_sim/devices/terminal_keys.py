@@ -17,7 +17,7 @@ class TerminalKeys:
     """The terminal of this program. Close it, or use it in a `with`; without a terminal there are no keys."""
 
     def __init__(self) -> None:
-        self.is_there = has_terminal()
+        self.is_there: bool = has_terminal()
         self._before: list[Any] | None = None
         if self.is_there and not _IS_WINDOWS:
             import termios

@@ -20,9 +20,8 @@ from statistics import median
 from harness import Outcome, Row, Skipped, what_can_run
 
 from snr_sim import Config, Node, TimeoutLoopFactory, WallClock
-from snr_sim.devices.emulated.board import PINS, Board
+from snr_sim.devices.emulated.board import PINS, Board, EmulatedPort
 from snr_sim.devices.emulated.lock_step import ProcessorInLoopPlant
-from snr_sim.devices.emulated.port import EmulatedPort
 from snr_sim.devices.emulated.toolchain import firmware_elf
 from snr_sim.devices.mcu.mcu import McuPwm
 from snr_sim.devices.mcu.mcu_board import McuBoard
@@ -45,6 +44,7 @@ from snr_sim.prelude.signals import PowerReading
 from snr_sim.testing.function_components import FunctionLoop, FunctionLoopFactory
 
 FIRMWARE = Path(__file__).parents[2] / "robots" / "urov" / "firmware"
+PTY_BOARD = Path(__file__).parents[1] / "devices" / "emulated" / "pty_board.py"
 CHANNELS = 8
 STILL = [1500.0] * CHANNELS
 STEP_S = 0.005
@@ -265,7 +265,7 @@ def latency_rows(seconds: float) -> Iterator[Outcome]:
     with tempfile.TemporaryDirectory() as folder:
         link, log = Path(folder) / "esc", Path(folder) / "log"
         arguments = [str(FIRMWARE), "--link", str(link), "--log", str(log)]
-        command = [sys.executable, "-m", "snr_sim.devices.emulated.pty_board", *arguments]
+        command = [sys.executable, str(PTY_BOARD), *arguments]
         written: list[tuple[float, bytes]] = []
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as board:
             assert board.stdout is not None

@@ -11,8 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.devices.emulated.board import Board
-from snr_sim.devices.emulated.port import EmulatedPort
+from snr_sim.devices.emulated.board import Board, EmulatedPort
 from snr_sim.devices.emulated.toolchain import firmware_elf
 from snr_sim.devices.mcu.mcu import McuPwm
 from snr_sim.devices.mcu.mcu_board import McuBoard

@@ -1,13 +1,16 @@
-"""A page's data are converted to a command, or rejected with an explanation."""
+"""The newest command page of a key, whose data are converted to a command or rejected with an explanation."""
 
+import math
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
 
-from snr_sim.devices.commands import command_of
+from snr_sim.devices.commands import CommandInput, command_of
 from snr_sim.prelude.errors import CommandError
+from snr_sim.prelude.page import Page
 
 
 class Pwm(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -48,3 +51,54 @@ def test_command_of_invalid_data_raises_command_error(data: Any, message: str, f
     assert message in caught.value.message
     assert fix in caught.value.fix
     assert len(caught.value.message) < 200
+
+
+class Store:
+    """Page store of a loop's node."""
+
+    name = "robot"
+
+    def __init__(self) -> None:
+        self.page: Page | None = None
+        self.listeners: list[Any] = []
+        self.time_s = 0.0
+
+    def add_store_listener(self, key: str, callback: Any) -> None:
+        self.listeners.append(callback)
+
+    def remove_store_listener(self, key: str, callback: Any) -> None:
+        self.listeners.remove(callback)
+
+    def get_page(self, key: str) -> Page | None:
+        return self.page
+
+    def get_time_s(self) -> float:
+        return self.time_s
+
+    def store(self, data: Any) -> Page:
+        self.page = Page("engine", data, self.name, self.time_s)
+        for callback in self.listeners:
+            callback(self.page)
+        return self.page
+
+
+def test_newest_page_is_the_nodes_before_and_after_begin() -> None:
+    store = Store()
+    wakes: list[float] = []
+    loop: Any = SimpleNamespace(parent=store, wake=lambda: wakes.append(store.time_s))
+    commands = CommandInput(loop, "engine")
+    assert commands.newest() == (None, math.inf)
+    early = store.store(1)
+    store.time_s = 0.5
+    assert commands.newest() == (early, 0.5)
+    commands.begin()
+    assert commands.newest() == (early, 0.5)
+    late = store.store(2)
+    assert commands.newest() == (late, 0.0)
+    assert wakes == [0.5]
+    commands.end()
+    commands.end()
+    missed = store.store(3)
+    commands.begin()
+    assert commands.newest() == (missed, 0.0)
+    assert wakes == [0.5]

@@ -2,7 +2,7 @@
 
 import gc
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
@@ -40,6 +40,16 @@ class Pilot:
         assert self.out.health().state == "active"
 
 
+@pytest.fixture
+def pilot(bench: Any) -> Iterator[Pilot]:
+    """Armed outputs that have followed a command ahead for half a second."""
+    pilot = Pilot(bench, bench.open())
+    pilot.arm()
+    pilot.hold(AHEAD, 0.5)
+    yield pilot
+    pilot.out.close()
+
+
 @pytest.mark.parametrize("mcu", list(PINS))
 @pytest.mark.parametrize("channels", [8, 3])
 def test_mcu_pwm_passes_pwm_contract(make_bench: Callable[..., Any], mcu: str, channels: int) -> None:
@@ -75,12 +85,9 @@ def test_mcu_pwm_arms_only_after_neutral_for_speed_controllers(bench: Any) -> No
     out.close()
 
 
-def test_mcu_pwm_resent_old_command_expires(bench: Any) -> None:
+def test_mcu_pwm_resent_old_command_expires(bench: Any, pilot: Pilot) -> None:
     """The lease counts from when a command was computed: a stuck planner behind a live loop stops the robot (H11)."""
-    out = bench.open()
-    pilot = Pilot(bench, out)
-    pilot.arm()
-    pilot.hold(AHEAD, 0.5)
+    out = pilot.out
     computed_s = bench.now_s()
     for _ in range(round(LEASE_S / TICK_S) + 1):
         applied = out.write_us(AHEAD, computed_s)
@@ -93,18 +100,13 @@ def test_mcu_pwm_resent_old_command_expires(bench: Any) -> None:
     assert "no new command in time" in out.health().reason
     assert pilot.hold(AHEAD, 0.5).pulses_us == STILL  # it stays so until it is armed again
     assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
-    out.close()
 
 
-def test_mcu_board_unclosed_at_exit_sends_disarm(bench: Any) -> None:
-    out = bench.open()
-    pilot = Pilot(bench, out)
-    pilot.arm()
-    pilot.hold(AHEAD, 0.5)
+def test_mcu_board_unclosed_at_exit_sends_disarm(bench: Any, pilot: Pilot) -> None:
+    out = pilot.out
     out.board._finalizer()  # which Python calls at exit
     bench.advance(TICK_S)
     assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
-    out.close()
 
 
 def test_mcu_pwm_sends_age_of_command(bench: Any) -> None:
@@ -132,11 +134,8 @@ def test_mcu_pwm_late_arm_reply_after_deactivate_arms_nothing(bench: Any) -> Non
     out.close()
 
 
-def test_mcu_pwm_reset_board_is_lost_and_stays_neutral_until_armed(bench: Any) -> None:
-    out = bench.open()
-    pilot = Pilot(bench, out)
-    pilot.arm()
-    pilot.hold(AHEAD, 0.5)
+def test_mcu_pwm_reset_board_is_lost_and_stays_neutral_until_armed(bench: Any, pilot: Pilot) -> None:
+    out = pilot.out
     bench.board.reset()
     applied = pilot.hold(AHEAD, 0.3)
     assert LOST in applied.reason
@@ -149,7 +148,6 @@ def test_mcu_pwm_reset_board_is_lost_and_stays_neutral_until_armed(bench: Any) -
     pilot.hold(AHEAD, 0.5)
     assert bench.pins_us() == pytest.approx(AHEAD, abs=0.5)
     assert out.health().counts["reopened"] == 1
-    out.close()
 
 
 def test_mcu_pwm_session_of_another_program_is_reported(bench: Any) -> None:
@@ -166,11 +164,8 @@ def test_mcu_pwm_session_of_another_program_is_reported(bench: Any) -> None:
     other.release(other)
 
 
-def test_mcu_pwm_emergency_stop_holds_until_cleared(bench: Any) -> None:
-    out = bench.open()
-    pilot = Pilot(bench, out)
-    pilot.arm()
-    pilot.hold(AHEAD, 0.5)
+def test_mcu_pwm_emergency_stop_holds_until_cleared(bench: Any, pilot: Pilot) -> None:
+    out = pilot.out
     out.stop()
     assert STOPPED in pilot.hold(AHEAD, TICK_S).reason
     assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
@@ -211,11 +206,8 @@ def test_mcu_pwm_unreferenced_outputs_are_neutral_within_one_frame(bench: Any) -
     assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
 
 
-def test_mcu_pwm_line_noise_is_counted_and_changes_nothing(bench: Any) -> None:
-    out = bench.open()
-    pilot = Pilot(bench, out)
-    pilot.arm()
-    pilot.hold(AHEAD, 0.5)
+def test_mcu_pwm_line_noise_is_counted_and_changes_nothing(bench: Any, pilot: Pilot) -> None:
+    out = pilot.out
     for i in range(20):
         bench.board.uart_in(bytes([i * 11 % 251 + 1, 3, i + 1, 0]))
         assert pilot.hold(AHEAD, TICK_S).pulses_us == AHEAD
@@ -225,7 +217,6 @@ def test_mcu_pwm_line_noise_is_counted_and_changes_nothing(bench: Any) -> None:
     counts = out.health().counts
     assert counts["crc_errors_at_mcu"] >= 20
     assert counts["crc_errors"] == counts["gaps"] == 0
-    out.close()
 
 
 def test_mcu_pwm_too_few_channels_raises_device_error(bench: Any) -> None:

@@ -97,7 +97,7 @@ def test_mcu_board_replugged_during_run_recovers(pty_bench: Any) -> None:
 def test_mcu_board_is_shared_by_two_threads_in_real_time(emulators: None, tmp_path: Path) -> None:
     """As on the vehicle: the wall clock, a thread for each device, and a board in a separate process."""
     link = tmp_path / "ttyUSB0"
-    words = ["-m", "snr_sim.devices.emulated.pty_board", str(FIRMWARE), "--link", str(link)]
+    words = [str(Path(__file__).with_name("emulated") / "pty_board.py"), str(FIRMWARE), "--link", str(link)]
     with subprocess.Popen([sys.executable, *words], stdout=subprocess.PIPE, text=True) as far:
         assert far.stdout is not None
         assert far.stdout.readline() == f"atmega328p at {link}\n"

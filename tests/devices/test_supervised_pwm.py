@@ -20,9 +20,17 @@ from snr_sim.devices.pwm.pca9685 import Pca9685
 from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
 from snr_sim.devices.pwm.pwm_supervisor import OutputSupervisor
 from snr_sim.devices.pwm.supervised_pwm import SupervisedPwm
-from snr_sim.devices.wire.child_port import ChildPort
 from snr_sim.devices.wire.i2c_bus import I2cBus
-from snr_sim.devices.wire.lease_messages import LeaseStatus, Message, OpenOutputs, decode, encode, receive
+from snr_sim.devices.wire.lease_messages import (
+    ArmOutputs,
+    DisarmOutputs,
+    LeaseStatus,
+    Message,
+    OpenOutputs,
+    SupervisorPort,
+    decode,
+    encode,
+)
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import LOST, NOT_ACTIVE
 from snr_sim.testing.fake_i2c import FakeBus, FakePca9685
@@ -37,17 +45,15 @@ GENEROUS_S = 60.0
 class Line:
     """A supervisor without a process: it executes orders at once."""
 
-    name = "supervisor"
-
     def __init__(self, now_s: Callable[[], float]) -> None:
         self.supervisor = OutputSupervisor(now_s)
         self._answers: list[LeaseStatus] = []
         self.is_silent = self.is_dead = False
 
-    def write(self, order: bytes) -> None:
+    def write(self, order: Message) -> None:
         self._check()
         if not self.is_silent:
-            self._answers.append(self.supervisor.execute(decode(order)))
+            self._answers.append(self.supervisor.execute(decode(encode(order))))
 
     def read(self) -> list[LeaseStatus]:
         self._check()
@@ -220,28 +226,26 @@ def test_decode_invalid_bytes_raises_device_error(data: bytes) -> None:
         decode(data)
 
 
-def write_indefinitely(port: ChildPort[Message]) -> None:
+def write_indefinitely(port: SupervisorPort) -> None:
     while True:
-        port.write(bytes(8192))
+        port.write(DisarmOutputs("x" * 8000))
 
 
 @pytest.mark.slow
-def test_child_port_hung_or_ended_process_raises_at_once() -> None:
-    port = ChildPort("snr_sim.devices.pwm.pwm_supervisor:run", receive)
+def test_supervisor_port_hung_or_ended_process_raises_at_once() -> None:
+    port = SupervisorPort()
     os.kill(port.pid, signal.SIGSTOP)
     with pytest.raises(DeviceError, match=f"process {port.pid} does not read its input: it hangs"):
         write_indefinitely(port)
     os.kill(port.pid, signal.SIGKILL)
     assert port.wait(GENEROUS_S)
-    for call in (port.read, lambda: port.write(b"x")):
+    for call in (port.read, lambda: port.write(ArmOutputs())):
         with pytest.raises(DeviceError, match="was ended by SIGKILL"):
             call()
     port.close()
 
 
 def test_supervisor_order_before_open_returns_error_with_fix() -> None:
-    from snr_sim.devices.wire.lease_messages import ArmOutputs
-
     answer = OutputSupervisor(lambda: 0.0).execute(ArmOutputs())
     assert (answer.state, answer.reason) == ("error", "These outputs are not open.")
     with pytest.raises(DeviceError, match="at most 8192"):

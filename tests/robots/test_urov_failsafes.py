@@ -16,8 +16,8 @@ import pytest
 
 from snr_sim import Config, SimRunner
 from snr_sim.core.clocks import SimClock
+from snr_sim.devices.emulated.board import EmulatedPort
 from snr_sim.devices.emulated.lock_step import ProcessorInLoopPlant
-from snr_sim.devices.emulated.port import EmulatedPort
 from snr_sim.devices.loops import SensorLoop, SensorLoopFactory
 from snr_sim.devices.mcu.mcu_board import McuBoard
 from snr_sim.devices.pwm.sim_pwm import SimPwm

@@ -1,6 +1,6 @@
 """A new Python process that runs one function of snr_sim: start, send, receive, end.
 
-Loops, roles and graders in processes use it, and the ports of `devices/wire/child_port.py`. It uses `subprocess` and
+Loops, roles and graders in processes use it, and supervisors of outputs. It uses `subprocess` and
 not `multiprocessing` for three reasons: the output is captured from the first byte, even if the imports fail; there is
 no additional tracker process; and the process starts with signals blocked, in its own process group, so that Ctrl-C
 at a terminal reaches only the parent, which shuts it down gracefully. The two exchange bytes on a socket pair. If

@@ -10,16 +10,15 @@ from snr_sim.lazy import lazy_names
 
 if TYPE_CHECKING:
     from snr_sim.devices.emulated.board import Board as Board
+    from snr_sim.devices.emulated.board import EmulatedPort as EmulatedPort
     from snr_sim.devices.emulated.lock_step import ProcessorInLoopPlant as ProcessorInLoopPlant
-    from snr_sim.devices.emulated.port import EmulatedPort as EmulatedPort
     from snr_sim.devices.emulated.toolchain import firmware_elf as firmware_elf
 else:
     __all__, __getattr__, __dir__ = lazy_names(
         __name__,
         {
-            "snr_sim.devices.emulated.board": "Board",
+            "snr_sim.devices.emulated.board": "Board EmulatedPort",
             "snr_sim.devices.emulated.lock_step": "ProcessorInLoopPlant",
             "snr_sim.devices.emulated.toolchain": "firmware_elf",
-            "snr_sim.devices.emulated.port": "EmulatedPort",
         },
     )

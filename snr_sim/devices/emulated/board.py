@@ -21,45 +21,31 @@ from snr_sim.prelude.errors import DeviceError, ParameterError, suggest
 CLOCK_HZ = 16_000_000
 _CYCLES_PER_US = CLOCK_HZ // 1_000_000
 # Port and bit of each channel; the same as in the firmware's pulses_*.c.
-PINS = {
+PINS: dict[str, str] = {
     "atmega328p": "D2 D3 D4 D5 D6 D7 B0 B1",
     "atmega2560": "E4 E5 E3 H3 H4 H5 B5 B6",
 }
 _ROOM = 65_536
 _PULSES = 16_384
-
-
-_PIN = struct.Struct("=QII")  # rise, width, count: takes a third of the time of ctypes
-
-
-class _Pulse(ctypes.Structure):
-    _fields_ = (("rise", ctypes.c_uint64), ("width", ctypes.c_uint32), ("channel", ctypes.c_uint32))
+_RECORD = struct.Struct("=QII")  # rise, width, count or channel: takes a third of the time of ctypes
+_WAIT_STEP_US = 500.0  # a byte takes 87
+_CYCLE_US = 1.0 / _CYCLES_PER_US
 
 
 class Pulse(NamedTuple):
-    """A pulse that has ended.
-
-    Args:
-        rise_us: its rising edge, since power on.
-    """
+    """A pulse that has ended."""
 
     channel: int
-    rise_us: float
+    rise_us: float  # its rising edge, since power on
     width_us: float
 
 
 class Pin(NamedTuple):
-    """Last state of a channel's pin.
+    """Last state of a channel's pin."""
 
-    Args:
-        rise_us: rising edge of the last pulse, since power on; it may not have ended.
-        width_us: of the last pulse that has ended; 0 if there was none.
-        pulses: number of ended pulses.
-    """
-
-    rise_us: float
-    width_us: float
-    pulses: int
+    rise_us: float  # rising edge of the last pulse, since power on; it may not have ended
+    width_us: float  # of the last pulse that has ended; 0 if there was none
+    pulses: int  # that have ended
 
 
 @cache
@@ -112,18 +98,18 @@ class Board:
     def __init__(self, elf: Path, mcu: str = "atmega328p", baud: int = BAUD) -> None:
         if mcu not in PINS:
             raise ParameterError(f"There is no emulated microcontroller '{mcu}'.", fix=suggest(mcu, PINS))
-        self.mcu = mcu
+        self.mcu: str = mcu
         self._library = _library(runner_library())
         pins = PINS[mcu].replace(" ", "").encode()
         self._board = self._library.board_open(str(elf).encode(), mcu.encode(), CLOCK_HZ, baud, pins)
         if not self._board:
             raise DeviceError(f"simavr cannot run {elf} on an {mcu}.", fix="compile it again: `make` in its folder.")
-        self.channels = len(pins) // 2
+        self.channels: int = len(pins) // 2
         self._until_us = 0.0
         self._now = 0  # cycles
         self._bytes = ctypes.create_string_buffer(_ROOM)
-        self._pulses = (_Pulse * _PULSES)()
-        self._pins = ctypes.create_string_buffer(_PIN.size * self.channels)
+        self._pulses = ctypes.create_string_buffer(_RECORD.size * _PULSES)
+        self._pins = ctypes.create_string_buffer(_RECORD.size * self.channels)
 
     @property
     def now_us(self) -> float:
@@ -170,15 +156,17 @@ class Board:
     def pulses(self) -> list[Pulse]:
         """Return the pulses that have ended since the last call, at most the last 16384, ordered by falling edge."""
         count = self._library.board_pulses(self._board, self._pulses, _PULSES)
-        found = self._pulses[:count]
-        return [Pulse(one.channel, one.rise / _CYCLES_PER_US, one.width / _CYCLES_PER_US) for one in found]
+        return [
+            Pulse(channel, rise / _CYCLES_PER_US, width / _CYCLES_PER_US)
+            for rise, width, channel in _RECORD.iter_unpack(ctypes.string_at(self._pulses, _RECORD.size * count))
+        ]
 
     def pins(self) -> list[Pin]:
         """Return the last state of each channel."""
         self._library.board_pins(self._board, self._pins)
         return [
             Pin(rise / _CYCLES_PER_US, width / _CYCLES_PER_US, count)
-            for rise, width, count in _PIN.iter_unpack(self._pins)
+            for rise, width, count in _RECORD.iter_unpack(self._pins)
         ]
 
     def set_millivolts(self, pin: int, millivolts: float) -> None:
@@ -209,3 +197,42 @@ class Board:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+class EmulatedPort:
+    """Serial port of a board, without a wire or an operating system. Implements `BytePort`."""
+
+    def __init__(self, board: Board, name: str = "the emulated board") -> None:
+        self._board, self.name = board, name
+        self._received = b""
+        self._is_open = True
+
+    def write(self, data: bytes) -> None:
+        """Put bytes on the line."""
+        self._check()
+        if self._board.uart_in(data) < len(data):
+            raise DeviceError(f"{self.name} takes no more bytes.", fix="advance its time with board.run_us().")
+
+    def read(self) -> bytes:
+        """Return the received bytes."""
+        self._check()
+        data, self._received = self._received + self._board.uart_out(), b""
+        return data
+
+    def wait(self, seconds: float) -> bool:
+        """Advance the board's time until bytes arrive; return whether they have."""
+        self._check()
+        end_us = self._board.now_us + seconds * 1e6
+        self._received += self._board.uart_out()
+        while not self._received and (left_us := end_us - self._board.now_us) > _CYCLE_US:
+            self._board.run_us(min(_WAIT_STEP_US, left_us))
+            self._received += self._board.uart_out()
+        return bool(self._received)
+
+    def close(self) -> None:
+        """Close the port; the board keeps running. Safe to call twice."""
+        self._is_open = False
+
+    def _check(self) -> None:
+        if not self._is_open:
+            raise DeviceError(f"{self.name} was closed.", fix="open it again.")

@@ -11,8 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from snr_sim.devices.emulated.board import Board
-from snr_sim.devices.emulated.port import EmulatedPort
+from snr_sim.devices.emulated.board import Board, EmulatedPort
 from snr_sim.devices.mcu.mcu import PowerScale
 from snr_sim.devices.mcu.mcu_board import McuBoard
 from snr_sim.devices.pwm.pwm_backend import STOP_US
@@ -25,7 +24,7 @@ SIGNAL_TIMEOUT_US = 50_000.0  # without a pulse for this time, a speed controlle
 
 
 class ProcessorInLoopPlant:
-    """A plant and a board in lock step. Implements `Plant` except `snapshot`; other members are the plant's.
+    """A plant and a board in lock step. Implements `Plant` except `snapshot`; what is missing here is the plant's.
 
     Args:
         plant: the driven plant.
@@ -54,7 +53,7 @@ class ProcessorInLoopPlant:
         scale: PowerScale = PowerScale(),  # noqa: B008
         up_s: float = 0.0,
     ) -> None:
-        self.plant = plant
+        self.plant: Plant = plant
         self._open_board, self._channels, self._input, self._command_of = open_board, channels, input_name, command_of
         self._power, self._scale, self._up_s = power, scale, up_s
         self._pulses_us: list[float] | None = None
@@ -65,7 +64,7 @@ class ProcessorInLoopPlant:
         self._connect_battery()  # before its first measurement, which would be 0 V otherwise
         board.run_us(self._up_s * 1e6)
         self._pulses_us = None
-        self.mcu = McuBoard(
+        self.mcu: McuBoard = McuBoard(
             lambda: EmulatedPort(board), lambda: self.plant.time_s, lambda: board.now_us * 1e-6, session=1
         )
 
@@ -81,21 +80,6 @@ class ProcessorInLoopPlant:
     def step_s(self) -> float:
         """The plant's step; a plant without a fixed step is stepped often enough to follow the pulses."""
         return self.plant.step_s or STEP_S
-
-    @property
-    def time_s(self) -> float:
-        """The plant's time. The board's is later by its time before the start and by the greeting."""
-        return self.plant.time_s
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names that `write` accepts."""
-        return self.plant.inputs
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names that `read` accepts."""
-        return self.plant.outputs
 
     def reset(self, seed: int) -> None:
         """Reset the plant, and power up a new board."""
@@ -131,35 +115,15 @@ class ProcessorInLoopPlant:
             self.plant.write(self._input, self._command_of(pulses_us))
 
     def write(self, name: str, command: Any) -> None:
-        """Write an input other than the one that the pins drive.
-
-        Raises:
-            PlantError: the pins drive it.
-        """
+        """Write an input; raise a PlantError for the one that the pins drive."""
         if name == self._input:
             raise PlantError(f"'{name}' is driven by the board's pins.", fix="command it over the serial line.")
         self.plant.write(name, command)
 
-    def read(self, name: str) -> Any:
-        """Return an output of the plant."""
-        return self.plant.read(name)
-
     def snapshot(self) -> Any:
-        """Raise an error.
-
-        Raises:
-            PlantError: always: simavr cannot restore a state.
-        """
+        """Raise a PlantError: simavr cannot restore a state."""
         raise PlantError("An emulated board cannot be reset to an earlier state.", fix="use --io sim for this.")
 
     def restore(self, snapshot: Any) -> None:
-        """Raise an error, as there is no snapshot."""
+        """Raise a PlantError, as there is no snapshot."""
         self.snapshot()
-
-    def scene(self) -> dict[str, Any]:
-        """Return the plant's scene."""
-        return self.plant.scene()
-
-    def truth(self) -> dict[str, Any]:
-        """Return the plant's truth."""
-        return self.plant.truth()

@@ -35,11 +35,7 @@ def cache_folder() -> Path:
 
 
 def require_tools() -> None:
-    """Check that the emulator's build tools are installed.
-
-    Raises:
-        ToolsMissingError: names the missing ones, and the command that installs them.
-    """
+    """Raise a ToolsMissingError if build tools are missing, with the command that installs them."""
     missing = [tool for tool in ("gcc", "make", "avr-gcc", "avr-objcopy") if shutil.which(tool) is None]
     if not any((folder / "sim_avr.h").exists() for folder in _INCLUDE):
         missing.append("simavr's headers")
@@ -48,12 +44,7 @@ def require_tools() -> None:
 
 
 def runner_library() -> Path:
-    """Return the compiled `board.c`, a shared library.
-
-    Raises:
-        ToolsMissingError: see `require_tools`.
-        DeviceError: the compiler failed; with its output.
-    """
+    """Return the compiled `board.c`, a shared library; raise errors as `firmware_elf` does."""
     target = cache_folder() / f"board-{_digest([_RUNNER])}.so"
     if not target.exists():
         require_tools()

@@ -8,26 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 from snr_sim.devices.mcu.mcu_board import SILENT_S, McuBoard
-from snr_sim.devices.mcu.mcu_handshake import FLASH
-from snr_sim.devices.mcu.mcu_identity import check_identity
+from snr_sim.devices.mcu.mcu_handshake import FLASH, check_identity
 from snr_sim.devices.pwm.pwm_backend import STOP_US, PwmBackend
-from snr_sim.devices.wire.mcu_messages import (
-    TYPE_OF,
-    AckResult,
-    Arm,
-    ClearStop,
-    CommandAck,
-    Disarm,
-    EmergencyStop,
-    McuFault,
-    McuState,
-    ResetCause,
-    SetWidths,
-    Telemetry,
-)
+from snr_sim.devices.wire import mcu_messages as wire
 from snr_sim.prelude.device import LEASE_S, Stale
 from snr_sim.prelude.errors import DeviceError, ParameterError, SensorLostError
 from snr_sim.prelude.life_cycle import LifeCycle
@@ -36,10 +23,10 @@ from snr_sim.prelude.signals import NOT_ACTIVE, RESET, SLEWING, STOPPED, TOO_OLD
 RESOLUTION_US = 0.5
 _ARM_REQUEST_PERIOD_S = 0.05
 _RESETS = {
-    ResetCause.WATCHDOG: "its watchdog: the firmware had hung",
-    ResetCause.BROWN_OUT: "its supply was too low for a moment",
-    ResetCause.EXTERNAL: "its reset pin, for example because a program opened the port",
-    ResetCause.POWER_ON: "its power came back",
+    wire.ResetCause.WATCHDOG: "its watchdog: the firmware had hung",
+    wire.ResetCause.BROWN_OUT: "its supply was too low for a moment",
+    wire.ResetCause.EXTERNAL: "its reset pin, for example because a program opened the port",
+    wire.ResetCause.POWER_ON: "its power came back",
 }
 
 
@@ -56,7 +43,7 @@ class McuPwm(PwmBackend):
 
     def __init__(self, board: McuBoard, now_s: Callable[[], float], channels: int) -> None:
         super().__init__(now_s, channels, resolution_us=RESOLUTION_US)
-        self.board = board
+        self.board: McuBoard = board
         self.title = "The microcontroller"
         self._seq = 0
         self._widths_us = self.still_us
@@ -65,17 +52,13 @@ class McuPwm(PwmBackend):
 
     def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, reasons: list[str]) -> list[float]:
         """Send pulses and return those of the newest telemetry."""
-        try:
-            self._receive(reasons)
-            if self.state not in ("activating", "active"):
-                return self.still_us
-            if lease_s > 0.0:
-                self._command(pulses_us, stamp_s, lease_s)
-            if self.state == "activating" and self.is_neutral_requested:
-                self._request_arming()
-        except DeviceError as error:
-            self._mark_lost(error)
-            raise
+        self._receive(reasons)
+        if self.state not in ("activating", "active"):
+            return self.still_us
+        if lease_s > 0.0:
+            self._command(pulses_us, stamp_s, lease_s)
+        if self.state == "activating" and self.is_neutral_requested:
+            self._request_arming()
         if self._widths_us != pulses_us:
             reasons.append(SLEWING)
         return list(self._widths_us)
@@ -83,10 +66,7 @@ class McuPwm(PwmBackend):
     def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
         """Request pulses. While it is not active it only receives, and so detects a pulled wire."""
         if self.state == "inactive":
-            try:
-                self._receive([])
-            except DeviceError as error:
-                self._mark_lost(error)
+            self._try(lambda: self._receive([]))
         return super().write_us(pulses_us, stamp_s, lease_s)
 
     def _command(self, pulses_us: list[float], stamp_s: float, lease_s: float) -> None:
@@ -98,30 +78,32 @@ class McuPwm(PwmBackend):
         lease_ms = min(0xFFFF, age_ms + int(lease_s * 1e3 + 1e-6))
         self._seq = (self._seq + 1) & 0xFFFF
         stamp_ms = round(stamp_s * 1e3) & 0xFFFFFFFF
-        board.send(SetWidths(board.session, self._seq, stamp_ms, age_ms, lease_ms, (*pulses_us, *spare)))
-
-    # -- received messages --------------------------------------------------------------------------------------------
+        board.send(wire.SetWidths(board.session, self._seq, stamp_ms, age_ms, lease_ms, (*pulses_us, *spare)))
 
     def _receive(self, reasons: list[str]) -> None:
         """Process the messages that the board has sent since the last call.
 
         Raises:
-            DeviceError: the wire is gone, the board is silent, or it has lost our session.
+            DeviceError: the wire is gone, the board is silent, or it has lost our session; the port is closed.
         """
         board = self.board
-        board.poll()
-        for message in board.take_messages():
-            if isinstance(message, Telemetry):
-                self._on_telemetry(message, reasons)
-            elif isinstance(message, CommandAck):
-                self._on_ack(message, reasons)
-        if board.silent_s > SILENT_S:
-            raise DeviceError(
-                f"{board.name}: no telemetry for {board.silent_s:.2f} s, though the port is open.",
-                fix="check the board's plug and supply.",
-            )
+        try:
+            board.poll()
+            for message in board.take_messages():
+                if isinstance(message, wire.Telemetry):
+                    self._on_telemetry(message, reasons)
+                elif isinstance(message, wire.CommandAck):
+                    self._on_ack(message, reasons)
+            if board.silent_s > SILENT_S:
+                raise DeviceError(
+                    f"{board.name}: no telemetry for {board.silent_s:.2f} s, though the port is open.",
+                    fix="check the board's plug and supply.",
+                )
+        except DeviceError as error:
+            board.mark_lost(str(error))
+            raise
 
-    def _on_telemetry(self, telemetry: Telemetry, reasons: list[str]) -> None:
+    def _on_telemetry(self, telemetry: wire.Telemetry, reasons: list[str]) -> None:
         if telemetry.session != self.board.session:
             self.disarm_reasons = [] if telemetry.session else [RESET]
             raise DeviceError(
@@ -135,29 +117,28 @@ class McuPwm(PwmBackend):
                 fix=FLASH,
             )
         self._widths_us = list(telemetry.widths_us[: self.channels])
-        if self.state != "active" or telemetry.state == McuState.ARMED:
+        if self.state != "active" or telemetry.state == wire.McuState.ARMED:
             return
-        if telemetry.state == McuState.STOPPED:
+        if telemetry.state == wire.McuState.STOPPED:
             self._set_inactive("emergency stop", reasons, STOPPED)
-        elif telemetry.faults & McuFault.LEASE_EXPIRED:
+        elif telemetry.faults & wire.McuFault.LEASE_EXPIRED:
             self._set_inactive(
                 "no new command in time: the microcontroller went to neutral by itself", reasons, TOO_OLD
             )
         else:
             self._set_inactive("the microcontroller has disarmed by itself", reasons)
 
-    def _on_ack(self, ack: CommandAck, reasons: list[str]) -> None:
-        if ack.to == TYPE_OF[Disarm]:
+    def _on_ack(self, ack: wire.CommandAck, reasons: list[str]) -> None:
+        if ack.to == wire.TYPE_OF[wire.Disarm]:
             self._is_disarming = False
-        elif ack.to == TYPE_OF[EmergencyStop] or ack.result == AckResult.STOPPED:
+        elif ack.to == wire.TYPE_OF[wire.EmergencyStop] or ack.result == wire.AckResult.STOPPED:
             self._set_inactive("emergency stop", reasons, STOPPED)
-        elif ack.to == TYPE_OF[Arm] and ack.result == AckResult.DONE and self._is_arming:
-            self.state, self.reason = "active", ""
+        elif (ack.to, ack.result) == (wire.TYPE_OF[wire.Arm], wire.AckResult.DONE):
+            self._on_armed()
 
-    @property
-    def _is_arming(self) -> bool:
-        """Whether a positive answer belongs to the current request, not to an earlier one."""
-        return self.state == "activating" and not self._is_disarming
+    def _on_armed(self) -> None:
+        if self.state == "activating" and not self._is_disarming:  # else it answers an earlier request
+            self.state, self.reason = "active", ""
 
     def _set_inactive(self, what: str, reasons: list[str], *words: str) -> None:
         if self.state in ("activating", "active"):
@@ -165,20 +146,14 @@ class McuPwm(PwmBackend):
             self.disarm_reasons = [word for word in words if word == STOPPED]
             reasons += [word for word in (NOT_ACTIVE, *words) if word not in reasons]
 
-    def _session_lost_message(self, telemetry: Telemetry) -> str:
+    def _session_lost_message(self, telemetry: wire.Telemetry) -> str:
         if telemetry.session:
             return f"{self.board.name}: another program has greeted the microcontroller."
         causes = [words for cause, words in _RESETS.items() if telemetry.reset_cause & cause]
         return f"{self.board.name}: the microcontroller has restarted ({', '.join(causes) or 'its boot loader'})."
 
-    # -- life cycle ---------------------------------------------------------------------------------------------------
-
     def on_configure(self) -> None:
-        """Open the board and check its identity.
-
-        Raises:
-            DeviceError: see `McuBoard.open` and `check_identity`; or an emergency stop is set.
-        """
+        """Open the board; check its identity, and that no emergency stop is set."""
         ident = self.board.open(self)
         self.board.poll()
         self.title = f"The microcontroller at {self.board.name}"
@@ -189,11 +164,7 @@ class McuPwm(PwmBackend):
         self._check_not_stopped()
 
     def on_activate(self) -> None:
-        """Request arming: send neutral commands until the speed controllers have started.
-
-        Raises:
-            DeviceError: an emergency stop is set.
-        """
+        """Request arming: send neutral commands until the speed controllers have started; not in an emergency stop."""
         self._check_not_stopped()
         self.state, self.reason = "activating", "the speed controllers are shown neutral"
         self.disarm_reasons = []
@@ -201,7 +172,7 @@ class McuPwm(PwmBackend):
 
     def _check_not_stopped(self) -> None:
         telemetry = self.board.telemetry
-        if telemetry is not None and telemetry.state == McuState.STOPPED:
+        if telemetry is not None and telemetry.state == wire.McuState.STOPPED:
             raise DeviceError(
                 f"{self.board.name}: its emergency stop is set.",
                 fix="make it safe; then clear the stop, or switch it off and on.",
@@ -212,7 +183,7 @@ class McuPwm(PwmBackend):
         if self.board.is_open:
             self._is_disarming = True
             self._requested_s = self.now_s()
-            self._send(Disarm(self.board.session))
+            self.board.send(wire.Disarm(self.board.session))
 
     def on_close(self) -> None:
         """Release the board."""
@@ -225,12 +196,12 @@ class McuPwm(PwmBackend):
     def on_stop(self) -> None:
         """Store the stop in the microcontroller: it outlives this program, until it is cleared or power is cut."""
         self.board.open(self)
-        self._send(EmergencyStop(self.board.session))
+        self.board.send(wire.EmergencyStop(self.board.session))
 
     def on_clear_stop(self) -> None:
         """Clear it in the microcontroller."""
         self.board.open(self)
-        self._send(ClearStop(self.board.session))
+        self.board.send(wire.ClearStop(self.board.session))
 
     def _request_arming(self) -> None:
         now_s = self.now_s()
@@ -238,17 +209,7 @@ class McuPwm(PwmBackend):
             self._requested_s = now_s
             session = self.board.session
             # Not before it has reported that it is disarmed: telemetry still in transit is older.
-            self.board.send(Disarm(session) if self._is_disarming else Arm(session))
-
-    def _send(self, message: Disarm | EmergencyStop | ClearStop) -> None:
-        try:
-            self.board.send(message)
-        except DeviceError as error:
-            self._mark_lost(error)
-
-    def _mark_lost(self, error: DeviceError) -> None:
-        self.board.mark_lost(str(error))
-        self.fail(str(error))
+            self.board.send(wire.Disarm(session) if self._is_disarming else wire.Arm(session))
 
 
 @dataclass(frozen=True)
@@ -303,19 +264,12 @@ class McuPower(LifeCycle):
         self._board, self._scale = board, scale
 
     def read(self) -> PowerReading | Stale:
-        """Return the reading in the newest telemetry.
-
-        Raises:
-            SensorLostError: it was closed.
-        """
+        """Return the reading in the newest telemetry."""
         board = self._board
         if self.state == "closed":
             raise SensorLostError(f"{self.title} was closed.", fix="open another.")
-        if board.is_open:
-            try:
-                board.poll()
-            except DeviceError as error:
-                board.mark_lost(str(error))
+        with suppress(DeviceError):  # the board keeps it as its fault
+            board.poll()
         telemetry, measured_s = board.telemetry, board.measured_s
         if not board.is_open or telemetry is None or measured_s is None:
             return Stale(board.fault, measured_s)
@@ -324,11 +278,7 @@ class McuPower(LifeCycle):
         return self._scale.reading(telemetry.battery_pin_mv, telemetry.current_pin_mv, measured_s)
 
     def on_configure(self) -> None:
-        """Open the board.
-
-        Raises:
-            DeviceError: see `McuBoard.open`.
-        """
+        """Open the board."""
         self._board.open(self)
 
     def on_close(self) -> None:

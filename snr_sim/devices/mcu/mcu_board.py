@@ -12,8 +12,8 @@ import threading
 import time
 import weakref
 from collections import deque
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 
 from snr_sim.devices.mcu.mcu_handshake import handshake
 from snr_sim.devices.wire.mcu_frames import McuFrames, encode
@@ -52,12 +52,12 @@ class McuBoard:
         session: int | None = None,
     ) -> None:
         self._open_port, self.now_s, self._line_s, self._timeout_s = open_port, now_s, line_s, timeout_s
-        self.session = int.from_bytes(os.urandom(2)) % 0xFFFF if session is None else session - 1
+        self.session: int = int.from_bytes(os.urandom(2)) % 0xFFFF if session is None else session - 1
         self.ident: Ident | None = None
         self.telemetry: Telemetry | None = None
         self.measured_s: float | None = None
-        self.fault = "The microcontroller's port has not been opened."
-        self.name = "the microcontroller"
+        self.fault: str = "The microcontroller's port has not been opened."
+        self.name: str = "the microcontroller"
         self._received_s = 0.0
         self._port: BytePort | None = None
         self._frames = McuFrames()
@@ -65,7 +65,7 @@ class McuBoard:
         self._users: set[int] = set()
         self._finalizer: weakref.finalize[..., McuBoard] | None = None
         self._lock = threading.RLock()
-        self._counts = {"crc_errors": 0, "gaps": 0, "frames": 0, "bytes": 0, "reopened": -1}
+        self._reopened = -1
 
     @property
     def is_open(self) -> bool:
@@ -101,22 +101,14 @@ class McuBoard:
                 self.mark_lost(f"{self.name} was closed.")
 
     def send(self, message: ToMcu) -> None:
-        """Send a message.
-
-        Raises:
-            DeviceError: the wire is gone.
-        """
-        with self._lock:
-            self._require_open().write(encode(message))
+        """Send a message. A wire that is gone raises a DeviceError and closes the port."""
+        with self._open_wire() as port:
+            port.write(encode(message))
 
     def poll(self) -> None:
-        """Process the bytes that have arrived.
-
-        Raises:
-            DeviceError: the wire is gone.
-        """
-        with self._lock:
-            self._take(self._require_open().read())
+        """Process the bytes that have arrived; errors as in `send`."""
+        with self._open_wire() as port:
+            self._take(port.read())
 
     def take_messages(self) -> list[FromMcu]:
         """Return the messages since the last call, for the one device that acts."""
@@ -141,14 +133,14 @@ class McuBoard:
 
         'crc_errors_at_mcu' are frames that reached the microcontroller damaged.
         """
+        frames = self._frames
         there = {} if self.telemetry is None else {"crc_errors_at_mcu": self.telemetry.crc_errors}
-        frames, before = self._frames, self._counts
         return {
-            "bytes": before["bytes"],
-            "frames": before["frames"] + frames.frames,
-            "crc_errors": before["crc_errors"] + frames.crc_errors + frames.oversized,
-            "gaps": before["gaps"] + frames.gaps,
-            "reopened": max(0, before["reopened"]),
+            "bytes": frames.received_bytes,
+            "frames": frames.frames,
+            "crc_errors": frames.crc_errors + frames.oversized,
+            "gaps": frames.gaps,
+            "reopened": max(0, self._reopened),
             "silent_ms": int(self.silent_s * 1e3) if self.is_open else 0,
             **there,
         }
@@ -156,8 +148,8 @@ class McuBoard:
     def _handshake(self) -> None:
         port = self._open_port()
         self.name = port.name
-        self._counts = {**self.counts(), "reopened": self._counts["reopened"] + 1}
-        self._frames = McuFrames()  # its count of gaps restarts, too
+        self._reopened += 1
+        self._frames.resync()
         self.session = self.session % 0xFFFF + 1
         self.telemetry = None
         try:
@@ -176,11 +168,9 @@ class McuBoard:
             raise
 
     def _take(self, data: bytes) -> None:
-        if data:
-            self._counts["bytes"] += len(data)
-            for message in self._frames.feed(data):
-                if isinstance(message, Telemetry | CommandAck):
-                    self._note(message)
+        for message in self._frames.feed(data):
+            if isinstance(message, Telemetry | CommandAck):
+                self._note(message)
 
     def _note(self, message: FromMcu) -> None:
         self._received_s = self._line_s()
@@ -188,10 +178,16 @@ class McuBoard:
         if isinstance(message, Telemetry):
             self.telemetry, self.measured_s = message, self.now_s()
 
-    def _require_open(self) -> BytePort:
-        if self._port is None:
-            raise DeviceError(self.fault)
-        return self._port
+    @contextmanager
+    def _open_wire(self) -> Iterator[BytePort]:
+        with self._lock:
+            if self._port is None:
+                raise DeviceError(self.fault)
+            try:
+                yield self._port
+            except DeviceError as error:
+                self.mark_lost(str(error))
+                raise
 
 
 def _send_close(port: BytePort, session: int) -> None:

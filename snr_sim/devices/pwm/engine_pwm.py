@@ -7,8 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from snr_sim.devices.command_input import CommandInput
-from snr_sim.devices.commands import check_finite, command_of
+from snr_sim.devices.commands import CommandInput, check_finite, command_of
 from snr_sim.devices.pwm.pwm_backend import STOP_US
 from snr_sim.devices.pwm.pwm_loop import TIMEOUT_S, PwmLoopFactory
 from snr_sim.prelude.device import LEASE_S, PwmOut
@@ -62,12 +61,8 @@ class EngineServos:
 class EnginePwmLoopFactory(PwmLoopFactory):
     """Writes the newest engine command to three servo outputs; neutral when there is none or it is too old.
 
-    A lander has no operator who could arm it: it arms itself at the start.
-
-    Args:
-        key: of the command page (`EngineCommand`); the page `<key>_applied` reports its effect, see `PwmLoopFactory`.
-        servos: conversion between commands and pulses.
-        open_device, rate_hz, timeout_s, lease_s: see `PwmLoopFactory`.
+    A lander has no operator who could arm it: it arms itself at the start. Arguments are those of `PwmLoopFactory`,
+    for pages that hold an `EngineCommand`, and `servos`, the conversion between commands and pulses.
     """
 
     arms_automatically = True
@@ -82,14 +77,10 @@ class EnginePwmLoopFactory(PwmLoopFactory):
         lease_s: float = LEASE_S,
     ) -> None:
         super().__init__(key, open_device, rate_hz, timeout_s, lease_s)
-        self.servos = servos
+        self.servos: EngineServos = servos
 
     def read_command(self, data: Any, out: PwmOut, commands: CommandInput) -> PwmCommand:
-        """Return the pulses for an engine command, clamped to the range of the engine.
-
-        Raises:
-            CommandError: the data are not an engine command.
-        """
+        """Return the pulses for an engine command, clamped to the range of the engine."""
         limits = self.servos.limits
         command: EngineCommand = command_of(data, EngineCommand, limits)
         clamped = {}

@@ -19,10 +19,11 @@ from snr_sim.devices.pwm.passive_pwm import PwmChip
 from snr_sim.devices.pwm.pwm_backend import LIMITS_US, STOP_US
 from snr_sim.devices.wire import maestro as wire
 from snr_sim.devices.wire.maestro import MaestroError
-from snr_sim.devices.wire.serial_port import ANSWER_S, BytePort, ask
+from snr_sim.devices.wire.serial_port import BytePort
 from snr_sim.prelude.device import LEASE_S
 from snr_sim.prelude.errors import DeviceError
 
+ANSWER_S = 0.5
 PROBE_US = STOP_US + 1.0
 SILENCE_S = LEASE_S + 0.04  # by then a timeout that is set as above has expired
 MAX_ERRORS = 5  # in a row
@@ -57,7 +58,6 @@ class Maestro(PwmChip):
         self._counts: Counter[str] = Counter()
         self._query_times_s: list[float] = []  # times of error queries that are not answered yet
         self._received = b""
-        self._errors = MaestroError(0)
         self._consecutive_errors = 0
         self._sent_s = now_s()
 
@@ -66,11 +66,7 @@ class Maestro(PwmChip):
         return dict(self._counts)
 
     def open(self) -> None:
-        """Open the port, identify the board, and test whether it fails safe.
-
-        Raises:
-            DeviceError: no device answers, or not a Maestro; or its outputs would stay on if this program were killed.
-        """
+        """Open the port, identify the board, and test whether it fails safe."""
         self.close()
         self._port = self._open_port()
         self.title = f"The Maestro on {self._port.name}"
@@ -85,7 +81,7 @@ class Maestro(PwmChip):
 
     def before_arming(self) -> None:
         """Discard errors from the time in which nothing was sent."""
-        self._ask(wire.get_errors(), wire.ERRORS_BYTES, "its errors")
+        self._ask(wire.GET_ERRORS, "its errors")
         self._reset_errors()
 
     def send(self, pulses_us: list[float]) -> list[float]:
@@ -95,19 +91,18 @@ class Maestro(PwmChip):
         if silent_s > LEASE_S:
             self.tripped = f"it was sent nothing for {silent_s:.2f} s, so its timeout came"
             pulses_us = self.still_us
-        self._exchange(pulses_us)
-        if self._errors & MaestroError.TIMEOUT and not self.tripped:
+        if self._exchange(pulses_us) & MaestroError.TIMEOUT and not self.tripped:
             self.tripped = "its serial timeout came: it went to its home positions by itself"
             pulses_us = self.still_us
             self._exchange(pulses_us)
         return pulses_us
 
-    def _exchange(self, pulses_us: list[float]) -> None:
-        """Send targets and query errors; read the answers to earlier queries."""
+    def _exchange(self, pulses_us: list[float]) -> MaestroError:
+        """Send targets and query errors; return the answers that have arrived to this and earlier queries."""
         self._command(pulses_us)
-        self._write(wire.get_errors())
+        self._write(wire.GET_ERRORS)
         self._query_times_s.append(self._now_s())
-        self._receive()
+        return self._receive()
 
     def close(self) -> None:
         """Close the port."""
@@ -117,8 +112,8 @@ class Maestro(PwmChip):
 
     def _identify(self) -> None:
         """Check that it answers as a Maestro and has enough channels."""
-        self._ask(wire.get_errors(), wire.ERRORS_BYTES, "its errors")
-        errors = self._ask(wire.get_errors(), wire.ERRORS_BYTES, "its errors")  # the first answer may report old errors
+        self._ask(wire.GET_ERRORS, "its errors")
+        errors = self._ask(wire.GET_ERRORS, "its errors")  # the first answer may report old errors
         if errors & ~_ALL_ERRORS:
             raise DeviceError(
                 f"{self.title} reports the errors 0x{errors:04x}, with bits that no Maestro has: it is another device.",
@@ -129,7 +124,7 @@ class Maestro(PwmChip):
                 f"{self.title} rejects commands: {wire.describe_errors(errors)}.",
                 fix="set has_crc to the same value as 'Enable CRC' in its settings; close other programs on the port.",
             )
-        self._ask(wire.get_position(self.channels - 1), wire.POSITION_BYTES, f"channel {self.channels - 1}")
+        self._ask(wire.get_position(self.channels - 1), f"channel {self.channels - 1}")
 
     def _test_timeout(self) -> None:
         """Check that all channels go to neutral when commands stop."""
@@ -137,7 +132,7 @@ class Maestro(PwmChip):
         for channel in range(self.channels):
             self._check_channel(channel, PROBE_US, "its mode is not 'Servo', or a speed or acceleration limits it")
         self._sleep(SILENCE_S)
-        errors = self._ask(wire.get_errors(), wire.ERRORS_BYTES, "its errors")
+        errors = self._ask(wire.GET_ERRORS, "its errors")
         if not errors & MaestroError.TIMEOUT:
             raise DeviceError(
                 f"{self.title} did not time out after {SILENCE_S:.2f} s without commands: if this program were killed, "
@@ -148,7 +143,7 @@ class Maestro(PwmChip):
             self._check_channel(channel, STOP_US, "on an error it does not go to 1500 us")
 
     def _check_channel(self, channel: int, expected_us: float, otherwise: str) -> None:
-        made_us = self._ask(wire.get_position(channel), wire.POSITION_BYTES, f"channel {channel}") / 4.0
+        made_us = self._ask(wire.get_position(channel), f"channel {channel}") / 4.0
         if made_us != expected_us:
             raise DeviceError(
                 f"{self.title}: channel {channel} makes {made_us:g} us, not {expected_us:g}: {otherwise}.",
@@ -156,23 +151,27 @@ class Maestro(PwmChip):
                 "On startup or error: Go to 1500.",
             )
 
-    def _ask(self, question: bytes, length: int, about: str) -> int:
+    def _ask(self, question: bytes, about: str) -> int:
         port = self._require_open()
-        answer = ask(port, self._encode(question), length, ANSWER_S)
-        self._sent_s = self._now_s()
+        port.read()  # discards what was received earlier
+        self._write(question)
+        answer = port.read()
+        until_s = time.monotonic() + ANSWER_S
+        while len(answer) < wire.ANSWER_BYTES and port.wait(max(0.0, until_s - time.monotonic())):
+            answer += port.read()
         if not answer:
             raise DeviceError(
                 f"{self.title} does not answer when asked for {about}: 0 bytes in {ANSWER_S:g} s.",
                 fix="check its port (the command port is the first of two), serial mode 'USB Dual Port', power, "
                 "'Enable CRC' and its number of channels.",
             )
-        if len(answer) != length:
+        if len(answer) != wire.ANSWER_BYTES:
             raise DeviceError(
-                f"{self.title} answers {len(answer)} bytes when asked for {about}, a Maestro {length}: "
+                f"{self.title} answers {len(answer)} bytes when asked for {about}, a Maestro {wire.ANSWER_BYTES}: "
                 f"{answer[:16].hex(' ')}.",
                 fix="`snr doctor` shows whether another device or program is on this port.",
             )
-        return wire.number_of(answer)
+        return int.from_bytes(answer, "little")
 
     def _command(self, pulses_us: list[float]) -> None:
         self._write(*wire.set_targets(pulses_us))
@@ -182,26 +181,27 @@ class Maestro(PwmChip):
         self._sent_s = self._now_s()
 
     def _encode(self, command: bytes) -> bytes:
-        return wire.with_crc(command) if self._has_crc else command
+        return command + bytes([wire.crc7(command)]) if self._has_crc else command
 
-    def _receive(self) -> None:
-        """Read the answers to error queries without waiting."""
+    def _receive(self) -> MaestroError:
+        """Return the answers to error queries without waiting."""
         self._received += self._require_open().read()
-        self._errors = MaestroError(0)
-        while len(self._received) >= wire.ERRORS_BYTES:
-            number = wire.number_of(self._received)
-            self._received = self._received[wire.ERRORS_BYTES :]
+        errors = MaestroError(0)
+        while len(self._received) >= wire.ANSWER_BYTES:
+            number = int.from_bytes(self._received[: wire.ANSWER_BYTES], "little")
+            self._received = self._received[wire.ANSWER_BYTES :]
             if not self._query_times_s or number & ~_ALL_ERRORS:
                 raise DeviceError(
                     f"{self.title} sends bytes that were not requested.", fix="close other programs that use this port."
                 )
             self._query_times_s.pop(0)
-            self._take(MaestroError(number))
+            self._count(MaestroError(number))
+            errors |= MaestroError(number)
         if self._query_times_s and self._now_s() > self._query_times_s[0] + ANSWER_S:
             raise DeviceError(f"{self.title} has not answered for {ANSWER_S:g} s.", fix="check its cable and power.")
+        return errors
 
-    def _take(self, errors: MaestroError) -> None:
-        self._errors |= errors
+    def _count(self, errors: MaestroError) -> None:
         self._counts.update(bit.name.lower() for bit in MaestroError if bit & errors and bit.name)
         self._consecutive_errors = self._consecutive_errors + 1 if errors & ~MaestroError.TIMEOUT else 0
         if self._consecutive_errors >= MAX_ERRORS:
@@ -212,8 +212,7 @@ class Maestro(PwmChip):
 
     def _reset_errors(self) -> None:
         self._sent_s = self._now_s()
-        self._query_times_s, self._received = [], b""
-        self._errors, self._consecutive_errors = MaestroError(0), 0
+        self._query_times_s, self._received, self._consecutive_errors = [], b"", 0
 
     def _require_open(self) -> BytePort:
         if self._port is None:

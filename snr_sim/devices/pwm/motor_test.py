@@ -41,11 +41,7 @@ def motor_test_pulses_us(
 
 
 def channel_of(name: str, names: list[str]) -> int:
-    """Return the number of the channel with a name.
-
-    Raises:
-        UnknownNameError: no channel has this name.
-    """
+    """Return the number of the channel with a name; raise an UnknownNameError if there is none."""
     if name not in names:
         raise UnknownNameError(f"There is no channel '{name}'.", fix=suggest(name, names))
     return names.index(name)

@@ -22,16 +22,14 @@ class PwmChip:
 
     Args:
         title: its name in messages.
-        channels: how many outputs are used.
-        limits_us: shortest and longest pulse.
-        resolution_us: step of the pulses; 0 if they are exact.
+        channels, limits_us, resolution_us: as in PwmBackend.
 
     Attributes:
         still_us: the pulses it makes for neutral.
         tripped: why the outputs went to neutral by themselves at the last `send`; empty if they did not.
     """
 
-    has_independent_failsafe = False  # whether they are neutral when this program is killed
+    has_independent_failsafe: bool = False  # whether they are neutral when this program is killed
 
     def __init__(
         self,
@@ -40,12 +38,12 @@ class PwmChip:
         limits_us: tuple[float, float] = LIMITS_US,
         resolution_us: float = 0.0,
     ) -> None:
-        self.title = title
-        self.channels = channels
-        self.limits_us = limits_us
-        self.resolution_us = resolution_us
-        self.still_us = [STOP_US] * channels
-        self.tripped = ""
+        self.title: str = title
+        self.channels: int = channels
+        self.limits_us: tuple[float, float] = limits_us
+        self.resolution_us: float = resolution_us
+        self.still_us: list[float] = [STOP_US] * channels
+        self.tripped: str = ""
 
     def open(self) -> None:
         """Open the wire, identify the device, and set all outputs to neutral.
@@ -88,10 +86,10 @@ class PassivePwm(PwmBackend):
         self, chip: PwmChip, now_s: Callable[[], float], esc_start_s: float = ESC_START_S, is_supervised: bool = False
     ) -> None:
         super().__init__(now_s, chip.channels, chip.limits_us, chip.resolution_us)
-        self.chip = chip
+        self.chip: PwmChip = chip
         self.title, self.still_us = chip.title, chip.still_us
         self.has_independent_failsafe = chip.has_independent_failsafe
-        self.esc_start_s = esc_start_s
+        self.esc_start_s: float = esc_start_s
         self._is_supervised = is_supervised
         self._neutral_since_s = 0.0
 
@@ -100,22 +98,14 @@ class PassivePwm(PwmBackend):
         return self.chip.counts()
 
     def on_configure(self) -> None:
-        """Open the chip, at neutral.
-
-        Raises:
-            DeviceError: see `PwmChip.open`.
-        """
+        """Open the chip, at neutral."""
         try:
             self.chip.open()
         finally:
             self.title = self.chip.title  # it may have read its port's name
 
     def on_activate(self) -> None:
-        """Start to send neutral.
-
-        Raises:
-            DeviceError: the last pulse would stay if this program were killed.
-        """
+        """Start to send neutral; raise a DeviceError if the last pulse would outlive this program."""
         self.chip.before_arming()
         if not (self.has_independent_failsafe or self._is_supervised):
             raise DeviceError(
@@ -129,17 +119,14 @@ class PassivePwm(PwmBackend):
     def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, reasons: list[str]) -> list[float]:
         """Send pulses; end arming when neutral was sent for long enough and is commanded."""
         made = self.chip.send(pulses_us)
+        has_started = self.now_s() >= self._neutral_since_s + self.esc_start_s
         if self.chip.tripped:
             if self.state == "active":
                 self.state, self.reason = "inactive", self.chip.tripped
                 reasons.append(NOT_ACTIVE)
-        elif self.state == "activating" and self.is_neutral_requested and self._has_started():
+        elif self.state == "activating" and self.is_neutral_requested and has_started:
             self.state, self.reason = "active", ""
         return made
-
-    def _has_started(self) -> bool:
-        """Return whether neutral has been sent for long enough."""
-        return self.now_s() >= self._neutral_since_s + self.esc_start_s
 
     def on_deactivate(self, reason: str) -> None:
         """Put all at neutral."""

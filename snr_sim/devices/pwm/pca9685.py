@@ -59,12 +59,12 @@ class Pca9685(PwmChip):
     ) -> None:
         if not 1 <= channels <= MAX_CHANNELS:
             raise ParameterError(f"A PCA9685 cannot have {channels} channels.", fix=f"use 1 to {MAX_CHANNELS}.")
-        self.prescale = round(oscillator_hz / (COUNTS * RATE_HZ)) - 1
+        self.prescale: int = round(oscillator_hz / (COUNTS * RATE_HZ)) - 1
         if not 3 <= self.prescale <= 255:
             raise ParameterError(
                 f"A PCA9685 cannot make {RATE_HZ:g} Hz from a clock of {oscillator_hz:g} Hz.", fix="use 0.8 to 52 MHz."
             )
-        self.count_us = (self.prescale + 1) / oscillator_hz * 1e6
+        self.count_us: float = (self.prescale + 1) / oscillator_hz * 1e6
         super().__init__(f"The PCA9685 at 0x{address:02x}", channels, limits_us, self.count_us)
         self.still_us = self._pulses_of([self.count_of(STOP_US)] * channels)
         self._address, self._open_bus, self._sleep = address, open_bus, sleep
@@ -80,11 +80,7 @@ class Pca9685(PwmChip):
         return count + 1 if count * self.count_us < low else count
 
     def open(self) -> None:
-        """Initialise the chip: all outputs off, sleep, set the rate, wake, neutral.
-
-        Raises:
-            DeviceError: no device answers, or a register does not read back as written.
-        """
+        """Initialise the chip: all outputs off, sleep, set the rate, wake, neutral."""
         self.close()
         self._bus = self._open_bus()
         self._write(ALL_LED_OFF_H, FULL_OFF)  # first: it may be driving a thruster; also required before sleep

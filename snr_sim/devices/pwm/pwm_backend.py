@@ -12,7 +12,7 @@ from snr_sim.prelude.signals import CLAMPED, LOST, NO_PULSE, NOT_ACTIVE, STOPPED
 
 STOP_US = 1500.0
 FUTURE_S = 0.02  # a stamp may be this far ahead of the clock, as clocks are read one after the other
-LIMITS_US = (1100.0, 1900.0)  # of the project's speed controllers
+LIMITS_US: tuple[float, float] = (1100.0, 1900.0)  # of the project's speed controllers
 
 
 class PwmBackend(LifeCycle):
@@ -31,7 +31,7 @@ class PwmBackend(LifeCycle):
         follower: called with the applied pulses whenever they may have changed.
     """
 
-    has_independent_failsafe = False
+    has_independent_failsafe: bool = False
     follower: Callable[[list[float]], object] | None = None
 
     def __init__(
@@ -41,14 +41,14 @@ class PwmBackend(LifeCycle):
         limits_us: tuple[float, float] = LIMITS_US,
         resolution_us: float = 0.0,
     ) -> None:
-        self.now_s = now_s
-        self.channels = channels
-        self.limits_us = limits_us
-        self.resolution_us = resolution_us
-        self.still_us = [STOP_US] * channels
-        self.applied = AppliedPulses(self.still_us, 0.0, [NOT_ACTIVE])
-        self.is_neutral_requested = False
-        self.is_stopped = False
+        self.now_s: Callable[[], float] = now_s
+        self.channels: int = channels
+        self.limits_us: tuple[float, float] = limits_us
+        self.resolution_us: float = resolution_us
+        self.still_us: list[float] = [STOP_US] * channels
+        self.applied: AppliedPulses = AppliedPulses(self.still_us, 0.0, [NOT_ACTIVE])
+        self.is_neutral_requested: bool = False
+        self.is_stopped: bool = False
         self.disarm_reasons: list[str] = []
 
     def __del__(self) -> None:
@@ -130,11 +130,7 @@ class PwmBackend(LifeCycle):
             self.fail(str(error))
 
     def activate(self) -> None:
-        """Arm; see `PwmOut`.
-
-        Raises:
-            DeviceError: an emergency stop is set, the outputs are not configured, or an error of `on_activate`.
-        """
+        """Arm; see `PwmOut`. An emergency stop that is set is one more error."""
         if self.is_stopped:
             raise DeviceError(f"{self.title} has its emergency stop set.", fix="make it safe, then clear the stop.")
         super().activate()

@@ -19,8 +19,7 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.devices.command_input import CommandInput
-from snr_sim.devices.commands import check_finite, command_of
+from snr_sim.devices.commands import CommandInput, check_finite, command_of
 from snr_sim.devices.loops import ActuatorLoopFactory, CommandLoop, configure_device
 from snr_sim.devices.pwm.pwm_backend import STOP_US
 from snr_sim.prelude.device import LEASE_S, Health, PwmOut
@@ -50,7 +49,7 @@ class PwmLoopFactory(ActuatorLoopFactory):
         lease_s: how long outputs with their own lease follow a command.
     """
 
-    arms_automatically = False  # for a robot without an operator
+    arms_automatically: bool = False  # for a robot without an operator
 
     def __init__(
         self,
@@ -61,23 +60,14 @@ class PwmLoopFactory(ActuatorLoopFactory):
         lease_s: float = LEASE_S,
     ) -> None:
         super().__init__(key, open_device, rate_hz, timeout_s)
-        self.lease_s = lease_s
+        self.lease_s: float = lease_s
 
     def get(self, parent: NodeApi) -> PwmLoop:
         """Return the loop `<key>_actuator`."""
         return PwmLoop(self, parent, f"{self.key}_actuator", self.rate_hz)
 
     def read_command(self, data: Any, out: PwmOut, commands: CommandInput) -> PwmCommand:
-        """Return the pulses that a page's data request.
-
-        Args:
-            data: of the page.
-            out: the outputs.
-            commands: records clamped values.
-
-        Raises:
-            CommandError: the data are not a command of pulses.
-        """
+        """Return the pulses that a page's data request; errors as `command_of`. `commands` notes clamped values."""
         command: PwmCommand = command_of(data, PwmCommand, {"pulses_us": out.limits_us})
         for i, pulse in enumerate(command.pulses_us):
             check_finite(f"pulses_us[{i}]", pulse, out.limits_us)

@@ -13,11 +13,7 @@ from snr_sim.prelude.signals import PwmCommand
 class SimPwm(ImmediateArming):
     """Drives an input of a plant that accepts `PwmCommand`s. Its pulses are exact.
 
-    Args:
-        plant: the driven plant.
-        now_s: the clock of command stamps; it must equal the plant's time.
-        channels: how many thrusters the plant has.
-        input_name: name of the plant's input.
+    `now_s`, the clock of command stamps, must equal the plant's time.
     """
 
     has_independent_failsafe = True
@@ -53,11 +49,7 @@ def drive_plant(
 ) -> PwmBackend:
     """Drive a simulated vehicle with the applied pulses of real outputs on a bench; return the outputs.
 
-    Args:
-        out: the real ones.
-        plant: the vehicle.
-        input_name: name of the plant's input.
-        command_of: makes that input's command from the pulses [us].
+    `command_of` makes the command of the plant's input from the pulses [us].
     """
     out.follower = lambda pulses_us: plant.write(input_name, command_of(pulses_us))
     return out

@@ -5,31 +5,17 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from functools import partial
 from typing import Any
 
 from snr_sim.devices.pwm.passive_pwm import PassivePwm
 from snr_sim.devices.pwm.pwm_backend import PwmBackend
-from snr_sim.devices.wire.child_port import ChildPort
-from snr_sim.devices.wire.lease_messages import (
-    ArmOutputs,
-    CloseOutputs,
-    DisarmOutputs,
-    Lease,
-    LeaseStatus,
-    Message,
-    OpenOutputs,
-    encode,
-    receive,
-)
+from snr_sim.devices.wire import lease_messages as wire
 from snr_sim.prelude.device import LEASE_S
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import NOT_ACTIVE, SLEWING
 
 OPEN_S = 20.0  # until a new Python on a small computer has opened them
 ANSWER_S = 1.0
-
-open_supervisor = partial(ChildPort, "snr_sim.devices.pwm.pwm_supervisor:run", receive)
 
 
 class SupervisedPwm(PwmBackend):
@@ -52,7 +38,7 @@ class SupervisedPwm(PwmBackend):
         now_s: Callable[[], float],
         opener: str,
         args: Sequence[Any],
-        open_line: Callable[[], ChildPort[Message]] = open_supervisor,
+        open_line: Callable[[], wire.SupervisorPort] = wire.SupervisorPort,
         monotonic_s: Callable[[], float] = time.monotonic,
     ) -> None:
         super().__init__(now_s, like.channels, like.limits_us, like.resolution_us)
@@ -60,12 +46,12 @@ class SupervisedPwm(PwmBackend):
         self.title = f"{like.title}, behind its supervisor,"
         self._opener, self._args = opener, list(args)
         self._open_line, self._monotonic_s = open_line, monotonic_s
-        self._line: ChildPort[Message] | None = None
+        self._line: wire.SupervisorPort | None = None
         self._has_held = False
         self._seq = 0
         self._requested_us: list[float] = []
         self._requested_by_seq: dict[int, list[float]] = {}
-        self._status = LeaseStatus(0, "unconfigured", "", [], [], {})
+        self._status = wire.LeaseStatus(0, "unconfigured", "", [], [], {})
         self._received_s = 0.0
 
     def counts(self) -> dict[str, int]:
@@ -73,16 +59,12 @@ class SupervisedPwm(PwmBackend):
         return self._status.counts
 
     def on_configure(self) -> None:
-        """Start a supervisor, which opens the outputs.
-
-        Raises:
-            DeviceError: the supervisor's error, or that it died.
-        """
+        """Start a supervisor, which opens the outputs. Its error is raised here."""
         self._end_supervisor()
         self._line = self._open_line()
         self._requested_by_seq.clear()
         try:
-            self._order(OpenOutputs(self._opener, [*self._args, self._has_held]), OPEN_S)
+            self._order(wire.OpenOutputs(self._opener, [*self._args, self._has_held]), OPEN_S)
         except BaseException:
             self._end_supervisor()
             raise
@@ -90,14 +72,14 @@ class SupervisedPwm(PwmBackend):
 
     def on_activate(self) -> None:
         """Order the supervisor to arm."""
-        self._order(ArmOutputs(), ANSWER_S)
+        self._order(wire.ArmOutputs(), ANSWER_S)
         self.state, self.reason = self._status.state, self._status.reason
         self._received_s = self._monotonic_s()
 
     def on_deactivate(self, reason: str) -> None:
         """Order the supervisor to go to neutral."""
         if self._line is not None:
-            self._order(DisarmOutputs(reason), ANSWER_S)
+            self._order(wire.DisarmOutputs(reason), ANSWER_S)
 
     def on_close(self) -> None:
         """Order the supervisor to release the outputs and end."""
@@ -115,7 +97,8 @@ class SupervisedPwm(PwmBackend):
         self._seq += 1
         # An old command has expired to neutral, and no newer state is possible.
         age_s = self.now_s() - stamp_s if lease_s > 0.0 else 0.0
-        self._send(Lease(self._seq, pulses_us, now_s - age_s, age_s + lease_s if lease_s > 0.0 else LEASE_S))
+        left_s = age_s + lease_s if lease_s > 0.0 else LEASE_S
+        self._require_open().write(wire.Lease(self._seq, pulses_us, now_s - age_s, left_s))
         self._requested_by_seq[self._seq] = pulses_us
         self._receive()
         status = self._status
@@ -132,12 +115,12 @@ class SupervisedPwm(PwmBackend):
         reasons += [one for one in status.reasons if one not in reasons and one != NOT_ACTIVE]
         return status.pulses_us or self.still_us
 
-    def _order(self, order: Message, timeout_s: float) -> None:
+    def _order(self, order: wire.Message, timeout_s: float) -> None:
         """Send an order and wait for its result."""
         line = self._require_open()
         self._receive()
         before = len(self._requested_by_seq)
-        self._send(order)
+        line.write(order)
         until_s = time.monotonic() + timeout_s
         answers = before + 1
         while answers and line.wait(max(0.0, until_s - time.monotonic())):
@@ -150,14 +133,11 @@ class SupervisedPwm(PwmBackend):
         if self._status.state == "error":
             raise DeviceError(self._status.reason, fix=self._status.fix)
 
-    def _send(self, message: Message) -> None:
-        self._require_open().write(encode(message))
-
     def _receive(self) -> int:
         """Read the answers that have arrived; return their number."""
         count = 0
         for message in self._require_open().read():
-            if isinstance(message, LeaseStatus):
+            if isinstance(message, wire.LeaseStatus):
                 count += 1
                 self._status = message
                 self._received_s = self._monotonic_s()
@@ -171,10 +151,10 @@ class SupervisedPwm(PwmBackend):
         if line is None:
             return
         with suppress(DeviceError):  # a supervisor that has died
-            line.write(encode(CloseOutputs()))
+            line.write(wire.CloseOutputs())
         line.close()
 
-    def _require_open(self) -> ChildPort[Message]:
+    def _require_open(self) -> wire.SupervisorPort:
         if self._line is None:
             raise DeviceError(f"{self.title} is not open.", fix="call configure() first.")
         return self._line

@@ -22,10 +22,10 @@ from pathlib import Path
 
 from snr_sim.devices.pwm.passive_pwm import PwmChip
 from snr_sim.devices.pwm.pwm_backend import LIMITS_US, STOP_US
-from snr_sim.devices.wire.permission import how_to_use
+from snr_sim.devices.wire.permission import group_of, how_to_use
 from snr_sim.prelude.errors import DeviceError
 
-ROOT = Path("/sys/class/pwm")
+ROOT: Path = Path("/sys/class/pwm")
 CHIPS = {"1f00098000.pwm": "Raspberry Pi 5", "fe20c000.pwm": "Raspberry Pi 4", "3f20c000.pwm": "Raspberry Pi 3"}
 PERIOD_NS = 20_000_000
 OVERLAYS = (
@@ -71,14 +71,15 @@ class SysfsPins(PwmChip):
         self._pins: list[Path] = []
 
     def open(self) -> None:
-        """Find the chip, export its channels, and start neutral pulses.
-
-        Raises:
-            DeviceError: no such chip, too few channels, one in use by another process, or no permission.
-        """
+        """Find the chip, export its channels, and start neutral pulses."""
         reclaim = self._reclaim or self._chip is not None
         self._chip, self._pins = find_chip(self._root), []
-        self._check_count(self._chip)
+        count = int(self._read(self._chip / "npwm") or 0)
+        if count < self.channels:
+            raise DeviceError(
+                f"{self._chip.name} has {count} channels; {self.channels} are needed.",
+                fix="--io mcu:PORT or --io pca9685:BUS:ADDR, which have more.",
+            )
         for channel in range(self.channels):
             self._take(self._chip, channel, reclaim)
 
@@ -103,14 +104,6 @@ class SysfsPins(PwmChip):
         for pin in pins:
             self._write(pin / "enable", "0")
             self._write(pin.parent / "unexport", pin.name.removeprefix("pwm"))
-
-    def _check_count(self, chip: Path) -> None:
-        count = int(self._read(chip / "npwm") or 0)
-        if count < self.channels:
-            raise DeviceError(
-                f"{chip.name} has {count} channels; {self.channels} are needed.",
-                fix="--io mcu:PORT or --io pca9685:BUS:ADDR, which have more.",
-            )
 
     def _take(self, chip: Path, channel: int, reclaim: bool) -> None:
         pin = chip / f"pwm{channel}"
@@ -149,11 +142,9 @@ class SysfsPins(PwmChip):
     def _read(self, path: Path) -> str:
         try:
             return path.read_text(encoding="ascii").strip()
-        except FileNotFoundError:
-            if path.name == "polarity":
-                return ""  # not every chip has it
-            raise _access_error(path, "", FileNotFoundError(errno.ENOENT, "No such file")) from None
         except OSError as error:
+            if path.name == "polarity" and error.errno == errno.ENOENT:
+                return ""  # not every chip has it
             raise _access_error(path, "", error) from error
 
 
@@ -174,7 +165,7 @@ def find_chip(root: Path = ROOT) -> Path:
 def _access_error(path: Path, text: str, error: OSError) -> DeviceError:
     if error.errno in (errno.EACCES, errno.EPERM):
         return DeviceError(
-            f"{path} may not be written by this user: it belongs to group '{_group_of(path)}'.",
+            f"{path} may not be written by this user: it belongs to group '{group_of(path)}'.",
             fix=how_to_use(path, "gpio"),
         )
     if error.errno == errno.EBUSY:
@@ -184,10 +175,3 @@ def _access_error(path: Path, text: str, error: OSError) -> DeviceError:
     if error.errno == errno.EINVAL:
         return DeviceError(f"{path} did not take '{text}': Invalid argument.", fix="`dmesg | tail`; another dtoverlay?")
     return DeviceError(f"{path}: {error.strerror}.", fix="was the overlay taken away? `ls /sys/class/pwm`.")
-
-
-def _group_of(path: Path) -> str:
-    try:
-        return path.group()
-    except (OSError, KeyError):
-        return "unknown"

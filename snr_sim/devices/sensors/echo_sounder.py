@@ -20,8 +20,6 @@ from snr_sim.prelude.signals import EchoReading
 if TYPE_CHECKING:
     import numpy as np
 
-SOUND_MPS = 1500.0  # the speed of sound in water that it assumes
-
 
 @dataclass(frozen=True)
 class EchoSounder:

@@ -50,22 +50,14 @@ class Gps(LifeCycleSensor):
         }
 
     def on_configure(self) -> None:
-        """Open the port. A missing receiver is detected only when sentences stay out.
-
-        Raises:
-            DeviceError: there is no such port, it is busy, or permission is missing.
-        """
+        """Open the port. A missing receiver is detected only when sentences stay out."""
         self.on_close()
         self._port = self._open_port()
         self.title = f"The receiver on {self._port.name}"
         self._lines, self._received_bytes, self._last, self._quality = NmeaLines(), 0, b"", None
 
     def read(self) -> GpsReading | Stale:
-        """Return the newest fix.
-
-        Raises:
-            SensorLostError: it was closed.
-        """
+        """Return the newest fix."""
         try:
             if self.state == "error" and self._now_s() >= self._retry_s:
                 self._retry_s = self._now_s() + RETRY_PERIOD_S

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from snr_sim.devices.sensors.sensor_errors import SensorErrors
-from snr_sim.devices.simulated import SimSensor
+from snr_sim.devices.simulated import SimSensor, fields_of
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import LeakReading, PowerReading
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 # A module for 60 V and 120 A with a 12-bit converter: steps follow from that; noise is about one (our own choice).
-POWER_MODULE = SensorErrors(
+POWER_MODULE: SensorErrors = SensorErrors(
     noise={"voltage_v": 0.015, "current_a": 0.03},
     resolution={"voltage_v": 60.0 / 4096, "current_a": 120.0 / 4096},
     limits={"voltage_v": (0.0, 60.0), "current_a": (0.0, 120.0)},
@@ -34,11 +34,7 @@ class PowerModule:
 
     def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
         """Open it in a plant, at an output with `voltage_v`, `current_a` and `stamp_s`."""
-        return SimSensor(plant, output, self.errors, rng, _raw_power)
-
-
-def _raw_power(battery: Any) -> PowerReading:
-    return PowerReading(battery.voltage_v, battery.current_a, battery.stamp_s)
+        return SimSensor(plant, output, self.errors, rng, fields_of(PowerReading))
 
 
 @dataclass(frozen=True)

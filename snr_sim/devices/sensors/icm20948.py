@@ -38,8 +38,8 @@ RESET, AUTO_CLOCK, BYPASS = 0x80, 0x01, 0x02
 GYRO_DIVIDER, GYRO_CONFIG, ACCEL_DIVIDER, ACCEL_CONFIG = 0x00, 0x01, 0x11, 0x14
 DIVIDER = 9  # 1125 Hz / (1 + 9): 112 a second
 GYRO_500_DPS, ACCEL_4_G = 0x1B, 0x1B  # filter 3, full scale 1, filter on
-RADPS_PER_COUNT = math.radians(1.0 / 65.5)
-MPS2_PER_COUNT = GRAVITY_MPS2 / 8192.0
+RADPS_PER_COUNT: float = math.radians(1.0 / 65.5)
+MPS2_PER_COUNT: float = GRAVITY_MPS2 / 8192.0
 # Of the compass
 COMPASS_WHO, COMPASS_STATUS, COMPASS_MODE = 0x01, 0x10, 0x31
 A_HUNDRED_A_SECOND = 0x08
@@ -90,11 +90,7 @@ class Icm20948(LifeCycleSensor):
         return {"errors": self._errors}
 
     def on_configure(self) -> None:
-        """Reset and initialise it; check its identity, its registers, and that it measures gravity.
-
-        Raises:
-            DeviceError: a check failed.
-        """
+        """Reset and initialise it; check its identity, its registers, and that it measures gravity."""
         self.on_close()
         self._bus = self._open_bus()
         self._identify(self._address, WHO_AM_I, IDENTITY, "an ICM-20948")
@@ -116,11 +112,7 @@ class Icm20948(LifeCycleSensor):
         self._newest = self._measure()
 
     def read(self) -> ImuReading | Stale:
-        """Return a new measurement.
-
-        Raises:
-            SensorLostError: it was closed.
-        """
+        """Return a new measurement."""
         idle = self.idle(self._newest.stamp_s if self._newest else None)
         if idle is not None:
             return idle

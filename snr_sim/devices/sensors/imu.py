@@ -16,12 +16,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from snr_sim.devices.sensors.sensor_errors import BiasDrift, SensorErrors
-from snr_sim.devices.simulated import SimSensor
+from snr_sim.devices.simulated import SimSensor, fields_of
 from snr_sim.prelude.angles import roll_pitch_yaw_rad, wrap_rad
 from snr_sim.prelude.attitude_filter import MahonyFilter
 from snr_sim.prelude.plant import Plant
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _DEG = math.radians(1.0)
 
-BNO055 = SensorErrors(
+BNO055: SensorErrors = SensorErrors(
     noise={
         "rate_radps": 0.12 * _DEG,  # 0.014 deg/s per root Hz, as of its gyroscope sold as BMI055, in 47 Hz
         "specific_force_mps2": 0.015,  # 150 ug per root Hz, as of the BMI055, in 62.5 Hz
@@ -83,7 +83,7 @@ class InertialUnit:
 
     def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
         """Open it in a plant, at an output with the true `rate_radps`, `specific_force_mps2` and `field_ut`."""
-        return SimSensor(plant, output, self.errors, rng, _raw_motion, self._fused())
+        return SimSensor(plant, output, self.errors, rng, fields_of(InertialMeasurement), self._fused())
 
     def _fused(self) -> Callable[[InertialMeasurement], ImuReading]:
         attitude, step = MahonyFilter(), self.angle_step_rad
@@ -97,7 +97,3 @@ class InertialUnit:
             return ImuReading(rate, force, field, *angles, measured.stamp_s)
 
         return reading
-
-
-def _raw_motion(motion: Any) -> InertialMeasurement:
-    return InertialMeasurement(motion.rate_radps, motion.specific_force_mps2, motion.field_ut, motion.stamp_s)

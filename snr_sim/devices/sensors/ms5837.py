@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from snr_sim.devices.sensors.sensor_errors import BiasDrift, SensorErrors
-from snr_sim.devices.simulated import SimSensor
+from snr_sim.devices.simulated import SimSensor, fields_of
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import DepthReading
@@ -26,32 +26,13 @@ from snr_sim.prelude.water import AIR_PA, FRESH_KGM3, GRAVITY_MPS2
 if TYPE_CHECKING:
     import numpy as np
 
-NOISE_PA = {256: 157.0, 512: 84.0, 1024: 54.0, 2048: 38.0, 4096: 28.0, 8192: 20.0}  # by oversampling
-OVERSAMPLING = tuple(NOISE_PA)
+NOISE_PA: dict[int, float] = {256: 157.0, 512: 84.0, 1024: 54.0, 2048: 38.0, 4096: 28.0, 8192: 20.0}  # by oversampling
+OVERSAMPLING: tuple[int, ...] = tuple(NOISE_PA)
 CONVERSION_S_PER_SAMPLE = 2.2e-6  # one conversion, at most; a measurement has two: pressure, then temperature
 RESOLUTION_PA = 10.0  # a tenth of a millibar, the last digit of the data sheet's P: 1 mm of water
 RESOLUTION_C = 0.01
-LIMITS_PA = (0.0, 3_000_000.0)
+LIMITS_PA: tuple[float, float] = (0.0, 3_000_000.0)
 OFFSET_PA = 5_000.0  # half of the usual range: our estimate
-
-
-class Water(Protocol):
-    """Plant output with the state of the water at the sensor."""
-
-    @property
-    def pressure_pa(self) -> float:
-        """Absolute pressure."""
-        ...
-
-    @property
-    def temperature_c(self) -> float:
-        """Temperature of the water."""
-        ...
-
-    @property
-    def stamp_s(self) -> float:
-        """Time of the state."""
-        ...
 
 
 class Pressure(msgspec.Struct, frozen=True):
@@ -138,9 +119,5 @@ class Ms5837:
         return DepthReading(depth, measured.pressure_pa, measured.temperature_c, measured.stamp_s)
 
     def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
-        """Open the sensor in a plant, at an output with the state of the water (`Water`)."""
-        return SimSensor(plant, output, self.errors, rng, _raw_pressure, self.reading)
-
-
-def _raw_pressure(water: Any) -> Pressure:
-    return Pressure(water.pressure_pa, water.temperature_c, water.stamp_s)
+        """Open the sensor in a plant, at an output with `pressure_pa`, `temperature_c` and `stamp_s` of the water."""
+        return SimSensor(plant, output, self.errors, rng, fields_of(Pressure), self.reading)

@@ -25,7 +25,7 @@ CONVERSION_S_PER_SAMPLE = 2.5e-6  # 2.2 at most, plus a margin
 RESET_S = 0.01
 STALE_S = 0.5
 TEMPERATURE_EVERY = 10
-AIR_PA = (85_000.0, 108_500.0)  # highest at sea level, and of a town at 1400 m
+AIR_PA: tuple[float, float] = (85_000.0, 108_500.0)  # highest at sea level, and of a town at 1400 m
 _NOTHING, _RESET, _PRESSURE, _TEMPERATURE = "nothing", "reset", "pressure", "temperature"  # the command in progress
 _PLAUSIBLE_PA = (20_000.0, 3_100_000.0)
 
@@ -65,11 +65,7 @@ class Ms5837I2c(LifeCycleSensor):
         return {"errors": self._errors}
 
     def on_configure(self) -> None:
-        """Reset it and read its calibration.
-
-        Raises:
-            DeviceError: no device answers, or the calibration's check sum is wrong.
-        """
+        """Reset it; read its calibration and check the sum."""
         self.on_close()
         self._bus = self._open_bus()
         self._command(wire.RESET)
@@ -96,11 +92,7 @@ class Ms5837I2c(LifeCycleSensor):
         self._convert(_PRESSURE)
 
     def read(self) -> DepthReading | Stale:
-        """Return the newest reading; fetch the finished conversion, and start the next one.
-
-        Raises:
-            SensorLostError: it was closed.
-        """
+        """Return the newest reading; fetch the finished conversion, and start the next one."""
         idle = self.idle(self._newest.stamp_s if self._newest else None)
         if idle is not None:
             return idle

@@ -10,7 +10,7 @@ from snr_sim.devices.sensors.sensor_errors import SensorErrors
 from snr_sim.prelude.angles import roll_pitch_yaw_rad
 
 # A person sees to about the width of a hand, some times a second, with a delay: our own choice.
-POSITION_FIX_ERRORS = SensorErrors(
+POSITION_FIX_ERRORS: SensorErrors = SensorErrors(
     noise={"position_m": 0.03, "yaw_rad": 0.03},
     delay_s=0.2,
     period_s=0.1,

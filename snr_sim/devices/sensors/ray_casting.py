@@ -21,10 +21,10 @@ Point: TypeAlias = tuple[float, float, float]
 
 # Absorption of red, green and blue light in pure water per metre: at 650, 550 and 450 nm. Source: Pope and Fry, Applied
 # Optics 36 (1997). Light travels down to the object, and then to the camera.
-ATTENUATION_PER_M = (0.340, 0.0565, 0.0092)
+ATTENUATION_PER_M: Point = (0.340, 0.0565, 0.0092)
 # The water between camera and object scatters light, too: our choice, for a clean pool.
 BACKSCATTER_PER_M = 0.06
-VEIL_RGB = (90.0, 150.0, 175.0)
+VEIL_RGB: Point = (90.0, 150.0, 175.0)
 STEEP_SHADE = 0.3  # brightness of an upright face relative to a level one: our choice
 NEAREST_M = 0.01
 _BOX = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))  # corners, by bits of xyz

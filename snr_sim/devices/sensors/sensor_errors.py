@@ -24,9 +24,9 @@ NOISE_BLOCK = 256  # drawn at once: single draws cost 40 times as much
 class BiasDrift:
     """A slow error: a constant bias, or one that drifts (a Gauss-Markov process of first order).
 
-        Args:
-            sigma: its standard deviation, from the first reading on, in the field's unit.
-    correlation_time_s: time after which it has decayed to 1/e; infinite for a bias that is constant in a run.
+    Args:
+        sigma: its standard deviation, from the first reading on, in the field's unit.
+        correlation_time_s: time after which it has decayed to 1/e; infinite for a bias that is constant in a run.
     """
 
     sigma: float
@@ -117,27 +117,19 @@ class SensorErrorModel:
         draw = self._noise.pop
         for part in self._fields:
             value = values[part.index]
+            numbers = value if part.is_list else [value]
             if part.drift is not None:
-                value = part.drift.add_to(value, reading.stamp_s, draw)
-            sigma = part.sigma
-            if part.is_list:
-                if sigma:
-                    value = [one + sigma * draw() for one in value]
-                if part.limits is not None:
-                    low, high = part.limits
-                    value = [low if one < low else high if one > high else one for one in value]
-                if part.step:
-                    step = part.step
-                    value = [round(one / step) * step for one in value]
-            else:
-                if sigma:
-                    value += sigma * draw()
-                if part.limits is not None:
-                    low, high = part.limits
-                    value = low if value < low else high if value > high else value
-                if part.step:
-                    value = round(value / part.step) * part.step
-            values[part.index] = value
+                numbers = part.drift.add_to(numbers, reading.stamp_s, draw)
+            if part.sigma:
+                sigma = part.sigma
+                numbers = [one + sigma * draw() for one in numbers]
+            if part.limits is not None:
+                low, high = part.limits
+                numbers = [low if one < low else high if one > high else one for one in numbers]
+            if part.step:
+                step = part.step
+                numbers = [round(one / step) * step for one in numbers]
+            values[part.index] = numbers if part.is_list else numbers[0]
         return self._type(*values)
 
 
@@ -164,20 +156,15 @@ class _DriftProcess:
         self._moved_s = 0.0
         self._step_s = drift.correlation_time_s / SMOOTHNESS
 
-    def add_to(self, value: Any, stamp_s: float, draw: Callable[[], float]) -> Any:
-        """Return a value or a list of them with the error at a time."""
+    def add_to(self, values: list[float], stamp_s: float, draw: Callable[[], float]) -> list[float]:
+        """Return the values with the errors at a time."""
+        sigma = self._drift.sigma
         if not self._errors:
-            sigma = self._drift.sigma
-            self._errors = [sigma * draw() for _ in (value if isinstance(value, list) else [value])]
+            self._errors = [sigma * draw() for _ in values]
             self._moved_s = stamp_s
         elif stamp_s - self._moved_s >= self._step_s:
-            self._move(stamp_s, draw)
-        if isinstance(value, list):
-            return [one + error for one, error in zip(value, self._errors, strict=True)]
-        return value + self._errors[0]
-
-    def _move(self, stamp_s: float, draw: Callable[[], float]) -> None:
-        kept = math.exp((self._moved_s - stamp_s) / self._drift.correlation_time_s)
-        new = self._drift.sigma * math.sqrt(1.0 - kept * kept)
-        self._errors = [kept * error + new * draw() for error in self._errors]
-        self._moved_s = stamp_s
+            kept = math.exp((self._moved_s - stamp_s) / self._drift.correlation_time_s)
+            new = sigma * math.sqrt(1.0 - kept * kept)
+            self._errors = [kept * error + new * draw() for error in self._errors]
+            self._moved_s = stamp_s
+        return [value + error for value, error in zip(values, self._errors, strict=True)]

@@ -10,7 +10,7 @@ import errno
 import importlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from snr_sim.devices.wire.permission import how_to_use
 from snr_sim.prelude.errors import DeviceError, MissingExtraError
@@ -20,53 +20,27 @@ _FIRST, _LAST = 0x08, 0x77  # other addresses are reserved
 _NO_ACKNOWLEDGE = (errno.EREMOTEIO, errno.ENXIO, errno.EIO)  # no acknowledge, as different adapters report it
 
 
-class RawBus(Protocol):
-    """The part of `smbus2.SMBus` in use; a test passes its own."""
-
-    def read_byte(self, i2c_addr: int) -> int:
-        """Read a byte without naming a register."""
-        ...
-
-    def write_byte(self, i2c_addr: int, value: int) -> None:
-        """Write a byte without naming a register: a command."""
-        ...
-
-    def read_i2c_block_data(self, i2c_addr: int, register: int, length: int) -> list[int]:
-        """Read a block."""
-        ...
-
-    def write_i2c_block_data(self, i2c_addr: int, register: int, data: list[int]) -> None:
-        """Write a block."""
-        ...
-
-    def close(self) -> None:
-        """Close the bus."""
-        ...
-
-
 class I2cBus:
     """A bus, as one device uses it. Other users may have it open, too: the kernel serialises transfers.
 
     Args:
         number: 1 for /dev/i2c-1, the one on a Raspberry Pi's pins 3 and 5.
-        open_raw: opens the underlying bus.
+        open_raw: opens the underlying bus, of which five calls are used: those of `smbus2.SMBus`.
 
     Raises:
         MissingExtraError: smbus2 is not installed.
         DeviceError: there is no such bus, or permission is missing.
     """
 
-    def __init__(self, number: int, open_raw: Callable[[int], RawBus] | None = None) -> None:
-        self.name = f"/dev/i2c-{number}"
+    def __init__(self, number: int, open_raw: Callable[[int], Any] | None = None) -> None:
+        self.name: str = f"/dev/i2c-{number}"
         try:
             self._raw = (open_raw or _smbus2)(number)
         except FileNotFoundError as error:
             raise DeviceError(f"There is no I2C bus {self.name}.", fix=_enable()) from error
         except PermissionError as error:
-            raise DeviceError(
-                f"{self.name} may not be opened by this user.",
-                fix=how_to_use(Path(self.name), "i2c"),
-            ) from error
+            fix = how_to_use(Path(self.name), "i2c")
+            raise DeviceError(f"{self.name} may not be opened by this user.", fix=fix) from error
         except OSError as error:
             raise DeviceError(f"{self.name} cannot be opened: {error}.", fix=_enable()) from error
 
@@ -76,10 +50,7 @@ class I2cBus:
         Raises:
             DeviceError: no device acknowledges, the bus hangs, or the block is incomplete.
         """
-        try:
-            block = bytes(self._raw.read_i2c_block_data(address, register, length))
-        except OSError as error:
-            raise self._bus_error(address, error) from error
+        block = bytes(self._transfer(self._raw.read_i2c_block_data, address, register, length))
         if len(block) != length:
             raise DeviceError(
                 f"0x{address:02x} on {self.name} gave {len(block)} bytes of {length} (register 0x{register:02x}).",
@@ -89,17 +60,11 @@ class I2cBus:
 
     def write(self, address: int, register: int, data: bytes) -> None:
         """Write a block."""
-        try:
-            self._raw.write_i2c_block_data(address, register, list(data))
-        except OSError as error:
-            raise self._bus_error(address, error) from error
+        self._transfer(self._raw.write_i2c_block_data, address, register, list(data))
 
     def command(self, address: int, byte: int) -> None:
         """Write one byte that is a command."""
-        try:
-            self._raw.write_byte(address, byte)
-        except OSError as error:
-            raise self._bus_error(address, error) from error
+        self._transfer(self._raw.write_byte, address, byte)
 
     def scan(self) -> list[int]:
         """Return the addresses that acknowledge. Queries each of them, which takes some 20 ms."""
@@ -116,6 +81,12 @@ class I2cBus:
     def close(self) -> None:
         """Close the bus. Never raises; safe to call twice."""
         self._raw.close()
+
+    def _transfer(self, call: Callable[..., Any], address: int, *data: Any) -> Any:
+        try:
+            return call(address, *data)
+        except OSError as error:
+            raise self._bus_error(address, error) from error
 
     def _bus_error(self, address: int, error: OSError) -> DeviceError:
         if error.errno in _NO_ACKNOWLEDGE:
@@ -137,13 +108,12 @@ class I2cBus:
         return DeviceError(f"0x{address:02x} on {self.name}: {error}.", fix="`i2cdetect -y 1` lists the devices.")
 
 
-def _smbus2(number: int) -> RawBus:
+def _smbus2(number: int) -> Any:
     try:
-        smbus2: Any = importlib.import_module("smbus2")
+        smbus2 = importlib.import_module("smbus2")
     except ImportError:
         raise MissingExtraError("smbus2", "hardware") from None
-    bus: RawBus = smbus2.SMBus(number)
-    return bus
+    return smbus2.SMBus(number)
 
 
 def _enable() -> str:

@@ -13,11 +13,12 @@ from collections.abc import Sequence
 from enum import IntFlag
 
 QUARTERS_PER_US = 4
-POSITION_BYTES = ERRORS_BYTES = 2
+ANSWER_BYTES = 2  # a number, low byte first
 MAX_SINGLE_TARGETS = 6  # the Micro Maestro, with six channels, lacks Set Multiple Targets
 _CRC7_REVERSED = 0x91  # polynomial x^7 + x^3 + 1, lowest bit first
 
-_SET_TARGET, _SET_TARGETS, _GET_POSITION, _GET_ERRORS = 0x84, 0x9F, 0x90, 0xA1
+_SET_TARGET, _SET_TARGETS, _GET_POSITION = 0x84, 0x9F, 0x90
+GET_ERRORS = b"\xa1"  # asks for the error register, which clears it
 
 
 class MaestroError(IntFlag):
@@ -85,29 +86,6 @@ def set_targets(pulses_us: Sequence[float]) -> list[bytes]:
 def get_position(channel: int) -> bytes:
     """Return the query for the pulse of a channel."""
     return bytes([_GET_POSITION, channel])
-
-
-def get_errors() -> bytes:
-    """Return the query for the error register, which clears it."""
-    return bytes([_GET_ERRORS])
-
-
-def with_crc(command: bytes) -> bytes:
-    """Return a command with its CRC-7 appended.
-
-    >>> with_crc(bytes([0x83, 0x01])).hex(" ")
-    '83 01 17'
-    """
-    return command + bytes([crc7(command)])
-
-
-def number_of(answer: bytes) -> int:
-    """Return the number in an answer of two bytes, low one first.
-
-    >>> number_of(bytes([0x70, 0x17])) / QUARTERS_PER_US
-    1500.0
-    """
-    return answer[0] | answer[1] << 8
 
 
 def describe_errors(errors: int) -> str:

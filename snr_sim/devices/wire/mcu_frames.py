@@ -8,103 +8,96 @@ Owns no port: converts messages to bytes, and bytes to messages.
 from __future__ import annotations
 
 import struct
-from math import isfinite
+from binascii import crc_hqx
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
-from snr_sim.devices.wire.framing import CobsFrameReader, encode_frame
-from snr_sim.devices.wire.mcu_messages import (
-    TYPE_OF,
-    AckResult,
-    Arm,
-    ClearStop,
-    CommandAck,
-    Disarm,
-    EmergencyStop,
-    FromMcu,
-    Hello,
-    Ident,
-    McuFault,
-    McuState,
-    ResetCause,
-    SetWidths,
-    Telemetry,
-    ToMcu,
-)
+import msgspec
+
+from snr_sim.devices.wire import cobs
+from snr_sim.devices.wire import mcu_messages as mcu
 from snr_sim.prelude.errors import CommandError
 
 MAX_CHANNELS = 16
 MAX_FRAME_BYTES = 96  # between two zeros; the longest have 60
 _STEPS_PER_US = 2  # a width on the wire counts half microseconds
+_CRC_BYTES = 2
 
-_PLAIN: dict[int, type[Arm | Disarm | EmergencyStop | ClearStop]] = {
-    TYPE_OF[kind]: kind for kind in (Arm, Disarm, EmergencyStop, ClearStop)
+
+class _Field(NamedTuple):
+    """Bytes of one field: its format in `struct`, and the conversions to and from the packed value."""
+
+    code: str
+    pack: Callable[[Any], Any] = lambda value: value
+    unpack: Callable[[Any], Any] = lambda packed: packed
+
+
+def _steps(width_us: float) -> int:
+    return round(width_us * _STEPS_PER_US)
+
+
+def _width_us(steps: int) -> float:
+    return steps / _STEPS_PER_US
+
+
+def _name(size: int) -> _Field:
+    """Return the field of a text in ASCII, filled up with zeros."""
+    return _Field(
+        f"{size}s",
+        lambda text: text.encode("ascii", "replace"),
+        lambda packed: packed.split(b"\0", 1)[0].decode("ascii", "replace"),
+    )
+
+
+_U8, _U16, _U32 = _Field("B"), _Field("H"), _Field("I", lambda value: value & 0xFFFFFFFF)
+_WIDTH, _VERSION = _Field("H", _steps, _width_us), _Field("2s", bytes, tuple)
+# After the type. Those of _HAS_WIDTHS end with a width for each channel.
+_FIELDS: dict[type[Any], tuple[_Field, ...]] = {
+    mcu.Hello: (_U16, _U8),
+    mcu.SetWidths: (_U16, _U16, _U32, _U16, _U16),
+    mcu.Arm: (_U16,),
+    mcu.Disarm: (_U16,),
+    mcu.EmergencyStop: (_U16,),
+    mcu.ClearStop: (_U16,),
+    mcu.Ident: (_U8, _U16, _U8, _VERSION, _U8, *[_WIDTH] * 4, *[_U16] * 6, _name(12), _name(16)),
+    mcu.Telemetry: (
+        *(_U8, _U16, _U16, _U32),
+        *(_Field("B", unpack=mcu.McuState), _Field("H", unpack=mcu.McuFault), _Field("B", unpack=mcu.ResetCause)),
+        *[_U16] * 4,
+    ),
+    mcu.CommandAck: (_U8, _U16, _U8, _Field("B", unpack=mcu.AckResult)),
 }
-_HELLO = struct.Struct("<BHB")
-_SET = struct.Struct("<BHHIHH")
-_SESSION = struct.Struct("<BH")
-_IDENT = struct.Struct("<BBHBBBB10H12s16s")
-_TELEMETRY = struct.Struct("<BBHHIBHBHHHH")
-_ANSWER = struct.Struct("<BBHBB")
-_STATES = frozenset(map(int, McuState))
-_RESULTS = frozenset(map(int, AckResult))
-_WIDTHS = [struct.Struct(f"<{n}H") for n in range(MAX_CHANNELS + 1)]
+_HAS_WIDTHS = (mcu.SetWidths, mcu.Telemetry)
+_STRUCTS = {kind: struct.Struct("<B" + "".join(one.code for one in fields)) for kind, fields in _FIELDS.items()}
+_KINDS = {number: kind for kind, number in mcu.TYPE_OF.items()}
 
 
-def encode(message: ToMcu | FromMcu) -> bytes:
+def encode(message: mcu.ToMcu | mcu.FromMcu) -> bytes:
     """Return a message as the bytes of its frame, with the zero that ends it.
 
     Raises:
         CommandError: a value is not a finite number or does not fit, or there are more than 16 widths.
 
-    >>> encode(Arm(session=1)).hex(" ")
+    >>> encode(mcu.Arm(session=1)).hex(" ")
     '03 03 01 03 6a 61 00'
     """
     try:
         body = _pack(message)
-    except (struct.error, TypeError) as error:
+    except (struct.error, TypeError, ValueError, OverflowError) as error:  # the last two: a width that is not finite
         raise CommandError(
             f"This message does not fit into a frame: {message}.", fix="docs/formats.md has the range of each field."
         ) from error
-    return encode_frame(body)
+    return cobs.encode(body + crc_hqx(body, 0).to_bytes(_CRC_BYTES, "big")) + b"\0"
 
 
-def _pack(message: ToMcu | FromMcu) -> bytes:
-    kind = TYPE_OF[type(message)]
-    if isinstance(message, SetWidths):
-        m = message
-        head = _SET.pack(kind, m.session, m.seq, m.stamp_ms & 0xFFFFFFFF, m.age_ms, m.lease_ms)
-        return head + _pack_widths(m.widths_us)
-    if isinstance(message, Hello):
-        return _HELLO.pack(kind, message.session, message.protocol)
-    if isinstance(message, Telemetry):
-        t = message
-        head = _TELEMETRY.pack(
-            kind, t.frame_count, t.session, t.seq, t.uptime_ms, t.state, t.faults, t.reset_cause,
-            t.command_age_ms, t.crc_errors, t.battery_pin_mv, t.current_pin_mv,
-        )  # fmt: skip
-        return head + _pack_widths(t.widths_us)
-    if isinstance(message, CommandAck):
-        return _ANSWER.pack(kind, message.frame_count, message.session, message.to, message.result)
-    if isinstance(message, Ident):
-        return _pack_ident(kind, message)
-    return _SESSION.pack(kind, message.session)
-
-
-def _pack_widths(widths_us: tuple[float, ...]) -> bytes:
+def _pack(message: mcu.ToMcu | mcu.FromMcu) -> bytes:
+    kind = type(message)
+    values = list(msgspec.structs.astuple(message))
+    widths_us = values.pop() if kind in _HAS_WIDTHS else ()
     if len(widths_us) > MAX_CHANNELS:
         raise CommandError(f"{len(widths_us)} widths are too many for one frame.", fix=f"send at most {MAX_CHANNELS}.")
-    for width_us in widths_us:
-        if not isfinite(width_us):
-            raise CommandError(f"A width must be finite, not {width_us} us.", fix="send a finite number.")
-    return _WIDTHS[len(widths_us)].pack(*[round(width_us * _STEPS_PER_US) for width_us in widths_us])
-
-
-def _pack_ident(kind: int, i: Ident) -> bytes:
-    widths = (round(us * _STEPS_PER_US) for us in (i.lowest_us, i.neutral_us, i.highest_us, i.dead_band_us))
-    rest = (i.resolution_ns, i.period_us, i.max_lease_ms, i.esc_start_ms, i.slew_us_per_100ms, i.dwell_ms)
-    return _IDENT.pack(
-        kind, i.frame_count, i.session, i.protocol, *i.firmware, i.channels, *widths, *rest,
-        i.mcu.encode("ascii", "replace"), i.name.encode("ascii", "replace"),
-    )  # fmt: skip
+    packed = [field.pack(value) for field, value in zip(_FIELDS[kind], values, strict=True)]
+    return _STRUCTS[kind].pack(mcu.TYPE_OF[kind], *packed) + struct.pack(f"<{len(widths_us)}H", *map(_steps, widths_us))
 
 
 class McuFrames:
@@ -116,24 +109,20 @@ class McuFrames:
         oversized: runs of bytes without a zero, longer than any frame: another baud rate, another device.
         gaps: frames of the microcontroller that were lost, by their count.
         frames: messages decoded.
+        received_bytes: in all.
     """
 
     def __init__(self) -> None:
-        self.unknown_frames = self.gaps = self.frames = 0
-        self._reader = CobsFrameReader(MAX_FRAME_BYTES)
+        self.crc_errors = self.unknown_frames = self.oversized = self.gaps = self.frames = self.received_bytes = 0
+        self.resync()
+
+    def resync(self) -> None:
+        """Forget a partial frame and the count of frames: another stream starts."""
+        self._rest = bytearray()
+        self._is_skipping = False  # inside an oversized run
         self._next_count: int | None = None
 
-    @property
-    def crc_errors(self) -> int:
-        """See above."""
-        return self._reader.crc_errors
-
-    @property
-    def oversized(self) -> int:
-        """See above."""
-        return self._reader.oversized
-
-    def feed(self, data: bytes) -> list[ToMcu | FromMcu]:
+    def feed(self, data: bytes) -> list[mcu.ToMcu | mcu.FromMcu]:
         """Add received bytes; return the messages that are complete.
 
         >>> frames = McuFrames()
@@ -142,72 +131,66 @@ class McuFrames:
         >>> frames.crc_errors
         1
         """
-        messages: list[ToMcu | FromMcu] = []
-        for body in self._reader.feed(data):
-            message = _unpack(body)
-            if message is None:
-                self.unknown_frames += 1
-                continue
-            self.frames += 1
-            if isinstance(message, (Telemetry, CommandAck, Ident)):
-                self._count(message.frame_count)
-            messages.append(message)
+        messages: list[mcu.ToMcu | mcu.FromMcu] = []
+        self.received_bytes += len(data)
+        *ends, rest = data.split(b"\0")
+        for end in ends:
+            self._add(end)
+            message = self._end_frame()
+            if message is not None:
+                messages.append(message)
+        self._add(rest)
         return messages
 
-    def _count(self, frame_count: int) -> None:
-        if self._next_count is not None:
-            self.gaps += (frame_count - self._next_count) % 256
-        self._next_count = (frame_count + 1) % 256
+    def _add(self, piece: bytes) -> None:
+        if self._is_skipping:
+            return
+        self._rest += piece[: MAX_FRAME_BYTES + 1]
+        if len(self._rest) > MAX_FRAME_BYTES:
+            self._rest.clear()
+            self._is_skipping = True
+            self.oversized += 1
+
+    def _end_frame(self) -> mcu.ToMcu | mcu.FromMcu | None:
+        encoded, self._is_skipping = bytes(self._rest), False
+        self._rest.clear()
+        if not encoded:
+            return None
+        try:
+            checked = cobs.decode(encoded)
+        except cobs.CobsError:
+            checked = b""
+        # The CRC over a body and its own CRC is zero.
+        if len(checked) <= _CRC_BYTES or crc_hqx(checked, 0) != 0:
+            self.crc_errors += 1
+            return None
+        message = _unpack(checked[:-_CRC_BYTES])
+        if message is None:
+            self.unknown_frames += 1
+            return None
+        self.frames += 1
+        if isinstance(message, (mcu.Telemetry, mcu.CommandAck, mcu.Ident)):
+            if self._next_count is not None:
+                self.gaps += (message.frame_count - self._next_count) % 256
+            self._next_count = (message.frame_count + 1) % 256
+        return message
 
 
-def _unpack(body: bytes) -> ToMcu | FromMcu | None:
-    """Return the message in a frame without its check sum; None if its type is unknown."""
-    kind, size = body[0], len(body)
-    if kind == TYPE_OF[Telemetry] and size >= _TELEMETRY.size:
-        return _telemetry(body)
-    if kind == TYPE_OF[SetWidths] and size >= _SET.size:
-        widths_us = _widths(body[_SET.size :])
-        _, session, seq, stamp_ms, age_ms, lease_ms = _SET.unpack_from(body)
-        return None if widths_us is None else SetWidths(session, seq, stamp_ms, age_ms, lease_ms, widths_us)
-    if kind == TYPE_OF[Hello] and size == _HELLO.size:
-        return Hello(*_HELLO.unpack(body)[1:])
-    if kind == TYPE_OF[CommandAck] and size == _ANSWER.size:
-        _, frame_count, session, to, result = _ANSWER.unpack(body)
-        return CommandAck(frame_count, session, to, AckResult(result)) if result in _RESULTS else None
-    if kind == TYPE_OF[Ident] and size == _IDENT.size:
-        return _ident(body)
-    if kind in _PLAIN and size == _SESSION.size:
-        return _PLAIN[kind](_SESSION.unpack(body)[1])
-    return None
-
-
-def _telemetry(body: bytes) -> Telemetry | None:
-    widths_us = _widths(body[_TELEMETRY.size :])
-    _, frame_count, session, seq, up_ms, state, faults, cause, age_ms, errors, volts, amps = _TELEMETRY.unpack_from(
-        body
-    )
-    if widths_us is None or state not in _STATES:
+def _unpack(body: bytes) -> mcu.ToMcu | mcu.FromMcu | None:
+    """Return the message in a frame without its check sum; None if its type, length or a value is unknown."""
+    kind = _KINDS.get(body[0])
+    if kind is None:
         return None
-    known = McuState(state), McuFault(faults), ResetCause(cause)
-    return Telemetry(frame_count, session, seq, up_ms, *known, age_ms, errors, volts, amps, widths_us)
-
-
-def _ident(body: bytes) -> Ident:
-    _, frame_count, session, protocol, major, minor, channels, *numbers, mcu, name = _IDENT.unpack(body)
-    lowest, neutral, highest, dead_band = (steps / _STEPS_PER_US for steps in numbers[:4])
-    resolution_ns, period_us, max_lease_ms, esc_start_ms, slew, dwell_ms = numbers[4:]
-    return Ident(
-        frame_count, session, protocol, (major, minor), channels, lowest, neutral, highest, dead_band, resolution_ns,
-        period_us, max_lease_ms, esc_start_ms, slew, dwell_ms, _text(mcu), _text(name),
-    )  # fmt: skip
-
-
-def _text(field: bytes) -> str:
-    return field.split(b"\0", 1)[0].decode("ascii", "replace")
-
-
-def _widths(packed: bytes) -> tuple[float, ...] | None:
-    n, odd = divmod(len(packed), 2)
-    if odd or n > MAX_CHANNELS:
+    head, has_widths = _STRUCTS[kind], kind in _HAS_WIDTHS
+    width_bytes = len(body) - head.size
+    if width_bytes not in range(0, 2 * MAX_CHANNELS + 1 if has_widths else 1, 2):
         return None
-    return tuple([steps / _STEPS_PER_US for steps in _WIDTHS[n].unpack(packed)])
+    packed = head.unpack_from(body)[1:]
+    try:
+        values = [field.unpack(value) for field, value in zip(_FIELDS[kind], packed, strict=True)]
+    except ValueError:  # of a state or a result
+        return None
+    if has_widths:
+        values.append(tuple(map(_width_us, struct.unpack_from(f"<{width_bytes // 2}H", body, head.size))))
+    message: mcu.ToMcu | mcu.FromMcu = kind(*values)
+    return message

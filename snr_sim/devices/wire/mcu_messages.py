@@ -12,7 +12,6 @@ import msgspec
 
 PROTOCOL = 1
 BAUD = 115_200
-NEUTRAL_US = 1500.0
 NO_COMMAND_MS = 0xFFFF  # the age of the last command when there was none
 
 
@@ -62,33 +61,21 @@ class AckResult(IntEnum):
 
 
 class Hello(msgspec.Struct, frozen=True, tag="hello"):
-    """To the microcontroller: a program starts a session. Disarms if the session is new. `Ident` answers.
+    """To the microcontroller: a program starts a session. Disarms if the session is new. `Ident` answers."""
 
-    Args:
-        session: 1 to 65535, another one each time a program opens the port.
-    """
-
-    session: int
+    session: int  # 1 to 65535, another one each time a program opens the port
     protocol: int = PROTOCOL
 
 
 class SetWidths(msgspec.Struct, frozen=True, tag="set_widths"):
-    """To the microcontroller: a command. `Telemetry` answers.
-
-    Args:
-        seq: 0 to 65535, then from 0 again.
-        stamp_ms: when the command was computed, by the computer's clock; it may wrap at 2^32.
-        age_ms: how long ago that was when the frame was sent.
-        lease_ms: how long it is valid after it was computed; the firmware has an upper limit.
-        widths_us: of each channel, in steps of 0.5.
-    """
+    """To the microcontroller: a command. `Telemetry` answers."""
 
     session: int
-    seq: int
-    stamp_ms: int
-    age_ms: int
-    lease_ms: int
-    widths_us: tuple[float, ...]
+    seq: int  # 0 to 65535, then from 0 again
+    stamp_ms: int  # when the command was computed, by the computer's clock; it may wrap at 2^32
+    age_ms: int  # how long ago that was when the frame was sent
+    lease_ms: int  # how long it is valid after it was computed; the firmware has an upper limit
+    widths_us: tuple[float, ...]  # of each channel, in steps of 0.5
 
 
 class Arm(msgspec.Struct, frozen=True, tag="arm"):
@@ -138,43 +125,28 @@ class Ident(msgspec.Struct, frozen=True, tag="ident"):
 
 
 class Telemetry(msgspec.Struct, frozen=True, tag="telemetry"):
-    """From the microcontroller: after each command, and 20 times a second without commands.
+    """From the microcontroller: after each command, and 20 times a second without commands."""
 
-    Args:
-        frame_count: number of its frames, 0 to 255 and from 0 again.
-        session: whose commands it takes; 0 if it has not received a hello since it started.
-        seq: of the last command taken.
-        uptime_ms: since it started.
-        command_age_ms: since that command was computed; `NO_COMMAND_MS` if there is none.
-        crc_errors: frames that were damaged, since it started.
-        battery_pin_mv, current_pin_mv: at pins A0 and A1; their scale depends on the installed module.
-        widths_us: widths at the outputs.
-    """
-
-    frame_count: int
-    session: int
-    seq: int
+    frame_count: int  # number of its frames, 0 to 255 and from 0 again
+    session: int  # whose commands it takes; 0 if it has not received a hello since it started
+    seq: int  # of the last command taken
     uptime_ms: int
     state: McuState
     faults: McuFault
     reset_cause: ResetCause
-    command_age_ms: int
-    crc_errors: int
-    battery_pin_mv: int
+    command_age_ms: int  # since that command was computed; `NO_COMMAND_MS` if there is none
+    crc_errors: int  # frames that were damaged, since it started
+    battery_pin_mv: int  # at pins A0 and A1; their scale depends on the installed module
     current_pin_mv: int
-    widths_us: tuple[float, ...]
+    widths_us: tuple[float, ...]  # at the outputs
 
 
 class CommandAck(msgspec.Struct, frozen=True, tag="answer"):
-    """From the microcontroller: the result of a request.
-
-    Args:
-        to: type byte of the request, as in `TYPE_OF`.
-    """
+    """From the microcontroller: the result of a request."""
 
     frame_count: int
     session: int
-    to: int
+    to: int  # type byte of the request, as in `TYPE_OF`
     result: AckResult
 
 

@@ -8,7 +8,6 @@ that must result from them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from snr_sim.prelude.errors import DeviceError
 
@@ -50,43 +49,12 @@ def calibration(words: Sequence[int]) -> tuple[int, ...]:
     return (first, *words[1:])
 
 
-class Compensation(NamedTuple):
-    """Each intermediate integer from raw counts to pressure and temperature, named as in the data sheet.
-
-    Args:
-        d_t: dT, difference to the reference temperature, in counts.
-        temp: TEMP, of the first order [0.01 C].
-        off: OFF, offset.
-        sens: SENS, sensitivity.
-        p: P, of the first order [0.1 mbar].
-        t_i: Ti, subtracted from TEMP by the second order.
-        off_i: OFFi, subtracted from OFF.
-        sens_i: SENSi, subtracted from SENS.
-        off_2: OFF2.
-        sens_2: SENS2.
-        temp_2: TEMP2, of the second order [0.01 C].
-        p_2: P2, of the second order [0.1 mbar].
-    """
-
-    d_t: int
-    temp: int
-    off: int
-    sens: int
-    p: int
-    t_i: int
-    off_i: int
-    sens_i: int
-    off_2: int
-    sens_2: int
-    temp_2: int
-    p_2: int
-
-
-def compensation(c: Sequence[int], d1: int, d2: int) -> Compensation:
+def compensation(c: Sequence[int], d1: int, d2: int) -> dict[str, int]:
     """Return each step of the data sheet's integer arithmetic, to compare a port in another language with it.
 
     A division is an arithmetic shift, so it rounds down: only then is TEMP of the data sheet's example 1981. In C, all
-    products need 64 bits.
+    products need 64 bits. Names are those of the data sheet: dT in counts, TEMP [0.01 C], OFF, SENS and P [0.1 mbar]
+    of the first order; Ti, OFFi and SENSi are what the second order subtracts, TEMP2 to P2 its results.
 
     Args:
         c: C0 to C6.
@@ -94,8 +62,8 @@ def compensation(c: Sequence[int], d1: int, d2: int) -> Compensation:
         d2: raw temperature.
 
     >>> c = (0, 34982, 36352, 20328, 22354, 26646, 26146)  # the example of the data sheet, which prints OFF with a slip
-    >>> compensation(c, 4958179, 6815414)[:5]
-    (-5962, 1981, 2381323464, 1145816755, 39998)
+    >>> list(compensation(c, 4958179, 6815414).items())[:3]
+    [('dT', -5962), ('TEMP', 1981), ('OFF', 2381323464)]
     """
     d_t = d2 - (c[5] << 8)
     temp = 2000 + (d_t * c[6] >> 23)
@@ -111,7 +79,8 @@ def compensation(c: Sequence[int], d1: int, d2: int) -> Compensation:
         t_i, off_i, sens_i = 2 * d_t**2 >> 37, below**2 >> 4, 0
     off_2, sens_2 = off - off_i, sens - sens_i
     p, p_2 = _pressure(d1, sens, off) >> 13, _pressure(d1, sens_2, off_2) >> 13
-    return Compensation(d_t, temp, off, sens, p, t_i, off_i, sens_i, off_2, sens_2, temp - t_i, p_2)
+    first = {"dT": d_t, "TEMP": temp, "OFF": off, "SENS": sens, "P": p, "Ti": t_i, "OFFi": off_i, "SENSi": sens_i}
+    return first | {"OFF2": off_2, "SENS2": sens_2, "TEMP2": temp - t_i, "P2": p_2}
 
 
 def compensated(c: Sequence[int], d1: int, d2: int) -> tuple[float, float]:
@@ -129,7 +98,7 @@ def compensated(c: Sequence[int], d1: int, d2: int) -> tuple[float, float]:
     [399984.03, 19.81]
     """
     steps = compensation(c, d1, d2)
-    return _pressure(d1, steps.sens_2, steps.off_2) * 10.0 / 2**13, steps.temp_2 / 100.0
+    return _pressure(d1, steps["SENS2"], steps["OFF2"]) * 10.0 / 2**13, steps["TEMP2"] / 100.0
 
 
 def _pressure(d1: int, sens: int, off: int) -> int:

@@ -22,61 +22,40 @@ KNOTS_TO_MPS = 1852.0 / 3600.0
 
 
 class FixSentence(msgspec.Struct, frozen=True):
-    """A sentence GGA: position.
+    """A sentence GGA: position. None where the receiver leaves a field empty."""
 
-    Args:
-        time_s: of day, UTC; None before it is known.
-        latitude_deg: north positive; None without a fix.
-        longitude_deg: east positive; None without a fix.
-        quality: 0 none, 1 satellites, 2 with corrections, 4 and 5 with those of a base nearby.
-        satellites: that are used.
-        hdop: horizontal dilution of precision: below 2 is good; None if not given.
-        altitude_m: above sea level; None if not given.
-    """
-
-    time_s: float | None
-    latitude_deg: float | None
-    longitude_deg: float | None
-    quality: int
-    satellites: int
-    hdop: float | None
-    altitude_m: float | None
+    time_s: float | None  # of day, UTC
+    latitude_deg: float | None  # north positive
+    longitude_deg: float | None  # east positive
+    quality: int  # 0 none, 1 satellites, 2 with corrections, 4 and 5 with those of a base nearby
+    satellites: int  # that are used
+    hdop: float | None  # horizontal dilution of precision: below 2 is good
+    altitude_m: float | None  # above sea level
 
 
 class CourseSentence(msgspec.Struct, frozen=True):
-    """A sentence RMC: speed and course.
+    """A sentence RMC: speed and course. None where the receiver leaves a field empty."""
 
-    Args:
-        time_s: of day, UTC; None before it is known.
-        is_valid: whether it has a fix.
-        latitude_deg: north positive; None without a fix.
-        longitude_deg: east positive; None without a fix.
-        speed_mps: over ground; None if not given.
-        course_deg: clockwise from north; None if not given, as at rest.
-        date: ddmmyy, as received; empty before it is known.
-    """
-
-    time_s: float | None
-    is_valid: bool
-    latitude_deg: float | None
-    longitude_deg: float | None
-    speed_mps: float | None
-    course_deg: float | None
-    date: str
+    time_s: float | None  # of day, UTC
+    is_valid: bool  # whether it has a fix
+    latitude_deg: float | None  # north positive
+    longitude_deg: float | None  # east positive
+    speed_mps: float | None  # over ground
+    course_deg: float | None  # clockwise from north; left empty at rest
+    date: str  # ddmmyy, as received; empty before it is known
 
 
 class NmeaLines:
     """Decoder from bytes to sentences. Never raises, never grows.
 
     Attributes:
-        sentences: complete sentences.
-        unread: complete ones of types that are not decoded.
+        sentences: complete sentences, also of types that are not decoded.
         checksum_errors: lines with a wrong check sum.
         garbage: lines that are not sentences, or too long.
     """
 
     def __init__(self) -> None:
-        self.sentences = self.unread = self.checksum_errors = self.garbage = 0
+        self.sentences = self.checksum_errors = self.garbage = 0
         self._rest = b""
         self._is_skipping = False  # inside a line that is too long
 
@@ -113,12 +92,8 @@ class NmeaLines:
             return None
         fields = body.decode("ascii").split(",")
         read = _READERS.get(fields[0][2:])
-        if read is None:
-            self.sentences += 1
-            self.unread += 1
-            return None
         try:
-            sentence = read(fields)
+            sentence = read(fields) if read is not None else None
         except (ValueError, IndexError):
             self.garbage += 1
             return None

@@ -16,23 +16,14 @@ _ON_BOARD = ("ttyS", "ttyAMA", "ttyTHS")  # a system may use these for its conso
 
 @dataclass(frozen=True)
 class FileOwner:
-    """Group of a file.
+    """Group of a file."""
 
-    Args:
-        group: its group's name, or number if it has none.
-        has_access: whether members of that group may read and write it.
-    """
-
-    group: str
-    has_access: bool
+    group: str  # its group's name, or number if it has none
+    has_access: bool  # whether members of that group may read and write it
 
 
 def owner_of(path: Path) -> FileOwner:
-    """Return the group of a file.
-
-    Raises:
-        OSError: the file does not exist.
-    """
+    """Return the group of a file; raise an OSError if it does not exist."""
     about = path.stat()
     required = stat.S_IWGRP if path.name == "export" else stat.S_IRGRP | stat.S_IWGRP  # export is write-only
     try:
@@ -40,6 +31,14 @@ def owner_of(path: Path) -> FileOwner:
     except KeyError:
         return FileOwner(str(about.st_gid), False)  # a group without a name cannot be joined
     return FileOwner(name, about.st_gid != 0 and about.st_mode & required == required)
+
+
+def group_of(path: Path) -> str:
+    """Return the name of a file's group, or 'unknown'."""
+    try:
+        return path.group()
+    except (OSError, KeyError):
+        return "unknown"
 
 
 def how_to_use(path: Path, usual: str, owner: FileOwner | None = None) -> str:

@@ -1,6 +1,6 @@
 """Serial ports: the only module that imports pyserial. Sends and receives bytes; explains why a port fails.
 
-A port is opened with an exclusive lock; only `ask` and `wait` block.
+A port is opened with an exclusive lock; only `wait` blocks.
 """
 
 from __future__ import annotations
@@ -10,15 +10,13 @@ import errno
 import importlib
 import os
 import select
-import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Protocol
 
-from snr_sim.devices.wire.permission import how_to_use
+from snr_sim.devices.wire.permission import group_of, how_to_use
 from snr_sim.prelude.errors import DeviceError, MissingExtraError
 
-ANSWER_S = 0.5  # how long `ask` waits for an answer
 _BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 460800, 500000, 921600, 1000000)
 
 
@@ -39,11 +37,7 @@ class BytePort(Protocol):
         ...
 
     def read(self) -> bytes:
-        """Return the received bytes, which may be none, without waiting.
-
-        Raises:
-            DeviceError: the port is gone.
-        """
+        """Return the received bytes, which may be none, without waiting; raise the same error."""
         ...
 
     def wait(self, seconds: float) -> bool:
@@ -68,7 +62,7 @@ class SerialPort:
     """
 
     def __init__(self, path: str, baud: int = 115_200) -> None:
-        self.name = path
+        self.name: str = path
         serial = _pyserial()
         try:
             self._serial: Any = serial.Serial(path, baud, timeout=0, write_timeout=0, exclusive=True)
@@ -113,24 +107,6 @@ class SerialPort:
             f"{self.name} is gone: {error}.",
             fix="is the cable in, and does the device have power? `ls /dev/tty*` shows where it came back.",
         )
-
-
-def ask(port: BytePort, request: bytes, length: int, timeout_s: float = ANSWER_S) -> bytes:
-    """Send a request and return the answer: at least `length` bytes, or as many as arrived in time.
-
-    Args:
-        port: destination. Bytes received earlier are discarded.
-        request: bytes to send.
-        length: of the whole answer.
-        timeout_s: by the computer's clock.
-    """
-    port.read()
-    port.write(request)
-    answer = port.read()
-    until_s = time.monotonic() + timeout_s
-    while len(answer) < length and port.wait(max(0.0, until_s - time.monotonic())):
-        answer += port.read()
-    return answer
 
 
 def check_port(path: str) -> None:
@@ -180,7 +156,7 @@ def _open_error(path: str, baud: int, error: Exception) -> DeviceError:
         return DeviceError(f"There is no serial port {path}.", fix=fix)
     if number in (errno.EACCES, errno.EPERM):
         return DeviceError(
-            f"{path} may not be opened by this user: it belongs to {_group_of(path)}.",
+            f"{path} may not be opened by this user: it belongs to group '{group_of(Path(path))}'.",
             fix=how_to_use(Path(path), "dialout"),
         )
     if number in (errno.EBUSY, errno.EAGAIN):
@@ -206,10 +182,3 @@ def _holder(path: str) -> str:
         except OSError:
             continue  # of another user, or it has ended meanwhile
     return found
-
-
-def _group_of(path: str) -> str:
-    try:
-        return f"group '{Path(path).group()}'"
-    except (OSError, KeyError):
-        return "a group of its own"

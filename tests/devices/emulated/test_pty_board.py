@@ -12,15 +12,16 @@ from pathlib import Path
 import pytest
 
 from snr_sim.devices.emulated.board import Board
-from snr_sim.devices.emulated.pty_board import PtyBoard
 from snr_sim.devices.emulated.toolchain import firmware_elf
 from snr_sim.devices.wire.mcu_frames import McuFrames, encode
 from snr_sim.devices.wire.mcu_messages import Hello, Ident
 
+from .pty_board import PtyBoard
+
 FIRMWARE = Path(__file__).parents[3] / "robots" / "urov" / "firmware"
 MCU = "atmega2560"
 WAIT_S = 60.0
-WORDS = ["-m", "snr_sim.devices.emulated.pty_board", str(FIRMWARE), "--mcu", MCU, "--link"]
+WORDS = [str(Path(__file__).with_name("pty_board.py")), str(FIRMWARE), "--mcu", MCU, "--link"]
 
 pytestmark = pytest.mark.usefixtures("emulators")
 

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from snr_sim.devices.wire.i2c_bus import I2cBus, RawBus
+from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.prelude.errors import DeviceError, MissingExtraError
 from snr_sim.testing.fake_i2c import FakeBus, FakePca9685
 
@@ -16,7 +16,7 @@ def bus_with(*addresses: int) -> tuple[I2cBus, FakeBus]:
 
 
 def failing(error: OSError) -> I2cBus:
-    def open_raw(number: int) -> RawBus:
+    def open_raw(number: int) -> None:
         raise error
 
     return I2cBus(1, open_raw)

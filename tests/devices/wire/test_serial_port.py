@@ -11,7 +11,7 @@ from contextlib import suppress
 import pytest
 
 from snr_sim.devices.wire import serial_port
-from snr_sim.devices.wire.serial_port import SerialPort, ask, check_port
+from snr_sim.devices.wire.serial_port import SerialPort, check_port
 from snr_sim.prelude.errors import DeviceError, MissingExtraError
 
 
@@ -45,14 +45,6 @@ def test_serial_port_sends_and_receives_bytes(cable: Cable) -> None:
     assert port.wait(60.0)
     assert port.read() == b"\0\x11\x13\xff"
     port.close()
-    port.close()
-
-
-def test_ask_returns_at_timeout(cable: Cable) -> None:
-    port = SerialPort(cable.path)
-    os.write(cable.far, b"old")
-    assert port.wait(60.0)
-    assert ask(port, b"?", 2, timeout_s=0.01) == b""
     port.close()
 
 
@@ -126,7 +118,7 @@ def test_serial_port_invalid_path_or_baud_raises_device_error(cable: Cable) -> N
 def test_serial_port_pulled_cable_raises_in_each_call(cable: Cable) -> None:
     port = SerialPort(cable.path)
     cable.pull()
-    for call in (port.read, lambda: port.write(b"x"), lambda: ask(port, b"x", 1)):
+    for call in (port.read, lambda: port.write(b"x")):
         with pytest.raises(DeviceError, match=f"(?s){cable.path} is gone.*is the cable in"):
             call()
     port.close()

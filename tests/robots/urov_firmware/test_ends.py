@@ -13,6 +13,7 @@ import pytest
 from .conftest import FIRMWARE
 
 pytest.importorskip("serial")
+PTY_BOARD = Path(__file__).parents[2] / "devices" / "emulated" / "pty_board.py"
 KILLED_WITHIN_MS = 250.0
 ENDED_WITHIN_MS = 20.0
 WAIT_S = 60.0
@@ -115,7 +116,7 @@ def test_h1_h8_program_ending_at_full_thrust_sets_neutral_in_time(
     start: Callable[..., Process], tmp_path: Path, how: str | signal.Signals, within_ms: float
 ) -> None:
     link, log = tmp_path / "esc", tmp_path / "log"
-    board = start("-m", "snr_sim.devices.emulated.pty_board", str(FIRMWARE), "--link", str(link), "--log", str(log))
+    board = start(str(PTY_BOARD), str(FIRMWARE), "--link", str(link), "--log", str(log))
     assert line_of(board) == f"atmega328p at {link}"
     program_file = tmp_path / "ahead.py"
     program_file.write_text(FULL_AHEAD)

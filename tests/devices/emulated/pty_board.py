@@ -1,6 +1,6 @@
 """An emulated microcontroller on a serial port, in real time, for programs that open serial ports.
 
-    python -m snr_sim.devices.emulated.pty_board robots/urov/firmware --link /tmp/esc --log /tmp/esc.log
+    python tests/devices/emulated/pty_board.py robots/urov/firmware --link /tmp/esc --log /tmp/esc.log
 
 A pseudo terminal differs from a cable: it has no baud rate (the emulated line's is used), no DTR that resets an Arduino
 and no noise. If the computer is too busy to keep up, the emulated time pauses; the log contains by how much.

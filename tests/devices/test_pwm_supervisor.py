@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from snr_sim.devices.pwm.output_watchdog import OutputWatchdog
+from snr_sim.devices.pwm.pwm_supervisor import OutputWatchdog
 from snr_sim.testing.fakes import FakeSensor  # a device, of which only the life cycle is used here
 
 GENEROUS_S = 60.0
@@ -46,17 +46,10 @@ def guard_of(out: Out) -> OutputWatchdog:
 
 
 @pytest.mark.slow
-def test_output_watchdog_unarmed_supervisor_needs_no_heartbeat(out: Out) -> None:
+@pytest.mark.parametrize("is_armed", [True, False])
+def test_output_watchdog_stopped_by_supervisor_keeps_outputs(out: Out, is_armed: bool) -> None:
     watchdog = guard_of(out)
-    watchdog.feed(False)
-    watchdog.stop()
-    assert out.count[0] == 0
-
-
-@pytest.mark.slow
-def test_output_watchdog_stop_when_armed_keeps_outputs(out: Out) -> None:
-    watchdog = guard_of(out)
-    watchdog.feed(True)
+    watchdog.feed(is_armed)
     watchdog.stop()
     assert out.count[0] == 0
 
