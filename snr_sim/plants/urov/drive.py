@@ -33,7 +33,7 @@ class Drive:
     Attributes:
         inputs: name of the input.
         wrench: that is asked for, body frame.
-        pulses: of each thruster [us]; None where no pulse comes.
+        pulses: of each thruster [us]; None where no pulse comes. Replaced, never changed.
         until_s: when the pulses end unless there are others.
     """
 

@@ -78,8 +78,8 @@ class UrovState(NamedTuple):
     entrained_fraction: float = 1.0  # the fraction whose water has been brought to the vehicle's speed
     water_l: float = 0.0  # leaked and weighed
     wrench: Six = AT_REST
-    pulses: tuple[float | None, ...] = ()
-    pulses_until_s: float = math.inf
+    pulses: Sequence[float | None] = ()
+    until_s: float = math.inf  # when the pulses end
     contact_n: Vector | None = None  # None: nothing touched
     pressed_n: float = 0.0  # what contacts pushed in the last part of the last step
     tether_n: Vector = (0.0, 0.0, 0.0)
