@@ -77,7 +77,7 @@ class Hull3D:
     # -- the state ----------------------------------------------------------------------------------------------------
 
     def put(self, coordinates: tuple[float, ...], motion: tuple[float, ...]) -> None:
-        """Set the module's pose with its legs at rest; then `set_mass` and `update`."""
+        """Set the module's pose with its legs at rest; then take its `state`."""
         self._world.mujoco.mj_resetData(self._model, self._data)
         self._qpos[:7], self._qvel[:6] = coordinates, motion
 

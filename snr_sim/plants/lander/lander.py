@@ -20,10 +20,10 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 from snr_sim.plants.lander.gear import Touchdown
-from snr_sim.plants.lander.legs import FEET_M, BodyPose, Kick
+from snr_sim.plants.lander.legs import FEET_M, BodyPose, Grip, Kick
 from snr_sim.plants.lander.module import LunarModule, PlaneStart
 from snr_sim.plants.lander.module_shapes import HULL_M, NOZZLE_BELOW_M, PADS_BELOW_M
 from snr_sim.plants.lander.terrain import HALF_WIDTH_M, ROOF_REACH_M, Terrain
@@ -40,6 +40,26 @@ STILL_MPS, STILL_RADPS, SETTLE_S = 0.05, 0.01, 0.5  # slower than this for so lo
 MAX_INITIAL_PENETRATION_M = 0.01  # depth in the ground at which a run may begin: legs give way
 CEILING_M = 20_000.0
 EDGE_M = HALF_WIDTH_M - ROOF_REACH_M
+
+
+class LanderState(NamedTuple):
+    """Full state: that of the engine of physics (positions half a step ahead), and ours. Defaults: a start."""
+
+    body: Any  # in the plane a `BodyPose`, in space all that MuJoCo has
+    mass_kg: float
+    fuel_kg: float
+    terrain: Terrain
+    attitude_rad: float = 0.0  # in space, with full turns
+    has_hull_touched: bool = False  # in the plane, as the next two
+    grips_m: tuple[Grip, Grip] = (None, None)
+    far_steps: int = 0
+    steps: int = 0
+    throttle: float = 0.0
+    gimbal_rad: float = 0.0
+    command: tuple[float, float, float] = (0.0, 0.0, 0.0)  # throttle, gimbal, couple of the jets [N m]
+    still_steps: int = 0
+    touchdown: Touchdown | None = None
+    outcome: str | None = None
 
 
 class Lander(ABC):
@@ -76,18 +96,13 @@ class Lander(ABC):
     gimbal_rad: float
     touchdown: Touchdown | None
     outcome: str | None
-    _steps: int
-    _still_steps: int
-    _throttle_goal: float
-    _gimbal_goal: float
-    _jets: float  # couple [N m]
 
     def __init__(
         self, module: LunarModule, start_of: Callable[[int], tuple[PlaneStart, Terrain]], step_s: float
     ) -> None:
         check_number("The lander's step_s", step_s, LIMITS["flight_step_s"])
-        self.module = module
-        self.start_of = start_of
+        self.module: LunarModule = module
+        self.start_of: Callable[[int], tuple[PlaneStart, Terrain]] = start_of
         self.step_s: float = step_s
         lag_s = module.throttle_lag_s
         self._lag_left, self._lag_steps = (math.exp(-step_s / lag_s), lag_s / step_s) if lag_s > 0.0 else (0.0, 0.0)
@@ -133,7 +148,7 @@ class Lander(ABC):
             "outcome": self.outcome,
         }
 
-    def _restore_flight(self, state: Any) -> None:
+    def _restore_flight(self, state: LanderState) -> None:
         """Put that back."""
         self._steps, self._still_steps, self.terrain = state.steps, state.still_steps, state.terrain
         self.mass_kg, self.fuel_kg = state.mass_kg, state.fuel_kg
