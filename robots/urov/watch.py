@@ -2,24 +2,15 @@
 
 from __future__ import annotations
 
-from snr_sim import Loop, LoopFactory, tasks
-from snr_sim.scenario import NodeApi
+from snr_sim import Loop, tasks
 
-RATE_HZ = 10.0
 UNANSWERED_S = 0.1  # the inertial unit is answered with a command 50 times a second
-
-
-class WatchFactory(LoopFactory):
-    """Makes the watch."""
-
-    def get(self, parent: NodeApi) -> Watch:
-        """Return the loop 'watch'."""
-        return Watch(self, parent, "watch", RATE_HZ)
 
 
 class Watch(Loop):
     """Loop that repeats page 'imu' ten times a second while nothing is commanded; never in a healthy run."""
 
+    max_tick_rate_hz = 10.0
     first_tick_after_s = 0.5
 
     def loop(self) -> None:

@@ -21,7 +21,7 @@ library.load_robot(library.find("robots", "urov"))
 from snr_sim_robot_urov.autopilot import AutopilotFactory  # noqa: E402
 from snr_sim_robot_urov.controls import Controls  # noqa: E402
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle  # noqa: E402
-from snr_sim_robot_urov.watch import WatchFactory  # noqa: E402
+from snr_sim_robot_urov.watch import Watch  # noqa: E402
 
 ARM_S, WELL_S, AGAIN_S = 3.0, 4.0, 5.0
 
@@ -60,7 +60,7 @@ def dived(
 
     parts = [
         FunctionLoopFactory(bring, "bringer", 20.0),
-        WatchFactory(),
+        Watch.factory(),
         AutopilotFactory(UrovParameters(vehicle())),
         FunctionEndpointFactory({(TaskType.store_page, "vehicle"): keep}),
     ]
