@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from snr_sim.plants.lander.gear import APOLLO_GEAR, GearLimits
-from snr_sim.plants.urov.parameter_limits import LIMITS, check_record
+from snr_sim.plants.urov.parameter_limits import LIMITS, Record, check_record
 from snr_sim.prelude.errors import ParameterError
 
 
@@ -47,28 +47,22 @@ class Throttle:
 
 
 @dataclass(frozen=True)
-class Leg:
+class Leg(Record, who="The leg's "):
     """One sprung, damped foot, and its grip on the ground.
 
     Args:
         spring_npm: force per metre of giving way, along the ground's normal; sideways the foot bends as stiffly.
         damper_nspm: force per speed, both ways.
         friction: largest fraction of the normal force that the foot holds sideways before it slides.
-
-    Raises:
-        ParameterError: a number is out of range.
     """
 
     spring_npm: Annotated[float, LIMITS["leg_npm"]]
     damper_nspm: Annotated[float, LIMITS["leg_nspm"]]
     friction: Annotated[float, LIMITS["grip"]]
 
-    def __post_init__(self) -> None:
-        check_record(self, "The leg's ")
-
 
 @dataclass(frozen=True)
-class LunarModule:
+class LunarModule(Record, who="The module's "):
     """A module that flies in the x-z plane.
 
     Args:
@@ -83,9 +77,6 @@ class LunarModule:
         leg: each of the two.
         gear: judges the first contact.
         gravity_mps2: pulls down.
-
-    Raises:
-        ParameterError: a number is out of range.
     """
 
     thrust_n: Annotated[float, LIMITS["engine_n"]]
@@ -99,9 +90,6 @@ class LunarModule:
     leg: Leg
     gravity_mps2: Annotated[float, LIMITS["pull_mps2"]]
     gear: GearLimits = field(default=APOLLO_GEAR)
-
-    def __post_init__(self) -> None:
-        check_record(self, "The module's ")
 
 
 def check_tank(mass_kg: float, fuel_kg: float) -> None:

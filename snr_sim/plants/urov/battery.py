@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, TypeAlias
 
-from snr_sim.plants.urov.parameter_limits import LIMITS, check_number, check_record, format_value, is_number
+from snr_sim.plants.urov.parameter_limits import LIMITS, Record, check_number, format_value, is_number
 from snr_sim.prelude.errors import ParameterError
 
 # Open-circuit voltage of a cell over its charge: a Samsung INR21700-40T, measured at C/20 and room temperature, at the
@@ -46,7 +46,7 @@ def cell_v(charge: float) -> float:
 
 
 @dataclass(frozen=True)
-class BatteryPack:
+class BatteryPack(Record, who="The battery's "):
     """Parameters of a battery. The default is the 14.8 V, 18 Ah pack of the vehicle's maker.
 
     Args:
@@ -61,9 +61,6 @@ class BatteryPack:
             which the cells' own makers call them empty, and a delay longer than a motor's start. Thrusters stop then;
             that the computers would stop, too, is not simulated.
         cutoff_s: that delay.
-
-    Raises:
-        ParameterError: a number is out of range; the message names it and the usual range.
     """
 
     cells: Annotated[int, LIMITS["cells"]] = 4
@@ -71,9 +68,6 @@ class BatteryPack:
     resistance_ohm: Annotated[float, LIMITS["resistance_ohm"]] = 0.03
     cutoff_cell_v: Annotated[float | None, LIMITS["cutoff_cell_v"]] = 2.5
     cutoff_s: Annotated[float, LIMITS["cutoff_s"]] = 0.1
-
-    def __post_init__(self) -> None:
-        check_record(self, "The battery's ")
 
 
 _ROUNDING_S = 1e-9  # a tenth of a second is one, however many steps it is made of

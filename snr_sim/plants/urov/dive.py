@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
-from snr_sim.plants.urov.parameter_limits import LIMITS, check_number, check_record, format_value, is_number
+from snr_sim.plants.urov.parameter_limits import LIMITS, Record, check_number, check_record, format_value, is_number
 from snr_sim.plants.urov.propulsion import FAULTS
 from snr_sim.plants.urov.tether import Tether
 from snr_sim.plants.urov.vehicle import Vector
@@ -44,7 +44,7 @@ class Payload:
 
 
 @dataclass(frozen=True)
-class Leak:
+class Leak(Record, who="The leak's "):
     """Water that leaks into the hull.
 
     Args:
@@ -58,9 +58,6 @@ class Leak:
     rate_lps: Annotated[float, LIMITS["leak_lps"]]
     max_l: Annotated[float, LIMITS["leak_l"]] = 2.0
     position_m: Annotated[Vector, LIMITS["body_position_m"]] = STILL
-
-    def __post_init__(self) -> None:
-        check_record(self, "The leak's ")
 
     def water_l(self, time_s: float) -> float:
         """Return how much is in."""
@@ -110,7 +107,7 @@ class ThrusterFault:
 
 
 @dataclass(frozen=True)
-class Current:
+class Current(Record, who="The current's "):
     """The speed of all water from a moment on.
 
     It changes at once, and the vehicle keeps its own speed over ground: the pressure that makes real water speed up,
@@ -123,9 +120,6 @@ class Current:
 
     start_s: Annotated[float, LIMITS["time_s"]]
     velocity_mps: Annotated[Vector, LIMITS["speed_mps"]]
-
-    def __post_init__(self) -> None:
-        check_record(self, "The current's ")
 
 
 @dataclass(frozen=True)

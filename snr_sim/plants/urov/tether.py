@@ -16,12 +16,12 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
-from snr_sim.plants.urov.parameter_limits import LIMITS, check_record
+from snr_sim.plants.urov.parameter_limits import LIMITS, Record
 from snr_sim.plants.urov.vehicle import Vector
 
 
 @dataclass(frozen=True)
-class Tether:
+class Tether(Record, who="The tether's "):
     """One tether.
 
     Args:
@@ -33,9 +33,6 @@ class Tether:
         across: drag coefficient for flow across it.
         along: drag coefficient for flow along it.
         damping_share: damping ratio of its stretch, by the vehicle's mass; our choice.
-
-    Raises:
-        ParameterError: a number is out of range.
     """
 
     anchor_m: Annotated[Vector, LIMITS["position_m"]]
@@ -46,9 +43,6 @@ class Tether:
     across: Annotated[float, LIMITS["across"]] = 1.2
     along: Annotated[float, LIMITS["along"]] = 0.01
     damping_share: Annotated[float, LIMITS["damping_share"]] = 0.1
-
-    def __post_init__(self) -> None:
-        check_record(self, "The tether's ")
 
     @property
     def stiffness_npm(self) -> float:
