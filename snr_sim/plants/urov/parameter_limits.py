@@ -28,8 +28,6 @@ GRAMS = {"grams": 1e-3}
 MILLIMETRES = {"millimetres": 1e-3, "centimetres": 1e-2}
 LITRES = {"litres": 1e-3, "cubic centimetres": 1e-6}
 DEGREES = {"degrees": math.pi / 180.0}
-LEAD_KGM3 = 11340.0
-OUTRIGGER_M = 0.1  # how far a propeller may sit outside the frame
 IS_ABOVE = True  # excludes the bound `min_value` itself
 
 

@@ -22,9 +22,8 @@ from snr_sim.prelude.angles import quaternion_of
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.sums import ordered_sum
 
-MAX_INITIAL_PENETRATION_M = (
-    0.01  # depth in the floor at which a dive may begin: contacts are soft, and then push the vehicle out
-)
+# Depth in the floor at which a dive may begin: contacts are soft, and then push the vehicle out.
+MAX_INITIAL_PENETRATION_M = 0.01
 TAUT = 1.001  # factor of its length that a tether may be stretched to at the start
 
 
@@ -75,12 +74,10 @@ def check_start(dive: Any, seed: int, vehicle: Vehicle, pool: Pool, has_thruster
 
 
 def check_clearance(dive: Dive, solid: str, depth_m: float, vehicle: Vehicle, pool: Pool) -> None:
-    """Check that a vehicle at its start is in nothing solid.
+    """Check that a vehicle at the start of a dive is in nothing solid.
 
     Args:
-        dive: contains the start.
-        solid: what the vehicle is deepest in.
-        depth_m: how deep.
+        solid, depth_m: what the vehicle is deepest in, and how deep.
         vehicle, pool: for the message.
 
     Raises:

@@ -26,9 +26,7 @@ Flip: TypeAlias = NDArray[np.float64]  # signs of six axes
 
 FLIP = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])  # from FRD to FLU and back
 FRAMES = {"FRD": FLIP, "FLU": np.ones(6)}
-MAX_LINEAR_RATIO = (
-    2.0  # drag at 1 m/s along the axes, linear by quadratic: those in robots/urov/vehicles have 0.1 and 0.2
-)
+MAX_LINEAR_RATIO = 2.0  # of drag at 1 m/s, linear by quadratic: those in robots/urov/vehicles have 0.1 and 0.2
 _OPTIONAL = {"net_buoyancy_n"}
 _NUMBER = ("value", "source")
 _THRUSTER = ("name", "position_m", "direction")
