@@ -57,17 +57,11 @@ STATE = (
 
 
 class ThrustLinearisation(NamedTuple):
-    """Numbers that approach targets, all with the same lag.
+    """Numbers that approach targets, all with the same lag."""
 
-    Args:
-        before: what they were when the lines were laid.
-        bases: what they settle to at the voltage from which the lines hold.
-        slopes: how that changes with each volt more.
-    """
-
-    before: Sequence[float]
-    bases: Sequence[float]
-    slopes: Sequence[float]
+    before: Sequence[float]  # what they were when the lines were laid
+    bases: Sequence[float]  # what they settle to at the voltage from which the lines hold
+    slopes: Sequence[float]  # how that changes with each volt more
 
     def at(self, decay: float, ramp_integral: float) -> list[float]:
         """Return where they are."""
@@ -76,14 +70,10 @@ class ThrustLinearisation(NamedTuple):
 
 
 class MixedThrust(NamedTuple):
-    """Products of a matrix and the forces, as lines of their own.
-
-    Args:
-        matrix: and its `rows` as lists. For so few numbers Python is quicker than numpy, whose code is cold by then.
-    """
+    """Products of a matrix and the forces, as lines of their own."""
 
     matrix: Matrix
-    rows: list[list[float]]
+    rows: list[list[float]]  # its: for so few numbers Python is quicker than numpy, whose code is cold by then
     lines: ThrustLinearisation
 
 
@@ -333,11 +323,9 @@ class Propulsion:
         self._set_linearisation(from_v, to_v, tuple(zip(*rows, strict=True)))
 
     def _set_linearisation(self, from_v: float, to_v: float, columns: Sequence[Numbers]) -> None:
-        """Have forces and currents follow other lines, from where they are.
+        """Have forces and currents follow other lines, from where they are, between two voltages.
 
-        Args:
-            from_v, to_v: where these hold.
-            columns: forces and currents at `from_v`, and how these and those change with each volt.
+        `columns` are forces and currents at `from_v`, and how these and those change with each volt.
         """
         forces, currents, forces_per_v, currents_per_v = columns
         decay, ramp_integral = self._decay, self._ramp_integral

@@ -29,17 +29,11 @@ FORCE_POWER, CURRENT_POWER = 1.29, 1.19
 
 
 class Curve(NamedTuple):
-    """What a thruster does at one voltage, by pulse width. Between two of its pulses all is linear.
+    """What a thruster does at one voltage, by pulse width. Between two of its pulses all is linear."""
 
-    Args:
-        pulses_us: rising, from `MIN_PULSE_US` to `MAX_PULSE_US`.
-        forces_n: positive ahead; never falls with the pulse, and is 0 in the dead band only.
-        currents_a: drawn from the supply.
-    """
-
-    pulses_us: tuple[float, ...]
-    forces_n: tuple[float, ...]
-    currents_a: tuple[float, ...]
+    pulses_us: tuple[float, ...]  # rising, from `MIN_PULSE_US` to `MAX_PULSE_US`
+    forces_n: tuple[float, ...]  # positive ahead; never falls with the pulse, and is 0 in the dead band only
+    currents_a: tuple[float, ...]  # drawn from the supply
 
     def at(self, pulse_us: float) -> tuple[float, float]:
         """Return force [N] and current [A] at a pulse between `MIN_PULSE_US` and `MAX_PULSE_US`."""

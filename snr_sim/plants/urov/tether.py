@@ -51,24 +51,15 @@ class Tether(Record, who="The tether's "):
 
 
 class TetherPull:
-    """The pull of one tether at its vehicle.
-
-    Args:
-        tether: its numbers.
-        density_kgm3: of the water.
-        mass_kg: of the vehicle, for the damping of the stretch.
-
-    Attributes:
-        tension_n: of the last call.
-    """
+    """The pull of one tether at its vehicle, by whose mass its stretch is damped."""
 
     def __init__(self, tether: Tether, density_kgm3: float, mass_kg: float) -> None:
-        self.tether = tether
+        self.tether: Tether = tether
         self._stiffness = tether.stiffness_npm
         self._damping = 2.0 * tether.damping_share * math.sqrt(self._stiffness * mass_kg)
         self._across = 0.5 * density_kgm3 * tether.across * tether.diameter_m
         self._along = 0.5 * density_kgm3 * tether.along * tether.diameter_m * math.pi
-        self.tension_n = 0.0
+        self.tension_n: float = 0.0  # of the last call
 
     def force(self, end_m: Vector, velocity: Vector, current: Vector) -> Vector:
         """Return the force on the vehicle [N], world frame.

@@ -70,14 +70,7 @@ class Urov2D(Urov):
 
 
 class PlaneMover(Mover):
-    """Three degrees of freedom: surge, heave and pitch.
-
-    Args:
-        plane: the vehicle in pymunk.
-        motion: of the vehicle, which is written.
-        water: what it does to the vehicle.
-        equation: its new velocity.
-    """
+    """Three degrees of freedom: surge, heave and pitch. Writes `motion`."""
 
     def __init__(self, plane: Pool2D, motion: Motion, water: WaterForces, equation: Water2D) -> None:
         self._plane, self._motion, self._water, self._equation = plane, motion, water, equation
