@@ -26,22 +26,14 @@ ARM_S = 2.0  # speed controllers need a second before it
 
 @dataclass(frozen=True)
 class Waypoint:
-    """Where to go next.
+    """Where to go next."""
 
-    Args:
-        x_m, y_m: world frame.
-        depth_m: positive down.
-        heading_rad: on the way there.
-        within_m: as close as this counts as there.
-        stay_s: how long to stay there: a vehicle that arrives sideways keeps drifting sideways.
-    """
-
-    x_m: float
+    x_m: float  # world frame
     y_m: float
-    depth_m: float
-    heading_rad: float
-    within_m: float = 0.25
-    stay_s: float = 0.0
+    depth_m: float  # positive down
+    heading_rad: float  # on the way there
+    within_m: float = 0.25  # as close as this counts as there
+    stay_s: float = 0.0  # how long to stay there: a vehicle that arrives sideways keeps drifting sideways
 
 
 class WaypointPilot(Endpoint):

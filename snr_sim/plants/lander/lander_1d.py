@@ -98,11 +98,9 @@ class Lander1D:
             ("lander's ceiling_m", ceiling_m, "above_m"),
         ):
             check_number(f"The {what}", value, LIMITS[limit])
-        self.start_of = start_of
-        self.thrust_n, self.exhaust_mps, self.gravity_mps2 = engine.thrust_n, engine.exhaust_mps, engine.gravity_mps2
-        self.min_throttle = min_throttle
-        self.gear = gear
-        self.ceiling_m = ceiling_m
+        self.start_of: Callable[[int], VerticalStart] = start_of
+        self.thrust_n, self.exhaust_mps, self.gravity_mps2 = engine
+        self.min_throttle, self.gear, self.ceiling_m = min_throttle, gear, ceiling_m
         self.reset(seed)
 
     def reset(self, seed: int) -> None:

@@ -29,9 +29,8 @@ class Throttle:
     def __post_init__(self) -> None:
         check_record(self, "The throttle's ")
         if self.lowest > self.highest:
-            raise ParameterError(
-                f"The throttle runs from {self.lowest:g} to {self.highest:g}.", fix="give the lower end first."
-            )
+            found = f"The throttle runs from {self.lowest:g} to {self.highest:g}."
+            raise ParameterError(found, fix="give the lower end first.")
 
     def snap(self, command: float) -> float:
         """Return the nearest fraction that the engine can run at.
@@ -93,15 +92,10 @@ class LunarModule(Record, who="The module's "):
 
 
 def check_tank(mass_kg: float, fuel_kg: float) -> None:
-    """Check that a module at its start is more than its propellant.
-
-    Raises:
-        ParameterError: it is not.
-    """
+    """Check that a module at its start is more than its propellant; if not, raise a ParameterError."""
     if not fuel_kg < mass_kg:
-        raise ParameterError(
-            f"The start's fuel_kg is {fuel_kg:g}, its mass_kg {mass_kg:g}.", fix="mass_kg is all of it, the fuel too."
-        )
+        found = f"The start's fuel_kg is {fuel_kg:g}, its mass_kg {mass_kg:g}."
+        raise ParameterError(found, fix="mass_kg is all of it, the fuel too.")
 
 
 @dataclass(frozen=True)

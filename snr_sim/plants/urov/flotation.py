@@ -46,7 +46,7 @@ class Flotation:
         force = share * self._buoyancy_n
         self.net_n: float = force - self._weight_n  # buoyancy less weight
         x, y, z = (force * a - b for a, b in zip(centre, self._weight_arm, strict=True))
-        # Each times its position, body frame: the cross product with the upward direction is the righting moment.
+        # Each times its position [N m], body frame: the cross product with the upward direction is the righting moment.
         self.static_moment_nm: Vector = (x, y, z)
 
     def submerge(self) -> None:
