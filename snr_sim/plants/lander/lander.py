@@ -27,7 +27,7 @@ from snr_sim.plants.lander.legs import FEET_M, BodyPose, Grip, Kick
 from snr_sim.plants.lander.module import LunarModule, PlaneStart
 from snr_sim.plants.lander.module_shapes import HULL_M, NOZZLE_BELOW_M, PADS_BELOW_M
 from snr_sim.plants.lander.terrain import HALF_WIDTH_M, ROOF_REACH_M, Terrain
-from snr_sim.plants.urov.parameter_limits import LIMITS, check_number, format_value
+from snr_sim.plants.urov.parameter_limits import LIMITS, check_number, check_valid
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError, suggest
 from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
 
@@ -116,10 +116,8 @@ class Lander(ABC):
             ParameterError: they are not valid, or a part of the module is in the ground.
         """
         given = self.start_of(seed)
-        if not (isinstance(given, tuple) and tuple(map(type, given)) == (PlaneStart, Terrain)):
-            raise ParameterError(
-                f"The start of seed {seed} is {format_value(given)}.", fix="return a PlaneStart and a Terrain."
-            )
+        is_start = isinstance(given, tuple) and tuple(map(type, given)) == (PlaneStart, Terrain)
+        check_valid(is_start, f"The start of seed {seed}", given, "return a PlaneStart and a Terrain.")
         start, terrain = given
         (x, z), cos, sin = start.position_m, math.cos(start.attitude_rad), math.sin(start.attitude_rad)
         corners = [(x + cos * a - sin * b, z + sin * a + cos * b) for a, b in (*FEET_M, *HULL_M)]

@@ -18,7 +18,7 @@ from snr_sim.plants.lander.module import check_tank
 from snr_sim.plants.lander.module_shapes import NOZZLE_BELOW_M, PADS_BELOW_M, module_shapes
 from snr_sim.plants.lander.terrain import FLAT
 from snr_sim.plants.lander.terrain_shapes import terrain_shapes
-from snr_sim.plants.urov.parameter_limits import LIMITS, check_number, check_record, format_value
+from snr_sim.plants.urov.parameter_limits import LIMITS, check_number, check_record, check_valid
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError, suggest
 from snr_sim.prelude.signals import EngineCommand, RadarReading
 
@@ -106,8 +106,8 @@ class Lander1D:
     def reset(self, seed: int) -> None:
         """Put the module back to the start that belongs to this seed, engine off."""
         start = self.start_of(seed)
-        if not isinstance(start, VerticalStart):
-            raise ParameterError(f"The start of seed {seed} is {format_value(start)}.", fix="return a VerticalStart.")
+        is_start = isinstance(start, VerticalStart)
+        check_valid(is_start, f"The start of seed {seed}", start, "return a VerticalStart.")
         self.time_s = 0.0
         self.height_m, self.velocity_mps = float(start.height_m), float(start.velocity_mps)
         self.mass_kg, self.fuel_kg = start.mass_kg, start.fuel_kg

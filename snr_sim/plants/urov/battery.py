@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, TypeAlias
 
-from snr_sim.plants.urov.parameter_limits import LIMITS, Record, check_number, format_value, is_number
+from snr_sim.plants.urov.parameter_limits import LIMITS, Record, check_number, check_valid, format_value, is_number
 from snr_sim.prelude.errors import ParameterError
 
 # Open-circuit voltage of a cell over its charge: a Samsung INR21700-40T, measured at C/20 and room temperature, at the
@@ -120,10 +120,8 @@ class Battery:
     """
 
     def __init__(self, pack: BatteryPack | None = None, charge: float = 1.0) -> None:
-        if pack is not None and not isinstance(pack, BatteryPack):
-            raise ParameterError(
-                f"The battery's pack is {format_value(pack)}.", fix="Battery(BatteryPack(cells=4), charge=0.8)."
-            )
+        fix = "Battery(BatteryPack(cells=4), charge=0.8)."
+        check_valid(pack is None or isinstance(pack, BatteryPack), "The battery's pack", pack, fix)
         check_number("The battery's charge", charge, LIMITS["share"])
         self.pack: BatteryPack = pack or BatteryPack()
         self._first_charge = charge

@@ -308,6 +308,12 @@ def checked_matrix(what: str, rows: Any, axes: Sequence[str]) -> NDArray[np.floa
     return matrix
 
 
+def check_valid(is_valid: bool, what: str, value: Any, fix: str, why: str = "") -> None:
+    """Raise a ParameterError that shows a value, and why it is refused, unless it is valid."""
+    if not is_valid:
+        raise ParameterError(f"{what} is {format_value(value)}{why}.", fix=fix)
+
+
 def is_number(value: Any) -> bool:
     """Return whether a value is a number; true and false are none, and neither is one too large for a float."""
     if isinstance(value, bool) or not isinstance(value, Real):

@@ -48,10 +48,8 @@ class Gate:
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.strip() or self.name in PARTS:
-            raise ParameterError(
-                f"A gate is named {format_value(self.name)}.",
-                fix=f"give it a name of its own, other than {', '.join(PARTS)}.",
-            )
+            fix = f"give it a name of its own, other than {', '.join(PARTS)}."
+            raise ParameterError(f"A gate is named {format_value(self.name)}.", fix=fix)
         check_record(self, f"Gate '{self.name}': ")
 
     def corners_m(self) -> list[Vector]:

@@ -30,7 +30,7 @@ import numpy as np
 
 from snr_sim.plants.urov.battery import Battery, Supply
 from snr_sim.plants.urov.esc import Esc
-from snr_sim.plants.urov.parameter_limits import LIMITS, check_number, check_whole, format_value
+from snr_sim.plants.urov.parameter_limits import LIMITS, check_number, check_valid, check_whole
 from snr_sim.plants.urov.t200 import MAX_PULSE_US, MAX_VOLTAGE_V, MIN_PULSE_US, MIN_VOLTAGE_V, STOP_US, curve
 from snr_sim.plants.urov.vehicle import Matrix
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError, suggest
@@ -102,11 +102,8 @@ class Propulsion:
         check_whole("The number of thrusters", count, LIMITS["thruster_count"])
         check_number("The thrusters' lag_s", lag_s, LIMITS["thruster_lag_s"])
         check_number("The vehicle's electronics_a", electronics_a, LIMITS["electronics_a"])
-        if supply is not None and not hasattr(supply, "voltage_v"):
-            raise ParameterError(
-                f"The supply of the thrusters is {format_value(supply)}.",
-                fix="Battery(charge=0.8), or BenchSupply(16.0).",
-            )
+        is_supply = supply is None or hasattr(supply, "voltage_v")
+        check_valid(is_supply, "The supply of the thrusters", supply, "Battery(charge=0.8), or BenchSupply(16.0).")
         self.count: int = count
         self.supply: Supply = Battery() if supply is None else supply
         self.lag_s: float = lag_s
