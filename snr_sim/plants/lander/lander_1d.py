@@ -18,13 +18,13 @@ from snr_sim.plants.lander.module import check_tank
 from snr_sim.plants.lander.module_shapes import NOZZLE_BELOW_M, PADS_BELOW_M, module_shapes
 from snr_sim.plants.lander.terrain import FLAT
 from snr_sim.plants.lander.terrain_shapes import terrain_shapes
-from snr_sim.plants.urov.parameter_limits import LIMITS, check_number, check_record, check_valid
+from snr_sim.plants.urov.parameter_limits import LIMITS, Record, check_number, check_valid
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError, suggest
 from snr_sim.prelude.signals import EngineCommand, RadarReading
 
 
 @dataclass(frozen=True)
-class VerticalStart:
+class VerticalStart(Record, who="The start's "):
     """Where a run begins.
 
     Args:
@@ -32,9 +32,6 @@ class VerticalStart:
         velocity_mps: positive up.
         mass_kg: all of it.
         fuel_kg: of the mass, what may be burned.
-
-    Raises:
-        ParameterError: a number is out of range.
     """
 
     height_m: Annotated[float, LIMITS["above_m"]]
@@ -43,7 +40,7 @@ class VerticalStart:
     fuel_kg: Annotated[float, LIMITS["fuel_kg"]]
 
     def __post_init__(self) -> None:
-        check_record(self, "The start's ")
+        super().__post_init__()
         check_tank(self.mass_kg, self.fuel_kg)
 
 

@@ -28,10 +28,8 @@ class Lander2D(Lander):
     """The lander in the plane, under pymunk.
 
     Args:
-        module: its numbers.
-        start_of: gives the start and the ground that belong to a seed.
+        module, start_of, step_s: as of `Lander`.
         seed: of the first run.
-        step_s: of integration; see `STEP_S`.
     """
 
     def __init__(

@@ -29,10 +29,8 @@ class Lander3D(Lander):
     """The lander in space, under MuJoCo.
 
     Args:
-        module: its numbers.
-        start_of: gives the start and the ground that belong to a seed: in the x-z plane, as for `Lander2D`.
+        module, start_of, step_s: as of `Lander`; a start is in the x-z plane.
         seed: of the first run.
-        step_s: of integration; see `STEP_S`.
     """
 
     def __init__(

@@ -7,27 +7,24 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from snr_sim.plants.lander.gear import APOLLO_GEAR, GearLimits
-from snr_sim.plants.urov.parameter_limits import LIMITS, Record, check_record
+from snr_sim.plants.urov.parameter_limits import LIMITS, Record
 from snr_sim.prelude.errors import ParameterError
 
 
 @dataclass(frozen=True)
-class Throttle:
+class Throttle(Record, who="The throttle's "):
     """Throttle range of an engine, as fractions of full thrust: off, a range, or full.
 
     Args:
         lowest: end of the range; below it the flame goes out.
         highest: other end; between it and full the nozzle erodes, so the engine skips that range.
-
-    Raises:
-        ParameterError: the fractions are not valid.
     """
 
     lowest: Annotated[float, LIMITS["share"]]
     highest: Annotated[float, LIMITS["share"]]
 
     def __post_init__(self) -> None:
-        check_record(self, "The throttle's ")
+        super().__post_init__()
         if self.lowest > self.highest:
             found = f"The throttle runs from {self.lowest:g} to {self.highest:g}."
             raise ParameterError(found, fix="give the lower end first.")
@@ -99,7 +96,7 @@ def check_tank(mass_kg: float, fuel_kg: float) -> None:
 
 
 @dataclass(frozen=True)
-class PlaneStart:
+class PlaneStart(Record, who="The start's "):
     """Where a run in the plane begins.
 
     Args:
@@ -109,9 +106,6 @@ class PlaneStart:
         rate_radps: of attitude.
         mass_kg: all of it.
         fuel_kg: of the mass, what may be burned.
-
-    Raises:
-        ParameterError: a number is out of range.
     """
 
     position_m: Annotated[tuple[float, float], LIMITS["way_m"]]
@@ -122,7 +116,7 @@ class PlaneStart:
     rate_radps: Annotated[float, LIMITS["tumble_radps"]] = 0.0
 
     def __post_init__(self) -> None:
-        check_record(self, "The start's ")
+        super().__post_init__()
         check_tank(self.mass_kg, self.fuel_kg)
 
 

@@ -39,12 +39,8 @@ class Urov2D(Urov):
     """The underwater vehicle in the plane. Implements `Plant`.
 
     Args:
-        vehicle: its numbers; it is trimmed in the pool's water.
-        pool: where it is.
         start_of: returns the dive that belongs to a seed; `in_plane` documents which parts of it are used.
-        thrusters: turn pulses into forces; without any, the input is a wrench.
-        seed: of the first run.
-        step_s: of integration.
+        vehicle, pool, thrusters, seed, step_s: as of `Urov`.
     """
 
     def __init__(

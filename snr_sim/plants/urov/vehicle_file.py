@@ -114,7 +114,7 @@ def _numbers(data: dict[str, Any], flip: Flip) -> tuple[dict[str, Any], dict[str
 
 
 def _sources(data: dict[str, Any]) -> dict[str, str]:
-    named = data.get("sources", {})
+    named: dict[str, str] = data.get("sources", {})
     check_valid(isinstance(named, dict), "sources", named, 'write [sources] and below it paper = "who, where".')
     for key, text in named.items():
         is_text = isinstance(text, str) and bool(text.strip())
