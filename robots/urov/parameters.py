@@ -34,14 +34,6 @@ FIX = Limit(0.0, 100.0, "Hz", "1 to 5 is usual, and 0 where there is none")
 VOLTS = Limit(MIN_VOLTAGE_V, MAX_VOLTAGE_V, "V", "14.8 is usual, with 4 cells", {"millivolts": 1e-3})
 SLEW = Limit(0.0, 1e5, "N/s", "250 is usual", {}, IS_ABOVE)
 PORT = Limit(1, 65535, "", "9120 is usual, and both ends of a link must know it")
-HOLDS = {
-    "yaw_nm": Limit(0.0, 1e3, "N m", "6 is usual"),
-    "sink_mps": Limit(0.0, 5.0, "m/s", "0.35 is usual", {"centimetres a second": 1e-2}, IS_ABOVE),
-    "brake_mps2": Limit(0.0, 10.0, "m/s2", "0.1 is usual", {}, IS_ABOVE),
-    "max_lead_m": Limit(0.0, 20.0, "m", "1 is usual", {"centimetres": 1e-2}, IS_ABOVE),
-    "turn_radps": Limit(0.0, 10.0, "rad/s", "0.7 is usual", DEGREES, IS_ABOVE),
-    "brake_radps2": Limit(0.0, 10.0, "rad/s2", "0.4 is usual", DEGREES, IS_ABOVE),
-}
 # fmt: on
 EXAMPLE_FAILSAFES = 'Failsafes(link_lost="surface").'
 EXAMPLE_GAINS = "Gains(kp=8.0, ki=1.5, kd=4.0, output_limit=8.0)"
@@ -71,13 +63,15 @@ class HoldParameters:
     level: Annotated[Gains, EXAMPLE_GAINS] = Gains(kp=8.0, ki=2.0, kd=3.0, output_limit=8.0)
     # What full sticks push in surge, sway and heave, and what one turns with.
     sticks_n: Annotated[tuple[float, float, float], PUSH, ("surge", "sway", "heave")] = (60.0, 60.0, 60.0)
-    yaw_nm: Annotated[float, HOLDS["yaw_nm"]] = 6.0
-    sink_mps: Annotated[float, HOLDS["sink_mps"]] = 0.35  # of a held depth, at full stick or towards another one
-    brake_mps2: Annotated[float, HOLDS["brake_mps2"]] = 0.1  # before it arrives
+    yaw_nm: Annotated[float, Limit(0.0, 1e3, "N m", "6 is usual")] = 6.0
+    # How fast a held depth moves, at full stick or towards another one, and how it slows down before it arrives.
+    sink_mps: Annotated[float, Limit(0.0, 5.0, "m/s", "0.35 is usual", {"centimetres a second": 1e-2}, IS_ABOVE)] = 0.35
+    brake_mps2: Annotated[float, Limit(0.0, 10.0, "m/s2", "0.1 is usual", {}, IS_ABOVE)] = 0.1
     # How far from where the vehicle is a stick moves it at most; more than it takes to slow down.
-    max_lead_m: Annotated[float, HOLDS["max_lead_m"]] = 1.0
-    turn_radps: Annotated[float, HOLDS["turn_radps"]] = 0.7  # of a held heading
-    brake_radps2: Annotated[float, HOLDS["brake_radps2"]] = 0.4
+    max_lead_m: Annotated[float, Limit(0.0, 20.0, "m", "1 is usual", {"centimetres": 1e-2}, IS_ABOVE)] = 1.0
+    # The same of a held heading.
+    turn_radps: Annotated[float, Limit(0.0, 10.0, "rad/s", "0.7 is usual", DEGREES, IS_ABOVE)] = 0.7
+    brake_radps2: Annotated[float, Limit(0.0, 10.0, "rad/s2", "0.4 is usual", DEGREES, IS_ABOVE)] = 0.4
 
     def __post_init__(self) -> None:
         check_record(self, "The hold's ")
