@@ -30,8 +30,7 @@ class VerticalStart(Record, who="The start's "):
     Args:
         height_m: of the pads over the ground.
         velocity_mps: positive up.
-        mass_kg: all of it.
-        fuel_kg: of the mass, what may be burned.
+        mass_kg, fuel_kg: all of it, and what of that may be burned.
     """
 
     height_m: Annotated[float, LIMITS["above_m"]]

@@ -62,17 +62,14 @@ class LunarModule(Record, who="The module's "):
     """A module that flies in the x-z plane.
 
     Args:
-        thrust_n: of the main engine at full throttle.
-        exhaust_mps: its effective exhaust speed.
-        throttle: fractions of it that the engine can run at.
+        thrust_n, exhaust_mps: of the main engine at full throttle, and its effective exhaust speed.
+        throttle: fractions of full thrust that the engine can run at.
         throttle_lag_s: time constant of thrust following the command.
-        gimbal_rad: how far the nozzle turns to either side.
-        gimbal_rate_radps: how fast.
+        gimbal_rad, gimbal_rate_radps: how far the nozzle turns to either side, and how fast.
         jets_nm: largest couple of the attitude jets. Their propellant has tanks of its own and is not counted.
         gyration_m: radius of gyration, which stays while propellant leaves: inertia is mass times its square.
         leg: each of the two.
         gear: judges the first contact.
-        gravity_mps2: pulls down.
     """
 
     thrust_n: Annotated[float, LIMITS["engine_n"]]
@@ -102,10 +99,8 @@ class PlaneStart(Record, who="The start's "):
     Args:
         position_m: x and z of the centre of mass.
         velocity_mps: vx and vz.
-        attitude_rad: positive counter-clockwise, as in InertialReading.
-        rate_radps: of attitude.
-        mass_kg: all of it.
-        fuel_kg: of the mass, what may be burned.
+        attitude_rad: positive counter-clockwise, as in InertialReading; `rate_radps` is how it changes.
+        mass_kg, fuel_kg: all of it, and what of that may be burned.
     """
 
     position_m: Annotated[tuple[float, float], LIMITS["way_m"]]

@@ -21,11 +21,9 @@ class Payload:
     """Small payload that is attached to the vehicle for a while. It has mass, so it also makes the vehicle sluggish.
 
     Args:
-        mass_kg: of it.
         volume_m3: of the water it displaces; a kilogram of lead has 0.000088.
         position_m: body frame.
-        start_s: when it is attached.
-        end_s: when it is released.
+        start_s, end_s: when it is attached, and released.
     """
 
     mass_kg: Annotated[float, LIMITS["load_kg"]]
@@ -48,8 +46,7 @@ class Leak(Record, who="The leak's "):
     """Water that leaks into the hull.
 
     Args:
-        start_s: when it begins.
-        rate_lps: litres a second.
+        rate_lps: litres a second, from `start_s` on.
         max_l: when the hull is full.
         position_m: where it gathers, body frame.
     """
@@ -114,8 +111,7 @@ class Current(Record, who="The current's "):
     and would carry the vehicle along, is left out.
 
     Args:
-        start_s: when it begins.
-        velocity_mps: world frame.
+        velocity_mps: world frame, from `start_s` on.
     """
 
     start_s: Annotated[float, LIMITS["time_s"]]
@@ -134,9 +130,6 @@ class Dive:
         rate_radps: body frame.
         currents: in the order of their times; before the first, the water is still.
         loads: what hangs at the vehicle.
-        leak: if there is one.
-        faults: of thrusters.
-        tether: if there is one.
 
     Raises:
         ParameterError: a number is out of range, or currents are out of order.

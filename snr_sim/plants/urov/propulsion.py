@@ -93,7 +93,6 @@ class Propulsion:
         escs: their speed controllers.
         applied_us: pulse that each thruster turns by; 1500 where its controller does not let it turn.
         voltage_v: at the speed controllers, after the last step.
-        supply: what feeds them.
     """
 
     def __init__(
@@ -309,22 +308,17 @@ class Propulsion:
             whole = int(pulse)
             part = pulse - whole
             force, dforce, slope, dslope, current, dcurrent, current_slope, dcurrent_slope = _patch(step, whole)
-            rows.append(
-                (
-                    gives * (force + part * dforce),
-                    draws * (current + part * dcurrent),
-                    gives * (slope + part * dslope),
-                    draws * (current_slope + part * dcurrent_slope),
-                )
-            )
+            thrust = gives * (force + part * dforce), gives * (slope + part * dslope)
+            drawn = draws * (current + part * dcurrent), draws * (current_slope + part * dcurrent_slope)
+            rows.append((*thrust, *drawn))
         self._set_linearisation(from_v, to_v, tuple(zip(*rows, strict=True)))
 
     def _set_linearisation(self, from_v: float, to_v: float, columns: Sequence[Numbers]) -> None:
         """Have forces and currents follow other lines, from where they are, between two voltages.
 
-        `columns` are forces and currents at `from_v`, and how these and those change with each volt.
+        `columns` are forces at `from_v` and how they change with each volt, then the same of currents.
         """
-        forces, currents, forces_per_v, currents_per_v = columns
+        forces, forces_per_v, currents, currents_per_v = columns
         decay, ramp_integral = self._decay, self._ramp_integral
         if self._mix is not None:  # it continues from its current value, too
             matrix, rows, lines = self._mix

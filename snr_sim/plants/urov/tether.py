@@ -28,10 +28,8 @@ class Tether(Record, who="The tether's "):
         anchor_m: where it is held, world frame.
         length_m: how much is paid out.
         attachment_m: where it is fixed to the vehicle, body frame.
-        diameter_m: of the tether.
         modulus_pa: Young's modulus.
-        across: drag coefficient for flow across it.
-        along: drag coefficient for flow along it.
+        across, along: drag coefficients for flow across it and along it.
         damping_share: damping ratio of its stretch, by the vehicle's mass; our choice.
     """
 

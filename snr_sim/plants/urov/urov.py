@@ -58,12 +58,7 @@ class Urov:
 
     Attributes:
         vehicle: as trimmed.
-        pool: where it is.
         dive: of this run.
-        thrusters: what turns pulses into forces, if there are any.
-        inputs, outputs: names that `write` and `read` take.
-        step_s: of integration.
-        engine: name and version of the physics.
     """
 
     # For `scaled`, of the vehicle.

@@ -41,7 +41,6 @@ class Thruster:
     """Position and direction of one thruster.
 
     Args:
-        name: its own.
         position_m: of its propeller, body frame.
         direction: of its force on the vehicle when it runs ahead, body frame; made a unit vector.
     """
@@ -77,8 +76,7 @@ class Vehicle:
         added_mass: 6 x 6, symmetric.
         linear_damping: per axis, N/(m/s) and N m/(rad/s).
         quadratic_damping: per axis, N/(m/s)^2 and N m/(rad/s)^2.
-        centre_of_mass_m: of the dry vehicle.
-        centre_of_buoyancy_m: of the displaced water.
+        centre_of_mass_m, centre_of_buoyancy_m: of the dry vehicle, and of the displaced water.
         size_m: length, width and height of its frame: what meets walls, and over which it gets wet at the surface.
         thrusters: in the order of their pulses.
         net_buoyancy_n: how much buoyancy is to exceed weight; None leaves the mass as it is.
