@@ -13,7 +13,7 @@ from typing import Any
 
 import msgspec
 
-from snr_sim import Endpoint, EndpointFactory, SomeTasks, Task, handles
+from snr_sim import Endpoint, EndpointFactory, Loop, SomeTasks, Task, handles, tasks
 from snr_sim.core.page_age import page_age_s
 from snr_sim.errors import CommandError, UnknownNameError
 from snr_sim.plants.urov.t200 import curve
@@ -38,6 +38,7 @@ NEAR_SURFACE_M = 0.3  # above this depth buoyancy completes the ascent, unless t
 # The node is overloaded if readings have waited so long, for so long; and it is no more if none has for so long.
 LATE_S, LATE_FOR_S, IN_TIME_S = 0.1, 0.5, 1.0
 CAUSE_NOTES = 3  # limit, because a loose plug would be noted indefinitely
+UNANSWERED_S = 0.1  # the inertial unit is answered with a command 50 times a second
 
 
 class AutopilotFactory(EndpointFactory):
@@ -148,7 +149,7 @@ class Autopilot(Endpoint):
 
     @handles("imu", task=True)
     def on_imu(self, task: Task) -> SomeTasks:
-        """Answer with pulses, and periodically with the vehicle's state; also without a reading (`watch.py`)."""
+        """Answer with pulses, and periodically with the vehicle's state; also without a reading (`Watch`)."""
         now_s, page = self.get_time_s(), self.get_page("imu")
         if self.readings.take("imu", page, now_s) and page is not None:
             self._watch_lateness(now_s, page_age_s(self.parent, page))
@@ -295,3 +296,19 @@ class Autopilot(Endpoint):
             "attitude_rad": [0.0] * 3 if imu is None else [imu.roll_rad, imu.pitch_rad, imu.yaw_rad],
             **({"failsafes": failed} if failed else {}),
         }
+
+
+class Watch(Loop):
+    """Watchdog: runs the autopilot also without readings, so that outputs become neutral and the surface gets a reason.
+
+    It repeats page 'imu' ten times a second while nothing is commanded; never in a healthy run.
+    """
+
+    max_tick_rate_hz = 10.0
+    first_tick_after_s = 0.5
+
+    def loop(self) -> None:
+        """Check the age of the newest command."""
+        page = self.parent.datastore.pages.get("pwm")
+        if page is None or self.get_time_s() - page.created_at_s > UNANSWERED_S + 1e-9:
+            self.schedule(tasks.process_data("imu"))

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from snr_sim_robot_urov.autopilot import AutopilotFactory
+from snr_sim_robot_urov.autopilot import AutopilotFactory, Watch
 from snr_sim_robot_urov.parameters import failsafe_lines
-from snr_sim_robot_urov.watch import Watch
 
 from snr_sim.core.config import AnyFactory
 from snr_sim.scenario import RobotInfo
