@@ -172,7 +172,7 @@ class Lander2D(Lander):
         thrust, fire = self.throttle * self.module.thrust_n, attitude - self.gimbal_rad
         nozzle_x, nozzle_z = x + sin * NOZZLE_BELOW_M, z - cos * NOZZLE_BELOW_M
         vectors = {"thrust": [nozzle_x, 0.0, nozzle_z, -math.sin(fire) * thrust, 0.0, math.cos(fire) * thrust]}
-        if self._jets:
+        if self.command[2]:
             vectors |= self._jet_arrows(x, z, cos, sin)
         poses = {
             "module": [x, 0.0, z, *turn],
@@ -183,7 +183,7 @@ class Lander2D(Lander):
 
     def _jet_arrows(self, x: float, z: float, cos: float, sin: float) -> dict[str, list[float]]:
         """Return the pair of attitude jets that fires: one side up, the other down."""
-        force = 0.5 * self._jets / JETS_OUT_M
+        force = 0.5 * self.command[2] / JETS_OUT_M
         up_x, up_z = -sin * force, cos * force
         out_x, out_z = cos * JETS_OUT_M, sin * JETS_OUT_M
         return {

@@ -58,7 +58,7 @@ class Lander3D(Lander):
         self._build()
         coordinates, motion = (x + half_s * vx, 0.0, z + half_s * vz, *turn), (vx, 0.0, vz, 0.0, -start.rate_radps, 0.0)
         self._hull.put(coordinates, motion)
-        self.restore(LanderState(self._hull.state(), start.mass_kg, start.fuel_kg, self.terrain, attitude))
+        self.restore(LanderState(self._hull.state(), start.mass_kg, start.fuel_kg, self.terrain, attitude_rad=attitude))
 
     def _build(self) -> None:
         """Rebuild the world if the ground has changed."""
@@ -89,7 +89,7 @@ class Lander3D(Lander):
         if hull.contacts:
             self._meet_ground(kick)
         else:
-            self._still_steps = 0
+            self.still_steps = 0
         if self.outcome is not None:
             return
         hull.move()
@@ -176,9 +176,9 @@ class Lander3D(Lander):
         thrust = self.throttle * self.module.thrust_n
         push = thrust * math.sin(self.gimbal_rad), 0.0, thrust * math.cos(self.gimbal_rad)
         vectors = {"thrust": [*in_world(0.0, 0.0, -NOZZLE_BELOW_M), *in_world(*push, at=NOWHERE)]}
-        if self._jets:
+        if self.command[2]:
             # The pair of attitude jets that fires: one side up, the other down.
-            force = 0.5 * self._jets / JETS_OUT_M
+            force = 0.5 * self.command[2] / JETS_OUT_M
             vectors["jet_right"] = [*in_world(JETS_OUT_M, 0.0, 1.0), *in_world(0.0, 0.0, force, at=NOWHERE)]
             vectors["jet_left"] = [*in_world(-JETS_OUT_M, 0.0, 1.0), *in_world(0.0, 0.0, -force, at=NOWHERE)]
         return {"poses": poses, "vectors": vectors, "values": self._true_values(self._read_pose())}
