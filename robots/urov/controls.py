@@ -73,9 +73,7 @@ def controls_of(data: Any) -> Controls:
 def manual_status(controls: dict[str, Any] | None, imu: dict[str, Any]) -> dict[str, Any]:
     """Return the page "vehicle" of a controller without failsafes and holds: sticks alone, nothing wrong.
 
-    Args:
-        controls: page "controls", None before the first.
-        imu: page "imu".
+    Pages "controls", which is None before the first, and "imu" say the rest.
     """
     is_armed = controls is not None and controls["is_armed"]
     return {

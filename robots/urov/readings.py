@@ -57,12 +57,7 @@ CAN_BE: dict[str, tuple[type[Any], Mapping[str, Limit]]] = {
 
 
 def reading_of(key: str, data: Any, now_s: float) -> Any:
-    """Return the reading that a page's data is.
-
-    Args:
-        key: of the page, one of CAN_BE.
-        data: anything.
-        now_s: by the clock that readings are stamped by.
+    """Return the reading that a page's data, which may be anything, is at a moment of the clock that stamps readings.
 
     Raises:
         CommandError: it is not a reading, or a number in it is out of range; the message names the field.

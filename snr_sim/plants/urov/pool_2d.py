@@ -64,12 +64,7 @@ class Pool2D:
         self.set_pose(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
     def put(self, pose: Sequence[float], velocity: Sequence[float]) -> None:
-        """Set the vehicle's pose.
-
-        Args:
-            pose: x, y, z [m] and the quaternion w, x, y, z, of which only pitch counts.
-            velocity: linear in the world, then angular in the body's frame; only what lies in the plane counts.
-        """
+        """Set the vehicle's pose, as `MujocoBody.put` does; only what lies in the plane counts."""
         x, y, z, qw, _, qy, _ = pose
         self.set_pose(y, (x, z, 2.0 * math.atan2(qy, qw)), (velocity[0], velocity[2], velocity[4]))
 

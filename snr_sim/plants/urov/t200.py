@@ -95,13 +95,9 @@ def load_table() -> dict[float, Curve]:
 def _side(
     below: Curve, above: Curve, share: float, end_us: float, edge_of: Callable[[tuple[float, float]], float]
 ) -> list[Sequence[float]]:
-    """Return rows of a curve between two others, from the edge of its dead band to one end.
+    """Return rows of a curve between two others, from the edge of its dead band to full thrust at `end_us`.
 
-    Args:
-        below, above: the curves.
-        share: position between them, 0 to 1.
-        end_us: pulse of full thrust to that side.
-        edge_of: takes the edge of that side from a dead band.
+    `share` is its position between them, 0 to 1; `edge_of` takes the edge of that side from a dead band.
     """
     edges = edge_of(below.dead_band_us), edge_of(above.dead_band_us)
     edge_us = edges[0] + share * (edges[1] - edges[0])
