@@ -7,7 +7,7 @@ gate: `fuel_optimum_to_rest_kg`.
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 from snr_sim.plants import (
     Engine,
@@ -17,25 +17,13 @@ from snr_sim.plants import (
     Motion,
     PlaneStart,
     Terrain,
-    Touchdown,
     VerticalStart,
     minimum_fuel_descent,
 )
 from snr_sim.plants.lander.module_shapes import PADS_BELOW_M
 from snr_sim.scenario import Verdict
 
-
-class Landing(Protocol):
-    """End of a run, as both landers report it."""
-
-    outcome: str | None
-    touchdown: Touchdown | None
-    fuel_kg: float
-
-    @property
-    def reason(self) -> str:
-        """Description of what failed."""
-        ...
+Landing: TypeAlias = Lander | Lander1D
 
 
 def judge(plant: Landing) -> Verdict | None:

@@ -37,15 +37,10 @@ APOLLO = LunarModule(
 
 @dataclass(frozen=True)
 class SensorLevel:
-    """How often a sensor is read, and how badly it measures.
+    """How often a sensor is read, and how badly it measures."""
 
-    Args:
-        rate_hz: readings per second.
-        errors: noise, resolution and delay.
-    """
-
-    rate_hz: float
-    errors: SensorErrors = field(default_factory=SensorErrors)
+    rate_hz: float  # readings per second
+    errors: SensorErrors = field(default_factory=SensorErrors)  # noise, resolution and delay
 
 
 # A landing radar of the time gave height in steps of 1.079 ft (0.33 m) and vertical speed in steps of 0.644 ft/s (0.20
@@ -90,25 +85,15 @@ def scale_noise(level: SensorLevel, factor: float) -> SensorLevel:
 
 @dataclass(frozen=True)
 class LanderParameters:
-    """Parameters of the lander for a controller. The start is known from the sensors only.
+    """Parameters of the lander for a controller. The start is known from the sensors only."""
 
-    Args:
-        mass_kg: all of it, at the start.
-        fuel_kg: of the mass, what may be burned.
-        module: its other numbers.
-        radar: the radar altimeter.
-        inertial: the inertial unit; None where there is none (the vertical lander).
-        engine_hz: how often a command is written to the engine.
-        engine_timeout_s: a command older than this shuts the engine off.
-    """
-
-    mass_kg: float
-    fuel_kg: float
-    module: LunarModule = APOLLO
+    mass_kg: float  # all of it, at the start
+    fuel_kg: float  # of the mass, what may be burned
+    module: LunarModule = APOLLO  # its other numbers
     radar: SensorLevel = VERTICAL_RADAR
-    inertial: SensorLevel | None = None
-    engine_hz: float = 5.0
-    engine_timeout_s: float = 0.5
+    inertial: SensorLevel | None = None  # None for the vertical lander
+    engine_hz: float = 5.0  # how often a command is written to the engine
+    engine_timeout_s: float = 0.5  # a command older than this shuts the engine off
 
     @property
     def engine(self) -> Engine:

@@ -49,14 +49,10 @@ MIN_HZ = 10.0  # and so often there must be a new command, hence a new reading
 MCU = "atmega328p"
 
 
-def sim_radar(context: RobotContext) -> SimSensor:
-    """Open the simulated radar altimeter."""
-    return SimSensor(context.plant, "radar", context.robot.parameters.radar.errors, context.rng("radar"))
-
-
-def sim_inertial(context: RobotContext) -> SimSensor:
-    """Open the simulated inertial unit."""
-    return SimSensor(context.plant, "inertial", context.robot.parameters.inertial.errors, context.rng("inertial"))
+def sim_sensor(context: RobotContext, name: str) -> SimSensor:
+    """Open the simulated radar altimeter, or the inertial unit."""
+    errors = getattr(context.robot.parameters, name).errors
+    return SimSensor(context.plant, name, errors, context.rng(name))
 
 
 def sim_engine(context: RobotContext) -> SimActuator[EngineCommand]:
@@ -100,23 +96,17 @@ def wrap_plant(context: RobotContext) -> Plant:
     assert context.plant is not None
     if context.io != "emulated":
         return context.plant
-    firmware = library.find("robots", "urov").path / "firmware"
+    firmware, command = library.find("robots", "urov").path / "firmware", servos(context).command
     return ProcessorInLoopPlant(
-        context.plant,
-        lambda: Board(firmware_elf(firmware, MCU), MCU),
-        CHANNELS,
-        "engine",
-        servos(context).command,
-        up_s=2.0,
+        context.plant, lambda: Board(firmware_elf(firmware, MCU), MCU), CHANNELS, "engine", command, up_s=2.0
     )
 
 
 def engine_loop(context: RobotContext) -> LoopFactory:
     """Return the loop of an engine that takes commands as they are."""
     parameters = context.robot.parameters
-    return ActuatorLoopFactory(
-        "engine", partial(sim_engine, context), parameters.engine_hz, parameters.engine_timeout_s
-    )
+    open_device = partial(sim_engine, context)
+    return ActuatorLoopFactory("engine", open_device, parameters.engine_hz, parameters.engine_timeout_s)
 
 
 def servo_loop(context: RobotContext, open_device: Callable[[RobotContext], PwmOut]) -> LoopFactory:
@@ -127,7 +117,7 @@ def servo_loop(context: RobotContext, open_device: Callable[[RobotContext], PwmO
 # What each device is, for each way of running the robot, the engine with its loop, and how often sensors are read at
 # least. Nothing else decides between simulation and hardware.
 READINGS: dict[str, type[msgspec.Struct]] = {"radar": RadarReading, "inertial": InertialReading}
-SENSORS: dict[str, Any] = {"radar": sim_radar, "inertial": sim_inertial}
+SENSORS: dict[str, Any] = {name: partial(sim_sensor, name=name) for name in READINGS}
 DEVICES: dict[str, dict[str, Any]] = {
     "sim": {**SENSORS, "engine": engine_loop, "min_hz": 0.0},
     "loopback": {**SENSORS, "engine": partial(servo_loop, open_device=loopback_servos), "min_hz": MIN_HZ},

@@ -16,11 +16,7 @@ MIN_GAIN = 0.15  # weight of a new reading in the estimate, after many readings;
 
 
 class StatePredictor:
-    """Keeps track of height, velocity and mass.
-
-    Args:
-        parameters: of the lander.
-    """
+    """Keeps track of height, velocity and mass."""
 
     def __init__(self, parameters: LanderParameters) -> None:
         self.engine = parameters.engine

@@ -13,7 +13,7 @@ from typing import Any
 
 import msgspec
 
-from snr_sim import Endpoint, EndpointFactory, SomeTasks, Task, TaskId, TaskType
+from snr_sim import Endpoint, EndpointFactory, Loop, SomeTasks, Task, handles, tasks
 from snr_sim.core.page_age import page_age_s
 from snr_sim.errors import CommandError, UnknownNameError
 from snr_sim.plants.urov.t200 import curve
@@ -38,14 +38,11 @@ NEAR_SURFACE_M = 0.3  # above this depth buoyancy completes the ascent, unless t
 # The node is overloaded if readings have waited so long, for so long; and it is no more if none has for so long.
 LATE_S, LATE_FOR_S, IN_TIME_S = 0.1, 0.5, 1.0
 CAUSE_NOTES = 3  # limit, because a loose plug would be noted indefinitely
+UNANSWERED_S = 0.1  # the inertial unit is answered with a command 50 times a second
 
 
 class AutopilotFactory(EndpointFactory):
-    """Factory of the autopilot.
-
-    Args:
-        parameters: of the vehicle.
-    """
+    """Factory of the autopilot of a vehicle, by which `robot.py` knows that its failsafes are ours."""
 
     def __init__(self, parameters: UrovParameters) -> None:
         super().__init__()
@@ -63,18 +60,17 @@ class Autopilot(Endpoint):
 
     def __init__(self, factory: AutopilotFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
-        parameters = factory.parameters
-        self.parameters = parameters
+        self.parameters = parameters = factory.parameters
         self.failsafe = FailsafeMonitor(parameters.failsafe_limits, parameters.failsafes)
         self.prearm = PreArm()
         self.readings = Readings(parameters.sensors.rates_hz)
         self.thruster = ThrustCurve(*curve(parameters.nominal_v)[:2])
+        vehicle = parameters.vehicle
         self.allocation = Allocation(
-            parameters.vehicle.thruster_matrix(), self.thruster.limits_n, priority_axes=parameters.priority_axes
+            vehicle.thruster_matrix(), self.thruster.limits_n, priority_axes=parameters.priority_axes
         )
         self.still = [0.0] * self.allocation.count
         self.slew = SlewRateLimiter(parameters.slew_nps, self.still)
-        vehicle = parameters.vehicle
         drag = vehicle.linear_damping[2], vehicle.quadratic_damping[2]
         self.holds = HoldController(parameters.holds, drag, self.allocation.unactuated)
         self.before_s: float | None = None
@@ -89,14 +85,9 @@ class Autopilot(Endpoint):
         self.causes: dict[str, int] = dict.fromkeys(CAUSES, 0)  # how often each was noted
         self.noted: set[str] = set()  # active causes
         self.last_telemetry_s = -math.inf
-        self.task_handlers = {
-            (TaskType.process_data, "controls"): self.on_controls,
-            (TaskType.process_data, "leak"): self.on_leak,
-            (TaskType.process_data, "power"): self.on_power,
-            (TaskType.process_data, "imu"): self.on_imu,
-        }
 
-    def on_controls(self, task: Task, task_id: TaskId) -> None:
+    @handles("controls", task=True)
+    def on_controls(self, task: Task) -> None:
         """Take a command from the surface.
 
         An invalid one is reported and not applied; without valid ones the vehicle soon stops pushing.
@@ -112,9 +103,8 @@ class Autopilot(Endpoint):
                 self._reject("Not armed: clock: how far the surface's clock is from the vehicle's is not known.")
             return  # late, or of unknown age: only a stop is accepted then
         if self.allocation.unactuated and controls.mode != self.failsafe.controls.mode and controls.mode != "manual":
-            self.parent.add_note(
-                f"The thrusters cannot push {', '.join(self.allocation.unactuated)}: that is not held."
-            )
+            axes = ", ".join(self.allocation.unactuated)
+            self.parent.add_note(f"The thrusters cannot push {axes}: that is not held.")
         now_s = self.get_time_s()
         is_armed = controls.is_armed and not controls.is_stop
         refusal_reason = self.prearm.refusal_reason(is_armed, self._failing() if is_armed else [], now_s)
@@ -144,19 +134,22 @@ class Autopilot(Endpoint):
     def _ages_s(self) -> dict[str, float]:
         return {key: page_age_s(self.parent, page) for key, page in self.readings.pages.items()}
 
-    def on_leak(self, task: Task, task_id: TaskId) -> None:
+    @handles("leak", task=True)
+    def on_leak(self, task: Task) -> None:
         """Note water in the hull."""
         reading = self._take("leak", self.get_time_s())
         self.failsafe.is_leaking = self.failsafe.is_leaking or (reading is not None and reading.is_wet)
 
-    def on_power(self, task: Task, task_id: TaskId) -> None:
+    @handles("power", task=True)
+    def on_power(self, task: Task) -> None:
         """Watch the battery."""
         reading = self._take("power", self.get_time_s())
         if reading is not None:
             self.failsafe.on_power(reading)
 
-    def on_imu(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Answer with pulses, and periodically with the vehicle's state; also without a reading (`watch.py`)."""
+    @handles("imu", task=True)
+    def on_imu(self, task: Task) -> SomeTasks:
+        """Answer with pulses, and periodically with the vehicle's state; also without a reading (`Watch`)."""
         now_s, page = self.get_time_s(), self.get_page("imu")
         if self.readings.take("imu", page, now_s) and page is not None:
             self._watch_lateness(now_s, page_age_s(self.parent, page))
@@ -240,22 +233,20 @@ class Autopilot(Endpoint):
 
     def _note_causes(self, now_s: float) -> None:
         """Note each cause that begins, with the action; a limited number of times."""
-        failsafe, there = self.failsafe, set(self.failsafe.since_s)
+        there = set(self.failsafe.since_s)
         for cause in CAUSES:
             if cause not in there - self.noted or self.causes[cause] > CAUSE_NOTES:
                 continue
             self.causes[cause] += 1
             is_last = self.causes[cause] > CAUSE_NOTES
-            text = (
-                "further occurrences are not noted"
-                if is_last
-                else f"{failsafe.words[cause]}; {self._describe_action(cause)}"
-            )
+            text = "further occurrences are not noted" if is_last else self._describe(cause)
             self.parent.add_note(f"Failsafe {cause}, t = {now_s:.2f} s: {text}")
         self.noted = there
 
-    def _describe_action(self, cause: str) -> str:
-        return describe_action(self.failsafe.failsafes.of(cause), self.failsafe.limits.hold_s)
+    def _describe(self, cause: str) -> str:
+        """Return an active cause and the action for it."""
+        failsafe = self.failsafe
+        return f"{failsafe.words[cause]}; {describe_action(failsafe.failsafes.of(cause), failsafe.limits.hold_s)}"
 
     # -- what follows -------------------------------------------------------------------------------------------------
 
@@ -286,11 +277,7 @@ class Autopilot(Endpoint):
     def telemetry(self, now_s: float, imu: ImuReading | None) -> dict[str, Any]:
         """Return the vehicle's state for the surface; `failsafes` only if something has failed."""
         failsafe, holds = self.failsafe, self.holds
-        failed = {
-            cause: f"{failsafe.words[cause]}; {self._describe_action(cause)}"
-            for cause in CAUSES
-            if cause in failsafe.since_s
-        }
+        failed = {cause: self._describe(cause) for cause in CAUSES if cause in failsafe.since_s}
         return {
             "control_state": self.control_state,
             "mode": failsafe.controls.mode,
@@ -309,3 +296,19 @@ class Autopilot(Endpoint):
             "attitude_rad": [0.0] * 3 if imu is None else [imu.roll_rad, imu.pitch_rad, imu.yaw_rad],
             **({"failsafes": failed} if failed else {}),
         }
+
+
+class Watch(Loop):
+    """Watchdog: runs the autopilot also without readings, so that outputs become neutral and the surface gets a reason.
+
+    It repeats page 'imu' ten times a second while nothing is commanded; never in a healthy run.
+    """
+
+    max_tick_rate_hz = 10.0
+    first_tick_after_s = 0.5
+
+    def loop(self) -> None:
+        """Check the age of the newest command."""
+        page = self.parent.datastore.pages.get("pwm")
+        if page is None or self.get_time_s() - page.created_at_s > UNANSWERED_S + 1e-9:
+            self.schedule(tasks.process_data("imu"))

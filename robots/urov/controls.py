@@ -26,29 +26,21 @@ LEGEND = legend("w s ahead, astern  a d left, right  i k up, down  j l turn")
 class Controls(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One command from the surface. Made without arguments it asks for nothing, disarmed.
 
-    Args:
-        number: counts commands, so that one that arrives out of order is dropped.
-        mode: one of MODES.
-        is_armed: the thrusters may push.
-        is_stop: emergency stop. It stays in effect until it is cleared.
-        clears_stop: ends an emergency stop, if the command is disarmed and without a stop.
-        surge, sway, heave, yaw: sticks, -1 to 1; forward, left, up and to the left are positive. In a mode that holds
-            depth or heading they move the setpoint.
-        depth_m: what depth to hold from now on, in a mode that does.
-        heading_rad: what heading to hold from now on, in a mode that does.
+    Sticks are -1 to 1; forward, left, up and to the left are positive. In a mode that holds depth or heading they move
+    the setpoint.
     """
 
-    number: int = 0
-    mode: str = "manual"
-    is_armed: bool = False
-    is_stop: bool = False
-    clears_stop: bool = False
+    number: int = 0  # counts commands, so that one that arrives out of order is dropped
+    mode: str = "manual"  # one of MODES
+    is_armed: bool = False  # the thrusters may push
+    is_stop: bool = False  # emergency stop; it stays in effect until it is cleared
+    clears_stop: bool = False  # ends an emergency stop, if the command is disarmed and without a stop
     surge: float = 0.0
     sway: float = 0.0
     heave: float = 0.0
     yaw: float = 0.0
-    depth_m: float | None = None
-    heading_rad: float | None = None
+    depth_m: float | None = None  # what depth to hold from now on, in a mode that does
+    heading_rad: float | None = None  # the same for the heading
 
 
 def controls_of(data: Any) -> Controls:
@@ -81,9 +73,7 @@ def controls_of(data: Any) -> Controls:
 def manual_status(controls: dict[str, Any] | None, imu: dict[str, Any]) -> dict[str, Any]:
     """Return the page "vehicle" of a controller without failsafes and holds: sticks alone, nothing wrong.
 
-    Args:
-        controls: page "controls", None before the first.
-        imu: page "imu".
+    Pages "controls", which is None before the first, and "imu" say the rest.
     """
     is_armed = controls is not None and controls["is_armed"]
     return {

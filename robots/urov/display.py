@@ -13,12 +13,7 @@ NEWS = ("state", "outputs", "rejected", "failsafe", "low", "leak")
 
 
 def display(has_gamepad: bool = False, in_lock_step: bool = True, lines: Sequence[str] = ()) -> DisplayFactory:
-    """Return what makes the display.
-
-    Args:
-        has_gamepad: whether a person commands.
-        in_lock_step, lines: see `DisplayFactory`.
-    """
+    """Return what makes the display, for a person who commands if it `has_gamepad`; see `DisplayFactory`."""
     keys = (*KEYS, "gamepad", "position_fix") if has_gamepad else KEYS
     return DisplayFactory(status_rows, keys, "link_tether", NEWS, in_lock_step=in_lock_step, lines=lines)
 

@@ -64,12 +64,7 @@ class Course(Sequence[Sample]):
 
 
 class Tracked(Urov):
-    """A vehicle with an observer above that records its course, ten times a second; its output "position_fix".
-
-    Attributes:
-        course: since the reset.
-        max_contact_n: the hardest contact since the reset.
-    """
+    """A vehicle with an observer above that records its course, ten times a second; its output "position_fix"."""
 
     def __init__(
         self, vehicle: Vehicle, pool: Pool, start_of: Callable[[int], Dive], thrusters: Any, seed: int
@@ -80,8 +75,8 @@ class Tracked(Urov):
 
     def reset(self, seed: int) -> None:
         """Reset, with an empty course."""
-        self.course = Course()
-        self.max_contact_n = 0.0
+        self.course: Course = Course()
+        self.max_contact_n: float = 0.0  # the hardest contact
         super().reset(seed)
 
     def step(self, dt_s: float) -> None:
@@ -138,18 +133,11 @@ BODIES: dict[str, type[Tracked]] = {"mujoco": TrackedUrov, "pymunk": TrackedUrov
 
 
 class StepResponse(NamedTuple):
-    """How well a step of a held quantity was followed.
+    """How well a step of a held quantity was followed; None where the dive ended before that could be seen."""
 
-    Args:
-        settling_s: from the step until the error stayed within the band; None if it did not.
-        overshoot: beyond the new value, in the direction of the step; 0 if it never was; None if the dive ended before
-            the step.
-        steady: mean size of the error at the end; None if the dive ended before there was one.
-    """
-
-    settling_s: float | None
-    overshoot: float | None
-    steady: float | None
+    settling_s: float | None  # from the step until the error stayed within the band; None if it did not
+    overshoot: float | None  # beyond the new value, in the direction of the step; 0 if it never was
+    steady: float | None  # mean size of the error at the end
 
 
 def step_response(

@@ -73,17 +73,7 @@ class FailsafeLimits:
 
 
 class FailsafeMonitor:
-    """State machine of the newest controls and of the current failures.
-
-    Args:
-        limits: its thresholds.
-        failsafes: action for each cause.
-
-    Attributes:
-        since_s: active causes, or those that last until a person disarms, and when each began.
-        words: description of each cause.
-        output_fault: why the outputs disarmed themselves; empty once they are armed again, or a person has disarmed.
-    """
+    """State machine of the newest controls and of the current failures."""
 
     def __init__(self, limits: FailsafeLimits, failsafes: Failsafes | None = None) -> None:
         self.limits = limits
@@ -91,10 +81,12 @@ class FailsafeMonitor:
         self.controls = Controls()
         self.controls_s: float | None = None
         self.is_stopped = False
+        # Why the outputs disarmed themselves; empty once they are armed again, or a person has disarmed.
         self.output_fault = ""
         self.is_leaking = False
         self.is_battery_low = False
         self.rest_v: float | None = None  # of the battery, without what the load costs
+        # Active causes, or those that last until a person disarms: when each began, and its description.
         self.since_s: dict[str, float] = {}
         self.words: dict[str, str] = {}
         self._resumed_causes: set[str] = set()  # causes after which it has resumed by itself, since a person disarmed
@@ -163,13 +155,11 @@ class FailsafeMonitor:
         return in_time and cause not in self._resumed_causes
 
     def mark_outputs_lost(self, was_reset: bool, reason: str, is_stopped: bool, now_s: float) -> None:
-        """Record that the outputs have disarmed themselves.
+        """Record that the outputs have disarmed themselves, and the reason as text.
 
         Args:
             was_reset: because their microcontroller has restarted.
-            reason: description of the reason.
             is_stopped: by an emergency stop: only a person ends it.
-            now_s: when.
         """
         self.output_fault, self._needs_person = reason, is_stopped
         cause = "controller_reset" if was_reset else "line_lost"

@@ -1,16 +1,4 @@
-"""Failsafe actions of the vehicle, agreed before the dive: one row for each cause.
-
-    cause             there while                                                           action, unless changed
-    link_lost         no controls that count have come for `lost_s`                         hold
-    line_lost         the outputs have disarmed by themselves, or do not answer             neutral
-    controller_reset  the outputs' microcontroller has restarted                            neutral
-    stale_sensor      a sensor that has been read has had no reading for a while            warn
-    nonsense          a sensor's page has wrong types, NaN or implausible values            hold
-    low_battery       it was low for `low_s`; until the next start                          surface
-    leak              a probe is wet; until the next start                                  surface
-    disk_full         nothing more is recorded: page `recording` reports it                 warn
-    overloaded        readings wait for more than 0.1 s until they are answered             warn
-    no_rearm          disarmed outputs, and no person has re-armed them for `no_rearm_s`    neutral
+"""Failsafe actions of the vehicle, agreed before the dive: `Failsafes` has one row for each cause.
 
     action       what the vehicle does
     warn         reports it, and nothing else
@@ -42,16 +30,9 @@ NO_REARM = Limit(0.0, 3600.0, "s", "10 is usual: as long as a person needs", MIL
 
 @dataclass(frozen=True)
 class Rearm:
-    """Action: resume without a person, once until a person disarms, if the cause is over soon enough.
+    """Action: resume without a person, once until a person disarms, if the cause is over soon enough."""
 
-    Args:
-        within_s: since it began, with all that arming takes: a microcontroller that was reset needs 1.5 s.
-
-    Raises:
-        ParameterError: the number is out of range.
-    """
-
-    within_s: float
+    within_s: float  # since it began, with all that arming takes: a microcontroller that was reset needs 1.5 s
 
     def __post_init__(self) -> None:
         check_number("A failsafe's Rearm", self.within_s, WITHIN)
@@ -59,25 +40,22 @@ class Rearm:
 
 @dataclass(frozen=True)
 class Failsafes:
-    """The table: for each cause, one of ACTIONS or `Rearm`.
-
-    Args:
-        no_rearm_s: how long outputs wait for a person before that is a cause of its own.
+    """The table: for each cause, one of ACTIONS or `Rearm`. The comment says when the cause is there.
 
     Raises:
         ParameterError: there is no such action, or a cause cannot have it.
     """
 
-    link_lost: str | Rearm = "hold"
-    line_lost: str | Rearm = "neutral"
-    controller_reset: str | Rearm = "neutral"
-    stale_sensor: str | Rearm = "warn"
-    nonsense: str | Rearm = "hold"
-    low_battery: str | Rearm = "surface"
-    leak: str | Rearm = "surface"
-    disk_full: str | Rearm = "warn"
-    overloaded: str | Rearm = "warn"
-    no_rearm: str | Rearm = "neutral"
+    link_lost: str | Rearm = "hold"  # no controls that count have come for `lost_s`
+    line_lost: str | Rearm = "neutral"  # the outputs have disarmed by themselves, or do not answer
+    controller_reset: str | Rearm = "neutral"  # the outputs' microcontroller has restarted
+    stale_sensor: str | Rearm = "warn"  # a sensor that has been read has had no reading for a while
+    nonsense: str | Rearm = "hold"  # a sensor's page has wrong types, NaN or implausible values
+    low_battery: str | Rearm = "surface"  # it was low for `low_s`; until the next start
+    leak: str | Rearm = "surface"  # a probe is wet; until the next start
+    disk_full: str | Rearm = "warn"  # nothing more is recorded: page `recording` reports it
+    overloaded: str | Rearm = "warn"  # readings wait for more than 0.1 s until they are answered
+    no_rearm: str | Rearm = "neutral"  # disarmed outputs, and no person has re-armed them for `no_rearm_s`
     no_rearm_s: Annotated[float, NO_REARM] = 10.0
 
     def __post_init__(self) -> None:
@@ -109,11 +87,7 @@ class Failsafes:
             )
 
     def lines(self, hold_s: float) -> list[str]:
-        """Return the table in few lines of text, one for each action.
-
-        Args:
-            hold_s: how long `hold` holds.
-        """
+        """Return the table in few lines of text, one for each action; `hold` holds for `hold_s`."""
         causes: dict[str, list[str]] = {}
         for cause in CAUSES:
             causes.setdefault(describe_action(self.of(cause), hold_s), []).append(cause)

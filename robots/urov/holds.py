@@ -20,12 +20,9 @@ from .parameters import Gains, HoldParameters
 
 
 class HoldController:
-    """Setpoints of depth and heading, and their controllers.
+    """Setpoints of depth and heading, and their controllers. Axes that thrusters cannot push are not controlled.
 
-    Args:
-        numbers: gains and limits.
-        drag: of the vehicle in heave, linear [N s/m] and quadratic [N s2/m2].
-        unactuated: axes that the thrusters cannot push: these are not controlled.
+    The vehicle's `drag` is that in heave, linear [N s/m] and quadratic [N s2/m2].
     """
 
     def __init__(self, numbers: HoldParameters, drag: tuple[float, float], unactuated: tuple[str, ...] = ()) -> None:

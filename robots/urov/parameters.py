@@ -34,14 +34,6 @@ FIX = Limit(0.0, 100.0, "Hz", "1 to 5 is usual, and 0 where there is none")
 VOLTS = Limit(MIN_VOLTAGE_V, MAX_VOLTAGE_V, "V", "14.8 is usual, with 4 cells", {"millivolts": 1e-3})
 SLEW = Limit(0.0, 1e5, "N/s", "250 is usual", {}, IS_ABOVE)
 PORT = Limit(1, 65535, "", "9120 is usual, and both ends of a link must know it")
-HOLDS = {
-    "yaw_nm": Limit(0.0, 1e3, "N m", "6 is usual"),
-    "sink_mps": Limit(0.0, 5.0, "m/s", "0.35 is usual", {"centimetres a second": 1e-2}, IS_ABOVE),
-    "brake_mps2": Limit(0.0, 10.0, "m/s2", "0.1 is usual", {}, IS_ABOVE),
-    "max_lead_m": Limit(0.0, 20.0, "m", "1 is usual", {"centimetres": 1e-2}, IS_ABOVE),
-    "turn_radps": Limit(0.0, 10.0, "rad/s", "0.7 is usual", DEGREES, IS_ABOVE),
-    "brake_radps2": Limit(0.0, 10.0, "rad/s2", "0.4 is usual", DEGREES, IS_ABOVE),
-}
 # fmt: on
 EXAMPLE_FAILSAFES = 'Failsafes(link_lost="surface").'
 EXAMPLE_GAINS = "Gains(kp=8.0, ki=1.5, kd=4.0, output_limit=8.0)"
@@ -50,11 +42,7 @@ VEHICLES = Path(__file__).parent / "vehicles"
 
 @dataclass(frozen=True)
 class Gains:
-    """Of a PID controller; its output is a force [N] or a moment [N m].
-
-    Raises:
-        ParameterError: one is out of range; the message names it.
-    """
+    """Of a PID controller; its output is a force [N] or a moment [N m]."""
 
     kp: Annotated[float, GAIN]
     ki: Annotated[float, GAIN]
@@ -67,32 +55,23 @@ class Gains:
 
 @dataclass(frozen=True)
 class HoldParameters:
-    """Parameters of the depth and heading holds.
+    """Parameters of the depth and heading holds. A number that is out of range raises a ParameterError."""
 
-    Args:
-        depth, heading: on errors in metres and radians.
-        level: of roll and pitch.
-        sticks_n: what full sticks push in surge, sway and heave.
-        yaw_nm: what a full stick turns with.
-        sink_mps: how fast a held depth moves, at full stick or towards another one.
-        brake_mps2: how it slows down before it arrives.
-        max_lead_m: how far from where the vehicle is a stick moves it at most; more than it takes to slow down.
-        turn_radps, brake_radps2: the same of a held heading.
-
-    Raises:
-        ParameterError: a number is out of range; the message names it and the usual range.
-    """
-
+    # On errors in metres and radians; `level` is of roll and pitch.
     depth: Annotated[Gains, EXAMPLE_GAINS] = Gains(kp=120.0, ki=40.0, kd=70.0, output_limit=70.0)
     heading: Annotated[Gains, EXAMPLE_GAINS] = Gains(kp=8.0, ki=1.5, kd=4.0, output_limit=8.0)
     level: Annotated[Gains, EXAMPLE_GAINS] = Gains(kp=8.0, ki=2.0, kd=3.0, output_limit=8.0)
+    # What full sticks push in surge, sway and heave, and what one turns with.
     sticks_n: Annotated[tuple[float, float, float], PUSH, ("surge", "sway", "heave")] = (60.0, 60.0, 60.0)
-    yaw_nm: Annotated[float, HOLDS["yaw_nm"]] = 6.0
-    sink_mps: Annotated[float, HOLDS["sink_mps"]] = 0.35
-    brake_mps2: Annotated[float, HOLDS["brake_mps2"]] = 0.1
-    max_lead_m: Annotated[float, HOLDS["max_lead_m"]] = 1.0
-    turn_radps: Annotated[float, HOLDS["turn_radps"]] = 0.7
-    brake_radps2: Annotated[float, HOLDS["brake_radps2"]] = 0.4
+    yaw_nm: Annotated[float, Limit(0.0, 1e3, "N m", "6 is usual")] = 6.0
+    # How fast a held depth moves, at full stick or towards another one, and how it slows down before it arrives.
+    sink_mps: Annotated[float, Limit(0.0, 5.0, "m/s", "0.35 is usual", {"centimetres a second": 1e-2}, IS_ABOVE)] = 0.35
+    brake_mps2: Annotated[float, Limit(0.0, 10.0, "m/s2", "0.1 is usual", {}, IS_ABOVE)] = 0.1
+    # How far from where the vehicle is a stick moves it at most; more than it takes to slow down.
+    max_lead_m: Annotated[float, Limit(0.0, 20.0, "m", "1 is usual", {"centimetres": 1e-2}, IS_ABOVE)] = 1.0
+    # The same of a held heading.
+    turn_radps: Annotated[float, Limit(0.0, 10.0, "rad/s", "0.7 is usual", DEGREES, IS_ABOVE)] = 0.7
+    brake_radps2: Annotated[float, Limit(0.0, 10.0, "rad/s2", "0.4 is usual", DEGREES, IS_ABOVE)] = 0.4
 
     def __post_init__(self) -> None:
         check_record(self, "The hold's ")
@@ -100,11 +79,7 @@ class HoldParameters:
 
 @dataclass(frozen=True)
 class Sensors:
-    """The parts, and how often each is read. No camera unless one is given: it takes longer than all others.
-
-    Raises:
-        ParameterError: a part is not valid, or its rate is not; the message names it.
-    """
+    """The parts, and how often each is read. No camera unless one is given: it takes longer than all others."""
 
     depth: Annotated[Ms5837, "Ms5837()"] = field(default_factory=Ms5837)
     imu: Annotated[InertialUnit, "InertialUnit()"] = field(default_factory=InertialUnit)
@@ -136,42 +111,24 @@ class Sensors:
 
 @dataclass(frozen=True)
 class UrovParameters:
-    """Parameters of the vehicle for a controller.
-
-    Args:
-        vehicle: its numbers.
-        script: what the pilot does, where there is no person.
-        route: of a pilot who sees the vehicle; if there is one, it replaces the script.
-        sensors, holds, failsafe_limits: see there.
-        failsafes: the vehicle's action for each failure.
-        fix_hz: rate of position fixes, as of an acoustic positioning system; 0 disables them.
-        nominal_v: at which the pulse for a thrust is looked up.
-        slew_nps: how fast a thrust may change.
-        priority_axes: axes that are served before the others when thrusters are at their limits.
-        command_hz: how often the surface sends controls.
-        pwm_hz: how often pulses are written.
-        tether: faults of the link through it.
-        port: of the link, when it is a real one.
-
-    Raises:
-        ParameterError: a number is out of range; the message names it and the usual range.
-    """
+    """Parameters of the vehicle for a controller. A number that is out of range raises a ParameterError."""
 
     vehicle: Vehicle
-    script: tuple[Cue, ...] = ()
-    route: tuple[Waypoint, ...] = ()
+    script: tuple[Cue, ...] = ()  # what the pilot does, where there is no person
+    route: tuple[Waypoint, ...] = ()  # of a pilot who sees the vehicle; if there is one, it replaces the script
     sensors: Sensors = field(default_factory=Sensors)
     holds: HoldParameters = field(default_factory=HoldParameters)
     failsafe_limits: FailsafeLimits = field(default_factory=FailsafeLimits)
     failsafes: Annotated[Failsafes, EXAMPLE_FAILSAFES] = field(default_factory=Failsafes)
-    fix_hz: Annotated[float, FIX] = 0.0
-    nominal_v: Annotated[float, VOLTS] = 14.8
-    slew_nps: Annotated[float, SLEW] = 250.0
+    fix_hz: Annotated[float, FIX] = 0.0  # rate of position fixes, as of an acoustic positioning system; 0: none
+    nominal_v: Annotated[float, VOLTS] = 14.8  # at which the pulse for a thrust is looked up
+    slew_nps: Annotated[float, SLEW] = 250.0  # how fast a thrust may change
+    # Axes that are served before the others when thrusters are at their limits.
     priority_axes: tuple[str, ...] = ("heave", "roll", "pitch", "yaw")
-    command_hz: Annotated[float, RATE] = 20.0
-    pwm_hz: Annotated[float, RATE] = 50.0
-    tether: LinkFaults = field(default_factory=lambda: tether_faults(35.0))
-    port: Annotated[int, PORT] = 9120
+    command_hz: Annotated[float, RATE] = 20.0  # how often the surface sends controls
+    pwm_hz: Annotated[float, RATE] = 50.0  # how often pulses are written
+    tether: LinkFaults = field(default_factory=lambda: tether_faults(35.0))  # faults of the link through it
+    port: Annotated[int, PORT] = 9120  # of the link, when it is a real one
 
     def __post_init__(self) -> None:
         check_record(self, "")

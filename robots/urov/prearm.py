@@ -24,9 +24,7 @@ def failing_checks(
     """Return a description of each failing check; none if the vehicle may be armed.
 
     Args:
-        failsafe: has the state of battery, leak, disk and other failures.
-        readings: of the sensors.
-        ages_s: of the pages of the newest ones.
+        ages_s: of the pages of the newest readings.
         outputs: their state; None if it is not known.
     """
     failing = readings.missing(ages_s)
@@ -61,10 +59,7 @@ class PreArm:
     def refusal_reason(self, is_armed: bool, failing: list[str], now_s: float) -> str | None:
         """Return why the vehicle is not armed; "" if it is only not armed yet; None if nothing is against it.
 
-        Args:
-            is_armed: whether the controls ask for it.
-            failing: see `failing_checks`.
-            now_s: when.
+        Controls ask for `is_armed`; `failing_checks` found what is `failing`.
         """
         self._start_s = min(self._start_s, now_s)
         if not is_armed or self.has_armed:

@@ -57,12 +57,7 @@ CAN_BE: dict[str, tuple[type[Any], Mapping[str, Limit]]] = {
 
 
 def reading_of(key: str, data: Any, now_s: float) -> Any:
-    """Return the reading that a page's data is.
-
-    Args:
-        key: of the page, one of CAN_BE.
-        data: anything.
-        now_s: by the clock that readings are stamped by.
+    """Return the reading that a page's data, which may be anything, is at a moment of the clock that stamps readings.
 
     Raises:
         CommandError: it is not a reading, or a number in it is out of range; the message names the field.
@@ -88,17 +83,11 @@ def reading_of(key: str, data: Any, now_s: float) -> Any:
 
 
 class Outputs(msgspec.Struct, frozen=True):
-    """State of the outputs: the part of `PwmLoop`'s page `pwm_applied` that the vehicle uses.
+    """State of the outputs: the part of `PwmLoop`'s page `pwm_applied` that the vehicle uses."""
 
-    Args:
-        state: as of `Health`.
-        fault: description of their fault.
-        reason: words of `AppliedPulses`.
-    """
-
-    state: str
-    fault: str = ""
-    reason: list[str] = []
+    state: str  # as of `Health`
+    fault: str = ""  # its description
+    reason: list[str] = []  # words of `AppliedPulses`
 
 
 def outputs_of(data: Any) -> Outputs | None:
@@ -110,19 +99,11 @@ def outputs_of(data: Any) -> Outputs | None:
 
 
 class Readings:
-    """Keeps, of each sensor, the newest page that held a reading.
-
-    Args:
-        rates_hz: how often each sensor is read.
-
-    Attributes:
-        newest: the readings.
-        pages: those that held them.
-    """
+    """Keeps, of each sensor, the newest page that held a reading; `rates_hz` says how often each is read."""
 
     def __init__(self, rates_hz: Mapping[str, float]) -> None:
-        self.newest: dict[str, Any] = {}
-        self.pages: dict[str, Page] = {}
+        self.newest: dict[str, Any] = {}  # the readings
+        self.pages: dict[str, Page] = {}  # those that held them
         self._silent_s = {key: max(SILENT_S, SILENT_PERIODS / rates_hz[key]) for key in CAN_BE}
         self._seen: dict[str, Page] = {}
         self._wrong: dict[str, tuple[float, str]] = {}  # time of the last invalid page, and its fault

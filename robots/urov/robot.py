@@ -68,7 +68,7 @@ from .controls import LEGEND, STICKS, gamepad_pilot, scripted_pilot
 from .display import display
 from .option_checks import BUTTONS, check_options
 from .parameters import UrovParameters, failsafe_lines
-from .waypoint_pilot import WaypointPilotFactory
+from .waypoint_pilot import WaypointPilot
 
 ROLES = ("urov", "topside")
 OPTIONS = {
@@ -84,6 +84,7 @@ OPTIONS = {
     "power": "board: with --io mcu:PORT, measures the battery at the microcontroller's pins A0 and A1",
 }
 
+LIMITS_US = MIN_PULSE_US, MAX_PULSE_US
 FIRMWARE = Path(__file__).parent / "firmware"
 MCU = "atmega328p"
 
@@ -146,12 +147,12 @@ def manual_input(context: RobotContext) -> ManualInput:
 
 def sim_pwm(context: RobotContext) -> PwmBackend:
     """Open the simulated outputs to the speed controllers."""
-    return SimPwm(context.plant, context.now_s, thruster_count(context), limits_us=(MIN_PULSE_US, MAX_PULSE_US))
+    return SimPwm(context.plant, context.now_s, thruster_count(context), limits_us=LIMITS_US)
 
 
 def loopback_pwm(context: RobotContext) -> PwmBackend:
     """Open outputs with nothing behind them."""
-    return LoopbackPwm(context.now_s, thruster_count(context), (MIN_PULSE_US, MAX_PULSE_US))
+    return LoopbackPwm(context.now_s, thruster_count(context), LIMITS_US)
 
 
 def mcu_board(context: RobotContext) -> McuBoard:
@@ -169,9 +170,8 @@ def mcu_pwm(context: RobotContext) -> PwmBackend:
 
 def mcu_power(context: RobotContext) -> Any:
     """Open what measures the battery: that of the simulated vehicle, unless `--option power=board`."""
-    return (
-        McuPower(mcu_board(context)) if context.robot.options.get("power") == "board" else sim_sensor(context, "power")
-    )
+    is_at_board = context.robot.options.get("power") == "board"
+    return McuPower(mcu_board(context)) if is_at_board else sim_sensor(context, "power")
 
 
 def bench_pwm(context: RobotContext) -> PwmBackend:
@@ -179,9 +179,7 @@ def bench_pwm(context: RobotContext) -> PwmBackend:
     from snr_sim.devices import open_pwm  # only real wires need it, and it takes 60 ms
 
     assert context.plant is not None
-    out = open_pwm(
-        f"{context.io}:{context.address}", context.now_s, thruster_count(context), (MIN_PULSE_US, MAX_PULSE_US)
-    )
+    out = open_pwm(f"{context.io}:{context.address}", context.now_s, thruster_count(context), LIMITS_US)
     return drive_plant(out, context.plant)
 
 
@@ -192,7 +190,7 @@ def pi_pwm(context: RobotContext) -> PwmOut:
     check_table({name: text for name, text in PI.items() if text != "mcu"})
     if PI["pwm"].startswith("mcu:"):
         return McuPwm(mcu_board(context), context.now_s, thruster_count(context))
-    return open_pwm(PI["pwm"], context.now_s, thruster_count(context), (MIN_PULSE_US, MAX_PULSE_US))
+    return open_pwm(PI["pwm"], context.now_s, thruster_count(context), LIMITS_US)
 
 
 def pi_sensor(context: RobotContext, name: str) -> Any:
@@ -204,20 +202,10 @@ def pi_sensor(context: RobotContext, name: str) -> Any:
     return open_sensor(PI[name], context.now_s, getattr(context.robot.parameters.sensors, name))
 
 
-def emulated_pwm(context: RobotContext) -> McuPwm:
-    """Open the outputs of the emulated board, over its serial line."""
-    return McuPwm(plant_on_board(context).mcu, context.now_s, thruster_count(context))
-
-
-def emulated_power(context: RobotContext) -> McuPower:
-    """Open the power module at the emulated board."""
-    return McuPower(plant_on_board(context).mcu)
-
-
-def plant_on_board(context: RobotContext) -> ProcessorInLoopPlant:
-    """Return the plant with its board, as it was wrapped at the start."""
+def emulated_mcu(context: RobotContext) -> McuBoard:
+    """Return the emulated board at its serial line, as `wrap_plant` added it to the plant."""
     assert isinstance(context.plant, ProcessorInLoopPlant)
-    return context.plant
+    return context.plant.mcu
 
 
 def wrap_plant(context: RobotContext) -> Plant:
@@ -261,7 +249,11 @@ SIMULATED: dict[str, Callable[[RobotContext], Any]] = {
 DEVICES: dict[str, dict[str, Callable[[RobotContext], Any]]] = {
     "sim": SIMULATED,
     "loopback": {**SIMULATED, "pwm": loopback_pwm},
-    "emulated": {**SIMULATED, "pwm": emulated_pwm, "power": emulated_power},
+    "emulated": {
+        **SIMULATED,
+        "pwm": lambda context: McuPwm(emulated_mcu(context), context.now_s, thruster_count(context)),
+        "power": lambda context: McuPower(emulated_mcu(context)),
+    },
     "mcu": {**SIMULATED, "pwm": mcu_pwm, "power": mcu_power},
     **{kind: {**SIMULATED, "pwm": bench_pwm} for kind in ("maestro", "pca9685", "sysfs")},
     "pi": {
@@ -297,9 +289,7 @@ def roles(context: RobotContext, controller: Sequence[Factory]) -> dict[str, lis
         open_camera = partial(devices["camera"], context)
         sensors.insert(0, CameraLoopFactory("camera", open_camera, 1.0 / camera.period_s, process=False))
     if parameters.fix_hz:
-        sensors.insert(
-            0, SensorLoopFactory("position_fix", partial(devices["position_fix"], context), parameters.fix_hz)
-        )
+        sensors.insert(0, fix_loop(context, parameters.fix_hz))
     # The failsafe actions of another autopilot than ours are not known here.
     lines = failsafe_lines(parameters) if any(isinstance(one, AutopilotFactory) for one in controller) else []
     pwm = PwmLoopFactory("pwm", partial(devices["pwm"], context), parameters.pwm_hz)
@@ -307,6 +297,11 @@ def roles(context: RobotContext, controller: Sequence[Factory]) -> dict[str, lis
         "urov": [*below, *sensors, *controller, pwm],
         "topside": [tether.client("controls", accept=TO_TOPSIDE), *_surface(context, parameters, lines)],
     }
+
+
+def fix_loop(context: RobotContext, rate_hz: float) -> Factory:
+    """Return the loop of the position fix."""
+    return SensorLoopFactory("position_fix", partial(DEVICES[context.io]["position_fix"], context), rate_hz)
 
 
 def _surface(context: RobotContext, parameters: UrovParameters, lines: Sequence[str]) -> list[Factory]:
@@ -318,31 +313,19 @@ def _surface(context: RobotContext, parameters: UrovParameters, lines: Sequence[
     extra, rate_hz = context.extra_components.get("topside", ()), parameters.command_hz
     key = "sticks" if extra else "controls"
     if context.robot.options.get("pilot") == "manual":
-        gamepad = GamepadLoopFactory("gamepad", partial(DEVICES[context.io]["manual_input"], context), rate_hz)
-        has_fix = (
-            not context.standalone_role and "position_fix" in DEVICES[context.io]
-        )  # the pilot looks into the water
-        fixes = (
-            [SensorLoopFactory("position_fix", partial(DEVICES[context.io]["position_fix"], context), 10.0)]
-            if has_fix
-            else []
-        )
+        # The pilot looks into the water.
+        has_fix = not context.standalone_role and "position_fix" in DEVICES[context.io]
         return [
-            *fixes,
-            gamepad,
+            *([fix_loop(context, 10.0)] if has_fix else []),
+            GamepadLoopFactory("gamepad", partial(DEVICES[context.io]["manual_input"], context), rate_hz),
             gamepad_pilot(key),
             display(has_gamepad=True, lines=[*LEGEND, *lines]),
             LinkMonitorFactory("link_tether"),
             *extra,
         ]
     if parameters.route:
-        return [
-            SensorLoopFactory("position_fix", partial(DEVICES[context.io]["position_fix"], context), 10.0),
-            *(
-                [ButtonPanelFactory("panel", presses_of(context.robot.options, BUTTONS), rate_hz), *extra]
-                if extra
-                else [WaypointPilotFactory(parameters.route)]
-            ),
-        ]
+        panel = ButtonPanelFactory("panel", presses_of(context.robot.options, BUTTONS), rate_hz)
+        pilot: list[Factory] = [panel, *extra] if extra else [WaypointPilot.factory("pilot", route=parameters.route)]
+        return [fix_loop(context, 10.0), *pilot]
     shown = display(in_lock_step=False, lines=lines)
     return [scripted_pilot(parameters.script, rate_hz, key), shown, LinkMonitorFactory("link_tether"), *extra]

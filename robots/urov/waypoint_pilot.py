@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import msgspec
 
-from snr_sim import Endpoint, EndpointFactory, SomeTasks, Task, TaskId, TaskType
+from snr_sim import Endpoint, EndpointFactory, SomeTasks, handles
 from snr_sim.devices import PositionFix
-from snr_sim.errors import ParameterError
 from snr_sim.scenario import NodeApi
 
 from .controls import Controls
@@ -26,62 +26,33 @@ ARM_S = 2.0  # speed controllers need a second before it
 
 @dataclass(frozen=True)
 class Waypoint:
-    """Where to go next.
+    """Where to go next."""
 
-    Args:
-        x_m, y_m: world frame.
-        depth_m: positive down.
-        heading_rad: on the way there.
-        within_m: as close as this counts as there.
-        stay_s: how long to stay there: a vehicle that arrives sideways keeps drifting sideways.
-    """
-
-    x_m: float
+    x_m: float  # world frame
     y_m: float
-    depth_m: float
-    heading_rad: float
-    within_m: float = 0.25
-    stay_s: float = 0.0
-
-
-class WaypointPilotFactory(EndpointFactory):
-    """Makes the pilot.
-
-    Args:
-        route: waypoints in order; the pilot stays at the last one.
-
-    Raises:
-        ParameterError: there is nowhere to go.
-    """
-
-    def __init__(self, route: Sequence[Waypoint]) -> None:
-        super().__init__()
-        if not route:
-            raise ParameterError("The pilot's route is empty.", fix="pass route=[Waypoint(...), ...].")
-        self.route = tuple(route)
-
-    def get(self, parent: NodeApi) -> WaypointPilot:
-        """Return the endpoint 'pilot'."""
-        return WaypointPilot(self, parent, "pilot")
+    depth_m: float  # positive down
+    heading_rad: float  # on the way there
+    within_m: float = 0.25  # as close as this counts as there
+    stay_s: float = 0.0  # how long to stay there: a vehicle that arrives sideways keeps drifting sideways
 
 
 class WaypointPilot(Endpoint):
-    """Answers each position fix with controls."""
+    """Answers each position fix with controls, and stays at the last waypoint of its route."""
 
-    factory: WaypointPilotFactory
+    route: Sequence[Waypoint]
 
-    def __init__(self, factory: WaypointPilotFactory, parent: NodeApi, name: str) -> None:
+    def __init__(self, factory: EndpointFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
-        self.left = list(factory.route)
+        self.left = list(self.route)
         self.steering = Steering()
         self.seen_s: float | None = None
         self.there_since_s = 0.0
         self.number = 0
-        self.task_handlers = {(TaskType.process_data, "position_fix"): self.on_position_fix}
 
-    def on_position_fix(self, task: Task, task_id: TaskId) -> SomeTasks:
+    @handles("position_fix")
+    def on_position_fix(self, position_fix: dict[str, Any]) -> SomeTasks:
         """Steer to the next waypoint."""
-        fix = PositionFix(**self.get_data("position_fix"))
+        fix = PositionFix(**position_fix)
         x, y, z = fix.position_m
         goal = self.left[0]
         now_s = self.get_time_s()
@@ -97,13 +68,6 @@ class WaypointPilot(Endpoint):
         surge = sway = 0.0
         if is_armed and dt_s > 0.0:
             surge, sway = self.steering.sticks((goal.x_m, goal.y_m), (x, y), fix.yaw_rad, dt_s)
-        controls = Controls(
-            self.number,
-            "heading_hold",
-            is_armed,
-            surge=surge,
-            sway=sway,
-            depth_m=goal.depth_m,
-            heading_rad=goal.heading_rad,
-        )
+        target: dict[str, Any] = {"depth_m": goal.depth_m, "heading_rad": goal.heading_rad}
+        controls = Controls(self.number, "heading_hold", is_armed, surge=surge, sway=sway, **target)
         return self.store_data_task("controls", msgspec.structs.asdict(controls))

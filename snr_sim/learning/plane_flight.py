@@ -13,8 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.plants.lander.lander import CEILING_M, EDGE_M, THROTTLE_TOLERANCE
-from snr_sim.plants.lander.lander_2d import Lander2DState
+from snr_sim.plants.lander.lander import CEILING_M, EDGE_M, THROTTLE_TOLERANCE, LanderState
 from snr_sim.plants.lander.legs import FEET_M, MAX_CONTACT_RADIUS_M, BodyPose
 from snr_sim.plants.lander.module import LunarModule, PlaneStart
 from snr_sim.plants.lander.module_shapes import HULL_M, NOZZLE_BELOW_M
@@ -103,10 +102,10 @@ class PlaneFlight:
         return self._numbers.copy()
 
     @staticmethod
-    def state_of(snapshot: Floats, i: int, terrain: Terrain, steps: int) -> Lander2DState:
+    def state_of(snapshot: Floats, i: int, terrain: Terrain, steps: int) -> LanderState:
         """Return what the plant needs to fly one of them on."""
         *body, mass, fuel, throttle, gimbal = snapshot[:, i].tolist()
-        return Lander2DState(BodyPose(*body), mass, fuel, terrain, steps=steps, throttle=throttle, gimbal_rad=gimbal)
+        return LanderState(BodyPose(*body), mass, fuel, terrain, steps=steps, throttle=throttle, gimbal_rad=gimbal)
 
     def near(self, period_s: float) -> Indices:
         """Return which landers may meet the ground within a time."""

@@ -43,9 +43,8 @@ def inverse(matrix: NDArray[np.float64]) -> Matrix:
     for k, pivot_row in enumerate(rows):
         pivot = pivot_row[k]
         if not pivot > 0.0:
-            raise ParameterError(
-                f"The matrix {matrix.tolist()} is not positive definite.", fix="correct masses and inertias."
-            )
+            message = f"The matrix {matrix.tolist()} is not positive definite."
+            raise ParameterError(message, fix="correct masses and inertias.")
         pivot_row[k] = 1.0
         pivot_row[:] = [value / pivot for value in pivot_row]
         for row in rows:

@@ -31,16 +31,6 @@ MIN_PRESSED_FRACTION = 0.1  # fraction of its weight by which a body counts as p
 class MujocoBody:
     """The body, found once in MuJoCo's arrays: each access there costs as much as a step's arithmetic.
 
-    Args:
-        world: where it is.
-        name: of the body.
-
-    Attributes:
-        engine: name and version of the physics.
-        rigid: 6 x 6, MuJoCo's own mass matrix of the body, in the body's axes about its origin.
-        gravity_mps2: of the world, downwards.
-        has_others: whether there are other bodies that move.
-
     Raises:
         ParameterError: the body does not move freely, has moving parts, or MuJoCo keeps only the diagonal of its mass
             matrix: then added mass that is not diagonal in the world would be lost without a word.
@@ -49,7 +39,7 @@ class MujocoBody:
     def __init__(self, world: MujocoWorld, name: str) -> None:
         model, data = world.model, world.data
         self._world, self._name = world, name
-        self.engine = world.engine
+        self.engine: str = world.engine
         self._body = body = world.body_id(name)
         joint = int(model.body_jntadr[body])
         if int(model.body_parentid[body]) != 0 or joint < 0 or int(model.jnt_type[joint]) != FREE_JOINT:
@@ -66,29 +56,25 @@ class MujocoBody:
             )
         self._dofs = dofs = slice(dof, dof + 6)
         self._qpos, self._qvel = data.qpos[first : first + 7], data.qvel[dofs]
-        self._applied, self._bias, self._touch = (
-            data.qfrc_applied[dofs],
-            data.qfrc_bias[dofs],
-            data.qfrc_constraint[dofs],
-        )
+        self._applied, self._bias = data.qfrc_applied[dofs], data.qfrc_bias[dofs]
+        self._touch = data.qfrc_constraint[dofs]
         self._mass = data.M[start:end]  # lower triangle, row by row
         self._lower = np.array([6 * i + j for i in range(6) for j in range(i + 1)])
         self._rotation = data.xmat[body]  # from the body's axes to the world's, row by row
         self._target, self._force = np.zeros(model.nv), np.zeros(model.nv)
         self._target_here, self._force_here = self._target[dofs], self._force[dofs]
         mujoco = world.mujoco
-        self._step1, self._factor, self._multiply, self._step2 = (
-            mujoco.mj_step1, mujoco.mj_factorM, mujoco.mj_mulM, mujoco.mj_step2,
-        )  # fmt: skip
+        self._step1, self._step2 = mujoco.mj_step1, mujoco.mj_step2
+        self._factor, self._multiply = mujoco.mj_factorM, mujoco.mj_mulM
         self._model, self._data = model, data
         self._own_s = float(model.opt.timestep)
-        self.has_others = model.nv > 6
+        self.has_others: bool = model.nv > 6  # whether there are other bodies that move
         self._kind = mujoco.mjtState.mjSTATE_INTEGRATION
         self._size = int(mujoco.mj_stateSize(model, self._kind))
         self._owners = model.geom_bodyid.tolist()  # of each geom
         self._geom = np.zeros((1, 1), dtype=np.int32)
-        self.gravity_mps2 = -float(model.opt.gravity[2])
-        self.rigid = self._mass_at_rest()
+        self.gravity_mps2: float = -float(model.opt.gravity[2])  # downwards
+        self.rigid: Matrix = self._mass_at_rest()  # 6 x 6, of the dry body, in its axes about its origin
         self._weight_n = float(self.rigid[0, 0]) * abs(self.gravity_mps2)
 
     def _mass_at_rest(self) -> Matrix:
@@ -191,12 +177,9 @@ class MujocoBody:
 
     def height_over_ground_m(self, point: Sequence[float]) -> float:
         """Return the distance straight down from a point to anything but the body; negative if there is nothing."""
-        down = np.array([0.0, 0.0, -1.0])
-        return float(
-            self._world.mujoco.mj_ray(
-                self._model, self._data, np.array(point), down, None, 1, self._body, self._geom[0]
-            )
-        )
+        start, down = np.array(point), np.array([0.0, 0.0, -1.0])
+        ray = self._world.mujoco.mj_ray
+        return float(ray(self._model, self._data, start, down, None, 1, self._body, self._geom[0]))
 
     def deepest(self) -> tuple[str, float]:
         """Return what the body penetrates deepest, and how deep [m]; 0 if nothing. Call it after `detect_contacts`."""

@@ -22,13 +22,6 @@ class MujocoWorld:
         bodies: names of the bodies that must be in it.
         source: name of the text in messages.
 
-    Attributes:
-        mujoco: the package, for its functions.
-        model: the MjModel.
-        data: the MjData.
-        engine: name and version, for `Plant.engine`.
-        own_step_s: the step of the text, or MuJoCo's default.
-
     Raises:
         MissingExtraError: MuJoCo is not installed.
         ParameterError: the text is not MJCF, or a body is missing.
@@ -48,10 +41,10 @@ class MujocoWorld:
                 f"MuJoCo cannot read {source}: {' '.join(str(error).split())}",
                 fix="correct the line it names; the elements and attributes are in MuJoCo's XML reference.",
             ) from error
-        self.mujoco: Any = mujoco
-        self.engine = f"mujoco {mujoco.__version__}"
+        self.mujoco: Any = mujoco  # the package, for its functions
+        self.engine: str = f"mujoco {mujoco.__version__}"
         self._source = source
-        self.own_step_s = float(self.model.opt.timestep)
+        self.own_step_s: float = float(self.model.opt.timestep)  # of the text, or MuJoCo's default
         self.model.opt.timestep = step_s
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         for name in bodies:
@@ -59,11 +52,7 @@ class MujocoWorld:
         self.data: Any = mujoco.MjData(self.model)
 
     def body_id(self, name: str) -> int:
-        """Return the number of a body.
-
-        Raises:
-            ParameterError: the name does not exist.
-        """
+        """Return the number of a body; a ParameterError names the nearest one."""
         names = [self.model.body(i).name for i in range(self.model.nbody)]
         if name not in names:
             raise ParameterError(

@@ -9,11 +9,7 @@ _ROUNDING = 1e-6
 
 
 class Stepper:
-    """Steps a plant; give its `advance_to` to `SimClock.follow`.
-
-    Args:
-        plant: as it was reset, at time 0.
-    """
+    """Steps a plant that was just reset; give its `advance_to` to `SimClock.follow`."""
 
     def __init__(self, plant: Plant) -> None:
         self._plant = plant

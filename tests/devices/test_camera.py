@@ -9,9 +9,9 @@ import pytest
 
 from snr_sim.devices.sensors.camera import Camera, CameraReading
 from snr_sim.plants.urov.dive import Dive
+from snr_sim.plants.urov.instruments import PoseOutput
 from snr_sim.plants.urov.pool import Gate, Pool
 from snr_sim.plants.urov.urov_2d import Urov2D
-from snr_sim.plants.urov.urov_outputs import PoseOutput
 from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError, SnrError, UnknownNameError
 from snr_sim.prelude.values import decode_value, encode_value

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from snr_sim.devices.sensors.echo_sounder import EchoSounder
-from snr_sim.plants.urov.urov_outputs import AltitudeOutput
+from snr_sim.plants.urov.instruments import AltitudeOutput
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.signals import EchoReading
 from snr_sim.testing.contracts import check_sensor

@@ -8,11 +8,10 @@ import pytest
 from snr_sim.devices.sensors.imu import InertialUnit
 from snr_sim.devices.sensors.sensor_errors import BiasDrift, SensorErrors
 from snr_sim.plants.urov.dive import Dive
-from snr_sim.plants.urov.instruments import FIELD_UT_PER_A
+from snr_sim.plants.urov.instruments import FIELD_UT_PER_A, ImuOutput
 from snr_sim.plants.urov.pool import Pool
 from snr_sim.plants.urov.propulsion import Propulsion
 from snr_sim.plants.urov.urov import Urov
-from snr_sim.plants.urov.urov_outputs import ImuOutput
 from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.angles import quaternion_of, roll_pitch_yaw_rad, wrap_rad
 from snr_sim.prelude.attitude_filter import GAIN_HZ, into_world

@@ -6,9 +6,9 @@ import pytest
 
 from snr_sim.devices.sensors.ms5837 import Ms5837, depth_m
 from snr_sim.plants.urov.dive import Dive
+from snr_sim.plants.urov.instruments import DepthOutput
 from snr_sim.plants.urov.pool import Pool
 from snr_sim.plants.urov.urov import Urov
-from snr_sim.plants.urov.urov_outputs import DepthOutput
 from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.signals import DepthReading

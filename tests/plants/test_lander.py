@@ -7,19 +7,21 @@ speed), and lets it spring back with the damper's 0.13 s where the plane's foot 
 """
 
 import math
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import pytest
 
 from snr_sim.plants.lander.descent import Motion, propagate
+from snr_sim.plants.lander.gear import GearLimits
 from snr_sim.plants.lander.lander import Lander
 from snr_sim.plants.lander.lander_2d import Lander2D
 from snr_sim.plants.lander.lander_3d import Lander3D
 from snr_sim.plants.lander.legs import BodyPose
 from snr_sim.plants.lander.module import LunarModule, PlaneStart
 from snr_sim.plants.lander.terrain import FLAT, Terrain, make_terrain
-from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError
+from snr_sim.prelude.errors import MissingExtraError, ParameterError, PlantError, UnknownNameError
 from snr_sim.prelude.signals import EngineCommand, InertialReading
 
 Program = Sequence[tuple[float, EngineCommand]]
@@ -217,6 +219,32 @@ def test_rest_beyond_tilt_limit_is_tilted(apollo: LunarModule, which: int, slope
     assert plant.reason.startswith("attitude at rest ") == (outcome == "tilted")
 
 
+@each
+def test_sliding_into_slope_tips_over(apollo: LunarModule, which: int) -> None:
+    forgiving = replace(apollo, gear=GearLimits(99.0, 99.0, 99.0, math.pi, 9.0))
+    steep = make_terrain(3, relief_m=0.0, pad_slope_rad=0.35)
+    plant = both(forgiving, z=6.0, vx=4.0, vz=-2.0, rate=-0.5, ground=steep)[which]
+    assert abs(go(plant, 15.0).attitude_rad) > 0.5
+    assert plant.outcome == "crashed"
+    assert plant.reason in ("the hull met the ground", "it tipped over on its legs")
+
+
+@pytest.mark.parametrize("body", [Lander2D, Lander3D])
+def test_half_step_moves_touchdown_little(apollo: LunarModule, body: type[Lander2D | Lander3D]) -> None:
+    ends = []
+    for step_s in (0.005, 0.0025):
+        start = PlaneStart((0.0, 4.6), (0.4, 0.0), 7500.0, 600.0, 0.03, 0.01)
+        plant = body(apollo, lambda seed, start=start: (start, FLAT), step_s=step_s)
+        for _ in range(round(2.0 / step_s)):
+            plant.step(step_s)
+        assert plant.touchdown is not None
+        ends.append((plant.touchdown, pose(plant)))
+    (coarse, stands), (fine, stands_fine) = ends
+    assert coarse["vertical_mps"] == pytest.approx(fine["vertical_mps"], abs=0.01)
+    assert coarse["lateral_mps"] == pytest.approx(fine["lateral_mps"], abs=0.01)
+    assert math.dist(stands[:2], stands_fine[:2]) < 0.01
+
+
 # -- contract of both --------------------------------------------------------------------------------------------------
 
 
@@ -299,3 +327,12 @@ def test_unknown_name_raises_with_nearest_name(apollo: LunarModule, which: int) 
         plant.read("inertia")
     with pytest.raises(UnknownNameError, match="did you mean 'engine'"):
         plant.write("engines", EngineCommand())
+
+
+@pytest.mark.parametrize("package", ["pymunk", "mujoco"])
+def test_missing_engine_raises_with_install_hint(
+    apollo: LunarModule, monkeypatch: pytest.MonkeyPatch, package: str
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(MissingExtraError, match=r"snr_sim\[sim\]"):
+        both(apollo)

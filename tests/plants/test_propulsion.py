@@ -45,7 +45,7 @@ def test_interpolated_thrust_stays_near_curve() -> None:
         pulse, volts = rng.uniform(1100, 1900), rng.uniform(7.0, 20.0)
         thrusters = armed(1, volts)
         run(thrusters, [pulse], 0.6)
-        force, current, _ = curve(volts).at(pulse)
+        force, current = curve(volts).at(pulse)
         assert thrusters.forces_n[0] == pytest.approx(force, abs=0.01)
         assert thrusters.currents_a[0] == pytest.approx(current, abs=0.02)
 

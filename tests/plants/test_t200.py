@@ -6,16 +6,16 @@ import pytest
 from snr_sim.plants.urov.t200 import NEWTONS_PER_KGF, curve, load_table
 from snr_sim.prelude.errors import ParameterError
 
-# From the maker's public performance data: [pulse us, kgf at 12 V, kgf at 16 V, A at 16 V, rpm at 16 V].
+# From the maker's public performance data: [pulse us, kgf at 12 V, kgf at 16 V, A at 16 V].
 PRINTED = (
-    (1100, -2.90, -4.07, 24.3, 3465),
-    (1200, -1.95, -2.71, 11.9, 2865),
-    (1300, -1.02, -1.44, 4.4, 2140),
-    (1400, -0.32, -0.48, 0.7, 1246),
-    (1600, 0.39, 0.60, 0.8, 1237),
-    (1700, 1.28, 1.82, 4.58, 2129),
-    (1800, 2.46, 3.42, 11.9, 2888),
-    (1900, 3.71, 5.25, 23.8, 3533),
+    (1100, -2.90, -4.07, 24.3),
+    (1200, -1.95, -2.71, 11.9),
+    (1300, -1.02, -1.44, 4.4),
+    (1400, -0.32, -0.48, 0.7),
+    (1600, 0.39, 0.60, 0.8),
+    (1700, 1.28, 1.82, 4.58),
+    (1800, 2.46, 3.42, 11.9),
+    (1900, 3.71, 5.25, 23.8),
 )
 DEAD_BANDS = {
     10: (1460, 1540),
@@ -30,11 +30,11 @@ VOLTAGES = [7.0, 8.3, 9.99, 10.0, 11.0, 12.7, 14.8, 16.0, 16.79, 18.5, 19.99, 20
 
 @pytest.mark.parametrize("row", PRINTED, ids=lambda row: str(row[0]))
 def test_curve_equals_data_sheet(row: tuple[float, ...]) -> None:
-    pulse, kgf_12, kgf_16, amperes, rpm = row
+    pulse, kgf_12, kgf_16, amperes = row
     assert curve(12.0).at(pulse)[0] / NEWTONS_PER_KGF == pytest.approx(kgf_12, abs=1e-9)
-    force, current, speed = curve(16.0).at(pulse)
+    force, current = curve(16.0).at(pulse)
     assert force / NEWTONS_PER_KGF == pytest.approx(kgf_16, abs=1e-9)
-    assert (current, speed) == (pytest.approx(amperes, rel=0.005), pytest.approx(rpm, abs=1))
+    assert current == pytest.approx(amperes, rel=0.005)
 
 
 @pytest.mark.parametrize("voltage", sorted(load_table()))
@@ -64,12 +64,11 @@ def test_full_thrust_between_voltages_is_mean() -> None:
 @pytest.mark.parametrize("voltage", VOLTAGES)
 def test_force_is_monotonic_and_zero_in_dead_band(voltage: float) -> None:
     pulses = np.arange(1100.0, 1900.5, 0.5)
-    forces, currents, speeds = np.array([curve(voltage).at(pulse) for pulse in pulses]).T
+    forces, currents = np.array([curve(voltage).at(pulse) for pulse in pulses]).T
     assert np.all(np.diff(forces) >= 0.0)
     still = forces == 0.0
     assert pulses[still][0] == pytest.approx(curve(voltage).dead_band_us[0], abs=0.5)
     assert np.all(currents[still] == 0.0)
-    assert np.all(speeds[still] == 0.0)
     assert np.all(currents[~still] > 0.0)
 
 
@@ -83,15 +82,6 @@ def test_thrust_is_continuous_in_voltage() -> None:
 def test_full_thrust_below_table_extrapolates() -> None:
     falls = [curve(volts).at(1900.0)[0] / curve(volts * 12.0 / 10.0).at(1900.0)[0] for volts in (8.0, 10.0)]
     assert falls[0] == pytest.approx(falls[1], rel=0.01)
-
-
-@pytest.mark.parametrize(("side", "k_n_per_rpm2"), [(1.0, 4.07e-6), (-1.0, 3.25e-6)])
-def test_thrust_is_proportional_to_square_of_speed(side: float, k_n_per_rpm2: float) -> None:
-    """The published table at 16 V fits F = k n^2 to better than R^2 = 0.998."""
-    pulses = 1500.0 + side * np.arange(40.0, 401.0, 4.0)
-    forces, _, speeds = np.array([curve(16.0).at(pulse) for pulse in pulses]).T
-    fit = side * k_n_per_rpm2 * speeds**2
-    assert 1.0 - np.sum((forces - fit) ** 2) / np.sum((forces - forces.mean()) ** 2) > 0.998
 
 
 @pytest.mark.parametrize("voltage", [0.0, 6.9, 20.1, -12.0, float("nan"), float("inf")])

@@ -92,16 +92,6 @@ def test_truth_contains_faults_leaked_water_and_load() -> None:
     assert not {"load_kg", "water_l", "broken_T4"} & set(make_urov(HEAVY).truth()["values"])
 
 
-def test_surge_equals_closed_form() -> None:
-    vehicle = replace(HEAVY, net_buoyancy_n=0.0)
-    plant = go(make_urov(vehicle), 1.0, (40.0, 0.0, 0.0))
-    a, b, mass = 13.7, 141.0, plant.vehicle.mass_kg + 6.3567
-    u1 = (-a + math.sqrt(a * a + 4.0 * b * 40.0)) / (2.0 * b)
-    u2 = u1 + a / b
-    e = math.exp(-b * (u1 + u2) / mass)
-    assert plant.through_water[0] == pytest.approx(u1 * (1.0 - e) / (1.0 + u1 / u2 * e), rel=1e-5)
-
-
 def test_invalid_input_raises_with_message() -> None:
     with pytest.raises(ParameterError, match="which is not in the pool"):
         Urov(HEAVY, Pool(depth_m=3.0), lambda seed: Dive((0.0, 0.0, -3.5)))
@@ -235,28 +225,6 @@ def test_error_is_second_order_in_step() -> None:
 
 
 # -- floor, walls, gates ----------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("current", "holds"), [(0.1, True), (0.2, True), (0.3, False)])
-def test_friction_on_floor_holds_up_to_limit_current(current: float, holds: bool) -> None:
-    lead = Payload(3.0, 3.0 * 0.000088)
-    plant = make_urov(
-        pool=Pool(), position_m=(0.0, 0.0, -3.873), loads=(lead,), currents=(Current(0.0, (current, 0, 0)),)
-    )
-    go(plant, 10.0)
-    begin = plant.position_m[0]
-    go(plant, 2.0)
-    presses = 9.81 * (3.0 - 0.264) - 1.5
-    east, _, up = plant.contact_n or (0.0, 0.0, 0.0)
-    assert up == pytest.approx(presses, rel=1e-3)
-    if holds:
-        drag = 13.7 * current + 141.0 * current**2
-        assert east == pytest.approx(-drag, rel=2e-3)
-        assert plant.position_m[0] - begin < 2e-4
-    else:
-        assert east == pytest.approx(-FRICTION * presses, rel=1e-3)
-        slip = 0.3 - plant.velocity_mps[0]  # the current drags as hard as friction holds
-        assert 13.7 * slip + 141.0 * slip**2 == pytest.approx(FRICTION * presses, rel=1e-2)
 
 
 @pytest.mark.parametrize("step_s", [0.002, 0.005, 0.01])

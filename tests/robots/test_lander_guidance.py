@@ -59,7 +59,8 @@ def simulate(scenario_name: str, seed: int, controller: str) -> dict[str, Any]:
     context = RobotContext(
         RobotInfo("lander", "lander", scenario_name, plant.engine, parameters, {}), "sim", seed, plant
     )
-    sensors = [robot.sim_radar(context)] + ([robot.sim_inertial(context)] if parameters.inertial else [])
+    names = ["radar", "inertial"] if parameters.inertial else ["radar"]
+    sensors = [robot.sim_sensor(context, name) for name in names]
     engine, law, rate_hz = robot.sim_engine(context), law_of(controller)(parameters), parameters.radar.rate_hz
     tick = 0
     while scenario.verdict(plant) is None and tick / rate_hz < scenario.TIME_LIMIT_S:

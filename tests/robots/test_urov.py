@@ -32,7 +32,7 @@ from snr_sim_robot_urov.failsafes import Failsafes  # noqa: E402
 from snr_sim_robot_urov.holds import HoldController  # noqa: E402
 from snr_sim_robot_urov.parameters import HoldParameters  # noqa: E402
 from snr_sim_robot_urov.tether_link import tether_faults  # noqa: E402
-from snr_sim_robot_urov.waypoint_pilot import Waypoint, WaypointPilotFactory  # noqa: E402
+from snr_sim_robot_urov.waypoint_pilot import Waypoint, WaypointPilot  # noqa: E402
 
 DT_S = 0.02
 
@@ -300,11 +300,6 @@ def test_unactuated_axis_is_not_controlled() -> None:
 # -- a pilot who sees --------------------------------------------------------------------------------------------------
 
 
-def test_waypoint_pilot_without_route_raises_parameter_error() -> None:
-    with pytest.raises(ParameterError, match="route is empty"):
-        WaypointPilotFactory(())
-
-
 def test_waypoint_pilot_steers_to_goal_at_any_heading() -> None:
     for yaw, stick, side in ((0.0, "surge", 1.0), (math.pi / 2, "sway", -1.0), (math.pi, "surge", -1.0)):
         pages = controls_towards(Waypoint(5.0, 0.0, 2.0, 0.0), [(0.0, 0.0, -2.0, yaw)] * 40)
@@ -324,7 +319,8 @@ def controls_towards(goal: Waypoint, places: list[tuple[float, ...]]) -> list[di
             x, y, z, yaw = left.pop(0)
             loop.store_data("position_fix", {"position_m": [x, y, z], "yaw_rad": yaw, "stamp_s": loop.get_time_s()})
 
-    parts = [FunctionLoopFactory(store_fix, rate_hz=10.0), WaypointPilotFactory([goal]), listener("controls", pages)]
+    pilot = WaypointPilot.factory("pilot", route=[goal])
+    parts = [FunctionLoopFactory(store_fix, rate_hz=10.0), pilot, listener("controls", pages)]
     SimRunner(Config(Mode.TEST, {"topside": parts}), until_s=0.1 * len(places)).run()
     return pages
 

@@ -143,10 +143,9 @@ class Dive:
     def __init__(self, io: str, cause: str, person: bool, actions: dict[str, Any]) -> None:
         scenario = library.load_scenario(library.find("scenarios", "urov_heading_hold"))
         # Of the robot as it is now: other tests load it again.
-        from snr_sim_robot_urov.autopilot import AutopilotFactory
+        from snr_sim_robot_urov.autopilot import AutopilotFactory, Watch
         from snr_sim_robot_urov.failsafe_monitor import FailsafeLimits
         from snr_sim_robot_urov.failsafes import Failsafes, Rearm
-        from snr_sim_robot_urov.watch import WatchFactory
 
         failsafes = Failsafes(**{name: Rearm(WITHIN_S) if one == REARM else one for name, one in actions.items()})
         later_s = GREETS_S if cause == "link_lost" else 0.0
@@ -169,7 +168,7 @@ class Dive:
         self.samples: list[tuple[float, str, float, list[float]]] = []
         with pytest.MonkeyPatch.context() as patch:
             self._break_devices(patch, io, cause)
-            parts = robot.roles(context, [WatchFactory(), AutopilotFactory(parameters)])
+            parts = robot.roles(context, [Watch.factory(), AutopilotFactory(parameters)])
             self._meddle(parts["urov"], cause, bare)
             parts["urov"].append(FunctionLoopFactory(lambda loop: self._sample(bare), "sampler", 50.0))
             parts["urov"].append(FunctionEndpointFactory({(TaskType.store_page, "vehicle"): self._keep}))

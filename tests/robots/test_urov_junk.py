@@ -20,11 +20,10 @@ from snr_sim.testing.function_components import FunctionEndpointFactory, Functio
 
 library.load_robot(library.find("robots", "urov"))
 
-from snr_sim_robot_urov.autopilot import Autopilot, AutopilotFactory  # noqa: E402
+from snr_sim_robot_urov.autopilot import Autopilot, AutopilotFactory, Watch  # noqa: E402
 from snr_sim_robot_urov.controls import Controls  # noqa: E402
 from snr_sim_robot_urov.failsafes import Failsafes  # noqa: E402
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle  # noqa: E402
-from snr_sim_robot_urov.watch import WatchFactory  # noqa: E402
 
 HOLDS = Controls(is_armed=True, mode="heading_hold", depth_m=1.0, heading_rad=0.0)
 RATES_HZ = {"depth": 20.0, "imu": 50.0, "power": 5.0, "leak": 2.0}
@@ -79,7 +78,7 @@ class Dive:
         factories = [
             *map(measure, ("depth", "power", "leak", "imu")),
             FunctionLoopFactory(steer, "surface", 20.0),
-            WatchFactory(),
+            Watch.factory(),
             AutopilotFactory(UrovParameters(vehicle(), failsafes=Failsafes(**failsafes))),
             FunctionEndpointFactory({(TaskType.store_page, one): keep for one in ("pwm", "vehicle")}),
         ]

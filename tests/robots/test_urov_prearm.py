@@ -18,10 +18,9 @@ from snr_sim.testing.function_components import FunctionEndpointFactory, Functio
 
 library.load_robot(library.find("robots", "urov"))
 
-from snr_sim_robot_urov.autopilot import AutopilotFactory  # noqa: E402
+from snr_sim_robot_urov.autopilot import AutopilotFactory, Watch  # noqa: E402
 from snr_sim_robot_urov.controls import Controls  # noqa: E402
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle  # noqa: E402
-from snr_sim_robot_urov.watch import WatchFactory  # noqa: E402
 
 ARM_S, WELL_S, AGAIN_S = 3.0, 4.0, 5.0
 
@@ -60,7 +59,7 @@ def dived(
 
     parts = [
         FunctionLoopFactory(bring, "bringer", 20.0),
-        WatchFactory(),
+        Watch.factory(),
         AutopilotFactory(UrovParameters(vehicle())),
         FunctionEndpointFactory({(TaskType.store_page, "vehicle"): keep}),
     ]

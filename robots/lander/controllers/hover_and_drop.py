@@ -41,11 +41,7 @@ class HoverAndDrop(Endpoint):
 
 
 class HoverAndDropLaw:
-    """Sinks to a height, hovers, sinks slowly, and shuts the engine off.
-
-    Args:
-        parameters: of the lander.
-    """
+    """Sinks to a height, hovers, sinks slowly, and shuts the engine off."""
 
     def __init__(self, parameters: LanderParameters) -> None:
         self.predictor = StatePredictor(parameters)

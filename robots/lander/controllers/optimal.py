@@ -41,11 +41,7 @@ class Optimal(Endpoint):
 
 
 class OptimalLaw:
-    """Waits as long as it may, then brakes so that it would stand still just under the ground.
-
-    Args:
-        parameters: of the lander.
-    """
+    """Waits as long as it may, then brakes so that it would stand still just under the ground."""
 
     def __init__(self, parameters: LanderParameters) -> None:
         self.predictor = StatePredictor(parameters)

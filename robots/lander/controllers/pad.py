@@ -56,11 +56,7 @@ class Pad(Endpoint):
 
 
 class PadLaw:
-    """Goes to the pad and sinks, upright, onto it.
-
-    Args:
-        parameters: of the lander.
-    """
+    """Goes to the pad and sinks, upright, onto it."""
 
     def __init__(self, parameters: LanderParameters) -> None:
         self.module = parameters.module

@@ -40,11 +40,7 @@ class Quadratic(Endpoint):
 
 
 class QuadraticLaw:
-    """Plans a parabola of acceleration to a gate over the ground, again at every reading, and sinks through the gate.
-
-    Args:
-        parameters: of the lander.
-    """
+    """Plans a parabola of acceleration to a gate over the ground at every reading, and sinks through the gate."""
 
     def __init__(self, parameters: LanderParameters) -> None:
         self.predictor = StatePredictor(parameters)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from snr_sim_robot_urov.autopilot import AutopilotFactory
+from snr_sim_robot_urov.autopilot import AutopilotFactory, Watch
 from snr_sim_robot_urov.parameters import failsafe_lines
-from snr_sim_robot_urov.watch import WatchFactory
 
 from snr_sim.core.config import AnyFactory
 from snr_sim.scenario import RobotInfo
@@ -12,7 +11,7 @@ from snr_sim.scenario import RobotInfo
 
 def factories(robot: RobotInfo) -> list[AnyFactory]:
     """Return what makes the controller's components, which run at the vehicle."""
-    return [WatchFactory(), AutopilotFactory(robot.parameters)]
+    return [Watch.factory(), AutopilotFactory(robot.parameters)]
 
 
 def start_lines(robot: RobotInfo) -> list[str]:

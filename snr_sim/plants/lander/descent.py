@@ -55,21 +55,13 @@ class Engine(NamedTuple):
 
 
 class Descent(NamedTuple):
-    """The cheapest descent: fall, then burn.
+    """The cheapest descent: fall, then burn."""
 
-    Args:
-        coast_s: how long to fall.
-        ignite_height_m: where the burn begins.
-        ignite_speed_mps: how fast it then falls, positive down.
-        burn_s: how long it burns until it touches the ground.
-        fuel_kg: what all of it costs.
-    """
-
-    coast_s: float
-    ignite_height_m: float
-    ignite_speed_mps: float
-    burn_s: float
-    fuel_kg: float
+    coast_s: float  # how long to fall
+    ignite_height_m: float  # where the burn begins
+    ignite_speed_mps: float  # how fast it then falls, positive down
+    burn_s: float  # how long it burns until it touches the ground
+    fuel_kg: float  # what all of it costs
 
 
 def propagate(start: Motion, thrust_n: float, exhaust_mps: float, gravity_mps2: float, time_s: float) -> Motion:

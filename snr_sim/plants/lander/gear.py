@@ -8,7 +8,7 @@ from typing import Annotated, Any, TypedDict
 
 import numpy as np
 
-from snr_sim.plants.urov.parameter_limits import LIMITS, check_record
+from snr_sim.plants.urov.parameter_limits import LIMITS, Record
 
 
 class Touchdown(TypedDict):
@@ -24,7 +24,7 @@ class Touchdown(TypedDict):
 
 
 @dataclass(frozen=True)
-class GearLimits:
+class GearLimits(Record, who="The gear's "):
     """What the legs take, and how the module may stand on them. A fast touchdown leaves less room for sliding sideways.
 
     Args:
@@ -34,9 +34,6 @@ class GearLimits:
         attitude_rad: largest tilt at the first contact.
         rate_radps: largest rate of tilting.
         rest_rad: largest tilt of a module at rest.
-
-    Raises:
-        ParameterError: a number is out of range.
 
     Source of the defaults: design limits of the lunar module's gear (10 ft/s; 7 ft/s with 4 ft/s; 6 deg; 2 deg/s;
     slopes of up to 12 deg, along which it then rests), as given for NASA TN D-6850.
@@ -48,9 +45,6 @@ class GearLimits:
     attitude_rad: Annotated[float, LIMITS["gear_rad"]] = math.radians(6.0)
     rate_radps: Annotated[float, LIMITS["gear_radps"]] = math.radians(2.0)
     rest_rad: Annotated[float, LIMITS["gear_rad"]] = math.radians(12.0)
-
-    def __post_init__(self) -> None:
-        check_record(self, "The gear's ")
 
     def vertical_limit(self, lateral_mps: Any) -> Any:
         """Return the largest vertical speed at a lateral one [m/s]; beyond the largest lateral one it stays the same.

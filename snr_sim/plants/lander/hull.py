@@ -21,19 +21,7 @@ HULL, GROUND = 1, 2  # pymunk's collision types
 
 
 class Hull:
-    """A body over ground, in a world of its own.
-
-    Args:
-        gyration_m: its radius of gyration.
-        gravity_mps2: pulls down.
-        terrain: the ground.
-
-    Attributes:
-        has_touched: whether the hull has met the ground. It stays so: a world that has seen a contact remembers it.
-        move: moves on by a time [s]: position by velocity, then velocity by gravity.
-        push: applies a kick (x, z) [m/s] at a point [m], both in the body's frame.
-        push_in_world: the same in the world frame.
-    """
+    """A body of a radius of gyration over ground, in a world of its own."""
 
     def __init__(self, gyration_m: float, gravity_mps2: float, terrain: Terrain) -> None:
         pymunk = pymunk_module()
@@ -47,10 +35,11 @@ class Hull:
             segment.collision_type = GROUND
         space.add(body, outline, *ground)
         space.on_collision(HULL, GROUND, begin=self._on_contact)
-        self.terrain = terrain
-        self.has_touched = False
+        self.terrain: Terrain = terrain
+        self.has_touched: bool = False  # and it stays true: a world that has seen a contact remembers it
         self._body = body
-        # Bound once: they are called at every step.
+        # Bound once: they are called at every step. `move` moves on by a time [s]: position by velocity, then velocity
+        # by gravity. `push` applies a kick (x, z) [m/s] at a point [m], both in the body's frame.
         self.move: Callable[[float], None] = space.step
         self.push: Callable[..., None] = body.apply_impulse_at_local_point
         self.push_in_world: Callable[..., None] = body.apply_impulse_at_world_point

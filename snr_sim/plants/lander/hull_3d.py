@@ -41,27 +41,20 @@ Vector: TypeAlias = tuple[float, float, float]
 
 
 class Hull3D:
-    """The module over ground, in a world of its own.
+    """The module over ground, in a world of its own."""
 
-    Args:
-        module: its numbers.
-        terrain: the ground.
-        step_s: of integration.
-
-    Attributes:
-        engine: name and version of the physics.
-        coordinates: of the centre of mass [m], attitude of the module (quaternion w, x, y, z), then how far each
-            foot has given way along the body's axes [m].
-        motion: velocity [m/s] in the world's frame, rate [rad/s] in the body's, then that of each foot.
-        axes: the matrix whose columns are the body's axes in the world's frame, row by row.
-        contacts: what touches the ground: names of legs, and `HULL`.
-    """
+    # Of the centre of mass [m], attitude of the module (quaternion w, x, y, z), then how far each foot has given way
+    # along the body's axes [m].
+    coordinates: list[float]
+    motion: list[float]  # velocity [m/s] in the world's frame, rate [rad/s] in the body's, then that of each foot
+    axes: list[float]  # the matrix whose columns are the body's axes in the world's frame, row by row
+    contacts: frozenset[str]  # what touches the ground: names of legs, and `HULL`
 
     def __init__(self, module: LunarModule, terrain: Terrain, step_s: float) -> None:
         world = MujocoWorld(_mjcf(module, terrain), step_s, (HULL, *PADS_M), "the lunar module's MJCF")
         mujoco, model, data = world.mujoco, world.model, world.data
-        self.engine = world.engine
-        self.terrain = terrain
+        self.engine: str = world.engine
+        self.terrain: Terrain = terrain
         self._world, self._model, self._data = world, model, data
         self._begin_step, self._end_step = mujoco.mj_step1, mujoco.mj_step2
         self._gyration2 = module.gyration_m**2
@@ -77,7 +70,7 @@ class Hull3D:
     # -- the state ----------------------------------------------------------------------------------------------------
 
     def put(self, coordinates: tuple[float, ...], motion: tuple[float, ...]) -> None:
-        """Set the module's pose with its legs at rest; then `set_mass` and `update`."""
+        """Set the module's pose with its legs at rest; then take its `state`."""
         self._world.mujoco.mj_resetData(self._model, self._data)
         self._qpos[:7], self._qvel[:6] = coordinates, motion
 
@@ -99,14 +92,12 @@ class Hull3D:
         Raises:
             PlantError: the state is no longer finite.
         """
-        self.coordinates: list[float] = self._qpos.tolist()
-        self.motion: list[float] = self._qvel.tolist()
+        self.coordinates, self.motion = self._qpos.tolist(), self._qvel.tolist()
         total = ordered_sum(self.coordinates) + ordered_sum(self.motion)
         if total - total != 0.0:
             self._world.check_finite()
         self._begin_step(self._model, self._data)
-        self.axes: list[float] = self._xmat.tolist()
-        self.contacts: frozenset[str] = frozenset()
+        self.axes, self.contacts = self._xmat.tolist(), frozenset()
         if self._data.ncon:
             part_of = self._part_of
             self.contacts = frozenset(part_of[a] for pair in self._data.contact.geom.tolist() for a in pair) - {GROUND}

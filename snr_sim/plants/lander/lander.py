@@ -20,14 +20,14 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 from snr_sim.plants.lander.gear import Touchdown
-from snr_sim.plants.lander.legs import FEET_M, BodyPose, Kick
+from snr_sim.plants.lander.legs import FEET_M, BodyPose, Grip, Kick
 from snr_sim.plants.lander.module import LunarModule, PlaneStart
 from snr_sim.plants.lander.module_shapes import HULL_M, NOZZLE_BELOW_M, PADS_BELOW_M
 from snr_sim.plants.lander.terrain import HALF_WIDTH_M, ROOF_REACH_M, Terrain
-from snr_sim.plants.urov.parameter_limits import LIMITS, check_number, format_value
+from snr_sim.plants.urov.parameter_limits import LIMITS, check_number, check_valid
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError, suggest
 from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
 
@@ -40,6 +40,29 @@ STILL_MPS, STILL_RADPS, SETTLE_S = 0.05, 0.01, 0.5  # slower than this for so lo
 MAX_INITIAL_PENETRATION_M = 0.01  # depth in the ground at which a run may begin: legs give way
 CEILING_M = 20_000.0
 EDGE_M = HALF_WIDTH_M - ROOF_REACH_M
+
+
+class LanderState(NamedTuple):
+    """Full state: that of the engine of physics (positions half a step ahead), and ours. Defaults: a start."""
+
+    body: Any  # in the plane a `BodyPose`, in space all that MuJoCo has
+    mass_kg: float
+    fuel_kg: float
+    terrain: Terrain
+    steps: int = 0
+    throttle: float = 0.0
+    gimbal_rad: float = 0.0
+    command: tuple[float, float, float] = (0.0, 0.0, 0.0)  # throttle, gimbal, couple of the jets [N m]
+    still_steps: int = 0
+    touchdown: Touchdown | None = None
+    outcome: str | None = None
+    attitude_rad: float = 0.0  # in space, with full turns
+    has_hull_touched: bool = False  # in the plane, as the next two
+    grips_m: tuple[Grip, Grip] = (None, None)
+    far_steps: int = 0
+
+
+IN_BOTH = LanderState._fields[1:11]  # attributes of both landers
 
 
 class Lander(ABC):
@@ -69,25 +92,23 @@ class Lander(ABC):
     SCALABLE = (*SCALABLE_MODULE, *SCALABLE_LEG, "dry_mass_kg")
 
     engine: str
-    terrain: Terrain
     mass_kg: float
     fuel_kg: float
+    terrain: Terrain
+    steps: int
     throttle: float
     gimbal_rad: float
+    command: tuple[float, float, float]
+    still_steps: int
     touchdown: Touchdown | None
     outcome: str | None
-    _steps: int
-    _still_steps: int
-    _throttle_goal: float
-    _gimbal_goal: float
-    _jets: float  # couple [N m]
 
     def __init__(
         self, module: LunarModule, start_of: Callable[[int], tuple[PlaneStart, Terrain]], step_s: float
     ) -> None:
         check_number("The lander's step_s", step_s, LIMITS["flight_step_s"])
-        self.module = module
-        self.start_of = start_of
+        self.module: LunarModule = module
+        self.start_of: Callable[[int], tuple[PlaneStart, Terrain]] = start_of
         self.step_s: float = step_s
         lag_s = module.throttle_lag_s
         self._lag_left, self._lag_steps = (math.exp(-step_s / lag_s), lag_s / step_s) if lag_s > 0.0 else (0.0, 0.0)
@@ -101,10 +122,8 @@ class Lander(ABC):
             ParameterError: they are not valid, or a part of the module is in the ground.
         """
         given = self.start_of(seed)
-        if not (isinstance(given, tuple) and tuple(map(type, given)) == (PlaneStart, Terrain)):
-            raise ParameterError(
-                f"The start of seed {seed} is {format_value(given)}.", fix="return a PlaneStart and a Terrain."
-            )
+        is_start = isinstance(given, tuple) and tuple(map(type, given)) == (PlaneStart, Terrain)
+        check_valid(is_start, f"The start of seed {seed}", given, "return a PlaneStart and a Terrain.")
         start, terrain = given
         (x, z), cos, sin = start.position_m, math.cos(start.attitude_rad), math.sin(start.attitude_rad)
         corners = [(x + cos * a - sin * b, z + sin * a + cos * b) for a, b in (*FEET_M, *HULL_M)]
@@ -120,26 +139,12 @@ class Lander(ABC):
 
     def _flight_state(self) -> dict[str, Any]:
         """Return what both engines' states have in common, by the names of their fields."""
-        return {
-            "steps": self._steps,
-            "mass_kg": self.mass_kg,
-            "fuel_kg": self.fuel_kg,
-            "throttle": self.throttle,
-            "gimbal_rad": self.gimbal_rad,
-            "command": (self._throttle_goal, self._gimbal_goal, self._jets),
-            "still_steps": self._still_steps,
-            "terrain": self.terrain,
-            "touchdown": self.touchdown,
-            "outcome": self.outcome,
-        }
+        return {name: getattr(self, name) for name in IN_BOTH}
 
-    def _restore_flight(self, state: Any) -> None:
+    def _restore_flight(self, state: LanderState) -> None:
         """Put that back."""
-        self._steps, self._still_steps, self.terrain = state.steps, state.still_steps, state.terrain
-        self.mass_kg, self.fuel_kg = state.mass_kg, state.fuel_kg
-        self.throttle, self.gimbal_rad = state.throttle, state.gimbal_rad
-        self._throttle_goal, self._gimbal_goal, self._jets = state.command
-        self.touchdown, self.outcome = state.touchdown, state.outcome
+        for name in IN_BOTH:
+            setattr(self, name, getattr(state, name))
 
     def scaled(self, factors: Mapping[str, float]) -> Self:
         """Return a module of which some numbers, those in `SCALABLE`, are multiplied; its propellant is the same."""
@@ -160,7 +165,7 @@ class Lander(ABC):
     @property
     def time_s(self) -> float:
         """Simulated time since the last reset: a count, so that nothing adds up."""
-        return self._steps * self.step_s
+        return self.steps * self.step_s
 
     # -- what an engine of physics brings -----------------------------------------------------------------------------
 
@@ -199,10 +204,8 @@ class Lander(ABC):
             raise PlantError(
                 f"At {self.time_s:g} s the engine command is not finite: {command}.", fix="send finite numbers."
             )
-        self._throttle_goal = self.module.throttle.snap(min(1.0, max(0.0, throttle)))
-        limit = self.module.gimbal_rad
-        self._gimbal_goal = min(limit, max(-limit, gimbal))
-        self._jets = min(1.0, max(-1.0, jets)) * self.module.jets_nm
+        goal, limit = self.module.throttle.snap(min(1.0, max(0.0, throttle))), self.module.gimbal_rad
+        self.command = goal, min(limit, max(-limit, gimbal)), min(1.0, max(-1.0, jets)) * self.module.jets_nm
 
     def step(self, dt_s: float) -> None:
         """Advance by one step."""
@@ -210,7 +213,7 @@ class Lander(ABC):
             raise ParameterError(
                 f"This plant moves in steps of {self.step_s} s, not {dt_s} s.", fix="use plant.step_s."
             )
-        self._steps += 1
+        self.steps += 1
         if self.outcome is None:
             self._advance()
 
@@ -222,7 +225,7 @@ class Lander(ABC):
             and twist.
         """
         mean = throttle = self.throttle
-        goal = self._throttle_goal
+        goal, gimbal_goal, jets = self.command
         if throttle != goal:
             self.throttle = goal + (throttle - goal) * self._lag_left
             if abs(self.throttle - goal) < THROTTLE_TOLERANCE:
@@ -230,21 +233,21 @@ class Lander(ABC):
             # Of a lag of first order, exactly: where it was, where it is, and how long that takes.
             mean = goal + (throttle - self.throttle) * self._lag_steps
         gimbal = self.gimbal_rad
-        if gimbal != self._gimbal_goal:
+        if gimbal != gimbal_goal:
             max_turn = self._gimbal_step
-            turned = min(max_turn, max(-max_turn, self._gimbal_goal - gimbal))
+            turned = min(max_turn, max(-max_turn, gimbal_goal - gimbal))
             self.gimbal_rad = gimbal + turned
             # Turning at its rate, and then at rest where it was to turn to.
             gimbal = self.gimbal_rad - (0.5 * turned * abs(turned) / max_turn if turned else 0.0)
         burned = mean * self._flow_step
         if burned >= self.fuel_kg:
             burned = self.fuel_kg
-            self.throttle = self._throttle_goal = 0.0
+            self.throttle, self.command = 0.0, (0.0, gimbal_goal, jets)
         self.fuel_kg -= burned
         self.mass_kg -= burned
         # By the mean mass of the step: so any burn agrees with the rocket equation, to the step squared.
         mass_kg = self.mass_kg + 0.5 * burned
-        push, twist = burned * self.module.exhaust_mps / mass_kg, self._jets * self.step_s / mass_kg
+        push, twist = burned * self.module.exhaust_mps / mass_kg, jets * self.step_s / mass_kg
         side = push * math.sin(gimbal)
         return side, push * math.cos(gimbal), twist + NOZZLE_BELOW_M * side
 
@@ -262,15 +265,15 @@ class Lander(ABC):
 
     def _settle(self, is_still: bool) -> None:
         """Count the time at rest, and end the flight when it is long enough."""
-        self._still_steps = self._still_steps + 1 if is_still else 0
-        if self.outcome is None and self.touchdown is not None and self._still_steps * self.step_s >= SETTLE_S:
+        self.still_steps = self.still_steps + 1 if is_still else 0
+        if self.outcome is None and self.touchdown is not None and self.still_steps * self.step_s >= SETTLE_S:
             self._end(self.module.gear.outcome(self.touchdown, self.fuel_kg, self._tilt_rad()))
 
     def _end(self, outcome: str) -> None:
         """Stop everything where it is."""
         self.outcome = outcome
         self._stand_still()
-        self.throttle = self._throttle_goal = self._jets = 0.0
+        self.throttle, self.command = 0.0, (0.0, self.command[1], 0.0)
 
     @property
     def reason(self) -> str:

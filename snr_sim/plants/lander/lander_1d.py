@@ -18,23 +18,19 @@ from snr_sim.plants.lander.module import check_tank
 from snr_sim.plants.lander.module_shapes import NOZZLE_BELOW_M, PADS_BELOW_M, module_shapes
 from snr_sim.plants.lander.terrain import FLAT
 from snr_sim.plants.lander.terrain_shapes import terrain_shapes
-from snr_sim.plants.urov.parameter_limits import LIMITS, check_number, check_record, format_value
+from snr_sim.plants.urov.parameter_limits import LIMITS, Record, check_number, check_valid
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError, suggest
 from snr_sim.prelude.signals import EngineCommand, RadarReading
 
 
 @dataclass(frozen=True)
-class VerticalStart:
+class VerticalStart(Record, who="The start's "):
     """Where a run begins.
 
     Args:
         height_m: of the pads over the ground.
         velocity_mps: positive up.
-        mass_kg: all of it.
-        fuel_kg: of the mass, what may be burned.
-
-    Raises:
-        ParameterError: a number is out of range.
+        mass_kg, fuel_kg: all of it, and what of that may be burned.
     """
 
     height_m: Annotated[float, LIMITS["above_m"]]
@@ -43,7 +39,7 @@ class VerticalStart:
     fuel_kg: Annotated[float, LIMITS["fuel_kg"]]
 
     def __post_init__(self) -> None:
-        check_record(self, "The start's ")
+        super().__post_init__()
         check_tank(self.mass_kg, self.fuel_kg)
 
 
@@ -98,18 +94,16 @@ class Lander1D:
             ("lander's ceiling_m", ceiling_m, "above_m"),
         ):
             check_number(f"The {what}", value, LIMITS[limit])
-        self.start_of = start_of
-        self.thrust_n, self.exhaust_mps, self.gravity_mps2 = engine.thrust_n, engine.exhaust_mps, engine.gravity_mps2
-        self.min_throttle = min_throttle
-        self.gear = gear
-        self.ceiling_m = ceiling_m
+        self.start_of: Callable[[int], VerticalStart] = start_of
+        self.thrust_n, self.exhaust_mps, self.gravity_mps2 = engine
+        self.min_throttle, self.gear, self.ceiling_m = min_throttle, gear, ceiling_m
         self.reset(seed)
 
     def reset(self, seed: int) -> None:
         """Put the module back to the start that belongs to this seed, engine off."""
         start = self.start_of(seed)
-        if not isinstance(start, VerticalStart):
-            raise ParameterError(f"The start of seed {seed} is {format_value(start)}.", fix="return a VerticalStart.")
+        is_start = isinstance(start, VerticalStart)
+        check_valid(is_start, f"The start of seed {seed}", start, "return a VerticalStart.")
         self.time_s = 0.0
         self.height_m, self.velocity_mps = float(start.height_m), float(start.velocity_mps)
         self.mass_kg, self.fuel_kg = start.mass_kg, start.fuel_kg

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
-from snr_sim.plants.lander.gear import Touchdown
 from snr_sim.plants.lander.hull import Hull, pymunk_module
-from snr_sim.plants.lander.lander import CEILING_M, EDGE_M, STEP_S, STILL_MPS, STILL_RADPS, Lander
-from snr_sim.plants.lander.legs import MAX_CONTACT_RADIUS_M, BodyPose, Grip, Kick, Legs
+from snr_sim.plants.lander.lander import CEILING_M, EDGE_M, STEP_S, STILL_MPS, STILL_RADPS, Lander, LanderState
+from snr_sim.plants.lander.legs import MAX_CONTACT_RADIUS_M, BodyPose, Kick, Legs
 from snr_sim.plants.lander.module import TIPPED_RAD, LunarModule, PlaneStart
 from snr_sim.plants.lander.module_shapes import JETS_OUT_M, NOZZLE_BELOW_M, module_shapes
 from snr_sim.plants.lander.terrain import Terrain
@@ -25,33 +24,12 @@ from snr_sim.prelude.errors import PlantError
 MAX_FAR_STEPS = 20  # the ground is looked for at least this often
 
 
-class Lander2DState(NamedTuple):
-    """Full state of the plant: pymunk's (positions half a step ahead), and ours. Defaults: a start."""
-
-    body: BodyPose
-    mass_kg: float
-    fuel_kg: float
-    terrain: Terrain
-    has_hull_touched: bool = False
-    steps: int = 0
-    throttle: float = 0.0
-    gimbal_rad: float = 0.0
-    command: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    grips_m: tuple[Grip, Grip] = (None, None)
-    far_steps: int = 0
-    still_steps: int = 0
-    touchdown: Touchdown | None = None
-    outcome: str | None = None
-
-
 class Lander2D(Lander):
     """The lander in the plane, under pymunk.
 
     Args:
-        module: its numbers.
-        start_of: gives the start and the ground that belong to a seed.
+        module, start_of, step_s: as of `Lander`.
         seed: of the first run.
-        step_s: of integration; see `STEP_S`.
     """
 
     def __init__(
@@ -76,11 +54,11 @@ class Lander2D(Lander):
         (x, z), (vx, vz), half_s = start.position_m, start.velocity_mps, 0.5 * self.step_s
         attitude, rate = start.attitude_rad + half_s * start.rate_radps, start.rate_radps
         body = BodyPose(x + half_s * vx, z + half_s * vz, attitude, vx, vz - self._fall_mps, rate)
-        self.restore(Lander2DState(body, start.mass_kg, start.fuel_kg, terrain))
+        self.restore(LanderState(body, start.mass_kg, start.fuel_kg, terrain))
 
-    def snapshot(self) -> Lander2DState:
+    def snapshot(self) -> LanderState:
         """Return the full state; the returned object is immutable."""
-        return Lander2DState(
+        return LanderState(
             body=self._hull.pose(),
             has_hull_touched=self._hull.has_touched,
             grips_m=self._legs.grips_m,
@@ -88,7 +66,7 @@ class Lander2D(Lander):
             **self._flight_state(),
         )
 
-    def restore(self, snapshot: Lander2DState) -> None:
+    def restore(self, snapshot: LanderState) -> None:
         """Put back what `snapshot` returned."""
         module, hull = self.module, self._hull
         if hull.has_touched or hull.terrain is not snapshot.terrain:
@@ -158,7 +136,6 @@ class Lander2D(Lander):
         )
 
     def _stand_still(self) -> None:
-        """Take all motion from the body."""
         self._hull.put(self._hull.pose()._replace(vx_mps=0.0, vz_mps=-self._fall_mps, rate_radps=0.0))
         self._pose = None
 
@@ -173,15 +150,12 @@ class Lander2D(Lander):
         return self._pose
 
     def _contact(self) -> list[bool]:
-        """Return whether feet touch: [left, right]."""
         return [grip is not None for grip in self._legs.grips_m]
 
     def _tilt_rad(self) -> float:
-        """Return the angle between the module's upward axis and the vertical."""
         return abs(math.remainder(self._hull.pose().attitude_rad, 2.0 * math.pi))
 
     def _has_hull_touched(self) -> bool:
-        """Return whether the hull has met the ground."""
         return self._hull.has_touched
 
     def scene(self) -> dict[str, Any]:
@@ -198,7 +172,7 @@ class Lander2D(Lander):
         thrust, fire = self.throttle * self.module.thrust_n, attitude - self.gimbal_rad
         nozzle_x, nozzle_z = x + sin * NOZZLE_BELOW_M, z - cos * NOZZLE_BELOW_M
         vectors = {"thrust": [nozzle_x, 0.0, nozzle_z, -math.sin(fire) * thrust, 0.0, math.cos(fire) * thrust]}
-        if self._jets:
+        if self.command[2]:
             vectors |= self._jet_arrows(x, z, cos, sin)
         poses = {
             "module": [x, 0.0, z, *turn],
@@ -209,7 +183,7 @@ class Lander2D(Lander):
 
     def _jet_arrows(self, x: float, z: float, cos: float, sin: float) -> dict[str, list[float]]:
         """Return the pair of attitude jets that fires: one side up, the other down."""
-        force = 0.5 * self._jets / JETS_OUT_M
+        force = 0.5 * self.command[2] / JETS_OUT_M
         up_x, up_z = -sin * force, cos * force
         out_x, out_z = cos * JETS_OUT_M, sin * JETS_OUT_M
         return {

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 from snr_sim.plants.attitude import integrate_attitude, rotation_of
-from snr_sim.plants.lander.gear import Touchdown
 from snr_sim.plants.lander.hull_3d import HULL, Hull3D
-from snr_sim.plants.lander.lander import CEILING_M, EDGE_M, STEP_S, STILL_MPS, STILL_RADPS, Lander
+from snr_sim.plants.lander.lander import CEILING_M, EDGE_M, STEP_S, STILL_MPS, STILL_RADPS, Lander, LanderState
 from snr_sim.plants.lander.legs import BodyPose, Kick
 from snr_sim.plants.lander.module import TIPPED_RAD, LunarModule, PlaneStart
 from snr_sim.plants.lander.module_shapes import JETS_OUT_M, NOZZLE_BELOW_M, PADS_M, legged_module_shapes
@@ -26,31 +25,12 @@ _TIPPED_UP = math.cos(TIPPED_RAD)
 NOWHERE = (0.0, 0.0, 0.0)  # where a vector begins that is a direction
 
 
-class Lander3DState(NamedTuple):
-    """Full state of the plant: MuJoCo's (positions half a step ahead), and ours."""
-
-    body: tuple[float, ...]
-    attitude_rad: float
-    mass_kg: float
-    fuel_kg: float
-    terrain: Terrain
-    steps: int
-    throttle: float
-    gimbal_rad: float
-    command: tuple[float, float, float]
-    still_steps: int
-    touchdown: Touchdown | None
-    outcome: str | None
-
-
 class Lander3D(Lander):
     """The lander in space, under MuJoCo.
 
     Args:
-        module: its numbers.
-        start_of: gives the start and the ground that belong to a seed: in the x-z plane, as for `Lander2D`.
+        module, start_of, step_s: as of `Lander`; a start is in the x-z plane.
         seed: of the first run.
-        step_s: of integration; see `STEP_S`.
     """
 
     def __init__(
@@ -71,31 +51,25 @@ class Lander3D(Lander):
         """Put the module at the start that belongs to this seed, over its ground."""
         start, self.terrain = self._start(seed)
         (x, z), (vx, vz), half_s = start.position_m, start.velocity_mps, 0.5 * self.step_s
-        self._attitude = start.attitude_rad + half_s * start.rate_radps
-        half = 0.5 * self._attitude
+        attitude = start.attitude_rad + half_s * start.rate_radps
+        half = 0.5 * attitude
         # Positive attitudes turn counter-clockwise seen from -y: about -y.
         turn = (math.cos(half), 0.0, -math.sin(half), 0.0)
         self._build()
         coordinates, motion = (x + half_s * vx, 0.0, z + half_s * vz, *turn), (vx, 0.0, vz, 0.0, -start.rate_radps, 0.0)
         self._hull.put(coordinates, motion)
-        self._hull.set_mass(start.mass_kg)
-        self._hull.update()
-        self.mass_kg, self.fuel_kg = start.mass_kg, start.fuel_kg
-        self._steps = self._still_steps = 0
-        self.throttle = self.gimbal_rad = self._throttle_goal = self._gimbal_goal = self._jets = 0.0
-        self.touchdown = self.outcome = None
-        self._pose: BodyPose | None = None
+        self.restore(LanderState(self._hull.state(), start.mass_kg, start.fuel_kg, self.terrain, attitude_rad=attitude))
 
     def _build(self) -> None:
         """Rebuild the world if the ground has changed."""
         if self._hull.terrain is not self.terrain:
             self._hull = Hull3D(self.module, self.terrain, self.step_s)
 
-    def snapshot(self) -> Lander3DState:
+    def snapshot(self) -> LanderState:
         """Return the full state; the returned object is immutable."""
-        return Lander3DState(body=self._hull.state(), attitude_rad=self._attitude, **self._flight_state())
+        return LanderState(body=self._hull.state(), attitude_rad=self._attitude, **self._flight_state())
 
-    def restore(self, snapshot: Lander3DState) -> None:
+    def restore(self, snapshot: LanderState) -> None:
         """Put back what `snapshot` returned."""
         self._restore_flight(snapshot)
         self._build()
@@ -103,7 +77,7 @@ class Lander3D(Lander):
         self._hull.set_mass(snapshot.mass_kg)
         self._hull.update()
         self._attitude = snapshot.attitude_rad
-        self._pose = None
+        self._pose: BodyPose | None = None
 
     # -- moving -------------------------------------------------------------------------------------------------------
 
@@ -115,7 +89,7 @@ class Lander3D(Lander):
         if hull.contacts:
             self._meet_ground(kick)
         else:
-            self._still_steps = 0
+            self.still_steps = 0
         if self.outcome is not None:
             return
         hull.move()
@@ -157,7 +131,6 @@ class Lander3D(Lander):
         self._settle(still and all(self._contact()))
 
     def _stand_still(self) -> None:
-        """Take all motion from the module."""
         self._hull.stop()
         self._pose = None
 
@@ -172,15 +145,12 @@ class Lander3D(Lander):
         return self._pose
 
     def _contact(self) -> list[bool]:
-        """Return whether feet touch: [left, right]."""
         return [bool(side & self._hull.contacts) for side in (LEFT, RIGHT)]
 
     def _tilt_rad(self) -> float:
-        """Return the angle between the module's upward axis and the vertical."""
         return math.acos(min(1.0, max(-1.0, self._hull.axes[8])))
 
     def _has_hull_touched(self) -> bool:
-        """Return whether the hull has met the ground."""
         return HULL in self._hull.contacts
 
     def scene(self) -> dict[str, Any]:
@@ -206,9 +176,9 @@ class Lander3D(Lander):
         thrust = self.throttle * self.module.thrust_n
         push = thrust * math.sin(self.gimbal_rad), 0.0, thrust * math.cos(self.gimbal_rad)
         vectors = {"thrust": [*in_world(0.0, 0.0, -NOZZLE_BELOW_M), *in_world(*push, at=NOWHERE)]}
-        if self._jets:
+        if self.command[2]:
             # The pair of attitude jets that fires: one side up, the other down.
-            force = 0.5 * self._jets / JETS_OUT_M
+            force = 0.5 * self.command[2] / JETS_OUT_M
             vectors["jet_right"] = [*in_world(JETS_OUT_M, 0.0, 1.0), *in_world(0.0, 0.0, force, at=NOWHERE)]
             vectors["jet_left"] = [*in_world(-JETS_OUT_M, 0.0, 1.0), *in_world(0.0, 0.0, -force, at=NOWHERE)]
         return {"poses": poses, "vectors": vectors, "values": self._true_values(self._read_pose())}

@@ -21,9 +21,7 @@ FEET_M = ((-0.5 * PADS_APART_M, -PADS_BELOW_M), (0.5 * PADS_APART_M, -PADS_BELOW
 MAX_CONTACT_RADIUS_M = math.hypot(*FEET_M[0])  # no part of the module that can touch is farther from its centre of mass
 
 Grip: TypeAlias = tuple[float, float] | None  # the point on the ground that a foot grips, if it touches
-Kick: TypeAlias = tuple[
-    float, float, float
-]  # change of velocity: x, z [m/s]; and twist [m2/s], a moment's per kilogram
+Kick: TypeAlias = tuple[float, float, float]  # change of velocity x, z [m/s]; twist [m2/s], a moment's per kilogram
 
 
 class BodyPose(NamedTuple):
@@ -38,13 +36,7 @@ class BodyPose(NamedTuple):
 
 
 class Legs:
-    """Both legs of a module.
-
-    Args:
-        leg: each of them.
-        gyration_m: the module's radius of gyration.
-        step_s: how long they push at a time.
-    """
+    """Both legs of a module of a radius of gyration; they push for a step at a time."""
 
     def __init__(self, leg: Leg, gyration_m: float, step_s: float) -> None:
         self._leg = leg

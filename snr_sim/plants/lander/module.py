@@ -7,31 +7,27 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from snr_sim.plants.lander.gear import APOLLO_GEAR, GearLimits
-from snr_sim.plants.urov.parameter_limits import LIMITS, check_record
+from snr_sim.plants.urov.parameter_limits import LIMITS, Record
 from snr_sim.prelude.errors import ParameterError
 
 
 @dataclass(frozen=True)
-class Throttle:
+class Throttle(Record, who="The throttle's "):
     """Throttle range of an engine, as fractions of full thrust: off, a range, or full.
 
     Args:
         lowest: end of the range; below it the flame goes out.
         highest: other end; between it and full the nozzle erodes, so the engine skips that range.
-
-    Raises:
-        ParameterError: the fractions are not valid.
     """
 
     lowest: Annotated[float, LIMITS["share"]]
     highest: Annotated[float, LIMITS["share"]]
 
     def __post_init__(self) -> None:
-        check_record(self, "The throttle's ")
+        super().__post_init__()
         if self.lowest > self.highest:
-            raise ParameterError(
-                f"The throttle runs from {self.lowest:g} to {self.highest:g}.", fix="give the lower end first."
-            )
+            found = f"The throttle runs from {self.lowest:g} to {self.highest:g}."
+            raise ParameterError(found, fix="give the lower end first.")
 
     def snap(self, command: float) -> float:
         """Return the nearest fraction that the engine can run at.
@@ -47,45 +43,33 @@ class Throttle:
 
 
 @dataclass(frozen=True)
-class Leg:
+class Leg(Record, who="The leg's "):
     """One sprung, damped foot, and its grip on the ground.
 
     Args:
         spring_npm: force per metre of giving way, along the ground's normal; sideways the foot bends as stiffly.
         damper_nspm: force per speed, both ways.
         friction: largest fraction of the normal force that the foot holds sideways before it slides.
-
-    Raises:
-        ParameterError: a number is out of range.
     """
 
     spring_npm: Annotated[float, LIMITS["leg_npm"]]
     damper_nspm: Annotated[float, LIMITS["leg_nspm"]]
     friction: Annotated[float, LIMITS["grip"]]
 
-    def __post_init__(self) -> None:
-        check_record(self, "The leg's ")
-
 
 @dataclass(frozen=True)
-class LunarModule:
+class LunarModule(Record, who="The module's "):
     """A module that flies in the x-z plane.
 
     Args:
-        thrust_n: of the main engine at full throttle.
-        exhaust_mps: its effective exhaust speed.
-        throttle: fractions of it that the engine can run at.
+        thrust_n, exhaust_mps: of the main engine at full throttle, and its effective exhaust speed.
+        throttle: fractions of full thrust that the engine can run at.
         throttle_lag_s: time constant of thrust following the command.
-        gimbal_rad: how far the nozzle turns to either side.
-        gimbal_rate_radps: how fast.
+        gimbal_rad, gimbal_rate_radps: how far the nozzle turns to either side, and how fast.
         jets_nm: largest couple of the attitude jets. Their propellant has tanks of its own and is not counted.
         gyration_m: radius of gyration, which stays while propellant leaves: inertia is mass times its square.
         leg: each of the two.
         gear: judges the first contact.
-        gravity_mps2: pulls down.
-
-    Raises:
-        ParameterError: a number is out of range.
     """
 
     thrust_n: Annotated[float, LIMITS["engine_n"]]
@@ -100,36 +84,23 @@ class LunarModule:
     gravity_mps2: Annotated[float, LIMITS["pull_mps2"]]
     gear: GearLimits = field(default=APOLLO_GEAR)
 
-    def __post_init__(self) -> None:
-        check_record(self, "The module's ")
-
 
 def check_tank(mass_kg: float, fuel_kg: float) -> None:
-    """Check that a module at its start is more than its propellant.
-
-    Raises:
-        ParameterError: it is not.
-    """
+    """Check that a module at its start is more than its propellant; if not, raise a ParameterError."""
     if not fuel_kg < mass_kg:
-        raise ParameterError(
-            f"The start's fuel_kg is {fuel_kg:g}, its mass_kg {mass_kg:g}.", fix="mass_kg is all of it, the fuel too."
-        )
+        found = f"The start's fuel_kg is {fuel_kg:g}, its mass_kg {mass_kg:g}."
+        raise ParameterError(found, fix="mass_kg is all of it, the fuel too.")
 
 
 @dataclass(frozen=True)
-class PlaneStart:
+class PlaneStart(Record, who="The start's "):
     """Where a run in the plane begins.
 
     Args:
         position_m: x and z of the centre of mass.
         velocity_mps: vx and vz.
-        attitude_rad: positive counter-clockwise, as in InertialReading.
-        rate_radps: of attitude.
-        mass_kg: all of it.
-        fuel_kg: of the mass, what may be burned.
-
-    Raises:
-        ParameterError: a number is out of range.
+        attitude_rad: positive counter-clockwise, as in InertialReading; `rate_radps` is how it changes.
+        mass_kg, fuel_kg: all of it, and what of that may be burned.
     """
 
     position_m: Annotated[tuple[float, float], LIMITS["way_m"]]
@@ -140,7 +111,7 @@ class PlaneStart:
     rate_radps: Annotated[float, LIMITS["tumble_radps"]] = 0.0
 
     def __post_init__(self) -> None:
-        check_record(self, "The start's ")
+        super().__post_init__()
         check_tank(self.mass_kg, self.fuel_kg)
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, TypeAlias
 
-from snr_sim.plants.urov.parameter_limits import LIMITS, check_number, check_record, format_value, is_number
+from snr_sim.plants.urov.parameter_limits import LIMITS, Record, check_number, check_valid, format_value, is_number
 from snr_sim.prelude.errors import ParameterError
 
 # Open-circuit voltage of a cell over its charge: a Samsung INR21700-40T, measured at C/20 and room temperature, at the
@@ -46,7 +46,7 @@ def cell_v(charge: float) -> float:
 
 
 @dataclass(frozen=True)
-class BatteryPack:
+class BatteryPack(Record, who="The battery's "):
     """Parameters of a battery. The default is the 14.8 V, 18 Ah pack of the vehicle's maker.
 
     Args:
@@ -61,9 +61,6 @@ class BatteryPack:
             which the cells' own makers call them empty, and a delay longer than a motor's start. Thrusters stop then;
             that the computers would stop, too, is not simulated.
         cutoff_s: that delay.
-
-    Raises:
-        ParameterError: a number is out of range; the message names it and the usual range.
     """
 
     cells: Annotated[int, LIMITS["cells"]] = 4
@@ -72,37 +69,27 @@ class BatteryPack:
     cutoff_cell_v: Annotated[float | None, LIMITS["cutoff_cell_v"]] = 2.5
     cutoff_s: Annotated[float, LIMITS["cutoff_s"]] = 0.1
 
-    def __post_init__(self) -> None:
-        check_record(self, "The battery's ")
-
 
 _ROUNDING_S = 1e-9  # a tenth of a second is one, however many steps it is made of
 
 
 class BenchSupply:
-    """A supply of constant voltage at any current, like a bench supply; for measuring.
-
-    Args:
-        volts: its voltage.
-
-    Raises:
-        ParameterError: it is not a number.
-    """
+    """A supply of constant voltage at any current, like a bench supply; for measuring."""
 
     charge = 1.0
 
     def __init__(self, volts: float) -> None:
         if not is_number(volts):
             raise ParameterError(f"A supply of {format_value(volts)} V.", fix="BenchSupply(16.0)")
-        self.volts = volts
-        self.energy_j = 0.0
+        self.volts: float = volts
+        self.reset()
 
     def reset(self) -> None:
-        """Reset the counters to 0."""
-        self.energy_j = 0.0
+        """Reset the counter to 0."""
+        self.energy_j: float = 0.0
 
     def voltage_v(self, current_a: float) -> float:
-        """Return its state."""
+        """Return its voltage."""
         return self.volts
 
     def draw(self, current_a: float, voltage_v: float, dt_s: float) -> None:
@@ -110,7 +97,7 @@ class BenchSupply:
         self.energy_j += current_a * voltage_v * dt_s
 
     def snapshot(self) -> float:
-        """Return its counters."""
+        """Return its counter."""
         return self.energy_j
 
     def restore(self, snapshot: float) -> None:
@@ -133,27 +120,25 @@ class Battery:
     """
 
     def __init__(self, pack: BatteryPack | None = None, charge: float = 1.0) -> None:
-        if pack is not None and not isinstance(pack, BatteryPack):
-            raise ParameterError(
-                f"The battery's pack is {format_value(pack)}.", fix="Battery(BatteryPack(cells=4), charge=0.8)."
-            )
+        fix = "Battery(BatteryPack(cells=4), charge=0.8)."
+        check_valid(pack is None or isinstance(pack, BatteryPack), "The battery's pack", pack, fix)
         check_number("The battery's charge", charge, LIMITS["share"])
-        self.pack = pack = pack or BatteryPack()
+        self.pack: BatteryPack = pack or BatteryPack()
         self._first_charge = charge
-        self._share_per_as = 1.0 / (3600.0 * pack.capacity_ah)
-        self._cutoff_v = 0.0 if pack.cutoff_cell_v is None else pack.cells * pack.cutoff_cell_v
+        self._share_per_as = 1.0 / (3600.0 * self.pack.capacity_ah)
+        self._cutoff_v = self.pack.cells * (self.pack.cutoff_cell_v or 0.0)
         self.reset()
 
     def reset(self) -> None:
         """Restore the initial charge."""
-        self.charge = self._first_charge
-        self.energy_j = 0.0  # given so far, at the terminals
-        self.is_cut_off = self.charge <= 0.0
+        self.charge: float = self._first_charge
+        self.energy_j: float = 0.0  # given so far, at the terminals
+        self.is_cut_off: bool = self.charge <= 0.0
         self._low_s = 0.0  # for how long the voltage has been below the cut-off
         self._update_line()
 
     def voltage_v(self, current_a: float) -> float:
-        """Return the voltage at which a current flows; 0 if it is empty or have been cut off."""
+        """Return the voltage at which a current flows; 0 if it is empty or has been cut off."""
         if self.is_cut_off:
             return 0.0
         from_charge, from_v, slope, resistance_ohm = self._line

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
-from snr_sim.plants.urov.parameter_limits import LIMITS, check_number, check_record, format_value, is_number
+from snr_sim.plants.urov.parameter_limits import LIMITS, Record, check_number, check_record, format_value, is_number
 from snr_sim.plants.urov.propulsion import FAULTS
 from snr_sim.plants.urov.tether import Tether
 from snr_sim.plants.urov.vehicle import Vector
@@ -21,11 +21,9 @@ class Payload:
     """Small payload that is attached to the vehicle for a while. It has mass, so it also makes the vehicle sluggish.
 
     Args:
-        mass_kg: of it.
         volume_m3: of the water it displaces; a kilogram of lead has 0.000088.
         position_m: body frame.
-        start_s: when it is attached.
-        end_s: when it is released.
+        start_s, end_s: when it is attached, and released.
     """
 
     mass_kg: Annotated[float, LIMITS["load_kg"]]
@@ -44,12 +42,11 @@ class Payload:
 
 
 @dataclass(frozen=True)
-class Leak:
+class Leak(Record, who="The leak's "):
     """Water that leaks into the hull.
 
     Args:
-        start_s: when it begins.
-        rate_lps: litres a second.
+        rate_lps: litres a second, from `start_s` on.
         max_l: when the hull is full.
         position_m: where it gathers, body frame.
     """
@@ -58,9 +55,6 @@ class Leak:
     rate_lps: Annotated[float, LIMITS["leak_lps"]]
     max_l: Annotated[float, LIMITS["leak_l"]] = 2.0
     position_m: Annotated[Vector, LIMITS["body_position_m"]] = STILL
-
-    def __post_init__(self) -> None:
-        check_record(self, "The leak's ")
 
     def water_l(self, time_s: float) -> float:
         """Return how much is in."""
@@ -110,22 +104,18 @@ class ThrusterFault:
 
 
 @dataclass(frozen=True)
-class Current:
+class Current(Record, who="The current's "):
     """The speed of all water from a moment on.
 
     It changes at once, and the vehicle keeps its own speed over ground: the pressure that makes real water speed up,
     and would carry the vehicle along, is left out.
 
     Args:
-        start_s: when it begins.
-        velocity_mps: world frame.
+        velocity_mps: world frame, from `start_s` on.
     """
 
     start_s: Annotated[float, LIMITS["time_s"]]
     velocity_mps: Annotated[Vector, LIMITS["speed_mps"]]
-
-    def __post_init__(self) -> None:
-        check_record(self, "The current's ")
 
 
 @dataclass(frozen=True)
@@ -140,9 +130,6 @@ class Dive:
         rate_radps: body frame.
         currents: in the order of their times; before the first, the water is still.
         loads: what hangs at the vehicle.
-        leak: if there is one.
-        faults: of thrusters.
-        tether: if there is one.
 
     Raises:
         ParameterError: a number is out of range, or currents are out of order.

@@ -22,26 +22,13 @@ from snr_sim.prelude.sums import ordered_sum
 
 
 class Drive:
-    """The plant's one input.
-
-    Args:
-        vehicle: where its thrusters are.
-        thrusters: turn pulses into forces; without any, the input is a wrench.
-        surface: where they draw air.
-        motion: where the vehicle is.
-
-    Attributes:
-        inputs: name of the input.
-        wrench: that is asked for, body frame.
-        pulses: of each thruster [us]; None where no pulse comes.
-        until_s: when the pulses end unless there are others.
-    """
+    """The plant's one input: pulses, or a wrench where no thrusters turn pulses into forces."""
 
     def __init__(self, vehicle: Vehicle, thrusters: Propulsion | None, surface: Surface, motion: Motion) -> None:
         self.inputs: tuple[str, ...] = ("wrench",) if thrusters is None else ("pwm",)
-        self.wrench: Six = AT_REST
-        self.pulses: list[float | None] = []
-        self.until_s = math.inf
+        self.wrench: Six = AT_REST  # that is asked for, body frame
+        self.pulses: list[float | None] = []  # of each thruster [us], None where none comes; replaced, never changed
+        self.until_s: float = math.inf  # when the pulses end unless there are others
         self._vehicle, self._thrusters, self._surface, self._motion = vehicle, thrusters, surface, motion
         self._matrix = vehicle.thruster_matrix()
 

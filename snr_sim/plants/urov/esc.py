@@ -30,28 +30,20 @@ _ROUNDING_S = 1e-9  # a second is a second, however many steps it is made of
 
 
 class EscState(NamedTuple):
-    """Full state of a speed controller.
+    """Full state of a speed controller."""
 
-    Args:
-        is_armed: it turns its thruster.
-        stop_us: its stop pulse; None if it is new and has had none.
-        first_us: while not armed, the pulse that it is receiving.
-        steady_s: while not armed, for how long.
-        silent_s: time since the last pulse.
-    """
-
-    is_armed: bool = False
-    stop_us: float | None = None
-    first_us: float | None = None
-    steady_s: float = 0.0
-    silent_s: float = 0.0
+    is_armed: bool = False  # it turns its thruster
+    stop_us: float | None = None  # its stop pulse; None if it is new and has had none
+    first_us: float | None = None  # while not armed, the pulse that it is receiving
+    steady_s: float = 0.0  # while not armed, for how long
+    silent_s: float = 0.0  # time since the last pulse
 
 
 class Esc:
     """One speed controller, new as when it is connected for the first time."""
 
     def __init__(self) -> None:
-        self.state = EscState()
+        self.state: EscState = EscState()
 
     @property
     def is_armed(self) -> bool:

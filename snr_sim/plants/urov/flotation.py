@@ -12,20 +12,7 @@ from snr_sim.plants.urov.vehicle import Matrix, Vector, Vehicle
 
 
 class Flotation:
-    """Weight and buoyancy of one vehicle.
-
-    Args:
-        vehicle: its displaced volume.
-        rigid: 6 x 6 mass matrix of the dry vehicle.
-        density_kgm3: of the water.
-        gravity_mps2: pulls down.
-
-    Attributes:
-        mass: 6 x 6, dry vehicle and loads.
-        net_n: buoyancy less weight.
-        static_moment_nm: buoyancy times its position less weight times its position [N m], body frame: its cross
-            product with the upward direction is the righting moment.
-    """
+    """Weight and buoyancy of one vehicle, whose dry mass matrix is `rigid` (6 x 6)."""
 
     def __init__(self, vehicle: Vehicle, rigid: Matrix, density_kgm3: float, gravity_mps2: float) -> None:
         self._rigid, self._density, self._gravity = rigid, density_kgm3, gravity_mps2
@@ -36,10 +23,7 @@ class Flotation:
     def load(self, loads: Sequence[Payload], water_l: float, water_at: Vector = (0.0, 0.0, 0.0)) -> None:
         """Compute weight and buoyancy again; payloads count with their own buoyancy, as if always under water.
 
-        Args:
-            loads: attached payloads.
-            water_l: leaked into the hull.
-            water_at: where that is, body frame.
+        Leaked water is `water_at`, body frame.
         """
         rigid, gravity, density = self._rigid, self._gravity, self._density
         weight = gravity * float(rigid[0, 0])
@@ -49,7 +33,7 @@ class Flotation:
         if water_l > 0.0:
             water_kg = 1e-3 * density * water_l
             parts.append((water_kg, water_kg, water_at))
-        self.mass = rigid.copy() if parts else rigid
+        self.mass: Matrix = rigid.copy() if parts else rigid  # 6 x 6, dry vehicle and loads
         for mass_kg, heavy_kg, position in parts:
             self.mass += point_mass(mass_kg, position)
             weight += gravity * heavy_kg
@@ -60,8 +44,9 @@ class Flotation:
     def set_submerged(self, share: float, centre: Vector) -> None:
         """Set the fraction of the volume that is in the water, and its centre."""
         force = share * self._buoyancy_n
-        self.net_n = force - self._weight_n
+        self.net_n: float = force - self._weight_n  # buoyancy less weight
         x, y, z = (force * a - b for a, b in zip(centre, self._weight_arm, strict=True))
+        # Each times its position [N m], body frame: the cross product with the upward direction is the righting moment.
         self.static_moment_nm: Vector = (x, y, z)
 
     def submerge(self) -> None:

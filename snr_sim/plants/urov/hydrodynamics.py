@@ -52,11 +52,10 @@ class Hydrodynamics:
     Args:
         vehicle: gives added mass and damping.
         rigid: 6 x 6 mass matrix of the dry body, about the origin of the body frame.
-
-    Attributes:
-        mass: 6 x 6, with the wet fraction of the added mass.
-        wet: that fraction.
     """
+
+    mass: Matrix  # 6 x 6, with the wet fraction of the added mass
+    wet: float  # that fraction
 
     def __init__(self, vehicle: Vehicle, rigid: Matrix) -> None:
         self._added = vehicle.added_mass

@@ -23,19 +23,13 @@ MAX_CORRECTION_MPS = 0.2
 
 
 class Contact(NamedTuple):
-    """One contact point of a body, world frame.
+    """One contact point of a body, world frame."""
 
-    Args:
-        out_x, out_z: unit vector away from what it touches.
-        arm_x, arm_z: from the body's origin to the point [m].
-        depth_m: how deep it is in.
-    """
-
-    out_x: float
+    out_x: float  # unit vector away from what it touches
     out_z: float
-    arm_x: float
+    arm_x: float  # from the body's origin to the point [m]
     arm_z: float
-    depth_m: float
+    depth_m: float  # how deep it is in
 
 
 def resolve_contacts(

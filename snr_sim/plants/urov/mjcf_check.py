@@ -25,14 +25,7 @@ HALF = "where nothing touches, the plant moves the vehicle by its own equation, 
 
 
 def check_mjcf(world: MujocoWorld, mjcf: str, body: str, pool: Pool, step_s: float) -> None:
-    """Check that a world leaves water, weight and step to the plant.
-
-    Args:
-        world: made of the text.
-        mjcf: the text.
-        body: name of the vehicle's body.
-        pool: whose gravity and density count.
-        step_s: that the plant takes.
+    """Check that a world, made of a text, leaves water, weight and step to the plant.
 
     Raises:
         ParameterError: it does not; the message says what it found, why it is refused and where it belongs.
@@ -42,11 +35,7 @@ def check_mjcf(world: MujocoWorld, mjcf: str, body: str, pool: Pool, step_s: flo
 
 
 def check_mass(vehicle: Vehicle, mass_kg: float) -> None:
-    """Check that the mass a world gives the vehicle can be that of the vehicle's volume.
-
-    Raises:
-        ParameterError: it cannot.
-    """
+    """Check that the mass a world gives the vehicle can be that of the vehicle's volume."""
     check_number("The MJCF's mass of the vehicle", mass_kg, LIMITS["mass_kg"])
     by_volume = mass_kg / vehicle.volume_m3
     check_number(f"The MJCF's mass of {mass_kg:g} kg by the vehicle's volume", by_volume, LIMITS["density_kgm3"])
@@ -71,9 +60,9 @@ def _options(world: MujocoWorld, mjcf: str, pool: Pool, step_s: float) -> Iterat
             "use the same value in both: buoyancy and depth are computed with "
             f"Pool(gravity_mps2={pool.gravity_mps2:g}), straight down.",
         )
-    if world.model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
+    if option.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
         yield '<flag gravity="disable"/>', "take it out: buoyancy would be left without a weight."
-    if world.model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_SLEEP):
+    if option.enableflags & int(mujoco.mjtEnableBit.mjENBL_SLEEP):
         yield '<flag sleep="enable"/>', "take it out: water moves a vehicle that MuJoCo believes to be asleep."
     if option.integrator != int(mujoco.mjtIntegrator.mjINT_EULER):
         name = mujoco.mjtIntegrator(option.integrator).name.removeprefix("mjINT_")
@@ -105,12 +94,8 @@ def _forces(world: MujocoWorld, name: str) -> Iterator[tuple[str, str]]:
     model: Any = world.model
     body = world.body_id(name)
     start, count = int(model.body_dofadr[body]), int(model.body_dofnum[body])
-    for what, values in (
-        ("damping", model.dof_damping),
-        ("armature", model.dof_armature),
-        ("frictionloss", model.dof_frictionloss),
-    ):
-        if np.any(values[start : start + count]):
+    for what in ("damping", "armature", "frictionloss"):
+        if np.any(getattr(model, f"dof_{what}")[start : start + count]):
             yield (
                 f"a joint of '{name}' with {what}",
                 f"take it out: {HALF}; drag and added mass belong in the vehicle's file.",

@@ -7,45 +7,23 @@ from snr_sim.plants.urov.vehicle import Six, Vector
 
 
 class Motion:
-    """The state of motion. What moves the vehicle writes it; forces and sensors read it.
-
-    Args:
-        step_s: of integration.
-
-    Attributes:
-        steps: since the reset.
-        position: of the vehicle's origin, world frame [m].
-        attitude: unit quaternion from the body's frame to the world's.
-        rotation: the same as a matrix.
-        velocity: of the origin, world frame [m/s].
-        rate: angular velocity, body frame [rad/s].
-        acceleration_world: acceleration of the last step, world frame [m/s2].
-        current: velocity of the water, world frame [m/s].
-    """
+    """The state of motion. What moves the vehicle writes it; forces and sensors read it."""
 
     __slots__ = (
-        "acceleration_world",
-        "attitude",
-        "current",
-        "position",
-        "rate",
-        "rotation",
-        "step_s",
-        "steps",
-        "velocity",
-    )
+        "acceleration_world", "attitude", "current", "position", "rate", "rotation", "step_s", "steps", "velocity",
+    )  # fmt: skip
 
-    position: Vector
-    attitude: Quaternion
-    rotation: Rotation
-    velocity: Vector
-    rate: Vector
-    acceleration_world: Vector
-    current: Vector
+    position: Vector  # of the vehicle's origin, world frame [m]
+    attitude: Quaternion  # unit quaternion from the body's frame to the world's
+    rotation: Rotation  # the same as a matrix
+    velocity: Vector  # of the origin, world frame [m/s]
+    rate: Vector  # angular velocity, body frame [rad/s]
+    acceleration_world: Vector  # of the last step, world frame [m/s2]
+    current: Vector  # velocity of the water, world frame [m/s]
 
     def __init__(self, step_s: float) -> None:
-        self.step_s = step_s
-        self.steps = 0
+        self.step_s: float = step_s  # of integration
+        self.steps: int = 0  # since the reset
 
     @property
     def time_s(self) -> float:

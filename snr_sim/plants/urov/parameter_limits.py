@@ -1,6 +1,6 @@
 """Plausible ranges of the numbers of a small vehicle in a pool and of a lander: one table, each limit with its reason.
 
-A record names its limits in its annotations, and `check_record` applies them. msgspec's `Meta` and `convert` do not
+A `Record` names its limits in its annotations, and `check_record` applies them. msgspec's `Meta` and `convert` do not
 suffice: they do not support numpy numbers, and their errors contain neither the value nor the unit that may have been
 meant.
 
@@ -28,8 +28,6 @@ GRAMS = {"grams": 1e-3}
 MILLIMETRES = {"millimetres": 1e-3, "centimetres": 1e-2}
 LITRES = {"litres": 1e-3, "cubic centimetres": 1e-6}
 DEGREES = {"degrees": math.pi / 180.0}
-LEAD_KGM3 = 11340.0
-OUTRIGGER_M = 0.1  # how far a propeller may sit outside the frame
 IS_ABOVE = True  # excludes the bound `min_value` itself
 
 
@@ -156,6 +154,22 @@ FINITE = Limit(-math.inf, math.inf)
 AXES_OF = {2: ("x", "z"), 3: ("x", "y", "z"), 6: AXES}  # unless an annotation names others
 
 
+class Record:
+    """Base of frozen dataclasses that are checked when they are made, as in `class Leak(Record, who="The leak's ")`.
+
+    Raises:
+        ParameterError: a number is out of range; the message names it, its owner and the usual range.
+    """
+
+    _who = ""
+
+    def __init_subclass__(cls, who: str = "") -> None:
+        cls._who = who or cls._who
+
+    def __post_init__(self) -> None:
+        check_record(self, self._who)
+
+
 def check_record(record: Any, who: str) -> None:
     """Check a frozen dataclass against its annotations, and put plain floats where other numbers were given.
 
@@ -185,18 +199,11 @@ def check_record(record: Any, who: str) -> None:
 @cache
 def _kinds(record: Any) -> dict[str, Any]:
     # Names as in the module that made the class: the module of a robot that is loaded twice has two of each class.
-    return get_type_hints(record, record.__post_init__.__globals__, include_extras=True)
+    return get_type_hints(record, record.__init__.__globals__, include_extras=True)
 
 
 def _checked(what: str, value: Any, kind: Any, *rules: Any) -> Any:
-    """Return a value as its annotation wants it.
-
-    Args:
-        what: it is.
-        value: that was given.
-        kind: its annotation.
-        rules: of an annotation around that.
-    """
+    """Return a value as its annotation `kind` wants it, and `rules` of an annotation around that."""
     origin, inside = get_origin(kind), get_args(kind)
     if origin is Annotated:
         return _checked(what, value, *inside)
@@ -245,68 +252,44 @@ def check_number(what: str, value: Any, limit: Limit = FINITE, axis: str = "") -
         )
     if limit.contains(value) and math.isfinite(value):
         return
-    unit = next(
-        (unit for unit, factor in limit.unit_mistakes.items() if value and limit.contains(value * factor)), None
-    )
-    hint = f": {unit}?" if unit and math.isfinite(value) else "."
+    units = [unit for unit, factor in limit.unit_mistakes.items() if value and limit.contains(value * factor)]
+    hint = f": {units[0]}?" if units and math.isfinite(value) else "."
     reason = f": {limit.reason}" if limit.reason else ""
     raise ParameterError(f"{name} is {value}{hint}", fix=f"give {limit.expected()}{reason}.")
 
 
 def check_whole(what: str, value: Any, limit: Limit) -> None:
-    """Check that a value is a whole number within a limit.
-
-    Raises:
-        ParameterError: it is not; the message contains the value and the expected range.
-    """
+    """Check that a value is a whole number within a limit, as `check_number` does."""
     check_number(what, value, limit)
     if not isinstance(value, Integral):
-        raise ParameterError(
-            f"{what} is {format_value(value)}, which is not an integer.", fix=f"give {limit.expected()}."
-        )
+        message = f"{what} is {format_value(value)}, which is not an integer."
+        raise ParameterError(message, fix=f"give {limit.expected()}.")
 
 
 def check_vector(what: str, value: Any, limit: Limit = FINITE, axes: Sequence[str] = ("x", "y", "z")) -> None:
-    """Check that a value is a sequence of numbers, one for each axis.
-
-    Raises:
-        ParameterError: it is not; the message names the axis.
-    """
+    """Check that a value is a sequence of numbers, one for each axis; an error names the axis."""
+    found, names = f"{what} is {format_value(value)}", ", ".join(axes)
     if isinstance(value, str) or not hasattr(value, "__len__") or isinstance(value, Mapping):
-        raise ParameterError(
-            f"{what} is {format_value(value)}, which is not a list of numbers.",
-            fix=f"give {len(axes)}: {', '.join(axes)}.",
-        )
+        raise ParameterError(f"{found}, which is not a list of numbers.", fix=f"give {len(axes)}: {names}.")
     if len(value) != len(axes):
-        raise ParameterError(
-            f"{what} is {format_value(value)}: {len(value)} numbers, not {len(axes)}.", fix=f"give {', '.join(axes)}."
-        )
+        raise ParameterError(f"{found}: {len(value)} numbers, not {len(axes)}.", fix=f"give {names}.")
     for axis, one in zip(axes, value, strict=True):
         check_number(what, one, limit, axis)
 
 
 def check_members(what: str, value: Any, kind: type) -> None:
-    """Check that a value is a tuple or list of one type.
-
-    Raises:
-        ParameterError: it is not.
-    """
+    """Check that a value is a tuple or list of one type."""
     name = kind.__name__
     if isinstance(value, kind):
         raise ParameterError(f"{what} is one {name}, not a row of them.", fix=f"write ({name}(...),) with the comma.")
     odd = value if not isinstance(value, tuple | list) else next((x for x in value if not isinstance(x, kind)), None)
     if odd is not None or value is None:
-        raise ParameterError(
-            f"{what} has {format_value(odd)} where a {name} is due.", fix=f"give a tuple of {name}(...)."
-        )
+        message = f"{what} has {format_value(odd)} where a {name} is due."
+        raise ParameterError(message, fix=f"give a tuple of {name}(...).")
 
 
 def checked_matrix(what: str, rows: Any, axes: Sequence[str]) -> NDArray[np.float64]:
-    """Return a symmetric matrix that has a row and a column of finite numbers for each axis.
-
-    Raises:
-        ParameterError: it is not one; the message names the entry.
-    """
+    """Return a symmetric matrix with a row and a column of finite numbers for each axis; an error names the entry."""
     if isinstance(rows, np.ndarray):
         rows = rows.tolist()
     n = len(axes)
@@ -323,6 +306,12 @@ def checked_matrix(what: str, rows: Any, axes: Sequence[str]) -> NDArray[np.floa
             fix="it is symmetric.",
         )
     return matrix
+
+
+def check_valid(is_valid: bool, what: str, value: Any, fix: str, why: str = "") -> None:
+    """Raise a ParameterError that shows a value, and why it is refused, unless it is valid."""
+    if not is_valid:
+        raise ParameterError(f"{what} is {format_value(value)}{why}.", fix=fix)
 
 
 def is_number(value: Any) -> bool:

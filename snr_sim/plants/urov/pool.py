@@ -33,11 +33,9 @@ class Gate:
     """Gate of two posts and two bars, upright, to pass through along its heading.
 
     Args:
-        name: its own.
         position_m: of its middle.
         heading_rad: of a vehicle that passes through: 0 is along x.
-        width_m: between the posts.
-        height_m: between the bars.
+        width_m, height_m: between the posts, and between the bars.
     """
 
     name: str
@@ -48,10 +46,8 @@ class Gate:
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.strip() or self.name in PARTS:
-            raise ParameterError(
-                f"A gate is named {format_value(self.name)}.",
-                fix=f"give it a name of its own, other than {', '.join(PARTS)}.",
-            )
+            fix = f"give it a name of its own, other than {', '.join(PARTS)}."
+            raise ParameterError(f"A gate is named {format_value(self.name)}.", fix=fix)
         check_record(self, f"Gate '{self.name}': ")
 
     def corners_m(self) -> list[Vector]:
@@ -70,13 +66,8 @@ class Pool:
     """A basin whose middle is at x = y = 0.
 
     Args:
-        length_m: along x.
-        width_m: along y.
-        depth_m: from the surface down to the floor.
-        gates: in it.
+        length_m, width_m, depth_m: along x, along y, and from the surface down to the floor.
         density_kgm3: of the water: 1000 fresh, 1026 in the sea.
-        gravity_mps2: pulls down.
-        temperature_c: of the water.
 
     Raises:
         ParameterError: a number is out of range, a gate is outside, or two gates have one name.

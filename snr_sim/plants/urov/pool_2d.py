@@ -11,10 +11,8 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TypeAlias
 
-import numpy as np
-
 from snr_sim.plants.lander.hull import pymunk_module
-from snr_sim.plants.matrices import product
+from snr_sim.plants.urov.flotation import point_mass
 from snr_sim.plants.urov.impulses_2d import Contact
 from snr_sim.plants.urov.pool import POST_M, Gate, Pool
 from snr_sim.plants.urov.vehicle import Matrix, Vehicle
@@ -26,23 +24,14 @@ PlanePose: TypeAlias = tuple[float, float, float]  # x, z [m], and pitch [rad] o
 
 
 class Pool2D:
-    """A vehicle in the cut at its own y.
-
-    Args:
-        pool: where it is.
-        vehicle: its frame, mass and inertia.
-
-    Attributes:
-        engine: name and version of the physics.
-        rigid: 6 x 6 mass matrix of the dry vehicle about its origin, body frame.
-        gravity_mps2: of the world, downwards. The water's part of it is not pymunk's.
-    """
+    """A vehicle in the cut at its own y."""
 
     def __init__(self, pool: Pool, vehicle: Vehicle) -> None:
         pymunk = pymunk_module()
-        self.engine = f"pymunk {pymunk.version}"
-        self.gravity_mps2 = pool.gravity_mps2
-        self.rigid = _rigid(vehicle)
+        self.engine: str = f"pymunk {pymunk.version}"
+        self.gravity_mps2: float = pool.gravity_mps2  # downwards
+        self.rigid: Matrix = point_mass(vehicle.mass_kg, vehicle.centre_of_mass_m)  # of the dry vehicle, body frame
+        self.rigid[3:, 3:] += vehicle.inertia_kgm2
         self._pymunk, self._pool = pymunk, pool
         length, _, self._height_m = vehicle.size_m
         self._body = pymunk.Body(vehicle.mass_kg, float(vehicle.inertia_kgm2[1, 1]))
@@ -75,12 +64,7 @@ class Pool2D:
         self.set_pose(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
     def put(self, pose: Sequence[float], velocity: Sequence[float]) -> None:
-        """Set the vehicle's pose.
-
-        Args:
-            pose: x, y, z [m] and the quaternion w, x, y, z, of which only pitch counts.
-            velocity: linear in the world, then angular in the body's frame; only what lies in the plane counts.
-        """
+        """Set the vehicle's pose, as `MujocoBody.put` does; only what lies in the plane counts."""
         x, y, z, qw, _, qy, _ = pose
         self.set_pose(y, (x, z, 2.0 * math.atan2(qy, qw)), (velocity[0], velocity[2], velocity[4]))
 
@@ -159,16 +143,6 @@ class Pool2D:
         low = z - 2.0 * self._pool.depth_m - 10.0
         hit = self._space.segment_query_first((x, z), (x, low), 0.0, self._pymunk.ShapeFilter())
         return -1.0 if hit is None else float(z - hit.point[1])
-
-
-def _rigid(vehicle: Vehicle) -> Matrix:
-    """Return the 6 x 6 mass matrix of the dry vehicle about its origin."""
-    x, y, z = vehicle.centre_of_mass_m
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    mass = vehicle.mass_kg
-    return np.block(
-        [[mass * np.eye(3), -mass * cross], [mass * cross, vehicle.inertia_kgm2 - mass * product(cross, cross)]]
-    )
 
 
 def _bars(gate: Gate, y_m: float) -> list[tuple[float, float]]:

@@ -29,8 +29,8 @@ from typing import Any, NamedTuple, TypeAlias, cast
 import numpy as np
 
 from snr_sim.plants.urov.battery import Battery, Supply
-from snr_sim.plants.urov.esc import Esc, EscState
-from snr_sim.plants.urov.parameter_limits import LIMITS, check_number, check_whole, format_value
+from snr_sim.plants.urov.esc import Esc
+from snr_sim.plants.urov.parameter_limits import LIMITS, check_number, check_valid, check_whole
 from snr_sim.plants.urov.t200 import MAX_PULSE_US, MAX_VOLTAGE_V, MIN_PULSE_US, MIN_VOLTAGE_V, STOP_US, curve
 from snr_sim.plants.urov.vehicle import Matrix
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError, suggest
@@ -47,60 +47,34 @@ _HEALTHY = (1.0, 1.0)  # fractions of its force and of its current
 FAULTS = ("none", "off", "weak", "stuck")
 NEGLIGIBLE = 1e-15  # a fraction below rounding; ever smaller numbers would become denormal, which is slow
 
-
 Numbers: TypeAlias = tuple[float, ...]
+PropulsionState: TypeAlias = tuple[Any, ...]  # of the thrusters, of their speed controllers, and of the supply
+# Attributes that are the state of the thrusters. None is changed in place.
+STATE = (
+    "_range_v", "_drives", "_current_a", "_mix", "_decay", "_ramp_integral", "applied_us", "_effectiveness", "_stuck",
+    "voltage_v", "_is_stale",
+)  # fmt: skip
 
 
 class ThrustLinearisation(NamedTuple):
-    """Numbers that approach targets, all with the same lag.
+    """Numbers that approach targets, all with the same lag."""
 
-    Args:
-        before: what they were when the lines were laid.
-        bases: what they settle to at the voltage from which the lines hold.
-        slopes: how that changes with each volt more.
-    """
-
-    before: Sequence[float]
-    bases: Sequence[float]
-    slopes: Sequence[float]
+    before: Sequence[float]  # what they were when the lines were laid
+    bases: Sequence[float]  # what they settle to at the voltage from which the lines hold
+    slopes: Sequence[float]  # how that changes with each volt more
 
     def at(self, decay: float, ramp_integral: float) -> list[float]:
         """Return where they are."""
         gone = 1.0 - decay
-        return [
-            decay * a + gone * b + ramp_integral * c
-            for a, b, c in zip(self.before, self.bases, self.slopes, strict=True)
-        ]
+        return [decay * a + gone * b + ramp_integral * c for a, b, c in zip(*self, strict=True)]
 
 
 class MixedThrust(NamedTuple):
-    """Products of a matrix and the forces, as lines of their own.
-
-    Args:
-        matrix: and its `rows` as lists. For so few numbers Python is quicker than numpy, whose code is cold by then.
-    """
+    """Products of a matrix and the forces, as lines of their own."""
 
     matrix: Matrix
-    rows: list[list[float]]
+    rows: list[list[float]]  # its: for so few numbers Python is quicker than numpy, whose code is cold by then
     lines: ThrustLinearisation
-
-
-class PropulsionState(NamedTuple):
-    """Full state of the thrusters at one moment."""
-
-    range_v: tuple[float, float]
-    drives: ThrustLinearisation
-    current_a: tuple[float, float, float]
-    mix: MixedThrust | None
-    decay: float
-    ramp_integral: float
-    applied_us: list[float]
-    effectiveness: list[tuple[float, float]]
-    stuck: list[bool]
-    escs: list[EscState]
-    voltage_v: float
-    supply: Any
-    is_stale: bool
 
 
 class Propulsion:
@@ -119,28 +93,20 @@ class Propulsion:
         escs: their speed controllers.
         applied_us: pulse that each thruster turns by; 1500 where its controller does not let it turn.
         voltage_v: at the speed controllers, after the last step.
-        supply: what feeds them.
     """
 
     def __init__(
-        self,
-        count: int,
-        supply: Supply | None = None,
-        lag_s: float = LAG_S,
-        electronics_a: float = ELECTRONICS_A,
+        self, count: int, supply: Supply | None = None, lag_s: float = LAG_S, electronics_a: float = ELECTRONICS_A
     ) -> None:
         check_whole("The number of thrusters", count, LIMITS["thruster_count"])
         check_number("The thrusters' lag_s", lag_s, LIMITS["thruster_lag_s"])
         check_number("The vehicle's electronics_a", electronics_a, LIMITS["electronics_a"])
-        if supply is not None and not hasattr(supply, "voltage_v"):
-            raise ParameterError(
-                f"The supply of the thrusters is {format_value(supply)}.",
-                fix="Battery(charge=0.8), or BenchSupply(16.0).",
-            )
-        self.count = count
+        is_supply = supply is None or hasattr(supply, "voltage_v")
+        check_valid(is_supply, "The supply of the thrusters", supply, "Battery(charge=0.8), or BenchSupply(16.0).")
+        self.count: int = count
         self.supply: Supply = Battery() if supply is None else supply
-        self.lag_s = lag_s
-        self.electronics_a = electronics_a
+        self.lag_s: float = lag_s
+        self.electronics_a: float = electronics_a
         self.reset()
         volts = self.supply.voltage_v(0.0)
         if not MIN_VOLTAGE_V <= volts <= MAX_VOLTAGE_V:
@@ -162,10 +128,10 @@ class Propulsion:
         self._decay, self._ramp_integral = 1.0, 0.0
         self._mean = self._decay, self._ramp_integral  # of the last step
         self._mix: MixedThrust | None = None
-        self.applied_us = [STOP_US] * n
+        self.applied_us: list[float] = [STOP_US] * n
         self._effectiveness = [_HEALTHY] * n
         self._stuck = [False] * n
-        self.voltage_v = self.supply.voltage_v(self.electronics_a)
+        self.voltage_v: float = self.supply.voltage_v(self.electronics_a)
         self._lag_of = (0.0, 0.0, 0.0)  # for a step: the fraction that the lag covers, and where its mean lies
         self._last_pulses: list[float | None] | None = None
         self._is_settled = False
@@ -232,8 +198,10 @@ class Propulsion:
         if fault not in FAULTS:
             raise UnknownNameError(f"A thruster cannot be '{fault}'.", fix=suggest(fault, FAULTS))
         check_number("The thruster's effectiveness", effectiveness, LIMITS["share"])
-        self._stuck[thruster] = fault == "stuck"
-        self._effectiveness[thruster] = {"off": (0.0, 0.0), "weak": (effectiveness, 1.0)}.get(fault, _HEALTHY)
+        stuck, effectivenesses = list(self._stuck), list(self._effectiveness)
+        stuck[thruster] = fault == "stuck"
+        effectivenesses[thruster] = {"off": (0.0, 0.0), "weak": (effectiveness, 1.0)}.get(fault, _HEALTHY)
+        self._stuck, self._effectiveness = stuck, effectivenesses
         self._invalidate()
 
     def mix_forces(self, matrix: Matrix) -> list[float]:
@@ -279,10 +247,8 @@ class Propulsion:
         self._ramp_integral = ramp_integral = old_ramp + share * (volts - from_v - old_ramp)
         self._mean = old_decay + middle * (decay - old_decay), old_ramp + middle * (ramp_integral - old_ramp)
         before, base, slope = self._current_a
-        supply, current_a = (
-            self.supply,
-            decay * before + (1.0 - decay) * base + ramp_integral * slope + self.electronics_a,
-        )
+        current_a = decay * before + (1.0 - decay) * base + ramp_integral * slope + self.electronics_a
+        supply = self.supply
         supply.draw(current_a, volts, dt_s)
         # The current has its lag, so it is known, and the voltage follows from it. Where both have settled, current and
         # voltage satisfy the table and the battery at once.
@@ -342,24 +308,17 @@ class Propulsion:
             whole = int(pulse)
             part = pulse - whole
             force, dforce, slope, dslope, current, dcurrent, current_slope, dcurrent_slope = _patch(step, whole)
-            rows.append(
-                (
-                    gives * (force + part * dforce),
-                    draws * (current + part * dcurrent),
-                    gives * (slope + part * dslope),
-                    draws * (current_slope + part * dcurrent_slope),
-                )
-            )
+            thrust = gives * (force + part * dforce), gives * (slope + part * dslope)
+            drawn = draws * (current + part * dcurrent), draws * (current_slope + part * dcurrent_slope)
+            rows.append((*thrust, *drawn))
         self._set_linearisation(from_v, to_v, tuple(zip(*rows, strict=True)))
 
     def _set_linearisation(self, from_v: float, to_v: float, columns: Sequence[Numbers]) -> None:
-        """Have forces and currents follow other lines, from where they are.
+        """Have forces and currents follow other lines, from where they are, between two voltages.
 
-        Args:
-            from_v, to_v: where these hold.
-            columns: forces and currents at `from_v`, and how these and those change with each volt.
+        `columns` are forces at `from_v` and how they change with each volt, then the same of currents.
         """
-        forces, currents, forces_per_v, currents_per_v = columns
+        forces, forces_per_v, currents, currents_per_v = columns
         decay, ramp_integral = self._decay, self._ramp_integral
         if self._mix is not None:  # it continues from its current value, too
             matrix, rows, lines = self._mix
@@ -384,34 +343,19 @@ class Propulsion:
 
     def snapshot(self) -> PropulsionState:
         """Return all of the state."""
-        return PropulsionState(
-            self._range_v,
-            self._drives,
-            self._current_a,
-            self._mix,
-            self._decay,
-            self._ramp_integral,
-            self.applied_us,
-            list(self._effectiveness),
-            list(self._stuck),
-            [esc.state for esc in self.escs],
-            self.voltage_v,
-            self.supply.snapshot(),
-            self._is_stale,
-        )
+        own = [getattr(self, name) for name in STATE]
+        return own, [esc.state for esc in self.escs], self.supply.snapshot()
 
     def restore(self, snapshot: PropulsionState) -> None:
         """Put back what `snapshot` returned."""
-        self._range_v, self._drives, self._current_a = snapshot.range_v, snapshot.drives, snapshot.current_a
-        self._mix = snapshot.mix
-        self._decay, self._ramp_integral = self._mean = snapshot.decay, snapshot.ramp_integral
-        self.applied_us = snapshot.applied_us
-        self._effectiveness, self._stuck = list(snapshot.effectiveness), list(snapshot.stuck)
-        for esc, state in zip(self.escs, snapshot.escs, strict=True):
+        own, escs, supply = snapshot
+        for name, value in zip(STATE, own, strict=True):
+            setattr(self, name, value)
+        for esc, state in zip(self.escs, escs, strict=True):
             esc.state = state
-        self.voltage_v = snapshot.voltage_v
-        self.supply.restore(snapshot.supply)
-        self._last_pulses, self._is_settled, self._is_stale = None, False, snapshot.is_stale
+        self.supply.restore(supply)
+        self._mean = self._decay, self._ramp_integral
+        self._last_pulses, self._is_settled = None, False
 
 
 def _products(rows: Sequence[Sequence[float]], column: Sequence[float]) -> list[float]:
@@ -428,7 +372,7 @@ def _patch(step: int, pulse_us: int) -> tuple[float, float, float, float, float,
     following_us = min(pulse_us + 1, int(MAX_PULSE_US))
     lower, upper = curve(step / STEPS_PER_VOLT), curve((step + 1) / STEPS_PER_VOLT)
     corners = [one.at(pulse) for one in (lower, upper) for pulse in (pulse_us, following_us)]
-    force, current, _ = zip(*corners, strict=True)
+    force, current = zip(*corners, strict=True)
     return (*_bilinear(*force), *_bilinear(*current))
 
 

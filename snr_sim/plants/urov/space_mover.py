@@ -46,12 +46,10 @@ def parts_of(step_s: float) -> int:
 
 
 class SpaceMover(Mover):
-    """Six degrees of freedom.
+    """Six degrees of freedom. Writes `motion`.
 
     Args:
         body: the vehicle in MuJoCo, whose world counts in parts of a step.
-        motion: of the vehicle, which is written.
-        water: what it does to the vehicle.
         pool: its walls are known, so MuJoCo need not check where none is near; None for a world of its own.
         half_m: no part of the vehicle that touches is farther from its origin.
     """
@@ -86,12 +84,8 @@ class SpaceMover(Mover):
         motion, water, body = self._motion, self._water, self._body
         step_s = motion.step_s
         before = motion.position, motion.attitude, motion.velocity, motion.rate, motion.rotation
-        acceleration, guess, wet, entrained_fraction = (
-            self.acceleration,
-            self.guess,
-            water.wet,
-            water.entrained_fraction,
-        )
+        acceleration, guess = self.acceleration, self.guess
+        wet, entrained_fraction = water.wet, water.entrained_fraction
         others = body.snapshot() if body.has_others else None
         nu = motion.through_water()
         self._move_freely(nu, water.add_water_forces(wrench, nu, step_s), step_s)

@@ -24,14 +24,7 @@ PROPELLER_M = 0.0381  # radius, T200
 
 
 class Surface:
-    """The shape of one vehicle, for the moments in which it is not under water.
-
-    Args:
-        vehicle: its size, its centre of buoyancy and its thrusters.
-
-    Attributes:
-        reach_m: no part is farther from the body's origin.
-    """
+    """The shape of one vehicle, for the moments in which it is not under water."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._size = vehicle.size_m
@@ -44,7 +37,8 @@ class Surface:
         self._moments = np.vstack([np.ones(len(places)), places.T]) / len(places)
         self._thrusters = _columns(np.array([one.position_m for one in vehicle.thrusters]).reshape(-1, 3))
         box_m = 0.5 * math.hypot(*vehicle.size_m) + math.hypot(*vehicle.centre_of_buoyancy_m)
-        self.reach_m = max([box_m, *(math.hypot(*one.position_m) + PROPELLER_M for one in vehicle.thrusters)])
+        # No part is farther from the body's origin.
+        self.reach_m: float = max([box_m, *(math.hypot(*one.position_m) + PROPELLER_M for one in vehicle.thrusters)])
 
     def submerged_fraction(self, z_m: float, up_body: Vector) -> tuple[float, Vector]:
         """Return the wet fraction of the displaced volume, and the centre of the wet part [m], body frame.

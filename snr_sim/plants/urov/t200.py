@@ -1,4 +1,4 @@
-"""The T200 thruster: what a pulse width and a supply voltage give in thrust, current and speed, from its maker's table.
+"""The T200 thruster: what a pulse width and a supply voltage give in thrust and current, from its maker's table.
 
 The table is of six voltages. Around 1500 us nothing turns, and that dead band is narrower the higher the voltage. So
 between two voltages a pulse is compared by how far it stands from the band's edge to full thrust: then the band's edge
@@ -23,39 +23,25 @@ TABLE = Path(__file__).with_name("t200.csv")  # states its source
 NEWTONS_PER_KGF = 9.80665
 STOP_US = 1500.0
 MIN_PULSE_US, MAX_PULSE_US = 1100.0, 1900.0
-MIN_VOLTAGE_V, MAX_VOLTAGE_V = (
-    7.0,
-    20.0,
-)  # the speed controller runs from 7 V on (its maker says 7 to 26 V), the table ends at 20
+MIN_VOLTAGE_V, MAX_VOLTAGE_V = 7.0, 20.0  # the speed controller runs at 7 to 26 V (its maker), the table ends at 20
 # Below the table's 10 V everything shrinks with these powers of the voltage, as full thrust does from 12 V to 10 V.
-FORCE_POWER, CURRENT_POWER, SPEED_POWER = 1.29, 1.19, 0.63
+FORCE_POWER, CURRENT_POWER = 1.29, 1.19
 
 
 class Curve(NamedTuple):
-    """What a thruster does at one voltage, by pulse width. Between two of its pulses all is linear.
+    """What a thruster does at one voltage, by pulse width. Between two of its pulses all is linear."""
 
-    Args:
-        pulses_us: rising, from `MIN_PULSE_US` to `MAX_PULSE_US`.
-        forces_n: positive ahead; never falls with the pulse, and is 0 in the dead band only.
-        currents_a: drawn from the supply.
-        speeds_rpm: of the propeller, without a sign.
-    """
+    pulses_us: tuple[float, ...]  # rising, from `MIN_PULSE_US` to `MAX_PULSE_US`
+    forces_n: tuple[float, ...]  # positive ahead; never falls with the pulse, and is 0 in the dead band only
+    currents_a: tuple[float, ...]  # drawn from the supply
 
-    pulses_us: tuple[float, ...]
-    forces_n: tuple[float, ...]
-    currents_a: tuple[float, ...]
-    speeds_rpm: tuple[float, ...]
-
-    def at(self, pulse_us: float) -> tuple[float, float, float]:
-        """Return force [N], current [A] and speed [rpm] at a pulse between `MIN_PULSE_US` and `MAX_PULSE_US`."""
-        pulses, forces, currents, speeds = self
+    def at(self, pulse_us: float) -> tuple[float, float]:
+        """Return force [N] and current [A] at a pulse between `MIN_PULSE_US` and `MAX_PULSE_US`."""
+        pulses, forces, currents = self
         i = min(len(pulses) - 2, max(0, bisect_right(pulses, pulse_us) - 1))
         share = (pulse_us - pulses[i]) / (pulses[i + 1] - pulses[i])
-        return (
-            forces[i] + share * (forces[i + 1] - forces[i]),
-            currents[i] + share * (currents[i + 1] - currents[i]),
-            speeds[i] + share * (speeds[i + 1] - speeds[i]),
-        )
+        force, current = forces[i], currents[i]
+        return force + share * (forces[i + 1] - force), current + share * (currents[i + 1] - current)
 
     @property
     def dead_band_us(self) -> tuple[float, float]:
@@ -68,7 +54,7 @@ class Curve(NamedTuple):
 def curve(voltage_v: float) -> Curve:
     """Return force and current of the thruster at a supply voltage, `MIN_VOLTAGE_V` to `MAX_VOLTAGE_V`.
 
-    >>> force_n, current_a, _ = curve(16.0).at(1900.0)
+    >>> force_n, current_a = curve(16.0).at(1900.0)
     >>> round(force_n / NEWTONS_PER_KGF, 2), current_a
     (5.25, 23.83)
 
@@ -100,10 +86,8 @@ def load_table() -> dict[float, Curve]:
     names, rows = lines[0].split(","), [[float(cell) for cell in line.split(",")] for line in lines[1:]]
     pulses, *columns = (tuple(column) for column in zip(*rows, strict=True))
     voltages = [float(name[len("kgf_") : -len("V")]) for name in names if name.startswith("kgf_")]
-    return {
-        voltage: Curve(
-            pulses, tuple(NEWTONS_PER_KGF * force for force in columns[3 * i]), *columns[3 * i + 1 : 3 * i + 3]
-        )
+    return {  # the third column of each voltage is the propeller's speed
+        voltage: Curve(pulses, tuple(NEWTONS_PER_KGF * force for force in columns[3 * i]), columns[3 * i + 1])
         for i, voltage in enumerate(voltages)
     }
 
@@ -111,13 +95,9 @@ def load_table() -> dict[float, Curve]:
 def _side(
     below: Curve, above: Curve, share: float, end_us: float, edge_of: Callable[[tuple[float, float]], float]
 ) -> list[Sequence[float]]:
-    """Return rows of a curve between two others, from the edge of its dead band to one end.
+    """Return rows of a curve between two others, from the edge of its dead band to full thrust at `end_us`.
 
-    Args:
-        below, above: the curves.
-        share: position between them, 0 to 1.
-        end_us: pulse of full thrust to that side.
-        edge_of: takes the edge of that side from a dead band.
+    `share` is its position between them, 0 to 1; `edge_of` takes the edge of that side from a dead band.
     """
     edges = edge_of(below.dead_band_us), edge_of(above.dead_band_us)
     edge_us = edges[0] + share * (edges[1] - edges[0])
@@ -137,12 +117,11 @@ def _side(
 
 def _scaled(lowest: Curve, share: float) -> Curve:
     """Return the curve at a fraction of the lowest voltage that was measured."""
-    force, current, speed = share**FORCE_POWER, share**CURRENT_POWER, share**SPEED_POWER
+    force, current = share**FORCE_POWER, share**CURRENT_POWER
     return Curve(
         lowest.pulses_us,
         tuple(force * value for value in lowest.forces_n),
         tuple(current * value for value in lowest.currents_a),
-        tuple(speed * value for value in lowest.speeds_rpm),
     )
 
 

@@ -16,26 +16,21 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
-from snr_sim.plants.urov.parameter_limits import LIMITS, check_record
+from snr_sim.plants.urov.parameter_limits import LIMITS, Record
 from snr_sim.plants.urov.vehicle import Vector
 
 
 @dataclass(frozen=True)
-class Tether:
+class Tether(Record, who="The tether's "):
     """One tether.
 
     Args:
         anchor_m: where it is held, world frame.
         length_m: how much is paid out.
         attachment_m: where it is fixed to the vehicle, body frame.
-        diameter_m: of the tether.
         modulus_pa: Young's modulus.
-        across: drag coefficient for flow across it.
-        along: drag coefficient for flow along it.
+        across, along: drag coefficients for flow across it and along it.
         damping_share: damping ratio of its stretch, by the vehicle's mass; our choice.
-
-    Raises:
-        ParameterError: a number is out of range.
     """
 
     anchor_m: Annotated[Vector, LIMITS["position_m"]]
@@ -47,9 +42,6 @@ class Tether:
     along: Annotated[float, LIMITS["along"]] = 0.01
     damping_share: Annotated[float, LIMITS["damping_share"]] = 0.1
 
-    def __post_init__(self) -> None:
-        check_record(self, "The tether's ")
-
     @property
     def stiffness_npm(self) -> float:
         """Force per metre of stretch."""
@@ -57,24 +49,15 @@ class Tether:
 
 
 class TetherPull:
-    """The pull of one tether at its vehicle.
-
-    Args:
-        tether: its numbers.
-        density_kgm3: of the water.
-        mass_kg: of the vehicle, for the damping of the stretch.
-
-    Attributes:
-        tension_n: of the last call.
-    """
+    """The pull of one tether at its vehicle, by whose mass its stretch is damped."""
 
     def __init__(self, tether: Tether, density_kgm3: float, mass_kg: float) -> None:
-        self.tether = tether
+        self.tether: Tether = tether
         self._stiffness = tether.stiffness_npm
         self._damping = 2.0 * tether.damping_share * math.sqrt(self._stiffness * mass_kg)
         self._across = 0.5 * density_kgm3 * tether.across * tether.diameter_m
         self._along = 0.5 * density_kgm3 * tether.along * tether.diameter_m * math.pi
-        self.tension_n = 0.0
+        self.tension_n: float = 0.0  # of the last call
 
     def force(self, end_m: Vector, velocity: Vector, current: Vector) -> Vector:
         """Return the force on the vehicle [N], world frame.

@@ -58,12 +58,7 @@ class Urov:
 
     Attributes:
         vehicle: as trimmed.
-        pool: where it is.
         dive: of this run.
-        thrusters: what turns pulses into forces, if there are any.
-        inputs, outputs: names that `write` and `read` take.
-        step_s: of integration.
-        engine: name and version of the physics.
     """
 
     # For `scaled`, of the vehicle.
@@ -89,8 +84,15 @@ class Urov:
         self._drive = Drive(vehicle, thrusters, self._water.surface, motion)
         self._instruments = Instruments(vehicle, pool, thrusters, self._body, motion, self._water, self._mover)
         self._readers = self._instruments.readers()
-        self.engine = self._body.engine
-        self.inputs = self._drive.inputs
+        # Which attributes of which part are fields of the state.
+        self._parts: tuple[tuple[Any, tuple[str, ...]], ...] = (
+            (motion, ("position", "attitude", "velocity", "rate", "steps", "acceleration_world")),
+            (self._mover, ("acceleration", "guess", "contact_n", "pressed_n")),
+            (self._water, ("wet", "entrained_fraction", "water_l", "tether_n")),
+            (self._drive, ("wrench", "pulses", "until_s")),
+        )
+        self.engine: str = self._body.engine
+        self.inputs: tuple[str, ...] = self._drive.inputs
         power = () if thrusters is None else ("power",)
         self.outputs: tuple[str, ...] = ("depth", "imu", "altitude", "leak", "pose", *power)
         self.reset(seed)
@@ -140,7 +142,7 @@ class Urov:
             dive.rate_radps,
             self._body.snapshot(),
             None if thrusters is None else thrusters.snapshot(),
-            pulses=(None,) * len(self.vehicle.thrusters),
+            pulses=[None] * len(self.vehicle.thrusters),
         )
         self.restore(start)
         check_clearance(dive, *self._body.deepest(), self.vehicle, self.pool)
@@ -152,56 +154,26 @@ class Urov:
 
     def snapshot(self) -> UrovState:
         """Return all of the state; it never changes afterwards."""
-        motion, water, mover, drive = self._motion, self._water, self._mover, self._drive
-        return UrovState(
-            dive=self.dive,
-            position=motion.position,
-            attitude=motion.attitude,
-            velocity=motion.velocity,
-            rate=motion.rate,
-            mujoco=mover.engine_state(),
-            thrusters=self.thrusters.snapshot() if self.thrusters is not None else None,
-            steps=motion.steps,
-            event_count=self._event_count,
-            acceleration=mover.acceleration,
-            guess=mover.guess,
-            acceleration_world=motion.acceleration_world,
-            wet=water.wet,
-            entrained_fraction=water.entrained_fraction,
-            water_l=water.water_l,
-            wrench=drive.wrench,
-            pulses=tuple(drive.pulses),
-            pulses_until_s=drive.until_s,
-            contact_n=mover.contact_n,
-            pressed_n=mover.pressed_n,
-            tether_n=water.tether_n,
-        )
+        thrusters = None if self.thrusters is None else self.thrusters.snapshot()
+        engine = self._mover.engine_state()
+        parts = {name: getattr(part, name) for part, names in self._parts for name in names}
+        return UrovState(self.dive, mujoco=engine, thrusters=thrusters, event_count=self._event_count, **parts)
 
     def restore(self, snapshot: UrovState) -> None:
         """Put back what `snapshot` returned."""
-        motion, water, mover, drive = self._motion, self._water, self._mover, self._drive
         dive = self.dive = self._instruments.dive = snapshot.dive
         self._body.restore(snapshot.mujoco)
         if self.thrusters is not None:
             self.thrusters.restore(snapshot.thrusters)
-        motion.steps, motion.position, motion.attitude = snapshot.steps, snapshot.position, snapshot.attitude
-        motion.velocity, motion.rate, motion.acceleration_world = (
-            snapshot.velocity,
-            snapshot.rate,
-            snapshot.acceleration_world,
-        )
-        motion.rotation = rotation_of(snapshot.attitude)
-        mover.acceleration, mover.guess = snapshot.acceleration, snapshot.guess
-        mover.contact_n, mover.pressed_n = snapshot.contact_n, snapshot.pressed_n
-        mover.invalidate()
-        drive.wrench, drive.pulses, drive.until_s = snapshot.wrench, list(snapshot.pulses), snapshot.pulses_until_s
-        water.begin(dive)
-        water.wet, water.entrained_fraction = snapshot.wet, snapshot.entrained_fraction
-        water.water_l, water.tether_n = snapshot.water_l, snapshot.tether_n
+        for part, names in self._parts:
+            for name in names:
+                setattr(part, name, getattr(snapshot, name))
+        self._motion.rotation = rotation_of(snapshot.attitude)
+        self._mover.invalidate()
+        self._water.begin(dive)
         self._event_times_s, self._event_count = dive.times_s(), snapshot.event_count
-        self._apply_current_and_loads(
-            self._event_times_s[snapshot.event_count - 1] if snapshot.event_count else -math.inf
-        )
+        begun_s = self._event_times_s[: snapshot.event_count]
+        self._apply_current_and_loads(begun_s[-1] if begun_s else -math.inf)
 
     # -- moving -------------------------------------------------------------------------------------------------------
 

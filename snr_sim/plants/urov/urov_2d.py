@@ -39,12 +39,8 @@ class Urov2D(Urov):
     """The underwater vehicle in the plane. Implements `Plant`.
 
     Args:
-        vehicle: its numbers; it is trimmed in the pool's water.
-        pool: where it is.
         start_of: returns the dive that belongs to a seed; `in_plane` documents which parts of it are used.
-        thrusters: turn pulses into forces; without any, the input is a wrench.
-        seed: of the first run.
-        step_s: of integration.
+        vehicle, pool, thrusters, seed, step_s: as of `Urov`.
     """
 
     def __init__(
@@ -70,14 +66,7 @@ class Urov2D(Urov):
 
 
 class PlaneMover(Mover):
-    """Three degrees of freedom: surge, heave and pitch.
-
-    Args:
-        plane: the vehicle in pymunk.
-        motion: of the vehicle, which is written.
-        water: what it does to the vehicle.
-        equation: its new velocity.
-    """
+    """Three degrees of freedom: surge, heave and pitch. Writes `motion`."""
 
     def __init__(self, plane: Pool2D, motion: Motion, water: WaterForces, equation: Water2D) -> None:
         self._plane, self._motion, self._water, self._equation = plane, motion, water, equation

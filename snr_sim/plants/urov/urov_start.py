@@ -14,7 +14,7 @@ import numpy as np
 
 from snr_sim.plants.attitude import rotation_of
 from snr_sim.plants.urov.dive import Dive
-from snr_sim.plants.urov.parameter_limits import format_value, is_number
+from snr_sim.plants.urov.parameter_limits import check_valid, is_number
 from snr_sim.plants.urov.pool import Pool
 from snr_sim.plants.urov.tether import Tether
 from snr_sim.plants.urov.vehicle import Vehicle
@@ -22,9 +22,8 @@ from snr_sim.prelude.angles import quaternion_of
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.sums import ordered_sum
 
-MAX_INITIAL_PENETRATION_M = (
-    0.01  # depth in the floor at which a dive may begin: contacts are soft, and then push the vehicle out
-)
+# Depth in the floor at which a dive may begin: contacts are soft, and then push the vehicle out.
+MAX_INITIAL_PENETRATION_M = 0.01
 TAUT = 1.001  # factor of its length that a tether may be stretched to at the start
 
 
@@ -40,8 +39,7 @@ def check_parts(vehicle: Any, pool: Any, start_of: Any, thrusters: Any, step_s: 
         ("start", start_of, callable(start_of), "a function that takes a seed and returns a Dive"),
         ("propulsion", thrusters, thrusters is None or hasattr(thrusters, "count"), "a Propulsion, or None"),
     ):
-        if not is_right:
-            raise ParameterError(f"The {what} is {format_value(given)}.", fix=f"give {expected}.")
+        check_valid(is_right, f"The {what}", given, f"give {expected}.")
     if not is_number(step_s) or not 0.0 < step_s <= 0.05:
         raise ParameterError(f"A vehicle under water in steps of {step_s} s.", fix="0.005 s is a good step.")
     if thrusters is not None and thrusters.count != len(vehicle.thrusters):
@@ -57,10 +55,7 @@ def check_start(dive: Any, seed: int, vehicle: Vehicle, pool: Pool, has_thruster
     Raises:
         ParameterError: it is not a dive, or is not compatible with vehicle and pool.
     """
-    if not isinstance(dive, Dive):
-        raise ParameterError(
-            f"The start of seed {seed} is {format_value(dive)}.", fix="give a function that returns a Dive."
-        )
+    check_valid(isinstance(dive, Dive), f"The start of seed {seed}", dive, "give a function that returns a Dive.")
     x, y, z = dive.position_m
     if z < -pool.depth_m or abs(x) > 0.5 * pool.length_m or abs(y) > 0.5 * pool.width_m:
         raise ParameterError(f"The dive begins at {dive.position_m} m, which is not in the pool.", fix=pool.extent())
@@ -75,12 +70,10 @@ def check_start(dive: Any, seed: int, vehicle: Vehicle, pool: Pool, has_thruster
 
 
 def check_clearance(dive: Dive, solid: str, depth_m: float, vehicle: Vehicle, pool: Pool) -> None:
-    """Check that a vehicle at its start is in nothing solid.
+    """Check that a vehicle at the start of a dive is in nothing solid.
 
     Args:
-        dive: contains the start.
-        solid: what the vehicle is deepest in.
-        depth_m: how deep.
+        solid, depth_m: what the vehicle is deepest in, and how deep.
         vehicle, pool: for the message.
 
     Raises:

@@ -20,19 +20,12 @@ Body: TypeAlias = MujocoBody | Pool2D  # in space, and in the plane
 
 
 class Mover(ABC):
-    """What moves the vehicle: in space (`space_mover.py`) or in the plane (`urov_2d.py`).
+    """What moves the vehicle: in space (`space_mover.py`) or in the plane (`urov_2d.py`)."""
 
-    Attributes:
-        acceleration: of the velocity through the water, body frame, without contacts.
-        guess: what it will be in the next step.
-        contact_n: what contacts pushed in the last step, world frame; None if nothing touched.
-        pressed_n: the same in the last part of it, as a size.
-    """
-
-    acceleration: Six = AT_REST
-    guess: Six = AT_REST
-    contact_n: Vector | None = None
-    pressed_n: float = 0.0
+    acceleration: Six = AT_REST  # of the velocity through the water, body frame, without contacts
+    guess: Six = AT_REST  # what it will be in the next step
+    contact_n: Vector | None = None  # what contacts pushed in the last step, world frame; None: nothing touched
+    pressed_n: float = 0.0  # the same in the last part of it, as a size
 
     @abstractmethod
     def advance(self, wrench: Sequence[float]) -> None:
@@ -60,26 +53,26 @@ class WrenchCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class UrovState(NamedTuple):
-    """All of the plant. Without defaults: a start."""
+    """All of the plant: attributes of its parts, which say what they are. Without defaults: a start."""
 
     dive: Dive
     position: Vector
     attitude: Quaternion
-    velocity: Vector  # world frame
-    rate: Vector  # body frame
+    velocity: Vector
+    rate: Vector
     mujoco: Any = None
     thrusters: Any = None
     steps: int = 0
     event_count: int = 0  # how many moments of the dive have passed
-    acceleration: Six = AT_REST  # of the velocity through the water, body frame, without contacts
-    guess: Six = AT_REST  # what it will be in the next step
-    acceleration_world: Vector = (0.0, 0.0, 0.0)  # acceleration of the last step, world frame
-    wet: float = 1.0  # fraction of the volume in the middle of the last step
-    entrained_fraction: float = 1.0  # the fraction whose water has been brought to the vehicle's speed
-    water_l: float = 0.0  # leaked and weighed
+    acceleration: Six = AT_REST
+    guess: Six = AT_REST
+    acceleration_world: Vector = (0.0, 0.0, 0.0)
+    wet: float = 1.0
+    entrained_fraction: float = 1.0
+    water_l: float = 0.0
     wrench: Six = AT_REST
-    pulses: tuple[float | None, ...] = ()
-    pulses_until_s: float = math.inf
-    contact_n: Vector | None = None  # None: nothing touched
-    pressed_n: float = 0.0  # what contacts pushed in the last part of the last step
+    pulses: Sequence[float | None] = ()
+    until_s: float = math.inf
+    contact_n: Vector | None = None
+    pressed_n: float = 0.0
     tether_n: Vector = (0.0, 0.0, 0.0)

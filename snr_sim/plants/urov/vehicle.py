@@ -17,10 +17,8 @@ from numpy.typing import NDArray
 
 from snr_sim.plants.urov.parameter_limits import (
     FINITE,
-    LEAD_KGM3,
     LIMITS,
     MILLIMETRES,
-    OUTRIGGER_M,
     Limit,
     check_number,
     check_record,
@@ -29,6 +27,9 @@ from snr_sim.plants.urov.parameter_limits import (
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.sums import ordered_sum
 from snr_sim.prelude.wrench import AXES
+
+LEAD_KGM3 = 11340.0
+OUTRIGGER_M = 0.1  # how far a propeller may sit outside the frame
 
 Vector: TypeAlias = tuple[float, float, float]
 Six: TypeAlias = tuple[float, float, float, float, float, float]
@@ -40,7 +41,6 @@ class Thruster:
     """Position and direction of one thruster.
 
     Args:
-        name: its own.
         position_m: of its propeller, body frame.
         direction: of its force on the vehicle when it runs ahead, body frame; made a unit vector.
     """
@@ -76,8 +76,7 @@ class Vehicle:
         added_mass: 6 x 6, symmetric.
         linear_damping: per axis, N/(m/s) and N m/(rad/s).
         quadratic_damping: per axis, N/(m/s)^2 and N m/(rad/s)^2.
-        centre_of_mass_m: of the dry vehicle.
-        centre_of_buoyancy_m: of the displaced water.
+        centre_of_mass_m, centre_of_buoyancy_m: of the dry vehicle, and of the displaced water.
         size_m: length, width and height of its frame: what meets walls, and over which it gets wet at the surface.
         thrusters: in the order of their pulses.
         net_buoyancy_n: how much buoyancy is to exceed weight; None leaves the mass as it is.
@@ -121,55 +120,43 @@ class Vehicle:
         return f"Vehicle '{self.name}': {name}"
 
     def _check_inertia(self) -> None:
-        inertia = self.inertia_kgm2
-        principal = np.linalg.eigvalsh(inertia)  # decides no run: only checked
-        if not principal[0] > 0.0:
-            raise ParameterError(
-                f"{self._what('inertia_kgm2')} is {inertia.tolist()}, about one axis {principal[0]:.3g}.",
-                fix="an inertia is positive about any axis.",
-            )
-        if principal[0] + principal[1] < principal[2] * (1.0 - 1e-9):
-            raise ParameterError(
-                f"{self._what('inertia_kgm2')} is {inertia.tolist()}: one is more than the two others together.",
-                fix="no body is like that: look at the largest.",
-            )
+        inertia, what = self.inertia_kgm2.tolist(), self._what("inertia_kgm2")
+        lowest, middle, highest = np.linalg.eigvalsh(self.inertia_kgm2).tolist()  # decides no run: only checked
+        if not lowest > 0.0:
+            found = f"is {inertia}, about one axis {lowest:.3g}."
+            raise ParameterError(f"{what} {found}", fix="an inertia is positive about any axis.")
+        if lowest + middle < highest * (1.0 - 1e-9):
+            found = f"is {inertia}: one is more than the two others together."
+            raise ParameterError(f"{what} {found}", fix="no body is like that: look at the largest.")
         min_value = self.mass_kg**2 / (2.0 * math.pi * LEAD_KGM3 * max(self.size_m))
-        if principal[0] < min_value:
+        if lowest < min_value:
             raise ParameterError(
-                f"{self._what('inertia_kgm2')} has {principal[0]:.3g} kg m2 about one axis.",
+                f"{what} has {lowest:.3g} kg m2 about one axis.",
                 fix=f"at least {min_value:.2g}: {self.mass_kg:g} kg have that as a rod of lead as long as the frame, "
                 "about that length; look at the unit, and at mass_kg and size_m, too.",
             )
-        low, high = sorted(self.size_m)[1:]
-        corners = 0.25 * self.mass_kg * (low * low + high * high)
-        share = float(principal[2]) / corners
+        short, long = sorted(self.size_m)[1:]
+        share = highest / (0.25 * self.mass_kg * (short * short + long * long))  # of all mass in the corners
         if not LIMITS["inertia_share"].contains(share):
             raise ParameterError(
-                f"{self._what('inertia_kgm2')} has {principal[2]:.3g} kg m2, {share:.1f} times the most that "
-                f"{self.mass_kg:g} kg can have in this frame.",
+                f"{what} has {highest:.3g} kg m2, {share:.1f} times the most that {self.mass_kg:g} kg can have in this "
+                "frame.",
                 fix=f"{LIMITS['inertia_share'].reason}; look at mass_kg and size_m, too.",
             )
 
     def _check_added_mass(self) -> None:
-        added = self.added_mass
+        added, what = self.added_mass, self._what("added_mass")
         water = 1000.0 * self.volume_m3
         corner = water * 0.25 * ordered_sum(side * side for side in self.size_m)
         share = LIMITS["added_mass_share"]
+        reason = f"it is given as a positive number, and {share.reason}"
         for i, axis in enumerate(AXES):
             max_value, unit = share.max_value * (water if i < 3 else corner), "kg" if i < 3 else "kg m2"
-            check_number(
-                self._what("added_mass"),
-                float(added[i, i]),
-                Limit(
-                    0.0, max_value, unit, f"it is given as a positive number, and {share.reason}", share.unit_mistakes
-                ),
-                axis,
-            )
+            check_number(what, float(added[i, i]), Limit(0.0, max_value, unit, reason, share.unit_mistakes), axis)
         min_value = float(np.linalg.eigvalsh(added)[0])  # decides no run: only checked
         if min_value < -1e-9 * float(np.abs(added).max()):
             raise ParameterError(
-                f"{self._what('added_mass')} is {added.tolist()}: moved one way, the water would have less energy than "
-                "at rest.",
+                f"{what} is {added.tolist()}: moved one way, the water would have less energy than at rest.",
                 fix="look at what is off the diagonal: it is too large.",
             )
 
@@ -181,12 +168,10 @@ class Vehicle:
                 f"Vehicle '{self.name}' has more than one thruster named '{twice[0]}'.",
                 fix="give each its own name, by more than blanks.",
             )
+        reason = f"it is fixed to the frame, as size_m says, {OUTRIGGER_M:g} m outside at most"
         for thruster in self.thrusters:
             for axis, value, size in zip("xyz", thruster.position_m, self.size_m, strict=True):
-                max_value = 0.5 * size + OUTRIGGER_M
-                limit = Limit(
-                    0.0, max_value, "m", f"it is fixed to the frame, as size_m says, {OUTRIGGER_M:g} m outside at most"
-                )
+                limit = Limit(0.0, 0.5 * size + OUTRIGGER_M, "m", reason)
                 check_number(f"Thruster '{thruster.name}': position_m, off the middle in {axis},", abs(value), limit)
 
     def trimmed(self, density_kgm3: float, gravity_mps2: float) -> Vehicle:
@@ -216,8 +201,5 @@ class Vehicle:
 
     def thruster_matrix(self) -> Matrix:
         """Return 6 x n: column i is the wrench of thruster i at 1 N ahead, about the origin."""
-        columns = [
-            [*thruster.direction, *np.cross(thruster.position_m, thruster.direction).tolist()]
-            for thruster in self.thrusters
-        ]
+        columns = [[*one.direction, *np.cross(one.position_m, one.direction).tolist()] for one in self.thrusters]
         return np.array(columns).reshape(-1, 6).T

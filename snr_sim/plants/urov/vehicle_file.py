@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.plants.urov.parameter_limits import check_number, check_vector, checked_matrix, format_value
+from snr_sim.plants.urov.parameter_limits import check_number, check_valid, check_vector, checked_matrix, format_value
 from snr_sim.plants.urov.vehicle import Matrix, Thruster, Vector, Vehicle
 from snr_sim.prelude.errors import ParameterError, suggest
 from snr_sim.prelude.sums import ordered_sum
@@ -26,9 +26,7 @@ Flip: TypeAlias = NDArray[np.float64]  # signs of six axes
 
 FLIP = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])  # from FRD to FLU and back
 FRAMES = {"FRD": FLIP, "FLU": np.ones(6)}
-MAX_LINEAR_RATIO = (
-    2.0  # drag at 1 m/s along the axes, linear by quadratic: those in robots/urov/vehicles have 0.1 and 0.2
-)
+MAX_LINEAR_RATIO = 2.0  # of drag at 1 m/s, linear by quadratic: those in robots/urov/vehicles have 0.1 and 0.2
 _OPTIONAL = {"net_buoyancy_n"}
 _NUMBER = ("value", "source")
 _THRUSTER = ("name", "position_m", "direction")
@@ -45,10 +43,8 @@ def read_vehicle(path: Path | str) -> Vehicle:
         ParameterError: the file cannot be read, lacks a number or its source, or a number is out of range; the message
             names the file, the field and what was found in it.
     """
-    if not isinstance(path, str | Path):
-        raise ParameterError(
-            f"The path of the vehicle's file is {format_value(path)}.", fix='Path("vehicles/mine.toml").'
-        )
+    is_path = isinstance(path, str | Path)
+    check_valid(is_path, "The path of the vehicle's file", path, 'Path("vehicles/mine.toml").')
     path = Path(path)
     data = _tables(path)
     try:
@@ -88,8 +84,8 @@ def _vehicle(name: str, data: dict[str, Any]) -> Vehicle:
         found = f"the file has the frame {format_value(frame)}" if "frame" in data else "the file lacks frame"
         raise ParameterError(f"{found}.", fix='write frame = "FRD" (z down) or frame = "FLU" (z up).')
     flip = FRAMES[frame]
-    if not isinstance(data.get("about", ""), str):
-        raise ParameterError(f"about is {format_value(data['about'])}, which is not text.", fix='write about = "...".')
+    about = data.get("about", "")
+    check_valid(isinstance(about, str), "about", about, 'write about = "...".', ", which is not text")
     values, sources = _numbers(data, flip)
     thrusters = _thrusters(data.get("thruster", []), flip)
     return Vehicle(name, **values, thrusters=thrusters, sources=sources)
@@ -100,16 +96,13 @@ def _numbers(data: dict[str, Any], flip: Flip) -> tuple[dict[str, Any], dict[str
     named = _sources(data)
     values, sources = {}, {}
     for name, read_value in _NUMBERS.items():
+        fix = f'write {name} = {{ value = ..., source = "..." }}.'
         if name not in data:
             if name in _OPTIONAL:
                 continue
-            raise ParameterError(f"the file lacks {name}.", fix=f'write {name} = {{ value = ..., source = "..." }}.')
+            raise ParameterError(f"the file lacks {name}.", fix=fix)
         entry = data[name]
-        if not isinstance(entry, dict):
-            raise ParameterError(
-                f"{name} is {format_value(entry)}, which is not a value with a source.",
-                fix=f'write {name} = {{ value = ..., source = "..." }}.',
-            )
+        check_valid(isinstance(entry, dict), name, entry, fix, ", which is not a value with a source")
         _check_keys(name, entry, "key of a value", _NUMBER, _NUMBER)
         values[name] = read_value(name, entry["value"], flip)
         sources[name] = _source(f"{name}: source", entry["source"], named)
@@ -121,17 +114,11 @@ def _numbers(data: dict[str, Any], flip: Flip) -> tuple[dict[str, Any], dict[str
 
 
 def _sources(data: dict[str, Any]) -> dict[str, str]:
-    named = data.get("sources", {})
-    if not isinstance(named, dict):
-        raise ParameterError(
-            f"sources is {format_value(named)}.", fix='write [sources] and below it paper = "who, where".'
-        )
+    named: dict[str, str] = data.get("sources", {})
+    check_valid(isinstance(named, dict), "sources", named, 'write [sources] and below it paper = "who, where".')
     for key, text in named.items():
-        if not isinstance(text, str) or not text.strip():
-            raise ParameterError(
-                f"sources: {key} is {format_value(text)}, which does not name a source.",
-                fix="name the paper.",
-            )
+        is_text = isinstance(text, str) and bool(text.strip())
+        check_valid(is_text, f"sources: {key}", text, "name the paper.", ", which does not name a source")
     return named
 
 
@@ -156,13 +143,8 @@ def _place(name: str, value: Any, flip: Flip) -> Vector:
     return x, y, z
 
 
-def _size(name: str, value: Any, flip: Flip) -> tuple[float, ...]:
-    check_vector(name, value, axes=("length", "width", "height"))
-    return tuple(map(float, value))
-
-
-def _damping(name: str, value: Any, flip: Flip) -> tuple[float, ...]:
-    check_vector(name, value, axes=AXES)
+def _row(name: str, value: Any, flip: Flip, axes: Sequence[str] = AXES) -> tuple[float, ...]:
+    check_vector(name, value, axes=axes)
     return tuple(map(float, value))
 
 
@@ -184,27 +166,24 @@ _NUMBERS: dict[str, Callable[[str, Any, Flip], Any]] = {
     "net_buoyancy_n": _number,
     "inertia_kgm2": partial(_matrix, axes=AXES[3:]),
     "added_mass": _matrix,
-    "linear_damping": _damping,
-    "quadratic_damping": _damping,
+    "linear_damping": _row,
+    "quadratic_damping": _row,
     "centre_of_mass_m": _place,
     "centre_of_buoyancy_m": _place,
-    "size_m": _size,
+    "size_m": partial(_row, axes=("length", "width", "height")),
 }
 _KNOWN = ("about", "frame", "sources", "thruster", "thrusters_source", "lacks", *_NUMBERS)
 
 
 def _thrusters(tables: Any, flip: Flip) -> tuple[Thruster, ...]:
-    if not isinstance(tables, list) or not all(isinstance(one, dict) for one in tables):
-        raise ParameterError(
-            f"thruster is {format_value(tables)}.", fix="begin each thruster with [[thruster]], in two pairs."
-        )
+    is_list = isinstance(tables, list) and all(isinstance(one, dict) for one in tables)
+    check_valid(is_list, "thruster", tables, "begin each thruster with [[thruster]], in two pairs.")
     thrusters = []
     for i, one in enumerate(tables, start=1):
         name = one.get("name")
         where = f"thruster {i}" + (f" ('{name}')" if isinstance(name, str) else "")
         _check_keys(where, one, "key of a thruster", _THRUSTER, _THRUSTER)
-        if not isinstance(name, str):
-            raise ParameterError(f"{where}: name is {format_value(name)}, which is not text.", fix='write name = "T1".')
+        check_valid(isinstance(name, str), f"{where}: name", name, 'write name = "T1".', ", which is not text")
         thrusters.append(Thruster(name, *(_place(f"{where}: {key}", one[key], flip) for key in _THRUSTER[1:])))
     return tuple(thrusters)
 
@@ -221,10 +200,8 @@ def _check_keys(where: str, table: dict[str, Any], what: str, known: Sequence[st
 def _lacks(data: dict[str, Any]) -> tuple[str, ...]:
     """Return the axes that, by the file, its thrusters cannot push."""
     declared = data.get("lacks", [])
-    if not isinstance(declared, list):
-        raise ParameterError(
-            f"lacks is {format_value(declared)}, which is not a list.", fix='write lacks = ["pitch"], or [].'
-        )
+    fix = 'write lacks = ["pitch"], or [].'
+    check_valid(isinstance(declared, list), "lacks", declared, fix, ", which is not a list")
     for axis in declared:
         if not isinstance(axis, str) or axis not in AXES:
             raise ParameterError(f"lacks has {format_value(axis)}, which is not an axis.", fix=suggest(str(axis), AXES))

@@ -42,11 +42,7 @@ Three: TypeAlias = tuple[float, float, float]  # along x and z, then about y
 
 
 class Water2D:
-    """Mass and damping of one body in its plane of symmetry.
-
-    Args:
-        vehicle: gives the damping.
-    """
+    """Mass and damping of one body in its plane of symmetry."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._linear = [vehicle.linear_damping[axis] for axis in PLANE]

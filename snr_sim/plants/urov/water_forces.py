@@ -22,35 +22,18 @@ WATER_STEP_L = 0.01  # the weight of leaked water is updated at each such increa
 
 
 class WaterForces:
-    """Buoyancy, surface, tether and what weighs the vehicle down.
-
-    Args:
-        vehicle: its numbers.
-        pool: its water.
-        body: its dry mass, and the gravity.
-        motion: where it is, which is read.
-
-    Attributes:
-        hydro: mass and damping of vehicle and water, for what is wet now.
-        flotation: its weight and buoyancy.
-        surface: its shape at the surface.
-        wet: fraction of the volume in the water, in the middle of the last step.
-        entrained_fraction: the fraction whose water has been brought to the vehicle's speed.
-        impact_impulse: momentum for the water that gets wet up to the middle of this step; None if none does.
-        water_l: leaked and weighed.
-        tether: of this run, if there is one.
-        tether_n: its pull in the last step, world frame.
-    """
+    """Buoyancy, surface, tether and what weighs the vehicle down. Reads `motion`."""
 
     def __init__(self, vehicle: Vehicle, pool: Pool, body: Body, motion: Motion) -> None:
-        self.surface = Surface(vehicle)
-        self.hydro = Hydrodynamics(vehicle, body.rigid)
-        self.flotation = Flotation(vehicle, body.rigid, pool.density_kgm3, body.gravity_mps2)
-        self.wet = self.entrained_fraction = 1.0
-        self.impact_impulse: Sequence[float] | None = None
-        self.water_l = 0.0
+        self.surface: Surface = Surface(vehicle)
+        self.hydro: Hydrodynamics = Hydrodynamics(vehicle, body.rigid)  # for what is wet now
+        self.flotation: Flotation = Flotation(vehicle, body.rigid, pool.density_kgm3, body.gravity_mps2)
+        self.wet: float = 1.0  # fraction of the volume in the water, in the middle of the last step
+        self.entrained_fraction: float = 1.0  # fraction whose water has been brought to the vehicle's speed
+        self.impact_impulse: Sequence[float] | None = None  # for water that gets wet up to the middle of this step
+        self.water_l: float = 0.0  # leaked and weighed
         self.tether: TetherPull | None = None
-        self.tether_n: Vector = (0.0, 0.0, 0.0)
+        self.tether_n: Vector = (0.0, 0.0, 0.0)  # its pull in the last step, world frame
         self._vehicle, self._pool, self._motion = vehicle, pool, motion
         self._added_momentum = product_with(vehicle.added_mass)  # of the water that moves with the body
         self._loads: Sequence[Payload] = ()
