@@ -10,9 +10,8 @@ from contextlib import ExitStack, suppress
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
 
-from snr_sim.links.back_off import BackOff
 from snr_sim.links.link import Link
-from snr_sim.links.restarting import error_text
+from snr_sim.links.restarting import STEADY_S, BackOff, error_text
 from snr_sim.links.session import SessionConfig
 from snr_sim.links.socket_port import Address, SocketPort
 from snr_sim.links.stream_peer import StreamPeer
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
     import ssl
 
 CONNECT_TIMEOUT_S = 5.0
-STEADY_S = 5.0  # after a connection that lasted this long, the next attempt follows soon
 
 
 class TcpClient(Streams):
