@@ -257,7 +257,7 @@ class Streams(Transport):
             stream.fail(error)
             return
         if not data:
-            session.mark_lost("the connection was closed.")
+            session.close("the connection was closed.")
             stream.failure = session.reason
             return
         if not stream.port.is_shareable:
@@ -292,7 +292,7 @@ class Streams(Transport):
             return stream.leaves_s
         stream.leaves_s = self.now_s() + LINGER_S
         if stream.failure:
-            stream.session.mark_lost(stream.failure)
+            stream.session.close(stream.failure)
         if stream.is_admitted:
             self.peers.remove(stream)
         self.link.reason = stream.session.reason
@@ -320,7 +320,7 @@ class Streams(Transport):
 
     def _drop_all(self) -> None:
         for stream in list(self.streams):
-            stream.session.mark_lost("the link was closed.")  # if it did not end in good order
+            stream.session.close("the link was closed.")  # if it did not end in good order
             self._drop(stream)
 
     def _admit(self, stream: StreamPeer) -> None:
