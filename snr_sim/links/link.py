@@ -54,10 +54,7 @@ _STORE_PAGE = TaskType.store_page
 class UnsendablePages:
     """Handler of pages that a link cannot send: an error for a page of its own node; those of other nodes are dropped.
 
-    Args:
-        node: sends them.
-        link: description of the link.
-        log: logs the first dropped page.
+    `link` describes the link in the error, and in `log` for the first dropped page.
     """
 
     def __init__(self, node: NodeApi, link: str, log: logging.Logger | ComponentLog) -> None:
@@ -107,19 +104,16 @@ def by_name(peers: Iterable[tuple[str, dict[str, Any]]]) -> dict[str, Any]:
 
 
 class Transport:
-    """Transport of pages: one subclass per medium. The link calls all but `carry` on its own thread.
-
-    Args:
-        link: the link whose pages it carries.
-    """
+    """Transport of a link's pages: one subclass per medium. The link calls all but `carry` on its own thread."""
 
     # Sends a page to every peer except its sender, on the node's thread. Arguments: the page, its serialised form, its
     # frame, and its sender or None.
     carry: Callable[[Page, bytes, bytes, object], None]
+    notes: Callable[[], Iterable[str]] = tuple  # returns notes for the end of the run
 
     def __init__(self, link: Link) -> None:
-        self.link = link
-        self.lock = threading.Lock()  # held while everything is closed, and for what must not happen at the same time
+        self.link: Link = link
+        self.lock: threading.Lock = threading.Lock()  # held to close everything, and for what must not happen meanwhile
 
     def open(self, ports: ExitStack) -> None:
         """Open what is needed, and push callbacks to close it onto `ports`; a first failure is an error of `begin`."""
@@ -138,20 +132,11 @@ class Transport:
         """Return the state of the link: at least up, age_s, dropped, rtt_s, reason."""
         raise NotImplementedError
 
-    def notes(self) -> Iterable[str]:
-        """Return notes for the end of the run."""
-        return ()
-
 
 class Link(RestartingLoop):
     """Sends pages of its keys over a transport, accepts those that arrive, and stores the state of the link.
 
-    Args:
-        factory: the factory that made it.
-        parent: its node.
-        options: of the link.
-        real: makes its transport.
-        simulated: makes its transport if the node runs under a SimClock.
+    `simulated` makes its transport if the node runs under a SimClock; otherwise `real` does.
     """
 
     def __init__(
@@ -166,23 +151,23 @@ class Link(RestartingLoop):
         rate_hz = HOUSEKEEPING_HZ if is_simulated else 0.0  # on a thread its own waiting paces it
         super().__init__(factory, parent, f"link_{options.name}", rate_hz)
         self.restarts = not is_simulated
-        self.options = options
-        self.dropped = 0  # pages known at this end not to have arrived
-        self.sent = 0
-        self.received = 0
-        self.rejected = 0  # pages that arrived and were not accepted
-        self.reason = ""  # why it is down, as text, set by its transport
+        self.options: LinkOptions = options
+        self.dropped: int = 0  # pages known at this end not to have arrived
+        self.sent: int = 0
+        self.received: int = 0
+        self.rejected: int = 0  # pages that arrived and were not accepted
+        self.reason: str = ""  # why it is down, as text, set by its transport
         self._unstored: dict[int, tuple[Page, object]] = {}  # arrived, not stored yet: page and sender
-        self._relayed: dict[bytes | int, None] = {}
+        self._relayed: dict[int, None] = {}
         self._unsendable = UnsendablePages(parent, f"'{self.name}'", self.log)
         self._largest_bytes = 1  # of recent pages
-        self.is_paused = False  # nothing more is read, because the node has too much to do
+        self.is_paused: bool = False  # nothing more is read, because the node has too much to do
         self._accepted: set[DataKey] = set()  # keys of `accept` that arrived
         self._rejected_keys: set[DataKey] = set()  # the first few keys that arrived and are not in it
         self._reported: tuple[Any, ...] = ()
         self._reported_s = float("-inf")
         self._logged: tuple[Any, ...] = ()
-        self.transport = simulated(self) if is_simulated else real(self)
+        self.transport: Transport = simulated(self) if is_simulated else real(self)
         self._carry = self.transport.carry
 
     def begin(self) -> None:

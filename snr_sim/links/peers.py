@@ -23,20 +23,14 @@ SHOWN_KEYS = 5
 
 
 class Peer:
-    """One remote peer.
-
-    Args:
-        session: with it.
-        options: of the link.
-        channel: injects faults into what is sent to it, if any.
-    """
+    """One remote peer of a link; `channel` injects faults into what is sent to it, if any."""
 
     def __init__(self, session: Session, options: LinkOptions, channel: LossyChannel | None) -> None:
-        self.session = session
+        self.session: Session = session
         self.queue: SendQueue[bytes] = SendQueue(options.queue_pages, options.policy)
-        self.channel = channel
-        self.sent = 0
-        self.dropped = 0  # in addition to those that its queue dropped
+        self.channel: LossyChannel | None = channel
+        self.sent: int = 0
+        self.dropped: int = 0  # in addition to those that its queue dropped
 
     @property
     def all_dropped(self) -> int:
@@ -101,17 +95,13 @@ class Peers:
     """Keeps one session and one queue per far end.
 
     The first peer to connect gets all pages stored before, up to the queue's limit. A peer that connects after all
-    others have gone gets only the newest page of each key: the old ones would delay the new ones.
-
-    Args:
-        link: the link they belong to.
-        config: of its sessions.
-        min_transit_s: minimum transit time of what is sent, if simulated.
+    others have gone gets only the newest page of each key: the old ones would delay the new ones. If simulated, what is
+    sent takes `min_transit_s` at least.
     """
 
     def __init__(self, link: Link, config: SessionConfig, min_transit_s: float = 0.0) -> None:
-        self.config = config
         self.up: tuple[Peer, ...] = ()  # replaced and never changed, so any thread may read it
+        self._config = config
         self._link = link
         # Recorded in the page of the link, so another text changes the digests of recorded runs.
         link.reason = "nobody has connected yet."  # plain: nobody
@@ -221,7 +211,7 @@ class Peers:
 
     def new_session(self, nonce: bytes | None = None) -> Session:
         """Return a session with a new peer; its nonce is random if not given."""
-        return Session(self.config, self._link.get_time_s(), self._decode, nonce)
+        return Session(self._config, self._link.get_time_s(), self._decode, nonce)
 
     def new_channel(self) -> LossyChannel:
         """Return the outgoing channel of a new peer: each session has its own random numbers, the same in every run."""
