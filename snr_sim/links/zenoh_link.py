@@ -227,10 +227,7 @@ class ZenohTransport(Fleet):
         if sample.kind == self._zenoh.SampleKind.DELETE:
             self.peer_table.record_leave(address)
         else:
-            self.peer_table.record_join(address, self.now_s())
-        self._housekeep_soon()
-
-    def _housekeep_soon(self) -> None:
+            self.peer_table.mark_present(address, self.now_s(), joins=True)
         self._housekeep_s = 0.0
         self.wake()
 
