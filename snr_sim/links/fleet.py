@@ -40,14 +40,9 @@ ALONE = "no other node is in the net."
 
 @dataclass(frozen=True)
 class Member:
-    """A node as known in the net.
+    """A node as known in the net."""
 
-    Args:
-        robot: name of its robot; its own name if it has none.
-        node: its name.
-    """
-
-    robot: str
+    robot: str  # name of its robot; its own name if it has none
     node: str
 
     @property
@@ -79,15 +74,10 @@ class Member:
 
 @dataclass(frozen=True)
 class Subscription:
-    """Which pages a node of a net accepts.
+    """Which pages a node of a net accepts."""
 
-    Args:
-        robots: robots whose pages to accept; None accepts every robot's.
-        namespaced: whether keys of other robots' pages begin with the robot's name.
-    """
-
-    robots: frozenset[str] | None = None
-    namespaced: bool = False
+    robots: frozenset[str] | None = None  # whose pages to accept; None accepts every robot's
+    namespaced: bool = False  # whether keys of other robots' pages begin with the robot's name
 
 
 def encode_key_part(text: str) -> str:

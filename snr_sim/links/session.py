@@ -71,37 +71,25 @@ _UP, _CLOSED = SessionState.up, SessionState.closed
 
 @dataclass(frozen=True)
 class SessionConfig:
-    """One end's settings for its sessions.
+    """One end's settings for its sessions."""
 
-    Args:
-        node: name of the node.
-        is_server: whether this is the end that accepts connections.
-        secret: shared by both ends; None requires none.
-        purpose: protocol of the port.
-        max_frame_bytes, keep_alive_s, timeout_s: as of LinkOptions.
-        greeting_s: maximum duration of the greeting; `timeout_s` if None.
-        secret_is: what users call the secret, and how they pass it; for messages.
-    """
-
-    node: str
-    is_server: bool
-    secret: bytes | None = None
-    purpose: str = "pages"
-    max_frame_bytes: int = MAX_FRAME_BYTES
-    keep_alive_s: float = 0.5
-    timeout_s: float = 3.0
-    greeting_s: float | None = None
+    node: str  # name of the node
+    is_server: bool  # whether this is the end that accepts connections
+    secret: bytes | None = None  # shared by both ends; None requires none
+    purpose: str = "pages"  # protocol of the port
+    max_frame_bytes: int = MAX_FRAME_BYTES  # the longest payload it accepts
+    keep_alive_s: float = 0.5  # period between pings
+    timeout_s: float = 3.0  # silence after which the session ends
+    greeting_s: float | None = None  # maximum duration of the greeting; `timeout_s` if None
+    # What users call the secret, and how they pass it; for messages.
     secret_is: tuple[str, str] = ("shared secret", "the same secret= on both ends")
 
 
 class Session:
-    """One end of a connection. Not thread-safe.
+    """One end of a connection. Not thread-safe. Times are of the same clock, whichever it is.
 
-    Args:
-        config: settings of this end.
-        now_s: the time, always of the same clock.
-        decode: decodes payloads; `receive` returns its results, except for control messages.
-        nonce: of this session; random if not given.
+    `decode` decodes payloads; `receive` returns its results, except for control messages. The nonce is random if not
+    given.
     """
 
     def __init__(

@@ -19,15 +19,10 @@ if TYPE_CHECKING:
 
 @dataclass
 class Address:
-    """Address of a server.
+    """Address of a server."""
 
-    Args:
-        host: the only host it binds to.
-        port: 0 takes a free one; once the server listens, this is the actual port.
-    """
-
-    host: str
-    port: int
+    host: str  # the only host it binds to
+    port: int  # 0 takes a free one; once the server listens, this is the actual port
 
     def __str__(self) -> str:
         return f"{self.host}:{self.port}"
@@ -117,7 +112,7 @@ class ListenerFactory(LoopFactory):
 
     def __init__(self, address: Address, who: str) -> None:
         super().__init__()
-        self.address = address
+        self.address: Address = address
         self._who = who
         self._held: socket.socket | None = None
 

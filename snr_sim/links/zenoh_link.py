@@ -103,7 +103,7 @@ class ZenohCallbacks:
 
 
 class ZenohTransport(Fleet):
-    """Sends and receives pages over Zenoh, by its settings `config`; `waits_for` names what it connects to, if it does."""
+    """Sends and receives pages over Zenoh. `waits_for` names what it connects to; it is empty if this end listens."""
 
     def __init__(
         self, link: Link, member: Member, subscription: Subscription, config: dict[str, Any], waits_for: str
