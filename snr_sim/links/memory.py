@@ -89,22 +89,15 @@ class MemoryLink:
 
 
 class OneWay:
-    """One direction of a link.
-
-    Args:
-        sender: the node whose pages are sent.
-        receiver: the node that receives them.
-        clock: schedules their delivery.
-        faults: of this direction.
-    """
+    """One direction of a link."""
 
     def __init__(self, sender: Node, receiver: Node, clock: SimClock, faults: LinkFaults) -> None:
-        self.sender = sender
-        self.receiver = receiver
+        self.sender: Node = sender
+        self.receiver: Node = receiver
         self.back: OneWay | None = None
-        self.sent = 0
-        self.delivered = 0
-        self.dropped = 0  # pages of other nodes that cannot be serialised
+        self.sent: int = 0
+        self.delivered: int = 0
+        self.dropped: int = 0  # pages of other nodes that cannot be serialised
         self._clock = clock
         self._channel = LossyChannel(faults, sender.seed, f"link:{sender.role}->{receiver.role}", MIN_TRANSIT_S)
         logger = logging.getLogger(f"snr.{sender.name}.link_{receiver.role}")

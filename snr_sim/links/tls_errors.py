@@ -18,17 +18,14 @@ _UNKNOWN_AUTHORITY = (
     "the other end's certificate is not signed by the authority this end trusts. Try: the authority= that signed it"
 )
 _NO_TLS = "this end speaks TLS, the other does not. Try: tls=Tls(...) on both ends"
-_REASONS = {
-    # Bytes that are not TLS cause different errors, depending on OpenSSL's version and on the bytes.
-    "BAD_RECORD_TYPE": _NO_TLS,
-    "HTTP_REQUEST": _NO_TLS,
-    "PACKET_LENGTH_TOO_LONG": _NO_TLS,
-    "RECORD_LAYER_FAILURE": _NO_TLS,
-    "UNKNOWN_PROTOCOL": _NO_TLS,
-    "WRONG_VERSION_NUMBER": _NO_TLS,
+# Bytes that are not TLS cause different errors, depending on OpenSSL's version and on the bytes.
+_NO_TLS_REASONS = (
+    "BAD_RECORD_TYPE HTTP_REQUEST PACKET_LENGTH_TOO_LONG RECORD_LAYER_FAILURE UNKNOWN_PROTOCOL WRONG_VERSION_NUMBER"
+)
+_REASONS = dict.fromkeys(_NO_TLS_REASONS.split(), _NO_TLS) | {
     "PEER_DID_NOT_RETURN_A_CERTIFICATE": (
         "the client shows no certificate. Try: Tls(client_certificate=..., client_key=...) there"
-    ),
+    )
 }
 _REJECTED = "the other end does not take this end's certificate. Try: what the other end says about it"
 

@@ -198,6 +198,8 @@ class ZenohLinkFactory(LoopFactory):
         """Return Zenoh's configuration, which admits only the net's keys in either direction."""
         protocols = {address.partition("/")[0] for address in (*self.listen, *self.connect)} or {"tcp"}
         timeout_ms, stuck_us = int(self.net.options.timeout_s * 1000), int(STUCK_S * 1e6)
+        drop = {"wait_before_drop": stuck_us, "max_wait_before_drop_fragments": stuck_us}
+        congestion_control = {"drop": drop, "block": {"wait_before_close": stuck_us}}
         return {
             # A router forwards between the nodes connected to it; peers do not forward. A node that does not listen is
             # a client, not a router, because routers miss a node that appears within 0.1 s of another's leaving (1.10).
@@ -225,15 +227,7 @@ class ZenohLinkFactory(LoopFactory):
                 "link": {
                     # Limits what an answer to a multicast can offer.
                     "protocols": ["tls"] if self._discovers_remotely else sorted(protocols),
-                    "tx": {
-                        "lease": timeout_ms,
-                        "queue": {
-                            "congestion_control": {
-                                "drop": {"wait_before_drop": stuck_us, "max_wait_before_drop_fragments": stuck_us},
-                                "block": {"wait_before_close": stuck_us},
-                            }
-                        },
-                    },
+                    "tx": {"lease": timeout_ms, "queue": {"congestion_control": congestion_control}},
                     "rx": {"max_message_size": self.net.options.max_frame_bytes + MESSAGE_EXTRA_BYTES},
                     **({} if self.net.tls is None else {"tls": _tls(self.net.tls, bool(self.listen), self._connects)}),
                 },
