@@ -23,9 +23,7 @@ WELCOME = "help lists the commands, Tab completes, Ctrl-D leaves. (The command e
 class Prompt:
     """Command lines that a user types; use it in a `with`, so that other output is printed above the prompt.
 
-    Args:
-        client: provides the node's name, and completion.
-        history: file of earlier lines; if not given, a file in the user's data folder.
+    Earlier lines are in the file `history`; if not given, in one in the user's data folder.
     """
 
     def __init__(self, client: ConsoleClient, history: Path | None = None) -> None:
@@ -75,8 +73,7 @@ class NodeCompleter(Completer):
 class BoundedFileHistory(History):
     """History in a file, one line each, readable by its owner only, with a bounded number of lines.
 
-    Args:
-        path: of the file. If it cannot be written, history ends with the console.
+    If the file cannot be written, history ends with the console.
     """
 
     def __init__(self, path: Path) -> None:

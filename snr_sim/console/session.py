@@ -43,19 +43,17 @@ class _PendingResult:
 
 
 class ConsoleSession:
-    """Executes one console's lines on a node, from any thread, and shows the pages it watches.
+    """Executes one console's lines on a running node, from any thread, and shows the pages it watches.
 
     Args:
-        node: the running node.
-        table: the available commands.
         source: source of its tasks in the trace: the name of the console.
         new_names: names that consoles have introduced in the node; shared by the sessions of one receiver.
     """
 
     def __init__(self, node: Node, table: Table, source: str = "console", new_names: set[str] | None = None) -> None:
-        self.node = node
-        self.source = source
-        self.new_names = set() if new_names is None else new_names
+        self.node: Node = node
+        self.source: str = source
+        self.new_names: set[str] = set() if new_names is None else new_names
         self._table = table
         self._watches: dict[str, _PageWatch] = {}
         self._pending: _PendingResult | None = None
@@ -120,22 +118,12 @@ class ConsoleSession:
         self.node.enqueue_input(task, self.source)
 
     def expect(self, task: Task, what: str, poll: Callable[[], CommandResult | None]) -> None:
-        """Put a task into the inbox whose result can be detected.
-
-        Args:
-            task: the task.
-            what: description of the request.
-            poll: returns the result, or None as long as there is none.
-        """
+        """Put a task into the inbox; `poll` returns the result of what was requested, or None if there is none yet."""
         self.enqueue(task)
         self._pending = _PendingResult(what, poll)
 
     def outcome(self, now_s: float) -> CommandResult | None:
-        """Return the result of the last command, once known, or a message that there is none within the time limit.
-
-        Args:
-            now_s: as of `changes`.
-        """
+        """Return the result of the last command, once known, or a message that there is none within the time limit."""
         pending = self._pending
         if pending is None:
             return None
@@ -150,11 +138,7 @@ class ConsoleSession:
         return answer
 
     def changes(self, now_s: float) -> list[CommandResult]:
-        """Return an answer for each watched page that has changed since it was last shown.
-
-        Args:
-            now_s: of any clock that advances while the node runs; each page is shown at most every 0.1 s of it.
-        """
+        """Return an answer for each watched page that has changed since it was last shown, at most every 0.1 s."""
         answers = []
         for key, watch in self._watches.items():
             page = self.node.datastore.pages.get(key)

@@ -18,10 +18,7 @@ _NUMBER_AND_LENGTH = struct.Struct(">QI").pack
 
 
 class FrameMac:
-    """The MACs of one direction of one session.
-
-    Args:
-        key: of this direction and session only.
+    """The MACs of one direction of one session, by a key of its own.
 
     >>> there, here = FrameMac(b"k" * 32), FrameMac(b"k" * 32)
     >>> frame = there.seal(b"\\x00\\x00\\x00\\x02hi")

@@ -36,14 +36,10 @@ def encode_frame(payload: bytes, max_bytes: int = MAX_FRAME_BYTES) -> bytes:
 
 
 class LengthPrefixedReader:
-    """Reads payloads from bytes, however the bytes are split.
-
-    Args:
-        max_bytes: the longest payload; may be changed between frames.
-    """
+    """Reads payloads from bytes, however the bytes are split. `max_bytes` may be changed between frames."""
 
     def __init__(self, max_bytes: int = MAX_FRAME_BYTES) -> None:
-        self.max_bytes = max_bytes
+        self.max_bytes: int = max_bytes
         self._rest = bytearray()  # bytes without a complete frame: at most a frame and one read
 
     def feed(self, data: bytes = b"", at_most: int | None = None) -> list[bytes]:

@@ -61,11 +61,11 @@ class MemoryLink:
             raise ConfigError(f"The keys of a link must be a list, not the string {keys!r}.", fix=f"[{keys!r}].")
         if from_role == to_role:
             raise ConfigError(f"A link cannot connect the role '{from_role}' to itself.", fix="use two roles.")
-        self.keys = list(dict.fromkeys(keys))
-        self.from_role = from_role
-        self.to_role = to_role
+        self.keys: list[DataKey] = list(dict.fromkeys(keys))
+        self.from_role: RoleName = from_role
+        self.to_role: RoleName = to_role
         self.faults = faults or LinkFaults(latency_s, jitter_s, loss, bandwidth_bps=bandwidth_bps, seed=seed)
-        self.both_ways = both_ways
+        self.both_ways: bool = both_ways
         self.directions: list[OneWay] = []
 
     def attach(self, nodes: Mapping[RoleName, Node], clock: SimClock) -> None:

@@ -106,12 +106,7 @@ Control: TypeAlias = HelloMessage | Auth | Ping | Pong | Bye | RefusedMessage
 
 
 class PageHead(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=TAG, tag="page"):
-    """A page whose data is checked but not decoded, which takes a fiftieth of the time.
-
-    Args:
-        key, origin, created_at_s, process: as of Page.
-        data: as it arrived.
-    """
+    """A page whose data is checked but not decoded, which takes a fiftieth of the time."""
 
     key: str
     data: msgspec.Raw
@@ -131,7 +126,6 @@ def decode_message(raw: bytes, is_acceptable: Callable[[str, str], bool] | None 
     """Return the message in a frame.
 
     Args:
-        raw: the message.
         is_acceptable: whether to accept a page of this key and origin; a long page that is not is returned with None as
             its data, and costs little. None accepts all.
 

@@ -29,12 +29,9 @@ class Address:
 
 
 class SocketPort:
-    """A socket, with or without TLS, as a non-blocking stream of bytes.
+    """A connected socket, with or without TLS, as a non-blocking stream of bytes.
 
-    Args:
-        sock: a connected socket.
-        context: of TLS, if used.
-        server_name: the name that its certificate must contain; None on the server's side.
+    With TLS, the certificate of the other end must contain `server_name`, which is None on the server's side.
     """
 
     def __init__(self, sock: socket.socket, context: ssl.SSLContext | None = None, server_name: str | None = None):
@@ -42,7 +39,7 @@ class SocketPort:
         with suppress(OSError):  # not every socket family supports it
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         # Whether one thread may write while another reads, and `select` shows all that arrived: not so with OpenSSL.
-        self.is_shareable = context is None
+        self.is_shareable: bool = context is None
         self._sock = sock
         self._blocked: tuple[type[Exception], ...] = ()
         self._broken: tuple[type[ssl.SSLError], ...] = ()
@@ -105,9 +102,7 @@ class SocketPort:
 class ListenerFactory(LoopFactory):
     """Makes a loop that listens at an address; the socket may be opened before the loop exists. A PortFactory.
 
-    Args:
-        address: of this machine; if its port is 0, the actual port is stored there.
-        who: name of the user of the port, for error messages.
+    If the port is 0, the actual one is stored in the address. `who` names the user of the port in error messages.
     """
 
     def __init__(self, address: Address, who: str) -> None:

@@ -24,13 +24,9 @@ CONNECT_TIMEOUT_S = 5.0
 
 
 class TcpClient(Streams):
-    """Connects, and reconnects whenever the connection is lost.
+    """Connects to an address, whose port may become known only once the server listens.
 
-    Args:
-        link, config: as of Streams.
-        address: of the server; its port may become known only once the server listens.
-        context: of TLS, if used.
-        server_name: the name that the server's certificate must contain; its host if empty.
+    With TLS, the server's certificate must contain `server_name`, or its host if that is empty.
     """
 
     def __init__(
@@ -87,11 +83,7 @@ class TcpClient(Streams):
 
 
 class Connector:
-    """Resolves names and connects on separate threads: both may block indefinitely.
-
-    Args:
-        notify: is called when there is a result.
-    """
+    """Resolves names and connects on separate threads, as both may block indefinitely; calls `notify` at a result."""
 
     def __init__(self, notify: Callable[[], None]) -> None:
         self.results: SimpleQueue[socket.socket | str] = SimpleQueue()

@@ -28,12 +28,7 @@ PAUSE_S = 0.5  # without accepting, when the system has no descriptor left
 class TcpServer(Streams):
     """Listens, and serves each client separately.
 
-    Args:
-        link, config: as of Streams.
-        listener: returns the listening socket.
-        requires_authentication: clients have to authenticate, and may then connect from any address.
-        allow: otherwise accept only these, and this machine.
-        context: of TLS, if used.
+    If clients have to authenticate, they may connect from any address; otherwise only from `allow` and this machine.
     """
 
     def __init__(
