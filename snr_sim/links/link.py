@@ -16,6 +16,7 @@ import logging
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from typing import Any
 
 from snr_sim.core.clocks import SimClock
@@ -51,17 +52,17 @@ LOCAL_KEYS = frozenset((TaskType.reload.value, ADD_COMPONENT_TASK_NAME, REMOVE_C
 _STORE_PAGE = TaskType.store_page
 
 
+@dataclass
 class UnsendablePages:
     """Handler of pages that a link cannot send: an error for a page of its own node; those of other nodes are dropped.
 
     `link` describes the link in the error, and in `log` for the first dropped page.
     """
 
-    def __init__(self, node: NodeApi, link: str, log: logging.Logger | ComponentLog) -> None:
-        self._node = node
-        self._link = link
-        self._log = log
-        self._is_warned = False
+    node: NodeApi
+    link: str
+    log: logging.Logger | ComponentLog
+    is_warned: bool = False
 
     def drop(self, page: Page, error: SnrError) -> None:
         """Drop a page of another node, which must not end this node by an invalid page.
@@ -70,19 +71,19 @@ class UnsendablePages:
             SnrError: the page is this node's own; of the type of `error`.
         """
         failure = self._failure(page, error)
-        if page.origin == self._node.name:
+        if page.origin == self.node.name:
             raise failure from error
-        if not self._is_warned:
-            self._is_warned = True
-            self._log.warning("%s Dropped, as will be all such pages.", failure)
+        if not self.is_warned:
+            self.is_warned = True
+            self.log.warning("%s Dropped, as will be all such pages.", failure)
 
     def _failure(self, page: Page, error: SnrError) -> SnrError:
         """Return the error for a page; it starts with the line that stored the page, if known."""
-        what = f"{self._link} cannot send page '{page.key}': {error.message}"
+        what = f"{self.link} cannot send page '{page.key}': {error.message}"
         when = f"at t = {page.created_at_s:.3f} s"
-        if page.origin != self._node.name:
+        if page.origin != self.node.name:
             return type(error)(f"{what}\n  It was made {when} by node '{page.origin}'.", fix=error.fix)
-        components = self._node.components.values()
+        components = self.node.components.values()
         authors = [one for one in components if isinstance(one, (Endpoint, Loop)) and one.is_robot_component]
         lines, who = find_writer(page.key, authors)
         return type(error)(f"{lines}{what}\n  It was stored {when} by {who}.", fix=error.fix)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 from snr_sim.core.loop import Loop, LoopFactory
@@ -143,6 +144,7 @@ def _as_name(what: str, name: str) -> str:
     return name
 
 
+@dataclass(eq=False, repr=False)
 class ZenohLinkFactory(LoopFactory):
     """Makes a node's link to a net; see `ZenohNet.link`. Opens nothing on the network that was not requested.
 
@@ -150,25 +152,19 @@ class ZenohLinkFactory(LoopFactory):
         ConfigError: certificates are missing, or the node could reach no other.
     """
 
-    def __init__(
-        self,
-        net: ZenohNet,
-        options: LinkOptions,
-        subscription: Subscription,
-        robot: str,
-        listen: tuple[str, ...],
-        connect: tuple[str, ...],
-    ) -> None:
+    net: ZenohNet
+    options: LinkOptions
+    subscription: Subscription
+    robot: str
+    listen: tuple[str, ...]
+    connect: tuple[str, ...]
+
+    def __post_init__(self) -> None:
         super().__init__()
-        self.net: ZenohNet = net
-        self.options: LinkOptions = options
-        self.subscription: Subscription = subscription
-        self.robot: str = robot
-        self.listen: tuple[str, ...] = listen
-        self.connect: tuple[str, ...] = connect
-        self._connects = bool(connect) or net.discover
+        net = self.net
+        self._connects = bool(self.connect) or net.discover
         self._discovers_remotely = net.discover and not LOOPBACK_INTERFACES.issuperset(net.interfaces)
-        if not (listen or self._connects):
+        if not (self.listen or self._connects):
             raise ConfigError(
                 "A node of a net neither listens nor connects, so no other node can reach it.",
                 fix='listen="tcp/127.0.0.1:7447" for one node, connect="tcp/127.0.0.1:7447" for the others.',
@@ -180,7 +176,7 @@ class ZenohLinkFactory(LoopFactory):
                 fix="tls=Tls(...) with certificates for both sides, or interfaces=['lo'].",
             )
         if net.tls is not None:
-            _check_tls(net.tls, bool(listen), self._connects)
+            _check_tls(net.tls, bool(self.listen), self._connects)
 
     def get(self, parent: NodeApi) -> Loop:
         """Return the link."""
