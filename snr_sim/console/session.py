@@ -91,11 +91,7 @@ class ConsoleSession:
             return []
 
     def admit_name(self, name: str, is_known: bool) -> None:
-        """Count a name that is new to the node.
-
-        Raises:
-            ConsoleCommandError: consoles have introduced too many.
-        """
+        """Count a name that is new to the node; raise ConsoleCommandError if consoles have introduced too many."""
         if is_known or name in self.new_names:
             return
         if len(self.new_names) >= MAX_NEW_NAMES:
@@ -103,11 +99,7 @@ class ConsoleSession:
         self.new_names.add(name)
 
     def enqueue(self, task: Task) -> None:
-        """Put a task into the node's inbox.
-
-        Raises:
-            ConsoleCommandError: the node has ended, or too many tasks wait.
-        """
+        """Put a task into the node's inbox; raise ConsoleCommandError if it has ended, or too many tasks wait."""
         if self.node.is_finished:
             raise ConsoleCommandError(f"Node '{self.node.name}' has ended.")
         waiting = len(self.node.inbox.waiting)
@@ -152,11 +144,7 @@ class ConsoleSession:
         return CommandResult(truncate(text), data, about=page.key)
 
     def watch(self, key: str) -> CommandResult:
-        """Start to show a page, beginning with its current data.
-
-        Raises:
-            ConsoleCommandError: too many are watched.
-        """
+        """Start to show a page, beginning with its current data; raise ConsoleCommandError if too many are watched."""
         if key not in self._watches and len(self._watches) >= MAX_WATCHES:
             raise ConsoleCommandError(f"This console watches {MAX_WATCHES} pages, the maximum.", fix="unwatch KEY.")
         pages = self.node.datastore.pages.copy()
@@ -167,11 +155,7 @@ class ConsoleSession:
         return self._page_result(page)
 
     def unwatch(self, key: str | None) -> CommandResult:
-        """Stop showing one page, or all.
-
-        Raises:
-            ConsoleCommandError: that page is not watched.
-        """
+        """Stop showing one page, or all; raise ConsoleCommandError if that page is not watched."""
         if key is None:
             self._watches.clear()
         elif self._watches.pop(key, None) is None:

@@ -108,14 +108,10 @@ def _arguments(command: CommandSpec, words: list[str]) -> dict[str, Any]:
 
 
 def _check_misspelt(command: CommandSpec, words: list[str]) -> None:
-    """Raise an error if a line is invalid because its first word is a misspelt optional choice.
-
-    Raises:
-        ConsoleCommandError: it is similar to one of them.
-    """
-    for argument in command.arguments[:1]:
-        if words and argument.is_optional and get_close_matches(words[0][:MAX_NAME_CHARS], argument.choices, 1, 0.7):
-            _one(argument, words[0])
+    """Raise ConsoleCommandError if a line is invalid because its first word is a misspelt optional choice."""
+    first = command.arguments[0]
+    if words and first.is_optional and get_close_matches(words[0][:MAX_NAME_CHARS], first.choices, 1, 0.7):
+        _one(first, words[0])
 
 
 def _rest(argument: Argument, words: Sequence[str]) -> Any:

@@ -138,11 +138,7 @@ class ListenerFactory(LoopFactory):
             self._held = None
 
     def listener(self) -> socket.socket:
-        """Return the listening socket, which the loop has to close; opened now if it was not before.
-
-        Raises:
-            LinkError: as of `claim`.
-        """
+        """Return the listening socket, which the loop has to close; it is claimed now if it was not before."""
         self.claim()
         held, self._held = self._held, None
         assert held is not None

@@ -116,11 +116,7 @@ class Connector:
 
 
 def connect(host: str, port: int) -> socket.socket:
-    """Return a socket that is connected to a server.
-
-    Raises:
-        OSError: there is no server, or no such host.
-    """
+    """Return a socket that is connected to a server; raise OSError if there is no server, or no such host."""
     sock = socket.create_connection((host, port), CONNECT_TIMEOUT_S)
     try:
         if sock.getsockname() == sock.getpeername():

@@ -146,11 +146,7 @@ def _as_name(what: str, name: str) -> str:
 
 @dataclass(eq=False, repr=False)
 class ZenohLinkFactory(LoopFactory):
-    """Makes a node's link to a net; see `ZenohNet.link`. Opens nothing on the network that was not requested.
-
-    Raises:
-        ConfigError: certificates are missing, or the node could reach no other.
-    """
+    """Makes a node's link to a net; see `ZenohNet.link`. Opens nothing on the network that was not requested."""
 
     net: ZenohNet
     options: LinkOptions
