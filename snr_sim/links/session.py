@@ -22,8 +22,7 @@ from typing import Any, get_args
 
 import msgspec
 
-from snr_sim.links.frame_mac import FrameMac
-from snr_sim.links.frames import MAC_BYTES, MAX_FRAME_BYTES, LengthPrefixedReader, encode_frame
+from snr_sim.links.frames import MAC_BYTES, MAX_FRAME_BYTES, FrameMac, LengthPrefixedReader, encode_frame
 from snr_sim.links.messages import (
     MAX_REASON_CHARS,
     NONCE_BYTES,
