@@ -122,10 +122,10 @@ class LossyChannel:
     """
 
     def __init__(self, faults: LinkFaults, seed: int, name: str, min_transit_s: float = 0.0) -> None:
-        self.faults = faults
-        self.free_s = 0.0  # when the last frame has been sent
-        self.lost = 0  # pages
-        self.duplicated = 0  # pages
+        self.faults: LinkFaults = faults
+        self.free_s: float = 0.0  # when the last frame has been sent, and the next can leave
+        self.lost: int = 0  # pages
+        self.duplicated: int = 0  # pages
         self._min_transit_s = min_transit_s
         self._last_arrival_s = 0.0
         seed = seed if faults.seed is None else faults.seed
@@ -134,10 +134,6 @@ class LossyChannel:
         self._order_uniforms = (
             UniformStream(rng_for(seed, f"{name}:odd")) if faults.duplication or faults.reordering else None
         )
-
-    def is_free(self, now_s: float) -> bool:
-        """Return whether the next thing could leave now; if not, `free_s` says when."""
-        return now_s >= self.free_s
 
     def arrivals_s(self, size_bytes: int, now_s: float, is_page: bool = True) -> tuple[float, ...]:
         """Return when what is sent now arrives: never, once or twice, in order unless reordered."""

@@ -9,6 +9,8 @@ ms for 1 MiB of empty lists.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import reduce
+from operator import or_
 from typing import Annotated, Any, TypeAlias
 
 import msgspec
@@ -148,8 +150,6 @@ def decode_message(raw: bytes, is_acceptable: Callable[[str, str], bool] | None 
 
 def decoder_of(*others: Any) -> Callable[[bytes], Any]:
     """Return a decoder of the control messages and of other tagged Structs: for sessions with another purpose."""
-    kinds: Any = Control
-    for other in others:
-        kinds |= other
+    kinds: Any = reduce(or_, others, Control)
     decode: Callable[[bytes], Any] = msgspec.json.Decoder(ensure_type_info(kinds)).decode
     return decode

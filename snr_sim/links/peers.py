@@ -239,15 +239,14 @@ class Peers:
             )
             for peer in peers
         )
-        ages_s = [now_s - peer.session.last_received_s for peer in peers]
-        trips_s = [peer.session.rtt_s for peer in peers if peer.session.rtt_s is not None]
+        trips_s = (one["rtt_s"] for one in each.values() if one["rtt_s"] is not None)
         state = {
             "up": bool(peers),
             "has_left": self._was_left and not peers,
-            "age_s": max(0.0, *ages_s) if ages_s else None,
-            "dropped": link.dropped + sum(peer.all_dropped for peer in peers),  # exact: integers
+            "age_s": max((one["age_s"] for one in each.values()), default=None),
+            "dropped": link.dropped + sum(one["dropped"] for one in each.values()),  # exact: integers
             "rtt_s": max(trips_s, default=None),
-            "sent": link.sent + sum(peer.sent for peer in peers),  # exact: integers
+            "sent": link.sent + sum(one["sent"] for one in each.values()),  # exact: integers
             "received": link.received,
             "rejected": link.rejected,
             "reason": words if peers else link.reason,

@@ -64,7 +64,7 @@ class SimulatedPeer(Peer):
         clock = self.transport.clock
         for frame in self.session.take_output():
             self._send(frame, is_page=False)
-        while len(self.queue) and self._channel.is_free(clock.now_s()):
+        while len(self.queue) and clock.now_s() >= self._channel.free_s:
             (frame,) = self.queue.take(1)
             self.sent += 1
             self._send(frame, is_page=True)
