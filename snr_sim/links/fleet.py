@@ -26,7 +26,7 @@ from msgspec.structs import replace
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.links.faults import MIN_TRANSIT_S, LinkFaults, LossyChannel
-from snr_sim.links.link import BEFORE_LOOPS, Link, Transport, by_name
+from snr_sim.links.link import BEFORE_LOOPS, Link, Transport, link_state
 from snr_sim.links.options import MAX_KEY_CHARS
 from snr_sim.links.session import OFFSETS_REMEMBERED
 from snr_sim.links.simulated import Rendezvous
@@ -271,18 +271,8 @@ class Fleet(Transport):
             if shown
             else self.peer_table.leave_message or link.reason
         )
-        trips_s = [peer.rtt_s for peer in present if peer.rtt_s is not None]
-        return {
-            "up": bool(present),
-            "age_s": max((max(0.0, now_s - peer.last_received_s) for peer in present), default=None),
-            "dropped": self.dropped,
-            "rtt_s": max(trips_s, default=None),
-            "sent": link.sent,
-            "received": link.received,
-            "rejected": link.rejected,
-            "reason": "" if present else reason,
-            "peers": by_name((peer.member.name, self.state_of(peer, now_s)) for peer in present),
-        }
+        states = ((peer.member.name, self.state_of(peer, now_s)) for peer in present)
+        return link_state(link, states, self.dropped, link.sent, "" if present else reason)
 
 
 class SimulatedFleet(Fleet):

@@ -89,19 +89,27 @@ class UnsendablePages:
         return type(error)(f"{lines}{what}\n  It was stored {when} by {who}.", fix=error.fix)
 
 
-def by_name(peers: Iterable[tuple[str, dict[str, Any]]]) -> dict[str, Any]:
-    """Return the state of each peer by its name; of several with one name, all but the first get a number.
-
-    >>> by_name([("a", {"sent": 1}), ("a", {"sent": 2})])
-    {'a': {'sent': 1}, 'a#2': {'sent': 2}}
-    """
+def link_state(
+    link: Link, peers: Iterable[tuple[str, dict[str, Any]]], dropped: int, sent: int, reason: str
+) -> dict[str, Any]:
+    """Return the state of a link from those of its peers; of several with one name, all but the first get a number."""
     states: dict[str, Any] = {}
     for name, state in peers:
         label, count = name, 2
         while label in states:
             label, count = f"{name}#{count}", count + 1
         states[label] = state
-    return states
+    return {
+        "up": bool(states),
+        "age_s": max((state["age_s"] for state in states.values()), default=None),
+        "dropped": dropped,
+        "rtt_s": max((state["rtt_s"] for state in states.values() if state["rtt_s"] is not None), default=None),
+        "sent": sent,
+        "received": link.received,
+        "rejected": link.rejected,
+        "reason": reason,
+        "peers": states,
+    }
 
 
 class Transport:
@@ -130,7 +138,7 @@ class Transport:
         """Send the goodbye message to all peers before everything is closed."""
 
     def state(self, now_s: float) -> dict[str, Any]:
-        """Return the state of the link: at least up, age_s, dropped, rtt_s, reason."""
+        """Return the state of the link: at least what `link_state` returns."""
         raise NotImplementedError
 
 
@@ -309,7 +317,7 @@ class Link(RestartingLoop):
     def report(self, now_s: float) -> None:
         """Store the link's state, if it has changed or a second has passed."""
         state = self.transport.state(now_s)
-        gist = (state["up"], *state.get("peers", ()))
+        gist = (state["up"], *state["peers"])
         # Not at each change of the reason: unauthenticated clients that come and go could flood the node with reports.
         if gist == self._reported and now_s - self._reported_s < REPORT_PERIOD_S:
             return
@@ -322,7 +330,7 @@ class Link(RestartingLoop):
 
     def _log_change(self, state: Mapping[str, Any]) -> None:
         if state["up"]:
-            self.log.info("%s is up: %s", self.name, ", ".join(state.get("peers", ())) or "connected")
+            self.log.info("%s is up: %s", self.name, ", ".join(state["peers"]))
         else:
             is_news = bool(self._logged)  # the first state, without a peer, is not worth a log line
             level = logging.WARNING if is_news else logging.INFO

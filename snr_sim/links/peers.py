@@ -12,7 +12,7 @@ from typing import Any
 
 from snr_sim.links.faults import LinkFaults, LossyChannel
 from snr_sim.links.frames import HEADER_BYTES
-from snr_sim.links.link import Link, by_name
+from snr_sim.links.link import Link, link_state
 from snr_sim.links.messages import decode_message
 from snr_sim.links.options import LinkOptions
 from snr_sim.links.send_queue import Policy, SendQueue
@@ -53,6 +53,17 @@ class Peer:
     def put(self, frame: bytes) -> None:
         """Send or queue a page; on the node's thread, without blocking."""
         raise NotImplementedError
+
+    def state(self, now_s: float) -> dict[str, Any]:
+        """Return its state, as in the link's page."""
+        return {
+            "age_s": max(0.0, now_s - self.session.last_received_s),
+            "rtt_s": self.session.rtt_s,
+            "clock_offset_s": self.session.clock_offset_s,
+            "dropped": self.all_dropped,
+            "sent": self.sent,
+            "waiting": self.waiting,
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,33 +236,14 @@ class Peers:
         if words and words not in self._warned:
             self._warned.add(words)
             link.log.warning("%s: %s", link.name, words)
-        each = by_name(
-            (
-                peer.session.peer_node,
-                {
-                    "age_s": max(0.0, now_s - peer.session.last_received_s),
-                    "rtt_s": peer.session.rtt_s,
-                    "clock_offset_s": peer.session.clock_offset_s,
-                    "dropped": peer.all_dropped,
-                    "sent": peer.sent,
-                    "waiting": peer.waiting,
-                },
-            )
-            for peer in peers
+        state = link_state(
+            link,
+            ((peer.session.peer_node, peer.state(now_s)) for peer in peers),
+            dropped=link.dropped + sum(peer.all_dropped for peer in peers),  # exact: integers
+            sent=link.sent + sum(peer.sent for peer in peers),  # exact: integers
+            reason=words if peers else link.reason,
         )
-        trips_s = (one["rtt_s"] for one in each.values() if one["rtt_s"] is not None)
-        state = {
-            "up": bool(peers),
-            "has_left": self._was_left and not peers,
-            "age_s": max((one["age_s"] for one in each.values()), default=None),
-            "dropped": link.dropped + sum(one["dropped"] for one in each.values()),  # exact: integers
-            "rtt_s": max(trips_s, default=None),
-            "sent": link.sent + sum(one["sent"] for one in each.values()),  # exact: integers
-            "received": link.received,
-            "rejected": link.rejected,
-            "reason": words if peers else link.reason,
-            "peers": each,
-        }
+        state = {"up": state["up"], "has_left": self._was_left and not peers, **state}
         if self._options.faults is not None:
             channels = [peer.channel for peer in peers if peer.channel is not None]
             state["lost"] = self._lost + sum(channel.lost for channel in channels)  # exact: integers
