@@ -49,6 +49,22 @@ class Address:
         return f"{self.host}:{self.port}"
 
 
+class Addressed:
+    """What has the address of a server."""
+
+    address: Address
+
+    @property
+    def host(self) -> str:
+        """Host name or address for clients."""
+        return self.address.host
+
+    @property
+    def port(self) -> int:
+        """Port of the server; if 0 was requested, the actual one once it listens."""
+        return self.address.port
+
+
 class SocketPort:
     """A connected socket, with or without TLS, as a non-blocking stream of bytes.
 
@@ -134,7 +150,7 @@ def describe_tls_error(error: ssl.SSLError) -> str:
     return f"{words} ({openssl})" if words else openssl
 
 
-class ListenerFactory(LoopFactory):
+class ListenerFactory(Addressed, LoopFactory):
     """Makes a loop that listens at an address; the socket may be opened before the loop exists. A PortFactory.
 
     If the port is 0, the actual one is stored in the address. `who` names the user of the port in error messages.
@@ -142,19 +158,9 @@ class ListenerFactory(LoopFactory):
 
     def __init__(self, address: Address, who: str) -> None:
         super().__init__()
-        self.address: Address = address
+        self.address = address
         self._who = who
         self._held: socket.socket | None = None
-
-    @property
-    def host(self) -> str:
-        """Host name or address for clients."""
-        return self.address.host
-
-    @property
-    def port(self) -> int:
-        """Port of the server; if 0 was requested, the actual one once it listens."""
-        return self.address.port
 
     def claim(self) -> None:
         """Listen before the loop exists; see PortFactory.

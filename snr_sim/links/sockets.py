@@ -20,7 +20,7 @@ from snr_sim.links.security import Network, Tls, as_networks, as_secret, is_loop
 from snr_sim.links.send_queue import Policy
 from snr_sim.links.session import SessionConfig
 from snr_sim.links.simulated import Rendezvous, SimulatedTransport
-from snr_sim.links.socket_port import Address, ListenerFactory
+from snr_sim.links.socket_port import Address, Addressed, ListenerFactory
 from snr_sim.links.tcp_client import TcpClient
 from snr_sim.links.tcp_server import TcpServer
 from snr_sim.prelude.errors import ConfigError
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 GREETING_S = 3.0
 
 
-class SocketsPair:
+class SocketsPair(Addressed):
     """The two ends of links at one address.
 
     Args:
@@ -72,7 +72,7 @@ class SocketsPair:
         timeout_s: float = 3.0,
         secret_is: tuple[str, str] = SessionConfig.secret_is,
     ) -> None:
-        self.address: Address = _as_address(server_tuple, more)
+        self.address = _as_address(server_tuple, more)
         self.secret: bytes | None = as_secret(secret)
         self.secret_is: tuple[str, str] = secret_is
         if tls is not None and not isinstance(tls, Tls):
@@ -91,16 +91,6 @@ class SocketsPair:
             timeout_s=timeout_s,
             faults=faults,
         )
-
-    @property
-    def host(self) -> str:
-        """Host of the server."""
-        return self.address.host
-
-    @property
-    def port(self) -> int:
-        """Port of the server; if 0 was requested, the actual one once it listens."""
-        return self.address.port
 
     def client(
         self, keys: DataKey | Iterable[DataKey] = (), *, accept: Iterable[DataKey] | None = None
