@@ -198,7 +198,7 @@ class ConsoleClient:
         try:
             await self._serve(reader)
         except OSError as error:
-            session.mark_lost(f"{error.strerror or error}.")
+            session.close(f"{error.strerror or error}.")
         except asyncio.CancelledError:
             session.bye("the console was closed.")
             raise
@@ -215,7 +215,7 @@ class ConsoleClient:
             if data:
                 self._receive(data)
             elif data is not None:
-                session.mark_lost("the node closed it.")
+                session.close("the node closed it.")
             session.tick(time.monotonic())
 
     async def _close(self) -> None:

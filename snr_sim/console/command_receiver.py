@@ -124,7 +124,7 @@ class CommandReceiver(RestartingLoop):
         self._connections: list[ConsoleConnection] = []
         self._ending = asyncio.Event()  # set when consoles are no longer to be served
         self._events: asyncio.AbstractEventLoop | None = None
-        self.forged = 0  # connections whose data was changed between the two ends
+        self._forged = 0  # connections whose data was changed between the two ends
 
     def begin(self) -> None:
         """Listen, and start the thread.
@@ -232,8 +232,8 @@ class CommandReceiver(RestartingLoop):
             return
         self._connections.remove(connection)
         if connection.protocol.wire.was_forged:
-            self.forged += 1
-            if self.forged == 1:  # logged once: it can happen again and again
+            self._forged += 1
+            if self._forged == 1:  # logged once: it can happen again and again
                 self.log.warning("a console's connection was closed: %s", connection.protocol.wire.reason)
 
     def _bye_reason(self) -> str:

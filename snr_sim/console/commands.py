@@ -7,8 +7,6 @@ own code: a handler that fails on a value fails as with any other input.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from snr_sim.console import introspection
 from snr_sim.console.formatting import format_short, truncate, truncate_value
 from snr_sim.console.parsing import ConsoleCommandError, quote
@@ -168,44 +166,30 @@ def _handles_every_event(node: Node) -> bool:
     return any(TaskType.event in component.task_handlers for component in node.components.copy().values())
 
 
-def _reloadable(node: Node) -> Iterable[str]:
-    return [ALL, *components_of(node)]
-
-
-def _commands(node: Node) -> Iterable[str]:
-    return TABLE
-
-
 TYPE = Argument("TYPE", is_optional=True, choices=tuple(kind.value for kind in TaskType))
-KEY = Argument("KEY", known=pages_of)
+EVENT = Argument("NAME", known=events_of)
 VALUE = Argument("JSON", "value")
+VALUES = Argument("JSON", "value", is_optional=True, is_many=True)
+KEY = Argument("KEY", known=pages_of)
+WATCHED = Argument("KEY", is_optional=True)
+COMPONENT = Argument("NAME", known=lambda node: [ALL, *components_of(node)])
+LISTED = Argument("WHAT", is_optional=True, choices=(*LISTS, *ALSO_LISTED))
+DUMPED = Argument("WHAT", is_optional=True, known=lambda node: [*DUMPS, *pages_of(node)])
+COMMAND = Argument("COMMAND", is_optional=True, known=lambda node: TABLE)
 
 TABLE: dict[str, CommandSpec] = {
     command.name: command
     for command in (
         CommandSpec("exit", (Argument("REASON", "text", is_optional=True),), "ends the node, in order", _exit),
         CommandSpec(
-            "task",
-            (TYPE, Argument("NAME", known=events_of), Argument("JSON", "value", is_optional=True, is_many=True)),
-            "queues a task, an event if no type is given; values are JSON",
-            _task,
+            "task", (TYPE, EVENT, VALUES), "queues a task, an event if no type is given; values are JSON", _task
         ),
         CommandSpec("store", (KEY, VALUE), "stores a page", _store),
-        CommandSpec("reload", (Argument("NAME", known=_reloadable),), "recreates a component from its file", _reload),
-        CommandSpec(
-            "list",
-            (Argument("WHAT", is_optional=True, choices=(*LISTS, *ALSO_LISTED)),),
-            "lists what the node has: " + ", ".join(LISTS),
-            _list,
-        ),
-        CommandSpec(
-            "dump",
-            (Argument("WHAT", is_optional=True, known=lambda node: [*DUMPS, *pages_of(node)]),),
-            f"how it does: {', '.join(DUMPS)}, or all of a page",
-            _dump,
-        ),
+        CommandSpec("reload", (COMPONENT,), "recreates a component from its file", _reload),
+        CommandSpec("list", (LISTED,), "lists what the node has: " + ", ".join(LISTS), _list),
+        CommandSpec("dump", (DUMPED,), f"how it does: {', '.join(DUMPS)}, or all of a page", _dump),
         CommandSpec("watch", (KEY,), "shows a page whenever it changes", _watch),
-        CommandSpec("unwatch", (Argument("KEY", is_optional=True),), "no longer shows a page, or any", _unwatch),
-        CommandSpec("help", (Argument("COMMAND", is_optional=True, known=_commands),), "lists the commands", _help),
+        CommandSpec("unwatch", (WATCHED,), "no longer shows a page, or any", _unwatch),
+        CommandSpec("help", (COMMAND,), "lists the commands", _help),
     )
 }

@@ -62,11 +62,7 @@ def split_line(line: str) -> list[str]:
 
 
 def parse_value(word: str) -> Any:
-    """Return the value of a word in JSON.
-
-    Raises:
-        ConsoleCommandError: it is not JSON, or a number that does not fit in 64 bits.
-    """
+    """Return the value of a word; raise ConsoleCommandError if it is not JSON, or a number of more than 64 bits."""
     try:
         value = _decode(word.encode())
     except (msgspec.DecodeError, UnicodeEncodeError, RecursionError, ValueError) as error:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from prompt_toolkit import PromptSession
@@ -20,42 +20,33 @@ MAX_HISTORY_LINES = 1000
 WELCOME = "help lists the commands, Tab completes, Ctrl-D leaves. (The command exit ends the node.)"
 
 
-class Prompt:
-    """Command lines that a user types; use it in a `with`, so that other output is printed above the prompt.
+@contextmanager
+def typed_lines(client: ConsoleClient, history: Path | None = None) -> Iterator[Iterator[str]]:
+    """Prompt for command lines; other output is printed above the prompt meanwhile.
 
-    Args:
-        client: provides the node's name, and completion.
-        history: file of earlier lines; if not given, a file in the user's data folder.
+    Earlier lines are in the file `history`; if not given, in one in the user's data folder.
     """
-
-    def __init__(self, client: ConsoleClient, history: Path | None = None) -> None:
-        self._client = client
-        self._session: PromptSession[str] = PromptSession(
-            history=BoundedFileHistory(history or history_file()),
-            completer=NodeCompleter(client),
-            complete_while_typing=False,
-            complete_in_thread=True,
-        )
-        self._patched = patch_stdout()
-
-    def __enter__(self) -> Iterator[str]:
-        self._patched.__enter__()
+    session: PromptSession[str] = PromptSession(
+        history=BoundedFileHistory(history or user_folder() / "console_history"),
+        completer=NodeCompleter(client),
+        complete_while_typing=False,
+        complete_in_thread=True,
+    )
+    with patch_stdout():
         print(WELCOME)
-        return self._lines()
+        yield _lines(client, session)
 
-    def __exit__(self, *about: object) -> None:
-        self._patched.__exit__(None, None, None)
 
-    def _lines(self) -> Iterator[str]:
-        while True:
-            try:
-                line = self._session.prompt(lambda: f"{self._client.node or '...'}> ")
-            except KeyboardInterrupt:
-                continue  # discards the unfinished line, as in a shell
-            except EOFError:
-                return
-            if line.strip():
-                yield line.strip()
+def _lines(client: ConsoleClient, session: PromptSession[str]) -> Iterator[str]:
+    while True:
+        try:
+            line = session.prompt(lambda: f"{client.node or '...'}> ")
+        except KeyboardInterrupt:
+            continue  # discards the unfinished line, as in a shell
+        except EOFError:
+            return
+        if line.strip():
+            yield line.strip()
 
 
 class NodeCompleter(Completer):
@@ -75,8 +66,7 @@ class NodeCompleter(Completer):
 class BoundedFileHistory(History):
     """History in a file, one line each, readable by its owner only, with a bounded number of lines.
 
-    Args:
-        path: of the file. If it cannot be written, history ends with the console.
+    If the file cannot be written, history ends with the console.
     """
 
     def __init__(self, path: Path) -> None:
@@ -102,8 +92,3 @@ class BoundedFileHistory(History):
             descriptor = os.open(self._path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
             with os.fdopen(descriptor, "a", encoding="utf-8", errors="replace") as file:
                 file.write(" ".join(string.splitlines()) + "\n")
-
-
-def history_file() -> Path:
-    """Return the path of the history file."""
-    return user_folder() / "console_history"

@@ -20,19 +20,12 @@ LINES_AT_ONCE = 100.0
 
 
 class ConsoleProtocol:
-    """Protocol state of one console's connection.
-
-    Args:
-        config: session settings of the node's end.
-        session: carries out commands.
-        now_s: the time, always of the same clock.
-        token_bucket: shared with other connections.
-    """
+    """Protocol state of one console's connection, which shares the token bucket with others."""
 
     def __init__(self, config: SessionConfig, session: ConsoleSession, now_s: float, token_bucket: TokenBucket) -> None:
-        self.wire = WireSession(config, now_s, decode_request)
-        self.output = bytearray()
-        self.session = session
+        self.wire: WireSession = WireSession(config, now_s, decode_request)
+        self.output: bytearray = bytearray()
+        self.session: ConsoleSession = session
         self._token_bucket = token_bucket
         self._waiting_number = 0  # of the command whose result is not known yet
         self._requests: deque[CommandMessage | CompleteMessage] = deque()

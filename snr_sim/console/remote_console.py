@@ -63,9 +63,9 @@ class RemoteConsole:
             print(f"-- {sentence}", flush=True)
 
     def _prompt_user(self) -> None:
-        from snr_sim.console.prompt import Prompt  # takes 0.1 s to import, and only users need it
+        from snr_sim.console.prompt import typed_lines  # takes 0.1 s to import, and only users need it
 
-        with Prompt(self.client) as lines:
+        with typed_lines(self.client) as lines:
             for line in lines:
                 try:
                     self.show(self.client.ask(line))

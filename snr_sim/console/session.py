@@ -43,19 +43,17 @@ class _PendingResult:
 
 
 class ConsoleSession:
-    """Executes one console's lines on a node, from any thread, and shows the pages it watches.
+    """Executes one console's lines on a running node, from any thread, and shows the pages it watches.
 
     Args:
-        node: the running node.
-        table: the available commands.
         source: source of its tasks in the trace: the name of the console.
         new_names: names that consoles have introduced in the node; shared by the sessions of one receiver.
     """
 
     def __init__(self, node: Node, table: Table, source: str = "console", new_names: set[str] | None = None) -> None:
-        self.node = node
-        self.source = source
-        self.new_names = set() if new_names is None else new_names
+        self.node: Node = node
+        self.source: str = source
+        self.new_names: set[str] = set() if new_names is None else new_names
         self._table = table
         self._watches: dict[str, _PageWatch] = {}
         self._pending: _PendingResult | None = None
@@ -93,11 +91,7 @@ class ConsoleSession:
             return []
 
     def admit_name(self, name: str, is_known: bool) -> None:
-        """Count a name that is new to the node.
-
-        Raises:
-            ConsoleCommandError: consoles have introduced too many.
-        """
+        """Count a name that is new to the node; raise ConsoleCommandError if consoles have introduced too many."""
         if is_known or name in self.new_names:
             return
         if len(self.new_names) >= MAX_NEW_NAMES:
@@ -105,11 +99,7 @@ class ConsoleSession:
         self.new_names.add(name)
 
     def enqueue(self, task: Task) -> None:
-        """Put a task into the node's inbox.
-
-        Raises:
-            ConsoleCommandError: the node has ended, or too many tasks wait.
-        """
+        """Put a task into the node's inbox; raise ConsoleCommandError if it has ended, or too many tasks wait."""
         if self.node.is_finished:
             raise ConsoleCommandError(f"Node '{self.node.name}' has ended.")
         waiting = len(self.node.inbox.waiting)
@@ -120,22 +110,12 @@ class ConsoleSession:
         self.node.enqueue_input(task, self.source)
 
     def expect(self, task: Task, what: str, poll: Callable[[], CommandResult | None]) -> None:
-        """Put a task into the inbox whose result can be detected.
-
-        Args:
-            task: the task.
-            what: description of the request.
-            poll: returns the result, or None as long as there is none.
-        """
+        """Put a task into the inbox; `poll` returns the result of what was requested, or None if there is none yet."""
         self.enqueue(task)
         self._pending = _PendingResult(what, poll)
 
     def outcome(self, now_s: float) -> CommandResult | None:
-        """Return the result of the last command, once known, or a message that there is none within the time limit.
-
-        Args:
-            now_s: as of `changes`.
-        """
+        """Return the result of the last command, once known, or a message that there is none within the time limit."""
         pending = self._pending
         if pending is None:
             return None
@@ -150,11 +130,7 @@ class ConsoleSession:
         return answer
 
     def changes(self, now_s: float) -> list[CommandResult]:
-        """Return an answer for each watched page that has changed since it was last shown.
-
-        Args:
-            now_s: of any clock that advances while the node runs; each page is shown at most every 0.1 s of it.
-        """
+        """Return an answer for each watched page that has changed since it was last shown, at most every 0.1 s."""
         answers = []
         for key, watch in self._watches.items():
             page = self.node.datastore.pages.get(key)
@@ -168,11 +144,7 @@ class ConsoleSession:
         return CommandResult(truncate(text), data, about=page.key)
 
     def watch(self, key: str) -> CommandResult:
-        """Start to show a page, beginning with its current data.
-
-        Raises:
-            ConsoleCommandError: too many are watched.
-        """
+        """Start to show a page, beginning with its current data; raise ConsoleCommandError if too many are watched."""
         if key not in self._watches and len(self._watches) >= MAX_WATCHES:
             raise ConsoleCommandError(f"This console watches {MAX_WATCHES} pages, the maximum.", fix="unwatch KEY.")
         pages = self.node.datastore.pages.copy()
@@ -183,11 +155,7 @@ class ConsoleSession:
         return self._page_result(page)
 
     def unwatch(self, key: str | None) -> CommandResult:
-        """Stop showing one page, or all.
-
-        Raises:
-            ConsoleCommandError: that page is not watched.
-        """
+        """Stop showing one page, or all; raise ConsoleCommandError if that page is not watched."""
         if key is None:
             self._watches.clear()
         elif self._watches.pop(key, None) is None:

@@ -21,40 +21,24 @@ MAX_COMPLETIONS = 200
 
 
 class CommandResult(msgspec.Struct, frozen=True):
-    """Result of a command.
+    """Result of a command."""
 
-    Args:
-        text: for a user.
-        data: the same for a program: plain values, bounded.
-        is_error: the command was rejected; `text` contains the reason.
-        about: key of the watched page for which this answer was sent without a command.
-    """
-
-    text: str
-    data: Any = None
-    is_error: bool = False
-    about: str = ""
+    text: str  # for a user
+    data: Any = None  # the same for a program: plain values, bounded
+    is_error: bool = False  # the command was rejected; `text` contains the reason
+    about: str = ""  # key of the watched page for which this answer was sent without a command
 
 
 @dataclass(frozen=True)
 class Argument:
-    """An argument of a command.
+    """An argument of a command."""
 
-    Args:
-        name: as shown in the help; capitals, or the words to choose from.
-        kind: 'name' is a word, 'value' is JSON, 'text' is the unchanged rest of the line.
-        is_optional: it may be omitted.
-        is_many: takes all remaining words.
-        choices: the only valid words. If it is optional, any other word means that it was omitted.
-        known: returns a node's names for completion.
-    """
-
-    name: str
-    kind: str = "name"
+    name: str  # as shown in the help; capitals, or the words to choose from
+    kind: str = "name"  # 'name' is a word, 'value' is JSON, 'text' is the unchanged rest of the line
     is_optional: bool = False
-    is_many: bool = False
-    choices: tuple[str, ...] = ()
-    known: Callable[[Any], Iterable[str]] | None = None
+    is_many: bool = False  # takes all remaining words
+    choices: tuple[str, ...] = ()  # the only valid words; if it is optional, any other word means that it was omitted
+    known: Callable[[Any], Iterable[str]] = lambda node: ()  # returns a node's names for completion
 
     @property
     def usage(self) -> str:
@@ -124,14 +108,10 @@ def _arguments(command: CommandSpec, words: list[str]) -> dict[str, Any]:
 
 
 def _check_misspelt(command: CommandSpec, words: list[str]) -> None:
-    """Raise an error if a line is invalid because its first word is a misspelt optional choice.
-
-    Raises:
-        ConsoleCommandError: it is similar to one of them.
-    """
-    for argument in command.arguments[:1]:
-        if words and argument.is_optional and get_close_matches(words[0][:MAX_NAME_CHARS], argument.choices, 1, 0.7):
-            _one(argument, words[0])
+    """Raise ConsoleCommandError if a line is invalid because its first word is a misspelt optional choice."""
+    first = command.arguments[0]
+    if words and first.is_optional and get_close_matches(words[0][:MAX_NAME_CHARS], first.choices, 1, 0.7):
+        _one(first, words[0])
 
 
 def _rest(argument: Argument, words: Sequence[str]) -> Any:
@@ -180,7 +160,7 @@ def _candidates(arguments: Sequence[Argument], words: Sequence[str], node: Any) 
         if left:
             continue
         found += argument.choices
-        found += argument.known(node) if argument.known is not None else ()
+        found += argument.known(node)
         if not is_left_out:
             break
     return found

@@ -1,4 +1,4 @@
-"""Messages between consoles and nodes, once a session of `comms/session.py` is up between them.
+"""Messages between consoles and nodes, once a session of `links/session.py` is up between them.
 
 Frames, greeting, proof of the token and keep-alive are those of links; only the purpose differs. A token is never
 sent: both ends prove that they know it.
@@ -86,11 +86,7 @@ def encode_completions(number: int, words: list[str]) -> bytes:
 
 
 def result_from_reply(reply: Reply) -> CommandResult:
-    """Return the answer in a reply.
-
-    Raises:
-        ValueEncodingError: its data is damaged, or beyond the limits of `comms/wire_bounds.py`.
-    """
+    """Return the answer in a reply; raise ValueEncodingError if its data is damaged, or beyond the limits."""
     raw = bytes(reply.data)
     data: Any = decode_value(raw, WIRE_KINDS)
     check_bounds(raw)
@@ -98,11 +94,7 @@ def result_from_reply(reply: Reply) -> CommandResult:
 
 
 async def read_for(reader: asyncio.StreamReader, timeout_s: float) -> bytes | None:
-    """Return what has arrived, b"" at the end; None if nothing has within the time limit.
-
-    Raises:
-        OSError: the connection broke.
-    """
+    """Return what has arrived, b"" at the end; None if nothing has within the time limit. Raise OSError if it broke."""
     try:
         async with asyncio.timeout(timeout_s):
             return await reader.read(READ_BYTES)

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     import numpy as np
 
 MAX_DELAY_S = 86_400.0  # a day
-MIN_BANDWIDTH_BPS = 1.0
 # Minimum transit time under a virtual clock, whatever the faults: no link is faster than one between two programs on
 # one computer, where a page takes 45 to 90 us one way (`snr bench links`). Without it, two nodes that reply to each
 # other would do so indefinitely at one instant.
@@ -57,16 +56,14 @@ class LinkFaults:
         bounds = {"latency_s": MAX_DELAY_S, "jitter_s": MAX_DELAY_S, "loss": 1, "duplication": 1, "reordering": 1}
         for name, max_value in bounds.items():
             value = getattr(self, name)
-            if not (_is_number(value) and 0 <= value <= max_value):
-                raise _parameter_error(name, value, f"use a number from 0 to {max_value:g}.")
-        bandwidth_bps = self.bandwidth_bps
-        if bandwidth_bps is not None and not (_is_number(bandwidth_bps) and bandwidth_bps >= MIN_BANDWIDTH_BPS):
-            raise _parameter_error(
-                "bandwidth_bps", bandwidth_bps, "use 9600.0 or another number of at least 1, or None."
-            )
+            if not (is_number(value) and 0 <= value <= max_value):
+                raise invalid_option(name, value, f"use a number from 0 to {max_value:g}.")
+        if not (self.bandwidth_bps is None or (is_number(self.bandwidth_bps) and self.bandwidth_bps >= 1)):
+            fix = "use 9600.0 or another number of at least 1, or None."
+            raise invalid_option("bandwidth_bps", self.bandwidth_bps, fix)
         seed: Any = self.seed
         if seed is not None and (isinstance(seed, bool) or not isinstance(seed, Integral)):
-            raise _parameter_error("seed", seed, "use an integer, or None for the run's seed.")
+            raise invalid_option("seed", seed, "use an integer, or None for the run's seed.")
         if self.reordering and not self.latency_s + self.jitter_s:
             raise ParameterError(
                 f"reordering={self.reordering!r} has no effect on a link without delay.", fix="add latency_s=0.05."
@@ -77,33 +74,31 @@ class LinkFaults:
 def _check_cut(cut: Any) -> None:
     fix = "cut=((start_s, end_s), ...), or () for none."
     if not isinstance(cut, (tuple, list)):
-        raise _parameter_error("cut", cut, fix)
+        raise invalid_option("cut", cut, fix)
     if _is_interval(cut):
-        raise _parameter_error("cut", cut, f"did you mean cut=({tuple(cut)!r},)?")
+        raise invalid_option("cut", cut, f"did you mean cut=({tuple(cut)!r},)?")
     for interval in cut:
         if not _is_interval(interval):
             raise ParameterError(f"{repr(interval)[:80]} is not a valid cut of a link.", fix=fix)
 
 
 def _is_interval(value: Any) -> bool:
-    is_pair = isinstance(value, (tuple, list)) and len(value) == 2 and all(map(_is_number, value))
+    is_pair = isinstance(value, (tuple, list)) and len(value) == 2 and all(map(is_number, value))
     return is_pair and bool(value[0] <= value[1])
 
 
-def _is_number(value: Any) -> TypeGuard[float]:
+def is_number(value: Any) -> TypeGuard[float]:
+    """Whether a value is a real number and not a truth value."""
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
-def _parameter_error(name: str, value: object, fix: str) -> ParameterError:
+def invalid_option(name: str, value: object, fix: str) -> ParameterError:
+    """Return the error for an invalid option of a link."""
     return ParameterError(f"{name}={repr(value)[:80]} is not valid for a link.", fix=fix)
 
 
 class UniformStream:
-    """Random numbers from 0 to 1, drawn in batches: the same as in pairs, in a tenth of the time.
-
-    Args:
-        rng: random generator.
-    """
+    """Random numbers from 0 to 1, drawn in batches: the same as in pairs, in a tenth of the time."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
@@ -127,10 +122,10 @@ class LossyChannel:
     """
 
     def __init__(self, faults: LinkFaults, seed: int, name: str, min_transit_s: float = 0.0) -> None:
-        self.faults = faults
-        self.free_s = 0.0  # when the last frame has been sent
-        self.lost = 0  # pages
-        self.duplicated = 0  # pages
+        self.faults: LinkFaults = faults
+        self.free_s: float = 0.0  # when the last frame has been sent, and the next can leave
+        self.lost: int = 0  # pages
+        self.duplicated: int = 0  # pages
         self._min_transit_s = min_transit_s
         self._last_arrival_s = 0.0
         seed = seed if faults.seed is None else faults.seed
@@ -139,10 +134,6 @@ class LossyChannel:
         self._order_uniforms = (
             UniformStream(rng_for(seed, f"{name}:odd")) if faults.duplication or faults.reordering else None
         )
-
-    def is_free(self, now_s: float) -> bool:
-        """Return whether the next thing could leave now; if not, `free_s` says when."""
-        return now_s >= self.free_s
 
     def arrivals_s(self, size_bytes: int, now_s: float, is_page: bool = True) -> tuple[float, ...]:
         """Return when what is sent now arrives: never, once or twice, in order unless reordered."""

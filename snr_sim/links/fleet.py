@@ -26,7 +26,7 @@ from msgspec.structs import replace
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.links.faults import MIN_TRANSIT_S, LinkFaults, LossyChannel
-from snr_sim.links.link import BEFORE_LOOPS, Link, Transport, by_name
+from snr_sim.links.link import BEFORE_LOOPS, Link, Transport, link_state
 from snr_sim.links.options import MAX_KEY_CHARS
 from snr_sim.links.session import OFFSETS_REMEMBERED
 from snr_sim.links.simulated import Rendezvous
@@ -40,14 +40,9 @@ ALONE = "no other node is in the net."
 
 @dataclass(frozen=True)
 class Member:
-    """A node as known in the net.
+    """A node as known in the net."""
 
-    Args:
-        robot: name of its robot; its own name if it has none.
-        node: its name.
-    """
-
-    robot: str
+    robot: str  # name of its robot; its own name if it has none
     node: str
 
     @property
@@ -79,15 +74,10 @@ class Member:
 
 @dataclass(frozen=True)
 class Subscription:
-    """Which pages a node of a net accepts.
+    """Which pages a node of a net accepts."""
 
-    Args:
-        robots: robots whose pages to accept; None accepts every robot's.
-        namespaced: whether keys of other robots' pages begin with the robot's name.
-    """
-
-    robots: frozenset[str] | None = None
-    namespaced: bool = False
+    robots: frozenset[str] | None = None  # whose pages to accept; None accepts every robot's
+    namespaced: bool = False  # whether keys of other robots' pages begin with the robot's name
 
 
 def encode_key_part(text: str) -> str:
@@ -105,23 +95,18 @@ def prefix_of(net: str) -> str:
 
 
 class RemotePeer:
-    """Remote node of the net.
-
-    Args:
-        member: its identity.
-        now_s: time of the first contact.
-    """
+    """Remote node of the net."""
 
     def __init__(self, member: Member, now_s: float) -> None:
-        self.member = member
-        self.last_received_s = now_s
+        self.member: Member = member
+        self.last_received_s: float = now_s
         self.rtt_s: float | None = None
         self.clock_offset_s: float | None = None  # as of Session
         self._offsets_s: deque[float] = deque(maxlen=OFFSETS_REMEMBERED)
-        self.is_present = False  # it has appeared, pinged or answered
-        self.has_left = False  # it has announced that it leaves, and has not appeared since
-        self.received = 0
-        self.missed = 0
+        self.is_present: bool = False  # it has appeared, pinged or answered
+        self.has_left: bool = False  # it has announced that it leaves, and has not appeared since
+        self.received: int = 0
+        self.missed: int = 0
         self.numbers: dict[str, int] = {}  # of the newest page, per key
 
     def note_offset(self, offset_s: float) -> None:
@@ -133,14 +118,13 @@ class RemotePeer:
 class PeerTable:
     """Table of all other nodes of the net known to this one, and of which of their pages arrived. Thread-safe.
 
-    Args:
-        prefix: of all addresses of the net.
+    All addresses of the net begin with `prefix`.
     """
 
     def __init__(self, prefix: str) -> None:
-        self.prefix = prefix
-        self.own_address = ""
-        self.leave_message = ""  # message about the last node that left
+        self.prefix: str = prefix
+        self.own_address: str = ""
+        self.leave_message: str = ""  # message about the last node that left
         self._peers: dict[str, RemotePeer] = {}
         self._missed = 0  # pages of nodes that are no longer in the table
         self._has_new_peer = False
@@ -149,14 +133,6 @@ class PeerTable:
     def address_of(self, member: Member, identity: str) -> str:
         """Return the address of a member; `identity` separates members of the same name."""
         return f"{self.prefix}/{encode_key_part(member.robot)}/{encode_key_part(member.node)}/{identity}"
-
-    def record_join(self, address: str, now_s: float) -> None:
-        """Record that a node appeared."""
-        with self._lock:
-            peer = self._find_or_add(address, now_s)
-            if peer is not None:
-                peer.has_left = False
-                self._set_present(peer, now_s)
 
     def record_leave(self, address: str) -> None:
         """Record that a node left or was cut off. It stays known: it may come back, and send its last page again."""
@@ -173,26 +149,23 @@ class PeerTable:
             for peer in self._peers.values():
                 peer.is_present = False
 
-    def mark_present(self, address: str, now_s: float) -> RemotePeer | None:
-        """Return the node that pinged or answered, and mark it as present; a node that left stays absent.
+    def mark_present(self, address: str, now_s: float, joins: bool = False) -> RemotePeer | None:
+        """Return the node that pinged, answered or joins, and mark it as present.
 
-        What still arrives from a node that left was sent before.
+        A node that left stays absent until it joins: what still arrives from it was sent before.
         """
         with self._lock:
             peer = self._find_or_add(address, now_s)
-            if peer is None or peer.has_left:
+            if peer is None or (peer.has_left and not joins):
                 return None
-            self._set_present(peer, now_s)
+            self._has_new_peer = self._has_new_peer or not peer.is_present
+            peer.is_present, peer.has_left, peer.last_received_s = True, False, now_s
             return peer
 
     def record_page(self, address: str, key: str, number: int, now_s: float) -> tuple[RemotePeer | None, bool]:
-        """Record an arriving page; return its sender and whether the page is new.
+        """Record a page that arrived from an address; return its sender and whether the page is new.
 
-        Args:
-            address: of the sender.
-            key: of the page.
-            number: sequence number of the page for its key, from 1; 0 if it has none.
-            now_s: the time.
+        Sequence numbers of pages count from 1 for each key; 0 is for a page without one.
         """
         with self._lock:
             peer = self._find_or_add(address, now_s)
@@ -226,50 +199,36 @@ class PeerTable:
         with self._lock:
             return self._missed + sum(peer.missed for peer in self._peers.values())  # exact: integers
 
-    def _set_present(self, peer: RemotePeer, now_s: float) -> None:
-        peer.last_received_s = now_s
-        self._has_new_peer = self._has_new_peer or not peer.is_present
-        peer.is_present = True
-
     def _find_or_add(self, address: str, now_s: float) -> RemotePeer | None:
         """Return the node at an address, known or new; None if the address is not valid."""
         peer = self._peers.get(address)
         if peer is not None:
             return peer
-        parts = address.removeprefix(f"{self.prefix}/").split("/")
-        if (
-            len(parts) != 3
-            or "*" in address
-            or not address.startswith(f"{self.prefix}/")
-            or address == self.own_address
-        ):
+        start, _, rest = address.partition(f"{self.prefix}/")
+        parts = rest.split("/")
+        if start or len(parts) != 3 or "*" in address or address == self.own_address:
             return None
-        if not (unquote(parts[0]) + unquote(parts[1])).isprintable():  # names are shown in terminals
+        member = Member(unquote(parts[0]), unquote(parts[1]))
+        if not (member.robot + member.node).isprintable():  # names are shown in terminals
             return None
         if len(self._peers) >= MAX_MEMBERS:
             oldest = next((address for address, peer in self._peers.items() if not peer.is_present), None)
             if oldest is None:
                 return None
             self._missed += self._peers.pop(oldest).missed
-        peer = self._peers[address] = RemotePeer(Member(unquote(parts[0]), unquote(parts[1])), now_s)
+        peer = self._peers[address] = RemotePeer(member, now_s)
         return peer
 
 
 class Fleet(Transport):
-    """Carries pages to and from all other nodes of a net. Subclasses implement the transport.
-
-    Args:
-        link: as of Transport.
-        member: the node, as the net knows it.
-        subscription: which pages it accepts.
-    """
+    """Carries pages to and from all other nodes of a net, which knows this one as `member`."""
 
     def __init__(self, link: Link, member: Member, subscription: Subscription) -> None:
         super().__init__(link)
-        self.member = member
-        self.subscription = subscription
-        self.peer_table = PeerTable(prefix_of(link.options.name))
-        self.now_s = link.parent.clock.now_s
+        self.member: Member = member
+        self.subscription: Subscription = subscription
+        self.peer_table: PeerTable = PeerTable(prefix_of(link.options.name))
+        self.now_s: Callable[[], float] = link.parent.clock.now_s
         self._ping_s = 0.0  # when to ping the others next
         link.reason = ALONE
 
@@ -312,34 +271,19 @@ class Fleet(Transport):
             if shown
             else self.peer_table.leave_message or link.reason
         )
-        trips_s = [peer.rtt_s for peer in present if peer.rtt_s is not None]
-        return {
-            "up": bool(present),
-            "age_s": max((max(0.0, now_s - peer.last_received_s) for peer in present), default=None),
-            "dropped": self.dropped,
-            "rtt_s": max(trips_s, default=None),
-            "sent": link.sent,
-            "received": link.received,
-            "rejected": link.rejected,
-            "reason": "" if present else reason,
-            "peers": by_name((peer.member.name, self.state_of(peer, now_s)) for peer in present),
-        }
+        states = ((peer.member.name, self.state_of(peer, now_s)) for peer in present)
+        return link_state(link, states, self.dropped, link.sent, "" if present else reason)
 
 
 class SimulatedFleet(Fleet):
-    """A net's nodes under one SimClock. They exchange pages in memory; each pair has its own channel, with faults.
-
-    Args:
-        link, member, subscription: as of Fleet.
-        rendezvous: where it finds the other nodes.
-    """
+    """A net's nodes under one SimClock. They exchange pages in memory; each pair has its own channel, with faults."""
 
     def __init__(
         self, link: Link, member: Member, subscription: Subscription, rendezvous: Rendezvous[SimulatedFleet]
     ) -> None:
         super().__init__(link, member, subscription)
         assert isinstance(link.parent.clock, SimClock)
-        self.clock = link.parent.clock
+        self.clock: SimClock = link.parent.clock
         self._rendezvous = rendezvous
         self._channels: dict[SimulatedFleet, LossyChannel] = {}
         self._newest: dict[DataKey, bytes] = {}
@@ -357,7 +301,7 @@ class SimulatedFleet(Fleet):
         link, node = self.link, self.link.parent
         name = f"link:{link.name}:{node.role}->{other.link.parent.role}"
         self._channels[other] = LossyChannel(link.options.faults or LinkFaults(), node.seed, name, MIN_TRANSIT_S)
-        self.peer_table.record_join(other.peer_table.own_address, self.now_s())
+        self.peer_table.mark_present(other.peer_table.own_address, self.now_s(), joins=True)
         for raw in self._newest.values():  # a node that joins late receives the newest page of each key
             self._send_to(other, raw)
 
@@ -395,11 +339,9 @@ class SimulatedFleet(Fleet):
     def on_ping(self, sender: SimulatedFleet, asked_s: float, is_answer: bool) -> None:
         """Handle a ping of another node, or its answer."""
         peer = self._peer_of(sender)
-        if peer is None:
-            return
-        if is_answer:
+        if peer is not None and is_answer:
             peer.rtt_s = self.now_s() - asked_s
-        else:
+        elif peer is not None:
             self._send_message(self._channels[sender], sender.on_ping, asked_s, True)
 
     def round(self) -> None:

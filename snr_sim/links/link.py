@@ -16,6 +16,7 @@ import logging
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from typing import Any
 
 from snr_sim.core.clocks import SimClock
@@ -51,20 +52,17 @@ LOCAL_KEYS = frozenset((TaskType.reload.value, ADD_COMPONENT_TASK_NAME, REMOVE_C
 _STORE_PAGE = TaskType.store_page
 
 
+@dataclass
 class UnsendablePages:
     """Handler of pages that a link cannot send: an error for a page of its own node; those of other nodes are dropped.
 
-    Args:
-        node: sends them.
-        link: description of the link.
-        log: logs the first dropped page.
+    `link` describes the link in the error, and in `log` for the first dropped page.
     """
 
-    def __init__(self, node: NodeApi, link: str, log: logging.Logger | ComponentLog) -> None:
-        self._node = node
-        self._link = link
-        self._log = log
-        self._is_warned = False
+    node: NodeApi
+    link: str
+    log: logging.Logger | ComponentLog
+    is_warned: bool = False
 
     def drop(self, page: Page, error: SnrError) -> None:
         """Drop a page of another node, which must not end this node by an invalid page.
@@ -73,53 +71,58 @@ class UnsendablePages:
             SnrError: the page is this node's own; of the type of `error`.
         """
         failure = self._failure(page, error)
-        if page.origin == self._node.name:
+        if page.origin == self.node.name:
             raise failure from error
-        if not self._is_warned:
-            self._is_warned = True
-            self._log.warning("%s Dropped, as will be all such pages.", failure)
+        if not self.is_warned:
+            self.is_warned = True
+            self.log.warning("%s Dropped, as will be all such pages.", failure)
 
     def _failure(self, page: Page, error: SnrError) -> SnrError:
         """Return the error for a page; it starts with the line that stored the page, if known."""
-        what = f"{self._link} cannot send page '{page.key}': {error.message}"
+        what = f"{self.link} cannot send page '{page.key}': {error.message}"
         when = f"at t = {page.created_at_s:.3f} s"
-        if page.origin != self._node.name:
+        if page.origin != self.node.name:
             return type(error)(f"{what}\n  It was made {when} by node '{page.origin}'.", fix=error.fix)
-        components = self._node.components.values()
+        components = self.node.components.values()
         authors = [one for one in components if isinstance(one, (Endpoint, Loop)) and one.is_robot_component]
         lines, who = find_writer(page.key, authors)
         return type(error)(f"{lines}{what}\n  It was stored {when} by {who}.", fix=error.fix)
 
 
-def by_name(peers: Iterable[tuple[str, dict[str, Any]]]) -> dict[str, Any]:
-    """Return the state of each peer by its name; of several with one name, all but the first get a number.
-
-    >>> by_name([("a", {"sent": 1}), ("a", {"sent": 2})])
-    {'a': {'sent': 1}, 'a#2': {'sent': 2}}
-    """
+def link_state(
+    link: Link, peers: Iterable[tuple[str, dict[str, Any]]], dropped: int, sent: int, reason: str
+) -> dict[str, Any]:
+    """Return the state of a link from those of its peers; of several with one name, all but the first get a number."""
     states: dict[str, Any] = {}
     for name, state in peers:
         label, count = name, 2
         while label in states:
             label, count = f"{name}#{count}", count + 1
         states[label] = state
-    return states
+    return {
+        "up": bool(states),
+        "age_s": max((state["age_s"] for state in states.values()), default=None),
+        "dropped": dropped,
+        "rtt_s": max((state["rtt_s"] for state in states.values() if state["rtt_s"] is not None), default=None),
+        "sent": sent,
+        "received": link.received,
+        "rejected": link.rejected,
+        "reason": reason,
+        "peers": states,
+    }
 
 
 class Transport:
-    """Transport of pages: one subclass per medium. The link calls all but `carry` on its own thread.
-
-    Args:
-        link: the link whose pages it carries.
-    """
+    """Transport of a link's pages: one subclass per medium. The link calls all but `carry` on its own thread."""
 
     # Sends a page to every peer except its sender, on the node's thread. Arguments: the page, its serialised form, its
     # frame, and its sender or None.
     carry: Callable[[Page, bytes, bytes, object], None]
+    notes: Callable[[], Iterable[str]] = tuple  # returns notes for the end of the run
 
     def __init__(self, link: Link) -> None:
-        self.link = link
-        self.lock = threading.Lock()  # held while everything is closed, and for what must not happen at the same time
+        self.link: Link = link
+        self.lock: threading.Lock = threading.Lock()  # held to close everything, and for what must not happen meanwhile
 
     def open(self, ports: ExitStack) -> None:
         """Open what is needed, and push callbacks to close it onto `ports`; a first failure is an error of `begin`."""
@@ -135,23 +138,14 @@ class Transport:
         """Send the goodbye message to all peers before everything is closed."""
 
     def state(self, now_s: float) -> dict[str, Any]:
-        """Return the state of the link: at least up, age_s, dropped, rtt_s, reason."""
+        """Return the state of the link: at least what `link_state` returns."""
         raise NotImplementedError
-
-    def notes(self) -> Iterable[str]:
-        """Return notes for the end of the run."""
-        return ()
 
 
 class Link(RestartingLoop):
     """Sends pages of its keys over a transport, accepts those that arrive, and stores the state of the link.
 
-    Args:
-        factory: the factory that made it.
-        parent: its node.
-        options: of the link.
-        real: makes its transport.
-        simulated: makes its transport if the node runs under a SimClock.
+    `simulated` makes its transport if the node runs under a SimClock; otherwise `real` does.
     """
 
     def __init__(
@@ -166,23 +160,23 @@ class Link(RestartingLoop):
         rate_hz = HOUSEKEEPING_HZ if is_simulated else 0.0  # on a thread its own waiting paces it
         super().__init__(factory, parent, f"link_{options.name}", rate_hz)
         self.restarts = not is_simulated
-        self.options = options
-        self.dropped = 0  # pages known at this end not to have arrived
-        self.sent = 0
-        self.received = 0
-        self.rejected = 0  # pages that arrived and were not accepted
-        self.reason = ""  # why it is down, as text, set by its transport
+        self.options: LinkOptions = options
+        self.dropped: int = 0  # pages known at this end not to have arrived
+        self.sent: int = 0
+        self.received: int = 0
+        self.rejected: int = 0  # pages that arrived and were not accepted
+        self.reason: str = ""  # why it is down, as text, set by its transport
         self._unstored: dict[int, tuple[Page, object]] = {}  # arrived, not stored yet: page and sender
-        self._relayed: dict[bytes | int, None] = {}
+        self._relayed: dict[int, None] = {}
         self._unsendable = UnsendablePages(parent, f"'{self.name}'", self.log)
         self._largest_bytes = 1  # of recent pages
-        self.is_paused = False  # nothing more is read, because the node has too much to do
+        self.is_paused: bool = False  # nothing more is read, because the node has too much to do
         self._accepted: set[DataKey] = set()  # keys of `accept` that arrived
         self._rejected_keys: set[DataKey] = set()  # the first few keys that arrived and are not in it
         self._reported: tuple[Any, ...] = ()
         self._reported_s = float("-inf")
         self._logged: tuple[Any, ...] = ()
-        self.transport = simulated(self) if is_simulated else real(self)
+        self.transport: Transport = simulated(self) if is_simulated else real(self)
         self._carry = self.transport.carry
 
     def begin(self) -> None:
@@ -323,7 +317,7 @@ class Link(RestartingLoop):
     def report(self, now_s: float) -> None:
         """Store the link's state, if it has changed or a second has passed."""
         state = self.transport.state(now_s)
-        gist = (state["up"], *state.get("peers", ()))
+        gist = (state["up"], *state["peers"])
         # Not at each change of the reason: unauthenticated clients that come and go could flood the node with reports.
         if gist == self._reported and now_s - self._reported_s < REPORT_PERIOD_S:
             return
@@ -336,7 +330,7 @@ class Link(RestartingLoop):
 
     def _log_change(self, state: Mapping[str, Any]) -> None:
         if state["up"]:
-            self.log.info("%s is up: %s", self.name, ", ".join(state.get("peers", ())) or "connected")
+            self.log.info("%s is up: %s", self.name, ", ".join(state["peers"]))
         else:
             is_news = bool(self._logged)  # the first state, without a peer, is not worth a log line
             level = logging.WARNING if is_news else logging.INFO

@@ -61,11 +61,11 @@ class MemoryLink:
             raise ConfigError(f"The keys of a link must be a list, not the string {keys!r}.", fix=f"[{keys!r}].")
         if from_role == to_role:
             raise ConfigError(f"A link cannot connect the role '{from_role}' to itself.", fix="use two roles.")
-        self.keys = list(dict.fromkeys(keys))
-        self.from_role = from_role
-        self.to_role = to_role
+        self.keys: list[DataKey] = list(dict.fromkeys(keys))
+        self.from_role: RoleName = from_role
+        self.to_role: RoleName = to_role
         self.faults = faults or LinkFaults(latency_s, jitter_s, loss, bandwidth_bps=bandwidth_bps, seed=seed)
-        self.both_ways = both_ways
+        self.both_ways: bool = both_ways
         self.directions: list[OneWay] = []
 
     def attach(self, nodes: Mapping[RoleName, Node], clock: SimClock) -> None:
@@ -89,22 +89,15 @@ class MemoryLink:
 
 
 class OneWay:
-    """One direction of a link.
-
-    Args:
-        sender: the node whose pages are sent.
-        receiver: the node that receives them.
-        clock: schedules their delivery.
-        faults: of this direction.
-    """
+    """One direction of a link."""
 
     def __init__(self, sender: Node, receiver: Node, clock: SimClock, faults: LinkFaults) -> None:
-        self.sender = sender
-        self.receiver = receiver
+        self.sender: Node = sender
+        self.receiver: Node = receiver
         self.back: OneWay | None = None
-        self.sent = 0
-        self.delivered = 0
-        self.dropped = 0  # pages of other nodes that cannot be serialised
+        self.sent: int = 0
+        self.delivered: int = 0
+        self.dropped: int = 0  # pages of other nodes that cannot be serialised
         self._clock = clock
         self._channel = LossyChannel(faults, sender.seed, f"link:{sender.role}->{receiver.role}", MIN_TRANSIT_S)
         logger = logging.getLogger(f"snr.{sender.name}.link_{receiver.role}")

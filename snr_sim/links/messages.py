@@ -9,6 +9,8 @@ ms for 1 MiB of empty lists.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import reduce
+from operator import or_
 from typing import Annotated, Any, TypeAlias
 
 import msgspec
@@ -106,12 +108,7 @@ Control: TypeAlias = HelloMessage | Auth | Ping | Pong | Bye | RefusedMessage
 
 
 class PageHead(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=TAG, tag="page"):
-    """A page whose data is checked but not decoded, which takes a fiftieth of the time.
-
-    Args:
-        key, origin, created_at_s, process: as of Page.
-        data: as it arrived.
-    """
+    """A page whose data is checked but not decoded, which takes a fiftieth of the time."""
 
     key: str
     data: msgspec.Raw
@@ -131,7 +128,6 @@ def decode_message(raw: bytes, is_acceptable: Callable[[str, str], bool] | None 
     """Return the message in a frame.
 
     Args:
-        raw: the message.
         is_acceptable: whether to accept a page of this key and origin; a long page that is not is returned with None as
             its data, and costs little. None accepts all.
 
@@ -154,8 +150,6 @@ def decode_message(raw: bytes, is_acceptable: Callable[[str, str], bool] | None 
 
 def decoder_of(*others: Any) -> Callable[[bytes], Any]:
     """Return a decoder of the control messages and of other tagged Structs: for sessions with another purpose."""
-    kinds: Any = Control
-    for other in others:
-        kinds |= other
+    kinds: Any = reduce(or_, others, Control)
     decode: Callable[[bytes], Any] = msgspec.json.Decoder(ensure_type_info(kinds)).decode
     return decode

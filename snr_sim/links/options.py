@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import get_args
 
-from snr_sim.links.faults import LinkFaults
+from snr_sim.links.faults import LinkFaults, invalid_option, is_number
 from snr_sim.links.frames import FRAME_BYTES_LIMIT, MAX_FRAME_BYTES
 from snr_sim.links.send_queue import Policy
 from snr_sim.prelude.errors import ConfigError, ParameterError
@@ -45,17 +45,14 @@ class LinkOptions:
     faults: LinkFaults | None = None
 
     def __post_init__(self) -> None:
-        _check_count("queue_pages", self.queue_pages, None)
-        _check_count("max_frame_bytes", self.max_frame_bytes, FRAME_BYTES_LIMIT)
+        self._check_count("queue_pages", None)
+        self._check_count("max_frame_bytes", FRAME_BYTES_LIMIT)
         if self.policy not in get_args(Policy):
-            raise ParameterError(
-                f"policy={self.policy!r} is not valid for a link.", fix=f"use one of {', '.join(get_args(Policy))}."
-            )
-        for name, value in (("keep_alive_s", self.keep_alive_s), ("timeout_s", self.timeout_s)):
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not value > 0.0:
-                raise ParameterError(
-                    f"{name}={value!r} is not valid for a link.", fix="use a number of seconds greater than 0."
-                )
+            raise invalid_option("policy", self.policy, f"use one of {', '.join(get_args(Policy))}.")
+        for name in ("keep_alive_s", "timeout_s"):
+            value = getattr(self, name)
+            if not (is_number(value) and value > 0.0):
+                raise invalid_option(name, value, "use a number of seconds greater than 0.")
         if not self.timeout_s >= 2 * self.keep_alive_s:
             raise ParameterError(
                 f"timeout_s={self.timeout_s!r} is too short for keep_alive_s={self.keep_alive_s!r}: the other end "
@@ -67,20 +64,15 @@ class LinkOptions:
                 f"faults={self.faults!r} is not a LinkFaults.", fix="use LinkFaults(loss=0.1), or None."
             )
 
+    def _check_count(self, name: str, max_value: int | None) -> None:
+        value = getattr(self, name)
+        if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= (max_value or value):
+            fix = "use an integer of at least 1." if max_value is None else f"use an integer from 1 to {max_value}."
+            raise invalid_option(name, value, fix)
+
     def for_end(self, keys: DataKey | Iterable[DataKey], accept: Iterable[DataKey] | None) -> LinkOptions:
         """Return the same for one end, which sends pages of `keys` and accepts those of `accept`; None accepts any."""
         return replace(self, keys=as_keys(keys), accept=None if accept is None else frozenset(as_keys(accept)))
-
-
-def _check_count(name: str, value: object, max_value: int | None) -> None:
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, int)
-        or value < 1
-        or (max_value is not None and value > max_value)
-    ):
-        fix = "use an integer of at least 1." if max_value is None else f"use an integer from 1 to {max_value}."
-        raise ParameterError(f"{name}={value!r} is not valid for a link.", fix=fix)
 
 
 def as_keys(keys: DataKey | Iterable[DataKey]) -> tuple[DataKey, ...]:

@@ -12,7 +12,7 @@ from typing import Any
 
 from snr_sim.links.faults import LinkFaults, LossyChannel
 from snr_sim.links.frames import HEADER_BYTES
-from snr_sim.links.link import Link, by_name
+from snr_sim.links.link import Link, link_state
 from snr_sim.links.messages import decode_message
 from snr_sim.links.options import LinkOptions
 from snr_sim.links.send_queue import Policy, SendQueue
@@ -23,20 +23,14 @@ SHOWN_KEYS = 5
 
 
 class Peer:
-    """One remote peer.
-
-    Args:
-        session: with it.
-        options: of the link.
-        channel: injects faults into what is sent to it, if any.
-    """
+    """One remote peer of a link; `channel` injects faults into what is sent to it, if any."""
 
     def __init__(self, session: Session, options: LinkOptions, channel: LossyChannel | None) -> None:
-        self.session = session
+        self.session: Session = session
         self.queue: SendQueue[bytes] = SendQueue(options.queue_pages, options.policy)
-        self.channel = channel
-        self.sent = 0
-        self.dropped = 0  # in addition to those that its queue dropped
+        self.channel: LossyChannel | None = channel
+        self.sent: int = 0
+        self.dropped: int = 0  # in addition to those that its queue dropped
 
     @property
     def all_dropped(self) -> int:
@@ -59,6 +53,17 @@ class Peer:
     def put(self, frame: bytes) -> None:
         """Send or queue a page; on the node's thread, without blocking."""
         raise NotImplementedError
+
+    def state(self, now_s: float) -> dict[str, Any]:
+        """Return its state, as in the link's page."""
+        return {
+            "age_s": max(0.0, now_s - self.session.last_received_s),
+            "rtt_s": self.session.rtt_s,
+            "clock_offset_s": self.session.clock_offset_s,
+            "dropped": self.all_dropped,
+            "sent": self.sent,
+            "waiting": self.waiting,
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,17 +106,13 @@ class Peers:
     """Keeps one session and one queue per far end.
 
     The first peer to connect gets all pages stored before, up to the queue's limit. A peer that connects after all
-    others have gone gets only the newest page of each key: the old ones would delay the new ones.
-
-    Args:
-        link: the link they belong to.
-        config: of its sessions.
-        min_transit_s: minimum transit time of what is sent, if simulated.
+    others have gone gets only the newest page of each key: the old ones would delay the new ones. If simulated, what is
+    sent takes `min_transit_s` at least.
     """
 
     def __init__(self, link: Link, config: SessionConfig, min_transit_s: float = 0.0) -> None:
-        self.config = config
         self.up: tuple[Peer, ...] = ()  # replaced and never changed, so any thread may read it
+        self._config = config
         self._link = link
         # Recorded in the page of the link, so another text changes the digests of recorded runs.
         link.reason = "nobody has connected yet."  # plain: nobody
@@ -221,7 +222,7 @@ class Peers:
 
     def new_session(self, nonce: bytes | None = None) -> Session:
         """Return a session with a new peer; its nonce is random if not given."""
-        return Session(self.config, self._link.get_time_s(), self._decode, nonce)
+        return Session(self._config, self._link.get_time_s(), self._decode, nonce)
 
     def new_channel(self) -> LossyChannel:
         """Return the outgoing channel of a new peer: each session has its own random numbers, the same in every run."""
@@ -235,34 +236,14 @@ class Peers:
         if words and words not in self._warned:
             self._warned.add(words)
             link.log.warning("%s: %s", link.name, words)
-        each = by_name(
-            (
-                peer.session.peer_node,
-                {
-                    "age_s": max(0.0, now_s - peer.session.last_received_s),
-                    "rtt_s": peer.session.rtt_s,
-                    "clock_offset_s": peer.session.clock_offset_s,
-                    "dropped": peer.all_dropped,
-                    "sent": peer.sent,
-                    "waiting": peer.waiting,
-                },
-            )
-            for peer in peers
+        state = link_state(
+            link,
+            ((peer.session.peer_node, peer.state(now_s)) for peer in peers),
+            dropped=link.dropped + sum(peer.all_dropped for peer in peers),  # exact: integers
+            sent=link.sent + sum(peer.sent for peer in peers),  # exact: integers
+            reason=words if peers else link.reason,
         )
-        ages_s = [now_s - peer.session.last_received_s for peer in peers]
-        trips_s = [peer.session.rtt_s for peer in peers if peer.session.rtt_s is not None]
-        state = {
-            "up": bool(peers),
-            "has_left": self._was_left and not peers,
-            "age_s": max(0.0, *ages_s) if ages_s else None,
-            "dropped": link.dropped + sum(peer.all_dropped for peer in peers),  # exact: integers
-            "rtt_s": max(trips_s, default=None),
-            "sent": link.sent + sum(peer.sent for peer in peers),  # exact: integers
-            "received": link.received,
-            "rejected": link.rejected,
-            "reason": words if peers else link.reason,
-            "peers": each,
-        }
+        state = {"up": state["up"], "has_left": self._was_left and not peers, **state}
         if self._options.faults is not None:
             channels = [peer.channel for peer in peers if peer.channel is not None]
             state["lost"] = self._lost + sum(channel.lost for channel in channels)  # exact: integers

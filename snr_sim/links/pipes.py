@@ -64,10 +64,10 @@ class PipeLoopFactory(LoopFactory):
         options: LinkOptions | None = None,
     ) -> None:
         super().__init__()
-        self.conn = conn
-        self.is_first = is_first
+        self.conn: Connection = conn
+        self.is_first: bool = is_first
         self.rendezvous: Rendezvous[SimulatedTransport] = rendezvous or Rendezvous()
-        self.options = (options or LinkOptions(name)).for_end(data_keys, accept)
+        self.options: LinkOptions = (options or LinkOptions(name)).for_end(data_keys, accept)
 
     def claim(self) -> None:
         """Do nothing: a pipe is open from the start; see PortFactory."""
@@ -96,14 +96,10 @@ class PipeLoopFactory(LoopFactory):
 
 
 class PipesPair:
-    """A pipe and the links at its two ends, with the method names of SocketsPair.
-
-    Args:
-        options: of both; keys are passed to `client` and `server`.
-    """
+    """A pipe and the links at its two ends, with the method names of SocketsPair; `options` are of both."""
 
     def __init__(self, options: LinkOptions | None = None) -> None:
-        self.options = options or LinkOptions("pipe")
+        self.options: LinkOptions = options or LinkOptions("pipe")
         self.client_conn, self.server_conn = Pipe()
         self.rendezvous: Rendezvous[SimulatedTransport] = Rendezvous()
 
@@ -125,12 +121,7 @@ class PipesPair:
 
 
 class PipeEnd(Streams):
-    """One stream, from begin to end: a pipe that is closed cannot be opened again.
-
-    Args:
-        link, config: as of Streams.
-        conn: this link's end of the pipe.
-    """
+    """One stream, from begin to end: a pipe that is closed cannot be opened again."""
 
     def __init__(self, link: Link, config: SessionConfig, conn: Connection) -> None:
         super().__init__(link, config)

@@ -5,12 +5,35 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
+from random import Random
 
 from snr_sim.core.loop import Loop
-from snr_sim.links.back_off import BackOff
 from snr_sim.links.session import printable_line
 
+RETRY_FIRST_S = 0.05
+MAX_RETRY_S = 2.0
 STEADY_S = 5.0  # after this long without a failure, the loop waits only briefly before it opens again
+
+
+class BackOff:
+    """Delay between attempts: doubles after each failure, up to a maximum.
+
+    It is random, so that many clients do not retry at once, and independent of the run: two clients of one seed must
+    differ, too.
+    """
+
+    def __init__(self) -> None:
+        self._rng = Random()
+        self._max_s = RETRY_FIRST_S
+
+    def next_s(self) -> float:
+        """Return the next delay: random, from half of this attempt's maximum up to all of it [s]."""
+        max_s, self._max_s = self._max_s, min(MAX_RETRY_S, 2.0 * self._max_s)
+        return max_s * self._rng.uniform(0.5, 1.0)
+
+    def reset(self) -> None:
+        """Reset to short delays, after a success."""
+        self._max_s = RETRY_FIRST_S
 
 
 class RestartingLoop(Loop):

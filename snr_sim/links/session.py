@@ -22,8 +22,7 @@ from typing import Any, get_args
 
 import msgspec
 
-from snr_sim.links.frame_mac import FrameMac
-from snr_sim.links.frames import MAC_BYTES, MAX_FRAME_BYTES, LengthPrefixedReader, encode_frame
+from snr_sim.links.frames import MAC_BYTES, MAX_FRAME_BYTES, FrameMac, LengthPrefixedReader, encode_frame
 from snr_sim.links.messages import (
     MAX_REASON_CHARS,
     NONCE_BYTES,
@@ -71,39 +70,25 @@ _UP, _CLOSED = SessionState.up, SessionState.closed
 
 @dataclass(frozen=True)
 class SessionConfig:
-    """One end's settings for its sessions.
+    """One end's settings for its sessions."""
 
-    Args:
-        node: name of the node.
-        is_server: whether this is the end that accepts connections.
-        secret: shared by both ends; None requires none.
-        purpose: protocol of the port.
-        max_frame_bytes: the longest payload it accepts.
-        keep_alive_s: period between pings.
-        timeout_s: silence after which the session ends.
-        greeting_s: maximum duration of the greeting; `timeout_s` if None.
-        secret_is: what users call the secret, and how they pass it; for messages.
-    """
-
-    node: str
-    is_server: bool
-    secret: bytes | None = None
-    purpose: str = "pages"
-    max_frame_bytes: int = MAX_FRAME_BYTES
-    keep_alive_s: float = 0.5
-    timeout_s: float = 3.0
-    greeting_s: float | None = None
+    node: str  # name of the node
+    is_server: bool  # whether this is the end that accepts connections
+    secret: bytes | None = None  # shared by both ends; None requires none
+    purpose: str = "pages"  # protocol of the port
+    max_frame_bytes: int = MAX_FRAME_BYTES  # the longest payload it accepts
+    keep_alive_s: float = 0.5  # period between pings
+    timeout_s: float = 3.0  # silence after which the session ends
+    greeting_s: float | None = None  # maximum duration of the greeting; `timeout_s` if None
+    # What users call the secret, and how they pass it; for messages.
     secret_is: tuple[str, str] = ("shared secret", "the same secret= on both ends")
 
 
 class Session:
-    """One end of a connection. Not thread-safe.
+    """One end of a connection. Not thread-safe. Times are of the same clock, whichever it is.
 
-    Args:
-        config: settings of this end.
-        now_s: the time, always of the same clock.
-        decode: decodes payloads; `receive` returns its results, except for control messages.
-        nonce: of this session; random if not given.
+    `decode` decodes payloads; `receive` returns its results, except for control messages. The nonce is random if not
+    given.
     """
 
     def __init__(
@@ -113,24 +98,22 @@ class Session:
         decode: Callable[[bytes], Any] = decode_message,
         nonce: bytes | None = None,
     ) -> None:
-        self.config = config
-        self.state = SessionState.greeting
-        self.reason = ""  # why it closed, as text
-        self.was_refused = False  # by either end: an early retry is of no use
-        self.was_left = False  # by the other end, in good order
-        self.was_forged = False  # a frame was changed between the two ends
+        self.config: SessionConfig = config
+        self.state: SessionState = SessionState.greeting
+        self.reason: str = ""  # why it closed, as text
+        self.was_refused: bool = False  # by either end: an early retry is of no use
+        self.was_left: bool = False  # by the other end, in good order
+        self.was_forged: bool = False  # a frame was changed between the two ends
         self.peer: HelloMessage | None = None
-        self.peer_node = ""  # name of the other end's node, once received
+        self.peer_node: str = ""  # name of the other end's node, once received
         self.rtt_s: float | None = None
         # Add this to a time of the other end's clock to get our time; too large by at most a one-way latency.
         self.clock_offset_s: float | None = None
-        self.last_received_s = now_s
-        self.received = 0  # messages returned by `receive`
-        self.rejected = 0  # while it was up: invalid messages, or values beyond their bounds
+        self.last_received_s: float = now_s
+        self.begun_s: float = now_s
+        self.rejected: int = 0  # while it was up: invalid messages, or values beyond their bounds
         self._decode = decode
         self._reader = LengthPrefixedReader(min(MAX_GREETING_BYTES, config.max_frame_bytes))
-        self._nonce = (nonce or os.urandom(NONCE_BYTES)).hex()
-        self.begun_s = now_s
         self._ping_s = now_s
         self._offsets_s: deque[float] = deque(maxlen=OFFSETS_REMEMBERED)
         self._outbox: list[bytes] = []
@@ -139,19 +122,9 @@ class Session:
         self._mac_out: FrameMac | None = None  # both are set after the other end's hello, if there is a secret
         self._mac_in: FrameMac | None = None
         self._proofs = ("", "")  # of this end, and the expected one of the other end
-        self._hello = encode_frame(
-            encode_message(
-                HelloMessage(
-                    PROTOCOL,
-                    VERSION,
-                    config.node,
-                    self._nonce,
-                    config.purpose,
-                    config.secret is not None,
-                    config.max_frame_bytes,
-                )
-            )
-        )
+        who = (config.node, (nonce or os.urandom(NONCE_BYTES)).hex(), config.purpose)
+        hello = HelloMessage(PROTOCOL, VERSION, *who, config.secret is not None, config.max_frame_bytes)
+        self._hello = encode_frame(encode_message(hello))
         self._put(self._hello)
 
     @property
@@ -229,8 +202,6 @@ class Session:
             self.rejected += self.is_up
             during = "" if self.is_up else " before the greeting was complete"
             self.refuse(f"an invalid message arrived{during}: {error}")
-        finally:
-            self.received += len(taken)
         return taken
 
     def reset_idle_timer(self, now_s: float) -> None:
@@ -239,18 +210,18 @@ class Session:
 
     def tick(self, now_s: float) -> None:
         """Do what is due: ping the other end; close the session if it has been silent for too long."""
-        if self.state is SessionState.closed:
-            return
         config = self.config
-        if self.state is SessionState.up:
+        if self.is_closed:
+            return
+        if self.is_up:
             # Recorded in the page of the link, so another text changes the digests of recorded runs.
             what, since_s, limit_s = "nothing was heard", self.last_received_s, config.timeout_s  # plain: hear
         else:
             what, since_s = "the greeting was not completed", self.begun_s
             limit_s = config.timeout_s if config.greeting_s is None else config.greeting_s
         if now_s - since_s > limit_s:
-            self._close(f"{what} for {limit_s:g} s.")
-        elif self.state is SessionState.up and now_s - self._ping_s >= self.config.keep_alive_s:
+            self.close(f"{what} for {limit_s:g} s.")
+        elif self.is_up and now_s - self._ping_s >= config.keep_alive_s:
             self._ping(now_s)
 
     def _ping(self, now_s: float) -> None:
@@ -259,25 +230,22 @@ class Session:
 
     def bye(self, reason: str) -> None:
         """End the session in good order."""
-        if self.state is not SessionState.closed:
+        if self.state is not _CLOSED:
             self._send(Bye(reason[:MAX_REASON_CHARS]))
-            self._close(reason)
+            self.close(reason)
 
     def refuse(self, reason: str) -> None:
         """End the session and send the reason to the other end."""
-        if self.state is not SessionState.closed:
+        if self.state is not _CLOSED:
             reason = printable_line(reason)  # it may quote received text
             self._send(RefusedMessage(reason))
             self.was_refused = True
-            self._close(reason)
+            self.close(reason)
 
-    def mark_lost(self, reason: str) -> None:
-        """End the session because its port failed."""
-        self._close(reason)
-
-    def _close(self, reason: str) -> None:
-        if self.state is not SessionState.closed:
-            self.state = SessionState.closed
+    def close(self, reason: str) -> None:
+        """Close the session at this end, if it is not closed yet, and send nothing."""
+        if self.state is not _CLOSED:
+            self.state = _CLOSED
             self.reason = reason
 
     def _refuse_forged(self) -> None:
@@ -308,19 +276,19 @@ class Session:
         match message:
             case Bye():
                 self.was_left = True
-                self._close(f"'{self.peer_node}' left: {printable_line(message.reason)}")
+                self.close(f"'{self.peer_node}' left: {printable_line(message.reason)}")
             case RefusedMessage():
                 self.was_refused = True
-                self._close(f"the other end refused: {printable_line(message.reason)}")
+                self.close(f"the other end refused: {printable_line(message.reason)}")
             case HelloMessage() if self.peer is None:
                 self._greet(message, now_s)
             case Auth() if self.state is SessionState.proving:
                 self._check(message, now_s)
-            case Ping() if self.state is SessionState.up:
+            case Ping() if self.is_up:
                 self._offsets_s.append(now_s - message.stamp_s)
                 self.clock_offset_s = min(self._offsets_s)  # of the quickest ping
                 self._send(Pong(message.stamp_s))
-            case Pong() if self.state is SessionState.up:
+            case Pong() if self.is_up:
                 if message.stamp_s == self._ping_s:
                     self.rtt_s = max(0.0, now_s - message.stamp_s)
             case _:
@@ -346,20 +314,17 @@ class Session:
             )
         elif hello.auth != has_secret:
             who, other = (config.node, hello.node) if has_secret else (hello.node, config.node)
-            self._record_peer(hello)  # recorded, since the hello is valid, although the end is not trusted
+            self.peer, self.peer_node = hello, hello.node  # since the hello is valid, although the end is not trusted
             what, fix = config.secret_is
             self.refuse(f"node '{who}' asks for a {what}, node '{other}' has none. Try: {fix}.")
         else:
-            self._record_peer(hello)
+            self.peer, self.peer_node = hello, hello.node
             if not has_secret:
                 self._go_up(now_s)
                 return
             self.state = SessionState.proving
             if not config.is_server:  # the client proves first: a server reveals nothing to unauthenticated clients
                 self._send(Auth(self._proofs[0]))
-
-    def _record_peer(self, hello: HelloMessage) -> None:
-        self.peer, self.peer_node = hello, hello.node
 
     def _check(self, auth: Auth, now_s: float) -> None:
         own, other = self._proofs
@@ -384,8 +349,8 @@ class Session:
     def _put(self, frame: bytes) -> None:
         self._outbox.append(frame)
         self._outbox_bytes += len(frame)
-        if self._outbox_bytes > MAX_WAITING_BYTES and self.state is not SessionState.closed:
-            self._close("the other end does not read its answers.")
+        if self._outbox_bytes > MAX_WAITING_BYTES:
+            self.close("the other end does not read its answers.")
 
 
 def printable_line(reason: str) -> str:

@@ -42,20 +42,15 @@ class Rendezvous(Generic[One]):
 
 
 class SimulatedPeer(Peer):
-    """A peer in the same process: each frame is delivered at the time that its channel computes.
-
-    Args:
-        session, channel: as of Peer.
-        transport: the transport it belongs to.
-    """
+    """A peer in the same process: each frame is delivered at the time that its channel computes."""
 
     remote: SimulatedPeer
 
     def __init__(self, session: Session, transport: SimulatedTransport, channel: LossyChannel) -> None:
         super().__init__(session, transport.link.options, channel)
-        self.transport = transport
-        self.is_admitted = False
-        self.is_gone = False
+        self.transport: SimulatedTransport = transport
+        self.is_admitted: bool = False
+        self.is_gone: bool = False
         self._channel = channel
         self._is_waiting = False  # for the channel to be free
 
@@ -69,7 +64,7 @@ class SimulatedPeer(Peer):
         clock = self.transport.clock
         for frame in self.session.take_output():
             self._send(frame, is_page=False)
-        while len(self.queue) and self._channel.is_free(clock.now_s()):
+        while len(self.queue) and clock.now_s() >= self._channel.free_s:
             (frame,) = self.queue.take(1)
             self.sent += 1
             self._send(frame, is_page=True)
@@ -92,20 +87,14 @@ class SimulatedPeer(Peer):
 
 
 class SimulatedTransport(Transport):
-    """One end of a pair under a SimClock; without the other end it is down, and still runs.
-
-    Args:
-        link: as of Transport.
-        config: settings of its sessions.
-        rendezvous: where it finds the other end.
-    """
+    """One end of a pair under a SimClock; without the other end it is down, and still runs."""
 
     def __init__(self, link: Link, config: SessionConfig, rendezvous: Rendezvous[SimulatedTransport]) -> None:
         super().__init__(link)
         assert isinstance(link.parent.clock, SimClock)
-        self.clock = link.parent.clock
-        self.peers = Peers(link, config, MIN_TRANSIT_S)
-        self.carry = self.peers.carry
+        self.clock: SimClock = link.parent.clock
+        self.peers: Peers = Peers(link, config, MIN_TRANSIT_S)
+        self.carry, self.notes = self.peers.carry, self.peers.notes
         self._is_server = config.is_server
         self._rendezvous = rendezvous
         self._remote_ends: list[SimulatedPeer] = []
@@ -120,10 +109,6 @@ class SimulatedTransport(Transport):
     def state(self, now_s: float) -> dict[str, Any]:
         """Return the state of the link; see Transport."""
         return self.peers.state(now_s)
-
-    def notes(self) -> list[str]:
-        """Return notes for the end of the run; see Transport."""
-        return self.peers.notes()
 
     def _connect(self) -> None:
         servers = self._rendezvous.registered(self.clock)

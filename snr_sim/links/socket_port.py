@@ -10,36 +10,65 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from snr_sim.core.loop import LoopFactory
-from snr_sim.links.tls_errors import describe_tls_error
 from snr_sim.prelude.errors import LinkError
 
 if TYPE_CHECKING:
     import ssl
 
+# Codes of X509_verify_cert, from OpenSSL's x509_vfy.h.
+_CERTIFICATES = {
+    9: "the other end's certificate is not valid yet. Try: set both clocks",
+    10: "the other end's certificate has expired. Try: a new one there; or are both clocks right?",
+    62: "the other end's certificate is for another name. Try: Tls(server_name=...) with the name that it is for",
+    64: "the other end's certificate is for another address. Try: Tls(server_name=...) with the name that it is for",
+}
+_UNKNOWN_AUTHORITY = (
+    "the other end's certificate is not signed by the authority this end trusts. Try: the authority= that signed it"
+)
+_NO_TLS = "this end speaks TLS, the other does not. Try: tls=Tls(...) on both ends"
+# Bytes that are not TLS cause different errors, depending on OpenSSL's version and on the bytes.
+_NO_TLS_REASONS = (
+    "BAD_RECORD_TYPE HTTP_REQUEST PACKET_LENGTH_TOO_LONG RECORD_LAYER_FAILURE UNKNOWN_PROTOCOL WRONG_VERSION_NUMBER"
+)
+_REASONS = dict.fromkeys(_NO_TLS_REASONS.split(), _NO_TLS) | {
+    "PEER_DID_NOT_RETURN_A_CERTIFICATE": (
+        "the client shows no certificate. Try: Tls(client_certificate=..., client_key=...) there"
+    )
+}
+_REJECTED = "the other end does not take this end's certificate. Try: what the other end says about it"
+
 
 @dataclass
 class Address:
-    """Address of a server.
+    """Address of a server."""
 
-    Args:
-        host: the only host it binds to.
-        port: 0 takes a free one; once the server listens, this is the actual port.
-    """
-
-    host: str
-    port: int
+    host: str  # the only host it binds to
+    port: int  # 0 takes a free one; once the server listens, this is the actual port
 
     def __str__(self) -> str:
         return f"{self.host}:{self.port}"
 
 
-class SocketPort:
-    """A socket, with or without TLS, as a non-blocking stream of bytes.
+class Addressed:
+    """What has the address of a server."""
 
-    Args:
-        sock: a connected socket.
-        context: of TLS, if used.
-        server_name: the name that its certificate must contain; None on the server's side.
+    address: Address
+
+    @property
+    def host(self) -> str:
+        """Host name or address for clients."""
+        return self.address.host
+
+    @property
+    def port(self) -> int:
+        """Port of the server; if 0 was requested, the actual one once it listens."""
+        return self.address.port
+
+
+class SocketPort:
+    """A connected socket, with or without TLS, as a non-blocking stream of bytes.
+
+    With TLS, the certificate of the other end must contain `server_name`, which is None on the server's side.
     """
 
     def __init__(self, sock: socket.socket, context: ssl.SSLContext | None = None, server_name: str | None = None):
@@ -47,7 +76,7 @@ class SocketPort:
         with suppress(OSError):  # not every socket family supports it
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         # Whether one thread may write while another reads, and `select` shows all that arrived: not so with OpenSSL.
-        self.is_shareable = context is None
+        self.is_shareable: bool = context is None
         self._sock = sock
         self._blocked: tuple[type[Exception], ...] = ()
         self._broken: tuple[type[ssl.SSLError], ...] = ()
@@ -107,12 +136,24 @@ class SocketPort:
         self._sock.close()
 
 
-class ListenerFactory(LoopFactory):
+def describe_tls_error(error: ssl.SSLError) -> str:
+    """Return what happened and what to try, followed by OpenSSL's text in parentheses."""
+    openssl = (error.strerror or str(error)).partition(" (_ssl.c")[0]
+    name = getattr(error, "reason", None) or ""  # only errors raised by OpenSSL have one
+    code = getattr(error, "verify_code", None)
+    if code is not None:
+        words = _CERTIFICATES.get(code, _UNKNOWN_AUTHORITY)
+    elif "ALERT" in name and any(part in name for part in ("CERTIFICATE", "UNKNOWN_CA")):
+        words = _REJECTED
+    else:
+        words = _REASONS.get(name, "")
+    return f"{words} ({openssl})" if words else openssl
+
+
+class ListenerFactory(Addressed, LoopFactory):
     """Makes a loop that listens at an address; the socket may be opened before the loop exists. A PortFactory.
 
-    Args:
-        address: of this machine; if its port is 0, the actual port is stored there.
-        who: name of the user of the port, for error messages.
+    If the port is 0, the actual one is stored in the address. `who` names the user of the port in error messages.
     """
 
     def __init__(self, address: Address, who: str) -> None:
@@ -120,16 +161,6 @@ class ListenerFactory(LoopFactory):
         self.address = address
         self._who = who
         self._held: socket.socket | None = None
-
-    @property
-    def host(self) -> str:
-        """Host name or address for clients."""
-        return self.address.host
-
-    @property
-    def port(self) -> int:
-        """Port of the server; if 0 was requested, the actual one once it listens."""
-        return self.address.port
 
     def claim(self) -> None:
         """Listen before the loop exists; see PortFactory.
@@ -148,11 +179,7 @@ class ListenerFactory(LoopFactory):
             self._held = None
 
     def listener(self) -> socket.socket:
-        """Return the listening socket, which the loop has to close; opened now if it was not before.
-
-        Raises:
-            LinkError: as of `claim`.
-        """
+        """Return the listening socket, which the loop has to close; it is claimed now if it was not before."""
         self.claim()
         held, self._held = self._held, None
         assert held is not None

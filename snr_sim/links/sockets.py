@@ -16,11 +16,11 @@ from snr_sim.links.faults import LinkFaults
 from snr_sim.links.frames import MAX_FRAME_BYTES
 from snr_sim.links.link import Link
 from snr_sim.links.options import LinkOptions
-from snr_sim.links.security import Tls, as_networks, as_secret, is_loopback
+from snr_sim.links.security import Network, Tls, as_networks, as_secret, is_loopback
 from snr_sim.links.send_queue import Policy
 from snr_sim.links.session import SessionConfig
 from snr_sim.links.simulated import Rendezvous, SimulatedTransport
-from snr_sim.links.socket_port import Address, ListenerFactory
+from snr_sim.links.socket_port import Address, Addressed, ListenerFactory
 from snr_sim.links.tcp_client import TcpClient
 from snr_sim.links.tcp_server import TcpServer
 from snr_sim.prelude.errors import ConfigError
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 GREETING_S = 3.0
 
 
-class SocketsPair:
+class SocketsPair(Addressed):
     """The two ends of links at one address.
 
     Args:
@@ -73,16 +73,16 @@ class SocketsPair:
         secret_is: tuple[str, str] = SessionConfig.secret_is,
     ) -> None:
         self.address = _as_address(server_tuple, more)
-        self.secret = as_secret(secret)
-        self.secret_is = secret_is
+        self.secret: bytes | None = as_secret(secret)
+        self.secret_is: tuple[str, str] = secret_is
         if tls is not None and not isinstance(tls, Tls):
             raise ConfigError(
                 f"tls={tls!r} is not a Tls.", fix="Tls(certificate=..., key=..., authority=...), or None."
             )
-        self.tls = tls
-        self.allow = as_networks(allow)
+        self.tls: Tls | None = tls
+        self.allow: tuple[Network, ...] = as_networks(allow)
         self.rendezvous: Rendezvous[SimulatedTransport] = Rendezvous()
-        self.options = LinkOptions(
+        self.options: LinkOptions = LinkOptions(
             name or str(self.port),
             max_frame_bytes=max_frame_bytes,
             queue_pages=queue_pages,
@@ -91,16 +91,6 @@ class SocketsPair:
             timeout_s=timeout_s,
             faults=faults,
         )
-
-    @property
-    def host(self) -> str:
-        """Host of the server."""
-        return self.address.host
-
-    @property
-    def port(self) -> int:
-        """Port of the server; if 0 was requested, the actual one once it listens."""
-        return self.address.port
 
     def client(
         self, keys: DataKey | Iterable[DataKey] = (), *, accept: Iterable[DataKey] | None = None
@@ -163,13 +153,7 @@ def _as_address(server_tuple: object, more: tuple[object, ...]) -> Address:
 
 
 class SocketsLoopFactory(LoopFactory):
-    """Makes the end that connects.
-
-    Args:
-        pair: the address, or a SocketsPair.
-        data_keys: pages of these keys are sent to the server.
-        accept: keys of the pages to accept from the server; any if None.
-    """
+    """Makes the end that connects to an address, or to the one of a SocketsPair; see `SocketsPair.client`."""
 
     def __init__(
         self,
@@ -178,16 +162,12 @@ class SocketsLoopFactory(LoopFactory):
         accept: Iterable[DataKey] | None = None,
     ) -> None:
         super().__init__()
-        self.pair = pair if isinstance(pair, SocketsPair) else SocketsPair(pair)
-        self.options = self.pair.options.for_end(data_keys, accept)
+        self.pair: SocketsPair = pair if isinstance(pair, SocketsPair) else SocketsPair(pair)
+        self.options: LinkOptions = self.pair.options.for_end(data_keys, accept)
         self._context()
 
     def _context(self) -> ssl.SSLContext | None:
-        """Return the TLS context: made for each link, since a context cannot be sent to another process.
-
-        Raises:
-            ConfigError: a file is missing or invalid.
-        """
+        """Return the TLS context: made for each link, since a context cannot be sent to another process."""
         return None if self.pair.tls is None else self.pair.tls.client_context()
 
     def where(self) -> str:
@@ -209,12 +189,9 @@ class SocketsLoopFactory(LoopFactory):
 
 
 class SocketsListenerFactory(ListenerFactory):
-    """Makes the end that listens.
+    """Makes the end that listens at a port of this machine, an address, or that of a SocketsPair.
 
-    Args:
-        pair: a port of this machine, an address, or a SocketsPair.
-        data_keys: pages of these keys are sent to each client.
-        accept: keys of the pages to accept from clients; any if None.
+    See `SocketsPair.server`.
 
     Raises:
         ConfigError: any client in the network could connect.
@@ -228,9 +205,10 @@ class SocketsListenerFactory(ListenerFactory):
     ) -> None:
         if isinstance(pair, int):
             pair = ("127.0.0.1", pair)
-        self.pair = pair = pair if isinstance(pair, SocketsPair) else SocketsPair(pair)
+        self.pair: SocketsPair = pair if isinstance(pair, SocketsPair) else SocketsPair(pair)
+        pair = self.pair
         super().__init__(pair.address, f"The link '{pair.options.name}'")
-        self.options = pair.options.for_end(data_keys, accept)
+        self.options: LinkOptions = pair.options.for_end(data_keys, accept)
         # Clients with our secret or certificate may connect from any address.
         requires_authentication = pair.secret is not None or (
             pair.tls is not None and pair.tls.client_authority is not None

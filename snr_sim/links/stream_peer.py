@@ -24,35 +24,27 @@ WRITE_BYTES = 1 << 17  # minimum per system call, if so much waits
 class Account:
     """Time spent lately on reading from a peer, or from several; see `Streams._in_turn`."""
 
-    used_s = 0.0
+    used_s: float = 0.0
 
 
 class StreamPeer(Peer):
-    """A remote peer at a port.
-
-    Args:
-        port: the port to the peer.
-        session, channel: as of Peer.
-        link: the link it belongs to.
-        where: description of its address.
-        account: accumulates the time that it uses.
-    """
+    """A remote peer at a port; `where` describes its address."""
 
     def __init__(
         self, port: SocketPort, session: Session, link: Link, channel: LossyChannel | None, where: str, account: Account
     ) -> None:
         super().__init__(session, link.options, channel)
-        self.where = where
-        self.account = account
-        self.port = port
-        self.descriptor = port.fileno()  # kept: a closed port has none, and `select` does not forget it by itself
-        self.failure = ""  # error of the port, if any
+        self.where: str = where
+        self.account: Account = account
+        self.port: SocketPort = port
+        self.descriptor: int = port.fileno()  # kept: a closed port has none, and `select` does not forget it by itself
+        self.failure: str = ""  # error of the port, if any
         self.bug: Exception | None = None  # the exception, if our own code failed and not the port
-        self.is_admitted = False
-        self.is_blocked = False  # the port accepts nothing now
-        self.unread_bytes = 0  # received since the last page
-        self.watched = 0  # events that `select` waits for
-        self.is_read_by_node = False  # whether the node's thread reads it while it waits in its inbox
+        self.is_admitted: bool = False
+        self.is_blocked: bool = False  # the port accepts nothing now
+        self.unread_bytes: int = 0  # received since the last page
+        self.watched: int = 0  # events that `select` waits for
+        self.is_read_by_node: bool = False  # whether the node's thread reads it while it waits in its inbox
         self.leaves_s: float | None = None  # time limit for closing it, once the session is over
         self._link = link
         self._sending = threading.Lock()  # held for one call to the port, which does not block

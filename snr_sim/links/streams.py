@@ -48,18 +48,14 @@ class Streams(Transport):
     one account of time.
 
     An error of one stream closes that stream (`_for`). Other errors restart the link.
-
-    Args:
-        link: as of Transport.
-        config: settings of its sessions.
     """
 
     def __init__(self, link: Link, config: SessionConfig) -> None:
         super().__init__(link)
-        self.peers = Peers(link, config)
-        self.carry = self.peers.carry
+        self.peers: Peers = Peers(link, config)
+        self.carry, self.notes = self.peers.carry, self.peers.notes
         self.streams: list[StreamPeer] = []  # all, including those that are not up
-        self.now_s = link.parent.clock.now_s
+        self.now_s: Callable[[], float] = link.parent.clock.now_s
         self._node = link.parent
         self._housekeep_s = 0.0
         self._is_woken = False
@@ -67,7 +63,7 @@ class Streams(Transport):
         self._is_slow = link.options.faults is not None  # then each frame is due at a time of its own
         self._wait_count = -1  # number of the node's waits in its inbox, when last read
         self._is_node_busy = True
-        self.forged = 0  # streams whose data was changed between the two ends
+        self.forged: int = 0  # streams whose data was changed between the two ends
         self._read_s = float("-inf")  # when pages last arrived
         self._rest_s = float("-inf")  # no round for a busy node before: it gets the time the last one took
         self._half_read: dict[StreamPeer, None] = {}  # streams with bytes that `select` does not show
@@ -83,10 +79,6 @@ class Streams(Transport):
             sock.setblocking(False)
         self._selector.register(self._wake_out, selectors.EVENT_READ, self._on_wake_up)
         ports.callback(self._drop_all)
-
-    def notes(self) -> list[str]:
-        """Return notes for the end of the run; see Transport."""
-        return self.peers.notes()
 
     def wake(self) -> None:
         """Wake the link's thread; from any thread."""
@@ -257,7 +249,7 @@ class Streams(Transport):
             stream.fail(error)
             return
         if not data:
-            session.mark_lost("the connection was closed.")
+            session.close("the connection was closed.")
             stream.failure = session.reason
             return
         if not stream.port.is_shareable:
@@ -292,7 +284,7 @@ class Streams(Transport):
             return stream.leaves_s
         stream.leaves_s = self.now_s() + LINGER_S
         if stream.failure:
-            stream.session.mark_lost(stream.failure)
+            stream.session.close(stream.failure)
         if stream.is_admitted:
             self.peers.remove(stream)
         self.link.reason = stream.session.reason
@@ -320,7 +312,7 @@ class Streams(Transport):
 
     def _drop_all(self) -> None:
         for stream in list(self.streams):
-            stream.session.mark_lost("the link was closed.")  # if it did not end in good order
+            stream.session.close("the link was closed.")  # if it did not end in good order
             self._drop(stream)
 
     def _admit(self, stream: StreamPeer) -> None:

@@ -10,9 +10,8 @@ from contextlib import ExitStack, suppress
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
 
-from snr_sim.links.back_off import BackOff
 from snr_sim.links.link import Link
-from snr_sim.links.restarting import error_text
+from snr_sim.links.restarting import STEADY_S, BackOff, error_text
 from snr_sim.links.session import SessionConfig
 from snr_sim.links.socket_port import Address, SocketPort
 from snr_sim.links.stream_peer import StreamPeer
@@ -22,17 +21,12 @@ if TYPE_CHECKING:
     import ssl
 
 CONNECT_TIMEOUT_S = 5.0
-STEADY_S = 5.0  # after a connection that lasted this long, the next attempt follows soon
 
 
 class TcpClient(Streams):
-    """Connects, and reconnects whenever the connection is lost.
+    """Connects to an address, whose port may become known only once the server listens.
 
-    Args:
-        link, config: as of Streams.
-        address: of the server; its port may become known only once the server listens.
-        context: of TLS, if used.
-        server_name: the name that the server's certificate must contain; its host if empty.
+    With TLS, the server's certificate must contain `server_name`, or its host if that is empty.
     """
 
     def __init__(
@@ -89,11 +83,7 @@ class TcpClient(Streams):
 
 
 class Connector:
-    """Resolves names and connects on separate threads: both may block indefinitely.
-
-    Args:
-        notify: is called when there is a result.
-    """
+    """Resolves names and connects on separate threads, as both may block indefinitely; calls `notify` at a result."""
 
     def __init__(self, notify: Callable[[], None]) -> None:
         self.results: SimpleQueue[socket.socket | str] = SimpleQueue()
@@ -126,11 +116,7 @@ class Connector:
 
 
 def connect(host: str, port: int) -> socket.socket:
-    """Return a socket that is connected to a server.
-
-    Raises:
-        OSError: there is no server, or no such host.
-    """
+    """Return a socket that is connected to a server; raise OSError if there is no server, or no such host."""
     sock = socket.create_connection((host, port), CONNECT_TIMEOUT_S)
     try:
         if sock.getsockname() == sock.getpeername():

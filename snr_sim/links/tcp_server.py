@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import selectors
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from typing import TYPE_CHECKING, Any
 
 from snr_sim.links.link import Link
-from snr_sim.links.listener import Listener
 from snr_sim.links.newcomers import Newcomers, largest_group, source_of
 from snr_sim.links.security import Network, is_allowed
 from snr_sim.links.session import SessionConfig
@@ -22,17 +22,13 @@ if TYPE_CHECKING:
 MAX_PEERS = 64
 MAX_NEWCOMERS = 64  # connections that are not up yet, or closing
 ACCEPTS_PER_ROUND = 8
+PAUSE_S = 0.5  # without accepting, when the system has no descriptor left
 
 
 class TcpServer(Streams):
     """Listens, and serves each client separately.
 
-    Args:
-        link, config: as of Streams.
-        listener: returns the listening socket.
-        requires_authentication: clients have to authenticate, and may then connect from any address.
-        allow: otherwise accept only these, and this machine.
-        context: of TLS, if used.
+    If clients have to authenticate, they may connect from any address; otherwise only from `allow` and this machine.
     """
 
     def __init__(
@@ -55,14 +51,24 @@ class TcpServer(Streams):
     def open(self, ports: ExitStack) -> None:
         """Listen; see Transport."""
         super().open(ports)
-        sock = self._listen()
-        ports.callback(sock.close)
-        self._listener = Listener(sock, self._selector, self.link.log, self._accept)
+        self._listener = self._listen()
+        ports.callback(self._listener.close)
+        self._register_listener()
+
+    def _register_listener(self) -> None:
+        self._resume_s = float("inf")  # when to accept again after a pause
+        self._selector.register(self._listener, selectors.EVENT_READ, self._accept)
 
     def _accept(self, events: int) -> None:
         for _ in range(ACCEPTS_PER_ROUND):
-            accepted = self._listener.accept(self.now_s())
-            if accepted is None:
+            try:
+                accepted = self._listener.accept()
+            except (BlockingIOError, ConnectionError):  # no other client; or it has gone, which must not delay others
+                return
+            except OSError as error:  # no descriptor left: an immediate retry would only spin
+                self.link.log.warning("cannot take a connection: %s", error.strerror)
+                self._selector.unregister(self._listener)
+                self._resume_s = self.now_s() + PAUSE_S
                 return
             self._receive(*accepted)
 
@@ -104,11 +110,14 @@ class TcpServer(Streams):
             surplus.session.refuse(f"{MAX_PEERS} others are connected to node '{self.link.parent.name}', the maximum.")
 
     def _housekeep(self, now_s: float) -> None:
-        self._listener.resume(now_s)
+        if now_s >= self._resume_s:
+            self._register_listener()
         super()._housekeep(now_s)
 
     def drain_and_close(self) -> None:
         """Stop listening, and send the goodbye message; see Transport."""
+        with suppress(KeyError, ValueError):  # paused, or closed
+            self._selector.unregister(self._listener)
         self._listener.close()  # first: a client may reconnect at once after the goodbye
         super().drain_and_close()
 

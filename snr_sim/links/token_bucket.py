@@ -4,12 +4,7 @@ from __future__ import annotations
 
 
 class TokenBucket:
-    """A token bucket.
-
-    Args:
-        rate_hz: rate at which it fills, in tokens per second.
-        capacity: maximum number of tokens; it is full at first.
-    """
+    """A token bucket that is full at first, and fills at a rate in tokens per second."""
 
     def __init__(self, rate_hz: float, capacity: float) -> None:
         self._rate_hz = rate_hz

@@ -45,11 +45,7 @@ def encode_page(page: Page) -> bytes:
 
 
 def decode_page(raw: bytes) -> Page:
-    """Return a page that arrived over a link.
-
-    Raises:
-        ValueEncodingError: it is not a page, or beyond the limits.
-    """
+    """Return a page that arrived over a link; raise ValueEncodingError if it is not one, or beyond limits."""
     page = Page.deserialize(raw, WIRE_KINDS)
     check_bounds(raw)
     return page

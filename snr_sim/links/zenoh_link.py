@@ -26,10 +26,10 @@ from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from snr_sim.links.back_off import BackOff
 from snr_sim.links.faults import LossyChannel
 from snr_sim.links.fleet import ALONE, PING_BYTES, Fleet, Member, RemotePeer, Subscription, encode_key_part
 from snr_sim.links.link import Link
+from snr_sim.links.restarting import BackOff
 from snr_sim.links.send_queue import SendQueue
 from snr_sim.links.wire_bounds import decode_page
 from snr_sim.prelude.errors import LinkError, MissingExtraError, SnrError
@@ -50,21 +50,13 @@ NUMBER_BYTES = 8
 
 @dataclass(slots=True, eq=False)
 class QueuedPage:
-    """A page in transit. Its length is that of the serialised page.
-
-    Args:
-        key: key of the page.
-        raw: the page, as Page.serialize writes it.
-        peer: its sender; None is this node.
-        number: sequence number of the page for its key.
-        is_sent: whether it was sent to any node.
-    """
+    """A page in transit. Its length is that of the serialised page."""
 
     key: DataKey
-    raw: bytes
-    peer: RemotePeer | None = None
-    number: int = 0
-    is_sent: bool = False
+    raw: bytes  # as Page.serialize writes it
+    peer: RemotePeer | None = None  # its sender; None is this node
+    number: int = 0  # sequence number of the page for its key
+    is_sent: bool = False  # to any node
 
     def __len__(self) -> int:
         return len(self.raw)
@@ -85,12 +77,7 @@ class ZenohCallbacks:
         self._ending: list[threading.Thread] = []
 
     def make(self, wrap: Callable[..., Any], callback: Callable[[Any], None]) -> Any:
-        """Return `callback` as a handler.
-
-        Args:
-            wrap: zenoh.handlers.Callback.
-            callback: handles what Zenoh delivers.
-        """
+        """Return `callback`, which handles what Zenoh delivers, as a handler; `wrap` is zenoh.handlers.Callback."""
         with self._changed:
             self._open += 1
         return wrap(callback, self._end)
@@ -116,13 +103,7 @@ class ZenohCallbacks:
 
 
 class ZenohTransport(Fleet):
-    """Sends and receives pages over Zenoh.
-
-    Args:
-        link, member, subscription: as of Fleet.
-        config: Zenoh's configuration, by the names of its settings.
-        waits_for: description of what it connects to, for messages; "" if it listens.
-    """
+    """Sends and receives pages over Zenoh. `waits_for` names what it connects to; it is empty if this end listens."""
 
     def __init__(
         self, link: Link, member: Member, subscription: Subscription, config: dict[str, Any], waits_for: str
@@ -227,10 +208,7 @@ class ZenohTransport(Fleet):
         if sample.kind == self._zenoh.SampleKind.DELETE:
             self.peer_table.record_leave(address)
         else:
-            self.peer_table.record_join(address, self.now_s())
-        self._housekeep_soon()
-
-    def _housekeep_soon(self) -> None:
+            self.peer_table.mark_present(address, self.now_s(), joins=True)
         self._housekeep_s = 0.0
         self.wake()
 

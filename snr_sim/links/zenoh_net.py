@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 from snr_sim.core.loop import Loop, LoopFactory
@@ -37,14 +38,8 @@ SCOUT_S = 1.0  # duration of one scouting attempt of a node that does not listen
 MESSAGE_EXTRA_BYTES = 1 << 12  # overhead that Zenoh may add to a page
 _LOCATOR = re.compile(r"(?P<protocol>[a-z]+)/(?P<host>\[[^\]]+\]|[^:/\[\]]+):(?P<port>\d{1,5})")
 _ALL_MESSAGES = (
-    "put",
-    "declare_subscriber",
-    "query",
-    "reply",
-    "declare_queryable",
-    "liveliness_token",
-    "liveliness_query",
-    "declare_liveliness_subscriber",
+    "put query reply declare_subscriber declare_queryable "
+    "liveliness_token liveliness_query declare_liveliness_subscriber"
 )
 
 
@@ -88,15 +83,15 @@ class ZenohNet:
         keep_alive_s: float = 0.5,
         timeout_s: float = 3.0,
     ) -> None:
-        self.name = _as_name("name", name)
-        self.robot = _as_name("robot", robot) if robot else ""
-        self.tls = tls
-        self.listen = parse_locators("listen=", listen, tls)
-        self.connect = parse_locators("connect=", connect, tls)
-        self.interfaces = (interfaces,) if isinstance(interfaces, str) else tuple(interfaces)
-        self.discover = discover
+        self.name: str = _as_name("name", name)
+        self.robot: str = _as_name("robot", robot) if robot else ""
+        self.tls: Tls | None = tls
+        self.listen: tuple[str, ...] = parse_locators("listen=", listen, tls)
+        self.connect: tuple[str, ...] = parse_locators("connect=", connect, tls)
+        self.interfaces: tuple[str, ...] = (interfaces,) if isinstance(interfaces, str) else tuple(interfaces)
+        self.discover: bool = discover
         self.rendezvous: Rendezvous[SimulatedFleet] = Rendezvous()
-        self.options = LinkOptions(
+        self.options: LinkOptions = LinkOptions(
             name,
             max_frame_bytes=max_page_bytes,
             queue_pages=queue_pages,
@@ -130,12 +125,11 @@ class ZenohNet:
         Raises:
             ConfigError: as for the net; or certificates are missing, or this node could reach no other.
         """
+        accepted = None if robots is None else frozenset([robots] if isinstance(robots, str) else robots)
         return ZenohLinkFactory(
             self,
             self.options.for_end(keys, accept),
-            Subscription(
-                None if robots is None else frozenset([robots] if isinstance(robots, str) else robots), namespaced
-            ),
+            Subscription(accepted, namespaced),
             self.robot if robot is None else _as_name("robot", robot),
             self.listen if listen is None else parse_locators("listen=", listen, self.tls),
             self.connect if connect is None else parse_locators("connect=", connect, self.tls),
@@ -150,81 +144,54 @@ def _as_name(what: str, name: str) -> str:
     return name
 
 
+@dataclass(eq=False, repr=False)
 class ZenohLinkFactory(LoopFactory):
-    """Makes a node's link to a net. Opens nothing on the network that was not requested.
+    """Makes a node's link to a net; see `ZenohNet.link`. Opens nothing on the network that was not requested."""
 
-    Args:
-        net: supplies certificates, interfaces and limits.
-        options: of the link.
-        subscription: which pages the node accepts.
-        robot: name of the node's robot, or "".
-        listen: addresses to open.
-        connect: addresses to call, repeatedly.
+    net: ZenohNet
+    options: LinkOptions
+    subscription: Subscription
+    robot: str
+    listen: tuple[str, ...]
+    connect: tuple[str, ...]
 
-    Raises:
-        ConfigError: certificates are missing, or the node could reach no other.
-    """
-
-    def __init__(
-        self,
-        net: ZenohNet,
-        options: LinkOptions,
-        subscription: Subscription,
-        robot: str,
-        listen: tuple[str, ...],
-        connect: tuple[str, ...],
-    ) -> None:
+    def __post_init__(self) -> None:
         super().__init__()
-        self.net = net
-        self.options = options
-        self.subscription = subscription
-        self.robot = robot
-        self.listen = listen
-        self.connect = connect
-        if not (self.listen or self.connects):
+        net = self.net
+        self._connects = bool(self.connect) or net.discover
+        self._discovers_remotely = net.discover and not LOOPBACK_INTERFACES.issuperset(net.interfaces)
+        if not (self.listen or self._connects):
             raise ConfigError(
                 "A node of a net neither listens nor connects, so no other node can reach it.",
                 fix='listen="tcp/127.0.0.1:7447" for one node, connect="tcp/127.0.0.1:7447" for the others.',
             )
-        if self.discovers_remotely and self.net.tls is None:
-            where = ", ".join(self.net.interfaces)
+        if self._discovers_remotely and net.tls is None:
+            where = ", ".join(net.interfaces)
             raise ConfigError(
                 f"discover=True on {where} needs TLS: without it, any node that answers could control this one.",
                 fix="tls=Tls(...) with certificates for both sides, or interfaces=['lo'].",
             )
-        if self.net.tls is not None:
-            _check_tls(self.net.tls, bool(self.listen), self.connects)
+        if net.tls is not None:
+            _check_tls(net.tls, bool(self.listen), self._connects)
 
     def get(self, parent: NodeApi) -> Loop:
         """Return the link."""
         member = Member(self.robot or parent.name, parent.name)
+        waits_for = "" if self.listen else ", ".join(self.connect) or "a node to be discovered"
         return Link(
             self,
             parent,
             self.options,
-            real=lambda link: ZenohTransport(link, member, self.subscription, self.config(), self.waits_for),
+            real=lambda link: ZenohTransport(link, member, self.subscription, self.config(), waits_for),
             simulated=lambda link: SimulatedFleet(link, member, self.subscription, self.net.rendezvous),
         )
 
-    @property
-    def connects(self) -> bool:
-        """Whether the node connects to other nodes."""
-        return bool(self.connect) or self.net.discover
-
-    @property
-    def discovers_remotely(self) -> bool:
-        """Whether the node searches for others beyond this machine."""
-        return self.net.discover and not LOOPBACK_INTERFACES.issuperset(self.net.interfaces)
-
-    @property
-    def waits_for(self) -> str:
-        """Description of what it connects to, for messages; "" if it listens itself."""
-        return "" if self.listen else ", ".join(self.connect) or "a node to be discovered"
-
     def config(self) -> dict[str, Any]:
         """Return Zenoh's configuration, which admits only the net's keys in either direction."""
-        protocols = [address.partition("/")[0] for address in (*self.listen, *self.connect)]
+        protocols = {address.partition("/")[0] for address in (*self.listen, *self.connect)} or {"tcp"}
         timeout_ms, stuck_us = int(self.net.options.timeout_s * 1000), int(STUCK_S * 1e6)
+        drop = {"wait_before_drop": stuck_us, "max_wait_before_drop_fragments": stuck_us}
+        congestion_control = {"drop": drop, "block": {"wait_before_close": stuck_us}}
         return {
             # A router forwards between the nodes connected to it; peers do not forward. A node that does not listen is
             # a client, not a router, because routers miss a node that appears within 0.1 s of another's leaving (1.10).
@@ -251,18 +218,10 @@ class ZenohLinkFactory(LoopFactory):
                 "unicast": {"open_timeout": timeout_ms, "accept_timeout": timeout_ms},
                 "link": {
                     # Limits what an answer to a multicast can offer.
-                    "protocols": ["tls"] if self.discovers_remotely else sorted({*protocols} or {"tcp"}),
-                    "tx": {
-                        "lease": timeout_ms,
-                        "queue": {
-                            "congestion_control": {
-                                "drop": {"wait_before_drop": stuck_us, "max_wait_before_drop_fragments": stuck_us},
-                                "block": {"wait_before_close": stuck_us},
-                            }
-                        },
-                    },
+                    "protocols": ["tls"] if self._discovers_remotely else sorted(protocols),
+                    "tx": {"lease": timeout_ms, "queue": {"congestion_control": congestion_control}},
                     "rx": {"max_message_size": self.net.options.max_frame_bytes + MESSAGE_EXTRA_BYTES},
-                    **({} if self.net.tls is None else {"tls": _tls(self.net.tls, bool(self.listen), self.connects)}),
+                    **({} if self.net.tls is None else {"tls": _tls(self.net.tls, bool(self.listen), self._connects)}),
                 },
                 "shared_memory": {"enabled": False},
             },
@@ -273,7 +232,7 @@ class ZenohLinkFactory(LoopFactory):
                     {
                         "id": "net",
                         "permission": "allow",
-                        "messages": list(_ALL_MESSAGES),
+                        "messages": _ALL_MESSAGES.split(),
                         "flows": ["ingress", "egress"],
                         "key_exprs": [f"{prefix_of(self.net.name)}/**"],
                     }
@@ -311,20 +270,13 @@ def parse_locators(what: str, endpoints: str | Iterable[str], tls: Tls | None) -
 
 def _tls(tls: Tls, listens: bool, connects: bool) -> dict[str, Any]:
     """Return the certificates under Zenoh's setting names. Zenoh takes one authority for both sides."""
-    return {
-        "root_ca_certificate": str(tls.client_authority or tls.authority),
-        "enable_mtls": True,
-        "verify_name_on_connect": True,
-        **({"listen_certificate": str(tls.certificate), "listen_private_key": str(tls.key)} if listens else {}),
-        **(
-            {
-                "connect_certificate": str(tls.client_certificate),
-                "connect_private_key": str(tls.client_key),
-            }
-            if connects
-            else {}
-        ),
-    }
+    files = {"root_ca_certificate": tls.client_authority or tls.authority}
+    if listens:
+        files |= {"listen_certificate": tls.certificate, "listen_private_key": tls.key}
+    if connects:
+        files |= {"connect_certificate": tls.client_certificate, "connect_private_key": tls.client_key}
+    paths = {name: str(path) for name, path in files.items()}
+    return {"enable_mtls": True, "verify_name_on_connect": True, **paths}
 
 
 def _check_tls(tls: Tls, listens: bool, connects: bool) -> None:

@@ -32,8 +32,7 @@ from snr_sim import (
     tasks,
 )
 from snr_sim import TaskType as T
-from snr_sim.links.frame_mac import FrameMac
-from snr_sim.links.frames import HEADER_BYTES, encode_frame
+from snr_sim.links.frames import HEADER_BYTES, FrameMac, encode_frame
 from snr_sim.links.options import LinkOptions
 from snr_sim.links.pipes import PipeLoopFactory
 

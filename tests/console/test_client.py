@@ -3,17 +3,15 @@
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 
 import pytest
 
-from snr_sim import CommandReceiverFactory, Config, ConsoleClient, Node, RemoteConsole, tasks
+from snr_sim import ConsoleClient, RemoteConsole
 from snr_sim.links.frames import encode_frame
 from snr_sim.prelude.errors import ConfigError, LinkError
-from snr_sim.testing.function_components import FunctionEndpointFactory
 
-TIMEOUT_S = 60.0
+from .conftest import TIMEOUT_S, running
 
 
 class StateLog:
@@ -33,26 +31,11 @@ class StateLog:
             assert self._changed.wait_for(lambda: is_enough(self.sentences), TIMEOUT_S), self.sentences
 
 
-@contextmanager
-def node_at(port: int) -> Iterator[int]:
-    begun = threading.Event()
-    console = CommandReceiverFactory(port)
-    node = Node("urov", Config(factories={"urov": [console, FunctionEndpointFactory(begin=lambda part: begun.set())]}))
-    thread = threading.Thread(target=node.loop)
-    thread.start()
-    assert begun.wait(TIMEOUT_S)
-    try:
-        yield console.port
-    finally:
-        node.enqueue_input(tasks.terminate("test"), "test")
-        thread.join(TIMEOUT_S)
-
-
 @pytest.mark.slow
 def test_client_reports_lost_connection_and_reconnects() -> None:
     states = StateLog()
-    with node_at(0) as port:
-        client = ConsoleClient(("127.0.0.1", port), retry_wait_s=0.01, on_state=states)
+    with running() as (_, address):
+        client = ConsoleClient(address, retry_wait_s=0.01, on_state=states)
         client.__enter__()
         client.wait_until_up(TIMEOUT_S)
     states.wait_for(lambda sentences: len(sentences) == 2)
@@ -62,7 +45,7 @@ def test_client_reports_lost_connection_and_reconnects() -> None:
     with pytest.raises(LinkError, match="no connection"):
         client.ask("list")
     assert client.complete("li") == []
-    with node_at(port):
+    with running(port=address[1]):
         client.wait_until_up(TIMEOUT_S)
         assert not client.ask("list").is_error
         assert client.complete("li") == ["list"]
@@ -77,7 +60,7 @@ def test_script_started_before_its_node_gets_answers() -> None:
     remote = RemoteConsole(("127.0.0.1", port), ["list"], retry_wait_s=0.01, wait_s=TIMEOUT_S)
     thread = threading.Thread(target=lambda: answers.extend(remote.run()))
     thread.start()
-    with node_at(port):
+    with running(port=port):
         thread.join(TIMEOUT_S)
     assert len(answers) == 1
 
@@ -140,8 +123,8 @@ def test_invalid_token_raises_config_error_at_construction() -> None:
 
 @pytest.mark.slow
 def test_invalid_line_is_rejected_by_the_client() -> None:
-    with node_at(0) as port:
-        long, broken = RemoteConsole(("127.0.0.1", port), ["x" * 20_000, "store x \ud800"]).run()
+    with running() as (_, address):
+        long, broken = RemoteConsole(address, ["x" * 20_000, "store x \ud800"]).run()
     assert "20000 characters" in long.text
     assert "UTF-8" in broken.text
     assert long.is_error

@@ -6,8 +6,7 @@ import os
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +20,7 @@ from snr_sim import (
     RemoteConsole,
     SimClock,
     SimRunner,
-    TaskType,
     TimeoutLoopFactory,
-    tasks,
 )
 from snr_sim.console import command_receiver, wire
 from snr_sim.core.lockstep import LockStep
@@ -31,46 +28,13 @@ from snr_sim.links.frames import encode_frame
 from snr_sim.prelude.errors import ConfigError, LinkError
 from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
+from .conftest import TIMEOUT_S, running, wait_for
+
 TOKEN = "a token of at least sixteen bytes"
 HELLO = (
     b'{"$":"hello","protocol":"snr","version":2,"node":"x","nonce":"00000000000000000000000000000000",'
     b'"purpose":"console","auth":false,"max_frame_bytes":1048576}'
 )
-TIMEOUT_S = 60.0  # an upper limit for a very busy machine; usually no test waits this long
-
-
-@contextmanager
-def running(*factories: Any, token: str | None = None) -> Iterator[tuple[Node, tuple[str, int]]]:
-    """Run a node with a console, on a thread of this process."""
-    console = CommandReceiverFactory(0, token=token)
-    part = FunctionEndpointFactory({(TaskType.event, "start"): lambda task, task_id: None})
-    node = Node("urov", Config(factories={"urov": [console, part, *factories]}))
-    failure: list[BaseException] = []
-
-    def run() -> None:
-        try:
-            node.loop()
-        except BaseException as error:
-            failure.append(error)
-
-    thread = threading.Thread(target=run)
-    thread.start()
-    try:
-        wait_for(lambda: console.port != 0 or failure)
-        yield node, ("127.0.0.1", console.port)
-        assert not node.is_finished or node.exit_reason == "asked", "the node has ended by itself"
-    finally:
-        node.enqueue_input(tasks.terminate("test"), "test")
-        thread.join(TIMEOUT_S)
-    assert not failure, failure
-    assert not thread.is_alive()
-
-
-def wait_for(what: Callable[[], Any]) -> None:
-    until_s = time.monotonic() + TIMEOUT_S
-    while not what():
-        assert time.monotonic() < until_s, "timeout"
-        time.sleep(0.005)
 
 
 def open_socket(address: tuple[str, int]) -> socket.socket:

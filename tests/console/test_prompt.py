@@ -12,7 +12,7 @@ from prompt_toolkit.output import DummyOutput
 
 from snr_sim import RemoteConsole
 from snr_sim.console import prompt
-from snr_sim.console.prompt import BoundedFileHistory, NodeCompleter, Prompt, history_file
+from snr_sim.console.prompt import BoundedFileHistory, NodeCompleter, typed_lines
 from snr_sim.console.table import CommandResult
 from snr_sim.prelude.errors import LinkError
 
@@ -53,12 +53,13 @@ def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def typed(keys: PipeInput, text: str, history: Path | None = None) -> list[str]:
     keys.send_text(text)
     client: Any = Client()
-    with Prompt(client, history) as lines:
+    with typed_lines(client, history) as lines:
         return list(lines)
 
 
-def test_ctrl_d_ends_the_prompt_and_ctrl_c_drops_one_line(keys: PipeInput) -> None:
+def test_ctrl_d_ends_the_prompt_and_ctrl_c_drops_one_line(keys: PipeInput, tmp_path: Path) -> None:
     assert typed(keys, f" list \r\rbegun{CTRL_C}dump x\r{CTRL_D}") == ["list", "dump x"]
+    assert (tmp_path / "snr_sim" / "console_history").exists()
 
 
 def test_history_returns_lines_of_earlier_consoles(keys: PipeInput, tmp_path: Path) -> None:
@@ -89,10 +90,6 @@ def test_history_is_bounded_and_ignores_an_unwritable_folder(tmp_path: Path, mon
     nowhere = BoundedFileHistory(tmp_path / "file" / "history")
     nowhere.store_string("x")
     assert list(nowhere.load_history_strings()) == []
-
-
-def test_history_file_is_in_the_user_folder(tmp_path: Path) -> None:
-    assert history_file() == tmp_path / "snr_sim" / "console_history"
 
 
 def test_prompt_prints_answers_and_lost_connection(keys: PipeInput, monkeypatch: pytest.MonkeyPatch) -> None:

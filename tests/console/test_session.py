@@ -12,7 +12,7 @@ from snr_sim.console import commands, session
 from snr_sim.console.commands import TABLE
 from snr_sim.console.formatting import MAX_TEXT_CHARS
 from snr_sim.console.session import ConsoleSession
-from snr_sim.prelude.recorder import TaskRef
+from snr_sim.testing.fake_recorder import FakeRecorder
 from snr_sim.testing.function_components import FunctionEndpointFactory
 
 from .conftest import Talk
@@ -294,32 +294,6 @@ def test_help_has_one_line_per_command(talk: Talk) -> None:
 )
 def test_completion_returns_commands_components_keys_and_events(talk: Talk, line: str, words: list[str]) -> None:
     assert talk.session.complete(line) == words
-
-
-class FakeRecorder:
-    """A recorder that keeps the inputs."""
-
-    def __init__(self) -> None:
-        self.inputs: list[tuple[str, Task]] = []
-
-    def for_node(self, name: str) -> "FakeRecorder":
-        return self
-
-    def begun(self, now_s: float, component: str, scheduled: Any) -> list[TaskRef]:
-        return []
-
-    def input(self, now_s: float, source: str, task: Task) -> TaskRef:
-        self.inputs.append((source, task))
-        return (task, 1, 0, b"[]")
-
-    def task(self, now_s: float, task_ref: TaskRef, handled: Any) -> list[TaskRef]:
-        return [(task, 1, 0, b"[]") for _, outputs in handled for task in outputs]
-
-    def error(self, *args: Any) -> None: ...
-
-    def record_text(self, *args: Any) -> None: ...
-
-    def end(self, *args: Any) -> None: ...
 
 
 def test_changing_commands_are_recorded_inputs_and_reads_are_not() -> None:

@@ -48,7 +48,7 @@ class Network:
         patch.setattr("snr_sim.links.socket_port.listen", lambda host, port, who: SimListener(self, port))
         patch.setattr("snr_sim.links.tcp_client.connect", self.connect)
         patch.setattr(Connector, "begin", Connector._connect)  # at once, without a thread
-        patch.setattr("snr_sim.links.back_off.Random", lambda: self.rng)
+        patch.setattr("snr_sim.links.restarting.Random", lambda: self.rng)
         patch.setattr("snr_sim.core.node.ThreadExecutor", StepExecutor)
 
     def pass_time(self, time_s: float) -> None:

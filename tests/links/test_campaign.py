@@ -16,10 +16,10 @@ from snr_sim.links.frames import encode_frame
 from snr_sim.links.messages import Auth, Bye, HelloMessage, Ping, encode_message
 from snr_sim.links.restarting import RestartingLoop
 from snr_sim.links.streams import Streams
-from snr_sim.links.tcp_server import MAX_NEWCOMERS
+from snr_sim.links.tcp_server import MAX_NEWCOMERS, PAUSE_S
 from snr_sim.prelude.errors import ComponentFailedError
 
-from .simulated_network import HERE, Network, SimSocket, SimTime
+from .simulated_network import HERE, Network, SimSocket, SimTime, failure
 
 STEPS = 120
 SETTLED_S = 60.0  # simulated time in which an honest client has to be served again
@@ -204,7 +204,7 @@ class History:
         transport = link.transport
         own = {stream.descriptor for stream in transport.streams} | {transport._wake_out.fileno()}
         if node is self.robot:
-            own.add(transport._listener.sock.fileno())
+            own.add(transport._listener.fileno())
         assert own <= self.network.open.keys()
         assert {key.fd for key in transport._selector.get_map().values()} <= own
 
@@ -314,3 +314,36 @@ def test_unauthenticated_client_that_resets_keeps_the_honest_client_up(monkeypat
     assert history.link(history.robot).transport.streams == [honest]
     assert not honest.session.is_closed
     assert not history.link(history.robot).failures
+
+
+@pytest.mark.parametrize(("number", "pauses"), [(errno.EMFILE, True), (errno.ECONNABORTED, False)])
+def test_server_that_cannot_accept_pauses_only_without_a_descriptor(
+    history: History, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, number: int, pauses: bool
+) -> None:
+    transport = history.link(history.robot).transport
+
+    def fail() -> None:
+        transport._listener.waiting.clear()  # as if the client had gone: `select` no longer shows it
+        raise failure(number)
+
+    history.connect()
+    with monkeypatch.context() as patch, caplog.at_level(logging.WARNING, "snr"):
+        patch.setattr(transport._listener, "accept", fail)
+        history.rounds(1)
+    assert caplog.messages == ["cannot take a connection: Too many open files"] * pauses
+    is_registered = any(key.fileobj is transport._listener for key in transport._selector.get_map().values())
+    assert is_registered is not pauses, "or the selector would return at once every time"
+    history.network.now_s += PAUSE_S
+    history.connect()
+    history.rounds(2)
+    assert any(stream.where.startswith("192.0.2.1") for stream in transport.streams)
+
+
+def test_paused_server_closes_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    history = History(2, monkeypatch)
+    history.settle()
+    history.network.is_full = True
+    history.connect()
+    history.rounds(1)
+    history.attackers[0].close()
+    history.end()

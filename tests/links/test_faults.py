@@ -50,9 +50,9 @@ def test_frames_sent_during_a_cut_are_lost() -> None:
 def test_channel_with_bandwidth_limit_is_busy_while_it_sends() -> None:
     channel = LossyChannel(LinkFaults(bandwidth_bps=8000.0), 0, "link")
     assert channel.arrivals_s(500, 0.0) == (0.5,)
-    assert not channel.is_free(0.4)
+    assert channel.free_s == 0.5
     assert channel.arrivals_s(500, 0.1) == (1.0,)
-    assert channel.is_free(1.0)
+    assert channel.free_s == 1.0
 
 
 def test_faults_use_independent_random_numbers() -> None:

@@ -116,19 +116,12 @@ def peer_table() -> PeerTable:
 
 def test_address_contains_its_member(peer_table: PeerTable) -> None:
     member = Member("rov 1/*", "auv?node")
-    peer_table.record_join(peer_table.address_of(member, "7"), 0.0)
+    peer_table.mark_present(peer_table.address_of(member, "7"), 0.0, joins=True)
     assert [peer.member for peer in peer_table.present()] == [member]
 
 
-@pytest.mark.parametrize("address", ["snr/fleet/rov1/a%0Ab/7", "snr/fleet/r%1B[2J/auv_node/7"])
-def test_unprintable_member_name_is_ignored(peer_table: PeerTable, address: str) -> None:
-    peer_table.record_join(address, 0.0)
-    assert peer_table.record_page(address, "x", 1, 0.0) == (None, False)
-    assert peer_table.present() == []
-
-
 def test_returning_member_is_new_and_its_last_page_is_not(peer_table: PeerTable) -> None:
-    peer_table.record_join(ADDRESS, 0.0)
+    peer_table.mark_present(ADDRESS, 0.0, joins=True)
     assert (peer_table.consume_new_peer_flag(), peer_table.consume_new_peer_flag()) == (True, False)
     peer, is_new = peer_table.record_page(ADDRESS, "x", 5, 1.0)
     assert (peer, is_new) == (peer_table.present()[0], True)
@@ -137,7 +130,7 @@ def test_returning_member_is_new_and_its_last_page_is_not(peer_table: PeerTable)
     assert peer_table.leave_message == "'rov1/auv_node' left."
     assert peer_table.mark_present(ADDRESS, 2.0) is None  # a reply sent before it left
     assert peer_table.present() == []
-    peer_table.record_join(ADDRESS, 3.0)
+    peer_table.mark_present(ADDRESS, 3.0, joins=True)
     assert peer_table.present() == [peer]
     assert peer_table.consume_new_peer_flag()
     assert peer_table.record_page(ADDRESS, "x", 5, 4.0) == (peer, False)
@@ -158,24 +151,20 @@ def test_skipped_sequence_numbers_are_counted_as_missed(peer_table: PeerTable) -
     assert [peer_table.record_page(ADDRESS, "y", 0, 0.0)[1] for _ in range(3)] == [True] * 3
 
 
-@pytest.mark.parametrize(
-    "address",
-    ["", "snr/fleet", "snr/fleet/a/b", "snr/fleet/a/b/1/more", "snr/other/a/b/1", "snr/fleet/*/b/1", "snr/fleet/**"],
-)
-def test_invalid_address_is_ignored(peer_table: PeerTable, address: str) -> None:
-    peer_table.record_join(address, 0.0)
-    assert peer_table.present() == []
-    assert peer_table.record_page(address, "x", 1, 0.0) == (None, False)
+INVALID = ("", "snr/fleet", "snr/fleet/a/b", "snr/fleet/a/b/1/more", "snr/other/a/b/1")
+HOSTILE = ("snr/fleet/*/b/1", "snr/fleet/**", "snr/fleet/rov1/a%0Ab/7", "snr/fleet/r%1B[2J/auv_node/7")
 
 
-def test_own_address_is_ignored(peer_table: PeerTable) -> None:
+@pytest.mark.parametrize("address", [*INVALID, *HOSTILE, ADDRESS])
+def test_invalid_unprintable_or_own_address_is_ignored(peer_table: PeerTable, address: str) -> None:
     peer_table.own_address = ADDRESS
-    peer_table.record_join(ADDRESS, 0.0)
+    peer_table.mark_present(address, 0.0, joins=True)
+    assert peer_table.record_page(address, "x", 1, 0.0) == (None, False)
     assert peer_table.present() == []
 
 
 def test_flood_of_addresses_uses_bounded_memory_and_keeps_present_members(peer_table: PeerTable) -> None:
-    peer_table.record_join(ADDRESS, 0.0)
+    peer_table.mark_present(ADDRESS, 0.0, joins=True)
     for number in range(2 * MAX_MEMBERS):
         peer_table.record_page(f"snr/fleet/a/b/{number}", "x", 1, 0.0)
     assert [peer.member.robot for peer in peer_table.present()] == ["rov1"]

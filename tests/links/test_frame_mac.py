@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 
 from snr_sim import LinkFaults, Page, SocketsPair, TaskType
 from snr_sim.console.wire import PURPOSE, CommandMessage, decode_request, decode_response, encode_request
-from snr_sim.links.frame_mac import FrameMac
-from snr_sim.links.frames import HEADER_BYTES, MAC_BYTES, LengthPrefixedReader, encode_frame
+from snr_sim.links.frames import HEADER_BYTES, MAC_BYTES, FrameMac, LengthPrefixedReader, encode_frame
 from snr_sim.links.session import Session, SessionConfig
 from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 

@@ -127,11 +127,6 @@ def test_delivered_page_is_a_copy_with_time_and_origin_of_the_sender() -> None:
     assert (pages[1].origin, pages[1].created_at_s) == ("a_node", 0.0)
 
 
-def test_unserialisable_page_raises_error_at_the_sender() -> None:
-    with pytest.raises(ComponentFailedError, match=r"cannot be brought back(.|\n)*store_page 'x'"):
-        carry(MemoryLink(["x"], "a", "b"), [object()])
-
-
 def test_delivered_page_is_an_input_from_the_link() -> None:
     recorder = FakeRecorder()
     simulate({"a": [sends([1])], "b": []}, links=[MemoryLink(["x"], "a", "b")], recorder=recorder)
@@ -205,17 +200,7 @@ def test_random_numbers_of_a_link_are_independent_of_components() -> None:
     assert draws(0.0) == draws(0.9)
 
 
-@pytest.mark.parametrize(
-    "numbers",
-    [
-        {"latency_s": -1},
-        {"jitter_s": float("nan")},
-        {"loss": 1.5},
-        {"loss": -0.1},
-        {"bandwidth_bps": 0},
-        {"latency_s": float("inf")},
-    ],
-)
+@pytest.mark.parametrize("numbers", [{"latency_s": -1}, {"jitter_s": float("nan")}, {"loss": 2}, {"bandwidth_bps": 0}])
 def test_number_out_of_range_raises_parameter_error(numbers: dict[str, float]) -> None:
     with pytest.raises(ParameterError, match=next(iter(numbers))):
         MemoryLink(["x"], "a", "b", **numbers)  # type: ignore[arg-type]
@@ -231,8 +216,9 @@ def test_invalid_keys_or_roles_raise_an_error() -> None:
         SimRunner(config, links=[MemoryLink(["x"], "robot", "topsid")])
 
 
-def test_error_while_sending_contains_the_key() -> None:
+def test_unserialisable_page_raises_error_with_its_key_at_the_sender() -> None:
     loop: list[Any] = []
     loop.append(loop)
-    with pytest.raises(ComponentFailedError, match="store_page 'x'"):
-        carry(MemoryLink(["x"], "a", "b"), [loop])
+    for data, reason in ((loop, ""), (object(), "cannot be brought back")):
+        with pytest.raises(ComponentFailedError, match=rf"{reason}(.|\n)*store_page 'x'"):
+            carry(MemoryLink(["x"], "a", "b"), [data])

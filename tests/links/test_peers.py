@@ -104,7 +104,7 @@ def test_page_stored_while_its_peer_leaves_is_counted(start: Start, pair: Socket
     robot.until_link("t")
     link: Any = robot.node.components["link_t"]
     (peer,) = link.transport.peers.up
-    going = threading.Thread(target=lambda: peer.session.mark_lost("it went.") or link.transport.wake())  # type: ignore[func-returns-value]
+    going = threading.Thread(target=lambda: peer.session.close("it went.") or link.transport.wake())  # type: ignore[func-returns-value]
     accepts = peer.accepts
 
     def accept_slowly(frame: bytes) -> bool:

@@ -11,8 +11,7 @@ from typing import Any
 import pytest
 
 from snr_sim import SocketsPair
-from snr_sim.links.frame_mac import FrameMac
-from snr_sim.links.frames import MAC_BYTES, encode_frame
+from snr_sim.links.frames import MAC_BYTES, FrameMac, encode_frame
 from snr_sim.links.security import derive_key
 
 ROOT = Path(__file__).parents[2]

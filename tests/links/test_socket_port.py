@@ -6,7 +6,7 @@ import ssl
 
 import pytest
 
-from snr_sim.links.tls_errors import describe_tls_error
+from snr_sim.links.socket_port import describe_tls_error
 
 
 @pytest.mark.parametrize("name", ["TLSV1_ALERT_UNKNOWN_CA", "SSLV3_ALERT_CERTIFICATE_EXPIRED"])

@@ -3,7 +3,9 @@
 from itertools import pairwise
 from random import Random
 
-from snr_sim.links.back_off import MAX_RETRY_S, RETRY_FIRST_S, BackOff
+import pytest
+
+from snr_sim.links.restarting import MAX_RETRY_S, RETRY_FIRST_S, BackOff
 
 
 class MaximumRandom(Random):
@@ -13,31 +15,20 @@ class MaximumRandom(Random):
         return b
 
 
-def test_delay_doubles_up_to_the_maximum() -> None:
-    back_off = BackOff(MaximumRandom())
+def test_delay_doubles_up_to_the_maximum_and_reset_returns_to_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("snr_sim.links.restarting.Random", MaximumRandom)
+    back_off = BackOff()
     waits_s = [back_off.next_s() for _ in range(12)]
     assert waits_s[0] == RETRY_FIRST_S
     assert all(later == min(2.0 * wait, MAX_RETRY_S) for wait, later in pairwise(waits_s))
     assert waits_s[-1] == MAX_RETRY_S
+    back_off.reset()
+    assert back_off.next_s() == RETRY_FIRST_S
 
 
 def test_delay_is_random_and_at_least_half_of_the_maximum() -> None:
-    back_off = BackOff(Random(1))
-    for _ in range(10):
-        back_off.next_s()
+    back_off, other = BackOff(), BackOff()
+    assert [back_off.next_s() for _ in range(10)] != [other.next_s() for _ in range(10)]
     waits_s = [back_off.next_s() for _ in range(1000)]
     assert 0.5 * MAX_RETRY_S <= min(waits_s) < 0.55 * MAX_RETRY_S
     assert 0.95 * MAX_RETRY_S < max(waits_s) <= MAX_RETRY_S
-
-
-def test_two_clients_have_different_delays() -> None:
-    one, other = BackOff(), BackOff()
-    assert [one.next_s() for _ in range(5)] != [other.next_s() for _ in range(5)]
-
-
-def test_reset_returns_to_the_first_delay() -> None:
-    back_off = BackOff()
-    for _ in range(8):
-        back_off.next_s()
-    back_off.reset()
-    assert back_off.next_s() <= RETRY_FIRST_S
