@@ -87,19 +87,11 @@ class RecordedRun:
         self.time_s += dt_s
 
     def write(self, name: str, command: Any) -> None:
-        """Raise: a recorded run has no actuators.
-
-        Raises:
-            PlantError: always.
-        """
+        """Raise PlantError: a recorded run has no actuators."""
         raise PlantError(f"'{name}' was written to a recorded run, which nothing moves.", fix="use --io sim.")
 
     def read(self, name: str) -> Any:
-        """Raise: sensor readings are available as pages only.
-
-        Raises:
-            UnknownNameError: always.
-        """
+        """Raise UnknownNameError: sensor readings are available as pages only."""
         raise UnknownNameError(
             f"A recorded run has no output '{name}'.", fix="context.recorded(key) has a sensor's pages."
         )

@@ -28,14 +28,7 @@ from snr_sim.prelude.values import decode_value
 from snr_sim.recording.checker import NodeReplay, ReplayChecker
 from snr_sim.recording.compare import Tolerance
 from snr_sim.recording.reader import Trace
-from snr_sim.recording.records import (
-    BeginRecord,
-    Executed,
-    InputRecord,
-    PageRecord,
-    Record,
-    TaskRecord,
-)
+from snr_sim.recording.records import BeginRecord, Executed, InputRecord, Record
 from snr_sim.recording.reloads import UNCOMPARED
 
 
@@ -110,7 +103,7 @@ class _Driver:
                 self._show(record.t)
                 self._checker.entering = record
                 self._machine.enqueue_replayed(_input_task(record), record.source)
-            elif isinstance(record, (TaskRecord, PageRecord)):
+            elif isinstance(record, Executed):
                 if self._checker.was_interrupted(record):
                     break  # it did not return in the recording, and would block the replay
                 self._execute(record)

@@ -11,7 +11,7 @@ import pytest
 from snr_sim import Config, SimClock, SimRunner, Task, TaskType, tasks
 from snr_sim.devices.loops import ActuatorLoopFactory
 from snr_sim.prelude.errors import ComponentFailedError
-from snr_sim.recording.checker import MAX_FOLLOW_UPS, Divergence, NodeReplay
+from snr_sim.recording.checker import MAX_FOLLOW_UPS, NodeReplay
 from snr_sim.recording.compare import Tolerance
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import EndRecord, ErrorRecord, TaskRecord, encode_record
@@ -515,7 +515,7 @@ def test_failed_loop_keeps_difference_of_preceding_task(tmp_path: Path) -> None:
     assert [one.kind for one in replay(trace, Silent()).divergences] == ["extra"]
 
 
-# Tolerances and the open loop
+# Tolerances
 
 
 def test_difference_within_tolerance_is_identical(recorded: Trace) -> None:
@@ -523,12 +523,3 @@ def test_difference_within_tolerance_is_identical(recorded: Trace) -> None:
     left = replay(recorded, OtherConstant(), "smooth.depth_m=1e-3")
     assert {one.field for one in left.divergences} == {"thrust.thrust_n"}
     assert not replay(recorded, NoThrust(), "*=ignore").is_identical  # a missing page is not a difference of values
-
-
-def test_first_command_returns_divergence_with_seq(recorded: Trace) -> None:
-    replayed = replay(recorded, OtherConstant())
-    command = replayed.first_command
-    assert isinstance(command, Divergence)
-    assert command.seq == seq_of(recorded, "smooth")
-    assert replayed.divergences[0].seq < command.seq
-    assert replay(recorded, ExtraEvent()).first_command is None
