@@ -19,7 +19,6 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
-from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
@@ -42,13 +41,12 @@ _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 _MAX_CHARS = 300
 
 
-def open_view(path: str | Path, web: bool = False, print_line: Callable[[str], None] | None = None) -> None:
+def open_view(path: str | Path, web: bool = False) -> None:
     """Show a view, and return when its window is closed or on Ctrl-C.
 
     Args:
         path: of a view.rrd.
         web: whether to show it in the browser instead of in a window.
-        print_line: receives instructions for the user, with the address; by default they are printed.
 
     Raises:
         MissingExtraError: rerun is not installed.
@@ -63,20 +61,14 @@ def open_view(path: str | Path, web: bool = False, print_line: Callable[[str], N
             _wait_for(_window([str(path)], error_output), error_output)
         return
     with suppress(KeyboardInterrupt), serve_web(path) as url:
-        show = print_line or partial(print, flush=True)
-        show(f"Open {url}\nOnly this computer can reach it. Ctrl-C ends it.")
+        print(f"Open {url}\nOnly this computer can reach it. Ctrl-C ends it.", flush=True)
         while True:
             time.sleep(3600)
 
 
 @contextmanager
 def live_window(url: str, print_line: Callable[[str], None]) -> Iterator[None]:
-    """Show a `LiveView` in rerun's own window, which stays open; report at the end of the block if it has failed.
-
-    Args:
-        url: of the live view.
-        print_line: receives that report.
-    """
+    """Show a `LiveView` in rerun's own window, which stays open; print at the end of the block if it has failed."""
     with tempfile.TemporaryFile() as error_output:
         process = _window(["--connect", url], error_output)
         yield
@@ -91,9 +83,6 @@ def check_display(asked: str, instead: str) -> None:
     Args:
         asked: the command or option that opens the window.
         instead: the command that shows the same in a browser.
-
-    Raises:
-        TraceError: there is no display.
     """
     if sys.platform == "linux" and not any(os.environ.get(name) for name in _DISPLAYS):
         raise TraceError(
@@ -196,16 +185,8 @@ def _web_viewer() -> Iterator[int]:
     It is started without a file, because with one it keeps a core busy while it runs (0.41).
     """
     port = free_port()
-    command = [
-        *viewer_command(),
-        "--serve-web",
-        "--bind",
-        LOOPBACK,
-        "--web-viewer-port",
-        str(port),
-        "--port",
-        str(free_port()),
-    ]
+    command = [*viewer_command(), "--serve-web", "--bind", LOOPBACK, "--web-viewer-port", str(port)]
+    command += ["--port", str(free_port())]
     process = subprocess.Popen(command, env=viewer_environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         _wait_until_it_answers(process, port)

@@ -40,8 +40,7 @@ class Writer:
     """Writer of one run to a stream.
 
     Args:
-        rr: the module rerun, which only `view.py` imports.
-        stream: a recording stream of it.
+        rr, stream: the module rerun, which only `view.py` imports, and a recording stream of it.
         header: of the run.
         root: prefix of its entities, if there are two runs in the stream.
         layout: shared by the runs in the stream; by default a new one.
@@ -127,10 +126,7 @@ class Writer:
         is_failure = is_truth and parts[1].startswith(BROKEN)
         plot = FAILURES if is_failure else FLAGS if series.is_flag else ""
         line = PlotLine(self._sender.entity(*parts), legend, unit, is_truth, plot, is_step=bool(plot))
-        color, width = color_and_width(line, self.layout.lines)
-        if is_truth or self._is_plotted(parts):
-            self.layout.lines.append(line)
-        self._send_style(line, color, width)
+        self._add_line(line, is_truth or self._is_plotted(parts))
 
     def _is_plotted(self, parts: tuple[str, ...]) -> bool:
         """Return whether a number is plotted: not pages of other nodes, sequence numbers or counts of links.
@@ -157,14 +153,14 @@ class Writer:
                 self._sender.send(entity, series.when, [self._sender.numbers(report.series.values)])
             if (entity, report.plot) not in self._known:
                 self._known.add((entity, report.plot))
-                is_step = report.series is None
-                line = PlotLine(entity, f"{node} {report.name}", "", False, report.plot, is_step)
-                color, width = color_and_width(line, self.layout.lines)
-                self.layout.lines.append(line)
-                self._send_style(line, color, width)
+                line = PlotLine(entity, f"{node} {report.name}", "", False, report.plot, is_step=report.series is None)
+                self._add_line(line, is_plotted=True)
 
-    def _send_style(self, line: PlotLine, rgba: tuple[int, int, int, int], width: float) -> None:
-        """Send the style of a line."""
+    def _add_line(self, line: PlotLine, is_plotted: bool) -> None:
+        """Send the style of a line, and add it to the layout if it is plotted."""
+        rgba, width = color_and_width(line, self.layout.lines)
+        if is_plotted:
+            self.layout.lines.append(line)
         mode = "StepAfter" if line.is_step else None
         style = self._sender.rr.SeriesLines(names=line.name, colors=rgba, widths=width, interpolation_mode=mode)
         self._sender.log(line.entity, style)
@@ -173,10 +169,8 @@ class Writer:
         """Send camera images."""
         rr, entity = self._sender.rr, self._sender.entity(*parts)
         formats = [
-            rr.components.ImageFormat(
-                width=image.shape[1], height=image.shape[0], color_model="RGB", channel_datatype="U8"
-            )
-            for image in images
+            rr.components.ImageFormat(width=wide, height=high, color_model="RGB", channel_datatype="U8")
+            for high, wide, _ in (image.shape for image in images)
         ]
         self._sender.send(entity, when, rr.Image.columns(buffer=[image.tobytes() for image in images], format=formats))
         if entity not in self.layout.images:

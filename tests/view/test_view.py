@@ -38,7 +38,7 @@ from snr_sim.recording.records import (
     TruthRecord,
 )
 from snr_sim.recording.trace import TraceWriter
-from snr_sim.view import view, view_file, view_server
+from snr_sim.view import view, view_server
 
 rr = pytest.importorskip("rerun")
 from rerun.chunk import RrdReader  # noqa: E402
@@ -248,7 +248,7 @@ def test_comparison_begins_with_layout(tmp_path: Path) -> None:
 def test_long_run_begins_with_layout_and_ends_with_final_layout(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(view_file, "BATCH_RECORDS", 7)
+    monkeypatch.setattr(view, "BATCH_RECORDS", 7)
     layouts, (run,) = beginnings(written(tmp_path, fall(30)))
     assert len(layouts) == 2
     assert min(layouts) < run < max(layouts)
@@ -320,7 +320,7 @@ def test_undecodable_object_is_skipped(tmp_path: Path) -> None:
 
 
 def test_run_is_processed_in_batches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(view_file, "BATCH_RECORDS", 7)
+    monkeypatch.setattr(view, "BATCH_RECORDS", 7)
     held: list[int] = []
     extend = Batch.extend
     monkeypatch.setattr(Batch, "extend", lambda self, some: (held.append(len(list(some))), extend(self, some))[1])
@@ -363,7 +363,7 @@ def test_interrupted_view_leaves_no_file(tmp_path: Path, monkeypatch: pytest.Mon
         raise KeyboardInterrupt
 
     TraceWriter(tmp_path / "trace.jsonl", header()).close()
-    monkeypatch.setattr(view_file.ViewFile, "send", interrupted)
+    monkeypatch.setattr(view.ViewFile, "send", interrupted)
     with pytest.raises(KeyboardInterrupt):
         view.view_of(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["trace.jsonl"]
