@@ -216,20 +216,19 @@ class Batch:
                     when = When.of([records[i] for i, _ in seen])
                     yield node, (key, field), when, [image for _, image in seen]
 
-    def page_texts(self, fields: Sequence[str]) -> Iterator[tuple[str, list[float], list[str]]]:
-        """Return the texts in some fields of pages at the node that created them: field, times [s], texts."""
+    def page_texts(self, field: str) -> Iterator[tuple[list[float], list[str]]]:
+        """Return the texts in a field of each key's pages, at the node that created them: times [s], texts."""
         for (node, key), records in self._pages.items():
             if self.is_copy(node, key):
                 continue
             data = page_data([record.values for record in records])
-            for field in fields:
-                found = [
-                    (record.t, one[field])
-                    for record, one in zip(records, data, strict=True)
-                    if isinstance(one, dict) and isinstance(one.get(field), str)
-                ]
-                if found:
-                    yield field, [time_s for time_s, _ in found], [text for _, text in found]
+            found = [
+                (record.t, one[field])
+                for record, one in zip(records, data, strict=True)
+                if isinstance(one, dict) and isinstance(one.get(field), str)
+            ]
+            if found:
+                yield [time_s for time_s, _ in found], [text for _, text in found]
 
     def is_copy(self, node: str, key: str) -> bool:
         """Return whether another node created the first page of a key at a node: it came over a link."""
