@@ -130,13 +130,12 @@ class SceneSender:
         if ("poses", body) not in self._known:
             self._known.add(("poses", body))
             self._register_body(body, entity, positions)
-        vectors = self._sender.vectors
-        there = vectors("Transform3D:translation", positions)
-        self._sender.send(entity, when, [there, vectors("Transform3D:quaternion", poses[:, 3:])])
-        self._sender.send(self._sender.entity("truth", "poses", body), when, [self._sender.numbers(poses.ravel(), 7)])
+        transform = self._sender.rr.Transform3D
+        self._sender.send(entity, when, transform.columns(translation=positions, quaternion=poses[:, 3:]))
+        self._sender.send_numbers(self._sender.entity("truth", "poses", body), when, poses.ravel(), per_row=7)
         if body == self._main_body:
             # Moves without rotating: in this view the body stays in the middle and the ground stays level.
-            self._sender.send(self._sender.entity("world", FOLLOWER), when, [there])
+            self._sender.send(self._sender.entity("world", FOLLOWER), when, transform.columns(translation=positions))
             self._path.extend(positions)
             self._layout.low_m = np.minimum(self._layout.low_m, positions.min(axis=0)).tolist()
             self._layout.high_m = np.maximum(self._layout.high_m, positions.max(axis=0)).tolist()
@@ -185,12 +184,10 @@ class SceneSender:
             self._sender.log(newtons, style)
         self._longest[is_flow] = max(self._longest[is_flow], float(lengths.max()))
         pushes = lengths > 0  # a zero force is not drawn, not even as a dot
-        offsets = np.concatenate(([0], np.cumsum(pushes))).astype(np.int32)
-        send, column = self._sender.send, self._sender.vectors
-        send(entity, when, [column("Transform3D:translation", arrows[:, :3])])
+        self._sender.send(entity, when, rr.Transform3D.columns(translation=arrows[:, :3]))
         # The tip, not the tail, is where the force acts. Drawn upwards from the nozzle, the hull would hide it.
-        tips = column("Arrows3D:vectors", vectors[pushes], offsets)
-        send(newtons, when, [tips, column("Arrows3D:origins", -vectors[pushes], offsets)])
+        tips = rr.Arrows3D.columns(vectors=vectors[pushes], origins=-vectors[pushes]).partition(pushes)
+        self._sender.send(newtons, when, tips)
 
     def _send_broken(self, truths: Sequence[TruthRecord]) -> None:
         """Mark broken thrusters at the points where their forces act."""
@@ -204,10 +201,10 @@ class SceneSender:
                 look = {"radii": rr.Radius.ui_points(7.0), "colors": TAUT_RGB}
                 style = rr.Points3D.from_fields(**look, labels=[f"{thruster} is broken"], show_labels=True)
                 self._sender.log(entity, style)
-            broken = np.array([bool(truth.values.get(name)) for truth in truths])
-            spots = [truth.vectors[thruster][:3] for truth, is_so in zip(truths, broken, strict=True) if is_so]
-            offsets = np.concatenate(([0], np.cumsum(broken))).astype(np.int32)
-            self._sender.send(entity, When.of(truths), [self._sender.vectors("Points3D:positions", spots, offsets)])
+            is_broken = [bool(truth.values.get(name)) for truth in truths]
+            spots = [truth.vectors[thruster][:3] for truth, is_so in zip(truths, is_broken, strict=True) if is_so]
+            marks = rr.Points3D.columns(positions=np.reshape(spots, (-1, 3)))
+            self._sender.send(entity, When.of(truths), marks.partition(is_broken))
 
     def _scale_arrows(self) -> None:
         """Send the scale from newtons to metres: static, so the data stay in newtons and a live run can adapt it."""

@@ -92,7 +92,7 @@ class Writer:
             colors=DIVERGENCE_RGB, markers="diamond", marker_sizes=4.0, names="differs"
         )
         self._sender.log("/divergences/marks", marks)
-        self._sender.send("/divergences/marks", marked, [self._sender.numbers(np.zeros(len(marked)))])
+        self._sender.send_numbers("/divergences/marks", marked, np.zeros(len(marked)))
         self.layout.has_divergences = True
 
     def _send_run(self) -> None:
@@ -111,7 +111,7 @@ class Writer:
         self.layout.end_s = max(self.layout.end_s, float(series.when.t_s[-1]))
         factor = self._factors.get(parts)
         values = series.values if factor is None else factor * series.values
-        self._sender.send(entity, series.when, [self._sender.numbers(values)])
+        self._sender.send_numbers(entity, series.when, values)
         if series.is_flag and not is_of_link(series.path):
             self._track_flag(entity, series)
         if is_of_link(series.path) and not self._root:
@@ -150,7 +150,7 @@ class Writer:
         for report in self._links.of(node, series):
             if report.series is not None:
                 entity = self._sender.entity(node, "links", *report.series.path)
-                self._sender.send(entity, series.when, [self._sender.numbers(report.series.values)])
+                self._sender.send_numbers(entity, series.when, report.series.values)
             if (entity, report.plot) not in self._known:
                 self._known.add((entity, report.plot))
                 line = PlotLine(entity, f"{node} {report.name}", "", False, report.plot, is_step=report.series is None)
@@ -178,14 +178,13 @@ class Writer:
 
     def _send_log(self, parts: tuple[str, ...], rows: LogRows, at_top: bool = False) -> None:
         entity = "/" + parts[0] if at_top else self._sender.entity(*parts)
-        words = self._sender.words
-        self._sender.send(entity, rows.when, [words("TextLog:text", rows.texts), words("TextLog:level", rows.levels)])
+        self._sender.send(entity, rows.when, self._sender.rr.TextLog.columns(text=rows.texts, level=rows.levels))
         log = self._sender.entity(parts[0])
         if log not in self.layout.logs and not at_top:
             self.layout.logs.append(log)
 
     def _send_contents(self, node: str, when: When, texts: list[str]) -> None:
         entity = self._sender.entity(node, "contents")
-        self._sender.send(entity, when, [self._sender.words("TextDocument:text", texts)])
+        self._sender.send(entity, when, self._sender.rr.TextDocument.columns(text=texts))
         if entity not in self.layout.contents:
             self.layout.contents.append(entity)
