@@ -48,33 +48,21 @@ Compared: TypeAlias = Executed | BeginRecord  # a record with tasks that compone
 
 @dataclass(frozen=True)
 class Divergence:
-    """One difference between the replay and the recording.
+    """One difference between the replay and the recording."""
 
-    Args:
-        seq, t, node: of the recorded task whose handling differs.
-        task: that task, as text.
-        component, handler: whose result differs.
-        kind: 'value', 'missing', 'extra', 'reordered' or 'raised'.
-        field: path to the value, or the task that is missing or extra.
-        recorded, replayed: the two values.
-        causes: from the input to the task, one line each.
-        is_command: whether the differing page drives an actuator.
-        hint: likely cause, if the difference matches a known pattern.
-    """
-
-    seq: int
+    seq: int  # of the recorded task whose handling differs, as the next two
     t: float
     node: str
-    task: str
-    component: str
+    task: str  # that task, as text
+    component: str  # whose result differs
     handler: str
-    kind: str
-    field: str
+    kind: str  # 'value', 'missing', 'extra', 'reordered' or 'raised'
+    field: str  # path to the value, or the task that is missing or extra
     recorded: Any
     replayed: Any
-    causes: list[str]
-    is_command: bool
-    hint: str = ""
+    causes: list[str]  # from the input to the task, one line each
+    is_command: bool  # whether the differing page drives an actuator
+    hint: str = ""  # likely cause, if the difference matches a known pattern
 
 
 @dataclass

@@ -90,10 +90,8 @@ def first_difference(
     """
     if recorded == replayed:
         return None
-    for difference in _differences(name, *(_roots(kind, raw) for raw in (recorded, replayed))):
-        if not any(_passes(tolerance, difference) for tolerance in tolerances):
-            return difference
-    return None
+    found = _differences(name, *(_roots(kind, raw) for raw in (recorded, replayed)))
+    return next((one for one in found if not any(_passes(tolerance, one) for tolerance in tolerances)), None)
 
 
 def only_reordered(recorded: Sequence[bytes], replayed: Sequence[bytes]) -> bool:
@@ -157,12 +155,10 @@ def _mark(value: Any) -> Any:
     mark = value[TAG]
     if mark == "float":
         return None
-    return (mark, value.get("dtype"), value.get("shape"), _class(value.get("type")))
-
-
-def _class(name: Any) -> Any:
-    """Return a class name without the module of a program, whose name differs in a replay."""
-    return _PROGRAM.sub("", name) if isinstance(name, str) else name
+    kind = value.get("type")
+    if isinstance(kind, str):
+        kind = _PROGRAM.sub("", kind)  # a program is a module whose name differs in a replay
+    return (mark, value.get("dtype"), value.get("shape"), kind)
 
 
 def _without_mark(value: Any) -> Any:

@@ -57,18 +57,11 @@ _decode_line = msgspec.json.Decoder(TableLine).decode
 
 @dataclass(frozen=True)
 class KeptFile:
-    """A file that a run was recorded with.
+    """A file that a run was recorded with."""
 
-    Args:
-        path: where it was; never opened.
-        sha256: of its bytes.
-        is_own: whether this user has recorded a run with it on this computer.
-        data: its bytes.
-    """
-
-    path: Path
-    sha256: str
-    is_own: bool
+    path: Path  # where it was; never opened
+    sha256: str  # of its bytes
+    is_own: bool  # whether this user has recorded a run with it on this computer
     data: bytes
 
 
