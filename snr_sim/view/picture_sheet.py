@@ -52,17 +52,11 @@ ALIGNED = {"l": "left", "m": "center", "r": "right"}
 
 
 class Part(NamedTuple):
-    """A polygon or a line on a sheet.
+    """A polygon or a line on a sheet."""
 
-    Args:
-        points: shape (n, 2), in points.
-        rgb: its colour.
-        width: of the line in points; of a polygon 0.
-    """
-
-    points: Floats
+    points: Floats  # shape (n, 2), in points
     rgb: Rgb
-    width: float = 0.0
+    width: float = 0.0  # of the line in points; of a polygon 0
 
 
 class Sheet:
@@ -123,11 +117,9 @@ class Sheet:
     def scale(
         self, axis: Axis, count: int, room_low: float = 0.0, room_high: float = 0.0, mark: Rgb | None = None
     ) -> None:
-        """Write about `count` round numbers along an axis.
+        """Write about `count` round numbers along an axis of the axes that `axes` returned.
 
         Args:
-            axis: of the axes that `axes` returned.
-            count: of numbers.
             room_low, room_high: margins at its ends without numbers, in values of the axis.
             mark: colour of a short line at each number.
         """
@@ -145,10 +137,8 @@ class Sheet:
         """Write a line of text.
 
         Args:
-            at: position.
-            words: the text.
-            size: of the letters.
-            rgb: of the letters.
+            at, words: position and text.
+            size, rgb: of the letters.
             anchor: the point of the text at that position: 'lt' left top, 'rm' right middle, ...
             options: further arguments of `Figure.text`.
         """

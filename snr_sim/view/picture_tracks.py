@@ -19,21 +19,13 @@ TURN_RAD, FLAT, FLAT_M = math.radians(45.0), 4.0, 0.05  # see `wants_map`
 
 @dataclass(frozen=True)
 class BodyTracks:
-    """Paths of the bodies.
+    """Paths of the bodies."""
 
-    Args:
-        times_s: shape (n,).
-        poses: of each body, shape (n, 7).
-        arrows: rows of each arrow, by the index of the time.
-        values: the true numbers, by name.
-        touchdown_s: when it first touched the ground, if it did.
-    """
-
-    times_s: Floats
-    poses: dict[str, Floats]
-    vectors: list[dict[str, list[float]]]
-    values: list[dict[str, float]]
-    touchdown_s: float | None
+    times_s: Floats  # shape (n,)
+    poses: dict[str, Floats]  # of each body, shape (n, 7)
+    vectors: list[dict[str, list[float]]]  # arrows at each time
+    values: list[dict[str, float]]  # the true numbers at each time, by name
+    touchdown_s: float | None  # when it first touched the ground, if it did
 
 
 def is_in_water(header: Header) -> bool:

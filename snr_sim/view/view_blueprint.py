@@ -37,61 +37,36 @@ DEPTH = "depth"
 
 @dataclass(frozen=True)
 class PlotLine:
-    """One line in one plot.
+    """One line in one plot."""
 
-    Args:
-        entity: path of the entity with its values.
-        name: in the legend.
-        unit: as text; empty if it has none.
-        is_truth: whether it is a true state of the plant; otherwise it is a value in a node's page.
-        plot: title of its plot; empty if it follows from unit and name.
-        is_step: whether it holds each value until the next; otherwise it is interpolated linearly.
-    """
-
-    entity: str
-    name: str
-    unit: str
-    is_truth: bool
-    plot: str = ""
-    is_step: bool = False
+    entity: str  # path of the entity with its values
+    name: str  # in the legend
+    unit: str  # as text; empty if it has none
+    is_truth: bool  # a true state of the plant; otherwise a value in a node's page
+    plot: str = ""  # title of its plot; empty if it follows from unit and name
+    is_step: bool = False  # whether it holds each value until the next; otherwise it is interpolated linearly
 
 
 @dataclass
 class Layout:
-    """What the view holds, collected while it is written.
+    """What the view holds, collected while it is written."""
 
-    Args:
-        title: of the run.
-        roots: '' or, for two runs side by side, two such as '/recorded' and '/replayed'.
-        bodies: entities of the first body of each run.
-        cameras: entities that move with them.
-        low_m, high_m: corners of the box in which bodies moved.
-        landmarks: corners of named objects in the world.
-        body_size_m: longest edge of the largest body.
-        is_in_water: whether there is a water surface.
-        contents: entities of pages as text, one for each node.
-        images: entities of camera images.
-        changed_flags: entities of flags that changed during the run.
-        end_s: time of the last number.
-        has_divergences: whether differences between two runs are marked.
-    """
-
-    title: str
-    roots: list[str] = field(default_factory=lambda: [""])
+    title: str  # of the run
+    roots: list[str] = field(default_factory=lambda: [""])  # for two runs two such as '/recorded' and '/replayed'
     lines: list[PlotLine] = field(default_factory=list)
     logs: list[str] = field(default_factory=list)
-    bodies: list[str] = field(default_factory=list)
-    cameras: list[str] = field(default_factory=list)
-    low_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    bodies: list[str] = field(default_factory=list)  # entities of the first body of each run
+    cameras: list[str] = field(default_factory=list)  # entities that move with them
+    low_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])  # corner of the box in which bodies moved
     high_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
-    landmarks: list[list[float]] = field(default_factory=list)
-    body_size_m: float = 1.0
-    is_in_water: bool = False
-    contents: list[str] = field(default_factory=list)
-    images: list[str] = field(default_factory=list)
-    changed_flags: list[str] = field(default_factory=list)
-    end_s: float = 0.0
-    has_divergences: bool = False
+    landmarks: list[list[float]] = field(default_factory=list)  # corners of named objects in the world
+    body_size_m: float = 1.0  # longest edge of the largest body
+    is_in_water: bool = False  # whether there is a water surface
+    contents: list[str] = field(default_factory=list)  # entities of pages as text, one for each node
+    images: list[str] = field(default_factory=list)  # entities of camera images
+    changed_flags: list[str] = field(default_factory=list)  # entities of flags that changed during the run
+    end_s: float = 0.0  # time of the last number
+    has_divergences: bool = False  # whether differences between two runs are marked
 
 
 def name_and_unit(path: Sequence[str]) -> tuple[str, str]:
@@ -192,13 +167,7 @@ def _title(lines: Sequence[PlotLine]) -> str:
 
 
 def blueprint(rrb: Any, layout: Layout, follow_time: bool = False) -> Any:
-    """Return the layout for rerun.
-
-    Args:
-        rrb: the module rerun.blueprint; this file does not import it.
-        layout: content of the view.
-        follow_time: whether the view stays with the newest data, as for a run in progress.
-    """
+    """Return the layout for rerun, of which `rrb` is the module blueprint; `follow_time` stays with the newest data."""
     left: list[Any] = []
     if layout.bodies:
         left.append(rrb.Horizontal(_follow(rrb, layout), _overview(rrb, layout, follow_time), column_shares=[3, 2]))
