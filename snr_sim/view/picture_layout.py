@@ -40,9 +40,8 @@ class SheetProjection:
         width, height = right - left, bottom - top
         margin = 1.3 * BODY_FRACTION
         spread_along = max(float(np.ptp(along)), 1e-9)
-        self.z_scale = (
-            height * (1.0 - margin - GROUND_FRACTION) / max(float(np.ptp(heights)), body_m / BODY_FRACTION * 0.5)
-        )
+        spread_z = max(float(np.ptp(heights)), body_m / BODY_FRACTION * 0.5)
+        self.z_scale = height * (1.0 - margin - GROUND_FRACTION) / spread_z
         if is_time:
             self.scale = width * (1.0 - 1.15 * margin) / spread_along
         else:
@@ -113,10 +112,8 @@ class TrackView:
 
     Attributes:
         path: on the sheet, shape (n, 2).
-        enlargement: enlargement of the body.
-        size: of the body on the sheet.
-        strobe_indices: indices of the times at which it is drawn.
-        positions: its position at each of them.
+        enlargement, size: of the body on the sheet.
+        strobes: index of each time at which it is drawn, and its position then.
     """
 
     def __init__(
@@ -124,14 +121,12 @@ class TrackView:
     ) -> None:
         self.path = projection.at(along, feet[:, 2])
         _, top, _, bottom = projection.area
-        self.enlargement = min(
-            max_enlargement, max(1.0, BODY_FRACTION * (bottom - top) / (size_m * projection.z_scale))
-        )
+        enlargement = BODY_FRACTION * (bottom - top) / (size_m * projection.z_scale)
+        self.enlargement = min(max_enlargement, max(1.0, enlargement))
         self.size = size_m * projection.z_scale * self.enlargement
-        self.strobe_indices = find_strobe_indices(self.path, 1.25 * self.size)
-        self.positions = [
-            SheetPosition(self.path[i], feet[i], projection.z_scale * self.enlargement) for i in self.strobe_indices
-        ]
+        scale = projection.z_scale * self.enlargement
+        indices = find_strobe_indices(self.path, 1.25 * self.size)
+        self.strobes = [(i, SheetPosition(self.path[i], feet[i], scale)) for i in indices]
 
 
 def feet_and_size(bodies: dict[str, list[dict[str, Any]]]) -> tuple[float, float]:
@@ -186,8 +181,7 @@ class Labels:
         Args:
             sheet: to write on.
             words: of the label.
-            size: of the letters.
-            rgb: of the letters.
+            size, rgb: of the letters.
             candidates: x, y, and the fraction of the width to the left of x, 0 to 1.
         """
         width = sheet.text_width(words, size)

@@ -32,23 +32,20 @@ def draw_scene(sheet: Sheet, header: Header, tracks: BodyTracks) -> None:
     along = tracks.times_s if is_time else feet[:, 0]
     projection = SheetProjection(along, feet[:, 2], size_m, is_time)
     track_view = TrackView(projection, along, feet, size_m, math.inf)
-    strobes = list(zip(track_view.strobe_indices, track_view.positions, strict=True))
     points_per_newton = 0.8 * track_view.size / strongest_of(tracks.vectors)
     parts = [Part(track_view.path, PATH, 1.2)]
-    for i, position in strobes:
+    for i, position in track_view.strobes:
         parts += flame_parts(position, tracks.vectors[i], points_per_newton, FLAME)
     cuts = ground_cuts(header.scene.get("statics", {}))
     if is_time:  # only the ground at the landing position
         cuts = [(rgb, _level(cut)) for rgb, cut in cuts]
     parts += ground_parts(cuts, projection.at, projection.columns(), projection.area[3], SKY)  # over flames, under feet
-    for i, position in strobes:
-        parts += body_parts(
-            position, [(shape, poses[i]) for body, poses in tracks.poses.items() for shape in bodies[body]]
-        )
+    for i, position in track_view.strobes:
+        shapes = [(shape, poses[i]) for body, poses in tracks.poses.items() for shape in bodies[body]]
+        parts += body_parts(position, shapes)
         x, y = track_view.path[i]
-        sheet.text(
-            (x + 0.62 * track_view.size, y - 0.5 * track_view.size), f"{tracks.times_s[i]:.0f} s", 9.5, PALE, "lm"
-        )
+        beside = (x + 0.62 * track_view.size, y - 0.5 * track_view.size)
+        sheet.text(beside, f"{tracks.times_s[i]:.0f} s", 9.5, PALE, "lm")
     projection.draw(sheet, parts, SKY)
     if track_view.enlargement > 1.5:
         words = f"{main} drawn {track_view.enlargement:.0f} times its size"
