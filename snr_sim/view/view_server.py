@@ -18,7 +18,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import closing, contextmanager, nullcontext, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
@@ -42,11 +42,7 @@ _MAX_CHARS = 300
 
 
 def open_view(path: str | Path, web: bool = False) -> None:
-    """Show a view, and return when its window is closed or on Ctrl-C.
-
-    Args:
-        path: of a view.rrd.
-        web: whether to show it in the browser instead of in a window.
+    """Show a view.rrd in a window, or in the browser; return when its window is closed or on Ctrl-C.
 
     Raises:
         MissingExtraError: rerun is not installed.
@@ -143,11 +139,7 @@ class _PageHandler(BaseHTTPRequestHandler):
         except OSError as error:
             self.send_error(404, str(error))
             return
-        self.send_response(200)
-        self.send_header("Content-Type", "application/octet-stream")
-        self.send_header("Content-Length", str(len(content)))
-        self.end_headers()
-        self.wfile.write(content)
+        self._answer(200, {"Content-Type": "application/octet-stream"}, content)
 
     def _proxy(self) -> None:
         try:
@@ -156,23 +148,21 @@ class _PageHandler(BaseHTTPRequestHandler):
         except (OSError, SnrError) as error:
             self.send_error(502, f"the viewer does not answer: {error}")
             return
-        self.send_response(answer.status)
-        for name in PROXIED_HEADERS:
-            if value := answer.getheader(name):
-                self.send_header(name, value)
-        self.send_header("Content-Length", str(len(body)))
-        self.send_header("Content-Security-Policy", POLICY)
+        headers = {name: value for name in PROXIED_HEADERS if (value := answer.getheader(name))}
+        self._answer(answer.status, {**headers, "Content-Security-Policy": POLICY}, body)
+
+    def _answer(self, status: int, headers: dict[str, str], body: bytes) -> None:
+        self.send_response(status)
+        for name, value in {**headers, "Content-Length": str(len(body))}.items():
+            self.send_header(name, value)
         self.end_headers()
         self.wfile.write(body)
 
     def _ask(self, port: int) -> tuple[http.client.HTTPResponse, bytes]:
-        viewer = http.client.HTTPConnection(LOOPBACK, port, timeout=START_DEADLINE_S)
-        try:
+        with closing(http.client.HTTPConnection(LOOPBACK, port, timeout=START_DEADLINE_S)) as viewer:
             viewer.request("GET", self.path)
             answer = viewer.getresponse()
             return answer, answer.read()
-        finally:
-            viewer.close()
 
     def log_message(self, format: str, *args: object) -> None:  # noqa: A002 (the name of the overridden method)
         """Log nothing: each of the page's requests would print a line in the student's terminal."""
