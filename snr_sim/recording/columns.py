@@ -173,12 +173,11 @@ class Batch:
             is_sent = pushes | np.concatenate((np.array([True]), pushes[:-1]))
             yield name, when[is_sent], vectors[is_sent]
 
-    def pages(self) -> dict[str, dict[str, list[PageRecord]]]:
-        """Return the pages that were stored, by node and key."""
-        by_node: dict[str, dict[str, list[PageRecord]]] = {}
-        for (node, key), records in self._pages.items():
-            by_node.setdefault(node, {})[key] = records
-        return by_node
+    def pages(self) -> Iterator[tuple[str, list[PageRecord]]]:
+        """Return the pages that were stored at each node, in order."""
+        for node, records in self._executed.items():
+            if pages := [record for record in records if isinstance(record, PageRecord)]:
+                yield node, pages
 
     def stored_by(self, page: PageRecord) -> str:
         """Return what stored a page, for example 'autopilot.steer in process_data depth', or its source."""
