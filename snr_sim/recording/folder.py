@@ -59,9 +59,9 @@ def _check_room(folder: Path) -> None:
     room = shutil.disk_usage(folder)
     if room.total and room.free < MIN_FREE_BYTES:  # some network disks report neither
         discard(folder)
-        free_mb, required_mb = room.free / 1e6, MIN_FREE_BYTES / 1e6
+        free = f"{room.free / 1e6:.0f} MB free, and a run begins with {MIN_FREE_BYTES / 1e6:.0f} MB"
         raise TraceError(
-            f"The disk of {folder.parent} has {free_mb:.0f} MB free, and a run begins with {required_mb:.0f} MB.",
+            f"The disk of {folder.parent} has {free}.",
             fix="make room on the disk, or record to another one with --out.",
         )
 
@@ -195,13 +195,7 @@ def trace_warnings(trace: Trace) -> list[str]:
 
 
 def environment_changes(header: Header, packages: Mapping[str, str], version: str) -> list[str]:
-    """Return each difference between what a run was recorded with and this process, as text.
-
-    Args:
-        header: of the recorded run.
-        packages: versions now, as in a header.
-        version: version of snr_sim now.
-    """
+    """Return each difference between what a run was recorded with and these packages and version, as text."""
     pairs = {
         "snr_sim": (header.version, version),
         "Python": (header.python, platform.python_version()),
