@@ -19,14 +19,10 @@ _encode = msgspec.json.Encoder().encode
 
 @dataclass(frozen=True)
 class Tolerance:
-    """Allowed difference between numbers whose path matches a pattern.
+    """Allowed difference between numbers whose path matches a pattern."""
 
-    Args:
-        pattern: of paths such as 'engine.throttle' or 'inertial.position_m[0]'; * and ? as in file names.
-        absolute, relative: differences within either are ignored. Infinity accepts everything, also other types.
-    """
-
-    pattern: str
+    pattern: str  # of paths such as 'engine.throttle' or 'inertial.position_m[0]'; * and ? as in file names
+    # Differences within either are ignored. Infinity accepts everything, also other types.
     absolute: float = 0.0
     relative: float = 0.0
 

@@ -23,9 +23,6 @@ _SENSOR_LOOP = "_sensor"  # suffix of a sensor loop's name, after the key
 class RecordedRun:
     """Plant that plays back a recorded run. Implements the reading half of `Plant`; its verdict is only the end.
 
-    Args:
-        trace: of the run.
-
     Raises:
         TraceError: the trace has no sensor readings.
     """

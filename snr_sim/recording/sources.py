@@ -66,13 +66,9 @@ class KeptFile:
 
 
 class KeepingFiles(SourceFiles):
-    """Files on the disk that are copied into the run folder when they are read.
+    """Files on the disk; those of the user's own program are copied into the run folder when they are read.
 
     A failed copy does not end the run: a replay then requires the file, or `--with`.
-
-    Args:
-        run: the run folder.
-        is_kept: whether a file is of the user's own program.
     """
 
     def __init__(self, run: Path, is_kept: Callable[[Path], bool]) -> None:

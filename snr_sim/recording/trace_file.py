@@ -13,14 +13,7 @@ _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.ENOSYS)  # pipes, and some ne
 
 
 class TraceFile:
-    """Append-only file.
-
-    Args:
-        path: of the file, which must not exist.
-
-    Raises:
-        OSError: here and in every method: the disk is full, broken or gone.
-    """
+    """Append-only file, which must not exist. Every method raises an OSError if the disk is full, broken or gone."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

@@ -26,12 +26,9 @@ class TraceListener(Protocol):
 
 
 class ListenerThread:
-    """Thread that passes whole records, made of the trace's lines, to a listener.
+    """Thread that passes whole records, made of the trace's lines, to a listener, from the first record on.
 
     A listener that fails or hangs receives no more records, and a warning is logged.
-
-    Args:
-        listener: receives the run from its first record on.
     """
 
     def __init__(self, listener: TraceListener) -> None:

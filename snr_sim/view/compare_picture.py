@@ -55,13 +55,9 @@ def _find_signal(name: str, by_name: Mapping[str, SignalComparison]) -> SignalCo
 
 
 def draw_comparison(comparison: Comparison, header: Header, path: str | Path, names: Sequence[str] = ()) -> None:
-    """Draw two runs as a PNG of 1800 x 1120 pixels.
+    """Draw two runs as a PNG of 1800 x 1120 pixels; `header` is that of the first run.
 
-    Args:
-        comparison: of the two runs.
-        header: of the first run.
-        path: of the file to write.
-        names: signals to draw, up to four are readable; by default the most significant ones.
+    Up to four of the signals in `names` are readable; by default they are the most significant ones.
 
     Raises:
         MissingExtraError: matplotlib is not installed.

@@ -25,13 +25,9 @@ GROUND_FRACTION = 0.12  # fraction of the scene below the lowest point of the pa
 
 
 class SheetProjection:
-    """Conversion of metres to points. `along` is x in metres, or time in seconds if the body only rises and falls.
+    """Conversion of metres to points of an area, in which ranges and a body of a size [m] must be visible.
 
-    Args:
-        along, heights: ranges that must be visible.
-        body_m: size of the body.
-        is_time: whether `along` is time.
-        area: of the sheet.
+    `along` is x in metres, or time in seconds if the body only rises and falls.
     """
 
     def __init__(self, along: Floats, heights: Floats, body_m: float, is_time: bool, area: Area = SCENE) -> None:
@@ -105,10 +101,7 @@ class TrackView:
     """A body's path on the sheet, and the moments at which it is drawn.
 
     Args:
-        projection: converts metres to points.
         along, feet: for each time: its position along the path, and that of its feet, world frame.
-        size_m: of the body.
-        max_enlargement: maximum enlargement of the body.
 
     Attributes:
         path: on the sheet, shape (n, 2).
@@ -144,13 +137,7 @@ def find_strobe_indices(path: Floats, min_distance: float) -> list[int]:
 
 
 class Labels:
-    """Placement of labels: each next to the object that it names, without hiding bodies or other labels.
-
-    Args:
-        bodies: centres of the bodies.
-        radius: of each of them.
-        area: that labels stay within.
-    """
+    """Placement of labels in an area: each next to the object that it names, not over bodies or other labels."""
 
     def __init__(self, bodies: ArrayLike, radius: float, area: Area) -> None:
         self._taken: list[Area] = []
@@ -176,14 +163,7 @@ class Labels:
     def write(
         self, sheet: Sheet, words: str, size: float, rgb: Rgb, candidates: Sequence[tuple[float, float, float]]
     ) -> None:
-        """Write a label at the first free candidate, if there is one.
-
-        Args:
-            sheet: to write on.
-            words: of the label.
-            size, rgb: of the letters.
-            candidates: x, y, and the fraction of the width to the left of x, 0 to 1.
-        """
+        """Write a label at the first free candidate: x, y, and the fraction of its width to the left of x, 0 to 1."""
         width = sheet.text_width(words, size)
         place = self.find_free([(x - part * width, y) for x, y, part in candidates], width, 11.0)
         if place is not None:

@@ -39,10 +39,7 @@ def draw_plots(
     """Draw plots below each other over a common time axis.
 
     Args:
-        sheet, area: to draw on.
-        plots: from top to bottom.
-        events_s: moments to mark.
-        are_numbered: whether the marks have numbers, from 1.
+        events_s, are_numbered: moments to mark, and whether the marks have numbers, from 1.
         begin_s: time at the left edge.
     """
     if not plots:

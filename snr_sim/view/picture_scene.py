@@ -93,9 +93,8 @@ def ground_parts(
 
     Args:
         cuts: sections of the ground, which is extended beyond its recorded part on both sides, and of other meshes.
-        at: converts x and z [m] to positions on the sheet.
+        at: converts x and z [m] to positions on the sheet, of which `bottom` is the lowest.
         x: positions at which to evaluate the ground [m], from the left to the right edge.
-        bottom: of the sheet.
         background: colour that is mixed into the ground.
         width: of the ground's line; others are drawn twice as wide.
     """

@@ -60,11 +60,7 @@ class Part(NamedTuple):
 
 
 class Sheet:
-    """A sheet to draw on.
-
-    Args:
-        width, height: in points.
-        background: its colour.
+    """A sheet to draw on, of a width and height in points.
 
     Raises:
         MissingExtraError: matplotlib is not installed.

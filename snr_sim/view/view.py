@@ -51,8 +51,6 @@ def write_view(header: Header, records: Iterable[Record], path: Path, trace_byte
     """Write the view of one run, with its layout.
 
     Args:
-        header, records: of the run.
-        path: of the file to write.
         trace_bytes: length of the trace of these records; the disk must have space for its view.
 
     Raises:
@@ -66,10 +64,7 @@ def write_view(header: Header, records: Iterable[Record], path: Path, trace_byte
 
 
 def view_of(run: Path) -> Path:
-    """Return the .rrd of a run; it is derived from the trace if it does not exist or the trace has grown since.
-
-    Args:
-        run: a run folder, its trace, or an .rrd file.
+    """Return the .rrd of a run folder, a trace or an .rrd; it is derived if it is missing or the trace has grown since.
 
     Raises:
         MissingExtraError: it has to be derived and rerun is not installed.
@@ -101,7 +96,6 @@ def write_comparison(
         recorded_header, recorded_records: of the original run.
         replayed_records: of the run with other code.
         divergences: seq, time [s] and a sentence for each difference.
-        path: of the file to write.
         trace_bytes: total length of both traces; the disk must have space for the view.
         roots: path prefix of each run.
         other_header: of the replayed run, if its nodes and its scene differ.
@@ -122,19 +116,14 @@ def write_comparison(
 
 
 class LiveView:
-    """View of a run in progress; viewers connect to `url`, from this machine only.
+    """View of a run in progress; viewers connect to `url`, from this machine only."""
 
-    Args:
-        header: of the run.
-        port: of the gRPC server on 127.0.0.1; 0 for one that is free.
-    """
-
-    def __init__(self, header: Header, port: int = 0) -> None:
+    def __init__(self, header: Header) -> None:
         from snr_sim.view.view_server import LOOPBACK, free_port
 
         rr = _rerun()
         self._stream = rr.RecordingStream("snr_sim_live", send_properties=False)
-        sink = rr.GrpcServerSink(bind_ip=LOOPBACK, port=port or free_port())
+        sink = rr.GrpcServerSink(bind_ip=LOOPBACK, port=free_port())
         self._stream.set_sinks(sink)
         self.url: str = sink.uri
         self._writer = Writer(rr, self._stream, header)

@@ -74,12 +74,7 @@ def live_window(url: str, print_line: Callable[[str], None]) -> Iterator[None]:
 
 
 def check_display(asked: str, instead: str) -> None:
-    """Check that there is a display to open a window on.
-
-    Args:
-        asked: the command or option that opens the window.
-        instead: the command that shows the same in a browser.
-    """
+    """Check that there is a display for the window that `asked` opens; `instead` shows the same in a browser."""
     if sys.platform == "linux" and not any(os.environ.get(name) for name in _DISPLAYS):
         raise TraceError(
             f"{asked} opens a window, and there is no display: neither {' nor '.join(_DISPLAYS)} is set.",
