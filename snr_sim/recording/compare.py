@@ -38,25 +38,16 @@ class Tolerance:
         """
         pattern, _, bound = text.rpartition("=")
         try:
-            if pattern and bound == "ignore":
-                return Tolerance(pattern, absolute=float("inf"))
-            if pattern and bound.endswith("%"):
-                return Tolerance(pattern, relative=_bound(bound[:-1]) / 100.0)
-            if pattern:
-                return Tolerance(pattern, absolute=_bound(bound))
+            number = float("inf" if bound == "ignore" else bound.removesuffix("%"))
         except ValueError:
-            pass
+            number = float("nan")
+        if pattern and number >= 0.0:
+            is_relative = bound.endswith("%")
+            return Tolerance(pattern, relative=number / 100.0) if is_relative else Tolerance(pattern, absolute=number)
         raise ParameterError(
             f"--tolerance {text} is not valid.",
             fix="engine.throttle=1e-6, or 'radar.*=0.1%', or engine.stamp_s=ignore.",
         )
-
-
-def _bound(text: str) -> float:
-    bound = float(text)
-    if not bound >= 0:
-        raise ValueError(text)
-    return bound
 
 
 @dataclass(frozen=True)

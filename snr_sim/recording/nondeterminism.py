@@ -195,13 +195,10 @@ def _wrap_numpy(watcher: _CallWatcher) -> dict[str, Any]:
         return {}
     before = {name: getattr(numpy.random, name) for name in _NUMPY_LEGACY}
     for name, function in before.items():
-        setattr(numpy.random, name, _watched(watcher, name, function))
+        setattr(numpy.random, name, functools.partial(_report_and_call, watcher, name, function))
     return before
 
 
-def _watched(watcher: _CallWatcher, name: str, function: Any) -> Any:
-    def call(*args: Any, **kwargs: Any) -> Any:
-        watcher.report(sys._getframe(1), f"numpy.random.{name}()", _RANDOM_HINT)
-        return function(*args, **kwargs)
-
-    return call
+def _report_and_call(watcher: _CallWatcher, name: str, function: Any, /, *args: Any, **kwargs: Any) -> Any:
+    watcher.report(sys._getframe(1), f"numpy.random.{name}()", _RANDOM_HINT)
+    return function(*args, **kwargs)

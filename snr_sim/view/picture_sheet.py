@@ -42,10 +42,7 @@ EVENT: Rgb = (255, 200, 80)
 STYLE: Any = {
     "font.family": "DejaVu Sans",  # included in matplotlib, so the font is the same everywhere
     "text.parse_math": False,  # a dollar sign in a name is a dollar sign
-    "axes.spines.left": False,
-    "axes.spines.right": False,
-    "axes.spines.top": False,
-    "axes.spines.bottom": False,
+    **{f"axes.spines.{side}": False for side in ("left", "right", "top", "bottom")},
     "lines.solid_capstyle": "round",
 }
 ALIGNED = {"l": "left", "m": "center", "r": "right"}

@@ -73,7 +73,7 @@ class Writer:
             self._send_images((node, "pages", *path), when, images)
         for place, logs in (("tasks", batch.executed()), ("events", batch.events())):
             for node, rows in logs:
-                self._send_log((node, place), rows)
+                self._send_log(node, place, rows)
         for node, when, texts in self._contents.of(batch):
             self._send_contents(node, when, texts)
         batch.clear()
@@ -84,13 +84,13 @@ class Writer:
 
     def send_divergences(self, divergences: Divergences) -> None:
         """Mark where two runs differ: as text, in the plots, and on the path of each body."""
+        rr = self._sender.rr
         seqs, times, texts = zip(*divergences, strict=True)
         when = When(np.array(seqs, np.int64), np.array(times, np.float64))
-        self._send_log(("divergences",), LogRows(when, list(texts), ["WARN"] * len(texts)), at_top=True)
+        log = rr.TextLog.columns(text=list(texts), level=["WARN"] * len(texts))
+        self._sender.send("/divergences", when, log)
         marked = when[:MAX_DIVERGENCES_MARKED]
-        marks = self._sender.rr.SeriesPoints(
-            colors=DIVERGENCE_RGB, markers="diamond", marker_sizes=4.0, names="differs"
-        )
+        marks = rr.SeriesPoints(colors=DIVERGENCE_RGB, markers="diamond", marker_sizes=4.0, names="differs")
         self._sender.log("/divergences/marks", marks)
         self._sender.send_numbers("/divergences/marks", marked, np.zeros(len(marked)))
         self.layout.has_divergences = True
@@ -176,11 +176,11 @@ class Writer:
         if entity not in self.layout.images:
             self.layout.images.append(entity)
 
-    def _send_log(self, parts: tuple[str, ...], rows: LogRows, at_top: bool = False) -> None:
-        entity = "/" + parts[0] if at_top else self._sender.entity(*parts)
-        self._sender.send(entity, rows.when, self._sender.rr.TextLog.columns(text=rows.texts, level=rows.levels))
-        log = self._sender.entity(parts[0])
-        if log not in self.layout.logs and not at_top:
+    def _send_log(self, node: str, place: str, rows: LogRows) -> None:
+        texts = self._sender.rr.TextLog.columns(text=rows.texts, level=rows.levels)
+        self._sender.send(self._sender.entity(node, place), rows.when, texts)
+        log = self._sender.entity(node)
+        if log not in self.layout.logs:
             self.layout.logs.append(log)
 
     def _send_contents(self, node: str, when: When, texts: list[str]) -> None:

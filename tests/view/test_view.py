@@ -220,10 +220,6 @@ def test_scene_is_included_and_unknown_shape_is_skipped(tmp_path: Path) -> None:
     assert {"/world/ground", "/world/module/shapes", "/world/path/module", "/run"} <= found
 
 
-def test_layout_is_stored_in_file(tmp_path: Path) -> None:
-    assert len(RrdReader(str(written(tmp_path, fall(3)))).blueprints()) == 1
-
-
 def beginnings(path: Path) -> tuple[list[int], list[int]]:
     """Return where the layouts in a file begin, and where its run does."""
     reader, content = RrdReader(str(path)), path.read_bytes()
@@ -232,15 +228,14 @@ def beginnings(path: Path) -> tuple[list[int], list[int]]:
     return first[0], first[1]
 
 
-def test_file_begins_with_layout(tmp_path: Path) -> None:
-    layouts, runs = beginnings(written(tmp_path, fall(30)))
-    assert len(layouts) == len(runs) == 1
-    assert layouts < runs
-
-
-def test_comparison_begins_with_layout(tmp_path: Path) -> None:
-    view.write_comparison(header(), fall(10), fall(10), [], tmp_path / "compare.rrd", 1000)
-    layouts, runs = beginnings(tmp_path / "compare.rrd")
+@pytest.mark.parametrize("is_comparison", [False, True])
+def test_file_begins_with_layout(tmp_path: Path, is_comparison: bool) -> None:
+    path = tmp_path / "view.rrd"
+    if is_comparison:
+        view.write_comparison(header(), fall(10), fall(10), [], path, 1000)
+    else:
+        view.write_view(header(), fall(30), path, 1000)
+    layouts, runs = beginnings(path)
     assert len(layouts) == len(runs) == 1
     assert layouts < runs
 
