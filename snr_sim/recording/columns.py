@@ -54,18 +54,12 @@ _NO_ARROW = [0.0] * 6
 
 
 class _PlainPage(msgspec.Struct, gc=False):
-    """The part of a page that is drawn; the decoder skips the rest."""
+    """The part of a page that is used: its data, and the node that created it; the decoder skips the rest."""
 
     data: Any
-
-
-class _Origin(msgspec.Struct, gc=False):
-    """The part of a page that names the node that created it."""
-
     origin: str = ""
 
 
-_decode_origins = msgspec.json.Decoder(list[tuple[_Origin]]).decode
 _decode_pages = msgspec.json.Decoder(list[tuple[_PlainPage]]).decode
 
 
@@ -209,11 +203,13 @@ class Batch:
                 continue
             data = page_data([record.values for record in records])
             for field in data[0] if isinstance(data[0], dict) else ():
-                found: list[Any] = [one.get(field) if isinstance(one, dict) else None for one in data]
-                seen = [(i, image) for i, image in enumerate(found) if _is_image(image)]
+                seen = [
+                    (record, one[field])
+                    for record, one in zip(records, data, strict=True)
+                    if isinstance(one, dict) and _is_image(one.get(field))
+                ]
                 if seen:
-                    when = When.of([records[i] for i, _ in seen])
-                    yield node, (key, field), when, [image for _, image in seen]
+                    yield node, (key, field), When.of([record for record, _ in seen]), [image for _, image in seen]
 
     def page_texts(self, field: str) -> Iterator[tuple[list[float], list[str]]]:
         """Return the texts in a field of each key's pages, at the node that created them: times [s], texts."""
@@ -232,7 +228,7 @@ class Batch:
     def is_copy(self, node: str, key: str) -> bool:
         """Return whether another node created the first page of a key at a node: it came over a link."""
         try:
-            ((page,),) = _decode_origins(b"[" + bytes(self._pages[node, key][0].values) + b"]")
+            ((page,),) = _decode_pages(b"[" + bytes(self._pages[node, key][0].values) + b"]")
         except JSON_ERRORS:
             return False
         return page.origin not in ("", node)
