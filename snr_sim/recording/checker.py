@@ -85,7 +85,7 @@ class ReplayChecker:
     """Stand-in for the recorder: returns tickets of the recorded tasks, and compares."""
 
     def __init__(self, node: str, records: Sequence[Record], commands: Sequence[str], tolerances: Sequence[Tolerance]):
-        self.result = NodeReplay(node, recorded=sum(isinstance(record, Executed) for record in records))
+        self.result: NodeReplay = NodeReplay(node, recorded=sum(isinstance(record, Executed) for record in records))
         self.entering: InputRecord | None = None
         self._by_seq: dict[int, Record] = {record.seq: record for record in records}
         self._by_cause: dict[tuple[int, int], Executed] = {

@@ -25,7 +25,7 @@ RESULT_NAME = "result.json"
 RESULT_SCHEMA = 1  # docs/formats.md, section 4: changes when a field is renamed or removed
 VIEW_NAME = "view.rrd"
 RUNS = Path("runs")  # in the current folder
-COMMON_FIELDS = (  # what every result.json has, or may have
+COMMON_FIELDS: tuple[str, ...] = (  # what every result.json has, or may have
     *("scenario", "seed", "engine", "controller", "success", "outcome", "sim_time_s", "wall_time_s"),
     *("tasks", "pages", "notes", "trace_digest", "run_dir", "error", "signal"),
 )

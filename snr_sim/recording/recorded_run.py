@@ -32,9 +32,9 @@ class RecordedRun:
     step_s: float | None = None
 
     def __init__(self, trace: Trace) -> None:
-        self.trace = trace
-        self.engine = f"as recorded of {trace.header.engine or 'real devices'}"
-        self.time_s = 0.0
+        self.trace: Trace = trace
+        self.engine: str = f"as recorded of {trace.header.engine or 'real devices'}"
+        self.time_s: float = 0.0
         self.__file__ = str(trace.path)
         self._inputs = [
             record
@@ -47,7 +47,7 @@ class RecordedRun:
         self._truth_times_s = [record.t for record in self._truths]
         if not self._inputs:
             raise TraceError(f"In the run {trace.path} no sensor was read.", fix="name one of a robot with sensors.")
-        self.end_s = self._inputs[-1].t
+        self.end_s: float = self._inputs[-1].t
 
     def pages(self, key: str) -> list[Page]:
         """Return the pages that a sensor stored, in order.

@@ -15,7 +15,7 @@ from snr_sim.recording.records import PageRecord, Record
 
 # The text that describes the reloaded code does not count as a difference in behaviour. Nor does the text of a failure:
 # it names a file relative to the folder in which the run was started, and Python's messages differ between versions.
-UNCOMPARED = (
+UNCOMPARED: tuple[str, ...] = (
     f"{TaskType.reload}.sources*=ignore",
     *(f"{key}.message=ignore" for key in (TaskType.reload, ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME)),
 )

@@ -70,8 +70,8 @@ class TraceWriter:
         *,
         open_file: Callable[[Path], TraceFile] = TraceFile,
     ) -> None:
-        self.path = path
-        self.seq = 0  # of the newest record
+        self.path: Path = path
+        self.seq: int = 0  # of the newest record
         self._lines: deque[tuple[float, bytes]] = deque()  # each with its time
         self._put_bytes = 0  # counted by the thread that puts
         self._taken_bytes = 0  # counted under `_losing` by the thread that takes; the difference is queued

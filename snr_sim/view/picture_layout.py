@@ -37,14 +37,14 @@ class SheetProjection:
         margin = 1.3 * BODY_FRACTION
         spread_along = max(float(np.ptp(along)), 1e-9)
         spread_z = max(float(np.ptp(heights)), body_m / BODY_FRACTION * 0.5)
-        self.z_scale = height * (1.0 - margin - GROUND_FRACTION) / spread_z
+        self.z_scale: float = height * (1.0 - margin - GROUND_FRACTION) / spread_z
         if is_time:
             self.scale = width * (1.0 - 1.15 * margin) / spread_along
         else:
             self.z_scale = self.scale = min(self.z_scale, width * (1.0 - 1.6 * margin) / spread_along)
         room_m = 0.15 * margin * width / self.scale  # on the right, for the time next to the last body
-        self.middle = float(along.min() + along.max()) / 2 + room_m
-        self.low_z = float(heights.min()) - GROUND_FRACTION * height / self.z_scale
+        self.middle: float = float(along.min() + along.max()) / 2 + room_m
+        self.low_z: float = float(heights.min()) - GROUND_FRACTION * height / self.z_scale
 
     def center(self, heights: Floats) -> None:
         """Centre the middle of some heights in the area."""
@@ -112,11 +112,11 @@ class TrackView:
     def __init__(
         self, projection: SheetProjection, along: Floats, feet: Floats, size_m: float, max_enlargement: float
     ) -> None:
-        self.path = projection.at(along, feet[:, 2])
+        self.path: Floats = projection.at(along, feet[:, 2])
         _, top, _, bottom = projection.area
         enlargement = BODY_FRACTION * (bottom - top) / (size_m * projection.z_scale)
-        self.enlargement = min(max_enlargement, max(1.0, enlargement))
-        self.size = size_m * projection.z_scale * self.enlargement
+        self.enlargement: float = min(max_enlargement, max(1.0, enlargement))
+        self.size: float = size_m * projection.z_scale * self.enlargement
         scale = projection.z_scale * self.enlargement
         indices = find_strobe_indices(self.path, 1.25 * self.size)
         self.strobes = [(i, SheetPosition(self.path[i], feet[i], scale)) for i in indices]

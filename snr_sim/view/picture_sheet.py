@@ -45,7 +45,7 @@ STYLE: Any = {
     **{f"axes.spines.{side}": False for side in ("left", "right", "top", "bottom")},
     "lines.solid_capstyle": "round",
 }
-ALIGNED = {"l": "left", "m": "center", "r": "right"}
+ALIGNED: dict[str, str] = {"l": "left", "m": "center", "r": "right"}
 
 
 class Part(NamedTuple):

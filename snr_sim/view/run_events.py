@@ -13,7 +13,7 @@ from snr_sim.recording.columns import BROKEN, Batch
 from snr_sim.view.picture_tracks import NEWTONS_PER_MPS, BodyTracks
 
 STATE = "control_state"  # a field with this name is the robot's state, one word
-FLAGS = {"is_battery_low": "battery low"}  # flags, and the event that each reports
+FLAGS: dict[str, str] = {"is_battery_low": "battery low"}  # flags, and the event that each reports
 MAX_EVENTS = 6
 SPEED_MPS = 0.02  # minimum change of a current that is reported
 

@@ -9,7 +9,7 @@ from math import degrees
 from typing import Any
 
 # Unit suffixes of names, and the unit as written under a plot.
-UNITS = {
+UNITS: dict[str, str] = {
     "m": "m", "mps": "m/s", "mps2": "m/s²", "rad": "rad", "radps": "rad/s", "deg": "°", "degps": "°/s", "kg": "kg",
     "n": "N", "nm": "N m", "pa": "Pa", "j": "J", "l": "l", "v": "V", "a": "A", "ut": "µT", "s": "s", "ms": "ms",
     "us": "µs", "hz": "Hz",
@@ -18,7 +18,7 @@ UNITS = {
 UNITS_FIRST = ("m", "m/s", "", "kg", "l", "°", "°/s", "rad", "rad/s")
 FLAGS = "yes (1) or no (0)"  # title of the plot of all flags
 FAILURES = "broken (1) or not (0)"
-SYNONYMS = {"yaw": "heading"}
+SYNONYMS: dict[str, str] = {"yaw": "heading"}
 UNITS_NOT_PLOTTED = ("s",)  # stamps: a straight line for each sensor, without information
 MAX_PLOTS_BESIDE = 4
 NARROW = 1.6  # ratio of height to width of the view of the whole path
@@ -31,7 +31,7 @@ ESTIMATE_COLORS = (
 )  # fmt: skip
 TRUTH_WIDTH, ESTIMATE_WIDTH = 1.5, 3.5
 GOLDEN_FRACTION = 0.618034  # step of the hue between further lines, in turns: no two hues get close
-IN_DEGREES = {"rad": "°", "rad/s": "°/s"}  # as shown to users
+IN_DEGREES: dict[str, str] = {"rad": "°", "rad/s": "°/s"}  # as shown to users
 DEPTH = "depth"
 
 

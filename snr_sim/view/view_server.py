@@ -30,7 +30,7 @@ from snr_sim.prelude.errors import MissingExtraError, SnrError, TraceError
 LOOPBACK = "127.0.0.1"
 START_DEADLINE_S = 20.0
 # The address of the page must differ from the one of its data only in the port, so ports are open; hosts are not.
-POLICY = (
+POLICY: str = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval'; style-src 'self' 'unsafe-inline'; "
     f"img-src 'self' data: blob:; worker-src 'self' blob:; connect-src 'self' data: blob: http://{LOOPBACK}:*"
 )

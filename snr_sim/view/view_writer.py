@@ -51,8 +51,8 @@ class Writer:
     ) -> None:
         self._header, self._root = header, root
         self._sender = Sender(rr, stream, root)
-        self.batch = Batch()
-        self.layout = layout or Layout(title_of(header))
+        self.batch: Batch = Batch()
+        self.layout: Layout = layout or Layout(title_of(header))
         self._known: set[tuple[str, ...]] = set()
         self._factors: dict[tuple[str, ...], float] = {}  # scale factors of numbers that are shown in another unit
         self._flags: dict[str, float] = {}
