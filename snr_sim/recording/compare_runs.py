@@ -232,7 +232,9 @@ def _compare_signals(
     inside = (first.times_s >= begin_s) & (first.times_s <= end_s)
     times_s, values = first.times_s[inside], first.values[inside]
     others = np.stack([np.interp(times_s, second.times_s, column) for column in second.values.T], axis=1)
-    difference = _wrap_difference(first.field, others - values)
+    difference = others - values
+    if first.field.endswith("_rad"):  # in the shorter direction
+        difference -= 2.0 * math.pi * np.round(difference / (2.0 * math.pi))
     step, channel = np.unravel_index(int(np.argmax(np.abs(difference))), difference.shape)
     differs = (np.abs(difference) > SAME * np.maximum(1.0, np.abs(values))).any(axis=1)
     return SignalComparison(
@@ -258,14 +260,6 @@ def channel_of(one: SignalComparison, channel: int) -> SignalComparison:
     first, second = (replace(signal, values=signal.values[:, only]) for signal in (one.first, one.second))
     alone = _compare_signals(first, second, one.is_command, (None, None))
     return replace(alone, channel=channel)
-
-
-def _wrap_difference(field: str, difference: Floats) -> Floats:
-    """Return differences of angles wrapped to the shorter direction; other fields unchanged."""
-    if not field.endswith("_rad"):
-        return difference
-    turned: Floats = difference - 2.0 * math.pi * np.round(difference / (2.0 * math.pi))
-    return turned
 
 
 def delay_s(first: Signal, second: Signal, channel: int) -> float | None:

@@ -38,7 +38,8 @@ def draw_scene(sheet: Sheet, header: Header, tracks: BodyTracks) -> None:
         parts += flame_parts(position, tracks.vectors[i], points_per_newton, FLAME)
     cuts = ground_cuts(header.scene.get("statics", {}))
     if is_time:  # only the ground at the landing position
-        cuts = [(rgb, _level(cut)) for rgb, cut in cuts]
+        levels = [(rgb, heights(cut, np.zeros(1))[0]) for rgb, cut in cuts]
+        cuts = [(rgb, np.array([[[-FAR_M, z], [FAR_M, z]]])) for rgb, z in levels]
     parts += ground_parts(cuts, projection.at, projection.columns(), projection.area[3], SKY)  # over flames, under feet
     for i, position in track_view.strobes:
         shapes = [(shape, poses[i]) for body, poses in tracks.poses.items() for shape in bodies[body]]
@@ -109,9 +110,3 @@ def ground_parts(
             parts.append(Part(np.concatenate([line, corners]), mixed(background, rgb, 0.55)))
         parts.append(Part(line, mixed(rgb, (255, 255, 255), 0.15), width if i == 0 else 2.0 * width))
     return parts
-
-
-def _level(cut: Floats) -> Floats:
-    """Return a level line at the height of a section at x = 0; NaN if it does not extend to there."""
-    z = heights(cut, np.zeros(1))[0]
-    return np.array([[[-FAR_M, z], [FAR_M, z]]])
