@@ -161,16 +161,12 @@ class ReplayChecker:
                 self._check_new_call(record, label, outputs)
             recorded = before.returned if before is not None else []
             # The node's own task carries the page that this one brought, which was compared where that was made.
-            made = (
-                [ReturnedTask(TaskType.process_data, encoded.name, encoded.values)]
-                if process_of(task, [(label, outputs)])
-                else None
-            )
-            more, returned = self._compare_outputs(
-                seq, outputs, recorded, offsets.get(label[0], 0), label, record, made
-            )
+            is_stored = process_of(task, [(label, outputs)])
+            made = [ReturnedTask(TaskType.process_data, encoded.name, encoded.values)] if is_stored else None
+            offset = offsets.get(label[0], 0)
+            more, returned = self._compare_outputs(seq, outputs, recorded, offset, label, record, made)
             task_refs.extend(more)
-            by.append(HandlerCall(label[0], label[1], returned))
+            by.append(HandlerCall(*label, returned))
         self._gone = list(then.values())
         kind = PageRecord if task.type is TaskType.store_page else TaskRecord
         seq = record.seq if record is not None else 0

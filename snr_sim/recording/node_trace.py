@@ -96,10 +96,7 @@ class NodeTrace:
         if process is not None:
             task_refs = [(one, seq, 0, now_s) for one in handled[0][1]]
             handled = handled[1:]
-        by = [
-            HandlerCall(label[0], label[1], self._encode_tasks(outputs, seq, now_s, task_refs))
-            for label, outputs in handled
-        ]
+        by = [HandlerCall(*label, self._encode_tasks(outputs, seq, now_s, task_refs)) for label, outputs in handled]
         line = PageLine(seq, cause, index, time_s, process, by) if is_page else TaskLine(seq, cause, index, time_s, by)
         writer.put(now_s, _encode(line))
         if self._pending_output:

@@ -96,14 +96,10 @@ def _plots(one: SignalComparison) -> list[Plot]:
     values = one.first.values[:, channel], one.second.values[:, channel]
     curves = [(label, one.first.times_s, values[0]), ("", one.second.times_s, values[1])]
     size = f"rms {one.rms:.3g}, largest {one.largest:.3g}"
+    difference = [(size, one.times_s, one.difference[:, channel])]
     return [
         Plot("", curves, relative_height=CURVES_HEIGHT, is_down=one.first.field.endswith("depth_m")),
-        Plot(
-            "",
-            [(size, one.times_s, one.difference[:, channel])],
-            relative_height=DIFFERENCE_HEIGHT,
-            first_color=DIFFERENCE_COLOR,
-        ),
+        Plot("", difference, relative_height=DIFFERENCE_HEIGHT, first_color=DIFFERENCE_COLOR),
     ]
 
 
