@@ -26,10 +26,10 @@ import msgspec
 from snr_sim.prelude.errors import TraceError
 from snr_sim.prelude.recorder import RECORDING_KEY
 from snr_sim.prelude.task import Task, TaskType
+from snr_sim.recording.atomic_files import TraceFile
 from snr_sim.recording.node_trace import NodeTrace
 from snr_sim.recording.records import Header, ReturnedTask, TraceInfo, TruthRecord, digest_of
 from snr_sim.recording.references import REPEAT_WITHIN
-from snr_sim.recording.trace_file import TraceFile
 from snr_sim.recording.trace_listener import ListenerThread, TraceListener
 
 if TYPE_CHECKING:

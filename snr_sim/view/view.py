@@ -33,8 +33,7 @@ from typing import Any
 
 from snr_sim.prelude.errors import MissingExtraError, TraceError
 from snr_sim.recording.folder import VIEW_NAME, trace_path
-from snr_sim.recording.garbage import no_garbage_collection
-from snr_sim.recording.reader import read_trace
+from snr_sim.recording.reader import no_garbage_collection, read_trace
 from snr_sim.recording.records import Header, Record
 from snr_sim.view.view_blueprint import Layout
 from snr_sim.view.view_writer import Divergences, Writer, title_of

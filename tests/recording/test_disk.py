@@ -20,11 +20,11 @@ from snr_sim.prelude.errors import TraceError
 from snr_sim.recording import folder as run_folder
 from snr_sim.recording import trace as trace_module
 from snr_sim.recording import trace_listener
+from snr_sim.recording.atomic_files import TraceFile
 from snr_sim.recording.folder import new_run_folder
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import InputRecord, Record
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
-from snr_sim.recording.trace_file import TraceFile
 from snr_sim.scenario.program import program_header, record_program
 from snr_sim.testing.function_components import FunctionLoopFactory
 
