@@ -51,11 +51,11 @@ def draw_dive(sheet: Sheet, header: Header, tracks: BodyTracks, events: Sequence
     main_is_map = wants_map(poses) or any(map(is_gate, header.scene["statics"].values()))
     high = (MAIN_FRACTION if main_is_map else 1.0 - MAIN_FRACTION) * (bottom - top - BETWEEN)
     if is_planar(header):
-        _View(sheet, (left, top, right, bottom), header, tracks, is_above=False).draw(events, is_main=True)
+        _View(sheet, (left, top, right, bottom), header.scene, tracks, is_above=False).draw(events, is_main=True)
     else:
         areas: tuple[Area, Area] = (left, top, right, top + high), (left, top + high + BETWEEN, right, bottom)
         for area, is_above in zip(areas, (True, False), strict=True):
-            _View(sheet, area, header, tracks, is_above).draw(events, is_main=is_above == main_is_map)
+            _View(sheet, area, header.scene, tracks, is_above).draw(events, is_main=is_above == main_is_map)
     for i, event in enumerate(events):
         x, y = left + (right - left) * (i % COLUMNS) / COLUMNS, bottom + 26.0 + ROW * (i // COLUMNS)
         draw_number(sheet, (x + 5.0, y), i + 1)
@@ -65,12 +65,12 @@ def draw_dive(sheet: Sheet, header: Header, tracks: BodyTracks, events: Sequence
 class _View:
     """A dive, drawn in an area of the sheet: from above, or from the south."""
 
-    def __init__(self, sheet: Sheet, area: Area, header: Header, tracks: BodyTracks, is_above: bool) -> None:
+    def __init__(self, sheet: Sheet, area: Area, scene: dict[str, Any], tracks: BodyTracks, is_above: bool) -> None:
         self.sheet, self.area, self.is_above = sheet, area, is_above
         if is_above:
-            header, tracks = from_above(header, tracks)
-        self.tracks, self.bodies, self.statics = tracks, header.scene["bodies"], header.scene["statics"]
-        self.tethers: dict[str, dict[str, Any]] = header.scene.get("tethers", {})
+            scene, tracks = from_above(scene, tracks)
+        self.tracks, self.bodies, self.statics = tracks, scene["bodies"], scene["statics"]
+        self.tethers: dict[str, dict[str, Any]] = scene.get("tethers", {})
         self.main = next(iter(tracks.poses))
         feet = tracks.poses[self.main][:, :3]  # an underwater body has no legs
         seen = np.concatenate([feet, *self._near(feet)])
