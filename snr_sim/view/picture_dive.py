@@ -50,12 +50,12 @@ def draw_dive(sheet: Sheet, header: Header, tracks: BodyTracks, events: Sequence
     poses = next(iter(tracks.poses.values()))
     main_is_map = wants_map(poses) or any(map(is_gate, header.scene["statics"].values()))
     high = (MAIN_FRACTION if main_is_map else 1.0 - MAIN_FRACTION) * (bottom - top - BETWEEN)
+    views = [(True, (left, top, right, top + high)), (False, (left, top + high + BETWEEN, right, bottom))]
     if is_planar(header):
-        _View(sheet, (left, top, right, bottom), header.scene, tracks, is_above=False).draw(events, is_main=True)
-    else:
-        areas: tuple[Area, Area] = (left, top, right, top + high), (left, top + high + BETWEEN, right, bottom)
-        for area, is_above in zip(areas, (True, False), strict=True):
-            _View(sheet, area, header.scene, tracks, is_above).draw(events, is_main=is_above == main_is_map)
+        views = [(False, (left, top, right, bottom))]
+    for is_above, area in views:
+        is_main = len(views) == 1 or is_above == main_is_map
+        _View(sheet, area, header.scene, tracks, is_above).draw(events, is_main)
     for i, event in enumerate(events):
         x, y = left + (right - left) * (i % COLUMNS) / COLUMNS, bottom + 26.0 + ROW * (i // COLUMNS)
         draw_number(sheet, (x + 5.0, y), i + 1)

@@ -248,11 +248,6 @@ def _logs(rrb: Any, layout: Layout) -> Any:
     return rrb.Tabs(*views, rrb.TextDocumentView(name="run", contents=[f"+ {root}/run" for root in layout.roots]))
 
 
-def _marks(layout: Layout, lines: Sequence[PlotLine]) -> list[str]:
-    """Return the marks to draw in a plot. Marks are at 0, so they fit only plots that include 0: not one of fuel."""
-    return ["+ /divergences/marks"] if layout.has_divergences and lines[0].unit != "kg" else []
-
-
 def _time_axis(rrb: Any, layout: Layout) -> Any:
     """Return linked time axes for one run, and independent ones that show the whole time for two runs.
 
@@ -265,10 +260,12 @@ def _time_axis(rrb: Any, layout: Layout) -> Any:
 
 
 def _plots(rrb: Any, layout: Layout) -> Any:
+    # Marks are at 0, so they fit only plots that include 0: not one of fuel.
+    marks = ["+ /divergences/marks"] if layout.has_divergences else []
     views = [
         rrb.TimeSeriesView(
             name=title,
-            contents=[f"+ {line.entity}" for line in lines] + _marks(layout, lines),
+            contents=[*(f"+ {line.entity}" for line in lines), *(marks if lines[0].unit != "kg" else [])],
             plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
             axis_x=_time_axis(rrb, layout),
         )
