@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 import random
 import re
 import signal
@@ -338,12 +337,6 @@ def write_truths(writer: TraceWriter, count: int) -> None:
         writer.truth(float(i), {"poses": {}, "vectors": {}, "values": {"x": float(i)}})
 
 
-def write_truths_slowly(writer: TraceWriter) -> None:
-    for _ in range(1000):
-        write_truths(writer, 10)
-        time.sleep(0.005)
-
-
 def test_record_is_on_disk_after_flush_period(record_scenario: Callable[..., Trace], tmp_path: Path) -> None:
     writer = TraceWriter(tmp_path / FILE_NAME, record_scenario().header)
     write_truths(writer, 10)
@@ -353,36 +346,6 @@ def test_record_is_on_disk_after_flush_period(record_scenario: Callable[..., Tra
         time.sleep(0.01)
     writer.close()
     writer.close()  # twice is fine
-
-
-def test_partial_line_on_full_disk_is_truncated(
-    record_scenario: Callable[..., Trace], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    room = (
-        len(b"".join(encode_record(line) + b"\n" for line in (record_scenario().trace_info, record_scenario().header)))
-        + 1000
-    )
-    real_write = os.write
-
-    def write(file: int, data: Any) -> int:
-        nonlocal room
-        if room == 0:
-            raise OSError(28, "No space left on device")
-        written = real_write(file, data[:room])
-        room -= written
-        return written
-
-    monkeypatch.setattr(os, "write", write)
-    writer = TraceWriter(tmp_path / FILE_NAME, record_scenario().header, record_scenario().trace_info)
-    with pytest.raises(TraceError, match=r"No space left on device\. It is whole up to there") as caught:
-        write_truths_slowly(writer)
-    assert "make room" in caught.value.fix
-    with pytest.raises(TraceError, match="No space left"):
-        writer.close()
-    trace = read_trace(writer.path)
-    assert trace.records
-    assert not trace.is_truncated
-    assert trace.digest == writer.digest
 
 
 def test_failing_listener_loses_no_records(
