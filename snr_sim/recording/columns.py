@@ -32,7 +32,6 @@ from snr_sim.recording.records import (
     PageRecord,
     Record,
     ReturnedTask,
-    TaskRecord,
     TruthRecord,
 )
 
@@ -117,15 +116,13 @@ class Batch:
         self.clear()
 
     def extend(self, records: Iterable[Record]) -> None:
-        """Add records. One loop without a call in it: here a call would cost as much as all the rest."""
+        """Add records. One loop that calls nothing of ours: such a call would cost as much as all the rest."""
         pages, executed = self._pages, self._executed
         for record in records:
-            kind = type(record)
-            if kind is PageRecord or kind is TaskRecord:
-                done: Any = record
-                executed[done.node].append(done)
-                if kind is PageRecord:
-                    pages[done.node, done.name].append(done)
+            if isinstance(record, Executed):
+                executed[record.node].append(record)
+                if isinstance(record, PageRecord):
+                    pages[record.node, record.name].append(record)
             elif isinstance(record, InputRecord):
                 self._sources[record.seq] = record.source
             elif isinstance(record, TruthRecord):
