@@ -313,9 +313,9 @@ class ReplayChecker:
             Divergence(record.seq, record.t, record.node, task, *label, kind, *found, causes, is_command)
         )
 
-    def _causes(self, record: Record) -> Iterator[str]:
+    def _causes(self, record: Compared) -> Iterator[str]:
         """Yield the chain of causes from the input to a record, one line each."""
-        chain: list[Record] = [record]
+        chain: list[Record | Executed] = [record]
         while isinstance(chain[-1], Executed) and chain[-1].cause in self._by_seq:
             chain.append(self._by_seq[chain[-1].cause])
         for one in reversed(chain):

@@ -76,7 +76,7 @@ class When:
         return len(self.seq)
 
     @staticmethod
-    def of(records: Sequence[Record]) -> When:
+    def of(records: Sequence[Record | Executed]) -> When:
         """Return order and time of records."""
         return When(np.array([record.seq for record in records], np.int64), np.array([record.t for record in records]))
 

@@ -252,7 +252,9 @@ class EndRecord(_OfNode, frozen=True, tag="end"):
     summary: dict[str, Any]
 
 
-Record: TypeAlias = InputRecord | Executed | TruthRecord | BeginRecord | ErrorRecord | LogLineRecord | EndRecord
+Record: TypeAlias = (
+    InputRecord | TaskRecord | PageRecord | TruthRecord | BeginRecord | ErrorRecord | LogLineRecord | EndRecord
+)
 Line: TypeAlias = (
     InputRecord | RepeatLine | TaskLine | PageLine | TruthRecord | BeginRecord | ErrorRecord | LogLineRecord | EndRecord
 )
