@@ -143,7 +143,7 @@ def _changed(then: dict[str, str], now: dict[str, str]) -> list[str]:
 def environment_note(trace: Trace) -> list[str]:
     """Return a note on the differences between the recorded and the current environment, or an empty list."""
     from snr_sim import __version__
-    from snr_sim.recording.environment import environment_changes
+    from snr_sim.recording.folder import environment_changes
     from snr_sim.scenario.library import package_versions
 
     changes = environment_changes(trace.header, package_versions(), __version__)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import msgspec
 
@@ -15,7 +15,7 @@ from snr_sim.core.source_location import describe_error
 from snr_sim.prelude.errors import ComponentFailedError, SnrError
 from snr_sim.prelude.recorder import Handled, TaskRef
 from snr_sim.prelude.task import Task, TaskType
-from snr_sim.recording.compare import Tolerance, first_difference, only_reordered
+from snr_sim.recording.compare import Difference, Tolerance, first_difference, only_reordered
 from snr_sim.recording.node_trace import encode_task, process_of
 from snr_sim.recording.records import (
     BeginRecord,
@@ -40,37 +40,29 @@ ORDER_HINT = (
     "sort it, for name in sorted(names), or keep a list or a dict."
 )
 HANDLER = "the handler itself"  # the field of a difference: called only in the recording, or only in the replay
+_NONE = "no exception"
+
+Label: TypeAlias = tuple[str, str]  # component and handler
+Compared: TypeAlias = Executed | BeginRecord  # a record with tasks that components returned
 
 
 @dataclass(frozen=True)
 class Divergence:
-    """One difference between the replay and the recording.
+    """One difference between the replay and the recording."""
 
-    Args:
-        seq, t, node: of the recorded task whose handling differs.
-        task: that task, as text.
-        component, handler: whose result differs.
-        kind: 'value', 'missing', 'extra', 'reordered' or 'raised'.
-        field: path to the value, or the task that is missing or extra.
-        recorded, replayed: the two values.
-        causes: from the input to the task, one line each.
-        is_command: whether the differing page drives an actuator.
-        hint: likely cause, if the difference matches a known pattern.
-    """
-
-    seq: int
+    seq: int  # of the recorded task whose handling differs, as the next two
     t: float
     node: str
-    task: str
-    component: str
+    task: str  # that task, as text
+    component: str  # whose result differs
     handler: str
-    kind: str
-    field: str
+    kind: str  # 'value', 'missing', 'extra', 'reordered' or 'raised'
+    field: str  # path to the value, or the task that is missing or extra
     recorded: Any
     replayed: Any
-    causes: list[str]
-    is_command: bool
-    hint: str = ""
+    causes: list[str]  # from the input to the task, one line each
+    is_command: bool  # whether the differing page drives an actuator
+    hint: str = ""  # likely cause, if the difference matches a known pattern
 
 
 @dataclass
@@ -88,21 +80,16 @@ class NodeReplay:
         """Whether the replay equals the recording."""
         return not self.divergences
 
-    @property
-    def first_command(self) -> Divergence | None:
-        """The first difference that drives an actuator: the recorded readings after it belong to other commands."""
-        return next((divergence for divergence in self.divergences if divergence.is_command), None)
-
 
 class ReplayChecker:
     """Stand-in for the recorder: returns tickets of the recorded tasks, and compares."""
 
     def __init__(self, node: str, records: Sequence[Record], commands: Sequence[str], tolerances: Sequence[Tolerance]):
-        self.result = NodeReplay(node, recorded=sum(isinstance(record, (TaskRecord, PageRecord)) for record in records))
+        self.result: NodeReplay = NodeReplay(node, recorded=sum(isinstance(record, Executed) for record in records))
         self.entering: InputRecord | None = None
         self._by_seq: dict[int, Record] = {record.seq: record for record in records}
         self._by_cause: dict[tuple[int, int], Executed] = {
-            (record.cause, record.index): record for record in records if isinstance(record, (TaskRecord, PageRecord))
+            (record.cause, record.index): record for record in records if isinstance(record, Executed)
         }
         self._began: BeginRecord | None = None  # the node's own
         self._begins = {record.component: record for record in records if isinstance(record, BeginRecord)}
@@ -174,16 +161,12 @@ class ReplayChecker:
                 self._check_new_call(record, label, outputs)
             recorded = before.returned if before is not None else []
             # The node's own task carries the page that this one brought, which was compared where that was made.
-            made = (
-                [ReturnedTask(TaskType.process_data, encoded.name, encoded.values)]
-                if process_of(task, [(label, outputs)])
-                else None
-            )
-            more, returned = self._compare_outputs(
-                seq, outputs, recorded, offsets.get(label[0], 0), label, record, made
-            )
+            is_stored = process_of(task, [(label, outputs)])
+            made = [ReturnedTask(TaskType.process_data, encoded.name, encoded.values)] if is_stored else None
+            offset = offsets.get(label[0], 0)
+            more, returned = self._compare_outputs(seq, outputs, recorded, offset, label, record, made)
             task_refs.extend(more)
-            by.append(HandlerCall(label[0], label[1], returned))
+            by.append(HandlerCall(*label, returned))
         self._gone = list(then.values())
         kind = PageRecord if task.type is TaskType.store_page else TaskRecord
         seq = record.seq if record is not None else 0
@@ -211,19 +194,18 @@ class ReplayChecker:
         component = failed.component.name if failed.component is not None else ""  # the failing component is unknown
         then = self._failed.get(record.seq, {}).get(component)
         if then is None or (type(error).__name__ not in then and not isinstance(error, SnrError)):
-            self._diverge(
-                record, (component, self._handler_of(failed)), "raised", "exception",
-                _first_lines(then) if then else "no exception", _first_lines(describe_error(error, "")),
-            )  # fmt: skip
+            raised = Difference("exception", _first_lines(then or _NONE), _first_lines(describe_error(error, "")))
+            self._diverge(record, (component, self._handler_of(failed)), "raised", raised)
 
     def report_missing_calls(self) -> None:
         """Report the handlers that were called for this task in the recording, but not in the replay."""
         for one in self._gone:
             assert self._current is not None
+            label = one.component, one.handler
             if one.returned:
-                self._compare_order(self._current, (one.component, one.handler), one.returned, [])
+                self._compare_order(self._current, label, one.returned, [])
             else:
-                self._diverge(self._current, (one.component, one.handler), "missing", HANDLER, "called", "not called")
+                self._diverge(self._current, label, "missing", Difference(HANDLER, "called", "not called"))
 
     def check_failure_outside_task(self, failure: ComponentFailedError, step: str) -> None:
         """Compare a failure in `begin`, or in `halt` and `terminate`, with the recorded one."""
@@ -231,16 +213,16 @@ class ReplayChecker:
             return
         record = self._current or next((one for one in self._by_seq.values() if isinstance(one, BeginRecord)), None)
         if record is not None:
-            label = (failure.component, step)
-            self._diverge(record, label, "raised", "exception", "no exception", _first_lines(failure.message))
+            raised = Difference("exception", _NONE, _first_lines(failure.message))
+            self._diverge(record, (failure.component, step), "raised", raised)
 
-    def _check_new_call(self, record: Executed, label: tuple[str, str], outputs: Sequence[Task]) -> None:
+    def _check_new_call(self, record: Executed, label: Label, outputs: Sequence[Task]) -> None:
         """Report a handler without recorded result: it is new, or it raised in the recording."""
         failure = self._failed.get(record.seq, {}).get(label[0])
         if failure is not None:
-            self._diverge(record, label, "raised", "exception", _first_lines(failure), "no exception")
+            self._diverge(record, label, "raised", Difference("exception", _first_lines(failure), _NONE))
         elif not outputs:
-            self._diverge(record, label, "extra", HANDLER, "not called", "called")
+            self._diverge(record, label, "extra", Difference(HANDLER, "not called", "called"))
 
     @staticmethod
     def _handler_of(failed: HandlerError) -> str:
@@ -256,8 +238,8 @@ class ReplayChecker:
         outputs: Sequence[Task],
         recorded: Sequence[ReturnedTask],
         offset: int,
-        label: tuple[str, str],
-        record: Executed | BeginRecord | None,
+        label: Label,
+        record: Compared | None,
         known: list[ReturnedTask] | None = None,
     ) -> tuple[list[TaskRef], list[ReturnedTask]]:
         """Pair outputs with recorded ones and compare them; return their tickets and their record form.
@@ -274,7 +256,7 @@ class ReplayChecker:
                 continue
             task_refs.append((task, seq, offset + place, encoded))
             if known is None:
-                self._compare_values(record, label, recorded[place], bytes(encoded.values))
+                self._compare_values(record, label, recorded[place], encoded)
         if record is not None:
             self._compare_order(record, label, recorded, returned)
         if len(self.result.divergences) > count_before and only_reordered(*map(_as_json, (recorded, returned))):
@@ -293,22 +275,13 @@ class ReplayChecker:
         self._follow_ups[self._extra] = follow_ups
         return [(task, self._extra, 0, encoded)]
 
-    def _compare_values(
-        self, record: Executed | BeginRecord, label: tuple[str, str], recorded: ReturnedTask, values: bytes
-    ) -> None:
-        difference = first_difference(recorded.name, recorded.type, bytes(recorded.values), values, self._tolerances)
+    def _compare_values(self, record: Compared, label: Label, then: ReturnedTask, now: ReturnedTask) -> None:
+        difference = first_difference(then.name, then.type, bytes(then.values), bytes(now.values), self._tolerances)
         if difference is not None:
-            is_command = recorded.type == TaskType.store_page and recorded.name in self._commands
-            self._diverge(
-                record, label, "value", difference.field, difference.recorded, difference.replayed, is_command
-            )
+            self._diverge(record, label, "value", difference, _id(then))
 
     def _compare_order(
-        self,
-        record: Executed | BeginRecord,
-        label: tuple[str, str],
-        recorded: Sequence[ReturnedTask],
-        returned: Sequence[ReturnedTask],
+        self, record: Compared, label: Label, recorded: Sequence[ReturnedTask], returned: Sequence[ReturnedTask]
     ) -> None:
         then, now = [_id(one) for one in recorded], [_id(one) for one in returned]
         if then == now:
@@ -319,45 +292,38 @@ class ReplayChecker:
                 if one in left:
                     left.remove(one)
                     continue
-                is_command = one[0] == TaskType.store_page and one[1] in self._commands
                 shown = " ".join(one)
-                recorded_one, replayed_one = (shown, None) if kind == "missing" else (None, shown)
-                self._diverge(record, label, kind, shown, recorded_one, replayed_one, is_command)
+                pair = (shown, None) if kind == "missing" else (None, shown)
+                self._diverge(record, label, kind, Difference(shown, *pair), one)
         if sorted(then) == sorted(now):
             orders = ([" ".join(one) for one in ids] for ids in (then, now))
-            self._diverge(record, label, "reordered", "order", next(orders), next(orders))
+            self._diverge(record, label, "reordered", Difference("order", *orders))
 
     def _diverge(
-        self,
-        record: Executed | BeginRecord,
-        label: tuple[str, str],
-        kind: str,
-        where: str,
-        recorded: Any,
-        replayed: Any,
-        is_command: bool = False,
+        self, record: Compared, label: Label, kind: str, difference: Difference, task_id: tuple[str, str] = ("", "")
     ) -> None:
+        """Add a divergence; `task_id` is that of the returned task that differs."""
         if len(self.result.divergences) >= MAX_DIVERGENCES:
             return
         task = "begin" if isinstance(record, BeginRecord) else f"{record.type} '{record.name}'"
+        is_command = task_id[0] == TaskType.store_page and task_id[1] in self._commands
+        found = difference.field, difference.recorded, difference.replayed
+        causes = list(self._causes(record))
         self.result.divergences.append(
-            Divergence(
-                record.seq, record.t, record.node, task, label[0], label[1], kind, where, recorded, replayed,
-                list(self._causes(record)), is_command,
-            )
-        )  # fmt: skip
+            Divergence(record.seq, record.t, record.node, task, *label, kind, *found, causes, is_command)
+        )
 
-    def _causes(self, record: Record) -> Iterator[str]:
+    def _causes(self, record: Compared) -> Iterator[str]:
         """Yield the chain of causes from the input to a record, one line each."""
-        chain: list[Record] = [record]
-        while isinstance(chain[-1], (TaskRecord, PageRecord)) and chain[-1].cause in self._by_seq:
+        chain: list[Record | Executed] = [record]
+        while isinstance(chain[-1], Executed) and chain[-1].cause in self._by_seq:
             chain.append(self._by_seq[chain[-1].cause])
         for one in reversed(chain):
             if isinstance(one, InputRecord):
                 yield f"seq {one.seq}: {one.source} brought {one.type} '{one.name}'"
             elif isinstance(one, BeginRecord):
                 yield f"seq {one.seq}: {one.component} began"
-            elif isinstance(one, (TaskRecord, PageRecord)):
+            elif isinstance(one, Executed):
                 handlers = ", ".join(f"{by.component}.{by.handler}" for by in one.handled) or "nobody"
                 yield f"seq {one.seq}: {one.type} '{one.name}' went to {handlers}"
 

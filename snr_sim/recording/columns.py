@@ -7,8 +7,10 @@ at a time and slow a row at a time, so no code here processes single numbers.
 from __future__ import annotations
 
 from bisect import bisect_left
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import chain
 from operator import attrgetter, itemgetter
 from typing import Any, TypeAlias
@@ -25,18 +27,17 @@ from snr_sim.recording.records import (
     EndRecord,
     ErrorRecord,
     Executed,
-    HandlerCall,
     InputRecord,
     LogLineRecord,
     PageRecord,
     Record,
     ReturnedTask,
-    TaskRecord,
     TruthRecord,
 )
 
 Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
+_Event: TypeAlias = BeginRecord | EndRecord | ErrorRecord | LogLineRecord
 
 # A longer list in a page is an image or a scan: as lines in a plot it would not be readable.
 MAX_LIST_PLOTTED = 32
@@ -52,18 +53,12 @@ _NO_ARROW = [0.0] * 6
 
 
 class _PlainPage(msgspec.Struct, gc=False):
-    """The part of a page that is drawn; the decoder skips the rest."""
+    """The part of a page that is used: its data, and the node that created it; the decoder skips the rest."""
 
     data: Any
-
-
-class _Origin(msgspec.Struct, gc=False):
-    """The part of a page that names the node that created it."""
-
     origin: str = ""
 
 
-_decode_origins = msgspec.json.Decoder(list[tuple[_Origin]]).decode
 _decode_pages = msgspec.json.Decoder(list[tuple[_PlainPage]]).decode
 
 
@@ -81,7 +76,7 @@ class When:
         return len(self.seq)
 
     @staticmethod
-    def of(records: Sequence[Record]) -> When:
+    def of(records: Sequence[Record | Executed]) -> When:
         """Return order and time of records."""
         return When(np.array([record.seq for record in records], np.int64), np.array([record.t for record in records]))
 
@@ -118,37 +113,29 @@ class Batch:
     def __init__(self) -> None:
         self._sources: dict[int, str] = {}
         self._arrow_names: dict[str, None] = {}
-        self._phrases: dict[tuple[str, ...], str] = {}
         self.clear()
 
     def extend(self, records: Iterable[Record]) -> None:
-        """Add records. One loop without a call in it: here a call would cost as much as all the rest."""
+        """Add records. One loop that calls nothing of ours: such a call would cost as much as all the rest."""
         pages, executed = self._pages, self._executed
         for record in records:
-            kind = type(record)
-            if kind is PageRecord or kind is TaskRecord:
-                done: Any = record
-                if done.node not in executed:
-                    executed[done.node] = []
-                executed[done.node].append(done)
-                if kind is PageRecord:
-                    key = (done.node, done.name)
-                    if key not in pages:
-                        pages[key] = []
-                    pages[key].append(done)
+            if isinstance(record, Executed):
+                executed[record.node].append(record)
+                if isinstance(record, PageRecord):
+                    pages[record.node, record.name].append(record)
             elif isinstance(record, InputRecord):
                 self._sources[record.seq] = record.source
             elif isinstance(record, TruthRecord):
                 self.truths.append(record)
-            elif isinstance(record, (BeginRecord, EndRecord, ErrorRecord, LogLineRecord)):
-                self._events.setdefault(record.node, []).append(record)
+            elif isinstance(record, _Event):
+                self._events[record.node].append(record)
 
     def clear(self) -> None:
         """Drop the records, but keep the inputs that are not executed yet."""
         self.truths: list[TruthRecord] = []
-        self._pages: dict[tuple[str, str], list[PageRecord]] = {}
-        self._executed: dict[str, list[Executed]] = {}
-        self._events: dict[str, list[BeginRecord | EndRecord | ErrorRecord | LogLineRecord]] = {}
+        self._pages: dict[tuple[str, str], list[PageRecord]] = defaultdict(list)
+        self._executed: dict[str, list[Executed]] = defaultdict(list)
+        self._events: dict[str, list[_Event]] = defaultdict(list)
         for seq in list(self._sources)[:-MAX_PENDING_INPUTS]:
             del self._sources[seq]
 
@@ -158,11 +145,10 @@ class Batch:
 
     def poses(self) -> Iterator[tuple[str, When, Floats]]:
         """Return the pose of each body: name, when, array of shape (n, 7)."""
-        when, rows = When.of(self.truths), [truth.poses for truth in self.truths]
-        for body, picked, poses in _by_name(rows):
+        for body, when, poses in _by_name(When.of(self.truths), [truth.poses for truth in self.truths]):
             flat = _floats(list(chain.from_iterable(poses)))
             if len(flat) == 7 * len(poses):
-                yield body, when if picked is None else when[picked], flat.reshape(-1, 7)
+                yield body, when, flat.reshape(-1, 7)
 
     def vectors(self) -> Iterator[tuple[str, When, Floats]]:
         """Return each arrow: name, when, array of shape (n, 6). Its length is 0 where a true state does not have it."""
@@ -178,24 +164,23 @@ class Batch:
             is_sent = pushes | np.concatenate((np.array([True]), pushes[:-1]))
             yield name, when[is_sent], vectors[is_sent]
 
-    def pages(self) -> dict[str, dict[str, list[PageRecord]]]:
-        """Return the pages that were stored, by node and key."""
-        by_node: dict[str, dict[str, list[PageRecord]]] = {}
-        for (node, key), records in self._pages.items():
-            by_node.setdefault(node, {})[key] = records
-        return by_node
+    def pages(self) -> Iterator[tuple[str, list[PageRecord]]]:
+        """Return the pages that were stored at each node, in order."""
+        for node, records in self._executed.items():
+            if pages := [record for record in records if isinstance(record, PageRecord)]:
+                yield node, pages
 
     def stored_by(self, page: PageRecord) -> str:
         """Return what stored a page, for example 'autopilot.steer in process_data depth', or its source."""
         if source := self._sources.get(page.cause):
             return source
-        made = _record_at(page.cause, self._executed[page.node])
-        if made is None:
-            made = _record_at(page.cause, self._events.get(page.node, ()))
+        made = _record_at(page.cause, self._executed[page.node]) or _record_at(
+            page.cause, self._events.get(page.node, ())
+        )
         if isinstance(made, BeginRecord):
             return f"{made.component}.begin"
         place = page.index
-        for part in made.handled if isinstance(made, (TaskRecord, PageRecord)) else ():
+        for part in made.handled if isinstance(made, Executed) else ():
             if place < len(part.returned):
                 return f"{part.component}.{part.handler} in {made.type} {made.name}"
             place -= len(part.returned)
@@ -215,31 +200,32 @@ class Batch:
                 continue
             data = page_data([record.values for record in records])
             for field in data[0] if isinstance(data[0], dict) else ():
-                found: list[Any] = [one.get(field) if isinstance(one, dict) else None for one in data]
-                seen = [(i, image) for i, image in enumerate(found) if _is_image(image)]
+                seen = [
+                    (record, one[field])
+                    for record, one in zip(records, data, strict=True)
+                    if isinstance(one, dict) and _is_image(one.get(field))
+                ]
                 if seen:
-                    when = When.of([records[i] for i, _ in seen])
-                    yield node, (key, field), when, [image for _, image in seen]
+                    yield node, (key, field), When.of([record for record, _ in seen]), [image for _, image in seen]
 
-    def page_texts(self, fields: Sequence[str]) -> Iterator[tuple[str, list[float], list[str]]]:
-        """Return the texts in some fields of pages at the node that created them: field, times [s], texts."""
+    def page_texts(self, field: str) -> Iterator[tuple[list[float], list[str]]]:
+        """Return the texts in a field of each key's pages, at the node that created them: times [s], texts."""
         for (node, key), records in self._pages.items():
             if self.is_copy(node, key):
                 continue
             data = page_data([record.values for record in records])
-            for field in fields:
-                found = [
-                    (record.t, one[field])
-                    for record, one in zip(records, data, strict=True)
-                    if isinstance(one, dict) and isinstance(one.get(field), str)
-                ]
-                if found:
-                    yield field, [time_s for time_s, _ in found], [text for _, text in found]
+            found = [
+                (record.t, one[field])
+                for record, one in zip(records, data, strict=True)
+                if isinstance(one, dict) and isinstance(one.get(field), str)
+            ]
+            if found:
+                yield [time_s for time_s, _ in found], [text for _, text in found]
 
     def is_copy(self, node: str, key: str) -> bool:
         """Return whether another node created the first page of a key at a node: it came over a link."""
         try:
-            ((page,),) = _decode_origins(b"[" + bytes(self._pages[node, key][0].values) + b"]")
+            ((page,),) = _decode_pages(b"[" + bytes(self._pages[node, key][0].values) + b"]")
         except JSON_ERRORS:
             return False
         return page.origin not in ("", node)
@@ -249,35 +235,14 @@ class Batch:
         for node, records in self._executed.items():
             sources = [self._sources.get(record.cause) for record in records]
             levels = ["INFO" if source else "DEBUG" for source in sources]
-            yield node, LogRows(When.of(records), self._lines(records, sources), levels)
+            lines = [_line(record, source) for record, source in zip(records, sources, strict=True)]
+            yield node, LogRows(When.of(records), lines, levels)
 
     def events(self) -> Iterator[tuple[str, LogRows]]:
         """Return for each node its start, its end, and its failures."""
         for node, records in self._events.items():
             texts, levels = zip(*map(_event, records), strict=True)
             yield node, LogRows(When.of(records), list(texts), list(levels))
-
-    def _lines(self, records: Iterable[Executed], sources: Iterable[str | None]) -> list[str]:
-        """Return for example '147  process_data  inertial       <- 146                  pad: store_page engine'."""
-        lines = []
-        # The texts are few and repeat often, so each phrase and its padding is built once.
-        known = self._phrases
-        for record, source in zip(records, sources, strict=True):
-            what, origin = (record.type, record.name), (source or "",)
-            task = known.get(what) or known.setdefault(what, f"{record.type:<13} {record.name:<14}")
-            place = known.get(origin) or known.setdefault(origin, f" {source or '':<16} ")
-            made = self._made(record.handled) if record.handled else ""
-            lines.append(f"{record.seq}  {task} <- {record.cause or 'begin'}{place}{made}")
-        return lines
-
-    def _made(self, handled: Sequence[HandlerCall]) -> str:
-        if len(handled) == 1 and len(handled[0].returned) == 1:
-            by, task = handled[0].component, handled[0].returned[0]
-            phrase_key = (by, task.type, task.name)
-            return self._phrases.get(phrase_key) or self._phrases.setdefault(
-                phrase_key, f"{by}: {task.type} {task.name}"
-            )
-        return "; ".join([f"{part.component}: {_tasks(part.returned)}" for part in handled if part.returned])
 
 
 def _record_at(seq: int, records: Sequence[Any]) -> Any:
@@ -291,11 +256,28 @@ def _is_image(value: Any) -> bool:
     return is_array and value.ndim == 3 and value.shape[2] == 3 and value.size > 0
 
 
+def _line(record: Executed, source: str | None) -> str:
+    """Return for example '147  process_data  inertial       <- 146                  pad: store_page engine'."""
+    made = "; ".join([f"{part.component}: {_tasks(part.returned)}" for part in record.handled if part.returned])
+    return f"{record.seq}  {_padded(record.type, record.name)} <- {record.cause or 'begin'}{_origin(source)}{made}"
+
+
+# The texts are few and repeat often, so each phrase and its padding is built once.
+@lru_cache(4096)
+def _padded(kind: str, name: str) -> str:
+    return f"{kind:<13} {name:<14}"
+
+
+@lru_cache(4096)
+def _origin(source: str | None) -> str:
+    return f" {source or '':<16} "
+
+
 def _tasks(returned: Sequence[ReturnedTask]) -> str:
     return ", ".join([f"{task.type} {task.name}" for task in returned])
 
 
-def _event(record: BeginRecord | EndRecord | ErrorRecord | LogLineRecord) -> tuple[str, str]:
+def _event(record: _Event) -> tuple[str, str]:
     if isinstance(record, LogLineRecord):
         return f"{record.component}: {record.text}", "INFO" if record.level == "PRINT" else record.level
     if isinstance(record, ErrorRecord):
@@ -337,18 +319,15 @@ def _columns(path: tuple[str, ...], when: When, rows: Sequence[Any]) -> Iterator
         return
     if kinds <= _NUMBERS:
         yield Series(path, when, _floats(rows), kinds == {bool})
-    elif kinds == {dict}:
-        for name, picked, inner in _by_name(rows):
-            yield from _columns((*path, str(name)), when if picked is None else when[picked], inner)
-    elif kinds == {list}:
-        for i, picked, inner in _by_index(rows):
-            yield from _columns((*path, str(i)), when if picked is None else when[picked], inner)
+    elif kinds == {dict} or kinds == {list}:
+        for name, some, inner in _by_name(when, rows) if kinds == {dict} else _by_index(when, rows):
+            yield from _columns((*path, str(name)), some, inner)
     else:
         yield from _mixed(path, when, rows)
 
 
-def _by_name(rows: Sequence[Any]) -> Iterator[tuple[Any, list[int] | None, Sequence[Any]]]:
-    """Return for each key of rows of dicts: the rows that have it (None: all), and their values."""
+def _by_name(when: When, rows: Sequence[Any]) -> Iterator[tuple[Any, When, Sequence[Any]]]:
+    """Return for each key of rows of dicts: order and time of the rows that have it, and their values."""
     names = list(rows[0]) if rows else []
     if len(names) > 1 and sum(map(len, rows)) == len(rows) * len(names):
         try:
@@ -356,24 +335,24 @@ def _by_name(rows: Sequence[Any]) -> Iterator[tuple[Any, list[int] | None, Seque
         except KeyError:
             pass  # the same number of keys, but other ones
         else:
-            yield from ((name, None, column) for name, column in zip(names, columns, strict=True))
+            yield from ((name, when, column) for name, column in zip(names, columns, strict=True))
             return
-    for name in _names(rows):
+    for name in dict.fromkeys(chain.from_iterable(rows)):
         picked = [i for i, row in enumerate(rows) if name in row]
-        yield name, picked, [rows[i][name] for i in picked]
+        yield name, when[picked], [rows[i][name] for i in picked]
 
 
-def _by_index(rows: Sequence[Any]) -> Iterator[tuple[int, list[int] | None, Sequence[Any]]]:
-    """Return for each index of rows of lists: the rows that have it (None: all), and their values."""
+def _by_index(when: When, rows: Sequence[Any]) -> Iterator[tuple[int, When, Sequence[Any]]]:
+    """Return for each index of rows of lists: order and time of the rows that have it, and their values."""
     lengths = set(map(len, rows))
     if max(lengths) > MAX_LIST_PLOTTED:
         return
     if len(lengths) == 1:
-        yield from ((i, None, column) for i, column in enumerate(zip(*rows, strict=True)))
+        yield from ((i, when, column) for i, column in enumerate(zip(*rows, strict=True)))
         return
     for at in range(max(lengths)):
         picked = [i for i, row in enumerate(rows) if len(row) > at]
-        yield at, picked, [rows[i][at] for i in picked]
+        yield at, when[picked], [rows[i][at] for i in picked]
 
 
 def _mixed(path: tuple[str, ...], when: When, rows: Sequence[Any]) -> Iterator[Series]:
@@ -404,8 +383,3 @@ def _float(value: Any) -> float:
         return float(value)
     except OverflowError:
         return float("inf") if value > 0 else float("-inf")
-
-
-def _names(rows: Iterable[dict[Any, Any]]) -> list[Any]:
-    """Return the keys that occur, in the order of their first occurrence."""
-    return list(dict.fromkeys(chain.from_iterable(rows)))

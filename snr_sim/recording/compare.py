@@ -19,14 +19,10 @@ _encode = msgspec.json.Encoder().encode
 
 @dataclass(frozen=True)
 class Tolerance:
-    """Allowed difference between numbers whose path matches a pattern.
+    """Allowed difference between numbers whose path matches a pattern."""
 
-    Args:
-        pattern: of paths such as 'engine.throttle' or 'inertial.position_m[0]'; * and ? as in file names.
-        absolute, relative: differences within either are ignored. Infinity accepts everything, also other types.
-    """
-
-    pattern: str
+    pattern: str  # of paths such as 'engine.throttle' or 'inertial.position_m[0]'; * and ? as in file names
+    # Differences within either are ignored. Infinity accepts everything, also other types.
     absolute: float = 0.0
     relative: float = 0.0
 
@@ -42,25 +38,16 @@ class Tolerance:
         """
         pattern, _, bound = text.rpartition("=")
         try:
-            if pattern and bound == "ignore":
-                return Tolerance(pattern, absolute=float("inf"))
-            if pattern and bound.endswith("%"):
-                return Tolerance(pattern, relative=_bound(bound[:-1]) / 100.0)
-            if pattern:
-                return Tolerance(pattern, absolute=_bound(bound))
+            number = float("inf" if bound == "ignore" else bound.removesuffix("%"))
         except ValueError:
-            pass
+            number = float("nan")
+        if pattern and number >= 0.0:
+            is_relative = bound.endswith("%")
+            return Tolerance(pattern, relative=number / 100.0) if is_relative else Tolerance(pattern, absolute=number)
         raise ParameterError(
             f"--tolerance {text} is not valid.",
             fix="engine.throttle=1e-6, or 'radar.*=0.1%', or engine.stamp_s=ignore.",
         )
-
-
-def _bound(text: str) -> float:
-    bound = float(text)
-    if not bound >= 0:
-        raise ValueError(text)
-    return bound
 
 
 @dataclass(frozen=True)
@@ -90,10 +77,8 @@ def first_difference(
     """
     if recorded == replayed:
         return None
-    for difference in _differences(name, *(_roots(kind, raw) for raw in (recorded, replayed))):
-        if not any(_passes(tolerance, difference) for tolerance in tolerances):
-            return difference
-    return None
+    found = _differences(name, *(_roots(kind, raw) for raw in (recorded, replayed)))
+    return next((one for one in found if not any(_passes(tolerance, one) for tolerance in tolerances)), None)
 
 
 def only_reordered(recorded: Sequence[bytes], replayed: Sequence[bytes]) -> bool:
@@ -157,12 +142,10 @@ def _mark(value: Any) -> Any:
     mark = value[TAG]
     if mark == "float":
         return None
-    return (mark, value.get("dtype"), value.get("shape"), _class(value.get("type")))
-
-
-def _class(name: Any) -> Any:
-    """Return a class name without the module of a program, whose name differs in a replay."""
-    return _PROGRAM.sub("", name) if isinstance(name, str) else name
+    kind = value.get("type")
+    if isinstance(kind, str):
+        kind = _PROGRAM.sub("", kind)  # a program is a module whose name differs in a replay
+    return (mark, value.get("dtype"), value.get("shape"), kind)
 
 
 def _without_mark(value: Any) -> Any:

@@ -14,7 +14,7 @@ import numpy as np
 
 from snr_sim.prelude.errors import TraceError, UnknownNameError, suggest
 from snr_sim.recording.columns import Floats
-from snr_sim.recording.compare_signals import APPLIED, TRUTH, Signal, SignalStats, between, signal_stats, signals_of
+from snr_sim.recording.compare_signals import APPLIED, TRUTH, Signal, SignalStats, signal_stats, signals_of
 from snr_sim.recording.reader import Trace
 from snr_sim.recording.records import Header
 
@@ -25,36 +25,22 @@ SAME = 1e-9  # relative differences below this are rounding errors
 
 @dataclass(frozen=True)
 class SignalComparison:
-    """One signal in two runs.
-
-    Args:
-        first, second: the signal in each, the second shifted in time as requested.
-        of_first, of_second: statistics of each.
-        times_s: shape (n,), of the common time.
-        difference: shape (n, channels): second minus first, interpolated to the first one's times.
-        rms: root mean square of the difference, over the channels.
-        largest: the difference of largest magnitude, with its sign.
-        largest_at_s, largest_channel: time and channel of that difference.
-        first_differs_s: when any channel first differs; None if never.
-        delay_s: of the second signal, if a shift explains the difference; else None.
-        is_command: whether it is in a page that drives outputs.
-        channel: index in a list if this is only one channel of it; None for all channels.
-    """
+    """One signal in two runs."""
 
     first: Signal
-    second: Signal
+    second: Signal  # shifted in time as requested
     of_first: SignalStats
     of_second: SignalStats
-    times_s: Floats
-    difference: Floats
-    rms: float
-    largest: float
+    times_s: Floats  # shape (n,), of the common time
+    difference: Floats  # shape (n, channels): second minus first, interpolated to the first one's times
+    rms: float  # root mean square of the difference, over the channels
+    largest: float  # the difference of largest magnitude, with its sign
     largest_at_s: float
     largest_channel: int
-    first_differs_s: float | None
-    delay_s: float | None
-    is_command: bool
-    channel: int | None = None
+    first_differs_s: float | None  # when any channel first differs; None if never
+    delay_s: float | None  # of the second signal, if a shift explains the difference; else None
+    is_command: bool  # whether it is in a page that drives outputs
+    channel: int | None = None  # index in a list if this is only one channel of it; None for all channels
 
     @property
     def name(self) -> str:
@@ -70,22 +56,14 @@ class SignalComparison:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two runs.
+    """Two runs."""
 
-    Args:
-        labels: names of the runs, from what differs between them.
-        node: whose pages were compared.
-        signals: that both runs have, in the order of the first run.
-        only_first, only_second: names of signals that only one run has.
-        is_identical: whether the two traces are the same, byte for byte.
-    """
-
-    labels: tuple[str, str]
-    node: str
-    signals: list[SignalComparison]
-    only_first: list[str]
+    labels: tuple[str, str]  # names of the runs, from what differs between them
+    node: str  # whose pages were compared
+    signals: list[SignalComparison]  # that both runs have, in the order of the first run
+    only_first: list[str]  # names of signals that only one run has
     only_second: list[str]
-    is_identical: bool
+    is_identical: bool  # whether the two traces are the same, byte for byte
 
     @property
     def commands_differ(self) -> SignalComparison | None:
@@ -121,8 +99,10 @@ def compare_runs(
             fix="compare two runs of one robot, as with --io sim and --io emulated.",
         )
     node = _common_node(first, second, node)
-    signals = [signals_of(trace.records, node) for trace in (first, second)]
-    signals[1] = {name: _shift_time(signal, -shift_s) for name, signal in signals[1].items()}
+    signals = [
+        {name: _cut(signal, later_s, *within_s) for name, signal in signals_of(trace.records, node).items()}
+        for trace, later_s in ((first, 0.0), (second, shift_s))
+    ]
     common = [name for name in signals[0] if name in signals[1]]
     if all(signals[0][name].key == TRUTH for name in common):
         raise TraceError(
@@ -131,7 +111,6 @@ def compare_runs(
             fix="compare whole runs of the same scenario, or another --node.",
         )
     commands = set(first.header.commands.get(node, ()))
-    signals = [{name: between(signal, *within_s) for name, signal in run.items()} for run in signals]
     pairs = [(signals[0][name], signals[1][name]) for name in common]
     compared = [
         _compare_signals(one, other, one.key in commands, _commands_for(one, signals))
@@ -211,18 +190,20 @@ def _pages(trace: Trace, signals: dict[str, Signal]) -> str:
     return f"In {_label(trace)} there is {keys or 'none at all'}."
 
 
-def _shift_time(signal: Signal, by_s: float) -> Signal:
-    return replace(signal, times_s=signal.times_s + by_s)
+def _cut(signal: Signal, later_s: float, begin_s: float, end_s: float) -> Signal:
+    """Return the part of a signal between two times, after its times were set back by `later_s`."""
+    times_s = signal.times_s - later_s
+    inside = (times_s >= begin_s) & (times_s <= end_s)
+    ages_s = None if signal.ages_s is None else signal.ages_s[inside]
+    return replace(signal, times_s=times_s[inside], values=signal.values[inside], ages_s=ages_s)
 
 
 def _overlap(first: Signal, second: Signal) -> tuple[float, float] | None:
     """Return the common time span; None if there is none, or if the numbers of channels differ."""
     if not (len(first.times_s) and len(second.times_s)) or first.values.shape[1] != second.values.shape[1]:
         return None
-    begin_s, end_s = (
-        float(max(first.times_s[0], second.times_s[0])),
-        float(min(first.times_s[-1], second.times_s[-1])),
-    )
+    begin_s = float(max(first.times_s[0], second.times_s[0]))
+    end_s = float(min(first.times_s[-1], second.times_s[-1]))
     inside = (first.times_s >= begin_s) & (first.times_s <= end_s)
     return (begin_s, end_s) if inside.any() else None
 
@@ -250,7 +231,10 @@ def _compare_signals(
     begin_s, end_s = _overlap(first, second) or (0.0, 0.0)
     inside = (first.times_s >= begin_s) & (first.times_s <= end_s)
     times_s, values = first.times_s[inside], first.values[inside]
-    difference = _wrap_difference(first.field, _at(second, times_s) - values)
+    others = np.stack([np.interp(times_s, second.times_s, column) for column in second.values.T], axis=1)
+    difference = others - values
+    if first.field.endswith("_rad"):  # in the shorter direction
+        difference -= 2.0 * math.pi * np.round(difference / (2.0 * math.pi))
     step, channel = np.unravel_index(int(np.argmax(np.abs(difference))), difference.shape)
     differs = (np.abs(difference) > SAME * np.maximum(1.0, np.abs(values))).any(axis=1)
     return SignalComparison(
@@ -270,11 +254,6 @@ def _compare_signals(
     )
 
 
-def _at(signal: Signal, times_s: Floats) -> Floats:
-    """Return the values of all channels at other times, linearly interpolated."""
-    return np.stack([np.interp(times_s, signal.times_s, column) for column in signal.values.T], axis=1)
-
-
 def channel_of(one: SignalComparison, channel: int) -> SignalComparison:
     """Return the comparison of a single channel."""
     only = slice(channel, channel + 1)
@@ -283,22 +262,10 @@ def channel_of(one: SignalComparison, channel: int) -> SignalComparison:
     return replace(alone, channel=channel)
 
 
-def _wrap_difference(field: str, difference: Floats) -> Floats:
-    """Return differences of angles wrapped to the shorter direction; other fields unchanged."""
-    if not field.endswith("_rad"):
-        return difference
-    turned: Floats = difference - 2.0 * math.pi * np.round(difference / (2.0 * math.pi))
-    return turned
-
-
-def delay_s(first: Signal, second: Signal, channel: int = 0) -> float | None:
+def delay_s(first: Signal, second: Signal, channel: int) -> float | None:
     """Return how much later a signal moves in the second run than in the first.
 
     One signal is shifted against the other until their difference is minimal.
-
-    Args:
-        first, second: the signal in both runs.
-        channel: of it.
 
     Returns:
         seconds, negative if it is earlier; None if the shift explains less than a third of the difference.

@@ -33,23 +33,14 @@ _THIRD = math.sqrt(1.0 + 9.0 + 9.0 + 1.0)  # gain of a third difference for whit
 
 @dataclass(frozen=True)
 class Signal:
-    """One field of a page over a run.
+    """One field of a page over a run."""
 
-    Args:
-        node: whose page.
-        key: of the page.
-        field: of its data, with dots between nested fields. Empty if the page is a number.
-        times_s: shape (n,), when each page was stored.
-        values: shape (n, channels).
-        ages_s: shape (n,), age of the data at that time; None if the page has no stamp.
-    """
-
-    node: str
-    key: str
-    field: str
-    times_s: Floats
-    values: Floats
-    ages_s: Floats | None = None
+    node: str  # whose page
+    key: str  # of the page
+    field: str  # of its data, with dots between nested fields; empty if the page is a number
+    times_s: Floats  # shape (n,), when each page was stored
+    values: Floats  # shape (n, channels)
+    ages_s: Floats | None = None  # shape (n,), age of the data at that time; None if the page has no stamp
 
     @property
     def name(self) -> str:
@@ -59,28 +50,18 @@ class Signal:
 
 @dataclass(frozen=True)
 class SignalStats:
-    """Statistics of a signal. A field is None where it cannot be determined.
+    """Statistics of a signal. A field is None where it cannot be determined."""
 
-    Args:
-        count: number of pages.
-        rate_hz: average rate of the pages.
-        age_s, age_p95_s: age of the data when it was stored: the median and the 95th percentile.
-        noise: standard deviation of the change from one page to the next.
-        step: quantisation: all values differ by multiples of it.
-        command_delay_s: for pulses reported by outputs: the delay between command and report.
-        dead_band: for pulses: the values closest to neutral on either side [us from 1500] that occur, excluding 0.
-        lowest, highest: over all channels.
-    """
-
-    count: int
-    rate_hz: float | None
-    age_s: float | None
-    age_p95_s: float | None
-    noise: float | None
-    step: float | None
-    command_delay_s: float | None
+    count: int  # number of pages
+    rate_hz: float | None  # average rate of the pages
+    age_s: float | None  # age of the data when it was stored: the median
+    age_p95_s: float | None  # and its 95th percentile
+    noise: float | None  # standard deviation of the change from one page to the next
+    step: float | None  # quantisation: all values differ by multiples of it
+    command_delay_s: float | None  # for pulses reported by outputs: the delay between command and report
+    # For pulses: the values closest to neutral on either side [us from 1500] that occur, excluding 0.
     dead_band: tuple[float, float] | None
-    lowest: float
+    lowest: float  # over all channels
     highest: float
 
 
@@ -133,20 +114,8 @@ def _add_ages(signal: Signal, stamp: Series | None) -> Signal:
     return replace(signal, ages_s=signal.times_s - stamp.values[np.maximum(places, 0)])
 
 
-def between(signal: Signal, begin_s: float, end_s: float) -> Signal:
-    """Return the part of a signal between two times."""
-    inside = (signal.times_s >= begin_s) & (signal.times_s <= end_s)
-    ages_s = None if signal.ages_s is None else signal.ages_s[inside]
-    return replace(signal, times_s=signal.times_s[inside], values=signal.values[inside], ages_s=ages_s)
-
-
 def signal_stats(signal: Signal, command: Signal | None = None) -> SignalStats:
-    """Return the statistics of a signal that has values.
-
-    Args:
-        signal: the signal to measure.
-        command: if the signal holds pulses reported by outputs: the commands that they received.
-    """
+    """Return the statistics of a signal that has values; of pulses that outputs report, also after their command."""
     times_s, values = signal.times_s, signal.values
     span_s = float(times_s[-1] - times_s[0])
     ages_s = signal.ages_s if signal.ages_s is not None and np.isfinite(signal.ages_s).all() else None

@@ -5,8 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import platform
 import shutil
 import time
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -14,7 +16,7 @@ from typing import Any
 from snr_sim.prelude.errors import TraceError
 from snr_sim.recording.atomic_files import write_atomic
 from snr_sim.recording.reader import Trace
-from snr_sim.recording.records import digest_of
+from snr_sim.recording.records import Header, digest_of
 from snr_sim.recording.sources import FOLDER as SOURCES
 from snr_sim.recording.trace import FILE_NAME
 
@@ -23,7 +25,7 @@ RESULT_NAME = "result.json"
 RESULT_SCHEMA = 1  # docs/formats.md, section 4: changes when a field is renamed or removed
 VIEW_NAME = "view.rrd"
 RUNS = Path("runs")  # in the current folder
-COMMON_FIELDS = (  # what every result.json has, or may have
+COMMON_FIELDS: tuple[str, ...] = (  # what every result.json has, or may have
     *("scenario", "seed", "engine", "controller", "success", "outcome", "sim_time_s", "wall_time_s"),
     *("tasks", "pages", "notes", "trace_digest", "run_dir", "error", "signal"),
 )
@@ -57,9 +59,9 @@ def _check_room(folder: Path) -> None:
     room = shutil.disk_usage(folder)
     if room.total and room.free < MIN_FREE_BYTES:  # some network disks report neither
         discard(folder)
-        free_mb, required_mb = room.free / 1e6, MIN_FREE_BYTES / 1e6
+        free = f"{room.free / 1e6:.0f} MB free, and a run begins with {MIN_FREE_BYTES / 1e6:.0f} MB"
         raise TraceError(
-            f"The disk of {folder.parent} has {free_mb:.0f} MB free, and a run begins with {required_mb:.0f} MB.",
+            f"The disk of {folder.parent} has {free}.",
             fix="make room on the disk, or record to another one with --out.",
         )
 
@@ -171,16 +173,12 @@ def check_unchanged(trace: Trace) -> None:
     Raises:
         TraceError: it was changed or truncated after its result.json was written.
     """
-    if _is_changed(trace):
+    if _digest_in_result(trace) not in (None, trace.digest):
         raise TraceError(
             f"The trace was changed after the run, so it proves nothing: result.json says its digest is "
             f"{_digest_in_result(trace)}, but it is {trace.digest}.",
             fix="replay it without --check to look at it, or run the scenario again: snr resim.",
         )
-
-
-def _is_changed(trace: Trace) -> bool:
-    return _digest_in_result(trace) not in (None, trace.digest)
 
 
 def _digest_in_result(trace: Trace) -> Any:
@@ -191,6 +189,17 @@ def trace_warnings(trace: Trace) -> list[str]:
     """Return remarks about a trace: that it was changed, truncated, or did not end by itself."""
     if trace.is_truncated:
         return ["The trace was cut short; what follows stops at its last whole record."]
-    if _is_changed(trace):
+    if _digest_in_result(trace) not in (None, trace.digest):
         return ["The trace was changed after the run: its digest is not the one in result.json."]
     return [] if trace.is_ended else ["The run did not end by itself; its trace stops at its last record."]
+
+
+def environment_changes(header: Header, packages: Mapping[str, str], version: str) -> list[str]:
+    """Return each difference between what a run was recorded with and these packages and version, as text."""
+    pairs = {
+        "snr_sim": (header.version, version),
+        "Python": (header.python, platform.python_version()),
+        **{name: (header.packages.get(name), packages.get(name)) for name in sorted({*header.packages, *packages})},
+        "platform": (header.platform, platform.platform()),
+    }
+    return [f"{name} {then or 'none'} then, {now or 'none'} now" for name, (then, now) in pairs.items() if then != now]

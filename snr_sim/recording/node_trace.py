@@ -38,21 +38,15 @@ _STORE_PAGE = TaskType.store_page  # looked up once: in Python 3.11 a member of 
 
 
 class RecordSink(Protocol):
-    """Receiver of the records of all nodes of a run, in one order: `TraceWriter`.
+    """Receiver of the records of all nodes of a run, in one order: `TraceWriter`."""
 
-    Attributes:
-        seq: number of the newest record.
-    """
-
-    seq: int
+    seq: int  # of the newest record
 
     def put(self, now_s: float, line: bytes) -> None:
         """Add a line to the trace."""
-        ...
 
     def find_repeat(self, task: ReturnedTask, seq: int, index: int) -> tuple[int, int] | None:
         """Return seq and index of an earlier task that carries the same page, and remember this one."""
-        ...
 
 
 class NodeTrace:
@@ -97,24 +91,14 @@ class NodeTrace:
         task, cause, index, cause_s = task_ref
         task_refs: list[TaskRef] = []
         time_s = msgspec.UNSET if cause_s == now_s else now_s
-        if task.type is not _STORE_PAGE:
-            by = [
-                HandlerCall(label[0], label[1], self._encode_tasks(outputs, seq, now_s, task_refs))
-                for label, outputs in handled
-            ]
-            writer.put(now_s, _encode(TaskLine(seq, cause, index, time_s, by)))
-            if self._pending_output:
-                self._write_output(now_s)
-            return task_refs
-        process = process_of(task, handled)
+        is_page = task.type is _STORE_PAGE
+        process = process_of(task, handled) if is_page else None
         if process is not None:
             task_refs = [(one, seq, 0, now_s) for one in handled[0][1]]
             handled = handled[1:]
-        by = [
-            HandlerCall(label[0], label[1], self._encode_tasks(outputs, seq, now_s, task_refs))
-            for label, outputs in handled
-        ]
-        writer.put(now_s, _encode(PageLine(seq, cause, index, time_s, process, by)))
+        by = [HandlerCall(*label, self._encode_tasks(outputs, seq, now_s, task_refs)) for label, outputs in handled]
+        line = PageLine(seq, cause, index, time_s, process, by) if is_page else TaskLine(seq, cause, index, time_s, by)
+        writer.put(now_s, _encode(line))
         if self._pending_output:
             self._write_output(now_s)
         return task_refs
@@ -191,8 +175,12 @@ def process_of(task: Task, handled: Sequence[Handled]) -> bool | None:
 
 
 def encode_task(task: Task) -> ReturnedTask:
-    """Return the record form of a task."""
-    return ReturnedTask(*_id_as_text(task), Raw(_encode_values(task)))
+    """Return the record form of a task; if its type or name is invalid, as text: the node reports that error later."""
+    kind: Any = task.type
+    name: Any = task.name
+    if not (isinstance(kind, str) and isinstance(name, str)):
+        kind, name = str(kind), str(name)
+    return ReturnedTask(kind, name, Raw(_encode_values(task)))
 
 
 def _encode_values(task: Task) -> bytes:
@@ -207,12 +195,3 @@ def _encode_values(task: Task) -> bytes:
     except Exception as error:  # it contains itself, or cannot be inspected; the run continues all the same
         reason = error.message if isinstance(error, SnrError) else f"{type(error).__name__}: {error}"
         return encode_value([{TAG: "object", "type": "not recorded", "fields": {"because": reason}}])
-
-
-def _id_as_text(task: Task) -> tuple[str, str]:
-    """Return a task's type and name as text, also if they are invalid; the node reports that error later."""
-    kind: Any = task.type
-    name: Any = task.name
-    if isinstance(kind, str) and isinstance(name, str):
-        return kind, name
-    return str(kind), str(name)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import _thread
 import datetime
+import functools
 import gc
 import os
 import random
@@ -23,20 +24,38 @@ from typing import Any
 from snr_sim.core.machine import EventMachine
 from snr_sim.core.source_location import is_student_file, short_path
 
-_CLOCKS = (
-    *(getattr(time, name) for name in ("time", "monotonic", "perf_counter", "process_time", "thread_time")),
-    *(getattr(time, f"{name}_ns") for name in ("time", "monotonic", "perf_counter", "process_time", "thread_time")),
-    *(getattr(time, name) for name in ("localtime", "gmtime", "ctime", "strftime", "sleep")),
-    *(getattr(datetime.datetime, name) for name in ("now", "today", "utcnow")),
-    datetime.date.today,
-)
-_RANDOM_SOURCES = (os.urandom, random.random, random.getrandbits, *filter(None, [getattr(os, "getrandom", None)]))
+_CLOCK_HINT = "self.get_time_s() is the node's time, and repeats"
 _RANDOM_HINT = "self.rng is the component's own chance, and repeats"
-_HINTS = {
-    **dict.fromkeys(_CLOCKS, "self.get_time_s() is the node's time, and repeats"),
-    **dict.fromkeys(_RANDOM_SOURCES, _RANDOM_HINT),
+_READ_HINT = "read it in the factory or in a Loop, so that it does not change between runs"
+_LOOP_HINT = "do it in a Loop, which brings the answer in as an input"
+_THREAD = ("starting a thread", "a Loop is the way for work of its own; it is recorded")
+_THREAD_STARTERS = ("start_new_thread", "start_joinable_thread")
+
+# Functions in C: how a student writes the call, and what to do instead.
+_CALLS: dict[Any, tuple[str, str]] = {
+    **{
+        getattr(time, name + unit): (f"time.{name}{unit}()", _CLOCK_HINT)
+        for name in ("time", "monotonic", "perf_counter", "process_time", "thread_time")
+        for unit in ("", "_ns")
+    },
+    **{
+        getattr(time, name): (f"time.{name}()", _CLOCK_HINT)
+        for name in ("localtime", "gmtime", "ctime", "strftime", "sleep")
+    },
+    **{getattr(datetime.datetime, name): (f"datetime.{name}()", _CLOCK_HINT) for name in ("now", "today", "utcnow")},
+    datetime.date.today: ("date.today()", _CLOCK_HINT),
+    random.random: ("random.random()", _RANDOM_HINT),
+    random.getrandbits: ("random.getrandbits()", _RANDOM_HINT),
+    **{getattr(os, name): (f"os.{name}()", _RANDOM_HINT) for name in ("urandom", "getrandom") if hasattr(os, name)},
+    # Python 3.11 has no audit event for it.
+    **{getattr(_thread, name): _THREAD for name in _THREAD_STARTERS if hasattr(_thread, name)},
 }
-_STARTS_THREAD = tuple(filter(None, (getattr(_thread, f"start_{kind}_thread", None) for kind in ("new", "joinable"))))
+_EVENTS = {
+    **{f"_thread.{name}": _THREAD for name in _THREAD_STARTERS},
+    "subprocess.Popen": ("starting a process", _LOOP_HINT),
+    "os.system": ("starting a process", _LOOP_HINT),
+    "socket.connect": ("opening a connection", _LOOP_HINT),
+}
 # The functions of the module `random` share one generator; some cache a number and draw only every other time.
 _RANDOM = {
     function.__code__: f"random.{name}()"
@@ -44,22 +63,16 @@ _RANDOM = {
     if isinstance(function, FunctionType) and not name.startswith("_") and name not in ("seed", "getstate", "setstate")
 }
 _SHARED = random.random.__self__  # type: ignore[attr-defined]
+_RANDOM_SEED = random.Random.seed.__code__
+_RANDOM_MADE = random.Random.__init__.__code__
 _NUMPY_LEGACY = (
     *("rand", "randn", "randint", "random", "random_sample", "choice", "normal", "uniform", "standard_normal"),
     *("shuffle", "permutation", "seed", "exponential", "poisson", "binomial", "beta", "gamma"),
 )
-_EVENTS = {
-    "_thread.start_new_thread": ("starting a thread", "a Loop is the way for work of its own; it is recorded"),
-    "_thread.start_joinable_thread": ("starting a thread", "a Loop is the way for work of its own; it is recorded"),
-    "subprocess.Popen": ("starting a process", "do it in a Loop, which brings the answer in as an input"),
-    "os.system": ("starting a process", "do it in a Loop, which brings the answer in as an input"),
-    "socket.connect": ("opening a connection", "do it in a Loop, which brings the answer in as an input"),
-}
 # Calls from these modules do not affect a handler's result: a log line's time, a traceback's source line.
 _HARMLESS = ("logging", "traceback", "linecache", "warnings", "tokenize")
 # Files may be read while a robot is assembled; in a handler or `begin` their content may differ each time.
 _HANDLING = (EventMachine.execute_next.__code__, EventMachine.begin_component.__code__)
-_READ_HINT = "read it in the factory or in a Loop, so that it does not change between runs"
 
 
 @dataclass(frozen=True)
@@ -80,60 +93,52 @@ class _CallWatcher:
 
     def __init__(self) -> None:
         self.calls: dict[tuple[str, int], NondeterministicCall] = {}
-        self._is_student: dict[str, bool] = {}
+        self._is_student = functools.cache(is_student_file)
         # The frames that started the watch: a call stack that leads only to them does not belong to a component. Kept
-        # as objects, because the id of a freed frame may be reused.
-        self._callers: set[FrameType] = set()
-        frame: FrameType | None = sys._getframe()
-        while frame is not None:
-            self._callers.add(frame)
-            frame = frame.f_back
+        # as objects, because the id of a freed frame may be reused; they keep all their variables alive.
+        self.callers = set(_stack(sys._getframe()))
 
     def on_profile(self, frame: FrameType, event: str, called: Any) -> None:
         """Check a call into C."""
         if event == "c_call":
             try:
-                hint = _HINTS.get(called)
+                found = _CALLS.get(called)
             except TypeError:
                 return  # unhashable, so it cannot be one of the watched functions
-            if hint is not None:
-                self.report(frame, _name(called), hint)
-            elif called in _STARTS_THREAD:  # Python 3.11 has no audit event for it
-                self.report(frame, *_EVENTS["_thread.start_new_thread"])
+            if found is not None:
+                self.report(frame, *found)
         elif event == "call":
-            if frame.f_code is _RANDOM_SEED:
-                caller = frame.f_back
-                is_made = caller is not None and caller.f_code is _RANDOM_MADE
-                if frame.f_locals.get("a") is None:
-                    what = "random.Random()" if is_made else "random.seed()"
-                    self.report(caller.f_back if is_made and caller is not None else caller, what, _RANDOM_HINT)
+            if frame.f_code is _RANDOM_SEED and frame.f_locals.get("a") is None:
+                caller, what = frame.f_back, "random.seed()"
+                if caller is not None and caller.f_code is _RANDOM_MADE:
+                    caller, what = caller.f_back, "random.Random()"
+                self.report(caller, what, _RANDOM_HINT)
             elif frame.f_code in _RANDOM and frame.f_locals.get("self") is _SHARED:
                 self.report(frame.f_back, _RANDOM[frame.f_code], _RANDOM_HINT)
 
-    def release_callers(self) -> None:
-        """Drop the frames, which keep all their variables alive."""
-        self._callers.clear()
-
     def on_audit(self, event: str, args: tuple[Any, ...]) -> None:
         """Check an event of Python's audit hooks."""
+        frame = sys._getframe(2)
         if event == "open":
             path, mode, flags = args
             is_reading = "r" in mode or "+" in mode if mode else not (flags or 0) & (os.O_WRONLY | os.O_RDWR)
-            if is_reading and isinstance(path, (str, bytes)) and _is_handling(sys._getframe(2)):
-                self.report(sys._getframe(2), f"reading {short_path(os.fsdecode(path))}", _READ_HINT)
-        elif event in _EVENTS:
-            self.report(sys._getframe(2), *_EVENTS[event])
+            if not (is_reading and isinstance(path, (str, bytes))):
+                return
+            if any(one.f_code in _HANDLING for one in _stack(frame)):
+                self.report(frame, f"reading {short_path(os.fsdecode(path))}", _READ_HINT)
+        else:
+            self.report(frame, *_EVENTS[event])
 
-    def report(self, frame: FrameType | None, what: str, hint: str) -> None:
+    def report(self, innermost: FrameType | None, what: str, hint: str) -> None:
         """Store the call if a student's line caused it."""
         through = ""
-        while frame is not None and frame not in self._callers:
+        for frame in _stack(innermost):
+            if frame in self.callers:
+                return
             if any(frame.f_code is getattr(callback, "__code__", None) for callback in gc.callbacks):
                 return  # the garbage collector runs at any line; some tools time it
             file = frame.f_code.co_filename
-            if file not in self._is_student:
-                self._is_student[file] = is_student_file(file)
-            if self._is_student[file]:
+            if self._is_student(file):
                 shown = f"{through} ({what})" if through else what
                 call = NondeterministicCall(short_path(file), frame.f_lineno, shown, hint)
                 self.calls.setdefault((file, frame.f_lineno), call)  # the first call of a line is reported
@@ -142,19 +147,15 @@ class _CallWatcher:
             if "importlib" in file or module.partition(".")[0] in _HARMLESS:
                 return  # an import reads files and random numbers, but with the same result each time
             through = f"{module}.{frame.f_code.co_qualname.removesuffix('.__init__')}()"
-            frame = frame.f_back
 
 
-def _is_handling(frame: FrameType | None) -> bool:
+def _stack(frame: FrameType | None) -> Iterator[FrameType]:
+    """Yield a frame, its caller, and so on."""
     while frame is not None:
-        if frame.f_code in _HANDLING:
-            return True
+        yield frame
         frame = frame.f_back
-    return False
 
 
-_RANDOM_SEED = random.Random.seed.__code__
-_RANDOM_MADE = random.Random.__init__.__code__
 _current: _CallWatcher | None = None
 _is_hooked = False
 
@@ -162,16 +163,6 @@ _is_hooked = False
 def _hook(event: str, args: tuple[Any, ...]) -> None:
     if _current is not None and (event == "open" or event in _EVENTS):
         _current.on_audit(event, args)
-
-
-def _name(called: Any) -> str:
-    owner = getattr(called, "__self__", None)
-    if isinstance(owner, random.Random):
-        return f"random.{called.__name__}()"
-    module = (
-        "os" if called in _RANDOM_SOURCES else getattr(called, "__module__", None) or getattr(owner, "__qualname__", "")
-    )
-    return f"{module}.{called.__name__}()"
 
 
 @contextmanager
@@ -190,7 +181,7 @@ def detect_nondeterminism() -> Iterator[dict[tuple[str, int], NondeterministicCa
         yield watcher.calls
     finally:
         sys.setprofile(before)
-        watcher.release_callers()
+        watcher.callers.clear()
         _current = None
         for name, function in numpy_before.items():
             setattr(sys.modules["numpy"].random, name, function)
@@ -204,13 +195,10 @@ def _wrap_numpy(watcher: _CallWatcher) -> dict[str, Any]:
         return {}
     before = {name: getattr(numpy.random, name) for name in _NUMPY_LEGACY}
     for name, function in before.items():
-        setattr(numpy.random, name, _watched(watcher, name, function))
+        setattr(numpy.random, name, functools.partial(_report_and_call, watcher, name, function))
     return before
 
 
-def _watched(watcher: _CallWatcher, name: str, function: Any) -> Any:
-    def call(*args: Any, **kwargs: Any) -> Any:
-        watcher.report(sys._getframe(1), f"numpy.random.{name}()", _RANDOM_HINT)
-        return function(*args, **kwargs)
-
-    return call
+def _report_and_call(watcher: _CallWatcher, name: str, function: Any, /, *args: Any, **kwargs: Any) -> Any:
+    watcher.report(sys._getframe(1), f"numpy.random.{name}()", _RANDOM_HINT)
+    return function(*args, **kwargs)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import contextlib
+import gc
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
@@ -10,18 +13,16 @@ import msgspec
 
 from snr_sim.prelude.errors import TraceError
 from snr_sim.prelude.values import JSON_ERRORS
-from snr_sim.recording.garbage import no_garbage_collection
 from snr_sim.recording.records import (
     SCHEMA,
     BeginRecord,
     EndRecord,
     ErrorRecord,
+    Executed,
     Header,
     InputRecord,
     LogLineRecord,
-    PageRecord,
     Record,
-    TaskRecord,
     TraceInfo,
     decode_beginning,
     decode_line,
@@ -32,6 +33,7 @@ from snr_sim.recording.references import References
 _decode_any = msgspec.json.Decoder().decode
 
 
+@dataclass(eq=False)
 class Trace:
     """A recorded run, read back.
 
@@ -44,20 +46,32 @@ class Trace:
         is_truncated: whether the file has a truncated tail, from a crash or a power loss, which was skipped.
     """
 
-    def __init__(
-        self, path: Path, trace_info: TraceInfo, header: Header, records: list[Record], digest: str, is_truncated: bool
-    ) -> None:
-        self.path = path
-        self.trace_info = trace_info
-        self.header = header
-        self.records = records
-        self.digest = digest
-        self.is_truncated = is_truncated
+    path: Path
+    trace_info: TraceInfo
+    header: Header
+    records: list[Record]
+    digest: str
+    is_truncated: bool
 
     @property
     def is_ended(self) -> bool:
         """Whether every node of the run has its end record."""
         return {record.node for record in self.records if isinstance(record, EndRecord)} >= set(self.header.nodes)
+
+
+@contextlib.contextmanager
+def no_garbage_collection() -> Iterator[None]:
+    """Disable the search for reference cycles in the block, for code that creates many objects without cycles.
+
+    Scanning all records of a run repeatedly while their number grows took as long as reading them.
+    """
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
 
 
 @no_garbage_collection()
@@ -79,36 +93,36 @@ def read_trace(path: Path) -> Trace:
     trace_info = _read_trace_info(path, lines[0])
     if len(lines) == 1:
         raise TraceError(f"The trace {path} has no whole header.", fix=_TRUNCATED_TOO_EARLY)
-    _check_text(path, lines)
     header = _read_beginning(path, lines[1], Header, "its header")
     records: list[Record] = []
     references = References()
     for seq, line in enumerate(lines[2:], start=1):
         try:
+            if not line.isascii():
+                line.decode()  # msgspec does not check the text of values, which stay encoded
             read = decode_line(line)
-        except JSON_ERRORS as error:
-            raise TraceError(
-                f"{path}, line {seq + 2} is not a record: {error}. It reads: {line[:100]!r}", fix=_DAMAGED
-            ) from error
-        if read.seq != seq:
-            raise TraceError(
-                f"{path}: record {seq} has seq {read.seq}; a line was taken out, put in or moved.", fix=_DAMAGED
-            )
-        try:
+            if read.seq != seq:
+                raise _damaged(f"{path}: record {seq} has seq {read.seq}; a line was taken out, put in or moved.")
             records.append(references.resolve(read))
+        except JSON_ERRORS as error:
+            raise _damaged(f"{path}, line {seq + 2} is not a record: {error}. It reads: {line[:100]!r}") from error
         except LookupError as error:
-            raise TraceError(f"{path}: {error}.", fix=_DAMAGED) from error
+            raise _damaged(f"{path}: {error}.") from error
     _check_values(path, records)
     digest = digest_of(written[len(lines[0]) + 1 : len(written) - len(tail)])
-    return Trace(
-        path, trace_info, header, records, digest.hexdigest(), is_truncated=bool(tail) or len(written) < len(data)
-    )
+    is_truncated = bool(tail) or len(written) < len(data)
+    return Trace(path, trace_info, header, records, digest.hexdigest(), is_truncated)
 
 
 # JSON text never has this byte. After a power loss a file ends with it where blocks were allocated but not written.
 _NEVER_WRITTEN = b"\0"
 _TRUNCATED_TOO_EARLY = "the run was cut before it began; run it again."
-_DAMAGED = "the file was changed or damaged after the run; use an untouched copy, or run again."
+
+
+def _damaged(message: str) -> TraceError:
+    return TraceError(
+        message, fix="the file was changed or damaged after the run; use an untouched copy, or run again."
+    )
 
 
 def _read_trace_info(path: Path, line: bytes) -> TraceInfo:
@@ -134,35 +148,25 @@ def _read_beginning(path: Path, line: bytes, kind: type[_Kind], what: str) -> _K
     try:
         read = decode_beginning(line)
     except JSON_ERRORS as error:
-        raise TraceError(f"{path}: {what} is damaged: {error}.", fix=_DAMAGED) from error
+        raise _damaged(f"{path}: {what} is damaged: {error}.") from error
     if not isinstance(read, kind):
-        raise TraceError(f"{path}: {what} is damaged: it is of another kind.", fix=_DAMAGED)
+        raise _damaged(f"{path}: {what} is damaged: it is of another kind.")
     return read
 
 
-def _check_text(path: Path, lines: Sequence[bytes]) -> None:
-    for number, line in enumerate(lines, start=1):
-        if not line.isascii():
-            try:
-                line.decode()
-            except UnicodeDecodeError as error:
-                raise TraceError(f"{path}, line {number} is not a record: {error}.", fix=_DAMAGED) from error
-
-
-def _check_values(path: Path, records: Sequence[Record]) -> None:
+def _check_values(path: Path, records: list[Record]) -> None:
     for record in records:
         if isinstance(record, (ErrorRecord, LogLineRecord)) and record.cause >= record.seq:
-            raise TraceError(f"{path}: the cause of record {record.seq} does not come before it.", fix=_DAMAGED)
+            raise _damaged(f"{path}: the cause of record {record.seq} does not come before it.")
         if any(bytes(values)[:1] != b"[" for values in _values_in(record)):
-            raise TraceError(f"{path}: record {record.seq} has values that are not a list.", fix=_DAMAGED)
+            raise _damaged(f"{path}: record {record.seq} has values that are not a list.")
 
 
 def _values_in(record: Record) -> Iterator[msgspec.Raw]:
     """Yield the values of every task that a record contains."""
     if isinstance(record, InputRecord):
         yield record.values
-    elif isinstance(record, (TaskRecord, PageRecord)):
-        for by in record.handled:
-            yield from (task.values for task in by.returned)
+    elif isinstance(record, Executed):
+        yield from (task.values for by in record.handled for task in by.returned)
     elif isinstance(record, BeginRecord):
         yield from (task.values for task in record.returned)

@@ -23,9 +23,6 @@ _SENSOR_LOOP = "_sensor"  # suffix of a sensor loop's name, after the key
 class RecordedRun:
     """Plant that plays back a recorded run. Implements the reading half of `Plant`; its verdict is only the end.
 
-    Args:
-        trace: of the run.
-
     Raises:
         TraceError: the trace has no sensor readings.
     """
@@ -35,9 +32,9 @@ class RecordedRun:
     step_s: float | None = None
 
     def __init__(self, trace: Trace) -> None:
-        self.trace = trace
-        self.engine = f"as recorded of {trace.header.engine or 'real devices'}"
-        self.time_s = 0.0
+        self.trace: Trace = trace
+        self.engine: str = f"as recorded of {trace.header.engine or 'real devices'}"
+        self.time_s: float = 0.0
         self.__file__ = str(trace.path)
         self._inputs = [
             record
@@ -50,7 +47,7 @@ class RecordedRun:
         self._truth_times_s = [record.t for record in self._truths]
         if not self._inputs:
             raise TraceError(f"In the run {trace.path} no sensor was read.", fix="name one of a robot with sensors.")
-        self.end_s = self._inputs[-1].t
+        self.end_s: float = self._inputs[-1].t
 
     def pages(self, key: str) -> list[Page]:
         """Return the pages that a sensor stored, in order.
@@ -87,19 +84,11 @@ class RecordedRun:
         self.time_s += dt_s
 
     def write(self, name: str, command: Any) -> None:
-        """Raise: a recorded run has no actuators.
-
-        Raises:
-            PlantError: always.
-        """
+        """Raise PlantError: a recorded run has no actuators."""
         raise PlantError(f"'{name}' was written to a recorded run, which nothing moves.", fix="use --io sim.")
 
     def read(self, name: str) -> Any:
-        """Raise: sensor readings are available as pages only.
-
-        Raises:
-            UnknownNameError: always.
-        """
+        """Raise UnknownNameError: sensor readings are available as pages only."""
         raise UnknownNameError(
             f"A recorded run has no output '{name}'.", fix="context.recorded(key) has a sensor's pages."
         )

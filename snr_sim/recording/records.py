@@ -37,7 +37,19 @@ Values: TypeAlias = Annotated[
 ]
 
 
-class TraceInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="trace"):
+class _Line(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
+    """A line of the file."""
+
+
+class _OfNode(_Line, frozen=True):
+    """Common fields of most records of a node."""
+
+    seq: Seq
+    t: float
+    node: str
+
+
+class TraceInfo(_Line, frozen=True, tag="trace"):
     """The first line: identifies a trace, and how and when it was made. The digest begins after it.
 
     Args:
@@ -68,7 +80,7 @@ def hash_seed() -> str:
     return os.environ.get("PYTHONHASHSEED") or "random"
 
 
-class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="header"):
+class Header(_Line, frozen=True, tag="header"):
     """The second line: what ran, with which versions, seeds and sources.
 
     Args:
@@ -118,36 +130,28 @@ class HandlerCall(msgspec.Struct, frozen=True, forbid_unknown_fields=True, array
     returned: list[ReturnedTask]
 
 
-class InputRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="input"):
+class InputRecord(_OfNode, frozen=True, tag="input"):
     """A task from outside the node: from the loop, link or person named in `source`."""
 
-    seq: Seq
-    t: float
-    node: str
     source: str
     type: str
     name: str
     values: Values
 
 
-class RepeatLine(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="repeat"):
+class RepeatLine(_OfNode, frozen=True, tag="repeat"):
     """An input that is already in this trace, such as a page that a link brings to another node of the same run.
 
     Args:
         cause, nth: the task that it repeats, identified as an executed one.
     """
 
-    seq: Seq
-    t: float
-    node: str
     source: str
     cause: Seq
     index: Count
 
 
-class TaskLine(
-    msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True, tag_field="kind", tag="task"
-):
+class TaskLine(_Line, frozen=True, omit_defaults=True, tag="task"):
     """A task that was executed, on the node of its cause; see `TaskRecord`.
 
     Args:
@@ -161,9 +165,7 @@ class TaskLine(
     handled: list[HandlerCall] = []
 
 
-class PageLine(
-    msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True, tag_field="kind", tag="page"
-):
+class PageLine(_Line, frozen=True, omit_defaults=True, tag="page"):
     """A `store_page` task that was executed; see `TaskLine`.
 
     Args:
@@ -179,12 +181,9 @@ class PageLine(
     handled: list[HandlerCall] = []
 
 
-class _Executed(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Common fields of both kinds of executed tasks."""
+class Executed(_OfNode, frozen=True):
+    """A task that was executed: a `TaskRecord` or a `PageRecord`."""
 
-    seq: Seq
-    t: float
-    node: str
     type: str
     name: str
     values: Values
@@ -193,7 +192,7 @@ class _Executed(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     handled: list[HandlerCall]
 
 
-class TaskRecord(_Executed, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="task"):
+class TaskRecord(Executed, frozen=True, tag="task"):
     """A task that was executed, and what its handlers returned.
 
     Args:
@@ -203,11 +202,11 @@ class TaskRecord(_Executed, frozen=True, forbid_unknown_fields=True, tag_field="
     """
 
 
-class PageRecord(_Executed, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="page"):
+class PageRecord(Executed, frozen=True, tag="page"):
     """A `store_page` task that was executed: `values` is [page]. Otherwise as `TaskRecord`."""
 
 
-class TruthRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="truth"):
+class TruthRecord(_Line, frozen=True, tag="truth"):
     """The plant's true state, see `Plant.truth`: for the viewer and the grader; no node can read it."""
 
     seq: Seq
@@ -217,28 +216,22 @@ class TruthRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_f
     values: dict[str, float]
 
 
-class BeginRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="begin"):
+class BeginRecord(_OfNode, frozen=True, tag="begin"):
     """What a component scheduled in `begin`, before the first task."""
 
-    seq: Seq
-    t: float
-    node: str
     component: str
     returned: list[ReturnedTask]
 
 
-class ErrorRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="error"):
+class ErrorRecord(_OfNode, frozen=True, tag="error"):
     """Something went wrong in a component; `cause` is the seq of the node's record before, usually the task's own."""
 
-    seq: Seq
-    t: float
-    node: str
     cause: Seq
     component: str
     message: str
 
 
-class LogLineRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="said"):
+class LogLineRecord(_OfNode, frozen=True, tag="said"):
     """A line that a component printed or logged; `cause` is the seq of the node's record before, as of an error.
 
     Args:
@@ -246,26 +239,19 @@ class LogLineRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag
         text: without the line end, at most `MAX_LOG_LINE_CHARS`.
     """
 
-    seq: Seq
-    t: float
-    node: str
     cause: Seq
     component: str
     level: str
     text: str
 
 
-class EndRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="end"):
+class EndRecord(_OfNode, frozen=True, tag="end"):
     """A node has ended: why, and its counts."""
 
-    seq: Seq
-    t: float
-    node: str
     reason: str
     summary: dict[str, Any]
 
 
-Executed: TypeAlias = TaskRecord | PageRecord
 Record: TypeAlias = (
     InputRecord | TaskRecord | PageRecord | TruthRecord | BeginRecord | ErrorRecord | LogLineRecord | EndRecord
 )

@@ -21,7 +21,7 @@ from snr_sim.recording.records import (
 
 # How many records back an input may repeat a task. It bounds what a listener has to keep in memory.
 REPEAT_WITHIN = 500
-CORE_STORES = (CORE_NAME, "store")  # component and handler that `PageLine.process` stands for
+CORE_STORES: tuple[str, str] = (CORE_NAME, "store")  # component and handler that `PageLine.process` stands for
 
 
 class References:

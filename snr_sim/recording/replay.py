@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import Config
@@ -28,14 +29,7 @@ from snr_sim.prelude.values import decode_value
 from snr_sim.recording.checker import NodeReplay, ReplayChecker
 from snr_sim.recording.compare import Tolerance
 from snr_sim.recording.reader import Trace
-from snr_sim.recording.records import (
-    BeginRecord,
-    Executed,
-    InputRecord,
-    PageRecord,
-    Record,
-    TaskRecord,
-)
+from snr_sim.recording.records import BeginRecord, Executed, InputRecord, Record
 from snr_sim.recording.reloads import UNCOMPARED
 
 
@@ -80,38 +74,35 @@ def replay_node(
     return checker.result
 
 
+@dataclass
 class _Driver:
     """Driver of a replay: adds the inputs and executes the tasks in the recorded order."""
 
-    def __init__(
-        self, node: Node, clock: ReplayClock, checker: ReplayChecker, before_task: Callable[[int], None]
-    ) -> None:
-        self._node = node
-        self._machine = node.machine
-        self._clock = clock
-        self._checker = checker
-        self._before_task = before_task
+    node: Node
+    clock: ReplayClock
+    checker: ReplayChecker
+    before_task: Callable[[int], None]
 
     def run(self, records: Sequence[Record]) -> None:
         self._show(next((record.t for record in records if isinstance(record, BeginRecord)), 0.0))
         try:
-            self._node.begin()
+            self.node.begin()
         except ComponentFailedError as failure:
-            self._checker.check_failure_outside_task(failure, "begin")
+            self.checker.check_failure_outside_task(failure, "begin")
             self._end()
             return
-        self._checker.report_missing_begins()
+        self.checker.report_missing_begins()
         before: Record | None = None
         for record in records:
             if isinstance(record, InputRecord):
                 # In lock step an input arrives when the queue is empty, or together with another input.
-                if self._node.is_in_lock_step and not isinstance(before, InputRecord):
+                if self.node.is_in_lock_step and not isinstance(before, InputRecord):
                     self._finish(record.seq)
                 self._show(record.t)
-                self._checker.entering = record
-                self._machine.enqueue_replayed(_input_task(record), record.source)
-            elif isinstance(record, (TaskRecord, PageRecord)):
-                if self._checker.was_interrupted(record):
+                self.checker.entering = record
+                self.node.machine.enqueue_replayed(_input_task(record), record.source)
+            elif isinstance(record, Executed):
+                if self.checker.was_interrupted(record):
                     break  # it did not return in the recording, and would block the replay
                 self._execute(record)
             before = record
@@ -120,47 +111,47 @@ class _Driver:
         self._end()
 
     def _end(self) -> None:
-        self._machine.discard_queued()
+        self.node.machine.discard_queued()
         try:
-            self._node.end("replayed")
+            self.node.end("replayed")
         except ComponentFailedError as failure:
-            self._checker.check_failure_outside_task(failure, "halt")
+            self.checker.check_failure_outside_task(failure, "halt")
 
     def _show(self, time_s: float) -> None:
-        self._clock.show(time_s)
-        self._machine.now_s = time_s
+        self.clock.show(time_s)
+        self.node.machine.now_s = time_s
 
     def _execute(self, record: Executed) -> None:
         """Execute the task of this record, after tasks queued before it that are not in the recording."""
-        while (task_ref := self._machine.next_task_ref) is not None:
-            expected = self._checker.record_of(task_ref)
+        while (task_ref := self.node.machine.next_task_ref) is not None:
+            expected = self.checker.record_of(task_ref)
             if expected is not None and expected.seq > record.seq:
                 return  # the recorded task is missing here; already reported when its cause did not return it
             if expected is record:
                 self._show(record.t)
-                self._before_task(record.seq)
+                self.before_task(record.seq)
             self._execute_next()
             if expected is record:
                 return
 
     def _finish(self, seq: float) -> None:
         """Execute the tasks recorded before this seq, and those that are not in the recording."""
-        while (task_ref := self._machine.next_task_ref) is not None:
-            expected = self._checker.record_of(task_ref)
-            if self._checker.was_unexecuted(task_ref) or (expected is not None and expected.seq > seq):
+        while (task_ref := self.node.machine.next_task_ref) is not None:
+            expected = self.checker.record_of(task_ref)
+            if self.checker.was_unexecuted(task_ref) or (expected is not None and expected.seq > seq):
                 return
             self._execute_next()
 
     def _execute_next(self) -> None:
         try:
-            self._machine.execute_next()
+            self.node.machine.execute_next()
         except HandlerError as failed:
             error = failed.__cause__
             if error is None or isinstance(error, KeyboardInterrupt):
                 raise
-            self._checker.check_failure(failed, error)
+            self.checker.check_failure(failed, error)
         else:
-            self._checker.report_missing_calls()
+            self.checker.report_missing_calls()
 
 
 def _input_task(record: InputRecord) -> Task:

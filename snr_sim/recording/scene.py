@@ -111,10 +111,7 @@ def tether_frames(tether: Mapping[str, Any], poses: Points) -> Points:
 
     Args:
         tether: as a scene describes it.
-        poses: of its body, shape (n, 7).
-
-    Returns:
-        shape (n, 3, 3): one matrix per pose.
+        poses: of its body, shape (n, 7); there is one matrix for each, of shape (n, 3, 3).
     """
     spans = tether_spans(tether, poses)
     lengths = np.linalg.norm(spans, axis=1, keepdims=True)
@@ -127,13 +124,9 @@ def tether_frames(tether: Mapping[str, Any], poses: Points) -> Points:
 
 
 def meshes_with_normals(meshes: Sequence[dict[str, Any]]) -> tuple[Points, Points]:
-    """Return three separate vertices per triangle with normals, so that edges are drawn sharp.
+    """Return three separate vertices for each of k triangles of meshes, and unit normals, so that edges are sharp.
 
-    Args:
-        meshes: shapes of kind "mesh".
-
-    Returns:
-        vertices of shape (3 k, 3) for k triangles in all, mesh by mesh, and unit normals of the same shape.
+    Both have the shape (3 k, 3), mesh by mesh.
     """
     vertices = [points_of(mesh) for mesh in meshes]
     begins = np.cumsum([0, *map(len, vertices[:-1])])

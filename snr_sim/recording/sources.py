@@ -57,29 +57,18 @@ _decode_line = msgspec.json.Decoder(TableLine).decode
 
 @dataclass(frozen=True)
 class KeptFile:
-    """A file that a run was recorded with.
+    """A file that a run was recorded with."""
 
-    Args:
-        path: where it was; never opened.
-        sha256: of its bytes.
-        is_own: whether this user has recorded a run with it on this computer.
-        data: its bytes.
-    """
-
-    path: Path
-    sha256: str
-    is_own: bool
+    path: Path  # where it was; never opened
+    sha256: str  # of its bytes
+    is_own: bool  # whether this user has recorded a run with it on this computer
     data: bytes
 
 
 class KeepingFiles(SourceFiles):
-    """Files on the disk that are copied into the run folder when they are read.
+    """Files on the disk; those of the user's own program are copied into the run folder when they are read.
 
     A failed copy does not end the run: a replay then requires the file, or `--with`.
-
-    Args:
-        run: the run folder.
-        is_kept: whether a file is of the user's own program.
     """
 
     def __init__(self, run: Path, is_kept: Callable[[Path], bool]) -> None:

@@ -26,16 +26,10 @@ import msgspec
 from snr_sim.prelude.errors import TraceError
 from snr_sim.prelude.recorder import RECORDING_KEY
 from snr_sim.prelude.task import Task, TaskType
+from snr_sim.recording.atomic_files import TraceFile
 from snr_sim.recording.node_trace import NodeTrace
-from snr_sim.recording.records import (
-    Header,
-    ReturnedTask,
-    TraceInfo,
-    TruthRecord,
-    digest_of,
-)
+from snr_sim.recording.records import Header, ReturnedTask, TraceInfo, TruthRecord, digest_of
 from snr_sim.recording.references import REPEAT_WITHIN
-from snr_sim.recording.trace_file import TraceFile
 from snr_sim.recording.trace_listener import ListenerThread, TraceListener
 
 if TYPE_CHECKING:
@@ -76,8 +70,8 @@ class TraceWriter:
         *,
         open_file: Callable[[Path], TraceFile] = TraceFile,
     ) -> None:
-        self.path = path
-        self.seq = 0  # of the newest record
+        self.path: Path = path
+        self.seq: int = 0  # of the newest record
         self._lines: deque[tuple[float, bytes]] = deque()  # each with its time
         self._put_bytes = 0  # counted by the thread that puts
         self._taken_bytes = 0  # counted under `_losing` by the thread that takes; the difference is queued

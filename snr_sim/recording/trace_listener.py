@@ -20,20 +20,15 @@ class TraceListener(Protocol):
 
     def add(self, record: Record) -> None:
         """Add a record."""
-        ...
 
     def flush(self) -> None:
         """Show what was received so far: no further records are available at the moment."""
-        ...
 
 
 class ListenerThread:
-    """Thread that passes whole records, made of the trace's lines, to a listener.
+    """Thread that passes whole records, made of the trace's lines, to a listener, from the first record on.
 
     A listener that fails or hangs receives no more records, and a warning is logged.
-
-    Args:
-        listener: receives the run from its first record on.
     """
 
     def __init__(self, listener: TraceListener) -> None:
@@ -57,7 +52,7 @@ class ListenerThread:
         self._batches.put(lines)
 
     def close(self) -> None:
-        """Wait up to CLOSE_PATIENCE_S until all is shown, and end the thread; safe to call twice."""
+        """Wait up to CLOSE_TIMEOUT_S until all is shown, and end the thread; safe to call twice."""
         self._batches.put(())  # the end
         self._thread.join(CLOSE_TIMEOUT_S)
         if self._thread.is_alive():

@@ -55,13 +55,9 @@ def _find_signal(name: str, by_name: Mapping[str, SignalComparison]) -> SignalCo
 
 
 def draw_comparison(comparison: Comparison, header: Header, path: str | Path, names: Sequence[str] = ()) -> None:
-    """Draw two runs as a PNG of 1800 x 1120 pixels.
+    """Draw two runs as a PNG of 1800 x 1120 pixels; `header` is that of the first run.
 
-    Args:
-        comparison: of the two runs.
-        header: of the first run.
-        path: of the file to write.
-        names: signals to draw, up to four are readable; by default the most significant ones.
+    Up to four of the signals in `names` are readable; by default they are the most significant ones.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -100,14 +96,10 @@ def _plots(one: SignalComparison) -> list[Plot]:
     values = one.first.values[:, channel], one.second.values[:, channel]
     curves = [(label, one.first.times_s, values[0]), ("", one.second.times_s, values[1])]
     size = f"rms {one.rms:.3g}, largest {one.largest:.3g}"
+    difference = [(size, one.times_s, one.difference[:, channel])]
     return [
         Plot("", curves, relative_height=CURVES_HEIGHT, is_down=one.first.field.endswith("depth_m")),
-        Plot(
-            "",
-            [(size, one.times_s, one.difference[:, channel])],
-            relative_height=DIFFERENCE_HEIGHT,
-            first_color=DIFFERENCE_COLOR,
-        ),
+        Plot("", difference, relative_height=DIFFERENCE_HEIGHT, first_color=DIFFERENCE_COLOR),
     ]
 
 

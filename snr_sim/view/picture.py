@@ -53,8 +53,7 @@ def draw_run(
     """Draw a run as a PNG of 1800 x 1000 pixels.
 
     Args:
-        header: of the trace.
-        records: of the trace.
+        header, records: of the trace.
         path: of the file to write.
         outcome: one word; by default, the reason that the node gave for its end.
         touchdown: the evaluated one, number by name with unit, as in result.json; no other is described.
@@ -112,13 +111,12 @@ def _describe_landing(tracks: BodyTracks, touchdown: Numbers | None) -> str:
     phrases = []
     first, last = tracks.values[0], tracks.values[-1]
     if touchdown:
-        phrases.append(
-            "touchdown: " + ", ".join(f"{name} {value:.1f} {unit}" for name, unit, value in _with_units(touchdown))
-        )
-    for key in first.keys() & last.keys():
+        named = ((*name_and_unit((key,)), value) for key, value in touchdown.items())
+        phrases.append("touchdown: " + ", ".join(f"{name} {value:.1f} {unit}" for name, unit, value in named))
+    for key, begin in first.items():
         name, unit = name_and_unit((key,))
-        if unit == "kg" and last[key] < first[key]:
-            phrases.append(f"{first[key] - last[key]:.0f} kg of {name}")
+        if unit == "kg" and last.get(key, begin) < begin:
+            phrases.append(f"{begin - last[key]:.0f} kg of {name}")
     return "; ".join(phrases)
 
 
@@ -133,7 +131,3 @@ def _format_metrics(metrics: Metrics) -> str:
             digits = 2 if abs(value) < 10.0 else 1 if abs(value) < 100.0 else 0
             phrases.append(f"{name} {value:.{digits}f} {unit}")
     return ", ".join(phrases[:MAX_METRICS_SHOWN])
-
-
-def _with_units(numbers: Numbers) -> list[tuple[str, str, float]]:
-    return [(*name_and_unit((key,)), value) for key, value in numbers.items()]

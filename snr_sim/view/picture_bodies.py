@@ -15,9 +15,9 @@ from snr_sim.view.picture_sheet import Part, Rgb, mixed
 FLAME: tuple[Rgb, Rgb] = ((255, 120, 30), (255, 225, 130))
 JET: tuple[Rgb, Rgb] = ((120, 205, 240), (235, 250, 255))  # of a propeller: water, not fire
 NO_PUSH = ("current", "tether")  # arrows that do not show thrust
-LIGHT = np.array([-0.45, -0.65, 0.62])  # towards the light: from the left, from the front and from above
+LIGHT: Floats = np.array([-0.45, -0.65, 0.62])  # towards the light: from the left, from the front and from above
 # Corners of each side, numbered by their coordinates as binary digits x, y, z.
-BOX_SIDES = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+BOX_SIDES: list[list[int]] = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
 
 
 def body_parts(position: SheetPosition, shapes: Sequence[tuple[dict[str, Any], Any]]) -> list[Part]:

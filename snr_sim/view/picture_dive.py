@@ -50,12 +50,12 @@ def draw_dive(sheet: Sheet, header: Header, tracks: BodyTracks, events: Sequence
     poses = next(iter(tracks.poses.values()))
     main_is_map = wants_map(poses) or any(map(is_gate, header.scene["statics"].values()))
     high = (MAIN_FRACTION if main_is_map else 1.0 - MAIN_FRACTION) * (bottom - top - BETWEEN)
+    views = [(True, (left, top, right, top + high)), (False, (left, top + high + BETWEEN, right, bottom))]
     if is_planar(header):
-        _View(sheet, (left, top, right, bottom), header, tracks, is_above=False).draw(events, is_main=True)
-    else:
-        areas: tuple[Area, Area] = (left, top, right, top + high), (left, top + high + BETWEEN, right, bottom)
-        for area, is_above in zip(areas, (True, False), strict=True):
-            _View(sheet, area, header, tracks, is_above).draw(events, is_main=is_above == main_is_map)
+        views = [(False, (left, top, right, bottom))]
+    for is_above, area in views:
+        is_main = len(views) == 1 or is_above == main_is_map
+        _View(sheet, area, header.scene, tracks, is_above).draw(events, is_main)
     for i, event in enumerate(events):
         x, y = left + (right - left) * (i % COLUMNS) / COLUMNS, bottom + 26.0 + ROW * (i // COLUMNS)
         draw_number(sheet, (x + 5.0, y), i + 1)
@@ -63,22 +63,14 @@ def draw_dive(sheet: Sheet, header: Header, tracks: BodyTracks, events: Sequence
 
 
 class _View:
-    """A dive from above or from the south.
+    """A dive, drawn in an area of the sheet: from above, or from the south."""
 
-    Args:
-        sheet: to draw on.
-        area: of the sheet.
-        header: of the run.
-        tracks: of the run.
-        is_above: whether this is the map.
-    """
-
-    def __init__(self, sheet: Sheet, area: Area, header: Header, tracks: BodyTracks, is_above: bool) -> None:
+    def __init__(self, sheet: Sheet, area: Area, scene: dict[str, Any], tracks: BodyTracks, is_above: bool) -> None:
         self.sheet, self.area, self.is_above = sheet, area, is_above
         if is_above:
-            header, tracks = from_above(header, tracks)
-        self.tracks, self.bodies, self.statics = tracks, header.scene["bodies"], header.scene["statics"]
-        self.tethers: dict[str, dict[str, Any]] = header.scene.get("tethers", {})
+            scene, tracks = from_above(scene, tracks)
+        self.tracks, self.bodies, self.statics = tracks, scene["bodies"], scene["statics"]
+        self.tethers: dict[str, dict[str, Any]] = scene.get("tethers", {})
         self.main = next(iter(tracks.poses))
         feet = tracks.poses[self.main][:, :3]  # an underwater body has no legs
         seen = np.concatenate([feet, *self._near(feet)])
@@ -103,20 +95,19 @@ class _View:
     def draw(self, events: Sequence[RunEvent], is_main: bool) -> None:
         """Draw everything, from the background to the texts."""
         projection, track_view, tracks = self.projection, self.track_view, self.tracks
-        strobes = list(zip(track_view.strobe_indices, track_view.positions, strict=True))
         parts = water_parts(projection, self.statics, self.is_above)
         if not self.is_above:
             cuts = ground_cuts(self.statics)
             parts += ground_parts(cuts, projection.at, projection.columns(), self.area[3], AIR)
-        tethers = [self._tether_parts(i, position) for i, position in strobes]
+        tethers = [self._tether_parts(i, position) for i, position in track_view.strobes]
         parts += [part for one in tethers for part in one]
         points_per_newton = 0.8 * track_view.size / strongest_of(tracks.vectors)
         jets: list[Part] = []
-        for i, position in strobes:
+        for i, position in track_view.strobes:
             jets += flame_parts(position, tracks.vectors[i], points_per_newton, JET)
             jets += self._load_parts(i, position)
         parts += jets
-        for i, position in strobes:
+        for i, position in track_view.strobes:
             shapes = [(shape, poses[i]) for body, poses in tracks.poses.items() for shape in self.bodies[body]]
             parts += [*body_parts(position, shapes), *self._broken_parts(i, position)]
         gates = gate_parts(projection, self.statics, self.is_above)
@@ -135,7 +126,7 @@ class _View:
 
     def _tether_parts(self, i: int, position: SheetPosition) -> list[Part]:
         """Return the tethers at a moment, faint except at the last."""
-        fraction, parts = 1.0 if i == self.track_view.strobe_indices[-1] else 0.25, []
+        fraction, parts = 1.0 if i == self.track_view.strobes[-1][0] else 0.25, []
         for name, tether in self.tethers.items():
             pose = self.tracks.poses[tether["body"]][i]
             parts.append(tether_part(self.projection, position, tether, pose, self._pull_n(name, i), fraction))
@@ -164,9 +155,8 @@ class _View:
     def _write_labels(self, tethers: list[Part] | None, jets: list[Part], gates: list[Part]) -> None:
         """Write the times at the bodies and, in the larger view, the names of tethers and gates, where they fit."""
         track_view, (left, top, right, bottom) = self.track_view, self.area
-        labels = Labels(
-            track_view.path[track_view.strobe_indices], 0.42 * track_view.size, (left, top + 18, right, bottom)
-        )
+        bodies = [position.feet_on_sheet for _, position in track_view.strobes]
+        labels = Labels(bodies, 0.42 * track_view.size, (left, top + 18, right, bottom))
         for part in jets:
             labels.keep_free(part.points, 3.0)
         for part in gates:
@@ -175,8 +165,8 @@ class _View:
             level = self.projection.at(0.0, 0.0)[1]
             labels.keep_free(spread(np.array([(left, level), (right, level)])), 2.0)
         r = 0.55 * track_view.size
-        for i in track_view.strobe_indices:
-            x, y = track_view.path[i]
+        for i, position in track_view.strobes:
+            x, y = position.feet_on_sheet
             beside = [(x + r, y - r, 0.0), (x - r, y - r, 1.0), (x + r, y + r, 0.0), (x - r, y + r, 1.0)]
             over = [(x, y + side * far * r, 0.5) for far in (1.3, 2.0) for side in (-1.0, 1.0)]
             labels.write(self.sheet, f"{self.tracks.times_s[i]:.0f} s", 9.5, PALE, [*beside, *over])

@@ -33,11 +33,11 @@ def dive_plots(tracks: BodyTracks, batch: Batch, is_planar: bool = False) -> lis
 
 def _heading(truth: dict[str, Floats], times_s: Floats, page_series: list[Series]) -> Plot:
     heading = np.unwrap(truth.get("yaw_rad", np.zeros(len(times_s))))
-    setpoint = [
-        (name, when_s, np.degrees(_unwrap_near(angles, np.interp(when_s, times_s, heading))))
-        for name, when_s, angles in _setpoint_line(page_series, "heading_rad")
-    ]
-    return Plot("[°]", [("heading", times_s, np.degrees(heading)), *setpoint], ANGLE_DEG)
+    lines = [("heading", times_s, np.degrees(heading))]
+    for name, when_s, angles in _setpoint_line(page_series, "heading_rad"):
+        turns = np.round((np.interp(when_s, times_s, heading) - angles) / (2.0 * np.pi))  # as near as possible
+        lines.append((name, when_s, np.degrees(angles + 2.0 * np.pi * turns)))
+    return Plot("[°]", lines, ANGLE_DEG)
 
 
 def _pitch(truth: dict[str, Floats], times_s: Floats) -> Plot:
@@ -76,10 +76,3 @@ def _setpoint_line(page_series: list[Series], name: str) -> list[tuple[str, Floa
                 holes = np.flatnonzero(np.diff(times_s) > GAP_S) + 1
                 return [("setpoint", np.insert(times_s, holes, times_s[holes]), np.insert(values, holes, np.nan))]
     return []
-
-
-def _unwrap_near(angles: Floats, others: Floats) -> Floats:
-    """Return angles [rad] shifted by whole turns to be as near as possible to others."""
-    turns = np.round((others - angles) / (2.0 * np.pi))
-    unwrapped: Floats = angles + 2.0 * np.pi * turns
-    return unwrapped

@@ -25,13 +25,9 @@ GROUND_FRACTION = 0.12  # fraction of the scene below the lowest point of the pa
 
 
 class SheetProjection:
-    """Conversion of metres to points. `along` is x in metres, or time in seconds if the body only rises and falls.
+    """Conversion of metres to points of an area, in which ranges and a body of a size [m] must be visible.
 
-    Args:
-        along, heights: ranges that must be visible.
-        body_m: size of the body.
-        is_time: whether `along` is time.
-        area: of the sheet.
+    `along` is x in metres, or time in seconds if the body only rises and falls.
     """
 
     def __init__(self, along: Floats, heights: Floats, body_m: float, is_time: bool, area: Area = SCENE) -> None:
@@ -40,16 +36,15 @@ class SheetProjection:
         width, height = right - left, bottom - top
         margin = 1.3 * BODY_FRACTION
         spread_along = max(float(np.ptp(along)), 1e-9)
-        self.z_scale = (
-            height * (1.0 - margin - GROUND_FRACTION) / max(float(np.ptp(heights)), body_m / BODY_FRACTION * 0.5)
-        )
+        spread_z = max(float(np.ptp(heights)), body_m / BODY_FRACTION * 0.5)
+        self.z_scale: float = height * (1.0 - margin - GROUND_FRACTION) / spread_z
         if is_time:
             self.scale = width * (1.0 - 1.15 * margin) / spread_along
         else:
             self.z_scale = self.scale = min(self.z_scale, width * (1.0 - 1.6 * margin) / spread_along)
         room_m = 0.15 * margin * width / self.scale  # on the right, for the time next to the last body
-        self.middle = float(along.min() + along.max()) / 2 + room_m
-        self.low_z = float(heights.min()) - GROUND_FRACTION * height / self.z_scale
+        self.middle: float = float(along.min() + along.max()) / 2 + room_m
+        self.low_z: float = float(heights.min()) - GROUND_FRACTION * height / self.z_scale
 
     def center(self, heights: Floats) -> None:
         """Centre the middle of some heights in the area."""
@@ -106,32 +101,25 @@ class TrackView:
     """A body's path on the sheet, and the moments at which it is drawn.
 
     Args:
-        projection: converts metres to points.
         along, feet: for each time: its position along the path, and that of its feet, world frame.
-        size_m: of the body.
-        max_enlargement: maximum enlargement of the body.
 
     Attributes:
         path: on the sheet, shape (n, 2).
-        enlargement: enlargement of the body.
-        size: of the body on the sheet.
-        strobe_indices: indices of the times at which it is drawn.
-        positions: its position at each of them.
+        enlargement, size: of the body on the sheet.
+        strobes: index of each time at which it is drawn, and its position then.
     """
 
     def __init__(
         self, projection: SheetProjection, along: Floats, feet: Floats, size_m: float, max_enlargement: float
     ) -> None:
-        self.path = projection.at(along, feet[:, 2])
+        self.path: Floats = projection.at(along, feet[:, 2])
         _, top, _, bottom = projection.area
-        self.enlargement = min(
-            max_enlargement, max(1.0, BODY_FRACTION * (bottom - top) / (size_m * projection.z_scale))
-        )
-        self.size = size_m * projection.z_scale * self.enlargement
-        self.strobe_indices = find_strobe_indices(self.path, 1.25 * self.size)
-        self.positions = [
-            SheetPosition(self.path[i], feet[i], projection.z_scale * self.enlargement) for i in self.strobe_indices
-        ]
+        enlargement = BODY_FRACTION * (bottom - top) / (size_m * projection.z_scale)
+        self.enlargement: float = min(max_enlargement, max(1.0, enlargement))
+        self.size: float = size_m * projection.z_scale * self.enlargement
+        scale = projection.z_scale * self.enlargement
+        indices = find_strobe_indices(self.path, 1.25 * self.size)
+        self.strobes = [(i, SheetPosition(self.path[i], feet[i], scale)) for i in indices]
 
 
 def feet_and_size(bodies: dict[str, list[dict[str, Any]]]) -> tuple[float, float]:
@@ -149,13 +137,7 @@ def find_strobe_indices(path: Floats, min_distance: float) -> list[int]:
 
 
 class Labels:
-    """Placement of labels: each next to the object that it names, without hiding bodies or other labels.
-
-    Args:
-        bodies: centres of the bodies.
-        radius: of each of them.
-        area: that labels stay within.
-    """
+    """Placement of labels in an area: each next to the object that it names, not over bodies or other labels."""
 
     def __init__(self, bodies: ArrayLike, radius: float, area: Area) -> None:
         self._taken: list[Area] = []
@@ -181,15 +163,7 @@ class Labels:
     def write(
         self, sheet: Sheet, words: str, size: float, rgb: Rgb, candidates: Sequence[tuple[float, float, float]]
     ) -> None:
-        """Write a label at the first free candidate, if there is one.
-
-        Args:
-            sheet: to write on.
-            words: of the label.
-            size: of the letters.
-            rgb: of the letters.
-            candidates: x, y, and the fraction of the width to the left of x, 0 to 1.
-        """
+        """Write a label at the first free candidate: x, y, and the fraction of its width to the left of x, 0 to 1."""
         width = sheet.text_width(words, size)
         place = self.find_free([(x - part * width, y) for x, y, part in candidates], width, 11.0)
         if place is not None:

@@ -18,23 +18,14 @@ COLORS: tuple[Rgb, ...] = (
 
 
 class Plot(NamedTuple):
-    """Some lines over time.
+    """Some lines over time."""
 
-    Args:
-        unit: of the values, as text.
-        lines: name, times [s] and values of each.
-        min_span: minimum span of the scale, so that noise does not fill it.
-        is_down: whether larger values are lower, as for depth.
-        relative_height: height of the plot.
-        first_color: index in COLORS for its first line.
-    """
-
-    unit: str
-    lines: list[tuple[str, Floats, Floats]]
-    min_span: float = 1e-9
-    is_down: bool = False
+    unit: str  # of the values, as text
+    lines: list[tuple[str, Floats, Floats]]  # name, times [s] and values of each
+    min_span: float = 1e-9  # minimum span of the scale, so that noise does not fill it
+    is_down: bool = False  # whether larger values are lower, as for depth
     relative_height: float = 1.0
-    first_color: int = 0
+    first_color: int = 0  # index in COLORS for its first line
 
 
 def draw_plots(
@@ -48,11 +39,7 @@ def draw_plots(
     """Draw plots below each other over a common time axis.
 
     Args:
-        sheet: to draw on.
-        area: of the sheet.
-        plots: from top to bottom.
-        events_s: moments to mark.
-        are_numbered: whether the marks have numbers, from 1.
+        events_s, are_numbered: moments to mark, and whether the marks have numbers, from 1.
         begin_s: time at the left edge.
     """
     if not plots:

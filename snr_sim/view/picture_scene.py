@@ -32,23 +32,21 @@ def draw_scene(sheet: Sheet, header: Header, tracks: BodyTracks) -> None:
     along = tracks.times_s if is_time else feet[:, 0]
     projection = SheetProjection(along, feet[:, 2], size_m, is_time)
     track_view = TrackView(projection, along, feet, size_m, math.inf)
-    strobes = list(zip(track_view.strobe_indices, track_view.positions, strict=True))
     points_per_newton = 0.8 * track_view.size / strongest_of(tracks.vectors)
     parts = [Part(track_view.path, PATH, 1.2)]
-    for i, position in strobes:
+    for i, position in track_view.strobes:
         parts += flame_parts(position, tracks.vectors[i], points_per_newton, FLAME)
     cuts = ground_cuts(header.scene.get("statics", {}))
     if is_time:  # only the ground at the landing position
-        cuts = [(rgb, _level(cut)) for rgb, cut in cuts]
+        levels = [(rgb, heights(cut, np.zeros(1))[0]) for rgb, cut in cuts]
+        cuts = [(rgb, np.array([[[-FAR_M, z], [FAR_M, z]]])) for rgb, z in levels]
     parts += ground_parts(cuts, projection.at, projection.columns(), projection.area[3], SKY)  # over flames, under feet
-    for i, position in strobes:
-        parts += body_parts(
-            position, [(shape, poses[i]) for body, poses in tracks.poses.items() for shape in bodies[body]]
-        )
+    for i, position in track_view.strobes:
+        shapes = [(shape, poses[i]) for body, poses in tracks.poses.items() for shape in bodies[body]]
+        parts += body_parts(position, shapes)
         x, y = track_view.path[i]
-        sheet.text(
-            (x + 0.62 * track_view.size, y - 0.5 * track_view.size), f"{tracks.times_s[i]:.0f} s", 9.5, PALE, "lm"
-        )
+        beside = (x + 0.62 * track_view.size, y - 0.5 * track_view.size)
+        sheet.text(beside, f"{tracks.times_s[i]:.0f} s", 9.5, PALE, "lm")
     projection.draw(sheet, parts, SKY)
     if track_view.enlargement > 1.5:
         words = f"{main} drawn {track_view.enlargement:.0f} times its size"
@@ -96,9 +94,8 @@ def ground_parts(
 
     Args:
         cuts: sections of the ground, which is extended beyond its recorded part on both sides, and of other meshes.
-        at: converts x and z [m] to positions on the sheet.
+        at: converts x and z [m] to positions on the sheet, of which `bottom` is the lowest.
         x: positions at which to evaluate the ground [m], from the left to the right edge.
-        bottom: of the sheet.
         background: colour that is mixed into the ground.
         width: of the ground's line; others are drawn twice as wide.
     """
@@ -113,9 +110,3 @@ def ground_parts(
             parts.append(Part(np.concatenate([line, corners]), mixed(background, rgb, 0.55)))
         parts.append(Part(line, mixed(rgb, (255, 255, 255), 0.15), width if i == 0 else 2.0 * width))
     return parts
-
-
-def _level(cut: Floats) -> Floats:
-    """Return a level line at the height of a section at x = 0; NaN if it does not extend to there."""
-    z = heights(cut, np.zeros(1))[0]
-    return np.array([[[-FAR_M, z], [FAR_M, z]]])

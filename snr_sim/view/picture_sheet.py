@@ -42,35 +42,22 @@ EVENT: Rgb = (255, 200, 80)
 STYLE: Any = {
     "font.family": "DejaVu Sans",  # included in matplotlib, so the font is the same everywhere
     "text.parse_math": False,  # a dollar sign in a name is a dollar sign
-    "axes.spines.left": False,
-    "axes.spines.right": False,
-    "axes.spines.top": False,
-    "axes.spines.bottom": False,
+    **{f"axes.spines.{side}": False for side in ("left", "right", "top", "bottom")},
     "lines.solid_capstyle": "round",
 }
-ALIGNED = {"l": "left", "m": "center", "r": "right"}
+ALIGNED: dict[str, str] = {"l": "left", "m": "center", "r": "right"}
 
 
 class Part(NamedTuple):
-    """A polygon or a line on a sheet.
+    """A polygon or a line on a sheet."""
 
-    Args:
-        points: shape (n, 2), in points.
-        rgb: its colour.
-        width: of the line in points; of a polygon 0.
-    """
-
-    points: Floats
+    points: Floats  # shape (n, 2), in points
     rgb: Rgb
-    width: float = 0.0
+    width: float = 0.0  # of the line in points; of a polygon 0
 
 
 class Sheet:
-    """A sheet to draw on.
-
-    Args:
-        width, height: in points.
-        background: its colour.
+    """A sheet to draw on, of a width and height in points.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -123,11 +110,9 @@ class Sheet:
     def scale(
         self, axis: Axis, count: int, room_low: float = 0.0, room_high: float = 0.0, mark: Rgb | None = None
     ) -> None:
-        """Write about `count` round numbers along an axis.
+        """Write about `count` round numbers along an axis of the axes that `axes` returned.
 
         Args:
-            axis: of the axes that `axes` returned.
-            count: of numbers.
             room_low, room_high: margins at its ends without numbers, in values of the axis.
             mark: colour of a short line at each number.
         """
@@ -145,10 +130,8 @@ class Sheet:
         """Write a line of text.
 
         Args:
-            at: position.
-            words: the text.
-            size: of the letters.
-            rgb: of the letters.
+            at, words: position and text.
+            size, rgb: of the letters.
             anchor: the point of the text at that position: 'lt' left top, 'rm' right middle, ...
             options: further arguments of `Figure.text`.
         """

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from snr_sim.prelude.errors import TraceError
@@ -19,21 +18,13 @@ TURN_RAD, FLAT, FLAT_M = math.radians(45.0), 4.0, 0.05  # see `wants_map`
 
 @dataclass(frozen=True)
 class BodyTracks:
-    """Paths of the bodies.
+    """Paths of the bodies."""
 
-    Args:
-        times_s: shape (n,).
-        poses: of each body, shape (n, 7).
-        arrows: rows of each arrow, by the index of the time.
-        values: the true numbers, by name.
-        touchdown_s: when it first touched the ground, if it did.
-    """
-
-    times_s: Floats
-    poses: dict[str, Floats]
-    vectors: list[dict[str, list[float]]]
-    values: list[dict[str, float]]
-    touchdown_s: float | None
+    times_s: Floats  # shape (n,)
+    poses: dict[str, Floats]  # of each body, shape (n, 7)
+    vectors: list[dict[str, list[float]]]  # arrows at each time
+    values: list[dict[str, float]]  # the true numbers at each time, by name
+    touchdown_s: float | None  # when it first touched the ground, if it did
 
 
 def is_in_water(header: Header) -> bool:
@@ -56,7 +47,7 @@ def wants_map(poses: Floats) -> bool:
     return bool(np.ptp(heading) > TURN_RAD and spread_y > spread_z)
 
 
-def from_above(header: Header, tracks: BodyTracks) -> tuple[Header, BodyTracks]:
+def from_above(scene: dict[str, Any], tracks: BodyTracks) -> tuple[dict[str, Any], BodyTracks]:
     """Return the world rotated for a map: north is up, up is towards the viewer, and meshes are left out."""
 
     def laid(points: Any) -> Floats:
@@ -67,17 +58,11 @@ def from_above(header: Header, tracks: BodyTracks) -> tuple[Header, BodyTracks]:
         turned = math.sqrt(0.5) * np.stack([x + w, y - z, z + y, w - x], axis=1)  # a quarter turn about x
         return np.concatenate([laid(rows[:, :3]), turned], axis=1)
 
-    shapes, tethers = header.scene["statics"].items(), header.scene.get("tethers", {}).items()
-    scene = {
-        **header.scene,
-        "statics": {
-            name: {**shape, "points_m": laid(shape["points_m"])}
-            for name, shape in shapes
-            if shape.get("kind") == "polyline"
-        },
-        "tethers": {name: {**tether, "anchor_m": laid(tether["anchor_m"])[0]} for name, tether in tethers},
-    }
-    return msgspec.structs.replace(header, scene=scene), replace(
+    lines = {name: shape for name, shape in scene["statics"].items() if shape.get("kind") == "polyline"}
+    statics = {name: {**shape, "points_m": laid(shape["points_m"])} for name, shape in lines.items()}
+    tethers = scene.get("tethers", {}).items()
+    anchored = {name: {**tether, "anchor_m": laid(tether["anchor_m"])[0]} for name, tether in tethers}
+    return {**scene, "statics": statics, "tethers": anchored}, replace(
         tracks,
         poses={body: laid_poses(rows) for body, rows in tracks.poses.items()},
         vectors=[{name: laid(arrow).ravel().tolist() for name, arrow in one.items()} for one in tracks.vectors],

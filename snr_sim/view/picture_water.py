@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,13 +30,16 @@ HARD_PULL_N = 20.0  # at which a tether has the colour of a taut one: half the t
 def water_parts(projection: SheetProjection, statics: Mapping[str, Any], is_above: bool) -> list[Part]:
     """Return the water, on a map within the pool, from the south up to its surface; around it is the deck."""
     edge = points_of(statics["surface"])
-    (x0, y0), (x1, y1) = (
-        projection.at(edge[:, 0].min(), edge[:, 2].max()),
-        projection.at(edge[:, 0].max(), edge[:, 2].min()),
-    )
+    low, high = edge.min(axis=0), edge.max(axis=0)
+    (x0, y0), (x1, y1) = projection.at(low[0], high[2]), projection.at(high[0], low[2])
     _, top, _, bottom = projection.area
     if is_above:
-        return [Part(rectangle(x0, y0, x1, y1), WATER), *_marks(projection, statics)]
+        marks = [
+            Part(projection.at(x, z), mixed(WATER, rgb, 0.25), 0.8)
+            for (x, z), rgb, is_mark in _lines(statics)
+            if is_mark
+        ]
+        return [Part(rectangle(x0, y0, x1, y1), WATER), *marks]
     return [
         Part(rectangle(x0, top, x1, bottom), AIR),
         Part(rectangle(x0, max(y0, top), x1, bottom), WATER),
@@ -49,13 +52,11 @@ def rectangle(left: float, top: float, right: float, bottom: float) -> Floats:
     return np.array([(left, top), (right, top), (right, bottom), (left, bottom)])
 
 
-def _marks(projection: SheetProjection, statics: Mapping[str, Any]) -> list[Part]:
-    """Return the lines on the floor, in a faint colour."""
-    return [
-        Part(projection.at(*points_of(shape)[:, [0, 2]].T), mixed(WATER, rgb_of(shape), 0.25), 0.8)
-        for shape in statics.values()
-        if shape.get("kind") == "polyline" and shape.get("radius_m", 0.1) < THIN_M
-    ]
+def _lines(statics: Mapping[str, Any]) -> Iterator[tuple[Floats, Rgb, bool]]:
+    """Yield x and z of the corners of each line, shape (2, n), its colour, and whether it is a mark on the floor."""
+    for shape in statics.values():
+        if shape.get("kind") == "polyline":
+            yield points_of(shape)[:, [0, 2]].T, rgb_of(shape), shape.get("radius_m", 0.1) < THIN_M
 
 
 def gate_parts(projection: SheetProjection, statics: Mapping[str, Any], is_above: bool) -> list[Part]:
@@ -63,12 +64,11 @@ def gate_parts(projection: SheetProjection, statics: Mapping[str, Any], is_above
 
     From the south a level line such as the pool's edge would look like another surface.
     """
-    lines = [
-        (points_of(shape)[:, [0, 2]].T, rgb_of(shape))
-        for shape in statics.values()
-        if shape.get("kind") == "polyline" and shape.get("radius_m", 0.1) >= THIN_M
+    return [
+        Part(projection.at(x, z), rgb, 2.2)
+        for (x, z), rgb, is_mark in _lines(statics)
+        if not is_mark and (is_above or np.ptp(z) > 0.0)
     ]
-    return [Part(projection.at(x, z), rgb, 2.2) for (x, z), rgb in lines if is_above or np.ptp(z) > 0.0]
 
 
 def tether_part(
@@ -83,9 +83,8 @@ def tether_part(
 
     Args:
         projection: of the scene.
-        position: of the body.
+        position, pose: of the body.
         tether: as the scene describes it.
-        pose: of the body.
         pull_n: its force on the body, shown as its redness.
         fraction: opacity, 0 to 1.
     """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,19 +12,14 @@ import numpy as np
 from snr_sim.recording.columns import BROKEN, Batch
 from snr_sim.view.picture_tracks import NEWTONS_PER_MPS, BodyTracks
 
-STATES = ("control_state",)  # a field with this name is the robot's state, one word
-FLAGS = {"is_battery_low": "battery low"}  # flags, and the event that each reports
+STATE = "control_state"  # a field with this name is the robot's state, one word
+FLAGS: dict[str, str] = {"is_battery_low": "battery low"}  # flags, and the event that each reports
 MAX_EVENTS = 6
 SPEED_MPS = 0.02  # minimum change of a current that is reported
 
 
 class RunEvent(NamedTuple):
-    """An event.
-
-    Args:
-        time_s: of the event.
-        text: its description.
-    """
+    """An event, and its description."""
 
     time_s: float
     text: str
@@ -70,9 +66,8 @@ def _in_truth(tracks: BodyTracks) -> Iterator[RunEvent]:
             yield RunEvent(float(time_s), f"payload of {change_kg:.1f} kg {'released' if is_gone else 'taken up'}")
         if values.get("water_l", 0.0) > 0.0 and not before.get("water_l", 0.0):
             yield RunEvent(float(time_s), "water comes in")
-        for name in broken(values):
-            if name not in broken(before):
-                yield RunEvent(float(time_s), f"{name} fails")
+        failed = [name for name in broken(values) if name not in broken(before)]
+        yield from (RunEvent(float(time_s), f"{name} fails") for name in failed)
         before = values
 
 
@@ -90,7 +85,7 @@ def _of_links(batch: Batch) -> Iterator[RunEvent]:
     for _, series in batch.page_values():
         if series.path[0].startswith("link_") and series.path[1:] == ("up",):
             was_lost = False  # the first connection is not an event
-            for time_s, _, is_up in _steps(series.when.t_s.tolist(), series.values.tolist()):
+            for time_s, is_up in _changes(series.when.t_s.tolist(), series.values.tolist()):
                 was_lost = was_lost or not is_up
                 if was_lost and (bool(is_up), round(time_s)) not in seen:  # both ends report it; one report is enough
                     seen.add((bool(is_up), round(time_s)))
@@ -98,22 +93,21 @@ def _of_links(batch: Batch) -> Iterator[RunEvent]:
 
 
 def _of_states(batch: Batch) -> Iterator[RunEvent]:
-    for field, times_s, words in batch.page_texts(STATES):
-        for time_s, _, now in _steps(times_s, words):
-            yield RunEvent(time_s, f"'{now}' {field.replace('_', ' ')}")
+    for times_s, words in batch.page_texts(STATE):
+        yield from (RunEvent(time_s, f"'{now}' {STATE.replace('_', ' ')}") for time_s, now in _changes(times_s, words))
 
 
 def _of_flags(batch: Batch) -> Iterator[RunEvent]:
     for node, series in batch.page_values():
         key, *path = series.path
         if path and path[-1] in FLAGS and not batch.is_copy(node, key):
-            for time_s, _, is_so in _steps(series.when.t_s.tolist(), series.values.tolist()):
+            for time_s, is_so in _changes(series.when.t_s.tolist(), series.values.tolist()):
                 if is_so:
                     yield RunEvent(time_s, FLAGS[path[-1]])
 
 
-def _steps(times_s: Sequence[float], values: Sequence[Any]) -> Iterator[tuple[float, Any, Any]]:
-    """Yield the time of each change of a value, with the old and the new value."""
-    for i in range(1, len(values)):
-        if values[i] != values[i - 1]:
-            yield times_s[i], values[i - 1], values[i]
+def _changes(times_s: Sequence[float], values: Sequence[Any]) -> Iterator[tuple[float, Any]]:
+    """Yield the time of each change of a value, and the new value."""
+    for (_, before), (time_s, now) in pairwise(zip(times_s, values, strict=True)):
+        if now != before:
+            yield time_s, now

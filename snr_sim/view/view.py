@@ -27,18 +27,19 @@ import contextlib
 import importlib
 import os
 from collections.abc import Iterable, Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from snr_sim.prelude.errors import MissingExtraError, TraceError
 from snr_sim.recording.folder import VIEW_NAME, trace_path
-from snr_sim.recording.garbage import no_garbage_collection
-from snr_sim.recording.reader import read_trace
+from snr_sim.recording.reader import no_garbage_collection, read_trace
 from snr_sim.recording.records import Header, Record
 from snr_sim.view.view_blueprint import Layout
-from snr_sim.view.view_file import ViewFile
 from snr_sim.view.view_writer import Divergences, Writer, title_of
 
+# Records that are converted to columns together: enough for speed, and few enough to process a run of days in memory.
+BATCH_RECORDS = 100_000
 # A view is as long as its trace to half as long again, more for a short run: see `_atomic_file`.
 MAX_VIEW_RATIO = 3
 MIN_VIEW_BYTES = 1_000_000
@@ -49,9 +50,6 @@ def write_view(header: Header, records: Iterable[Record], path: Path, trace_byte
     """Write the view of one run, with its layout.
 
     Args:
-        header: of the run.
-        records: of the run.
-        path: of the file to write.
         trace_bytes: length of the trace of these records; the disk must have space for its view.
 
     Raises:
@@ -65,10 +63,7 @@ def write_view(header: Header, records: Iterable[Record], path: Path, trace_byte
 
 
 def view_of(run: Path) -> Path:
-    """Return the .rrd of a run; it is derived from the trace if it does not exist or the trace has grown since.
-
-    Args:
-        run: a run folder, its trace, or an .rrd file.
+    """Return the .rrd of a run folder, a trace or an .rrd; it is derived if it is missing or the trace has grown since.
 
     Raises:
         MissingExtraError: it has to be derived and rerun is not installed.
@@ -97,11 +92,9 @@ def write_comparison(
     """Write two runs on one timeline, each under its own root, with their differences marked.
 
     Args:
-        recorded_header: header of the recorded run.
-        recorded_records: records of the original run.
-        replayed_records: records of the run with other code.
+        recorded_header, recorded_records: of the original run.
+        replayed_records: of the run with other code.
         divergences: seq, time [s] and a sentence for each difference.
-        path: of the file to write.
         trace_bytes: total length of both traces; the disk must have space for the view.
         roots: path prefix of each run.
         other_header: of the replayed run, if its nodes and its scene differ.
@@ -122,19 +115,14 @@ def write_comparison(
 
 
 class LiveView:
-    """View of a run in progress; viewers connect to `url`, from this machine only.
+    """View of a run in progress; viewers connect to `url`, from this machine only."""
 
-    Args:
-        header: of the run.
-        port: of the gRPC server on 127.0.0.1; 0 for one that is free.
-    """
-
-    def __init__(self, header: Header, port: int = 0) -> None:
+    def __init__(self, header: Header) -> None:
         from snr_sim.view.view_server import LOOPBACK, free_port
 
         rr = _rerun()
         self._stream = rr.RecordingStream("snr_sim_live", send_properties=False)
-        sink = rr.GrpcServerSink(bind_ip=LOOPBACK, port=port or free_port())
+        sink = rr.GrpcServerSink(bind_ip=LOOPBACK, port=free_port())
         self._stream.set_sinks(sink)
         self.url: str = sink.uri
         self._writer = Writer(rr, self._stream, header)
@@ -161,6 +149,53 @@ class LiveView:
                 self.flush()
             self._shown = -1
             self._stream.disconnect()
+
+
+class ViewFile:
+    """Writer of runs with the layout at the beginning of the file, so that a viewer applies it while still reading.
+
+    A viewer shows a default grid until it reads a layout, and a viewer in a browser may read a long run for minutes.
+    But the layout is known only when the run has been processed. Therefore the stream has no sink at first, so that
+    rerun buffers the data until a batch is full or the run is over. A longer run begins with the layout of its first
+    batch, and ends with that of the whole run.
+
+    Args:
+        stream: a recording stream that has no sink yet.
+        path: of the file.
+    """
+
+    def __init__(self, stream: Any, path: Path) -> None:
+        self._stream, self._path = stream, path
+        self._records = 0
+        self._has_begun = False
+
+    def send(self, writer: Writer, records: Iterable[Record]) -> None:
+        """Send a whole run in batches of records."""
+        remaining = iter(records)
+        while some := list(islice(remaining, BATCH_RECORDS)):
+            if self._records and self._records + len(some) > BATCH_RECORDS and not self._has_begun:
+                self._begin(writer)
+            self._records += len(some)
+            writer.batch.extend(some)
+            writer.flush()
+
+    def end(self, writer: Writer) -> None:
+        """Write the layout of everything that was sent to the file.
+
+        Raises:
+            TraceError: the file cannot be written.
+        """
+        if self._has_begun:
+            self._stream.send_blueprint(writer.blueprint())
+        else:
+            self._begin(writer)
+
+    def _begin(self, writer: Writer) -> None:
+        self._has_begun = True
+        try:
+            self._stream.save(str(self._path), default_blueprint=writer.blueprint())
+        except (OSError, RuntimeError) as error:
+            raise TraceError(f"The view cannot be written to {self._path}: {error}.") from error
 
 
 @contextlib.contextmanager

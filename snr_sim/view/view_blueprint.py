@@ -9,33 +9,16 @@ from math import degrees
 from typing import Any
 
 # Unit suffixes of names, and the unit as written under a plot.
-UNITS = {
-    "m": "m",
-    "mps": "m/s",
-    "mps2": "m/s²",
-    "kg": "kg",
-    "rad": "rad",
-    "radps": "rad/s",
-    "n": "N",
-    "nm": "N m",
-    "v": "V",
-    "a": "A",
-    "pa": "Pa",
-    "s": "s",
-    "hz": "Hz",
-    "us": "µs",
-    "ut": "µT",
-    "ms": "ms",
-    "l": "l",
-    "j": "J",
-    "deg": "°",
-    "degps": "°/s",
-}
+UNITS: dict[str, str] = {
+    "m": "m", "mps": "m/s", "mps2": "m/s²", "rad": "rad", "radps": "rad/s", "deg": "°", "degps": "°/s", "kg": "kg",
+    "n": "N", "nm": "N m", "pa": "Pa", "j": "J", "l": "l", "v": "V", "a": "A", "ut": "µT", "s": "s", "ms": "ms",
+    "us": "µs", "hz": "Hz",
+}  # fmt: skip
 # The most important units for students; others follow in the order in which they appear.
 UNITS_FIRST = ("m", "m/s", "", "kg", "l", "°", "°/s", "rad", "rad/s")
 FLAGS = "yes (1) or no (0)"  # title of the plot of all flags
 FAILURES = "broken (1) or not (0)"
-SYNONYMS = {"yaw": "heading"}
+SYNONYMS: dict[str, str] = {"yaw": "heading"}
 UNITS_NOT_PLOTTED = ("s",)  # stamps: a straight line for each sensor, without information
 MAX_PLOTS_BESIDE = 4
 NARROW = 1.6  # ratio of height to width of the view of the whole path
@@ -44,75 +27,46 @@ NARROW = 1.6  # ratio of height to width of the view of the whole path
 # truth is drawn on top of them as a thin line, so that noise and lag show at its sides.
 TRUTH_COLORS = ((40, 100, 220, 255), (205, 45, 135, 255), (110, 110, 120, 255), (0, 140, 120, 255))
 ESTIMATE_COLORS = (
-    (245, 165, 80, 255),
-    (95, 195, 130, 255),
-    (95, 190, 215, 255),
-    (225, 120, 110, 255),
-    (185, 150, 230, 255),
-)
+    (245, 165, 80, 255), (95, 195, 130, 255), (95, 190, 215, 255), (225, 120, 110, 255), (185, 150, 230, 255),
+)  # fmt: skip
 TRUTH_WIDTH, ESTIMATE_WIDTH = 1.5, 3.5
 GOLDEN_FRACTION = 0.618034  # step of the hue between further lines, in turns: no two hues get close
-IN_DEGREES = {"rad": "°", "rad/s": "°/s"}  # as shown to users
+IN_DEGREES: dict[str, str] = {"rad": "°", "rad/s": "°/s"}  # as shown to users
 DEPTH = "depth"
 
 
 @dataclass(frozen=True)
 class PlotLine:
-    """One line in one plot.
+    """One line in one plot."""
 
-    Args:
-        entity: path of the entity with its values.
-        name: in the legend.
-        unit: as text; empty if it has none.
-        is_truth: whether it is a true state of the plant; otherwise it is a value in a node's page.
-        plot: title of its plot; empty if it follows from unit and name.
-        is_step: whether it holds each value until the next; otherwise it is interpolated linearly.
-    """
-
-    entity: str
-    name: str
-    unit: str
-    is_truth: bool
-    plot: str = ""
-    is_step: bool = False
+    entity: str  # path of the entity with its values
+    name: str  # in the legend
+    unit: str  # as text; empty if it has none
+    is_truth: bool  # a true state of the plant; otherwise a value in a node's page
+    plot: str = ""  # title of its plot; empty if it follows from unit and name
+    is_step: bool = False  # whether it holds each value until the next; otherwise it is interpolated linearly
 
 
 @dataclass
 class Layout:
-    """What the view holds, collected while it is written.
+    """What the view holds, collected while it is written."""
 
-    Args:
-        title: of the run.
-        roots: '' or, for two runs side by side, two such as '/recorded' and '/replayed'.
-        bodies: entities of the first body of each run.
-        cameras: entities that move with them.
-        low_m, high_m: corners of the box in which bodies moved.
-        landmarks: corners of named objects in the world.
-        body_size_m: longest edge of the largest body.
-        is_in_water: whether there is a water surface.
-        contents: entities of pages as text, one for each node.
-        images: entities of camera images.
-        changed_flags: entities of flags that changed during the run.
-        end_s: time of the last number.
-        has_divergences: whether differences between two runs are marked.
-    """
-
-    title: str
-    roots: list[str] = field(default_factory=lambda: [""])
+    title: str  # of the run
+    roots: list[str] = field(default_factory=lambda: [""])  # for two runs two such as '/recorded' and '/replayed'
     lines: list[PlotLine] = field(default_factory=list)
     logs: list[str] = field(default_factory=list)
-    bodies: list[str] = field(default_factory=list)
-    cameras: list[str] = field(default_factory=list)
-    low_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    bodies: list[str] = field(default_factory=list)  # entities of the first body of each run
+    cameras: list[str] = field(default_factory=list)  # entities that move with them
+    low_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])  # corner of the box in which bodies moved
     high_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
-    landmarks: list[list[float]] = field(default_factory=list)
-    body_size_m: float = 1.0
-    is_in_water: bool = False
-    contents: list[str] = field(default_factory=list)
-    images: list[str] = field(default_factory=list)
-    changed_flags: list[str] = field(default_factory=list)
-    end_s: float = 0.0
-    has_divergences: bool = False
+    landmarks: list[list[float]] = field(default_factory=list)  # corners of named objects in the world
+    body_size_m: float = 1.0  # longest edge of the largest body
+    is_in_water: bool = False  # whether there is a water surface
+    contents: list[str] = field(default_factory=list)  # entities of pages as text, one for each node
+    images: list[str] = field(default_factory=list)  # entities of camera images
+    changed_flags: list[str] = field(default_factory=list)  # entities of flags that changed during the run
+    end_s: float = 0.0  # time of the last number
+    has_divergences: bool = False  # whether differences between two runs are marked
 
 
 def name_and_unit(path: Sequence[str]) -> tuple[str, str]:
@@ -153,15 +107,12 @@ def color_and_width(line: PlotLine, before: Sequence[PlotLine]) -> tuple[tuple[i
     colors = TRUTH_COLORS if line.is_truth else ESTIMATE_COLORS
     here = line.unit, line.is_truth, line.plot
     place = sum((other.unit, other.is_truth, other.plot) == here for other in before)
-    color = colors[place] if place < len(colors) else _further_color(place - len(colors), line.is_truth)
-    return color, TRUTH_WIDTH if line.is_truth else ESTIMATE_WIDTH
-
-
-def _further_color(place: int, is_truth: bool) -> tuple[int, int, int, int]:
-    """Return a computed colour for a line beyond the predefined ones."""
-    fraction = 0.75 if is_truth else 0.45
-    red, green, blue = hsv_to_rgb((0.05 + place * GOLDEN_FRACTION) % 1.0, fraction, 0.7 if is_truth else 0.85)
-    return round(255 * red), round(255 * green), round(255 * blue), 255
+    width = TRUTH_WIDTH if line.is_truth else ESTIMATE_WIDTH
+    if place < len(colors):
+        return colors[place], width
+    hue = (0.05 + (place - len(colors)) * GOLDEN_FRACTION) % 1.0
+    red, green, blue = hsv_to_rgb(hue, *((0.75, 0.7) if line.is_truth else (0.45, 0.85)))
+    return (round(255 * red), round(255 * green), round(255 * blue), 255), width
 
 
 def plots(lines: Sequence[PlotLine], changed_flags: Sequence[str] = ()) -> dict[str, list[PlotLine]]:
@@ -181,10 +132,9 @@ def plots(lines: Sequence[PlotLine], changed_flags: Sequence[str] = ()) -> dict[
     estimated = [group for group in groups if not group[0].is_truth]
     flags, first = named.pop(FLAGS, []), MAX_PLOTS_BESIDE - 1
     return {
-        **{_title(group[0].unit, group): group for group in true[:first]},
+        **{_title(group): group for group in true[:first]},
         **named,
-        **{_title(group[0].unit, group): group for group in true[first:]},
-        **{_title(group[0].unit, group): group for group in estimated},
+        **{_title(group): group for group in [*true[first:], *estimated]},
         **({FLAGS: flags} if flags else {}),
     }
 
@@ -209,21 +159,15 @@ def _quantity(line: PlotLine) -> str:
     return SYNONYMS.get(last, last)
 
 
-def _title(unit: str, lines: Sequence[PlotLine]) -> str:
-    truth = [line.name for line in lines if line.is_truth]
+def _title(lines: Sequence[PlotLine]) -> str:
+    truth, unit = [line.name for line in lines if line.is_truth], lines[0].unit
     names = list(dict.fromkeys(truth or [line.name for line in lines]))
     shown = ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
     return f"{shown} [{unit}]" if unit else shown
 
 
 def blueprint(rrb: Any, layout: Layout, follow_time: bool = False) -> Any:
-    """Return the layout for rerun.
-
-    Args:
-        rrb: the module rerun.blueprint; this file does not import it.
-        layout: content of the view.
-        follow_time: whether the view stays with the newest data, as for a run in progress.
-    """
+    """Return the layout for rerun, of which `rrb` is the module blueprint; `follow_time` stays with the newest data."""
     left: list[Any] = []
     if layout.bodies:
         left.append(rrb.Horizontal(_follow(rrb, layout), _overview(rrb, layout, follow_time), column_shares=[3, 2]))
@@ -247,24 +191,22 @@ def blueprint(rrb: Any, layout: Layout, follow_time: bool = False) -> Any:
 def _follow(rrb: Any, layout: Layout) -> Any:
     """Return a camera that follows the first body."""
     reach = 2.4 * layout.body_size_m
+    position, hidden = [0.25 * reach, -reach, 0.3 * reach], [f"{body}/marker" for body in layout.bodies]
+    return _in_space(rrb, layout, "close-up: the camera follows", hidden, position, [0.0] * 3, origin=layout.cameras[0])
+
+
+def _in_space(
+    rrb: Any, layout: Layout, name: str, hidden: Sequence[str], position: list[float], target: list[float], **more: Any
+) -> Any:
+    """Return a spatial view of everything but some entities and camera images, for which rerun shows a warning."""
     return rrb.Spatial3DView(
-        name="close-up: the camera follows",
-        origin=layout.cameras[0],
-        contents=["+ /**", *(f"- {body}/marker" for body in layout.bodies), *_no_images(layout)],
+        name=name,
+        contents=["+ /**", *(f"- {entity}" for entity in (*hidden, *layout.images))],
         line_grid=False,
         background=[10, 12, 20],
-        eye_controls=rrb.EyeControls3D(
-            kind="Orbital",
-            position=[0.25 * reach, -reach, 0.3 * reach],
-            look_target=[0.0, 0.0, 0.0],
-            eye_up=[0, 0, 1],
-        ),
+        eye_controls=rrb.EyeControls3D(kind="Orbital", position=position, look_target=target, eye_up=[0, 0, 1]),
+        **more,
     )
-
-
-def _no_images(layout: Layout) -> list[str]:
-    """Return exclusions of camera images from spatial views, which show a warning for them."""
-    return [f"- {image}" for image in layout.images]
 
 
 def _overview(rrb: Any, layout: Layout, follow_time: bool) -> Any:
@@ -278,18 +220,9 @@ def _overview(rrb: Any, layout: Layout, follow_time: bool) -> Any:
     up = 0.5 if layout.is_in_water else 0.15  # look into a pool from above
     wide, *others = (b - a for a, b in zip(low, high, strict=True))
     reach = 1.25 * max(NARROW * wide, *others, 3 * layout.body_size_m)
-    return rrb.Spatial3DView(
-        name="the whole way",
-        contents=["+ /**", *(f"- {root}/world/arrows/**" for root in layout.roots), *_no_images(layout)],
-        line_grid=False,
-        background=[10, 12, 20],
-        eye_controls=rrb.EyeControls3D(
-            kind="Orbital",
-            position=[center[0], center[1] - reach, center[2] + up * reach],
-            look_target=center,
-            eye_up=[0, 0, 1],
-        ),
-    )
+    position = [center[0], center[1] - reach, center[2] + up * reach]
+    hidden = [f"{root}/world/arrows/**" for root in layout.roots]
+    return _in_space(rrb, layout, "the whole way", hidden, position, center)
 
 
 def _logs(rrb: Any, layout: Layout) -> Any:
@@ -315,11 +248,6 @@ def _logs(rrb: Any, layout: Layout) -> Any:
     return rrb.Tabs(*views, rrb.TextDocumentView(name="run", contents=[f"+ {root}/run" for root in layout.roots]))
 
 
-def _marks(layout: Layout, lines: Sequence[PlotLine]) -> list[str]:
-    """Return the marks to draw in a plot. Marks are at 0, so they fit only plots that include 0: not one of fuel."""
-    return ["+ /divergences/marks"] if layout.has_divergences and lines[0].unit != "kg" else []
-
-
 def _time_axis(rrb: Any, layout: Layout) -> Any:
     """Return linked time axes for one run, and independent ones that show the whole time for two runs.
 
@@ -332,10 +260,12 @@ def _time_axis(rrb: Any, layout: Layout) -> Any:
 
 
 def _plots(rrb: Any, layout: Layout) -> Any:
+    # Marks are at 0, so they fit only plots that include 0: not one of fuel.
+    marks = ["+ /divergences/marks"] if layout.has_divergences else []
     views = [
         rrb.TimeSeriesView(
             name=title,
-            contents=[f"+ {line.entity}" for line in lines] + _marks(layout, lines),
+            contents=[*(f"+ {line.entity}" for line in lines), *(marks if lines[0].unit != "kg" else [])],
             plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
             axis_x=_time_axis(rrb, layout),
         )

@@ -18,17 +18,11 @@ COUNTED = ("sent", "received", "dropped")
 
 
 class Report(NamedTuple):
-    """One quantity that a link reports.
-
-    Args:
-        name: of the quantity.
-        plot: that shows it.
-        series: the numbers; None if they are those of the page.
-    """
+    """One quantity that a link reports."""
 
     name: str
-    plot: str
-    series: Series | None
+    plot: str  # that shows it
+    series: Series | None  # the numbers; None if they are those of the page
 
 
 class LinkReports:

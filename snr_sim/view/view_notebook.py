@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import atexit
 from contextlib import ExitStack
+from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
@@ -17,30 +18,24 @@ from snr_sim.view.view import view_of
 from snr_sim.view.view_server import serve_web, viewer_command
 
 
+@dataclass(frozen=True, repr=False)
 class RunFrame:
-    """Output of a notebook cell whose last line has this value: a frame, or one line of text.
+    """Output of a notebook cell whose last line has this value: a frame, or one line of text."""
 
-    Args:
-        url: of the viewer's page; empty if there is no viewer.
-        words: the line of text, below the frame if there is one.
-        height_px: of the frame; it is as wide as the notebook.
-    """
-
-    def __init__(self, url: str, words: str, height_px: int) -> None:
-        self.url = url
-        self._words = words
-        self._height_px = height_px
+    url: str  # of the viewer's page; empty if there is no viewer
+    words: str  # the line of text, below the frame if there is one
+    height_px: int  # of the frame; it is as wide as the notebook
 
     def _repr_html_(self) -> str | None:
         if not self.url:
             return None  # a notebook then shows the text
         return (
-            f'<iframe src="{escape(self.url)}" width="100%" height="{self._height_px}" style="border: 0"></iframe>'
-            f"<div><small>{escape(self._words)}</small></div>"
+            f'<iframe src="{escape(self.url)}" width="100%" height="{self.height_px}" style="border: 0"></iframe>'
+            f"<div><small>{escape(self.words)}</small></div>"
         )
 
     def __repr__(self) -> str:
-        return self._words
+        return self.words
 
 
 def show_run(run: str | Path, height_px: int = 520) -> RunFrame:

@@ -5,13 +5,15 @@ Texts are larger and slower to create than numbers, so there is one text of all 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from functools import lru_cache
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
 
-from snr_sim.recording.columns import MAX_LIST_PLOTTED, Batch, Ints, When, page_data
+from snr_sim.recording.columns import MAX_LIST_PLOTTED, Batch, When, page_data
 from snr_sim.recording.records import PageRecord
 from snr_sim.view.view_blueprint import name_and_unit
 
@@ -30,41 +32,32 @@ class PageContents:
 
     def of(self, batch: Batch) -> Iterator[tuple[str, When, list[str]]]:
         """Yield for each node all its pages as text, at the last page of every `CONTENTS_PERIOD_S`."""
-        for node, pages in batch.pages().items():
-            seqs = {key: np.array([record.seq for record in records]) for key, records in pages.items()}
-            when = _last_of_periods(When.of([record for records in pages.values() for record in records]))
-            newest = {key: np.searchsorted(seqs[key], when.seq, side="right") - 1 for key in pages}
-            new_texts = {key: _texts(batch, records, newest[key]) for key, records in pages.items()}
+        for node, pages in batch.pages():
             texts = self._texts.setdefault(node, {})
-            contents = []
-            for row in range(len(when)):
-                texts |= {key: new_texts[key][at[row]] for key, at in newest.items() if at[row] >= 0}
-                contents.append("\n\n".join(texts.values())[:MAX_CONTENTS_CHARS])
-            yield node, when, contents
+            newest: dict[str, PageRecord] = {}
+            last_ones, contents = [], []
+            for page, following in zip_longest(pages, pages[1:]):
+                newest[page.name] = page
+                if following is None or _period(page) != _period(following):
+                    texts |= {key: _text(batch, one) for key, one in newest.items()}
+                    newest.clear()
+                    last_ones.append(page)
+                    contents.append("\n\n".join(texts.values())[:MAX_CONTENTS_CHARS])
+            yield node, When.of(last_ones), contents
 
 
-def _last_of_periods(when: When) -> When:
-    """Return the last row of each period; 0 s is a period of its own, so that the first text appears at once."""
-    rows = when[np.argsort(when.seq)]
-    periods = np.ceil(rows.t_s / CONTENTS_PERIOD_S)
-    return rows[np.append(periods[1:] != periods[:-1], True)]
+def _period(page: PageRecord) -> int:
+    """Return the number of a page's period; 0 s is a period of its own, so that the first text appears at once."""
+    return math.ceil(page.t / CONTENTS_PERIOD_S)
 
 
-def _texts(batch: Batch, records: list[PageRecord], places: Ints) -> dict[int, str]:
-    """Return the texts of the records at some indices."""
-    rows = [int(place) for place in np.unique(places) if place >= 0]
-    some = [records[place] for place in rows]
-    data = page_data([record.values for record in some])
-    return {place: _text(batch, *one) for place, *one in zip(rows, some, data, strict=True)}
-
-
-def _text(batch: Batch, record: PageRecord, data: Any) -> str:
+def _text(batch: Batch, record: PageRecord) -> str:
     """Return for example 'depth  at 1.950 s, task 731, stored by sonar (726)', and a line for each field."""
     head = (
         f"{record.name}  at {record.t:.3f} s, task {record.seq}, stored by {batch.stored_by(record)} ({record.cause})"
     )
     fields: list[str] = []
-    _add_fields("", data, fields)
+    _add_fields("", page_data([record.values])[0], fields)
     if len(fields) > MAX_FIELDS_SHOWN:
         fields[MAX_FIELDS_SHOWN:] = [f"    ... and {len(fields) - MAX_FIELDS_SHOWN} more"]
     return "\n".join([head, *fields])

@@ -18,8 +18,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
-from functools import partial
+from contextlib import closing, contextmanager, nullcontext, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
@@ -31,7 +30,7 @@ from snr_sim.prelude.errors import MissingExtraError, SnrError, TraceError
 LOOPBACK = "127.0.0.1"
 START_DEADLINE_S = 20.0
 # The address of the page must differ from the one of its data only in the port, so ports are open; hosts are not.
-POLICY = (
+POLICY: str = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval'; style-src 'self' 'unsafe-inline'; "
     f"img-src 'self' data: blob:; worker-src 'self' blob:; connect-src 'self' data: blob: http://{LOOPBACK}:*"
 )
@@ -42,13 +41,8 @@ _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 _MAX_CHARS = 300
 
 
-def open_view(path: str | Path, web: bool = False, print_line: Callable[[str], None] | None = None) -> None:
-    """Show a view, and return when its window is closed or on Ctrl-C.
-
-    Args:
-        path: of a view.rrd.
-        web: whether to show it in the browser instead of in a window.
-        print_line: receives instructions for the user, with the address; by default they are printed.
+def open_view(path: str | Path, web: bool = False) -> None:
+    """Show a view.rrd in a window, or in the browser; return when its window is closed or on Ctrl-C.
 
     Raises:
         MissingExtraError: rerun is not installed.
@@ -63,20 +57,14 @@ def open_view(path: str | Path, web: bool = False, print_line: Callable[[str], N
             _wait_for(_window([str(path)], error_output), error_output)
         return
     with suppress(KeyboardInterrupt), serve_web(path) as url:
-        show = print_line or partial(print, flush=True)
-        show(f"Open {url}\nOnly this computer can reach it. Ctrl-C ends it.")
+        print(f"Open {url}\nOnly this computer can reach it. Ctrl-C ends it.", flush=True)
         while True:
             time.sleep(3600)
 
 
 @contextmanager
 def live_window(url: str, print_line: Callable[[str], None]) -> Iterator[None]:
-    """Show a `LiveView` in rerun's own window, which stays open; report at the end of the block if it has failed.
-
-    Args:
-        url: of the live view.
-        print_line: receives that report.
-    """
+    """Show a `LiveView` in rerun's own window, which stays open; print at the end of the block if it has failed."""
     with tempfile.TemporaryFile() as error_output:
         process = _window(["--connect", url], error_output)
         yield
@@ -86,15 +74,7 @@ def live_window(url: str, print_line: Callable[[str], None]) -> Iterator[None]:
 
 
 def check_display(asked: str, instead: str) -> None:
-    """Check that there is a display to open a window on.
-
-    Args:
-        asked: the command or option that opens the window.
-        instead: the command that shows the same in a browser.
-
-    Raises:
-        TraceError: there is no display.
-    """
+    """Check that there is a display for the window that `asked` opens; `instead` shows the same in a browser."""
     if sys.platform == "linux" and not any(os.environ.get(name) for name in _DISPLAYS):
         raise TraceError(
             f"{asked} opens a window, and there is no display: neither {' nor '.join(_DISPLAYS)} is set.",
@@ -154,11 +134,7 @@ class _PageHandler(BaseHTTPRequestHandler):
         except OSError as error:
             self.send_error(404, str(error))
             return
-        self.send_response(200)
-        self.send_header("Content-Type", "application/octet-stream")
-        self.send_header("Content-Length", str(len(content)))
-        self.end_headers()
-        self.wfile.write(content)
+        self._answer(200, {"Content-Type": "application/octet-stream"}, content)
 
     def _proxy(self) -> None:
         try:
@@ -167,23 +143,21 @@ class _PageHandler(BaseHTTPRequestHandler):
         except (OSError, SnrError) as error:
             self.send_error(502, f"the viewer does not answer: {error}")
             return
-        self.send_response(answer.status)
-        for name in PROXIED_HEADERS:
-            if value := answer.getheader(name):
-                self.send_header(name, value)
-        self.send_header("Content-Length", str(len(body)))
-        self.send_header("Content-Security-Policy", POLICY)
+        headers = {name: value for name in PROXIED_HEADERS if (value := answer.getheader(name))}
+        self._answer(answer.status, {**headers, "Content-Security-Policy": POLICY}, body)
+
+    def _answer(self, status: int, headers: dict[str, str], body: bytes) -> None:
+        self.send_response(status)
+        for name, value in {**headers, "Content-Length": str(len(body))}.items():
+            self.send_header(name, value)
         self.end_headers()
         self.wfile.write(body)
 
     def _ask(self, port: int) -> tuple[http.client.HTTPResponse, bytes]:
-        viewer = http.client.HTTPConnection(LOOPBACK, port, timeout=START_DEADLINE_S)
-        try:
+        with closing(http.client.HTTPConnection(LOOPBACK, port, timeout=START_DEADLINE_S)) as viewer:
             viewer.request("GET", self.path)
             answer = viewer.getresponse()
             return answer, answer.read()
-        finally:
-            viewer.close()
 
     def log_message(self, format: str, *args: object) -> None:  # noqa: A002 (the name of the overridden method)
         """Log nothing: each of the page's requests would print a line in the student's terminal."""
@@ -196,16 +170,8 @@ def _web_viewer() -> Iterator[int]:
     It is started without a file, because with one it keeps a core busy while it runs (0.41).
     """
     port = free_port()
-    command = [
-        *viewer_command(),
-        "--serve-web",
-        "--bind",
-        LOOPBACK,
-        "--web-viewer-port",
-        str(port),
-        "--port",
-        str(free_port()),
-    ]
+    command = [*viewer_command(), "--serve-web", "--bind", LOOPBACK, "--web-viewer-port", str(port)]
+    command += ["--port", str(free_port())]
     process = subprocess.Popen(command, env=viewer_environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         _wait_until_it_answers(process, port)

@@ -34,13 +34,7 @@ FLOW = "current"  # the arrow with this name is a velocity, not a force
 
 
 class SceneSender:
-    """Sender of the world of one run.
-
-    Args:
-        sender: to the stream.
-        scene: of the run's header.
-        layout: receives what the world contains.
-    """
+    """Sender of the world of one run, of whose header `scene` is; `layout` receives what the world contains."""
 
     def __init__(self, sender: Sender, scene: dict[str, Any], layout: Layout) -> None:
         self._sender, self._layout = sender, layout
@@ -86,14 +80,12 @@ class SceneSender:
         else:  # the viewer writes down from there
             low, high = points.min(axis=0), points.max(axis=0)
             at = np.array([*(low + high)[:2] / 2, high[2] + LABEL_RISE * size_of([shape])])
-        label = rr.Points3D(
-            [at], radii=rr.Radius.ui_points(0.5), colors=[rgb_of(shape)], labels=[shape["label"]], show_labels=True
-        )
+        look = {"radii": rr.Radius.ui_points(0.5), "colors": [rgb_of(shape)]}
+        label = rr.Points3D([at], **look, labels=[shape["label"]], show_labels=True)
         self._sender.log(self._sender.entity("world", name, "label"), label)
         if is_surface:
-            sheet = rr.Mesh3D(
-                vertex_positions=points[:4], triangle_indices=[[0, 1, 2], [0, 2, 3]], albedo_factor=SHEET_RGBA
-            )
+            triangles = [[0, 1, 2], [0, 2, 3]]
+            sheet = rr.Mesh3D(vertex_positions=points[:4], triangle_indices=triangles, albedo_factor=SHEET_RGBA)
             self._sender.log(self._sender.entity("world", name, "sheet"), sheet)
         else:
             self._layout.landmarks.extend(points.tolist())
@@ -115,36 +107,28 @@ class SceneSender:
             strips = rr.LineStrips3D([points_of(line).astype(np.float32) for line in lines], radii=radii, colors=colors)
             self._sender.log(entity, strips)
         if meshes := kinds["mesh"]:
-            vertices, normals = meshes_with_normals(meshes)
+            vertices, normals = (corners.astype(np.float32) for corners in meshes_with_normals(meshes))
             counts = [3 * len(mesh["triangles"]) for mesh in meshes]
             colors = np.repeat(pack_colors([rgb_of(mesh) for mesh in meshes]), counts)
-            mesh = rr.Mesh3D(
-                vertex_positions=vertices.astype(np.float32),
-                vertex_normals=normals.astype(np.float32),
-                vertex_colors=colors,
-            )
+            mesh = rr.Mesh3D(vertex_positions=vertices, vertex_normals=normals, vertex_colors=colors)
             self._sender.log(entity, mesh)
 
     def _send_poses(self, body: str, when: When, poses: Any) -> None:
         entity, positions = self._sender.entity("world", body), poses[:, :3]
-        if ("poses", body) not in self._known:
-            self._known.add(("poses", body))
-            self._register_body(body, entity, positions)
-        vectors = self._sender.vectors
-        there = vectors("Transform3D:translation", positions)
-        self._sender.send(entity, when, [there, vectors("Transform3D:quaternion", poses[:, 3:])])
-        self._sender.send(self._sender.entity("truth", "poses", body), when, [self._sender.numbers(poses.ravel(), 7)])
+        if not self._main_body:  # others, such as legs, move with it
+            self._follow(body, entity, positions)
+        transform = self._sender.rr.Transform3D
+        self._sender.send(entity, when, transform.columns(translation=positions, quaternion=poses[:, 3:]))
+        self._sender.send_numbers(self._sender.entity("truth", "poses", body), when, poses.ravel(), per_row=7)
         if body == self._main_body:
             # Moves without rotating: in this view the body stays in the middle and the ground stays level.
-            self._sender.send(self._sender.entity("world", FOLLOWER), when, [there])
+            self._sender.send(self._sender.entity("world", FOLLOWER), when, transform.columns(translation=positions))
             self._path.extend(positions)
             self._layout.low_m = np.minimum(self._layout.low_m, positions.min(axis=0)).tolist()
             self._layout.high_m = np.maximum(self._layout.high_m, positions.max(axis=0)).tolist()
 
-    def _register_body(self, body: str, entity: str, positions: Any) -> None:
-        """Let the camera follow the first body; the others, such as legs, move with it."""
-        if self._main_body:
-            return
+    def _follow(self, body: str, entity: str, positions: Any) -> None:
+        """Let the camera follow the first body."""
         self._main_body = body
         if not self._layout.bodies:
             self._layout.low_m = self._layout.high_m = positions[0].tolist()
@@ -185,12 +169,10 @@ class SceneSender:
             self._sender.log(newtons, style)
         self._longest[is_flow] = max(self._longest[is_flow], float(lengths.max()))
         pushes = lengths > 0  # a zero force is not drawn, not even as a dot
-        offsets = np.concatenate(([0], np.cumsum(pushes))).astype(np.int32)
-        send, column = self._sender.send, self._sender.vectors
-        send(entity, when, [column("Transform3D:translation", arrows[:, :3])])
+        self._sender.send(entity, when, rr.Transform3D.columns(translation=arrows[:, :3]))
         # The tip, not the tail, is where the force acts. Drawn upwards from the nozzle, the hull would hide it.
-        tips = column("Arrows3D:vectors", vectors[pushes], offsets)
-        send(newtons, when, [tips, column("Arrows3D:origins", -vectors[pushes], offsets)])
+        tips = rr.Arrows3D.columns(vectors=vectors[pushes], origins=-vectors[pushes]).partition(pushes)
+        self._sender.send(newtons, when, tips)
 
     def _send_broken(self, truths: Sequence[TruthRecord]) -> None:
         """Mark broken thrusters at the points where their forces act."""
@@ -204,10 +186,10 @@ class SceneSender:
                 look = {"radii": rr.Radius.ui_points(7.0), "colors": TAUT_RGB}
                 style = rr.Points3D.from_fields(**look, labels=[f"{thruster} is broken"], show_labels=True)
                 self._sender.log(entity, style)
-            broken = np.array([bool(truth.values.get(name)) for truth in truths])
-            spots = [truth.vectors[thruster][:3] for truth, is_so in zip(truths, broken, strict=True) if is_so]
-            offsets = np.concatenate(([0], np.cumsum(broken))).astype(np.int32)
-            self._sender.send(entity, When.of(truths), [self._sender.vectors("Points3D:positions", spots, offsets)])
+            is_broken = [bool(truth.values.get(name)) for truth in truths]
+            spots = [truth.vectors[thruster][:3] for truth, is_so in zip(truths, is_broken, strict=True) if is_so]
+            marks = rr.Points3D.columns(positions=np.reshape(spots, (-1, 3)))
+            self._sender.send(entity, When.of(truths), marks.partition(is_broken))
 
     def _scale_arrows(self) -> None:
         """Send the scale from newtons to metres: static, so the data stay in newtons and a live run can adapt it."""
@@ -223,8 +205,7 @@ class SceneSender:
 
     def _send_path(self) -> None:
         """Send the whole path again when it has grown; it is static, so it is visible at any time."""
+        rr = self._sender.rr
         if self._main_body:
-            line = self._sender.rr.LineStrips3D(
-                [self._path.points()], radii=self._sender.rr.Radius.ui_points(1.0), colors=PATH_RGB
-            )
+            line = rr.LineStrips3D([self._path.points()], radii=rr.Radius.ui_points(1.0), colors=PATH_RGB)
             self._sender.log(self._sender.entity("world", "path", self._main_body), line)

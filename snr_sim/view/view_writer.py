@@ -40,8 +40,7 @@ class Writer:
     """Writer of one run to a stream.
 
     Args:
-        rr: the module rerun, which only `view.py` imports.
-        stream: a recording stream of it.
+        rr, stream: the module rerun, which only `view.py` imports, and a recording stream of it.
         header: of the run.
         root: prefix of its entities, if there are two runs in the stream.
         layout: shared by the runs in the stream; by default a new one.
@@ -52,8 +51,8 @@ class Writer:
     ) -> None:
         self._header, self._root = header, root
         self._sender = Sender(rr, stream, root)
-        self.batch = Batch()
-        self.layout = layout or Layout(title_of(header))
+        self.batch: Batch = Batch()
+        self.layout: Layout = layout or Layout(title_of(header))
         self._known: set[tuple[str, ...]] = set()
         self._factors: dict[tuple[str, ...], float] = {}  # scale factors of numbers that are shown in another unit
         self._flags: dict[str, float] = {}
@@ -74,7 +73,7 @@ class Writer:
             self._send_images((node, "pages", *path), when, images)
         for place, logs in (("tasks", batch.executed()), ("events", batch.events())):
             for node, rows in logs:
-                self._send_log((node, place), rows)
+                self._send_log(node, place, rows)
         for node, when, texts in self._contents.of(batch):
             self._send_contents(node, when, texts)
         batch.clear()
@@ -85,15 +84,15 @@ class Writer:
 
     def send_divergences(self, divergences: Divergences) -> None:
         """Mark where two runs differ: as text, in the plots, and on the path of each body."""
+        rr = self._sender.rr
         seqs, times, texts = zip(*divergences, strict=True)
         when = When(np.array(seqs, np.int64), np.array(times, np.float64))
-        self._send_log(("divergences",), LogRows(when, list(texts), ["WARN"] * len(texts)), at_top=True)
+        log = rr.TextLog.columns(text=list(texts), level=["WARN"] * len(texts))
+        self._sender.send("/divergences", when, log)
         marked = when[:MAX_DIVERGENCES_MARKED]
-        marks = self._sender.rr.SeriesPoints(
-            colors=DIVERGENCE_RGB, markers="diamond", marker_sizes=4.0, names="differs"
-        )
+        marks = rr.SeriesPoints(colors=DIVERGENCE_RGB, markers="diamond", marker_sizes=4.0, names="differs")
         self._sender.log("/divergences/marks", marks)
-        self._sender.send("/divergences/marks", marked, [self._sender.numbers(np.zeros(len(marked)))])
+        self._sender.send_numbers("/divergences/marks", marked, np.zeros(len(marked)))
         self.layout.has_divergences = True
 
     def _send_run(self) -> None:
@@ -112,7 +111,7 @@ class Writer:
         self.layout.end_s = max(self.layout.end_s, float(series.when.t_s[-1]))
         factor = self._factors.get(parts)
         values = series.values if factor is None else factor * series.values
-        self._sender.send(entity, series.when, [self._sender.numbers(values)])
+        self._sender.send_numbers(entity, series.when, values)
         if series.is_flag and not is_of_link(series.path):
             self._track_flag(entity, series)
         if is_of_link(series.path) and not self._root:
@@ -127,10 +126,7 @@ class Writer:
         is_failure = is_truth and parts[1].startswith(BROKEN)
         plot = FAILURES if is_failure else FLAGS if series.is_flag else ""
         line = PlotLine(self._sender.entity(*parts), legend, unit, is_truth, plot, is_step=bool(plot))
-        color, width = color_and_width(line, self.layout.lines)
-        if is_truth or self._is_plotted(parts):
-            self.layout.lines.append(line)
-        self._send_style(line, color, width)
+        self._add_line(line, is_truth or self._is_plotted(parts))
 
     def _is_plotted(self, parts: tuple[str, ...]) -> bool:
         """Return whether a number is plotted: not pages of other nodes, sequence numbers or counts of links.
@@ -154,17 +150,17 @@ class Writer:
         for report in self._links.of(node, series):
             if report.series is not None:
                 entity = self._sender.entity(node, "links", *report.series.path)
-                self._sender.send(entity, series.when, [self._sender.numbers(report.series.values)])
+                self._sender.send_numbers(entity, series.when, report.series.values)
             if (entity, report.plot) not in self._known:
                 self._known.add((entity, report.plot))
-                is_step = report.series is None
-                line = PlotLine(entity, f"{node} {report.name}", "", False, report.plot, is_step)
-                color, width = color_and_width(line, self.layout.lines)
-                self.layout.lines.append(line)
-                self._send_style(line, color, width)
+                line = PlotLine(entity, f"{node} {report.name}", "", False, report.plot, is_step=report.series is None)
+                self._add_line(line, is_plotted=True)
 
-    def _send_style(self, line: PlotLine, rgba: tuple[int, int, int, int], width: float) -> None:
-        """Send the style of a line."""
+    def _add_line(self, line: PlotLine, is_plotted: bool) -> None:
+        """Send the style of a line, and add it to the layout if it is plotted."""
+        rgba, width = color_and_width(line, self.layout.lines)
+        if is_plotted:
+            self.layout.lines.append(line)
         mode = "StepAfter" if line.is_step else None
         style = self._sender.rr.SeriesLines(names=line.name, colors=rgba, widths=width, interpolation_mode=mode)
         self._sender.log(line.entity, style)
@@ -173,25 +169,22 @@ class Writer:
         """Send camera images."""
         rr, entity = self._sender.rr, self._sender.entity(*parts)
         formats = [
-            rr.components.ImageFormat(
-                width=image.shape[1], height=image.shape[0], color_model="RGB", channel_datatype="U8"
-            )
-            for image in images
+            rr.components.ImageFormat(width=wide, height=high, color_model="RGB", channel_datatype="U8")
+            for high, wide, _ in (image.shape for image in images)
         ]
         self._sender.send(entity, when, rr.Image.columns(buffer=[image.tobytes() for image in images], format=formats))
         if entity not in self.layout.images:
             self.layout.images.append(entity)
 
-    def _send_log(self, parts: tuple[str, ...], rows: LogRows, at_top: bool = False) -> None:
-        entity = "/" + parts[0] if at_top else self._sender.entity(*parts)
-        words = self._sender.words
-        self._sender.send(entity, rows.when, [words("TextLog:text", rows.texts), words("TextLog:level", rows.levels)])
-        log = self._sender.entity(parts[0])
-        if log not in self.layout.logs and not at_top:
+    def _send_log(self, node: str, place: str, rows: LogRows) -> None:
+        texts = self._sender.rr.TextLog.columns(text=rows.texts, level=rows.levels)
+        self._sender.send(self._sender.entity(node, place), rows.when, texts)
+        log = self._sender.entity(node)
+        if log not in self.layout.logs:
             self.layout.logs.append(log)
 
     def _send_contents(self, node: str, when: When, texts: list[str]) -> None:
         entity = self._sender.entity(node, "contents")
-        self._sender.send(entity, when, [self._sender.words("TextDocument:text", texts)])
+        self._sender.send(entity, when, self._sender.rr.TextDocument.columns(text=texts))
         if entity not in self.layout.contents:
             self.layout.contents.append(entity)

@@ -20,11 +20,11 @@ from snr_sim.prelude.errors import TraceError
 from snr_sim.recording import folder as run_folder
 from snr_sim.recording import trace as trace_module
 from snr_sim.recording import trace_listener
+from snr_sim.recording.atomic_files import TraceFile
 from snr_sim.recording.folder import new_run_folder
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import InputRecord, Record
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
-from snr_sim.recording.trace_file import TraceFile
 from snr_sim.scenario.program import program_header, record_program
 from snr_sim.testing.function_components import FunctionLoopFactory
 
@@ -273,11 +273,15 @@ def test_lock_step_run_with_full_disk_ends(tmp_path: Path) -> None:
     clock = SimClock()
     header = program_header(["r"], config, __file__, clock)
     writer = TraceWriter(tmp_path / FILE_NAME, header, open_file=Disk(5_000).open)
-    with pytest.raises(TraceError, match=r"No space left on device\. It is whole up to there"):
+    with pytest.raises(TraceError, match=r"No space left on device\. It is whole up to there") as caught:
         SimRunner(config, clock=clock, recorder=writer, pace=20.0, until_s=60.0).run()
+    assert "make room" in caught.value.fix
     with pytest.raises(TraceError, match="No space left"):
         writer.close()
-    assert not read_trace(writer.path).is_truncated
+    trace = read_trace(writer.path)
+    assert trace.records
+    assert not trace.is_truncated
+    assert trace.digest == writer.digest
 
 
 # Who watches

@@ -96,19 +96,14 @@ ASKS = [
     ("HERE.read_bytes()", "reading"),
     ("os.close(os.open(__file__, os.O_RDONLY))", "reading"),
     ("np.fromfile(HERE, dtype='u1')", "reading"),
-    pytest.param(
-        "threading.Thread(target=print, args=('',)).start()",
-        "threading.Thread.start() (starting a thread)",
-        marks=pytest.mark.slow,
-    ),
-    pytest.param("threading.Timer(0, int).start()", "starting a thread", marks=pytest.mark.slow),
-    pytest.param("subprocess.run(['true'])", "starting a process", marks=pytest.mark.slow),
-    pytest.param("os.system('true')", "starting a process", marks=pytest.mark.slow),
-    pytest.param(
-        "with socket.socket() as link: link.connect_ex(('127.0.0.1', 9))",
-        "opening a connection",
-        marks=pytest.mark.slow,
-    ),
+]
+# These start threads or processes.
+SLOW_ASKS = [
+    ("threading.Thread(target=print, args=('',)).start()", "threading.Thread.start() (starting a thread)"),
+    ("threading.Timer(0, int).start()", "starting a thread"),
+    ("subprocess.run(['true'])", "starting a process"),
+    ("os.system('true')", "starting a process"),
+    ("with socket.socket() as link: link.connect_ex(('127.0.0.1', 9))", "opening a connection"),
 ]
 
 LEGITIMATE = [
@@ -134,7 +129,7 @@ LEGITIMATE = [
 ]
 
 
-@pytest.mark.parametrize(("line", "what"), ASKS)
+@pytest.mark.parametrize(("line", "what"), [*ASKS, *(pytest.param(*ask, marks=pytest.mark.slow) for ask in SLOW_ASKS)])
 def test_nondeterministic_call_is_reported_with_file_and_line(tmp_path: Path, line: str, what: str) -> None:
     calls = detected(tmp_path, line)
     number = ROBOT.format(line=line, at_load="").splitlines().index(f"        {line}  # the line") + 1

@@ -38,7 +38,7 @@ from snr_sim.recording.records import (
     TruthRecord,
 )
 from snr_sim.recording.trace import TraceWriter
-from snr_sim.view import view, view_file, view_server
+from snr_sim.view import view, view_server
 
 rr = pytest.importorskip("rerun")
 from rerun.chunk import RrdReader  # noqa: E402
@@ -220,10 +220,6 @@ def test_scene_is_included_and_unknown_shape_is_skipped(tmp_path: Path) -> None:
     assert {"/world/ground", "/world/module/shapes", "/world/path/module", "/run"} <= found
 
 
-def test_layout_is_stored_in_file(tmp_path: Path) -> None:
-    assert len(RrdReader(str(written(tmp_path, fall(3)))).blueprints()) == 1
-
-
 def beginnings(path: Path) -> tuple[list[int], list[int]]:
     """Return where the layouts in a file begin, and where its run does."""
     reader, content = RrdReader(str(path)), path.read_bytes()
@@ -232,15 +228,14 @@ def beginnings(path: Path) -> tuple[list[int], list[int]]:
     return first[0], first[1]
 
 
-def test_file_begins_with_layout(tmp_path: Path) -> None:
-    layouts, runs = beginnings(written(tmp_path, fall(30)))
-    assert len(layouts) == len(runs) == 1
-    assert layouts < runs
-
-
-def test_comparison_begins_with_layout(tmp_path: Path) -> None:
-    view.write_comparison(header(), fall(10), fall(10), [], tmp_path / "compare.rrd", 1000)
-    layouts, runs = beginnings(tmp_path / "compare.rrd")
+@pytest.mark.parametrize("is_comparison", [False, True])
+def test_file_begins_with_layout(tmp_path: Path, is_comparison: bool) -> None:
+    path = tmp_path / "view.rrd"
+    if is_comparison:
+        view.write_comparison(header(), fall(10), fall(10), [], path, 1000)
+    else:
+        view.write_view(header(), fall(30), path, 1000)
+    layouts, runs = beginnings(path)
     assert len(layouts) == len(runs) == 1
     assert layouts < runs
 
@@ -248,7 +243,7 @@ def test_comparison_begins_with_layout(tmp_path: Path) -> None:
 def test_long_run_begins_with_layout_and_ends_with_final_layout(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(view_file, "BATCH_RECORDS", 7)
+    monkeypatch.setattr(view, "BATCH_RECORDS", 7)
     layouts, (run,) = beginnings(written(tmp_path, fall(30)))
     assert len(layouts) == 2
     assert min(layouts) < run < max(layouts)
@@ -320,7 +315,7 @@ def test_undecodable_object_is_skipped(tmp_path: Path) -> None:
 
 
 def test_run_is_processed_in_batches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(view_file, "BATCH_RECORDS", 7)
+    monkeypatch.setattr(view, "BATCH_RECORDS", 7)
     held: list[int] = []
     extend = Batch.extend
     monkeypatch.setattr(Batch, "extend", lambda self, some: (held.append(len(list(some))), extend(self, some))[1])
@@ -363,7 +358,7 @@ def test_interrupted_view_leaves_no_file(tmp_path: Path, monkeypatch: pytest.Mon
         raise KeyboardInterrupt
 
     TraceWriter(tmp_path / "trace.jsonl", header()).close()
-    monkeypatch.setattr(view_file.ViewFile, "send", interrupted)
+    monkeypatch.setattr(view.ViewFile, "send", interrupted)
     with pytest.raises(KeyboardInterrupt):
         view.view_of(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["trace.jsonl"]
