@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import pickle
 import sys
+from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import ModuleType
@@ -28,16 +29,18 @@ from snr_sim.core.source_location import describe_error, location_of
 from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.child_values import plain
 from snr_sim.grading.remote.cpu_time import CpuTimeExceeded
-from snr_sim.grading.remote.typed_pages import TypedPages
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import SnrError
-from snr_sim.prelude.task import Task
+from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import Task, TaskType
 from snr_sim.prelude.values import encode_value
 from snr_sim.scenario import library
 from snr_sim.scenario.controller import factories_of
 
 MAX_OUTPUT_CHARS = 100_000  # of the output and logs of one step
 _AUTHORS_STEPS = ("begin", "join", "halt", "terminate")
+_OBJECT = b'{"$":"object"'
+_KEPT = 64  # pages of a key: a step may make some, which wait to be processed
 
 
 class Caller(Protocol):
@@ -91,6 +94,36 @@ class ExternalExecutor:
     def join(self) -> None:
         """Keep the same; the grader calls `halt`."""
         self.is_stopped = True
+
+
+class TypedPages:
+    """Pages that hold a dataclass or a Struct: they leave the process as its fields, and come back as they were.
+
+    In `snr run` such a page is the same object for all who read it in the node. Here the node is the grader's, which
+    knows no class of the student's. Devices and checks read the fields; the student's own components get the object.
+    """
+
+    def __init__(self) -> None:
+        self._kept: dict[str, deque[tuple[bytes, Page]]] = {}
+
+    def encode_task(self, task: Task) -> msgspec.Raw:
+        """Return a task as it is sent to the grader."""
+        raw = task.serialize()
+        if _OBJECT in raw and task.type is TaskType.store_page and len(task.val_list) == 1:
+            (page,) = task.val_list
+            try:
+                fields = msgspec.structs.replace(page, data=msgspec.to_builtins(page.data))
+            except (TypeError, ValueError, RecursionError):
+                return msgspec.Raw(raw)  # the grader reports what of it cannot be sent
+            self._kept.setdefault(page.key, deque(maxlen=_KEPT)).append((fields.serialize(), page))
+            raw = Task.store_page(fields).serialize()
+        return msgspec.Raw(raw)
+
+    def decode_page(self, raw: bytes) -> Page:
+        """Return a page from the grader, with its original object if it was made here."""
+        page = Page.deserialize(raw)
+        kept: Any = self._kept.get(page.key, ())
+        return next((made for fields, made in reversed(kept) if fields == raw), page)
 
 
 class ChildNode(Node):

@@ -18,7 +18,6 @@ from pathlib import Path
 from snr_sim.grading.lab.verdicts import GraderError, SubmissionError
 from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.cpu_timeout import END_TIMEOUT_S, POLL_PERIOD_S, CpuTimeout, process_state, wait_for_hangup
-from snr_sim.grading.remote.exit_errors import cpu_limit_error, exit_error
 from snr_sim.grading.remote.fork_server import ForkedChild, ForkServer
 from snr_sim.grading.remote.launch import start_process
 from snr_sim.grading.reports.results import Isolation
@@ -119,7 +118,7 @@ class ChildProcess:
             if self._confiner is not None:
                 self._receive_listener(self._confiner)
             self._exchange(protocol.Hello(), _START_CPU_S)
-        except (SubmissionError, protocol.ProtocolError) as error:
+        except SubmissionError as error:
             raise GraderError(
                 f"A student's process could not be started. {error.message} {self.printed}".rstrip(),
                 fix="is the computer out of memory or processes? Grade with fewer --jobs.",
@@ -143,7 +142,7 @@ class ChildProcess:
         if answer.n != self._n:
             self.kill()
             raise SubmissionError(
-                "The submission broke the grading protocol: it answered another request.",
+                f"{protocol.BROKEN}: it answered another request.",
                 "Do not use file descriptors that your program has not opened.",
             )
         return answer
@@ -221,7 +220,7 @@ class ChildProcess:
             return
         self.kill()
         if timeout.is_cpu_used_up:
-            raise cpu_limit_error()
+            raise _cpu_limit_error()
         raise SubmissionError(
             "It has not answered, and was ended.",
             "Your program waits for something that does not come: an input, a lock, a line that is never sent?",
@@ -265,14 +264,23 @@ class ChildProcess:
             )
 
     def _exit_error(self) -> SubmissionError:
-        """Say how it ended, although it was asked something."""
+        """Return the error for a process that ended instead of answering."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(END_TIMEOUT_S)
         status = self._process.poll()
         with suppress(SubmissionError):
             self._read_output()
         self.kill()
-        return exit_error(status)
+        number = -status if status is not None and status < 0 else (status or 0) - 128
+        name = signal.Signals(number).name if number in set(signal.Signals) else ""
+        if name in ("SIGXCPU", "SIGPROF", "SIGKILL") or status == protocol.TIME_UP_STATUS:
+            return _cpu_limit_error()
+        if name in ("SIGSEGV", "SIGABRT", "SIGBUS", "SIGFPE"):
+            return SubmissionError(f"It crashed with {name}.", "Did it run out of memory?")
+        return SubmissionError(
+            f"It ended with exit status {status} instead of answering.",
+            "Do not end the program: no exit() and no quit(). Return from your function instead.",
+        )
 
     def kill(self) -> None:
         """End it, with all that it started: a copy is the first process of a namespace, which ends with it."""
@@ -301,3 +309,10 @@ class ChildProcess:
             self._socket.close()
             assert self._process.stdout is not None
             self._process.stdout.close()
+
+
+def _cpu_limit_error() -> SubmissionError:
+    return SubmissionError(
+        "It used up its CPU time or its memory, and was ended.",
+        "Is there a loop without an end, or a list that grows?",
+    )

@@ -14,8 +14,9 @@ from typing import Any, TypeAlias, TypeVar
 
 import msgspec
 
+from snr_sim.grading.lab.verdicts import SubmissionError
 from snr_sim.grading.remote.sent_code import SentCode
-from snr_sim.prelude.errors import SnrError, ValueEncodingError
+from snr_sim.prelude.errors import ValueEncodingError
 from snr_sim.prelude.values import JSON_ERRORS, decode_value
 
 MAX_RESPONSE_BYTES = 1 << 20
@@ -23,6 +24,8 @@ MAX_DEPTH = 32
 PIPES = -1  # in place of a descriptor: the process is asked on its stdin and answers on its stdout
 TIME_UP_STATUS = 152  # exit status of a process whose CPU time is used up, as a shell reports SIGXCPU
 SUBMISSION = "."  # the name of the submission's folder; those of robots have theirs
+BROKEN = "The submission broke the grading protocol"
+SLOW_HINT = "That took too long: is there a loop without an end?"
 # Type of the task, its name (None: every one), and the handler's name.
 HandlerRow: TypeAlias = tuple[str, str | None, str]
 
@@ -102,45 +105,39 @@ class Make(_Verb, frozen=True):
     chance: int
 
 
-class Handle(_Verb, frozen=True):
-    """Handle a task, from the component named on; `pages` are new in the datastore since the last message.
+class _ComponentVerb(_Verb, frozen=True):
+    """A request to a component of a node at a time; `pages` are new in the datastore since the last message."""
+
+    node: str
+    component: str
+    now_s: float
+    pages: list[msgspec.Raw]
+    came_s: dict[str, float]
+
+
+class Handle(_ComponentVerb, frozen=True):
+    """Handle a task, from this component on.
 
     Args:
         processed: of `process_data` that carries a page: that page and the one before it, if newer ones are in the
             datastore; nothing if it is the newest. Then `task` is without values. None: `task` has what it carries.
     """
 
-    node: str
-    component: str
     task: msgspec.Raw
-    now_s: float
-    pages: list[msgspec.Raw]
-    came_s: dict[str, float]
     processed: list[msgspec.Raw] | None
 
 
-class StepRequest(_Verb, frozen=True, tag="step"):
+class StepRequest(_ComponentVerb, frozen=True, tag="step"):
     """Do a step of a component's life: begin, join, terminate; of a loop also setup, loop."""
 
-    node: str
-    component: str
     step: str
-    now_s: float
-    pages: list[msgspec.Raw]
-    came_s: dict[str, float]
 
 
 Verb: TypeAlias = Hello | Call | MakeObject | AskObject | Parse | LoadRequest | Open | Make | Handle | StepRequest
 
 
 class CallRequest(msgspec.Struct, frozen=True):
-    """Request of the grader.
-
-    Args:
-        n: the number of the line.
-        cpu_s: how much CPU time the answer may take.
-        verb: the request.
-    """
+    """Request of the grader: the number of the line, the CPU time that the answer may take, and what is asked for."""
 
     n: int
     cpu_s: float
@@ -166,19 +163,40 @@ class RemoteFailure(msgspec.Struct, frozen=True, omit_defaults=True):
     is_value: bool = False
     is_refused: bool = False
 
+    def as_error(self) -> SubmissionError:
+        """Return the failure as the error that the grader raises."""
+        text = f"{self.text}\n  Try: {self.fix}" if self.fix else self.text
+        if self.is_value:
+            return SubmissionError(text, "Return numbers, texts, lists, or dicts of these.")
+        if self.step == "slow":
+            return SubmissionError(text, SLOW_HINT)
+        if self.is_refused and ", line " not in self.text.partition("\n")[0]:
+            return SubmissionError(
+                text, "What your program gives there is not what is asked for: compare it with the lab's page."
+            )
+        if self.step == "load":
+            return SubmissionError(
+                text, "Your file could not be read to its end: run it with Python, and look at the line named."
+            )
+        return SubmissionError(text, "Your program raised an error: look at the line named.")
+
 
 class CallResponse(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """Answer of the student's process: a value, or why there is none.
-
-    Args:
-        n: the number of the line that is answered.
-        value: JSON, of the form that was asked for.
-        error: the failure.
-    """
+    """Answer of the student's process to the line of this number: JSON of the form asked for, or the failure."""
 
     n: int
     value: msgspec.Raw = msgspec.Raw(b"null")
     error: RemoteFailure | None = None
+
+    def result(self) -> msgspec.Raw:
+        """Return the value.
+
+        Raises:
+            SubmissionError: the student's program failed.
+        """
+        if self.error is not None:
+            raise self.error.as_error()
+        return self.value
 
 
 class ModuleInfo(msgspec.Struct, frozen=True):
@@ -239,8 +257,14 @@ class StepResponse(StepEffects, frozen=True, omit_defaults=True):
     is_stopped: bool = False
 
 
-class ProtocolError(SnrError):
+class ProtocolError(SubmissionError):
     """A line that violates the protocol."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(
+            message,
+            "Return numbers, texts, lists, or dicts of these, and do not write to the grader's file descriptors.",
+        )
 
 
 encode = msgspec.json.Encoder().encode
@@ -258,7 +282,7 @@ def decode_response(line: bytes | bytearray) -> CallResponse:
     try:
         return _decode_response(line)
     except JSON_ERRORS as error:
-        raise ProtocolError(f"The submission broke the grading protocol: its answer is not valid: {error}.") from error
+        raise ProtocolError(f"{BROKEN}: its answer is not valid: {error}.") from error
 
 
 def decode_as(decoder: msgspec.json.Decoder[T], raw: msgspec.Raw) -> T:
@@ -271,7 +295,7 @@ def decode_as(decoder: msgspec.json.Decoder[T], raw: msgspec.Raw) -> T:
     try:
         return decoder.decode(raw)
     except JSON_ERRORS as error:
-        raise ProtocolError(f"The submission broke the grading protocol: its answer is not valid: {error}.") from error
+        raise ProtocolError(f"{BROKEN}: its answer is not valid: {error}.") from error
 
 
 def plain_value(raw: msgspec.Raw) -> Any:
@@ -285,9 +309,7 @@ def plain_value(raw: msgspec.Raw) -> Any:
     try:
         return decode_value(data)
     except ValueEncodingError as error:
-        raise ProtocolError(
-            f"The submission broke the grading protocol: its value is not valid: {error.message}"
-        ) from error
+        raise ProtocolError(f"{BROKEN}: its value is not valid: {error.message}") from error
 
 
 def check_depth(data: bytes) -> None:
