@@ -101,13 +101,12 @@ class Student(Submission):
         options: dict[str, str] | None = None,
         io: str = "sim",
         engine: str | None = None,
-        record: bool = True,
         may_fail: bool = False,
     ) -> ScenarioRun:
         """Run a scenario with the components of a submitted file as its controller; see `scenario_run.run_scenario`."""
         from snr_sim.grading.lab.scenario_run import run_scenario
 
-        return run_scenario(self, scenario, seed, controller, options or {}, io, engine, record, may_fail)
+        return run_scenario(self, scenario, seed, controller, options or {}, io, engine, may_fail)
 
     @property
     def printed(self) -> str:

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Protocol
+from typing import Any
 
 import msgspec
 
@@ -41,16 +41,6 @@ MAX_OUTPUT_CHARS = 100_000  # of the output and logs of one step
 _AUTHORS_STEPS = ("begin", "join", "halt", "terminate")
 _OBJECT = b'{"$":"object"'
 _KEPT = 64  # pages of a key: a step may make some, which wait to be processed
-
-
-class Caller(Protocol):
-    """Interface to the rest of the process (`child.Child`): its modules, and whose failure an error is."""
-
-    step: str
-    component: str
-
-    def module(self, file: str) -> ModuleType:
-        """Return a file of the student's as a module."""
 
 
 class ExternalClock(SimClock):
@@ -169,7 +159,6 @@ class ChildNode(Node):
             component.begin_with(ExternalExecutor())
             made = msgspec.structs.replace(
                 made,
-                is_loop=True,
                 rate_hz=float(component.max_tick_rate_hz),
                 first_s=float(component.first_tick_after_s),
                 next_s=component.next_tick_at_s,
@@ -201,7 +190,7 @@ class ChildNode(Node):
         self._core.await_processing(page, before[0] if before else None)
         return Task(task.type, task.name, [page])
 
-    def handle(self, task: Task, first: str, caller: Caller) -> protocol.HandleResult:
+    def handle(self, task: Task, first: str) -> protocol.HandleResult:
         """Call each component's handler of a task, from the component `first` on."""
         returned: dict[str, list[Task]] = {}
         entries = [entry for entry in self.machine.lookup.find(task) if entry[0] is not self._core]
@@ -210,7 +199,6 @@ class ChildNode(Node):
         machine.task = task
         failed: tuple[str, BaseException, Any] | None = None
         for component, handler, task_id, _ in entries[names.index(first) if first in names else len(names) :]:
-            caller.component = component.name
             machine.running = component
             try:
                 made = as_tasks(handler(task, task_id), component, handler)
@@ -287,10 +275,14 @@ def describe_failure(error: BaseException, begins: Any) -> tuple[str, str]:
 
 
 class NodeVerbs:
-    """The verbs of a student's process that are about nodes: load a file, make components, have them do a step."""
+    """The verbs of a student's process that are about nodes: load a file, make components, have them do a step.
 
-    def __init__(self, caller: Caller) -> None:
-        self._caller = caller
+    Args:
+        read_module: returns a file of the student's as a module.
+    """
+
+    def __init__(self, read_module: Callable[[str], ModuleType]) -> None:
+        self._read_module = read_module
         self._factories: list[AnyFactory] = []
         self._nodes: dict[str, ChildNode] = {}
         sys.stdout = RecordedOutput(sys.stdout, self._nodes.values())
@@ -308,7 +300,7 @@ class NodeVerbs:
         for name, folder in do.robots:
             self._folders[name] = Path(folder)
             library.name_robot(name, Path(folder))
-        module = self._caller.module(do.file)
+        module = self._read_module(do.file)
         if not callable(getattr(module, "factories", None)):
             raise SnrError(
                 f"{do.file} has no function `factories`, which a controller needs.",
@@ -320,7 +312,7 @@ class NodeVerbs:
 
     def open(self, do: protocol.Open) -> bytes:
         """Have a file make its factories; return for each whether it makes a loop."""
-        module = self._caller.module(do.file)
+        module = self._read_module(do.file)
         robot = pickle.loads(base64.b64decode(do.robot))  # written by the grader, so safe to unpickle
         made = factories_of(module, robot)
         self._factories += made
@@ -339,14 +331,12 @@ class NodeVerbs:
         node = self._nodes[do.node]
         node.sync(do.now_s, do.pages, do.came_s)
         task = node.with_page(Task.deserialize(bytes(do.task)), do.processed)
-        return _encode(node.handle(task, do.component, self._caller))
+        return _encode(node.handle(task, do.component))
 
     def step(self, do: protocol.StepRequest) -> bytes:
         """Have a component of a node do a step of its life."""
         node = self._nodes[do.node]
         node.sync(do.now_s, do.pages, do.came_s)
-        self._caller.component = do.component
-        self._caller.step = do.step
         try:
             return _encode(node.step(node.components[do.component], do.step))
         except CpuTimeExceeded:

@@ -151,7 +151,6 @@ class RemoteFailure(msgspec.Struct, frozen=True, omit_defaults=True):
         step: the step that failed: "load", "call", "handle", ...
         text: with the student's line first.
         fix: what to try.
-        component: name of the component that failed.
         is_value: a result cannot be sent to the grader, as opposed to an exception.
         is_refused: the program has or returns something that snr_sim does not accept, described in `text`.
     """
@@ -159,7 +158,6 @@ class RemoteFailure(msgspec.Struct, frozen=True, omit_defaults=True):
     step: str
     text: str
     fix: str = ""
-    component: str = ""
     is_value: bool = False
     is_refused: bool = False
 
@@ -219,7 +217,6 @@ class ComponentInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     name: str
     handlers: list[HandlerRow]
     steps: list[str]
-    is_loop: bool = False
     rate_hz: float = 0.0
     first_s: float = 0.0
     next_s: float | None = None
