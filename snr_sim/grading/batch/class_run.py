@@ -11,15 +11,17 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import AbstractContextManager, nullcontext
-from typing import Any, Protocol
+from typing import Any
 
 import msgspec
 
 from snr_sim.grading.batch.class_folder import ClassFolder
+from snr_sim.grading.batch.cluster import ClusterWorkers
 from snr_sim.grading.batch.member_names import SubmissionRejectedError
 from snr_sim.grading.batch.submission_import import ImportedSubmission, import_submission, remove
 from snr_sim.grading.batch.submissions import Submission
 from snr_sim.grading.batch.worker import Job, ungraded_result
+from snr_sim.grading.batch.workers import LocalWorkers
 from snr_sim.grading.lab.lab import Lab
 from snr_sim.grading.reports.check50 import check50
 from snr_sim.grading.reports.gradescope import gradescope_results
@@ -32,23 +34,6 @@ RUNS = "runs"
 _MAX_WAIT_S = 1.0
 
 
-class Workers(Protocol):
-    """What grades, elsewhere: `LocalWorkers` or `ClusterWorkers`."""
-
-    @property
-    def ahead(self) -> int:
-        """How many submissions are handed out at a time."""
-        ...
-
-    def submit(self, job: Job) -> Future[Any]:
-        """Have a submission graded."""
-        ...
-
-    def result(self, future: Future[Any], job: Job) -> Graded:
-        """Return the result of a future of `submit`."""
-        ...
-
-
 class ClassRun:
     """Submissions in progress.
 
@@ -58,7 +43,7 @@ class ClassRun:
         submissions: all of them, in order.
         secret: from which hidden cases are drawn.
         isolation: "required" or "none".
-        on_done: is called with each result, and with whether it was there already.
+        on_done: is called with each result, also with those that are there already.
     """
 
     def __init__(
@@ -68,7 +53,7 @@ class ClassRun:
         submissions: Sequence[Submission],
         secret: bytes,
         isolation: RequestedIsolation,
-        on_done: Callable[[Graded, bool], None],
+        on_done: Callable[[Graded], None],
     ) -> None:
         assert lab.folder is not None
         self._lab = lab
@@ -79,7 +64,11 @@ class ClassRun:
         self._on_done = on_done
         self._waiting = iter(submissions)
 
-    def grade(self, workers: Workers, interruptible: Callable[[], AbstractContextManager[None]] = nullcontext) -> None:
+    def grade(
+        self,
+        workers: LocalWorkers | ClusterWorkers,
+        interruptible: Callable[[], AbstractContextManager[None]] = nullcontext,
+    ) -> None:
         """Grade all submissions.
 
         Args:
@@ -122,7 +111,7 @@ class ClassRun:
             if done is None or done.status == "grader_error":
                 return msgspec.structs.replace(job, runs=str(self._folder.stage(name) / RUNS)), taken
             remove(private)
-            self._on_done(done, True)
+            self._on_done(done)
         return None
 
     def keep(self, graded: Graded, taken: ImportedSubmission) -> None:
@@ -133,7 +122,7 @@ class ClassRun:
 
     def _keep(self, graded: Graded, digest: str) -> None:
         self._folder.keep(graded, digest, reports_of(graded))
-        self._on_done(graded, False)
+        self._on_done(graded)
 
 
 def reports_of(graded: Graded) -> dict[str, str]:

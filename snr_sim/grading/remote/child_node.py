@@ -172,15 +172,15 @@ class ChildNode(Node):
             kind, name = task_id if isinstance(task_id, tuple) else (task_id, None)
             yield kind.value, name, handler_name(handler)
 
-    def sync(self, now_s: float, pages: Sequence[msgspec.Raw], came_s: dict[str, float]) -> None:
+    def sync(self, do: protocol.Handle | protocol.StepRequest) -> None:
         """Set the time, and copy the pages of the grader's datastore to this one."""
-        self.external_clock.show(now_s)
-        self.machine.now_s = now_s
-        for raw in pages:
+        self.external_clock.show(do.now_s)
+        self.machine.now_s = do.now_s
+        for raw in do.pages:
             self.datastore.put(self._typed.decode_page(bytes(raw)))
-        self._core.received_s.update(came_s)
+        self._core.received_s.update(do.came_s)
 
-    def with_page(self, task: Task, processed: Sequence[msgspec.Raw] | None) -> Task:
+    def _with_page(self, task: Task, processed: Sequence[msgspec.Raw] | None) -> Task:
         """Return a task with the page that it carries in the grader's node, see `Handle`."""
         if processed is None:
             return task
@@ -190,8 +190,10 @@ class ChildNode(Node):
         self._core.await_processing(page, before[0] if before else None)
         return Task(task.type, task.name, [page])
 
-    def handle(self, task: Task, first: str) -> protocol.HandleResult:
-        """Call each component's handler of a task, from the component `first` on."""
+    def handle(self, do: protocol.Handle) -> protocol.HandleResult:
+        """Call each component's handler of a task, from the one named on."""
+        self.sync(do)
+        task, first = self._with_page(Task.deserialize(bytes(do.task)), do.processed), do.component
         returned: dict[str, list[Task]] = {}
         entries = [entry for entry in self.machine.lookup.find(task) if entry[0] is not self._core]
         names = [entry[0].name for entry in entries]
@@ -222,9 +224,10 @@ class ChildNode(Node):
         slow = isinstance(failure, CpuTimeExceeded)
         return msgspec.structs.replace(answer, failed=name, text=text, fix=fix, is_slow=slow)
 
-    def step(self, component: Component, step: str) -> protocol.StepResponse:
+    def step(self, do: protocol.StepRequest) -> protocol.StepResponse:
         """Call one of the steps of a component's life, or a loop's `setup` or `loop`."""
-        machine = self.machine
+        self.sync(do)
+        component, step, machine = self.components[do.component], do.step, self.machine
         machine.running = component
         if step == "join":
             self._is_halting = True
@@ -328,17 +331,12 @@ class NodeVerbs:
 
     def handle(self, do: protocol.Handle) -> bytes:
         """Have the components of a node handle a task."""
-        node = self._nodes[do.node]
-        node.sync(do.now_s, do.pages, do.came_s)
-        task = node.with_page(Task.deserialize(bytes(do.task)), do.processed)
-        return _encode(node.handle(task, do.component))
+        return _encode(self._nodes[do.node].handle(do))
 
     def step(self, do: protocol.StepRequest) -> bytes:
         """Have a component of a node do a step of its life."""
-        node = self._nodes[do.node]
-        node.sync(do.now_s, do.pages, do.came_s)
         try:
-            return _encode(node.step(node.components[do.component], do.step))
+            return _encode(self._nodes[do.node].step(do))
         except CpuTimeExceeded:
             raise
         except BaseException as error:
