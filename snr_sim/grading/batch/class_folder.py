@@ -42,21 +42,13 @@ _FINAL_FILES = ("class.csv", "cases.csv", "leaderboard.csv", "distribution.png")
 
 
 class ClassSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What must be the same for marks to be of one class.
-
-    Args:
-        lab: its name.
-        lab_digest: over all its files.
-        version: of snr_sim.
-        secret_digest: of the secret, which it does not give away.
-        isolation: "required" or "none".
-    """
+    """What must be the same for marks to be of one class."""
 
     lab: str
-    lab_digest: str
-    version: str
-    secret_digest: str
-    isolation: str
+    lab_digest: str  # over all its files
+    version: str  # of snr_sim
+    secret_digest: str  # which does not reveal the secret
+    isolation: str  # "required" or "none"
 
 
 class _Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -30,17 +30,11 @@ Draw = Callable[[random.Random], Sequence[Any]]
 
 @dataclass(frozen=True)
 class Case:
-    """One thing a check is tried on.
+    """One thing a check is tried on."""
 
-    Args:
-        value: argument of the check's function.
-        is_visible: whether students see it.
-        name: name of that argument.
-    """
-
-    value: Any
-    is_visible: bool
-    name: str = ""
+    value: Any  # argument of the check's function
+    is_visible: bool  # to students
+    name: str = ""  # of that argument
 
     @property
     def label(self) -> str:

@@ -39,15 +39,11 @@ class Hello(_Verb, frozen=True):
 
 
 class Call(_Verb, frozen=True):
-    """Call a function of a file of the submission.
-
-    Args:
-        args: a list, as `values.encode_value` writes it.
-    """
+    """Call a function of a file of the submission."""
 
     file: str
     function: str
-    args: msgspec.Raw
+    args: msgspec.Raw  # a list, as `values.encode_value` writes it
 
 
 class MakeObject(_Verb, frozen=True, tag="host"):
@@ -74,27 +70,17 @@ class Parse(_Verb, frozen=True):
 
 
 class LoadRequest(_Verb, frozen=True, tag="load"):
-    """Read this file.
-
-    Args:
-        file: of the submission.
-        robots: names and folders of robots whose modules it may import.
-    """
+    """Read this file of the submission."""
 
     file: str
-    robots: list[tuple[str, str]]
+    robots: list[tuple[str, str]]  # names and folders of robots whose modules it may import
 
 
 class Open(_Verb, frozen=True):
-    """Call the file's `factories`.
-
-    Args:
-        file: of the submission, which was read.
-        robot: argument of `factories`, pickled, in base64.
-    """
+    """Call `factories` of a file that was read."""
 
     file: str
-    robot: str
+    robot: str  # its argument, pickled, in base64
 
 
 class Make(_Verb, frozen=True):
@@ -145,21 +131,13 @@ class CallRequest(msgspec.Struct, frozen=True):
 
 
 class RemoteFailure(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A failure of the student's program, as reported by its own process.
+    """A failure of the student's program, as reported by its own process."""
 
-    Args:
-        step: the step that failed: "load", "call", "handle", ...
-        text: with the student's line first.
-        fix: what to try.
-        is_value: a result cannot be sent to the grader, as opposed to an exception.
-        is_refused: the program has or returns something that snr_sim does not accept, described in `text`.
-    """
-
-    step: str
-    text: str
+    step: str  # that failed: a verb, "load" while a file was read, "slow" when its CPU time was used up
+    text: str  # with the student's line first
     fix: str = ""
-    is_value: bool = False
-    is_refused: bool = False
+    is_value: bool = False  # a result cannot be sent to the grader, as opposed to an exception
+    is_refused: bool = False  # the program has or returns what snr_sim does not accept, described in `text`
 
     def as_error(self) -> SubmissionError:
         """Return the failure as the error that the grader raises."""
@@ -223,17 +201,13 @@ class ComponentInfo(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class StepEffects(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """Effects of a step: tasks from the inbox, new handlers, notes, keys of pages requested but never stored.
+    """Effects of a step."""
 
-    Args:
-        output: what components have printed and logged: component, level, text.
-    """
-
-    entered: list[tuple[msgspec.Raw, str]] = []
-    handlers: dict[str, list[HandlerRow]] | None = None
+    entered: list[tuple[msgspec.Raw, str]] = []  # tasks from the inbox, and who sent them
+    handlers: dict[str, list[HandlerRow]] | None = None  # new ones
     notes: list[str] = []
-    missed: list[str] = []
-    output: list[tuple[str, str, str]] = []
+    missed: list[str] = []  # keys of pages requested but never stored
+    output: list[tuple[str, str, str]] = []  # what components have printed and logged: component, level, text
 
 
 class HandleResult(StepEffects, frozen=True, omit_defaults=True):

@@ -36,18 +36,11 @@ class IsolationMissingError(SnrError):
 
 @dataclass(frozen=True)
 class Limits:
-    """What a student's process may use.
+    """What a student's process may use."""
 
-    Args:
-        cpu_s: CPU time of its whole life, its start with the imports included.
-        memory_bytes: address space.
-        file_bytes: the longest file it may write.
-        open_files: how many files it may have open.
-    """
-
-    cpu_s: int = 60
-    memory_bytes: int = 1 << 30
-    file_bytes: int = _SCRATCH_BYTES
+    cpu_s: int = 60  # of its whole life, its start with the imports included
+    memory_bytes: int = 1 << 30  # of address space
+    file_bytes: int = _SCRATCH_BYTES  # of the longest file it may write
     open_files: int = 64
 
     def wall_s(self, cpu_s: float) -> float:
