@@ -23,10 +23,8 @@ from snr_sim.grading.batch.submissions import Submission
 from snr_sim.grading.batch.worker import Job, ungraded_result
 from snr_sim.grading.batch.workers import LocalWorkers
 from snr_sim.grading.lab.lab import Lab
-from snr_sim.grading.reports.check50 import check50
-from snr_sim.grading.reports.gradescope import gradescope_results
-from snr_sim.grading.reports.junit import junit
 from snr_sim.grading.reports.results import Graded, RequestedIsolation, with_runs_named
+from snr_sim.grading.reports.services import check50, gradescope_results, junit
 from snr_sim.grading.reports.student_page import student_page
 
 RUNS = "runs"
