@@ -104,9 +104,8 @@ def _grade_class(
     as_json: bool,
 ) -> int:
     from snr_sim import __version__
-    from snr_sim.grading.batch.class_files import write_class_files
     from snr_sim.grading.batch.class_folder import ClassFolder, ClassSettings, digest_of_secret
-    from snr_sim.grading.batch.class_run import ClassRun
+    from snr_sim.grading.batch.class_run import ClassRun, write_class_files
     from snr_sim.grading.batch.submission_import import digest_of_folder
     from snr_sim.grading.batch.submissions import name_submissions
     from snr_sim.grading.batch.workers import LocalWorkers

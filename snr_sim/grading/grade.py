@@ -87,9 +87,7 @@ def resolve_isolation(isolation: RequestedIsolation) -> Isolation:
     Raises:
         IsolationMissingError: isolation is required, and cannot be had here.
     """
-    if isolation == "none":
-        return "none"
-    return find_isolation()
+    return "none" if isolation == "none" else find_isolation()
 
 
 @contextmanager
@@ -135,14 +133,12 @@ class _Grading:
         )
 
     def _run_check(self, check: Check, cases: Sequence[Case]) -> CheckResult:
-        results = [self._case(check, case, number) for number, case in enumerate(cases)]
+        results = tuple(self._case(check, case, number) for number, case in enumerate(cases))
         fraction = sum(one.fraction for one in results) / len(results)
         if check.all_or_nothing and fraction < 1.0:
             fraction = 0.0
         points = round(check.points * fraction, 6)
-        return CheckResult(
-            name=check.name, title=check.title, points=points, max_points=check.points, cases=tuple(results)
-        )
+        return CheckResult(name=check.name, title=check.title, points=points, max_points=check.points, cases=results)
 
     def _case(self, check: Check, case: Case, number: int) -> CaseResult:
         if self.on_case is not None:

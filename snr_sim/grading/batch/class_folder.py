@@ -164,10 +164,10 @@ class ClassFolder:
             SnrError: it cannot be read, or is so short that it could be guessed.
         """
         path = given or self.path / "secret"
-        if given is None and not path.exists():
+        is_made = given is None and not path.exists()
+        if is_made:
             write_atomic(path, new_secret() + b"\n", mode=0o600)
-            return read_secret(path), True
-        return read_secret(path), False
+        return read_secret(path), is_made
 
     def begin(self, settings: ClassSettings, submissions: Sequence[Submission]) -> None:
         """Store the job, and remove the files that the end of a run writes, as they will be out of date.
@@ -271,12 +271,7 @@ def _only_ours(path: Path) -> bool:
 
 
 def _changed(before: Mapping[str, str], now: Mapping[str, str]) -> str:
-    words = {
-        "lab": "lab",
-        "lab_digest": "version of the lab",
-        "version": "version of snr_sim",
-        "secret_digest": "secret",
-    }
+    words = {"lab_digest": "version of the lab", "version": "version of snr_sim", "secret_digest": "secret"}
     name = next(name for name in now if before[name] != now[name])
     shown = f" ({before[name]}, now {now[name]})" if name in ("lab", "version", "isolation") else ""
     return words.get(name, name) + shown

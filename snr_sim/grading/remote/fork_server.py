@@ -26,12 +26,11 @@ from pathlib import Path
 
 from snr_sim.grading.lab.verdicts import GraderError
 from snr_sim.grading.remote.cpu_timeout import wait_for_hangup
-from snr_sim.grading.remote.fork_server_process import EXIT_STATUS, FORK, FORKED, STATUS, USED_UP
 from snr_sim.grading.remote.launch import copy_world_readable, start_process
+from snr_sim.grading.remote.protocol import EXIT_STATUS, FORK, FORKED, MAX_WORD_BYTES, STATUS, USED_UP
 from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.sandbox import Limits, is_root
 
-_MAX_BYTES = 64
 _RESPONSE_TIMEOUT_S = 130.0  # wall time; a copy takes a millisecond, and a start of Python 0.2 s
 
 
@@ -165,7 +164,7 @@ class ForkServer:
         assert self._socket is not None
         try:
             socket.send_fds(self._socket, [word], fds)
-            answer, received_fds, _, _ = socket.recv_fds(self._socket, _MAX_BYTES, 1)
+            answer, received_fds, _, _ = socket.recv_fds(self._socket, MAX_WORD_BYTES, 1)
         except OSError as error:
             raise self._fault() from error
         if not answer:

@@ -10,6 +10,7 @@ comparisons could lie, reaches the grader.
 
 from __future__ import annotations
 
+import struct
 from typing import Any, TypeAlias, TypeVar
 
 import msgspec
@@ -23,6 +24,10 @@ MAX_RESPONSE_BYTES = 1 << 20
 MAX_DEPTH = 32
 PIPES = -1  # in place of a descriptor: the process is asked on its stdin and answers on its stdout
 TIME_UP_STATUS = 152  # exit status of a process whose CPU time is used up, as a shell reports SIGXCPU
+# Between the grader and its fork server: words, and the exit status of a copy.
+FORK, EXIT_STATUS, USED_UP, FORKED = b"fork", b"exit status", b"used up", b"forked"
+MAX_WORD_BYTES = 64
+STATUS = struct.Struct("i")
 SUBMISSION = "."  # the name of the submission's folder; those of robots have theirs
 BROKEN = "The submission broke the grading protocol"
 SLOW_HINT = "That took too long: is there a loop without an end?"

@@ -18,12 +18,8 @@ ABSENT = -1
 
 def _table(text: str) -> dict[str, tuple[int, int]]:
     """Return the numbers in a table of "name number-on-x86-64 number-on-aarch64, ..."; "-": it has none there."""
-    rows = (row.split() for row in text.split(","))
-    return {name: (_number(intel), _number(arm)) for name, intel, arm in rows}
-
-
-def _number(text: str) -> int:
-    return ABSENT if text == "-" else int(text)
+    rows = (row.replace("-", str(ABSENT)).split() for row in text.split(","))
+    return {name: (int(intel), int(arm)) for name, intel, arm in rows}
 
 
 # The kernel checks the list from the top: reading and writing come first.
