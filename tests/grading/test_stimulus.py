@@ -117,7 +117,7 @@ def test_handlers_can_change_and_random_numbers_follow_the_seed(tmp_path: Path) 
 CARRIED = """
 from dataclasses import dataclass
 
-from snr_sim import Endpoint, EndpointFactory, TaskType, tasks
+from snr_sim import Endpoint, TaskType, tasks
 
 
 @dataclass
@@ -151,13 +151,8 @@ class Part(Endpoint):
         return self.store_data_task("seen", seen, False)
 
 
-class PartFactory(EndpointFactory):
-    def get(self, parent):
-        return Part(self, parent, "part")
-
-
 def factories(robot):
-    return [PartFactory()]
+    return [Part.factory()]
 """
 
 
