@@ -10,6 +10,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import TypeAlias
 
 from snr_sim import __version__
 from snr_sim.core.source_location import describe_error, without_addresses
@@ -22,7 +23,7 @@ from snr_sim.grading.remote.launch import readable_copy
 from snr_sim.grading.reports.results import CaseResult, CheckResult, Graded, Isolation, RequestedIsolation, Status
 from snr_sim.grading.sandbox.sandbox import Limits
 
-OnCase = Callable[[str, str], None]
+OnCase: TypeAlias = Callable[[str, str], None]
 _MAX_STEPS = 10
 
 

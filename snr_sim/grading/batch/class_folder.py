@@ -77,7 +77,7 @@ class ClassFolder:
     """
 
     def __init__(self, path: Path, is_resumed: bool) -> None:
-        self.path = path
+        self.path: Path = path
         self._manifest: _Manifest | None = None
         try:
             path.mkdir(mode=0o700, parents=True, exist_ok=True)  # its tables contain hidden cases

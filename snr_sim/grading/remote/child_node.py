@@ -68,8 +68,8 @@ class ExternalExecutor:
     late_s = 0.0
 
     def __init__(self) -> None:
-        self.ticks = 0
-        self.is_stopped = False
+        self.ticks: int = 0
+        self.is_stopped: bool = False
 
     def start(self) -> None:
         """Do nothing: the grader calls."""
@@ -124,10 +124,10 @@ class ChildNode(Node):
     """
 
     def __init__(self, role: str, component_seed: int) -> None:
-        self.external_clock = ExternalClock()
-        self.have_handlers_changed = False
-        super().__init__(role, Config(Mode.TEST, {role: []}), clock=self.external_clock)
-        self.component_seed = component_seed
+        self._external_clock = ExternalClock()
+        self._have_handlers_changed = False
+        super().__init__(role, Config(Mode.TEST, {role: []}), clock=self._external_clock)
+        self.component_seed: int = component_seed
         machine = CollectingMachine(self.machine.lookup, self.inbox, None)
         machine.scheduled = []
         self.machine: CollectingMachine = machine
@@ -139,7 +139,7 @@ class ChildNode(Node):
     def handlers_changed(self) -> None:
         """Remember to report it to the grader."""
         super().handlers_changed()
-        self.have_handlers_changed = True
+        self._have_handlers_changed = True
 
     def record_text(self, component: str, level: str, text: str) -> None:
         """Keep what a component prints and logs for the grader's trace, up to a bound for each step."""
@@ -174,7 +174,7 @@ class ChildNode(Node):
 
     def sync(self, do: protocol.Handle | protocol.StepRequest) -> None:
         """Set the time, and copy the pages of the grader's datastore to this one."""
-        self.external_clock.show(do.now_s)
+        self._external_clock.show(do.now_s)
         self.machine.now_s = do.now_s
         for raw in do.pages:
             self.datastore.put(self._typed.decode_page(bytes(raw)))
@@ -256,8 +256,8 @@ class ChildNode(Node):
         entered = [(self._typed.encode_task(task), source) for task, source in self.inbox.waiting]
         self.inbox.waiting.clear()
         handlers = None
-        if self.have_handlers_changed:
-            self.have_handlers_changed = False
+        if self._have_handlers_changed:
+            self._have_handlers_changed = False
             handlers = {
                 name: list(self.handlers_of(one)) for name, one in self.components.items() if one is not self._core
             }

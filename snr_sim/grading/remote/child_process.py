@@ -81,14 +81,14 @@ class ChildProcess:
         self._n = 0
         self._received_bytes = bytearray()
         self._kept = bytearray()
-        self.printed_bytes = 0
+        self._printed_bytes = 0
         self._confiner = confiner
 
     @property
     def printed(self) -> str:
         """Its output, up to the limit."""
         text = bytes(self._kept).decode(errors="replace")
-        return text + "\n..." if self.printed_bytes > len(self._kept) else text
+        return text + "\n..." if self._printed_bytes > len(self._kept) else text
 
     @property
     def cpu_time_s(self) -> float | None:
@@ -251,10 +251,10 @@ class ChildProcess:
         Raises:
             SubmissionError: it printed too much; raised once.
         """
-        was_within_limit = self.printed_bytes <= MAX_PRINTED_BYTES
-        self.printed_bytes += len(data)
+        was_within_limit = self._printed_bytes <= MAX_PRINTED_BYTES
+        self._printed_bytes += len(data)
         self._kept += data[: max(0, KEPT_BYTES - len(self._kept))]
-        if was_within_limit and self.printed_bytes > MAX_PRINTED_BYTES:
+        if was_within_limit and self._printed_bytes > MAX_PRINTED_BYTES:
             self._is_output_open = False
             self.kill()
             raise SubmissionError(

@@ -41,9 +41,9 @@ class ForkedChild:
         self._fork_server = fork_server
         self._death = death  # readable once it is dead
         self._status: int | None = None
-        self.stdout = io.FileIO(output)
+        self.stdout: io.FileIO = io.FileIO(output)
         fdinfo = Path(f"/proc/self/fdinfo/{death}").read_text()
-        self.pid = int(fdinfo.partition("Pid:")[2].split()[0])  # to read /proc only; signals are sent by the handle
+        self.pid: int = int(fdinfo.partition("Pid:")[2].split()[0])  # for /proc only; the handle gets signals
 
     def kill(self) -> None:
         """End it, with its namespace."""
@@ -85,7 +85,7 @@ class ForkServer:
         self._is_loaded = False
         self._process: subprocess.Popen[bytes] | None = None
         self._socket: socket.socket | None = None
-        self.is_busy = False
+        self.is_busy: bool = False
 
     def __enter__(self) -> ForkServer:
         return self

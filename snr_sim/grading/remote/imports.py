@@ -16,7 +16,7 @@ _PYTHON_ONLY = "a submission is plain Python"
 _GRADES_ITSELF = "a submission does not grade itself"
 Parse: TypeAlias = Callable[[Callable[[bytes], Any], bytes], Any]
 _MAX_SOURCE_BYTES = 1 << 20
-REFUSED = {
+REFUSED: dict[str, str] = {
     **dict.fromkeys(("socket", "socketserver", "ssl", "urllib", "http", "requests", "ftplib", "smtplib"), _NO_NETWORK),
     **dict.fromkeys(("subprocess", "multiprocessing", "concurrent", "pty"), _ONE_PROCESS),
     **dict.fromkeys(("ctypes", "cffi"), _PYTHON_ONLY),

@@ -27,7 +27,7 @@ TIME_UP_STATUS = 152  # exit status of a process whose CPU time is used up, as a
 # Between the grader and its fork server: words, and the exit status of a copy.
 FORK, EXIT_STATUS, USED_UP, FORKED = b"fork", b"exit status", b"used up", b"forked"
 MAX_WORD_BYTES = 64
-STATUS = struct.Struct("i")
+STATUS: struct.Struct = struct.Struct("i")
 SUBMISSION = "."  # the name of the submission's folder; those of robots have theirs
 BROKEN = "The submission broke the grading protocol"
 SLOW_HINT = "That took too long: is there a loop without an end?"

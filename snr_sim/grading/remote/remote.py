@@ -55,9 +55,9 @@ class Remote:
     """
 
     def __init__(self, child: ChildProcess, file: str) -> None:
-        self.child = child
-        self.file = file
-        self.task_filter = TaskFilter(file)
+        self._child = child
+        self._file = file
+        self.task_filter: TaskFilter = TaskFilter(file)
         self.submission_error: SubmissionError | None = None  # kept here, as a node that ends loses its message
         self.files: list[tuple[str, str]] = []  # that were read: the folder's name and the path in it
         self.names: set[str] = set()  # of the student's components
@@ -81,7 +81,7 @@ class Remote:
             StudentCodeError: a step of a component's life cycle raised.
         """
         try:
-            answer = self.child.ask(verb, cpu_s)
+            answer = self._child.ask(verb, cpu_s)
             if answer.error is not None and isinstance(verb, protocol.StepRequest) and answer.error.step != "slow":
                 raise StudentCodeError(answer.error.text, answer.error.fix)
             return protocol.decode_as(decoder, answer.result())
@@ -101,9 +101,9 @@ class Remote:
             path: of the student's file, for the trace's header.
             robots: whose modules the student may import.
         """
-        load = protocol.LoadRequest(self.file, [(name, str(folder)) for name, folder in robots])
+        load = protocol.LoadRequest(self._file, [(name, str(folder)) for name, folder in robots])
         loaded = self.ask(load, _loaded, LOAD_CPU_S)
-        module = ModuleType(Path(self.file).stem)
+        module = ModuleType(Path(self._file).stem)
         module.__file__ = str(path)
         if loaded.options is not None:
             module.OPTIONS = loaded.options  # type: ignore[attr-defined]
@@ -114,7 +114,7 @@ class Remote:
 
     def factories(self, robot: RobotInfo) -> list[RemoteEndpointFactory | RemoteLoopFactory]:
         """Have the student's `factories(robot)` called; return a proxy for each of its factories."""
-        opened = self.ask(protocol.Open(self.file, _pickled(robot)), _opened, LOAD_CPU_S)
+        opened = self.ask(protocol.Open(self._file, _pickled(robot)), _opened, LOAD_CPU_S)
         self.files = opened.files
         first, self._made = self._made, self._made + len(opened.are_loops)
         return [
@@ -252,7 +252,7 @@ class RemoteEndpointFactory(EndpointFactory):
 
     def __init__(self, remote: Remote, number: int) -> None:
         super().__init__()
-        self.remote = remote
+        self.remote: Remote = remote
         self._number = number
 
     def get(self, parent: NodeApi) -> Endpoint:
@@ -310,7 +310,7 @@ class RemoteLoopFactory(LoopFactory):
 
     def __init__(self, remote: Remote, number: int) -> None:
         super().__init__()
-        self.remote = remote
+        self.remote: Remote = remote
         self._number = number
 
     def get(self, parent: NodeApi) -> Loop:

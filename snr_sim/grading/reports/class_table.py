@@ -9,13 +9,13 @@ import csv
 import statistics
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TextIO
+from typing import TextIO, TypeAlias
 
 from snr_sim.grading.reports.feedback import number
 from snr_sim.grading.reports.plain import cell
 from snr_sim.grading.reports.results import Graded, Order
 
-ReadAll = Callable[[], Iterable[Graded]]
+ReadAll: TypeAlias = Callable[[], Iterable[Graded]]
 
 
 @dataclass

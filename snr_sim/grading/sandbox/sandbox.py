@@ -22,10 +22,10 @@ from pathlib import Path
 import snr_sim
 from snr_sim.prelude.errors import SnrError
 
-KIT = Path(snr_sim.__file__).resolve().parent
+KIT: Path = Path(snr_sim.__file__).resolve().parent
 NOBODY = 65534
-LABS = KIT / "shipped" / "assignments"  # where an installed kit has them
-SYSTEM = ("/lib", "/lib32", "/lib64", "/libx32")
+LABS: Path = KIT / "shipped" / "assignments"  # where an installed kit has them
+SYSTEM: tuple[str, ...] = ("/lib", "/lib32", "/lib64", "/libx32")
 _SUBMISSION = "/submission"
 _SCRATCH_BYTES = 16 << 20
 

@@ -19,7 +19,7 @@ import errno
 import os
 import struct
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from snr_sim.grading.sandbox.system_calls import (
     ALLOWED,
@@ -39,7 +39,7 @@ _CREATES = os.O_CREAT | 0o20000000  # O_CREAT, __O_TMPFILE
 _FAMILY_UNIX, _STREAM, _SOCKET_TYPE = 1, 1, 0xF
 _ALL_BITS = 0xFFFFFFFF
 
-Instruction = tuple[int, int, int, int]  # code, jump if true, jump if false, constant
+Instruction: TypeAlias = tuple[int, int, int, int]  # code, jump if true, jump if false, constant
 
 
 class SeccompMissingError(Exception):
