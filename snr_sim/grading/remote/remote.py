@@ -65,9 +65,7 @@ class Remote:
         self._sent: dict[str, dict[str, Page]] = {}
         self._task: Task | None = None  # that was sent last, from which node
         self._node: Node | None = None
-        self._answers: dict[str, list[Task]] = {}
-        self._failed = ""
-        self._failure: StudentCodeError | None = None
+        self._answers: dict[str, list[Task] | StudentCodeError] = {}  # to it, by component
 
     def ask(self, verb: protocol.Verb, decoder: msgspec.json.Decoder[T], cpu_s: float = STEP_CPU_S) -> T:
         """Send a request to the student's process; return its answer.
@@ -104,12 +102,8 @@ class Remote:
         load = protocol.LoadRequest(self._file, [(name, str(folder)) for name, folder in robots])
         loaded = self.ask(load, _loaded, LOAD_CPU_S)
         module = ModuleType(Path(self._file).stem)
-        module.__file__ = str(path)
-        if loaded.options is not None:
-            module.OPTIONS = loaded.options  # type: ignore[attr-defined]
-        if loaded.roles is not None:
-            module.ROLES = loaded.roles  # type: ignore[attr-defined]
-        module.factories = self.factories  # type: ignore[attr-defined]
+        names = {"OPTIONS": loaded.options, "ROLES": loaded.roles, "factories": self.factories, "__file__": str(path)}
+        vars(module).update((name, value) for name, value in names.items() if value is not None)
         return module
 
     def factories(self, robot: RobotInfo) -> list[RemoteEndpointFactory | RemoteLoopFactory]:
@@ -131,20 +125,17 @@ class Remote:
 
     def handle(self, component: RemoteEndpoint, task: Task) -> SomeTasks:
         """Have a task handled; the student's components behind this one handle it in the same request."""
-        name = component.name
         is_next = self._task is task and self._node is component.parent
-        if not is_next or (name not in self._answers and name != self._failed):
+        if not is_next or component.name not in self._answers:
             self._send(component, task)
-        if name == self._failed:
-            failure, self._failed = self._failure, ""
-            assert failure is not None
-            raise failure
-        return self._answers.pop(name, [])
+        answer = self._answers.pop(component.name, [])
+        if isinstance(answer, StudentCodeError):
+            raise answer
+        return answer
 
     def _send(self, component: RemoteEndpoint, task: Task) -> None:
         node = component.parent
-        self._task, self._node, self._failed = task, node, ""
-        self._answers = {}
+        self._task, self._node, self._answers = task, node, {}
         processed = _processed_by(task, node)
         raw = msgspec.Raw((task if processed is None else Task(task.type, task.name)).serialize())
         answer = self.ask(protocol.Handle(*self._address(component, node.machine.now_s), raw, processed), _returned)
@@ -153,8 +144,7 @@ class Remote:
         if answer.failed:
             if answer.is_slow:
                 self.submission_error = SubmissionError(answer.text, protocol.SLOW_HINT)
-            self._failed, self._failure = answer.failed, StudentCodeError(answer.text, answer.fix)
-            self._answers.setdefault(answer.failed, [])
+            self._answers[answer.failed] = StudentCodeError(answer.text, answer.fix)
         self._apply(answer, node)
 
     def step(self, component: RemoteEndpoint | RemoteLoop, step: str) -> protocol.StepResponse:
