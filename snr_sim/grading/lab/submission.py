@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from snr_sim.grading.batch.parsing import MAX_PARSED_BYTES
 from snr_sim.grading.lab.verdicts import GraderError, SubmissionError
-from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.child_process import ChildProcess
 from snr_sim.grading.remote.fork_server import ForkServer
 from snr_sim.grading.remote.imports import check_imports
 from snr_sim.grading.remote.piped_process import begin_process
-from snr_sim.grading.remote.sent_code import code_to_send
 from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.sandbox import Limits
 
 MAX_SOURCE_BYTES = 1 << 20
-CALL_CPU_S = 10.0
 
 
 class Submission:
@@ -99,7 +95,7 @@ class Submission:
         data = self.source(file, max_bytes).encode()
         child = self._begin()
         try:
-            return _parsed(child, parser, data)
+            return child.parse(parser, data)
         except SubmissionError as wrong:
             raise SubmissionError(f"{file}: {wrong.message}", f"{file} cannot be read: keep its form.") from wrong
         finally:
@@ -114,7 +110,7 @@ class Submission:
         self.source(file)
         child = self._begin(readable)
         try:
-            check_imports(self.folder, file, self._may_import, self._refused, partial(_parsed, child))
+            check_imports(self.folder, file, self._may_import, self._refused, child)
         except BaseException:
             self.close_child(child)
             raise
@@ -138,8 +134,3 @@ class Submission:
         if not path.is_relative_to(self.folder):
             raise SubmissionError(f"{file} is a link to elsewhere.", f"Hand in {file} itself, not a link.")
         return path
-
-
-def _parsed(child: ChildProcess, parser: Callable[[bytes], Any], data: bytes) -> Any:
-    answer = child.ask(protocol.Parse(code_to_send(parser), data), CALL_CPU_S)
-    return protocol.plain_value(answer.result())

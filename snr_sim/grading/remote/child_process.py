@@ -11,19 +11,22 @@ import select
 import signal
 import socket
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from snr_sim.grading.lab.verdicts import GraderError, SubmissionError
 from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.cpu_timeout import END_TIMEOUT_S, POLL_PERIOD_S, CpuTimeout, process_state, wait_for_hangup
 from snr_sim.grading.remote.fork_server import ForkedChild, ForkServer
 from snr_sim.grading.remote.launch import start_process
+from snr_sim.grading.remote.sent_code import code_to_send
 from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.confiner import Confiner
 from snr_sim.grading.sandbox.sandbox import Limits
 
+CALL_CPU_S = 10.0  # for a call of a lab's check, or a parser
 KEPT_BYTES = 8_000  # of its output
 MAX_PRINTED_BYTES = 1 << 20
 CHUNK = 1 << 16
@@ -111,6 +114,10 @@ class ChildProcess:
         if self._n == 0:
             self._handshake()
         return self._exchange(verb, cpu_s)
+
+    def parse(self, parser: Callable[[bytes], Any], data: bytes) -> Any:
+        """Return the result of a parser of snr_sim or the lab; errors as of `ask`."""
+        return protocol.plain_value(self.ask(protocol.Parse(code_to_send(parser), data), CALL_CPU_S).result())
 
     def _handshake(self) -> None:
         """Wait for its first answer, before it reads anything of the student's: a failure here is the grader's."""
