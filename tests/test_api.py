@@ -95,7 +95,7 @@ NOT_PUBLIC: dict[str, set[str]] = {
         "snr_sim.scenario.library.load_program",
     },
     "assignments/11_write_the_queue/checks.py": {
-        "snr_sim.grading.lab.student.MAX_SOURCE_BYTES",
+        "snr_sim.grading.lab.submission.MAX_SOURCE_BYTES",
     },
     "assignments/11_write_the_queue/grader/queue_bench.py": {
         "snr_sim.core.lockstep.run_node",

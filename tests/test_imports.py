@@ -210,7 +210,7 @@ def test_importing_the_kit_loads_neither_numpy_nor_anything_heavy(statement: str
 
 @pytest.mark.slow
 def test_only_drawing_loads_matplotlib() -> None:
-    drawing = "snr_sim.learning.rendering, snr_sim.view.picture, snr_sim.grading.batch.class_files"
+    drawing = "snr_sim.learning.rendering, snr_sim.view.picture, snr_sim.grading.batch.class_run"
     loaded = {name.split(".")[0] for name in loaded_by(f"import snr_sim.learning, {drawing}")}
     assert loaded & {"matplotlib", "PIL"} == set()
 

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from snr_sim.grading import Lab, Student, Verdict, check, failed, passed
-from snr_sim.grading.lab.student import MAX_SOURCE_BYTES
+from snr_sim.grading.lab.submission import MAX_SOURCE_BYTES
 
 from .grader.plain_queue import PlainQueue
 from .grader.queue_bench import QueueBench

@@ -104,9 +104,8 @@ def _grade_class(
     as_json: bool,
 ) -> int:
     from snr_sim import __version__
-    from snr_sim.grading.batch.class_files import write_class_files
     from snr_sim.grading.batch.class_folder import ClassFolder, ClassSettings, digest_of_secret
-    from snr_sim.grading.batch.class_run import ClassRun
+    from snr_sim.grading.batch.class_run import ClassRun, write_class_files
     from snr_sim.grading.batch.submission_import import digest_of_folder
     from snr_sim.grading.batch.submissions import name_submissions
     from snr_sim.grading.batch.workers import LocalWorkers
@@ -177,10 +176,10 @@ def _print_note(words: str) -> None:
 
 
 @contextmanager
-def _progress(total: int) -> Iterator[Callable[[Graded, bool], None]]:
+def _progress(total: int) -> Iterator[Callable[[Graded], None]]:
     """Yield a function that reports each result: with a progress bar on a terminal, not at all in a pipe."""
     if not sys.stderr.isatty():
-        yield lambda graded, was_there: None
+        yield lambda graded: None
         return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -196,7 +195,7 @@ def _progress(total: int) -> Iterator[Callable[[Graded, bool], None]]:
     with Progress(*columns, console=plain_console(stderr=True)) as bar:
         task = bar.add_task("", total=total)
 
-        def on_graded(graded: Graded, was_there: bool) -> None:
+        def on_graded(graded: Graded) -> None:
             bar.update(task, advance=1, description=graded.submission)
 
         yield on_graded

@@ -8,7 +8,9 @@ import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import TypeAlias
 
 from snr_sim import __version__
 from snr_sim.core.source_location import describe_error, without_addresses
@@ -21,7 +23,7 @@ from snr_sim.grading.remote.launch import readable_copy
 from snr_sim.grading.reports.results import CaseResult, CheckResult, Graded, Isolation, RequestedIsolation, Status
 from snr_sim.grading.sandbox.sandbox import Limits
 
-OnCase = Callable[[str, str], None]
+OnCase: TypeAlias = Callable[[str, str], None]
 _MAX_STEPS = 10
 
 
@@ -33,7 +35,6 @@ def grade_submission(
     *,
     name: str = "",
     out: Path | None = None,
-    limits: Limits | None = None,
     on_case: OnCase | None = None,
     fork_server: ForkServer | None = None,
 ) -> Graded:
@@ -47,9 +48,8 @@ def grade_submission(
         isolation: "required" refuses to run without isolation; "none" is for practice.
         name: of the submission in reports; the folder's name if not given.
         out: folder for recorded runs of visible cases that failed, each a folder; not stored if not given.
-        limits: of each of the student's processes.
         on_case: called before each case with the check's title and the case's label.
-        fork_server: fork server for several submissions with this isolation and limits; a new one if not given.
+        fork_server: fork server for several submissions with this isolation; a new one if not given.
 
     Raises:
         IsolationMissingError: isolation is required, and cannot be had here.
@@ -61,10 +61,11 @@ def grade_submission(
     with ExitStack() as stack:
         stack.enter_context(_silence_warnings())
         readable = stack.enter_context(readable_copy(folder.resolve(), mode))
-        server = fork_server or stack.enter_context(ForkServer(mode, limits or Limits()))
+        server = fork_server or stack.enter_context(ForkServer(mode, Limits()))
         stack.enter_context(server.with_submission(readable))
+        new_student = partial(Student, readable, mode, lab.may_import, fork_server=server, refused=lab.refused)
         try:
-            checks = _Grading(lab, readable, secret, mode, out, limits, on_case, server).checks()
+            checks = _Grading(lab, secret, new_student, out, on_case).checks()
         except GraderError as fault:
             status, error = "grader_error", str(fault)
     return Graded(
@@ -87,9 +88,7 @@ def resolve_isolation(isolation: RequestedIsolation) -> Isolation:
     Raises:
         IsolationMissingError: isolation is required, and cannot be had here.
     """
-    if isolation == "none":
-        return "none"
-    return find_isolation()
+    return "none" if isolation == "none" else find_isolation()
 
 
 @contextmanager
@@ -106,16 +105,13 @@ def _silence_warnings() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class _Grading:
-    """One submission during its checks, with the arguments of `grade_submission`."""
+    """One submission during its checks, with arguments of `grade_submission`."""
 
     lab: Lab
-    folder: Path
     secret: bytes | None
-    isolation: Isolation
+    new_student: Callable[..., Student]
     out: Path | None
-    limits: Limits | None
     on_case: OnCase | None
-    fork_server: ForkServer
 
     def checks(self) -> tuple[CheckResult, ...]:
         """Return the result of each check, in order; in practice without those that have hidden cases only."""
@@ -138,14 +134,12 @@ class _Grading:
         )
 
     def _run_check(self, check: Check, cases: Sequence[Case]) -> CheckResult:
-        results = [self._case(check, case, number) for number, case in enumerate(cases)]
+        results = tuple(self._case(check, case, number) for number, case in enumerate(cases))
         fraction = sum(one.fraction for one in results) / len(results)
         if check.all_or_nothing and fraction < 1.0:
             fraction = 0.0
         points = round(check.points * fraction, 6)
-        return CheckResult(
-            name=check.name, title=check.title, points=points, max_points=check.points, cases=tuple(results)
-        )
+        return CheckResult(name=check.name, title=check.title, points=points, max_points=check.points, cases=results)
 
     def _case(self, check: Check, case: Case, number: int) -> CaseResult:
         if self.on_case is not None:
@@ -153,8 +147,7 @@ class _Grading:
         run = None if self.out is None or not case.is_visible else self.out / f"{check.name}-{number + 1}"
         if run is not None:
             shutil.rmtree(run, ignore_errors=True)
-        lab = self.lab
-        student = Student(self.folder, self.isolation, lab.may_import, self.limits, run, self.fork_server, lab.refused)
+        student = self.new_student(record_to=run)
         error = given_up = ""
         try:
             with student:
@@ -169,10 +162,8 @@ class _Grading:
             if not student.last_file or isinstance(fault, (OSError, MemoryError)):
                 raise GraderError(what) from fault
             # From here on the program's result may be the cause, and a nonsensical result must not avoid a grade.
-            verdict, given_up = (
-                CheckVerdict(0.0, inconclusive_hint(student.last_file)),
-                f"{what}\n{format_steps(fault)}",
-            )
+            verdict = CheckVerdict(0.0, inconclusive_hint(student.last_file))
+            given_up = f"{what}\n{format_steps(fault)}"
             error = f"It stopped the check: {without_addresses(f'{type(fault).__name__}: {fault}')}"
         return CaseResult(
             label=case.label,

@@ -333,8 +333,8 @@ class Class:
         submissions = name_submissions(given)
         settings: Any = dict.fromkeys(("lab", "lab_digest", "version", "secret_digest", "isolation"), "")
         self.folder.begin(ClassSettings(**settings), submissions)
-        on_done: Callable[[Graded, bool], None] = lambda graded, was_there: self.results.append(graded)  # noqa: E731
-        self.run = ClassRun(load_lab(lab / "checks.py"), self.folder, submissions, b"x" * 16, "none", on_done)
+        checks = load_lab(lab / "checks.py")
+        self.run = ClassRun(checks, self.folder, submissions, b"x" * 16, "none", self.results.append)
 
     def grade(self, workers: LocalWorkers, **interruptible: Any) -> None:
         with workers:

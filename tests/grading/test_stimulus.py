@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim import MovingAvgFilterFactory
 from snr_sim.grading import Output, Stimulus, Student
 from snr_sim.grading.lab.verdicts import SubmissionError
 
@@ -115,30 +114,10 @@ def test_handlers_can_change_and_random_numbers_follow_the_seed(tmp_path: Path) 
     assert late(1) == late(1) != late(2)
 
 
-def test_outputs_of_extra_components_are_excluded(tmp_path: Path) -> None:
-    part = MovingAvgFilterFactory("raw", "depth", filter_length=2)
-    produced = fed(tmp_path, [Stimulus(0.0, "raw", 1.0), Stimulus(1.0, "raw", 3.0)], extra_components=[part])
-    seen = [one.value[1] for one in produced if one.name == "seen"]
-    assert seen[-1] == 2.0
-    assert {one.component for one in produced} == {"a"}
-    assert [one.after for one in produced if one.name == "seen"][-1] == 1
-
-
-def test_reply_receives_each_output_and_returns_inputs(tmp_path: Path) -> None:
-    def plant(produced: Output) -> Stimulus | None:
-        if produced.name == "seen" and produced.value[1] < 3.0:
-            return Stimulus(produced.at_s + 0.5, "depth", produced.value[1] + 1.0)
-        return None
-
-    produced = fed(tmp_path, [Stimulus(0.0, "depth", 1.0)], reply=plant, until_s=9.0)
-    seen = [one for one in produced if one.name == "seen"]
-    assert [(one.at_s, one.value[1], one.after) for one in seen] == [(0.0, 1.0, 0), (0.5, 2.0, 1), (1.0, 3.0, 2)]
-
-
 CARRIED = """
 from dataclasses import dataclass
 
-from snr_sim import Endpoint, EndpointFactory, TaskType, tasks
+from snr_sim import Endpoint, TaskType, tasks
 
 
 @dataclass
@@ -172,13 +151,8 @@ class Part(Endpoint):
         return self.store_data_task("seen", seen, False)
 
 
-class PartFactory(EndpointFactory):
-    def get(self, parent):
-        return Part(self, parent, "part")
-
-
 def factories(robot):
-    return [PartFactory()]
+    return [Part.factory()]
 """
 
 

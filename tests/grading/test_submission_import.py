@@ -240,21 +240,16 @@ def test_pipe_in_a_folder_does_not_block(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["../../evil.py", "/tmp/evil.py", "a/../../evil.py", "..\\evil.py", "C:\\evil.py", "c:evil.py", "\\evil.py"]
+    "name",
+    [
+        *("../../evil.py", "/tmp/evil.py", "a/../../evil.py", "..\\evil.py", "C:\\evil.py", "c:evil.py", "\\evil.py"),
+        *("//evil.py", "\\\\server\\evil.py", "./../evil.py", "a/./../b.py", "z:/evil.py", "__pycache__/../../evil.py"),
+    ],
 )
 def test_archive_with_outside_paths_is_rejected_as_a_whole(tmp_path: Path, name: str) -> None:
     with pytest.raises(SubmissionRejectedError, match="outside itself"):
         taken(tmp_path, zipped(tmp_path, ("depth_hold.py", CODE), (name, b"evil")))
     assert [path.name for path in tmp_path.rglob("*")] == ["ada.zip"]
-
-
-@pytest.mark.parametrize(
-    "name",
-    ["//evil.py", "\\\\server\\evil.py", "./../evil.py", "a/./../b.py", "z:/evil.py", "__pycache__/../../evil.py"],
-)
-def test_indirect_outside_path_is_rejected(tmp_path: Path, name: str) -> None:
-    with pytest.raises(SubmissionRejectedError, match="outside itself"):
-        taken(tmp_path, zipped(tmp_path, ("depth_hold.py", CODE), (name, b"evil")))
 
 
 def test_link_in_an_archive_is_noted_without_its_control_characters(tmp_path: Path) -> None:

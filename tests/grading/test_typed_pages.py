@@ -15,7 +15,7 @@ TYPED = """
 from dataclasses import dataclass
 
 import msgspec
-from snr_sim import Endpoint, EndpointFactory, TaskType
+from snr_sim import Endpoint, TaskType
 
 
 @dataclass
@@ -47,13 +47,8 @@ class Looks(Endpoint):
         return self.store_data_task("difference", [type(wanted).__name__, wanted.goal_m - wanted.seen.depth_m, was_m])
 
 
-class LooksFactory(EndpointFactory):
-    def get(self, parent):
-        return Looks(self, parent, "looks")
-
-
 def factories(robot):
-    return [LooksFactory()]
+    return [Looks.factory()]
 """
 
 
@@ -86,7 +81,7 @@ def test_page_object_without_fields_raises_with_its_class(tmp_path: Path) -> Non
 
 def test_typed_command_in_a_graded_run_equals_a_plain_run(tmp_path: Path) -> None:
     text = """
-from snr_sim import Endpoint, EndpointFactory, TaskType
+from snr_sim import Endpoint, TaskType
 from snr_sim.prelude.signals import EngineCommand
 
 
@@ -99,13 +94,8 @@ class Burns(Endpoint):
         return self.store_data_task("engine", EngineCommand(throttle=0.5))
 
 
-class BurnsFactory(EndpointFactory):
-    def get(self, parent):
-        return Burns(self, parent, "burns")
-
-
 def factories(robot):
-    return [BurnsFactory()]
+    return [Burns.factory()]
 """
     (tmp_path / "mine.py").write_text(text)
     simulation = prepare(Request("lander_vertical", seed=1, controller=str(tmp_path / "mine.py")))

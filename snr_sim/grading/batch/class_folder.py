@@ -42,21 +42,13 @@ _FINAL_FILES = ("class.csv", "cases.csv", "leaderboard.csv", "distribution.png")
 
 
 class ClassSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What must be the same for marks to be of one class.
-
-    Args:
-        lab: its name.
-        lab_digest: over all its files.
-        version: of snr_sim.
-        secret_digest: of the secret, which it does not give away.
-        isolation: "required" or "none".
-    """
+    """What must be the same for marks to be of one class."""
 
     lab: str
-    lab_digest: str
-    version: str
-    secret_digest: str
-    isolation: str
+    lab_digest: str  # over all its files
+    version: str  # of snr_sim
+    secret_digest: str  # which does not reveal the secret
+    isolation: str  # "required" or "none"
 
 
 class _Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -85,7 +77,7 @@ class ClassFolder:
     """
 
     def __init__(self, path: Path, is_resumed: bool) -> None:
-        self.path = path
+        self.path: Path = path
         self._manifest: _Manifest | None = None
         try:
             path.mkdir(mode=0o700, parents=True, exist_ok=True)  # its tables contain hidden cases
@@ -172,10 +164,10 @@ class ClassFolder:
             SnrError: it cannot be read, or is so short that it could be guessed.
         """
         path = given or self.path / "secret"
-        if given is None and not path.exists():
+        is_made = given is None and not path.exists()
+        if is_made:
             write_atomic(path, new_secret() + b"\n", mode=0o600)
-            return read_secret(path), True
-        return read_secret(path), False
+        return read_secret(path), is_made
 
     def begin(self, settings: ClassSettings, submissions: Sequence[Submission]) -> None:
         """Store the job, and remove the files that the end of a run writes, as they will be out of date.
@@ -279,12 +271,7 @@ def _only_ours(path: Path) -> bool:
 
 
 def _changed(before: Mapping[str, str], now: Mapping[str, str]) -> str:
-    words = {
-        "lab": "lab",
-        "lab_digest": "version of the lab",
-        "version": "version of snr_sim",
-        "secret_digest": "secret",
-    }
+    words = {"lab_digest": "version of the lab", "version": "version of snr_sim", "secret_digest": "secret"}
     name = next(name for name in now if before[name] != now[name])
     shown = f" ({before[name]}, now {now[name]})" if name in ("lab", "version", "isolation") else ""
     return words.get(name, name) + shown

@@ -1,6 +1,6 @@
 """Grading of a class: submissions are imported, given to workers, and their results stored one by one.
 
-    take in -> workers (processes here, or a cluster) -> reports -> results/<name>.json
+    import -> workers (processes here, or a cluster) -> reports -> results/<name>.json -> tables of the class
 
 Only this process writes results, and only its main thread. Whatever happens to one submission, or to its worker,
 is a result of that submission, and the others continue.
@@ -8,45 +8,34 @@ is a result of that submission, and the others continue.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import AbstractContextManager, nullcontext
-from typing import Any, Protocol
+from pathlib import Path
+from typing import Any
 
 import msgspec
 
 from snr_sim.grading.batch.class_folder import ClassFolder
+from snr_sim.grading.batch.cluster import ClusterWorkers
 from snr_sim.grading.batch.member_names import SubmissionRejectedError
 from snr_sim.grading.batch.submission_import import ImportedSubmission, import_submission, remove
 from snr_sim.grading.batch.submissions import Submission
 from snr_sim.grading.batch.worker import Job, ungraded_result
+from snr_sim.grading.batch.workers import LocalWorkers
 from snr_sim.grading.lab.lab import Lab
-from snr_sim.grading.reports.check50 import check50
-from snr_sim.grading.reports.gradescope import gradescope_results
-from snr_sim.grading.reports.junit import junit
+from snr_sim.grading.reports.class_table import Summary, write_cases, write_class, write_leaderboard
+from snr_sim.grading.reports.distribution import draw_distribution
 from snr_sim.grading.reports.results import Graded, RequestedIsolation, with_runs_named
+from snr_sim.grading.reports.services import check50, gradescope_results, junit
 from snr_sim.grading.reports.student_page import student_page
+from snr_sim.prelude.errors import MissingExtraError
+from snr_sim.recording.atomic_files import write_atomic
 
 RUNS = "runs"
 # A signal just before a wait does not end it: so no wait is longer.
 _MAX_WAIT_S = 1.0
-
-
-class Workers(Protocol):
-    """What grades, elsewhere: `LocalWorkers` or `ClusterWorkers`."""
-
-    @property
-    def ahead(self) -> int:
-        """How many submissions are handed out at a time."""
-        ...
-
-    def submit(self, job: Job) -> Future[Any]:
-        """Have a submission graded."""
-        ...
-
-    def result(self, future: Future[Any], job: Job) -> Graded:
-        """Return the result of a future of `submit`."""
-        ...
 
 
 class ClassRun:
@@ -58,7 +47,7 @@ class ClassRun:
         submissions: all of them, in order.
         secret: from which hidden cases are drawn.
         isolation: "required" or "none".
-        on_done: is called with each result, and with whether it was there already.
+        on_done: is called with each result, also with those that are there already.
     """
 
     def __init__(
@@ -68,7 +57,7 @@ class ClassRun:
         submissions: Sequence[Submission],
         secret: bytes,
         isolation: RequestedIsolation,
-        on_done: Callable[[Graded, bool], None],
+        on_done: Callable[[Graded], None],
     ) -> None:
         assert lab.folder is not None
         self._lab = lab
@@ -79,7 +68,11 @@ class ClassRun:
         self._on_done = on_done
         self._waiting = iter(submissions)
 
-    def grade(self, workers: Workers, interruptible: Callable[[], AbstractContextManager[None]] = nullcontext) -> None:
+    def grade(
+        self,
+        workers: LocalWorkers | ClusterWorkers,
+        interruptible: Callable[[], AbstractContextManager[None]] = nullcontext,
+    ) -> None:
         """Grade all submissions.
 
         Args:
@@ -122,7 +115,7 @@ class ClassRun:
             if done is None or done.status == "grader_error":
                 return msgspec.structs.replace(job, runs=str(self._folder.stage(name) / RUNS)), taken
             remove(private)
-            self._on_done(done, True)
+            self._on_done(done)
         return None
 
     def keep(self, graded: Graded, taken: ImportedSubmission) -> None:
@@ -133,7 +126,7 @@ class ClassRun:
 
     def _keep(self, graded: Graded, digest: str) -> None:
         self._folder.keep(graded, digest, reports_of(graded))
-        self._on_done(graded, False)
+        self._on_done(graded)
 
 
 def reports_of(graded: Graded) -> dict[str, str]:
@@ -144,3 +137,30 @@ def reports_of(graded: Graded) -> dict[str, str]:
         "junit.xml": junit(graded),
         "check50.json": check50(graded),
     }
+
+
+def write_class_files(folder: ClassFolder, title: str) -> tuple[Summary, str]:
+    """Write class.csv, cases.csv, leaderboard.csv if something is ranked, and distribution.png.
+
+    Returns:
+        the class in numbers, and why there is no picture, if there is none.
+    """
+    summary = Summary()
+    for graded in folder.every_result():
+        summary.add(graded)
+    given = {one.id: str(one.given) for one in folder.known}
+    _write(folder.path / "class.csv", lambda table: write_class(table, folder.every_result, given))
+    _write(folder.path / "cases.csv", lambda table: write_cases(table, folder.every_result()))
+    if summary.ranked:
+        _write(folder.path / "leaderboard.csv", lambda table: write_leaderboard(table, summary))
+    try:
+        draw_distribution(summary, title, folder.path / "distribution.png")
+    except (MissingExtraError, ImportError) as error:
+        return summary, f"There is no picture of the distribution. {error}"
+    return summary, ""
+
+
+def _write(path: Path, fill: Callable[[io.StringIO], None]) -> None:
+    table = io.StringIO(newline="")
+    fill(table)
+    write_atomic(path, table.getvalue().encode())

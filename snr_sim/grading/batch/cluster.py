@@ -31,16 +31,10 @@ _CONNECT_S = 10
 
 
 class ClusterJob(msgspec.Struct, frozen=True):
-    """A job with all that it needs.
+    """A job with all that it needs: files by relative name."""
 
-    Args:
-        job: its paths are filled in where it arrives.
-        version: of snr_sim that it needs.
-        lab, submission: their files by relative name.
-    """
-
-    job: Job
-    version: str
+    job: Job  # its paths are filled in where it arrives
+    version: str  # of snr_sim that it needs
     lab: dict[str, bytes]
     submission: dict[str, bytes]
 

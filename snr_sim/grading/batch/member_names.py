@@ -10,6 +10,7 @@ import re
 import unicodedata
 
 from snr_sim.prelude.errors import SnrError
+from snr_sim.prelude.text import escaped
 
 MAX_DEPTH = 8
 MAX_NAME_CHARS = 200
@@ -74,9 +75,7 @@ def shown(name: str) -> str:
     >>> shown("a\\x1b[2J\\udcff.py")
     'a\\\\x1b[2J\\\\udcff.py'
     """
-    cut = name[:MAX_NAME_CHARS]
-    plain = cut.encode("utf-8" if cut.isprintable() else "ascii", "backslashreplace").decode()
-    return "".join(char if char.isprintable() else f"\\x{ord(char):02x}" for char in plain)
+    return escaped(name[:MAX_NAME_CHARS])
 
 
 class TakenNames:

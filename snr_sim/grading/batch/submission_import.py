@@ -41,17 +41,11 @@ _MAX_NOTES = 20
 
 @dataclass(frozen=True)
 class ImportedSubmission:
-    """What was copied.
+    """What was copied."""
 
-    Args:
-        folder: read-only, with the lab's files at its top.
-        digest: over names and contents of all files: whether it is still the same submission.
-        notes: files left out and files missing, for the student.
-    """
-
-    folder: Path
-    digest: str
-    notes: tuple[str, ...]
+    folder: Path  # read-only, with the lab's files at its top
+    digest: str  # over names and contents of all files: whether it is still the same submission
+    notes: tuple[str, ...]  # files left out and files missing, for the student
 
 
 def import_submission(given: Path, required: Sequence[str], into: Path) -> ImportedSubmission:

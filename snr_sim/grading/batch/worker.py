@@ -34,23 +34,14 @@ MEMORY_BYTES = 8 << 30  # of address space, of which every thread of numpy's res
 
 
 class Job(msgspec.Struct, frozen=True):
-    """A submission to grade.
-
-    Args:
-        name: of the submission.
-        lab: path of the lab's checks.py.
-        folder: of the submission, taken in.
-        secret: from which hidden cases are drawn.
-        isolation: "required" or "none".
-        runs: where recorded runs go.
-    """
+    """A submission to grade."""
 
     name: str
-    lab: str
-    folder: str
-    secret: bytes
+    lab: str  # path of the lab's checks.py
+    folder: str  # of the submission, imported
+    secret: bytes  # from which hidden cases are drawn
     isolation: RequestedIsolation
-    runs: str
+    runs: str  # where recorded runs go
 
 
 _decode_job = msgspec.json.Decoder(Job).decode

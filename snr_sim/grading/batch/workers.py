@@ -132,7 +132,7 @@ class LocalWorkers:
         for worker in self._workers:
             self._idle.put(worker)
         self._threads = ThreadPoolExecutor(jobs)
-        self.ahead = 2 * jobs  # so that the next ones are imported while these are graded
+        self.ahead: int = 2 * jobs  # so that the next ones are imported while these are graded
 
     def __enter__(self) -> LocalWorkers:
         return self

@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeAlias
 
 from snr_sim.core.source_location import describe_error
 from snr_sim.grading.lab.student import Student
@@ -25,22 +25,16 @@ from snr_sim.grading.reports.results import Order
 from snr_sim.prelude.errors import UnknownNameError, suggest
 from snr_sim.scenario import library
 
-Draw = Callable[[random.Random], Sequence[Any]]
+Draw: TypeAlias = Callable[[random.Random], Sequence[Any]]
 
 
 @dataclass(frozen=True)
 class Case:
-    """One thing a check is tried on.
+    """One thing a check is tried on."""
 
-    Args:
-        value: argument of the check's function.
-        is_visible: whether students see it.
-        name: name of that argument.
-    """
-
-    value: Any
-    is_visible: bool
-    name: str = ""
+    value: Any  # argument of the check's function
+    is_visible: bool  # to students
+    name: str = ""  # of that argument
 
     @property
     def label(self) -> str:
@@ -191,13 +185,13 @@ class Lab:
         refused: Mapping[str, str] | None = None,
         leaderboard: Mapping[str, Order] | None = None,
     ) -> None:
-        self.title = title
-        self.files = tuple(files)
-        self.checks = tuple(checks)
-        self.may_import = frozenset(may_import)
-        self.refused = dict(refused or {})
-        self.leaderboard = dict(leaderboard or {})
-        self.name = title  # of its folder, once it was found
+        self.title: str = title
+        self.files: tuple[str, ...] = tuple(files)
+        self.checks: tuple[Check, ...] = tuple(checks)
+        self.may_import: frozenset[str] = frozenset(may_import)
+        self.refused: dict[str, str] = dict(refused or {})
+        self.leaderboard: dict[str, Order] = dict(leaderboard or {})
+        self.name: str = title  # of its folder, once it was found
         self.folder: Path | None = None
         total = sum(one.points for one in checks)
         if abs(total - 100.0) > 1e-9:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import sys
 import tempfile
-from collections.abc import Callable
 from contextlib import suppress
 from functools import lru_cache, partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from snr_sim.core.config import Config
 from snr_sim.devices.loops import SensorLoopFactory
 from snr_sim.grading.lab.submission import Submission
 from snr_sim.grading.lab.verdicts import ENDED_EARLY, GraderError, InconclusiveError, SubmissionError
@@ -18,6 +18,7 @@ from snr_sim.grading.remote.protocol import SUBMISSION
 from snr_sim.grading.remote.remote import Remote
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.page import Page
+from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.values import decode_value
 from snr_sim.recording.folder import RESULT_SCHEMA, write_result
 from snr_sim.recording.reader import Trace, read_trace
@@ -39,14 +40,14 @@ class ScenarioRun:
     """
 
     def __init__(self, result: RunResult, trace: Trace, folder: Path | None) -> None:
-        self.success = result.success
-        self.outcome = result.outcome
-        self.metrics = result.metrics
-        self.sim_time_s = result.sim_time_s
-        self.error = result.error
-        self.notes = result.notes
-        self.folder = folder
-        self.trace = trace
+        self.success: bool = result.success
+        self.outcome: str = result.outcome
+        self.metrics: dict[str, Any] = result.metrics
+        self.sim_time_s: float = result.sim_time_s
+        self.error: str = result.error
+        self.notes: list[str] = result.notes
+        self.folder: Path | None = folder
+        self.trace: Trace = trace
 
     def pages(self, key: str) -> list[tuple[float, Any]]:
         """Return when a page was stored, in the grader's time, and its data; in order."""
@@ -73,7 +74,6 @@ def run_scenario(
     options: dict[str, str],
     io: str,
     engine: str | None,
-    record: bool,
     may_fail: bool,
 ) -> ScenarioRun:
     """Run the scenario; the result is the same, to the last bit, as that of `snr run` with the same file.
@@ -82,7 +82,6 @@ def run_scenario(
         student: the submission.
         scenario, seed, options, io, engine: as for `snr run`.
         controller: file of the submission.
-        record: whether the run is stored for the student to see, if the grader stores any.
         may_fail: whether a run that the student's program ended, by itself or with an error, is returned, too.
 
     Raises:
@@ -95,32 +94,25 @@ def run_scenario(
     try:
         remote = Remote(child, controller)
         request = Request(scenario, seed, engine, str(student.folder / controller), None, io, options)
-        flight_of = _prepared(request, remote, [(robot.name, robot.path)])
-        if record and student.record_to is not None:
+        simulation, plant, config = _prepared(request, remote, robot)
+        if student.record_to is not None:
             folder = student.record_to / f"run-{student.run_count + 1}"
             folder.mkdir(parents=True)
             # What ran on this computer without a wall may be replayed here without a question.
-            files = flight_of[0].files().values() if student.isolation == "none" else ()
+            files = simulation.files().values() if student.isolation == "none" else ()
             with library.keep_copies(folder, files):
-                run = _execute(flight_of, remote, folder, is_kept=True)
+                run = _execute(simulation, plant, config, remote, folder, is_kept=True)
             student.run_folder = folder
         else:
             with tempfile.TemporaryDirectory(prefix="snr-grading-") as name:
-                run = _execute(flight_of, remote, Path(name), is_kept=False)
+                run = _execute(simulation, plant, config, remote, Path(name), is_kept=False)
         student.run_count += 1
     finally:
         student.close_child(child)
     return _check_run(run, remote, may_fail)
 
 
-_Prepared = tuple[Simulation, Callable[[TraceWriter], SimulationRun], Callable[[Path], TraceWriter]]
-
-
-def _prepared(
-    request: Request,
-    remote: Remote,
-    robots: list[tuple[str, Path]],
-) -> _Prepared:
+def _prepared(request: Request, remote: Remote, robot: library.FoundItem) -> tuple[Simulation, Plant, Config]:
     """Prepare the run: read the student's file and create its components.
 
     Raises:
@@ -128,10 +120,10 @@ def _prepared(
     """
     try:
         path = Path(str(request.controller))
-        module = remote.controller(path, robots)
+        module = remote.controller(path, [(robot.name, robot.path)])
         base, standard = _base(request, getattr(module, "ROLES", None))
         _check_names(base, module, request.options)
-        read = partial(_read_files, remote, path.parent, robots)
+        read = partial(_read_files, remote, path.parent, robot)
         simulation = base.with_controller(module, standard, request, read)
         plant = simulation.plant()
         config = simulation.config(plant)
@@ -141,11 +133,7 @@ def _prepared(
         raise GraderError(f"The scenario could not be set up: {error}") from error
     for factories in config.factories.values():
         remote.task_filter.of_others |= {one.key for one in factories if isinstance(one, SensorLoopFactory)}
-    return (
-        simulation,
-        lambda recorder: SimulationRun(simulation, plant, config, recorder),
-        lambda folder: TraceWriter(folder / FILE_NAME, simulation.header(plant, config), simulation.trace_info()),
-    )
+    return simulation, plant, config
 
 
 def _check_names(base: Simulation, module: ModuleType, options: dict[str, str]) -> None:
@@ -163,9 +151,9 @@ def _check_names(base: Simulation, module: ModuleType, options: dict[str, str]) 
         raise SubmissionError(f"ROLES is not valid: {roles!r}.", "Name each role once in ROLES.")
 
 
-def _read_files(remote: Remote, submission: Path, robots: list[tuple[str, Path]]) -> dict[str, Path]:
+def _read_files(remote: Remote, submission: Path, robot: library.FoundItem) -> dict[str, Path]:
     """Return the existing ones of the files that the student's process reports as read."""
-    folders = {SUBMISSION: ("controller", submission)} | {name: ("robot", folder) for name, folder in robots}
+    folders = {SUBMISSION: ("controller", submission), robot.name: ("robot", robot.path)}
     read = {}
     for name, below in remote.files:
         label, folder = folders.get(name, ("", submission))
@@ -176,16 +164,18 @@ def _read_files(remote: Remote, submission: Path, robots: list[tuple[str, Path]]
     return read
 
 
-def _execute(prepared: _Prepared, remote: Remote, folder: Path, is_kept: bool) -> ScenarioRun:
-    simulation, flight_with, record_in = prepared
-    recorder = record_in(folder)
+def _execute(
+    simulation: Simulation, plant: Plant, config: Config, remote: Remote, folder: Path, is_kept: bool
+) -> ScenarioRun:
+    recorder = TraceWriter(folder / FILE_NAME, simulation.header(plant, config), simulation.trace_info())
     try:
         try:
-            flight = flight_with(recorder)
+            flight = SimulationRun(simulation, plant, config, recorder)
         except SubmissionError:
             raise
         except SnrError as error:  # a component could not be made
-            raise remote.submission_error or SubmissionError(str(error), _HINT_NOT_CREATED) from error
+            hint = "Your components could not be made: look at the line named."
+            raise remote.submission_error or SubmissionError(str(error), hint) from error
         result = flight.run()
     finally:
         recorder.close()
@@ -213,10 +203,6 @@ def _execute(prepared: _Prepared, remote: Remote, folder: Path, is_kept: bool) -
     return ScenarioRun(result, trace, folder if is_kept else None)
 
 
-_HINT_NOT_CREATED = "Your components could not be made: look at the line named."
-_HINT_RAISED = "Your program ended the run with an error: look at the line named."
-
-
 def _check_run(run: ScenarioRun, remote: Remote, may_fail: bool) -> ScenarioRun:
     """Return a run that has not failed; raise an error that names the cause otherwise."""
     if remote.submission_error is not None:
@@ -226,7 +212,7 @@ def _check_run(run: ScenarioRun, remote: Remote, may_fail: bool) -> ScenarioRun:
     if not run.error or may_fail:
         return run
     if any(isinstance(record, ErrorRecord) for record in run.trace.records):
-        raise SubmissionError(run.error, _HINT_RAISED)
+        raise SubmissionError(run.error, "Your program ended the run with an error: look at the line named.")
     raise InconclusiveError(f"The run ended with an error that no line of the submission raised: {run.error}")
 
 

@@ -1,13 +1,14 @@
 """Student's components with given inputs: sends them pages and tasks one by one, and returns what each one produced.
 
-A bare node on a virtual clock, without plant or devices: the node, and the parts of snr_sim in it, run here; the
-student's components run in their own process.
+A bare node on a virtual clock, without plant or devices: the node runs here, the student's components run in their own
+process.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from snr_sim.core.clocks import SimClock
@@ -69,9 +70,6 @@ class Output:
     page: Page | None = None
 
 
-Reply = Callable[[Output], "Iterable[Stimulus] | Stimulus | None"]
-
-
 def run_inputs(
     student: Submission,
     file: str,
@@ -82,8 +80,6 @@ def run_inputs(
     options: dict[str, str] | None = None,
     parameters: Any = None,
     order: Sequence[int] | None = None,
-    extra_components: Sequence[AnyFactory] = (),
-    reply: Reply | None = None,
     until_s: float | None = None,
     seed: int = 0,
 ) -> list[Output]:
@@ -95,9 +91,7 @@ def run_inputs(
         pages: the inputs.
         robot: argument of `factories`, or the robot's name in it.
         role, options, parameters: of the robot, if only its name was given.
-        order: order of the components: a permutation of the student's, then the parts.
-        extra_components: components of snr_sim in the same node, after the student's.
-        reply: is called with each thing produced, and returns further inputs, at that time or later: a closed loop.
+        order: order of the components: a permutation.
         until_s: how long the student's loops may tick; the time of the last input if not given.
         seed: of the components' random numbers.
 
@@ -111,18 +105,17 @@ def run_inputs(
     try:
         remote = Remote(child, file)
         module = remote.controller(student.folder / file, [(one.name, one.path) for one in found])
-        factories = [*module.factories(robot), *extra_components]
+        factories = module.factories(robot)
         if order is not None:
             if sorted(order) != list(range(len(factories))):
                 raise SubmissionError(
-                    f"{file}: factories(robot) makes {len(factories) - len(extra_components)} components, "
-                    f"where {len(order) - len(extra_components)} were expected.",
+                    f"{file}: factories(robot) makes {len(factories)} components, where {len(order)} were expected.",
                     "Hand in as many components as the lab asks for.",
-                    expected=str(len(order) - len(extra_components)),
-                    actual=str(len(factories) - len(extra_components)),
+                    expected=str(len(order)),
+                    actual=str(len(factories)),
                 )
             factories = [factories[place] for place in order]
-        return _run_node(remote, robot, factories, pages, reply, until_s, seed)
+        return _run_node(remote, robot, factories, pages, until_s, seed)
     finally:
         student.close_child(child)
 
@@ -132,7 +125,6 @@ def _run_node(
     robot: RobotInfo,
     factories: Sequence[AnyFactory],
     pages: Sequence[Stimulus],
-    reply: Reply | None,
     until_s: float | None,
     seed: int,
 ) -> list[Output]:
@@ -141,10 +133,8 @@ def _run_node(
     try:
         config = Config(Mode.TEST, {robot.role: factories})
         node = Node(robot.role, config, clock=clock, recorder=output_log, seed=seed)
-        scheduler = _InputScheduler(node, clock, output_log, reply)
-        for stimulus in pages:
-            scheduler.take(stimulus)
-        output_log.on_output = scheduler.answer
+        for number, stimulus in enumerate(pages):  # before the components' loops tick
+            clock.call_at(stimulus.at_s, partial(_deliver, stimulus, number, node, output_log), order=-1)
         last_s = max((stimulus.at_s for stimulus in pages), default=0.0)
         LockStep([node], clock, until_s=last_s if until_s is None else until_s).run()
     except (SubmissionError, GraderError):
@@ -155,52 +145,21 @@ def _run_node(
         raise SubmissionError(str(error), "Your program raised an error: look at the line named.") from error
     if remote.submission_error is not None:
         raise remote.submission_error
-    if scheduler.has_inputs_left:
+    if len(output_log.delivered) < len(pages) and node.exit_reason not in (TIME_LIMIT, NO_MORE_EVENTS):
         raise SubmissionError(f"Your program ended the run at {clock.now_s():.2f} s.", ENDED_EARLY, "a whole run")
     return output_log.outputs
 
 
-class _InputScheduler:
-    """Lets inputs in at their moments."""
-
-    def __init__(self, node: Node, clock: SimClock, output_log: OutputLog, reply: Reply | None) -> None:
-        self._node = node
-        self._clock = clock
-        self._output_log = output_log
-        self._reply = reply
-        self._count = self._delivered = 0
-
-    @property
-    def has_inputs_left(self) -> bool:
-        """Whether the node was ended from within, and inputs were still to come."""
-        return self._delivered < self._count and self._node.exit_reason not in (TIME_LIMIT, NO_MORE_EVENTS)
-
-    def take(self, stimulus: Stimulus) -> None:
-        """Send an input to the node at its time, before the components' loops tick."""
-        number, self._count = self._count, self._count + 1
-        if stimulus.at_s <= self._clock.now_s() and self._clock.now_s() > 0.0:
-            self._deliver(stimulus, number)
-        else:
-            self._clock.call_at(stimulus.at_s, lambda: self._deliver(stimulus, number), order=-1)
-
-    def _deliver(self, stimulus: Stimulus, number: int) -> None:
-        if stimulus.task is not None:
-            kind, name, values = stimulus.task
-            task = Task(TaskType(kind), name, list(values))
-        else:
-            page = Page(stimulus.key, stimulus.value, self._node.name, self._clock.now_s(), stimulus.process)
-            task = Task.store_page(page)
-        self._delivered += 1
-        self._output_log.expect(number)
-        self._node.enqueue_input(task, _SOURCE)
-
-    def answer(self, output: Output) -> None:
-        """Call `reply`, which closes the loop."""
-        if self._reply is None:
-            return
-        replies = self._reply(output)
-        for stimulus in [replies] if isinstance(replies, Stimulus) else replies or ():
-            self.take(stimulus)
+def _deliver(stimulus: Stimulus, number: int, node: Node, output_log: OutputLog) -> None:
+    """Put an input into the node's inbox."""
+    if stimulus.task is not None:
+        kind, name, values = stimulus.task
+        task = Task(TaskType(kind), name, list(values))
+    else:
+        page = Page(stimulus.key, stimulus.value, node.name, node.get_time_s(), stimulus.process)
+        task = Task.store_page(page)
+    output_log.delivered.append(number)
+    node.enqueue_input(task, _SOURCE)
 
 
 class OutputLog:
@@ -212,13 +171,9 @@ class OutputLog:
 
     def __init__(self, names: set[str]) -> None:
         self._names = names
-        self._numbers: list[int] = []
+        self.delivered: list[int] = []  # numbers of the inputs that were put into the inbox
+        self._accepted = 0  # how many of them have left it
         self.outputs: list[Output] = []
-        self.on_output: Callable[[Output], None] = lambda output: None
-
-    def expect(self, number: int) -> None:
-        """Set the number of the next input through the inbox."""
-        self._numbers.append(number)
 
     def for_node(self, name: str) -> OutputLog:
         """Return itself."""
@@ -230,7 +185,10 @@ class OutputLog:
 
     def input(self, now_s: float, source: str, task: Task) -> TaskRef:
         """Keep what a loop of the student's sent."""
-        cause = self._numbers.pop(0) if source == _SOURCE else None
+        cause = None
+        if source == _SOURCE:
+            cause = self.delivered[self._accepted]
+            self._accepted += 1
         if source in self._names:
             self._keep(now_s, source, task, cause)
         return (task, 0, 0, cause)
@@ -257,6 +215,4 @@ class OutputLog:
     def _keep(self, now_s: float, component: str, task: Task, cause: int | None) -> None:
         page = task.val_list[0] if task.type is TaskType.store_page else None
         value = task.val_list if page is None else page.data
-        output = Output(now_s, task.type.value, task.name, value, cause, component, page)
-        self.outputs.append(output)
-        self.on_output(output)
+        self.outputs.append(Output(now_s, task.type.value, task.name, value, cause, component, page))

@@ -7,25 +7,17 @@ Its failures are raised as `SubmissionError`, which the grader turns into a fail
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from snr_sim.grading.batch.parsing import MAX_PARSED_BYTES
-from snr_sim.grading.lab.verdicts import GraderError, SubmissionError
+from snr_sim.grading.lab.submission import Submission
+from snr_sim.grading.lab.verdicts import SubmissionError
 from snr_sim.grading.remote import protocol
-from snr_sim.grading.remote.child_process import ChildProcess
-from snr_sim.grading.remote.exit_errors import submission_error
-from snr_sim.grading.remote.fork_server import ForkServer
-from snr_sim.grading.remote.imports import check_imports
-from snr_sim.grading.remote.piped_process import begin_process
+from snr_sim.grading.remote.child_process import CALL_CPU_S, ChildProcess
 from snr_sim.grading.remote.sent_code import code_to_send
-from snr_sim.grading.reports.results import Isolation
-from snr_sim.grading.sandbox.sandbox import Limits
 from snr_sim.prelude.structs import ensure_type_info
 from snr_sim.prelude.values import encode_value, may_have_tags
 
@@ -33,99 +25,17 @@ if TYPE_CHECKING:
     from snr_sim.grading.lab.scenario_run import ScenarioRun
     from snr_sim.grading.lab.stimulus import Output, Stimulus
 
-MAX_SOURCE_BYTES = 1 << 20
-CALL_CPU_S = 10.0
 
+class Student(Submission):
+    """One submission, for one case; close it in the end, or use `with`. Arguments as for `Submission`."""
 
-class Student:
-    """One submission, for one case; close it in the end, or use `with`.
-
-    Args:
-        folder: of the submission.
-        isolation: "sandbox", "confined", or "none".
-        may_import: modules that are refused otherwise.
-        limits: of each of its processes.
-        record_to: folder for runs that the student may see; not recorded if not given.
-        fork_server: fork server that creates its processes, if given.
-        refused: further modules that the lab refuses, with the reasons.
-    """
-
-    def __init__(
-        self,
-        folder: Path,
-        isolation: Isolation = "none",
-        may_import: frozenset[str] = frozenset(),
-        limits: Limits | None = None,
-        record_to: Path | None = None,
-        fork_server: ForkServer | None = None,
-        refused: Mapping[str, str] | None = None,
-    ) -> None:
-        self.folder = folder.resolve()
-        self.isolation = isolation
-        self.limits = limits or Limits()
-        self.record_to = record_to
-        self.run_folder: Path | None = None  # of the last run, if it was recorded
-        self.run_count = 0
-        self.last_file = ""  # the submitted file that was used last, by a call, inputs or a run
-        self._may_import = may_import
-        self._refused = refused or {}
-        self._fork_server = fork_server
-        self._child: ChildProcess | None = None
-        self._printed: list[str] = []
+    _child: ChildProcess | None = None  # of this case's calls
 
     def __enter__(self) -> Student:
         return self
 
     def __exit__(self, *exc_info: object) -> None:
         self.close()
-
-    def source(self, file: str, max_bytes: int = MAX_SOURCE_BYTES) -> str:
-        """Return the text of a submitted file.
-
-        Args:
-            file: of the submission.
-            max_bytes: limit of its size. A text that the check parses is short (`MAX_PARSED_BYTES`); or see `parse`.
-
-        Raises:
-            SubmissionError: it is missing, too long, or not text.
-        """
-        path = self._path(file)
-        try:
-            with path.open("rb") as opened:
-                data = opened.read(max_bytes + 1)
-        except OSError:
-            raise SubmissionError(
-                f"There is no file {file}.", f"Hand in a file called {file}.", expected=file
-            ) from None
-        self.last_file = file
-        if len(data) > max_bytes:
-            hint = "Hand in the program alone." if file.endswith(".py") else "Write less: some pages are enough."
-            raise SubmissionError(f"{file} has more than {max_bytes} bytes.", hint)
-        try:
-            return data.decode()
-        except UnicodeDecodeError as error:
-            line = data.count(b"\n", 0, error.start) + 1
-            raise SubmissionError(f"{file}, line {line}: this is not text.", "Save it as UTF-8 text.") from None
-
-    def parse(self, file: str, parser: Callable[[bytes], Any], max_bytes: int = MAX_PARSED_BYTES) -> Any:
-        """Return the result of a parser for a submitted file, in a process that runs nothing of the submission.
-
-        Args:
-            file: of the submission.
-            parser: of snr_sim or the lab (see `create_object`); it gets the bytes, and returns values as for `call`.
-            max_bytes: limit of the file's size.
-
-        Raises:
-            SubmissionError: the file is missing, too long, or not valid for the parser.
-        """
-        data = self.source(file, max_bytes).encode()
-        child = begin_process(self.folder, self.isolation, self.limits, (), self._fork_server)
-        try:
-            return _parsed(child, parser, data)
-        except SubmissionError as wrong:
-            raise SubmissionError(f"{file}: {wrong.message}", f"{file} cannot be read: keep its form.") from wrong
-        finally:
-            self.close_child(child)
 
     def call(
         self,
@@ -154,10 +64,8 @@ class Student:
         Raises:
             SubmissionError: the program raised, was too slow, or returned another type.
         """
-        values = msgspec.Raw(encode_value(list(args)))
-        self.child(file)
-        raw = self._ask(protocol.Call(file, function, values), budget_s)
-        return _checked(f"{file}: {function}(...)", raw, returns, finite)
+        verb = protocol.Call(file, function, msgspec.Raw(encode_value(list(args))))
+        return _checked(f"{file}: {function}(...)", self.child(file).ask(verb, budget_s).result(), returns, finite)
 
     def create_object(self, file: str, kind: type[Any], *args: Any, budget_s: float = CALL_CPU_S) -> RemoteObject:
         """Create an object of snr_sim or the lab in the student's process, around the student's module.
@@ -175,14 +83,9 @@ class Student:
             SubmissionError: as for `call`.
             GraderError: the class belongs to neither.
         """
-        code = code_to_send(kind)
-        self.child(file)
-        args_raw = msgspec.Raw(encode_value(list(args)))
-        raw = self._ask(protocol.MakeObject(file, code, args_raw), budget_s)
-        try:
-            return RemoteObject(self, protocol.decode_as(_decode_number, raw), file)
-        except protocol.ProtocolError as error:
-            raise invalid_response(error) from error
+        verb = protocol.MakeObject(file, code_to_send(kind), msgspec.Raw(encode_value(list(args))))
+        child = self.child(file)
+        return RemoteObject(child, protocol.decode_as(_decode_number, child.ask(verb, budget_s).result()), file)
 
     def run_inputs(self, file: str, pages: Sequence[Stimulus], **details: Any) -> list[Output]:
         """Bring pages and tasks to the components of a submitted file; see `stimulus.run_inputs`."""
@@ -198,13 +101,12 @@ class Student:
         options: dict[str, str] | None = None,
         io: str = "sim",
         engine: str | None = None,
-        record: bool = True,
         may_fail: bool = False,
     ) -> ScenarioRun:
         """Run a scenario with the components of a submitted file as its controller; see `scenario_run.run_scenario`."""
         from snr_sim.grading.lab.scenario_run import run_scenario
 
-        return run_scenario(self, scenario, seed, controller, options or {}, io, engine, record, may_fail)
+        return run_scenario(self, scenario, seed, controller, options or {}, io, engine, may_fail)
 
     @property
     def printed(self) -> str:
@@ -222,29 +124,6 @@ class Student:
             self._child = self.new_child(file)
         return self._child
 
-    def new_child(self, file: str, readable: Sequence[Path] = ()) -> ChildProcess:
-        """Return a process of its own, which has not read the submission yet; `close_child` ends it.
-
-        Raises:
-            SubmissionError: the file is missing, or imports a refused module.
-        """
-        self.source(file)
-        child = begin_process(self.folder, self.isolation, self.limits, readable, self._fork_server)
-        try:
-            check_imports(self.folder, file, self._may_import, self._refused, partial(_parsed, child))
-        except BaseException:
-            self.close_child(child)
-            raise
-        return child
-
-    def close_child(self, child: ChildProcess) -> None:
-        """End a process, and keep its output."""
-        try:
-            child.close()
-        finally:
-            if child.printed:
-                self._printed.append(child.printed)
-
     def close(self) -> None:
         """End the process of this case's calls.
 
@@ -255,30 +134,12 @@ class Student:
             child, self._child = self._child, None
             self.close_child(child)
 
-    def _path(self, file: str) -> Path:
-        if Path(file).is_absolute() or ".." in Path(file).parts:
-            raise GraderError(f"A check asks for {file!r}, which is outside of the submission.")
-        path = (self.folder / file).resolve()
-        if not path.is_relative_to(self.folder):
-            raise SubmissionError(f"{file} is a link to elsewhere.", f"Hand in {file} itself, not a link.")
-        return path
-
-    def _ask(self, verb: protocol.Verb, budget_s: float) -> msgspec.Raw:
-        assert self._child is not None
-        try:
-            answer = self._child.ask(verb, budget_s)
-        except protocol.ProtocolError as error:
-            raise invalid_response(error) from error
-        if answer.error is not None:
-            raise submission_error(answer.error)
-        return answer.value
-
 
 class RemoteObject:
     """An object in the student's process; `Student.create_object` makes it."""
 
-    def __init__(self, student: Student, number: int, file: str) -> None:
-        self._student = student
+    def __init__(self, child: ChildProcess, number: int, file: str) -> None:
+        self._child = child
         self._number = number
         self._file = file
 
@@ -293,29 +154,10 @@ class RemoteObject:
             returns, finite, budget_s: as for `Student.call`.
         """
         verb = protocol.AskObject(self._number, method, msgspec.Raw(protocol.encode(args)))
-        raw = self._student._ask(verb, budget_s)
-        return _checked(f"{self._file}: {method}(...)", raw, returns, finite)
-
-
-def _parsed(child: ChildProcess, parser: Callable[[bytes], Any], data: bytes) -> Any:
-    try:
-        answer = child.ask(protocol.Parse(code_to_send(parser), data), CALL_CPU_S)
-        if answer.error is not None:
-            raise submission_error(answer.error)
-        return protocol.plain_value(answer.value)
-    except protocol.ProtocolError as error:
-        raise invalid_response(error) from error
+        return _checked(f"{self._file}: {method}(...)", self._child.ask(verb, budget_s).result(), returns, finite)
 
 
 _decode_number = msgspec.json.Decoder(int)
-
-
-def invalid_response(error: protocol.ProtocolError) -> SubmissionError:
-    """Return the error for an answer that is not valid."""
-    return SubmissionError(
-        error.message,
-        "Return numbers, texts, lists, or dicts of these, and do not write to the grader's file descriptors.",
-    )
 
 
 def _checked(what: str, raw: msgspec.Raw, returns: Any, finite: bool) -> Any:
@@ -323,12 +165,9 @@ def _checked(what: str, raw: msgspec.Raw, returns: Any, finite: bool) -> Any:
     if returns is str:  # the most frequent type, and a text contains nothing that needs further checks
         with suppress(msgspec.DecodeError, UnicodeDecodeError):
             return _decode_text(raw)
-    try:
-        value = protocol.plain_value(raw)
-        if may_have_tags(bytes(raw)):  # only then can there be more than plain JSON
-            _check_plain(what, value, finite)
-    except protocol.ProtocolError as error:
-        raise invalid_response(error) from error
+    value = protocol.plain_value(raw)
+    if may_have_tags(bytes(raw)):  # only then can there be more than plain JSON
+        _check_plain(what, value, finite)
     if returns is Any:
         return value
     try:
@@ -358,7 +197,7 @@ def _check_plain(what: str, value: Any, finite: bool) -> None:
         for item in value.values():
             _check_plain(what, item, finite)
     elif value is not None and kind not in (bool, int, float, str):
-        raise protocol.ProtocolError("The submission broke the grading protocol: its answer is not a plain value.")
+        raise protocol.ProtocolError(f"{protocol.BROKEN}: its answer is not a plain value.")
 
 
 _TYPE_NAMES = {

@@ -83,6 +83,6 @@ class SubmissionError(SnrError):
 
     def __init__(self, message: str, hint: str, expected: str = "", actual: str = "") -> None:
         super().__init__(message)
-        self.hint = hint
-        self.expected = expected
-        self.actual = actual
+        self.hint: str = hint
+        self.expected: str = expected
+        self.actual: str = actual

@@ -44,8 +44,7 @@ class Child:
             "ask": self.ask,
             "parse": self.parse,
         }
-        self.step = ""
-        self.component = ""
+        self.step: str = ""  # the verb, or "load" while a file is read
 
     def module(self, file: str) -> ModuleType:
         """Return a file of the student's as a module; it is read once."""
@@ -175,7 +174,7 @@ def _line_of_pipes() -> tuple[int, int]:
 def _answer(child: Child, asked: bytes) -> bytes:
     ask = protocol.decode_request(asked)
     name = str(ask.verb.__struct_config__.tag)
-    child.step, child.component = name, ""
+    child.step = name
     try:
         limit_cpu_time(ask.cpu_s)
         try:
@@ -193,24 +192,20 @@ def node_verbs(child: Child) -> dict[str, Callable[[Any], bytes]]:
     """Return the child's verbs with those about nodes, which take long to import and many checks do not need."""
     from snr_sim.grading.remote.child_node import NodeVerbs
 
-    child.verbs |= NodeVerbs(child).verbs
+    child.verbs |= NodeVerbs(child.module).verbs
     return child.verbs
 
 
 def _failure(child: Child, do: str, error: BaseException) -> protocol.RemoteFailure:
     if isinstance(error, UnsendableValueError):
-        return protocol.RemoteFailure(child.step, _text(str(error.args[0])), component=child.component, is_value=True)
+        return protocol.RemoteFailure(child.step, _text(str(error.args[0])), is_value=True)
     while_what = f"while it was asked to {do}" if do not in ("ask", "call") else "while the lab tried your file"
     if isinstance(error, CpuTimeExceeded):
-        return protocol.RemoteFailure(
-            "slow", _text(describe_error(error, while_what).replace("CpuTimeExceeded: ", "")), "", child.component
-        )
+        return protocol.RemoteFailure("slow", _text(describe_error(error, while_what).replace("CpuTimeExceeded: ", "")))
     if isinstance(error, SnrError):
         prepend_location(error)
-        return protocol.RemoteFailure(
-            child.step, _text(error.message), _text(error.fix), child.component, is_refused=True
-        )
-    return protocol.RemoteFailure(child.step, _text(describe_error(error, while_what)), component=child.component)
+        return protocol.RemoteFailure(child.step, _text(error.message), _text(error.fix), is_refused=True)
+    return protocol.RemoteFailure(child.step, _text(describe_error(error, while_what)))
 
 
 def _text(text: str) -> str:

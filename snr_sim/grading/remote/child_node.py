@@ -9,10 +9,11 @@ from __future__ import annotations
 import base64
 import pickle
 import sys
+from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Protocol
+from typing import Any
 
 import msgspec
 
@@ -28,26 +29,18 @@ from snr_sim.core.source_location import describe_error, location_of
 from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.child_values import plain
 from snr_sim.grading.remote.cpu_time import CpuTimeExceeded
-from snr_sim.grading.remote.typed_pages import TypedPages
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import SnrError
-from snr_sim.prelude.task import Task
+from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import Task, TaskType
 from snr_sim.prelude.values import encode_value
 from snr_sim.scenario import library
 from snr_sim.scenario.controller import factories_of
 
 MAX_OUTPUT_CHARS = 100_000  # of the output and logs of one step
 _AUTHORS_STEPS = ("begin", "join", "halt", "terminate")
-
-
-class Caller(Protocol):
-    """Interface to the rest of the process (`child.Child`): its modules, and whose failure an error is."""
-
-    step: str
-    component: str
-
-    def module(self, file: str) -> ModuleType:
-        """Return a file of the student's as a module."""
+_OBJECT = b'{"$":"object"'
+_KEPT = 64  # pages of a key: a step may make some, which wait to be processed
 
 
 class ExternalClock(SimClock):
@@ -75,8 +68,8 @@ class ExternalExecutor:
     late_s = 0.0
 
     def __init__(self) -> None:
-        self.ticks = 0
-        self.is_stopped = False
+        self.ticks: int = 0
+        self.is_stopped: bool = False
 
     def start(self) -> None:
         """Do nothing: the grader calls."""
@@ -93,6 +86,36 @@ class ExternalExecutor:
         self.is_stopped = True
 
 
+class TypedPages:
+    """Pages that hold a dataclass or a Struct: they leave the process as its fields, and come back as they were.
+
+    In `snr run` such a page is the same object for all who read it in the node. Here the node is the grader's, which
+    knows no class of the student's. Devices and checks read the fields; the student's own components get the object.
+    """
+
+    def __init__(self) -> None:
+        self._kept: dict[str, deque[tuple[bytes, Page]]] = {}
+
+    def encode_task(self, task: Task) -> msgspec.Raw:
+        """Return a task as it is sent to the grader."""
+        raw = task.serialize()
+        if _OBJECT in raw and task.type is TaskType.store_page and len(task.val_list) == 1:
+            (page,) = task.val_list
+            try:
+                fields = msgspec.structs.replace(page, data=msgspec.to_builtins(page.data))
+            except (TypeError, ValueError, RecursionError):
+                return msgspec.Raw(raw)  # the grader reports what of it cannot be sent
+            self._kept.setdefault(page.key, deque(maxlen=_KEPT)).append((fields.serialize(), page))
+            raw = Task.store_page(fields).serialize()
+        return msgspec.Raw(raw)
+
+    def decode_page(self, raw: bytes) -> Page:
+        """Return a page from the grader, with its original object if it was made here."""
+        page = Page.deserialize(raw)
+        kept: Any = self._kept.get(page.key, ())
+        return next((made for fields, made in reversed(kept) if fields == raw), page)
+
+
 class ChildNode(Node):
     """Node whose steps are requested one by one.
 
@@ -101,10 +124,10 @@ class ChildNode(Node):
     """
 
     def __init__(self, role: str, component_seed: int) -> None:
-        self.external_clock = ExternalClock()
-        self.have_handlers_changed = False
-        super().__init__(role, Config(Mode.TEST, {role: []}), clock=self.external_clock)
-        self.component_seed = component_seed
+        self._external_clock = ExternalClock()
+        self._have_handlers_changed = False
+        super().__init__(role, Config(Mode.TEST, {role: []}), clock=self._external_clock)
+        self.component_seed: int = component_seed
         machine = CollectingMachine(self.machine.lookup, self.inbox, None)
         machine.scheduled = []
         self.machine: CollectingMachine = machine
@@ -116,7 +139,7 @@ class ChildNode(Node):
     def handlers_changed(self) -> None:
         """Remember to report it to the grader."""
         super().handlers_changed()
-        self.have_handlers_changed = True
+        self._have_handlers_changed = True
 
     def record_text(self, component: str, level: str, text: str) -> None:
         """Keep what a component prints and logs for the grader's trace, up to a bound for each step."""
@@ -136,7 +159,6 @@ class ChildNode(Node):
             component.begin_with(ExternalExecutor())
             made = msgspec.structs.replace(
                 made,
-                is_loop=True,
                 rate_hz=float(component.max_tick_rate_hz),
                 first_s=float(component.first_tick_after_s),
                 next_s=component.next_tick_at_s,
@@ -150,15 +172,15 @@ class ChildNode(Node):
             kind, name = task_id if isinstance(task_id, tuple) else (task_id, None)
             yield kind.value, name, handler_name(handler)
 
-    def sync(self, now_s: float, pages: Sequence[msgspec.Raw], came_s: dict[str, float]) -> None:
+    def sync(self, do: protocol.Handle | protocol.StepRequest) -> None:
         """Set the time, and copy the pages of the grader's datastore to this one."""
-        self.external_clock.show(now_s)
-        self.machine.now_s = now_s
-        for raw in pages:
+        self._external_clock.show(do.now_s)
+        self.machine.now_s = do.now_s
+        for raw in do.pages:
             self.datastore.put(self._typed.decode_page(bytes(raw)))
-        self._core.received_s.update(came_s)
+        self._core.received_s.update(do.came_s)
 
-    def with_page(self, task: Task, processed: Sequence[msgspec.Raw] | None) -> Task:
+    def _with_page(self, task: Task, processed: Sequence[msgspec.Raw] | None) -> Task:
         """Return a task with the page that it carries in the grader's node, see `Handle`."""
         if processed is None:
             return task
@@ -168,8 +190,10 @@ class ChildNode(Node):
         self._core.await_processing(page, before[0] if before else None)
         return Task(task.type, task.name, [page])
 
-    def handle(self, task: Task, first: str, caller: Caller) -> protocol.HandleResult:
-        """Call each component's handler of a task, from the component `first` on."""
+    def handle(self, do: protocol.Handle) -> protocol.HandleResult:
+        """Call each component's handler of a task, from the one named on."""
+        self.sync(do)
+        task, first = self._with_page(Task.deserialize(bytes(do.task)), do.processed), do.component
         returned: dict[str, list[Task]] = {}
         entries = [entry for entry in self.machine.lookup.find(task) if entry[0] is not self._core]
         names = [entry[0].name for entry in entries]
@@ -177,7 +201,6 @@ class ChildNode(Node):
         machine.task = task
         failed: tuple[str, BaseException, Any] | None = None
         for component, handler, task_id, _ in entries[names.index(first) if first in names else len(names) :]:
-            caller.component = component.name
             machine.running = component
             try:
                 made = as_tasks(handler(task, task_id), component, handler)
@@ -201,9 +224,10 @@ class ChildNode(Node):
         slow = isinstance(failure, CpuTimeExceeded)
         return msgspec.structs.replace(answer, failed=name, text=text, fix=fix, is_slow=slow)
 
-    def step(self, component: Component, step: str) -> protocol.StepResponse:
+    def step(self, do: protocol.StepRequest) -> protocol.StepResponse:
         """Call one of the steps of a component's life, or a loop's `setup` or `loop`."""
-        machine = self.machine
+        self.sync(do)
+        component, step, machine = self.components[do.component], do.step, self.machine
         machine.running = component
         if step == "join":
             self._is_halting = True
@@ -232,8 +256,8 @@ class ChildNode(Node):
         entered = [(self._typed.encode_task(task), source) for task, source in self.inbox.waiting]
         self.inbox.waiting.clear()
         handlers = None
-        if self.have_handlers_changed:
-            self.have_handlers_changed = False
+        if self._have_handlers_changed:
+            self._have_handlers_changed = False
             handlers = {
                 name: list(self.handlers_of(one)) for name, one in self.components.items() if one is not self._core
             }
@@ -254,10 +278,14 @@ def describe_failure(error: BaseException, begins: Any) -> tuple[str, str]:
 
 
 class NodeVerbs:
-    """The verbs of a student's process that are about nodes: load a file, make components, have them do a step."""
+    """The verbs of a student's process that are about nodes: load a file, make components, have them do a step.
 
-    def __init__(self, caller: Caller) -> None:
-        self._caller = caller
+    Args:
+        read_module: returns a file of the student's as a module.
+    """
+
+    def __init__(self, read_module: Callable[[str], ModuleType]) -> None:
+        self._read_module = read_module
         self._factories: list[AnyFactory] = []
         self._nodes: dict[str, ChildNode] = {}
         sys.stdout = RecordedOutput(sys.stdout, self._nodes.values())
@@ -275,7 +303,7 @@ class NodeVerbs:
         for name, folder in do.robots:
             self._folders[name] = Path(folder)
             library.name_robot(name, Path(folder))
-        module = self._caller.module(do.file)
+        module = self._read_module(do.file)
         if not callable(getattr(module, "factories", None)):
             raise SnrError(
                 f"{do.file} has no function `factories`, which a controller needs.",
@@ -287,7 +315,7 @@ class NodeVerbs:
 
     def open(self, do: protocol.Open) -> bytes:
         """Have a file make its factories; return for each whether it makes a loop."""
-        module = self._caller.module(do.file)
+        module = self._read_module(do.file)
         robot = pickle.loads(base64.b64decode(do.robot))  # written by the grader, so safe to unpickle
         made = factories_of(module, robot)
         self._factories += made
@@ -303,19 +331,12 @@ class NodeVerbs:
 
     def handle(self, do: protocol.Handle) -> bytes:
         """Have the components of a node handle a task."""
-        node = self._nodes[do.node]
-        node.sync(do.now_s, do.pages, do.came_s)
-        task = node.with_page(Task.deserialize(bytes(do.task)), do.processed)
-        return _encode(node.handle(task, do.component, self._caller))
+        return _encode(self._nodes[do.node].handle(do))
 
     def step(self, do: protocol.StepRequest) -> bytes:
         """Have a component of a node do a step of its life."""
-        node = self._nodes[do.node]
-        node.sync(do.now_s, do.pages, do.came_s)
-        self._caller.component = do.component
-        self._caller.step = do.step
         try:
-            return _encode(node.step(node.components[do.component], do.step))
+            return _encode(self._nodes[do.node].step(do))
         except CpuTimeExceeded:
             raise
         except BaseException as error:

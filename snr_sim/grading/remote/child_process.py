@@ -11,20 +11,22 @@ import select
 import signal
 import socket
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from snr_sim.grading.lab.verdicts import GraderError, SubmissionError
 from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.cpu_timeout import END_TIMEOUT_S, POLL_PERIOD_S, CpuTimeout, process_state, wait_for_hangup
-from snr_sim.grading.remote.exit_errors import cpu_limit_error, exit_error
 from snr_sim.grading.remote.fork_server import ForkedChild, ForkServer
 from snr_sim.grading.remote.launch import start_process
+from snr_sim.grading.remote.sent_code import code_to_send
 from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.confiner import Confiner
 from snr_sim.grading.sandbox.sandbox import Limits
 
+CALL_CPU_S = 10.0  # for a call of a lab's check, or a parser
 KEPT_BYTES = 8_000  # of its output
 MAX_PRINTED_BYTES = 1 << 20
 CHUNK = 1 << 16
@@ -82,14 +84,14 @@ class ChildProcess:
         self._n = 0
         self._received_bytes = bytearray()
         self._kept = bytearray()
-        self.printed_bytes = 0
+        self._printed_bytes = 0
         self._confiner = confiner
 
     @property
     def printed(self) -> str:
         """Its output, up to the limit."""
         text = bytes(self._kept).decode(errors="replace")
-        return text + "\n..." if self.printed_bytes > len(self._kept) else text
+        return text + "\n..." if self._printed_bytes > len(self._kept) else text
 
     @property
     def cpu_time_s(self) -> float | None:
@@ -113,13 +115,17 @@ class ChildProcess:
             self._handshake()
         return self._exchange(verb, cpu_s)
 
+    def parse(self, parser: Callable[[bytes], Any], data: bytes) -> Any:
+        """Return the result of a parser of snr_sim or the lab; errors as of `ask`."""
+        return protocol.plain_value(self.ask(protocol.Parse(code_to_send(parser), data), CALL_CPU_S).result())
+
     def _handshake(self) -> None:
         """Wait for its first answer, before it reads anything of the student's: a failure here is the grader's."""
         try:
             if self._confiner is not None:
                 self._receive_listener(self._confiner)
             self._exchange(protocol.Hello(), _START_CPU_S)
-        except (SubmissionError, protocol.ProtocolError) as error:
+        except SubmissionError as error:
             raise GraderError(
                 f"A student's process could not be started. {error.message} {self.printed}".rstrip(),
                 fix="is the computer out of memory or processes? Grade with fewer --jobs.",
@@ -143,7 +149,7 @@ class ChildProcess:
         if answer.n != self._n:
             self.kill()
             raise SubmissionError(
-                "The submission broke the grading protocol: it answered another request.",
+                f"{protocol.BROKEN}: it answered another request.",
                 "Do not use file descriptors that your program has not opened.",
             )
         return answer
@@ -221,7 +227,7 @@ class ChildProcess:
             return
         self.kill()
         if timeout.is_cpu_used_up:
-            raise cpu_limit_error()
+            raise _cpu_limit_error()
         raise SubmissionError(
             "It has not answered, and was ended.",
             "Your program waits for something that does not come: an input, a lock, a line that is never sent?",
@@ -252,10 +258,10 @@ class ChildProcess:
         Raises:
             SubmissionError: it printed too much; raised once.
         """
-        was_within_limit = self.printed_bytes <= MAX_PRINTED_BYTES
-        self.printed_bytes += len(data)
+        was_within_limit = self._printed_bytes <= MAX_PRINTED_BYTES
+        self._printed_bytes += len(data)
         self._kept += data[: max(0, KEPT_BYTES - len(self._kept))]
-        if was_within_limit and self.printed_bytes > MAX_PRINTED_BYTES:
+        if was_within_limit and self._printed_bytes > MAX_PRINTED_BYTES:
             self._is_output_open = False
             self.kill()
             raise SubmissionError(
@@ -265,14 +271,23 @@ class ChildProcess:
             )
 
     def _exit_error(self) -> SubmissionError:
-        """Say how it ended, although it was asked something."""
+        """Return the error for a process that ended instead of answering."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(END_TIMEOUT_S)
         status = self._process.poll()
         with suppress(SubmissionError):
             self._read_output()
         self.kill()
-        return exit_error(status)
+        number = -status if status is not None and status < 0 else (status or 0) - 128
+        name = signal.Signals(number).name if number in set(signal.Signals) else ""
+        if name in ("SIGXCPU", "SIGPROF", "SIGKILL") or status == protocol.TIME_UP_STATUS:
+            return _cpu_limit_error()
+        if name in ("SIGSEGV", "SIGABRT", "SIGBUS", "SIGFPE"):
+            return SubmissionError(f"It crashed with {name}.", "Did it run out of memory?")
+        return SubmissionError(
+            f"It ended with exit status {status} instead of answering.",
+            "Do not end the program: no exit() and no quit(). Return from your function instead.",
+        )
 
     def kill(self) -> None:
         """End it, with all that it started: a copy is the first process of a namespace, which ends with it."""
@@ -301,3 +316,10 @@ class ChildProcess:
             self._socket.close()
             assert self._process.stdout is not None
             self._process.stdout.close()
+
+
+def _cpu_limit_error() -> SubmissionError:
+    return SubmissionError(
+        "It used up its CPU time or its memory, and was ended.",
+        "Is there a loop without an end, or a list that grows?",
+    )

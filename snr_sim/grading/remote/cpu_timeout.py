@@ -37,7 +37,7 @@ class CpuTimeout:
         self._idle = 0
         self._first_s: float | None = None
         self._cpu_time_s = 0.0
-        self.is_cpu_used_up = False  # whether its CPU time was used up
+        self.is_cpu_used_up: bool = False  # whether its CPU time was used up
 
     def is_over(self) -> bool:
         """Check again, unless the last check was just now; return whether waiting longer is useless."""

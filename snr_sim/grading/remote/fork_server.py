@@ -26,12 +26,11 @@ from pathlib import Path
 
 from snr_sim.grading.lab.verdicts import GraderError
 from snr_sim.grading.remote.cpu_timeout import wait_for_hangup
-from snr_sim.grading.remote.fork_server_process import EXIT_STATUS, FORK, FORKED, STATUS, USED_UP
 from snr_sim.grading.remote.launch import copy_world_readable, start_process
+from snr_sim.grading.remote.protocol import EXIT_STATUS, FORK, FORKED, MAX_WORD_BYTES, STATUS, USED_UP
 from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.sandbox import Limits, is_root
 
-_MAX_BYTES = 64
 _RESPONSE_TIMEOUT_S = 130.0  # wall time; a copy takes a millisecond, and a start of Python 0.2 s
 
 
@@ -42,9 +41,9 @@ class ForkedChild:
         self._fork_server = fork_server
         self._death = death  # readable once it is dead
         self._status: int | None = None
-        self.stdout = io.FileIO(output)
+        self.stdout: io.FileIO = io.FileIO(output)
         fdinfo = Path(f"/proc/self/fdinfo/{death}").read_text()
-        self.pid = int(fdinfo.partition("Pid:")[2].split()[0])  # to read /proc only; signals are sent by the handle
+        self.pid: int = int(fdinfo.partition("Pid:")[2].split()[0])  # for /proc only; the handle gets signals
 
     def kill(self) -> None:
         """End it, with its namespace."""
@@ -86,7 +85,7 @@ class ForkServer:
         self._is_loaded = False
         self._process: subprocess.Popen[bytes] | None = None
         self._socket: socket.socket | None = None
-        self.is_busy = False
+        self.is_busy: bool = False
 
     def __enter__(self) -> ForkServer:
         return self
@@ -165,7 +164,7 @@ class ForkServer:
         assert self._socket is not None
         try:
             socket.send_fds(self._socket, [word], fds)
-            answer, received_fds, _, _ = socket.recv_fds(self._socket, _MAX_BYTES, 1)
+            answer, received_fds, _, _ = socket.recv_fds(self._socket, MAX_WORD_BYTES, 1)
         except OSError as error:
             raise self._fault() from error
         if not answer:

@@ -14,15 +14,12 @@ import ctypes
 import gc
 import os
 import socket
-import struct
 
 from snr_sim.grading.remote import child
+from snr_sim.grading.remote.protocol import EXIT_STATUS, FORKED, MAX_WORD_BYTES, STATUS, USED_UP
 from snr_sim.grading.sandbox import seccomp  # noqa: F401  every copy has it
 
 SCRATCH = "/tmp"
-STATUS = struct.Struct("i")
-FORK, EXIT_STATUS, USED_UP, FORKED = b"fork", b"exit status", b"used up", b"forked"
-_MAX_BYTES = 64
 # Numbers of Linux (linux/sched.h).
 _NEW_IPC, _NEW_PID = 0x08000000, 0x20000000
 
@@ -39,7 +36,7 @@ def main(line: int, limits: tuple[int, int, int, int], is_alone: bool, user: int
     gc.collect()
     gc.freeze()  # the collector in a copy skips the objects that exist now
     while True:
-        word, fds, _, _ = socket.recv_fds(requests, _MAX_BYTES, 2)
+        word, fds, _, _ = socket.recv_fds(requests, MAX_WORD_BYTES, 2)
         if not word:
             os._exit(0)
         if word == EXIT_STATUS:

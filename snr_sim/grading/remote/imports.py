@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 from snr_sim.grading.lab.verdicts import SubmissionError
 from snr_sim.grading.remote.sent_code import LAB_MODULE
+
+if TYPE_CHECKING:  # the student's process imports this module, too
+    from snr_sim.grading.remote.child_process import ChildProcess
 
 _NO_NETWORK = "there is no network in the grader"
 _ONE_PROCESS = "a submission has one process and one thread, which the grader starts"
 _PYTHON_ONLY = "a submission is plain Python"
 _GRADES_ITSELF = "a submission does not grade itself"
-Parse: TypeAlias = Callable[[Callable[[bytes], Any], bytes], Any]
 _MAX_SOURCE_BYTES = 1 << 20
-REFUSED = {
+REFUSED: dict[str, str] = {
     **dict.fromkeys(("socket", "socketserver", "ssl", "urllib", "http", "requests", "ftplib", "smtplib"), _NO_NETWORK),
     **dict.fromkeys(("subprocess", "multiprocessing", "concurrent", "pty"), _ONE_PROCESS),
     **dict.fromkeys(("ctypes", "cffi"), _PYTHON_ONLY),
@@ -26,7 +28,7 @@ REFUSED = {
 
 
 def check_imports(
-    folder: Path, file: str, may_import: frozenset[str], refused: Mapping[str, str], parse: Parse
+    folder: Path, file: str, may_import: frozenset[str], refused: Mapping[str, str], child: ChildProcess
 ) -> None:
     """Check the imports of a submitted file and of the submission's files that it imports.
 
@@ -34,7 +36,7 @@ def check_imports(
         folder, file: of the submission.
         may_import: modules of `REFUSED` that the lab allows.
         refused: further modules that the lab refuses, with the reasons.
-        parse: calls `imports_in`, in another process.
+        child: process that parses them.
 
     Raises:
         SubmissionError: it imports a refused module.
@@ -46,7 +48,7 @@ def check_imports(
         if name in seen:
             continue
         seen.add(name)
-        for module, line in _imported(folder / name, parse):
+        for module, line in _imported(folder / name, child):
             reason = _rejection_reason(module, may_import, REFUSED | dict(refused))
             if reason:
                 raise SubmissionError(
@@ -69,10 +71,10 @@ def _rejection_reason(module: str, may_import: frozenset[str], refused: Mapping[
     return next((refused[name] for name in names if name in refused), "")
 
 
-def _imported(path: Path, parse: Parse) -> list[list[Any]]:
+def _imported(path: Path, child: ChildProcess) -> list[list[Any]]:
     try:
         with path.open("rb") as opened:
-            found: list[list[Any]] = parse(imports_in, opened.read(_MAX_SOURCE_BYTES))
+            found: list[list[Any]] = child.parse(imports_in, opened.read(_MAX_SOURCE_BYTES))
             return found
     except OSError:
         return []  # running it reports what is wrong

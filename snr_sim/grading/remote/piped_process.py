@@ -22,7 +22,7 @@ from snr_sim.grading.remote.protocol import PIPES
 from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.sandbox import Limits
 
-CAN_POLL_PIPES = hasattr(select, "poll")
+CAN_POLL_PIPES: bool = hasattr(select, "poll")
 
 
 class PipedProcess(ChildProcess):

@@ -10,19 +10,27 @@ comparisons could lie, reaches the grader.
 
 from __future__ import annotations
 
+import struct
 from typing import Any, TypeAlias, TypeVar
 
 import msgspec
 
+from snr_sim.grading.lab.verdicts import SubmissionError
 from snr_sim.grading.remote.sent_code import SentCode
-from snr_sim.prelude.errors import SnrError, ValueEncodingError
+from snr_sim.prelude.errors import ValueEncodingError
 from snr_sim.prelude.values import JSON_ERRORS, decode_value
 
 MAX_RESPONSE_BYTES = 1 << 20
 MAX_DEPTH = 32
 PIPES = -1  # in place of a descriptor: the process is asked on its stdin and answers on its stdout
 TIME_UP_STATUS = 152  # exit status of a process whose CPU time is used up, as a shell reports SIGXCPU
+# Between the grader and its fork server: words, and the exit status of a copy.
+FORK, EXIT_STATUS, USED_UP, FORKED = b"fork", b"exit status", b"used up", b"forked"
+MAX_WORD_BYTES = 64
+STATUS: struct.Struct = struct.Struct("i")
 SUBMISSION = "."  # the name of the submission's folder; those of robots have theirs
+BROKEN = "The submission broke the grading protocol"
+SLOW_HINT = "That took too long: is there a loop without an end?"
 # Type of the task, its name (None: every one), and the handler's name.
 HandlerRow: TypeAlias = tuple[str, str | None, str]
 
@@ -36,15 +44,11 @@ class Hello(_Verb, frozen=True):
 
 
 class Call(_Verb, frozen=True):
-    """Call a function of a file of the submission.
-
-    Args:
-        args: a list, as `values.encode_value` writes it.
-    """
+    """Call a function of a file of the submission."""
 
     file: str
     function: str
-    args: msgspec.Raw
+    args: msgspec.Raw  # a list, as `values.encode_value` writes it
 
 
 class MakeObject(_Verb, frozen=True, tag="host"):
@@ -71,27 +75,17 @@ class Parse(_Verb, frozen=True):
 
 
 class LoadRequest(_Verb, frozen=True, tag="load"):
-    """Read this file.
-
-    Args:
-        file: of the submission.
-        robots: names and folders of robots whose modules it may import.
-    """
+    """Read this file of the submission."""
 
     file: str
-    robots: list[tuple[str, str]]
+    robots: list[tuple[str, str]]  # names and folders of robots whose modules it may import
 
 
 class Open(_Verb, frozen=True):
-    """Call the file's `factories`.
-
-    Args:
-        file: of the submission, which was read.
-        robot: argument of `factories`, pickled, in base64.
-    """
+    """Call `factories` of a file that was read."""
 
     file: str
-    robot: str
+    robot: str  # its argument, pickled, in base64
 
 
 class Make(_Verb, frozen=True):
@@ -102,45 +96,39 @@ class Make(_Verb, frozen=True):
     chance: int
 
 
-class Handle(_Verb, frozen=True):
-    """Handle a task, from the component named on; `pages` are new in the datastore since the last message.
+class _ComponentVerb(_Verb, frozen=True):
+    """A request to a component of a node at a time; `pages` are new in the datastore since the last message."""
+
+    node: str
+    component: str
+    now_s: float
+    pages: list[msgspec.Raw]
+    came_s: dict[str, float]
+
+
+class Handle(_ComponentVerb, frozen=True):
+    """Handle a task, from this component on.
 
     Args:
         processed: of `process_data` that carries a page: that page and the one before it, if newer ones are in the
             datastore; nothing if it is the newest. Then `task` is without values. None: `task` has what it carries.
     """
 
-    node: str
-    component: str
     task: msgspec.Raw
-    now_s: float
-    pages: list[msgspec.Raw]
-    came_s: dict[str, float]
     processed: list[msgspec.Raw] | None
 
 
-class StepRequest(_Verb, frozen=True, tag="step"):
+class StepRequest(_ComponentVerb, frozen=True, tag="step"):
     """Do a step of a component's life: begin, join, terminate; of a loop also setup, loop."""
 
-    node: str
-    component: str
     step: str
-    now_s: float
-    pages: list[msgspec.Raw]
-    came_s: dict[str, float]
 
 
 Verb: TypeAlias = Hello | Call | MakeObject | AskObject | Parse | LoadRequest | Open | Make | Handle | StepRequest
 
 
 class CallRequest(msgspec.Struct, frozen=True):
-    """Request of the grader.
-
-    Args:
-        n: the number of the line.
-        cpu_s: how much CPU time the answer may take.
-        verb: the request.
-    """
+    """Request of the grader: the number of the line, the CPU time that the answer may take, and what is asked for."""
 
     n: int
     cpu_s: float
@@ -148,37 +136,48 @@ class CallRequest(msgspec.Struct, frozen=True):
 
 
 class RemoteFailure(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A failure of the student's program, as reported by its own process.
+    """A failure of the student's program, as reported by its own process."""
 
-    Args:
-        step: the step that failed: "load", "call", "handle", ...
-        text: with the student's line first.
-        fix: what to try.
-        component: name of the component that failed.
-        is_value: a result cannot be sent to the grader, as opposed to an exception.
-        is_refused: the program has or returns something that snr_sim does not accept, described in `text`.
-    """
-
-    step: str
-    text: str
+    step: str  # that failed: a verb, "load" while a file was read, "slow" when its CPU time was used up
+    text: str  # with the student's line first
     fix: str = ""
-    component: str = ""
-    is_value: bool = False
-    is_refused: bool = False
+    is_value: bool = False  # a result cannot be sent to the grader, as opposed to an exception
+    is_refused: bool = False  # the program has or returns what snr_sim does not accept, described in `text`
+
+    def as_error(self) -> SubmissionError:
+        """Return the failure as the error that the grader raises."""
+        text = f"{self.text}\n  Try: {self.fix}" if self.fix else self.text
+        if self.is_value:
+            return SubmissionError(text, "Return numbers, texts, lists, or dicts of these.")
+        if self.step == "slow":
+            return SubmissionError(text, SLOW_HINT)
+        if self.is_refused and ", line " not in self.text.partition("\n")[0]:
+            return SubmissionError(
+                text, "What your program gives there is not what is asked for: compare it with the lab's page."
+            )
+        if self.step == "load":
+            return SubmissionError(
+                text, "Your file could not be read to its end: run it with Python, and look at the line named."
+            )
+        return SubmissionError(text, "Your program raised an error: look at the line named.")
 
 
 class CallResponse(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """Answer of the student's process: a value, or why there is none.
-
-    Args:
-        n: the number of the line that is answered.
-        value: JSON, of the form that was asked for.
-        error: the failure.
-    """
+    """Answer of the student's process to the line of this number: JSON of the form asked for, or the failure."""
 
     n: int
     value: msgspec.Raw = msgspec.Raw(b"null")
     error: RemoteFailure | None = None
+
+    def result(self) -> msgspec.Raw:
+        """Return the value.
+
+        Raises:
+            SubmissionError: the student's program failed.
+        """
+        if self.error is not None:
+            raise self.error.as_error()
+        return self.value
 
 
 class ModuleInfo(msgspec.Struct, frozen=True):
@@ -201,24 +200,19 @@ class ComponentInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     name: str
     handlers: list[HandlerRow]
     steps: list[str]
-    is_loop: bool = False
     rate_hz: float = 0.0
     first_s: float = 0.0
     next_s: float | None = None
 
 
 class StepEffects(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """Effects of a step: tasks from the inbox, new handlers, notes, keys of pages requested but never stored.
+    """Effects of a step."""
 
-    Args:
-        output: what components have printed and logged: component, level, text.
-    """
-
-    entered: list[tuple[msgspec.Raw, str]] = []
-    handlers: dict[str, list[HandlerRow]] | None = None
+    entered: list[tuple[msgspec.Raw, str]] = []  # tasks from the inbox, and who sent them
+    handlers: dict[str, list[HandlerRow]] | None = None  # new ones
     notes: list[str] = []
-    missed: list[str] = []
-    output: list[tuple[str, str, str]] = []
+    missed: list[str] = []  # keys of pages requested but never stored
+    output: list[tuple[str, str, str]] = []  # what components have printed and logged: component, level, text
 
 
 class HandleResult(StepEffects, frozen=True, omit_defaults=True):
@@ -239,8 +233,14 @@ class StepResponse(StepEffects, frozen=True, omit_defaults=True):
     is_stopped: bool = False
 
 
-class ProtocolError(SnrError):
+class ProtocolError(SubmissionError):
     """A line that violates the protocol."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(
+            message,
+            "Return numbers, texts, lists, or dicts of these, and do not write to the grader's file descriptors.",
+        )
 
 
 encode = msgspec.json.Encoder().encode
@@ -258,7 +258,7 @@ def decode_response(line: bytes | bytearray) -> CallResponse:
     try:
         return _decode_response(line)
     except JSON_ERRORS as error:
-        raise ProtocolError(f"The submission broke the grading protocol: its answer is not valid: {error}.") from error
+        raise ProtocolError(f"{BROKEN}: its answer is not valid: {error}.") from error
 
 
 def decode_as(decoder: msgspec.json.Decoder[T], raw: msgspec.Raw) -> T:
@@ -271,7 +271,7 @@ def decode_as(decoder: msgspec.json.Decoder[T], raw: msgspec.Raw) -> T:
     try:
         return decoder.decode(raw)
     except JSON_ERRORS as error:
-        raise ProtocolError(f"The submission broke the grading protocol: its answer is not valid: {error}.") from error
+        raise ProtocolError(f"{BROKEN}: its answer is not valid: {error}.") from error
 
 
 def plain_value(raw: msgspec.Raw) -> Any:
@@ -285,9 +285,7 @@ def plain_value(raw: msgspec.Raw) -> Any:
     try:
         return decode_value(data)
     except ValueEncodingError as error:
-        raise ProtocolError(
-            f"The submission broke the grading protocol: its value is not valid: {error.message}"
-        ) from error
+        raise ProtocolError(f"{BROKEN}: its value is not valid: {error.message}") from error
 
 
 def check_depth(data: bytes) -> None:

@@ -10,10 +10,13 @@ if the components were here; but everything that comes back is checked first (`t
 
 from __future__ import annotations
 
+import base64
+import io
+import pickle
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -22,17 +25,17 @@ from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.core.output_recording import LEVELS
-from snr_sim.grading.lab.verdicts import SubmissionError
+from snr_sim.grading.lab.verdicts import GraderError, SubmissionError
 from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.child_process import ChildProcess
-from snr_sim.grading.remote.exit_errors import submission_error
-from snr_sim.grading.remote.robot_pickling import pickle_robot
+from snr_sim.grading.remote.sent_code import LAB_MODULE
 from snr_sim.grading.remote.task_filter import TaskFilter
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.scenario import RobotInfo
 from snr_sim.prelude.task import SomeTasks, Task, TaskHandler, TaskHandlerMap, TaskId, TaskType
+from snr_sim.scenario import library
 
 STEP_CPU_S = 5.0  # for one handler, or one step of a component's life
 LOAD_CPU_S = 20.0  # for reading a file, or calling its `factories`
@@ -52,9 +55,9 @@ class Remote:
     """
 
     def __init__(self, child: ChildProcess, file: str) -> None:
-        self.child = child
-        self.file = file
-        self.task_filter = TaskFilter(file)
+        self._child = child
+        self._file = file
+        self.task_filter: TaskFilter = TaskFilter(file)
         self.submission_error: SubmissionError | None = None  # kept here, as a node that ends loses its message
         self.files: list[tuple[str, str]] = []  # that were read: the folder's name and the path in it
         self.names: set[str] = set()  # of the student's components
@@ -62,9 +65,7 @@ class Remote:
         self._sent: dict[str, dict[str, Page]] = {}
         self._task: Task | None = None  # that was sent last, from which node
         self._node: Node | None = None
-        self._answers: dict[str, list[Task]] = {}
-        self._failed = ""
-        self._failure: StudentCodeError | None = None
+        self._answers: dict[str, list[Task] | StudentCodeError] = {}  # to it, by component
 
     def ask(self, verb: protocol.Verb, decoder: msgspec.json.Decoder[T], cpu_s: float = STEP_CPU_S) -> T:
         """Send a request to the student's process; return its answer.
@@ -78,12 +79,10 @@ class Remote:
             StudentCodeError: a step of a component's life cycle raised.
         """
         try:
-            answer = self.child.ask(verb, cpu_s)
-            if answer.error is None:
-                return protocol.decode_as(decoder, answer.value)
-            if isinstance(verb, protocol.StepRequest) and answer.error.step != "slow":
+            answer = self._child.ask(verb, cpu_s)
+            if answer.error is not None and isinstance(verb, protocol.StepRequest) and answer.error.step != "slow":
                 raise StudentCodeError(answer.error.text, answer.error.fix)
-            raise submission_error(answer.error)
+            return protocol.decode_as(decoder, answer.result())
         except protocol.ProtocolError as error:
             self.submission_error = SubmissionError(
                 error.message, "Do not use file descriptors that your program has not opened."
@@ -100,20 +99,16 @@ class Remote:
             path: of the student's file, for the trace's header.
             robots: whose modules the student may import.
         """
-        load = protocol.LoadRequest(self.file, [(name, str(folder)) for name, folder in robots])
+        load = protocol.LoadRequest(self._file, [(name, str(folder)) for name, folder in robots])
         loaded = self.ask(load, _loaded, LOAD_CPU_S)
-        module = ModuleType(Path(self.file).stem)
-        module.__file__ = str(path)
-        if loaded.options is not None:
-            module.OPTIONS = loaded.options  # type: ignore[attr-defined]
-        if loaded.roles is not None:
-            module.ROLES = loaded.roles  # type: ignore[attr-defined]
-        module.factories = self.factories  # type: ignore[attr-defined]
+        module = ModuleType(Path(self._file).stem)
+        names = {"OPTIONS": loaded.options, "ROLES": loaded.roles, "factories": self.factories, "__file__": str(path)}
+        vars(module).update((name, value) for name, value in names.items() if value is not None)
         return module
 
     def factories(self, robot: RobotInfo) -> list[RemoteEndpointFactory | RemoteLoopFactory]:
         """Have the student's `factories(robot)` called; return a proxy for each of its factories."""
-        opened = self.ask(protocol.Open(self.file, pickle_robot(robot)), _opened, LOAD_CPU_S)
+        opened = self.ask(protocol.Open(self._file, _pickled(robot)), _opened, LOAD_CPU_S)
         self.files = opened.files
         first, self._made = self._made, self._made + len(opened.are_loops)
         return [
@@ -130,44 +125,32 @@ class Remote:
 
     def handle(self, component: RemoteEndpoint, task: Task) -> SomeTasks:
         """Have a task handled; the student's components behind this one handle it in the same request."""
-        name = component.name
         is_next = self._task is task and self._node is component.parent
-        if not is_next or (name not in self._answers and name != self._failed):
+        if not is_next or component.name not in self._answers:
             self._send(component, task)
-        if name == self._failed:
-            failure, self._failed = self._failure, ""
-            assert failure is not None
-            raise failure
-        return self._answers.pop(name, [])
+        answer = self._answers.pop(component.name, [])
+        if isinstance(answer, StudentCodeError):
+            raise answer
+        return answer
 
     def _send(self, component: RemoteEndpoint, task: Task) -> None:
         node = component.parent
-        self._task, self._node, self._failed = task, node, ""
-        self._answers = {}
-        self.task_filter.count(node.machine.now_s)
-        pages, came_s = self._new_pages(node)
+        self._task, self._node, self._answers = task, node, {}
         processed = _processed_by(task, node)
         raw = msgspec.Raw((task if processed is None else Task(task.type, task.name)).serialize())
-        verb = protocol.Handle(node.role, component.name, raw, node.machine.now_s, pages, came_s, processed)
-        answer = self.ask(verb, _returned)
+        answer = self.ask(protocol.Handle(*self._address(component, node.machine.now_s), raw, processed), _returned)
         for name, tasks in answer.returned.items():
             self._answers[name] = self.task_filter.tasks(tasks, node, name)
         if answer.failed:
             if answer.is_slow:
-                self.submission_error = SubmissionError(
-                    answer.text, "That took too long: is there a loop without an end?"
-                )
-            self._failed, self._failure = answer.failed, StudentCodeError(answer.text, answer.fix)
-            self._answers.setdefault(answer.failed, [])
+                self.submission_error = SubmissionError(answer.text, protocol.SLOW_HINT)
+            self._answers[answer.failed] = StudentCodeError(answer.text, answer.fix)
         self._apply(answer, node)
 
     def step(self, component: RemoteEndpoint | RemoteLoop, step: str) -> protocol.StepResponse:
         """Have a step of a component's life done."""
         node = component.parent
-        now_s = node.get_time_s()
-        self.task_filter.count(now_s)
-        pages, came_s = self._new_pages(node)
-        done = self.ask(protocol.StepRequest(node.role, component.name, step, now_s, pages, came_s), _step_done)
+        done = self.ask(protocol.StepRequest(*self._address(component, node.get_time_s()), step), _step_done)
         self._apply(done, node)
         return done
 
@@ -188,8 +171,15 @@ class Remote:
         for key in self.task_filter.missed(effects.missed):
             node.datastore.missed[key] = None
 
-    def _new_pages(self, node: Node) -> tuple[list[msgspec.Raw], dict[str, float]]:
-        """Return the pages in the datastore that were not sent yet, each after the page before it."""
+    def _address(
+        self, component: RemoteEndpoint | RemoteLoop, now_s: float
+    ) -> tuple[str, str, float, list[msgspec.Raw], dict[str, float]]:
+        """Count a request to a component, and return the fields that each has.
+
+        The pages are those in the datastore that were not sent yet, each after the page before it.
+        """
+        self.task_filter.count(now_s)
+        node = component.parent
         sent = self._sent.setdefault(node.role, {})
         pages: list[msgspec.Raw] = []
         came_s: dict[str, float] = {}
@@ -205,7 +195,7 @@ class Remote:
             pages.append(msgspec.Raw(page.serialize()))
             if page.origin != node.name:
                 came_s[key] = node.received_at_s(key)
-        return pages, came_s
+        return node.role, component.name, now_s, pages, came_s
 
 
 def _processed_by(task: Task, node: Node) -> list[msgspec.Raw] | None:
@@ -219,12 +209,40 @@ def _processed_by(task: Task, node: Node) -> list[msgspec.Raw] | None:
     return [msgspec.Raw(one.serialize()) for one in (page, before) if one is not None]
 
 
+def _pickled(robot: RobotInfo) -> str:
+    """Return the argument of a student's `factories` for its process, which may unpickle what the grader writes.
+
+    Raises:
+        GraderError: something in it is of a class that the student's process cannot know.
+    """
+    buffer = io.BytesIO()
+    try:
+        _RobotPickler(buffer).dump(robot)
+    except GraderError:
+        raise
+    except Exception as error:
+        raise GraderError(f"The argument of the student's `factories` cannot be sent: {error}") from error
+    return base64.b64encode(buffer.getvalue()).decode()
+
+
+class _RobotPickler(pickle.Pickler):
+    """Refuses what only this process has loaded."""
+
+    def persistent_id(self, value: Any) -> None:
+        module = value.__module__ if isinstance(value, type) else type(value).__module__
+        if str(module).startswith((library.SCENARIO_MODULE, LAB_MODULE, "__main__")):
+            raise GraderError(
+                f"The argument of the student's `factories` holds {value!r}, whose class is defined in {module}.",
+                fix="define such classes in the robot's folder, which the student's process may read.",
+            )
+
+
 class RemoteEndpointFactory(EndpointFactory):
     """Makes the proxy of an endpoint."""
 
     def __init__(self, remote: Remote, number: int) -> None:
         super().__init__()
-        self.remote = remote
+        self.remote: Remote = remote
         self._number = number
 
     def get(self, parent: NodeApi) -> Endpoint:
@@ -282,7 +300,7 @@ class RemoteLoopFactory(LoopFactory):
 
     def __init__(self, remote: Remote, number: int) -> None:
         super().__init__()
-        self.remote = remote
+        self.remote: Remote = remote
         self._number = number
 
     def get(self, parent: NodeApi) -> Loop:

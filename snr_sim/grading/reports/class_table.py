@@ -9,37 +9,27 @@ import csv
 import statistics
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TextIO
+from typing import TextIO, TypeAlias
 
 from snr_sim.grading.reports.feedback import number
 from snr_sim.grading.reports.plain import cell
 from snr_sim.grading.reports.results import Graded, Order
 
-ReadAll = Callable[[], Iterable[Graded]]
+ReadAll: TypeAlias = Callable[[], Iterable[Graded]]
 
 
 @dataclass
 class Summary:
-    """A class in numbers.
+    """A class in numbers, and in names of submissions."""
 
-    Args:
-        points: of each submission that has a mark.
-        max_points: points that could be had.
-        rejected, grader_errors: names of submissions that could not be graded, and of those without a grade.
-        unjudged: names of those with a grade whose result in some case the check could not judge.
-        checks: how many got all points of each check, by its title.
-        ranked: per ranked metric the names with their value, unordered.
-        orders: whether the least or the most is best.
-    """
-
-    points: list[float] = field(default_factory=list)
+    points: list[float] = field(default_factory=list)  # of each submission that has a mark
     max_points: float = 0.0
-    rejected: list[str] = field(default_factory=list)
-    grader_errors: list[str] = field(default_factory=list)
-    unjudged: list[str] = field(default_factory=list)
-    checks: dict[str, int] = field(default_factory=dict)
-    ranked: dict[str, list[tuple[float, str]]] = field(default_factory=dict)
-    orders: dict[str, Order] = field(default_factory=dict)
+    rejected: list[str] = field(default_factory=list)  # could not be graded
+    grader_errors: list[str] = field(default_factory=list)  # have no mark
+    unjudged: list[str] = field(default_factory=list)  # have a mark, but some case could not be judged
+    checks: dict[str, int] = field(default_factory=dict)  # how many got all points of each check, by its title
+    ranked: dict[str, list[tuple[float, str]]] = field(default_factory=dict)  # of each ranked metric, unordered
+    orders: dict[str, Order] = field(default_factory=dict)  # whether the least or the most is best
 
     def add(self, graded: Graded) -> None:
         """Count a submission."""

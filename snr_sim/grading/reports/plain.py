@@ -20,17 +20,13 @@ def plain(text: str, limit: int = 4000) -> str:
     >>> print(plain("red \\x1b[31m, back \\u202e, bell \\a, half \\ud800"))
     red \\x1b[31m, back \\u202e, bell \\x07, half \\ud800
     """
-    cut = text[:limit]
-    shown = "".join(char if _is_seen(char) else _escaped(char) for char in cut)
+    shown = "".join(map(_visible, text[:limit]))
     return shown if len(text) <= limit else f"{shown} ... ({len(text) - limit} characters more)"
 
 
-def _is_seen(char: str) -> bool:
-    return char in _KEPT or unicodedata.category(char) not in _HIDDEN
-
-
-def _escaped(char: str) -> str:
-    return char.encode("unicode_escape").decode()
+def _visible(char: str) -> str:
+    is_seen = char in _KEPT or unicodedata.category(char) not in _HIDDEN
+    return char if is_seen else char.encode("unicode_escape").decode()
 
 
 def one_line(text: str, limit: int = 300) -> str:

@@ -46,7 +46,7 @@ class Confiner:
 
     def __init__(self) -> None:
         self.user, self._claim = _claim_user()
-        self.listener = -1  # where the process asks whether it may make a file, once it has sent that
+        self.listener: int = -1  # where the process asks whether it may make a file, once it has sent that
         try:
             self.scratch = Path(tempfile.mkdtemp(prefix="snr-scratch-"))
             os.chown(self.scratch, self.user, self.user)

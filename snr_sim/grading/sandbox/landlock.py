@@ -16,8 +16,8 @@ from pathlib import Path
 from snr_sim.grading.sandbox.system_calls import call_kernel
 
 WRITE_FILE, READ_FILE, READ_DIR, REMOVE_FILE, MAKE_FILE, TRUNCATE = 1 << 1, 1 << 2, 1 << 3, 1 << 5, 1 << 8, 1 << 14
-READ = READ_FILE | READ_DIR
-SCRATCH = READ | WRITE_FILE | REMOVE_FILE | MAKE_FILE | TRUNCATE
+READ: int = READ_FILE | READ_DIR
+SCRATCH: int = READ | WRITE_FILE | REMOVE_FILE | MAKE_FILE | TRUNCATE
 _OF_A_FILE = READ_FILE | WRITE_FILE | TRUNCATE
 _FIRST_RIGHTS, _NEWEST_NEEDED = 13, 3  # version 1 knows 13 rights of files, 2 and 3 one more each: links, emptying
 _CREATE, _ADD_RULE, _RESTRICT = 444, 445, 446  # system calls, on every kind of computer

@@ -22,10 +22,10 @@ from pathlib import Path
 import snr_sim
 from snr_sim.prelude.errors import SnrError
 
-KIT = Path(snr_sim.__file__).resolve().parent
+KIT: Path = Path(snr_sim.__file__).resolve().parent
 NOBODY = 65534
-LABS = KIT / "shipped" / "assignments"  # where an installed kit has them
-SYSTEM = ("/lib", "/lib32", "/lib64", "/libx32")
+LABS: Path = KIT / "shipped" / "assignments"  # where an installed kit has them
+SYSTEM: tuple[str, ...] = ("/lib", "/lib32", "/lib64", "/libx32")
 _SUBMISSION = "/submission"
 _SCRATCH_BYTES = 16 << 20
 
@@ -36,18 +36,11 @@ class IsolationMissingError(SnrError):
 
 @dataclass(frozen=True)
 class Limits:
-    """What a student's process may use.
+    """What a student's process may use."""
 
-    Args:
-        cpu_s: CPU time of its whole life, its start with the imports included.
-        memory_bytes: address space.
-        file_bytes: the longest file it may write.
-        open_files: how many files it may have open.
-    """
-
-    cpu_s: int = 60
-    memory_bytes: int = 1 << 30
-    file_bytes: int = _SCRATCH_BYTES
+    cpu_s: int = 60  # of its whole life, its start with the imports included
+    memory_bytes: int = 1 << 30  # of address space
+    file_bytes: int = _SCRATCH_BYTES  # of the longest file it may write
     open_files: int = 64
 
     def wall_s(self, cpu_s: float) -> float:

@@ -19,7 +19,7 @@ import errno
 import os
 import struct
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from snr_sim.grading.sandbox.system_calls import (
     ALLOWED,
@@ -39,7 +39,7 @@ _CREATES = os.O_CREAT | 0o20000000  # O_CREAT, __O_TMPFILE
 _FAMILY_UNIX, _STREAM, _SOCKET_TYPE = 1, 1, 0xF
 _ALL_BITS = 0xFFFFFFFF
 
-Instruction = tuple[int, int, int, int]  # code, jump if true, jump if false, constant
+Instruction: TypeAlias = tuple[int, int, int, int]  # code, jump if true, jump if false, constant
 
 
 class SeccompMissingError(Exception):
@@ -47,21 +47,13 @@ class SeccompMissingError(Exception):
 
 
 class Condition(NamedTuple):
-    """What an argument must be.
+    """What an argument must be."""
 
-    Args:
-        argument: which, from 0.
-        value: of its lower 32 bits, as far as they are in `mask`.
-        mask: which bits count.
-        is_equal: False if it must be any other value.
-        half: 1 for the upper 32 bits.
-    """
-
-    argument: int
-    value: int
+    argument: int  # which, from 0
+    value: int  # of its 32 bits, as far as they are in `mask`
     mask: int = _ALL_BITS
-    is_equal: bool = True
-    half: int = 0
+    is_equal: bool = True  # False if it must be any other value
+    half: int = 0  # 1 for the upper 32 bits
 
 
 def conditions(pid: int) -> dict[str, tuple[Condition, ...]]:

@@ -11,19 +11,15 @@ from __future__ import annotations
 import ctypes
 import os
 
-ARCHITECTURES = {"x86_64": 0xC000003E, "aarch64": 0xC00000B7}  # AUDIT_ARCH_... of linux/audit.h
-COLUMN = {"x86_64": 0, "aarch64": 1}
+ARCHITECTURES: dict[str, int] = {"x86_64": 0xC000003E, "aarch64": 0xC00000B7}  # AUDIT_ARCH_... of linux/audit.h
+COLUMN: dict[str, int] = {"x86_64": 0, "aarch64": 1}
 ABSENT = -1
 
 
 def _table(text: str) -> dict[str, tuple[int, int]]:
     """Return the numbers in a table of "name number-on-x86-64 number-on-aarch64, ..."; "-": it has none there."""
-    rows = (row.split() for row in text.split(","))
-    return {name: (_number(intel), _number(arm)) for name, intel, arm in rows}
-
-
-def _number(text: str) -> int:
-    return ABSENT if text == "-" else int(text)
+    rows = (row.replace("-", str(ABSENT)).split() for row in text.split(","))
+    return {name: (int(intel), int(arm)) for name, intel, arm in rows}
 
 
 # The kernel checks the list from the top: reading and writing come first.
@@ -57,14 +53,14 @@ _ITSELF = """
     getcpu 309 168, futex 202 98, set_tid_address 218 96, set_robust_list 273 99, rseq 334 293, arch_prctl 158 -,
     membarrier 324 283, getrandom 318 278
 """
-ALLOWED = _table(_DATA) | _table(_FILES) | _table(_WAITING_AND_SIGNALS) | _table(_ITSELF)
+ALLOWED: dict[str, tuple[int, int]] = _table(_DATA) | _table(_FILES) | _table(_WAITING_AND_SIGNALS) | _table(_ITSELF)
 # Allowed with certain arguments only: seccomp.py names them.
-WITH_CONDITIONS = _table(
+WITH_CONDITIONS: dict[str, tuple[int, int]] = _table(
     "open 2 -, openat 257 56, kill 62 129, tkill 200 130, tgkill 234 131, socketpair 53 199, sendto 44 206"
 )
 # Refused as the limit of processes refuses it, so that a program gets the same error in either isolation.
-STARTS_A_PROCESS = _table("clone 56 220, fork 57 -, vfork 58 -")
-SECCOMP = (317, 277)
+STARTS_A_PROCESS: dict[str, tuple[int, int]] = _table("clone 56 220, fork 57 -, vfork 58 -")
+SECCOMP: tuple[int, int] = (317, 277)
 
 
 def number_of(call: str, machine: str) -> int | None:

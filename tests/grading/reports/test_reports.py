@@ -14,13 +14,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from snr_sim.grading.reports.check50 import check50
 from snr_sim.grading.reports.class_table import Summary, write_cases, write_class, write_leaderboard
 from snr_sim.grading.reports.distribution import draw_distribution
-from snr_sim.grading.reports.gradescope import gradescope_results
-from snr_sim.grading.reports.junit import junit
 from snr_sim.grading.reports.plain import cell, fenced, markdown, plain
 from snr_sim.grading.reports.results import CaseResult, CheckResult, Graded
+from snr_sim.grading.reports.services import check50, gradescope_results, junit
 from snr_sim.grading.reports.student_page import student_page
 
 FOR_STUDENTS: dict[str, Callable[[Graded], str]] = {
