@@ -14,22 +14,22 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from snr_sim.learning.discretiser import Discretiser
 from snr_sim.learning.lander_envs import (
     FUEL_WEIGHT,
     LANDED,
     NOT_LANDED,
-    SPEED_WEIGHT,
     VERTICAL_ACTIONS,
     VERTICAL_NAMES,
     VERTICAL_THROTTLES,
     LanderVertical,
     reference_speeds_mps,
+    vertical_potentials,
 )
 from snr_sim.learning.q_table import QTable
 from snr_sim.learning.settings import check_batch, check_finite
+from snr_sim.learning.tile_coding import ActionValues
 from snr_sim.learning.vertical_batch import Bools, Floats, Landers, step
 from snr_sim.plants.lander.descent import Engine
 from snr_sim.plants.lander.gear import APOLLO_GEAR
@@ -149,8 +149,8 @@ class VerticalBatchTask:
 
     def rewards(self, before: Landers, after: Landers, touches: Bools, landed: Bools) -> Floats:
         """Return what a step was worth to each, as in `LanderEnv.reward`."""
-        potential = -SPEED_WEIGHT * np.abs(before.velocity_mps - self.reference_speed(before.height_m))
-        then = -SPEED_WEIGHT * np.abs(after.velocity_mps - self.reference_speed(after.height_m))
+        gravity = self.engine.gravity_mps2
+        potential, then = (vertical_potentials(one.height_m, one.velocity_mps, gravity) for one in (before, after))
         ends = np.where(landed, LANDED, NOT_LANDED)
         burned: Floats = (before.fuel_kg - after.fuel_kg) / self.tank_kg
         reward: Floats = np.where(touches, ends, then) - potential - FUEL_WEIGHT * burned
@@ -196,11 +196,10 @@ def train_vertical(
     how = training or BatchTraining()
     rng = np.random.default_rng(how.seed)
     throttles, cells_of = np.array(VERTICAL_THROTTLES), table.discretiser.cells
-    values, visits = table.values.reshape(-1), table.visits.reshape(-1)
-    count = len(VERTICAL_THROTTLES)
+    learner = ActionValues(lambda observed: cells_of(observed)[:, None], table.values, table.visits)
     landers = task.exploring_starts(how.landers, rng)
     episode_steps = np.zeros(how.landers, np.int64)
-    cells = cells_of(task.observe(landers[0], landers[1], rng))
+    cells = learner.tiles_of(task.observe(landers[0], landers[1], rng))
     mean = QTable(table.discretiser, table.actions, table.environment)
     mean.values[:], mean.visits = table.values, table.visits
     follows = min(1.0, MEAN_INTERVAL / (MEAN_SHARE * how.steps))
@@ -224,23 +223,22 @@ def train_vertical(
     evaluate(0)
     for i in range(how.steps):
         epsilon = max(how.epsilon[1], how.epsilon[0] * (1.0 - i / (0.7 * how.steps)))
-        actions = np.argmax(table.values[cells], axis=1)
-        explores = rng.random(how.landers) < epsilon
-        actions[explores] = rng.integers(0, count, int(explores.sum()))
+        actions = learner.choose(cells, epsilon, rng)
         before = Landers(*landers)
         after, touches, speeds = step(before, throttles[actions], task.engine, STEP_S)
         rewards = task.rewards(before, after, touches, touches & APOLLO_GEAR.is_within(speeds)[0])
-        next_cells = cells_of(task.observe(before.height_m, before.velocity_mps, rng))  # radar readings are a step late
-        targets = rewards + np.where(touches, 0.0, table.values[next_cells].max(axis=1))
+        # Radar readings are a step late.
+        next_cells = learner.tiles_of(task.observe(before.height_m, before.velocity_mps, rng))
+        targets = rewards + np.where(touches, 0.0, learner.of(next_cells).max(axis=1))
         check_finite(float(targets.sum()), f"step {i + 1}")
-        _update_values(values, visits, cells * count + actions, targets, how.min_step_size)
+        learner.learn(cells, actions, targets, how.min_step_size)
         episode_steps += 1
         over = touches | (after.height_m > CEILING_M) | (episode_steps > MAX_STEPS)
         landers, cells = np.stack(after), next_cells
         if over.any():
             fresh = task.exploring_starts(int(over.sum()), rng)
             landers[:, over], episode_steps[over] = fresh, 0
-            cells[over] = cells_of(task.observe(fresh[0], fresh[1], rng))
+            cells[over] = learner.tiles_of(task.observe(fresh[0], fresh[1], rng))
         is_last = i + 1 == how.steps
         if (i + 1) % MEAN_INTERVAL == 0 or is_last:
             mean.values += follows * (table.values - mean.values)
@@ -270,13 +268,3 @@ def evaluate_table(table: QTable, task: VerticalBatchTask, count: int, seed: int
             break
         landers, observed = np.stack(after)[:, is_flying], observed[is_flying]
     return EvaluationResult(landed / count, burned_kg / count)
-
-
-def _update_values(
-    values: Floats, visits: NDArray[np.int64], places: NDArray[np.int64], targets: Floats, min_step_size: float
-) -> None:
-    """Move the values at some indices towards targets; of several for one index, towards their mean."""
-    hit, which, counts = np.unique(places, return_inverse=True, return_counts=True)
-    visits[hit] += counts
-    steps = np.maximum(min_step_size, (1.0 + visits[hit] / 30.0) ** -0.7)
-    values[hit] += steps * (np.bincount(which, targets) / counts - values[hit])

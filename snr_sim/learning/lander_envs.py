@@ -93,13 +93,13 @@ def reference_speeds_mps(altitudes_m: Floats, gravity_mps2: float) -> Floats:
     return speeds
 
 
-def vertical_potentials(altitudes_m: Floats, speeds_mps: Floats) -> Floats:
+def vertical_potentials(altitudes_m: Floats, speeds_mps: Floats, gravity_mps2: float = MOON_GRAVITY_MPS2) -> Floats:
     """Return `LanderEnv.potential` of many landers, to the last bit.
 
     >>> vertical_potentials(np.array([0.0]), np.array([-3.0])).tolist()
     [-0.4]
     """
-    potentials: Floats = -SPEED_WEIGHT * np.abs(speeds_mps - reference_speeds_mps(altitudes_m, MOON_GRAVITY_MPS2))
+    potentials: Floats = -SPEED_WEIGHT * np.abs(speeds_mps - reference_speeds_mps(altitudes_m, gravity_mps2))
     return potentials
 
 

@@ -28,20 +28,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.learning.array_file import check_memory, read_arrays, write_arrays
+from snr_sim.learning.array_file import FileMetadata, check_memory, read_arrays, write_arrays
 from snr_sim.learning.lander_envs import (
     FUEL_WEIGHT,
     LANDED,
     NOT_LANDED,
     PAD_THROTTLES,
     PAD_TURNS,
-    SPEED_WEIGHT,
     LanderPad,
     reference_speeds_mps,
+    vertical_potentials,
 )
 from snr_sim.learning.plane_batch import Bools, Floats, PlaneLanders, step, touches
 from snr_sim.learning.settings import check_batch
@@ -50,7 +49,6 @@ from snr_sim.plants.lander.module import LunarModule
 from snr_sim.prelude.errors import RecordingError
 
 ENVIRONMENT = "snr_sim/LanderPad-v0"
-FORMAT = 1
 STEP_S = 0.1
 TILINGS = 8
 BURN_AXES = (Axis("altitude_m", 0.0, 200.0, 30), Axis("vz_mps", -25.0, 6.0, 50))
@@ -67,23 +65,12 @@ MEAN_INTERVAL = 10  # steps
 MAKER = "PadPolicy.save"
 
 
-class PolicyMetadata(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a policy's file contains in addition to its numbers.
+class PolicyMetadata(FileMetadata, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Metadata in a policy's file: the axes of the tiles, and how many tilings each of both has."""
 
-    Args:
-        environment: what it was learned in.
-        burn, lean: the axes of the tiles.
-        tilings: of each.
-        made_by: numbers of the training.
-        version: of this format.
-    """
-
-    environment: str
     burn: tuple[Axis, ...]
     lean: tuple[Axis, ...]
     tilings: int
-    made_by: str = ""
-    version: int = FORMAT
 
 
 class PadPolicy:
@@ -120,7 +107,9 @@ class PadPolicy:
             RecordingError: it cannot be written there.
         """
         burn, lean = self.burn.coder, self.lean.coder
-        about = PolicyMetadata(ENVIRONMENT, burn.axes, lean.axes, burn.tilings, self.made_by)
+        about = PolicyMetadata(
+            environment=ENVIRONMENT, made_by=self.made_by, burn=burn.axes, lean=lean.axes, tilings=burn.tilings
+        )
         write_arrays(path, about, {"burn": self.burn.weights, "lean": self.lean.weights})
 
     @classmethod
@@ -132,10 +121,6 @@ class PadPolicy:
         """
 
         def empty(about: PolicyMetadata) -> tuple[PadPolicy, dict[str, NDArray[Any]]]:
-            if about.version != FORMAT:
-                raise RecordingError(
-                    f"{path} has version {about.version}; this kit reads {FORMAT}.", fix="train it again."
-                )
             for question, found, expected in (("burn", about.burn, BURN_AXES), ("lean", about.lean, LEAN_AXES)):
                 ours, theirs = ([axis.name for axis in axes] for axes in (expected, found))
                 if theirs != ours:
@@ -149,9 +134,7 @@ class PadPolicy:
             policy.made_by = about.made_by
             return policy, {"burn": policy.burn.weights, "lean": policy.lean.weights}
 
-        _, policy, arrays = read_arrays(path, PolicyMetadata, empty, "policy of tiles", MAKER, ENVIRONMENT)
-        policy.burn.weights, policy.lean.weights = arrays["burn"], arrays["lean"]
-        return policy
+        return read_arrays(path, PolicyMetadata, empty, "policy of tiles", MAKER, ENVIRONMENT)
 
 
 @dataclass(frozen=True)
@@ -220,7 +203,7 @@ class PadBatchTask:
         height = 180.0 * self.rng.random(count) ** 2
         near = np.minimum(1.0, 0.2 + height / 50.0)
         fuel, throttle = draw(200.0, 700.0, count), self.rng.choice(np.array(PAD_THROTTLES), count)
-        vz = self.reference_speed(height) + draw(-8.0, 8.0, count) * near
+        vz = reference_speeds_mps(height, self.module.gravity_mps2) + draw(-8.0, 8.0, count) * near
         attitude, rate = (limit * draw(-1.0, 1.0, count) ** 3 for limit in (0.35, 0.15))
         vx = draw(-9.0, 9.0, count) * self.rng.random(count)
         return PlaneLanders(height, vz, vx, attitude, rate, self.dry_kg + fuel, fuel, throttle)
@@ -232,10 +215,6 @@ class PadBatchTask:
         attitude, rate = np.radians(draw(-6.0, 6.0, count)), np.radians(draw(-1.0, 1.0, count))
         fuel = draw(500.0, 700.0, count)
         return PlaneLanders(height, vz, vx, attitude, rate, self.dry_kg + fuel, fuel, np.zeros(count))
-
-    def reference_speed(self, height: Floats) -> Floats:
-        """Return the suitable speed for each height, as the environment defines it."""
-        return reference_speeds_mps(height, self.module.gravity_mps2)
 
     def observe(self, landers: PlaneLanders) -> tuple[Floats, Floats]:
         """Return what the sensors measure: height and vz, shape (n, 2); vx, attitude and rate, shape (n, 3)."""
@@ -257,8 +236,8 @@ class PadBatchTask:
     def burn_rewards(self, before: PlaneLanders, after: PlaneLanders, down: Bools) -> Floats:
         """Return the reward of a step for the policy of the throttle."""
         tank_kg = 600.0  # about what they start with
-        was = -SPEED_WEIGHT * np.abs(before.vz_mps - self.reference_speed(before.height_m))
-        then = -SPEED_WEIGHT * np.abs(after.vz_mps - self.reference_speed(after.height_m))
+        gravity = self.module.gravity_mps2
+        was, then = (vertical_potentials(one.height_m, one.vz_mps, gravity) for one in (before, after))
         ends = np.where(self.is_within(after, MARGIN)[0], LANDED, NOT_LANDED)
         burned: Floats = (before.fuel_kg - after.fuel_kg) / tank_kg
         reward: Floats = np.where(down, ends, DISCOUNT_BURN * then) - was - FUEL_WEIGHT * burned
@@ -300,7 +279,7 @@ def train_pad(
     for i in range(how.steps):
         epsilon = max(how.epsilon[1], how.epsilon[0] * (1.0 - i / (0.7 * how.steps)))
         min_step_size = max(how.min_step_size[1], how.min_step_size[0] * (1.0 - i / (0.8 * how.steps)))
-        throttle, turn = _explored(burn.of(burn_tiles), epsilon, rng), _explored(lean.of(lean_tiles), epsilon, rng)
+        throttle, turn = burn.choose(burn_tiles, epsilon, rng), lean.choose(lean_tiles, epsilon, rng)
         after = step(landers, throttles[throttle], turns[turn], task.module, STEP_S)
         down = touches(after)
         next_burn, next_lean = _tiles(policy, task, landers)  # sensor readings are a step late
@@ -361,14 +340,6 @@ def _tiles(policy: PadPolicy, task: PadBatchTask, landers: PlaneLanders) -> tupl
     """Return the tiles of both questions where sensors see landers."""
     burn, lean = task.observe(landers)
     return policy.burn.coder.tiles(burn), policy.lean.coder.tiles(lean)
-
-
-def _explored(values: Floats, epsilon: float, rng: np.random.Generator) -> Ints:
-    """Return the action of the highest value in each row, sometimes a random one."""
-    actions: Ints = np.argmax(values, axis=1)
-    explores = rng.random(len(actions)) < epsilon
-    actions[explores] = rng.integers(0, values.shape[1], int(explores.sum()))
-    return actions
 
 
 def _is_lost(landers: PlaneLanders) -> Bools:

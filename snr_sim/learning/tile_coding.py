@@ -8,7 +8,7 @@ is learned in one state counts in part for all states that share tiles with it.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import msgspec
 import numpy as np
@@ -89,23 +89,19 @@ class TileCoder:
         return tiles
 
 
-class TiledValues:
-    """What actions are worth, by tiles.
+class ActionValues:
+    """What actions are worth: the sum of one weight of each tiling. A table is one tiling, of its cells.
 
     Args:
-        coder: makes tiles of observations.
-        actions: how many there are.
-
-    Attributes:
-        weights: shape (tiles, actions); a value is the sum over the tiles.
-        visits: shape (tiles, actions), how often a weight was learned.
+        tiles_of: makes tiles, shape (n, tilings), of observations, shape (n, numbers).
+        weights: shape (tiles, actions); changed in place.
+        visits: shape (tiles, actions), how often a weight was learned; changed in place.
     """
 
-    def __init__(self, coder: TileCoder, actions: int) -> None:
-        self.coder = coder
-        self.actions = actions
-        self.weights: Floats = np.zeros((coder.count, actions))
-        self.visits: Ints = np.zeros((coder.count, actions), np.int64)
+    def __init__(self, tiles_of: Callable[[Floats], Ints], weights: Floats, visits: Ints) -> None:
+        self.tiles_of: Callable[[Floats], Ints] = tiles_of
+        self.weights: Floats = weights
+        self.visits: Ints = visits
 
     def of(self, tiles: Ints) -> Floats:
         """Return the values of all actions, shape (n, actions), where the tiles are, shape (n, tilings)."""
@@ -114,8 +110,15 @@ class TiledValues:
 
     def best(self, observations: Floats) -> Ints:
         """Return the action that is worth most for each observation, shape (n,); the first of several."""
-        chosen: Ints = np.argmax(self.of(self.coder.tiles(observations)), axis=1)
+        chosen: Ints = np.argmax(self.of(self.tiles_of(observations)), axis=1)
         return chosen
+
+    def choose(self, tiles: Ints, epsilon: float, rng: np.random.Generator) -> Ints:
+        """Return the action that is worth most at each place, with probability epsilon a random one; shape (n,)."""
+        actions: Ints = np.argmax(self.of(tiles), axis=1)
+        explores = rng.random(len(actions)) < epsilon
+        actions[explores] = rng.integers(0, self.weights.shape[1], int(explores.sum()))
+        return actions
 
     def learn(self, tiles: Ints, actions: Ints, targets: Floats, min_step_size: float) -> None:
         """Move values towards targets; of several for one weight, by their mean.
@@ -126,9 +129,10 @@ class TiledValues:
             targets: what they should have been, shape (n,).
             min_step_size: minimum step size of an update; at first nearly 1, and less from visit to visit.
         """
-        places = tiles * self.actions + actions[:, None]
+        tilings = tiles.shape[1]
+        places = tiles * self.weights.shape[1] + actions[:, None]
         weights, visits = self.weights.reshape(-1), self.visits.reshape(-1)
-        misses = np.repeat((targets - weights[places].sum(axis=1)) / self.coder.tilings, self.coder.tilings)
+        misses = np.repeat((targets - weights[places].sum(axis=1)) / tilings, tilings)
         places = places.ravel()
         counts = np.bincount(places, minlength=len(weights))
         sums = np.bincount(places, misses, minlength=len(weights))
@@ -136,6 +140,20 @@ class TiledValues:
         visits[hit] += counts[hit]
         steps = np.maximum(min_step_size, (1.0 + visits[hit] / 30.0) ** -0.7)
         weights[hit] += steps * sums[hit] / counts[hit]
+
+
+class TiledValues(ActionValues):
+    """What actions are worth, by the tiles of a coder; at first nothing.
+
+    Args:
+        coder: makes tiles of observations.
+        actions: how many there are.
+    """
+
+    def __init__(self, coder: TileCoder, actions: int) -> None:
+        shape = coder.count, actions
+        super().__init__(coder.tiles, np.zeros(shape), np.zeros(shape, np.int64))
+        self.coder: TileCoder = coder
 
 
 def _cut(axis: Axis, value: float) -> float:
