@@ -12,16 +12,7 @@ from numpy.typing import NDArray
 from snr_sim.learning.copyable import CopyableEnv
 from snr_sim.learning.gym import box, spaces
 from snr_sim.learning.lunar_box_picture import frame_of
-from snr_sim.learning.lunar_box_world import (
-    CHUNKS,
-    HEIGHT,
-    LEG_DOWN,
-    PAD_Y,
-    START_ARM,
-    STEPS_HZ,
-    WIDTH,
-    LunarBoxWorld,
-)
+from snr_sim.learning.lunar_box_world import CHUNKS, HEIGHT, LEG_DOWN, PAD_Y, START_ARM, STEPS_HZ, WIDTH, LunarBoxWorld
 from snr_sim.prelude.errors import ParameterError
 
 POWERS = {0: (0.0, 0.0), 1: (0.0, -1.0), 2: (1.0, 0.0), 3: (0.0, 1.0)}  # of the main and the orientation engines

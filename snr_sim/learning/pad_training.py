@@ -253,10 +253,7 @@ class PadBatchTask:
 
 
 def train_pad(
-    policy: PadPolicy,
-    env: LanderPad,
-    training: PadTraining | None = None,
-    on_step: Callable[[], None] = lambda: None,
+    policy: PadPolicy, env: LanderPad, training: PadTraining | None = None, on_step: Callable[[], None] = lambda: None
 ) -> list[EvaluationResult]:
     """Learn to land in the plane; return the trials on the way, which are the learning curve.
 

@@ -9,13 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snr_sim.learning.gym import AutoresetMode
-from snr_sim.learning.lander_envs import (
-    PAD_THROTTLES,
-    PAD_TURNS,
-    LanderPad,
-    lateral_cost,
-    vertical_potentials,
-)
+from snr_sim.learning.lander_envs import PAD_THROTTLES, PAD_TURNS, LanderPad, lateral_cost, vertical_potentials
 from snr_sim.learning.lander_vector import Bools, Floats, Indices, LanderVectorEnv
 from snr_sim.learning.plane_flight import PlaneFlight
 from snr_sim.learning.sensor_batch import SensorBatch

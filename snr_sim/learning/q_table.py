@@ -69,11 +69,7 @@ class QTable:
         """
         grid = self.discretiser
         about = QTableMetadata(
-            environment=self.environment,
-            made_by=self.made_by,
-            names=grid.names,
-            edges=grid.edges,
-            actions=self.actions,
+            environment=self.environment, made_by=self.made_by, names=grid.names, edges=grid.edges, actions=self.actions
         )
         write_arrays(path, about, {"values": self.values, "visits": self.visits})
 

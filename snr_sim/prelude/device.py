@@ -15,13 +15,7 @@ from typing import Protocol, TypeAlias, TypeVar, runtime_checkable
 
 import msgspec
 
-from snr_sim.prelude.signals import (
-    AppliedPulses,
-    DepthReading,
-    EchoReading,
-    ImuReading,
-    PowerReading,
-)
+from snr_sim.prelude.signals import AppliedPulses, DepthReading, EchoReading, ImuReading, PowerReading
 
 ReadingT = TypeVar("ReadingT", covariant=True)
 CommandT = TypeVar("CommandT")

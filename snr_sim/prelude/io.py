@@ -34,15 +34,11 @@ UNSUPPORTED = {
         "gpiozero's servos are not for speed controllers: on a Raspberry Pi (lgpio) they have steps of 200 us at "
         "50 Hz. Measured: of 1100 to 1900 us only 1000, 1200, 1400, 1600 and 1800 come out, so neutral, 1500, becomes "
         "1400, which is reverse thrust, and the lowest is beyond the limit (gpiozero#1209)."
-    ),
+    )
 }
 BENCH = ("mcu", "maestro", "pca9685", "sysfs")  # real outputs, and the rest simulated, in real time
 ON_SERIAL_PORTS = ("mcu", "maestro")
-_EXAMPLES = {
-    "PORT": "/dev/ttyUSB0",
-    "BUS:ADDR": "1:0x40",
-    "RUN": "runs/urov_depth_hold-0-...",
-}
+_EXAMPLES = {"PORT": "/dev/ttyUSB0", "BUS:ADDR": "1:0x40", "RUN": "runs/urov_depth_hold-0-..."}
 
 
 @dataclass(frozen=True)

@@ -46,8 +46,7 @@ def event(name: str, val_list: Sequence[Any] = _NO_VALUES) -> Task:
     if isinstance(val_list, (list, tuple)):
         return Task(_EVENT, name, list(val_list))
     raise TaskError(
-        f"The event '{name}' carries {val_list!r}, which is not a list.",
-        fix=f"tasks.event({name!r}, [{val_list!r}]).",
+        f"The event '{name}' carries {val_list!r}, which is not a list.", fix=f"tasks.event({name!r}, [{val_list!r}])."
     )
 
 

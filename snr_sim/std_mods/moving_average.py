@@ -102,11 +102,7 @@ class MovingAvgFilterFactory(EndpointFactory):
     """
 
     def __init__(
-        self,
-        input_key: DataKey,
-        output_key: DataKey,
-        filter_length: int,
-        endpoint_name: str = "moving_avg_filter",
+        self, input_key: DataKey, output_key: DataKey, filter_length: int, endpoint_name: str = "moving_avg_filter"
     ) -> None:
         super().__init__()
         if input_key == output_key:

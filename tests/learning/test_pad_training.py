@@ -115,10 +115,7 @@ def test_non_policy_file_raises_and_is_not_unpickled(tmp_path: Path, learned: Pa
 @pytest.mark.parametrize(
     ("axes", "message"),
     [
-        (
-            {"burn": BURN_AXES[::-1]},
-            "burn by vz_mps, altitude_m; what flies looks at altitude_m, vz_mps",
-        ),
+        ({"burn": BURN_AXES[::-1]}, "burn by vz_mps, altitude_m; what flies looks at altitude_m, vz_mps"),
         ({"burn": BURN_AXES[:1]}, "decides how to burn by altitude_m; what"),
         ({"lean": (*LEAN_AXES, BURN_AXES[0])}, "decides how to lean by vx_mps, attitude_rad, rate_radps, altitude_m"),
     ],

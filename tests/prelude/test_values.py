@@ -33,9 +33,7 @@ keys = st.one_of(st.text(st.characters(exclude_categories=["Cs"]), max_size=5), 
 values = st.recursive(
     scalars,
     lambda inner: st.one_of(
-        st.lists(inner, max_size=4),
-        st.lists(inner, max_size=4).map(tuple),
-        st.dictionaries(keys, inner, max_size=4),
+        st.lists(inner, max_size=4), st.lists(inner, max_size=4).map(tuple), st.dictionaries(keys, inner, max_size=4)
     ),
     max_leaves=12,
 )
@@ -104,11 +102,7 @@ def test_large_arrays_survive_too(dtype: str, size: int) -> None:
 
 @pytest.mark.parametrize(
     "array",
-    [
-        np.arange(6, dtype=">f8"),
-        np.arange(12).reshape(3, 4).T,
-        np.arange(12)[::2],
-    ],
+    [np.arange(6, dtype=">f8"), np.arange(12).reshape(3, 4).T, np.arange(12)[::2]],
     ids=["big endian", "transposed", "strided"],
 )
 def test_unusual_arrays_come_back_equal(array: np.ndarray) -> None:
