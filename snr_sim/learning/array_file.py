@@ -131,11 +131,7 @@ def read_arrays(
 
 
 def check_memory(count: int) -> None:
-    """Check that a count of numbers is within the limit, before they are allocated.
-
-    Raises:
-        ParameterError: they are not.
-    """
+    """Raise ParameterError if so many numbers are beyond the limit, before they are allocated."""
     if 8 * count > MAX_BYTES:
         raise ParameterError(f"{count} numbers are more than {MAX_BYTES} bytes hold.", fix="fewer cells.")
 
@@ -146,12 +142,9 @@ def _check_size(path: str | Path, size: int, what: str) -> None:
 
 
 def _array(archive: zipfile.ZipFile, name: str, like: NDArray[Any] | None) -> NDArray[Any]:
-    """Return an array of a file; its header is looked at before its numbers are read.
+    """Return an array of a file, with the dtype and shape of `like`; without that the text, which is bytes.
 
-    Args:
-        archive: the file.
-        name: of the array.
-        like: example of its dtype and shape; None for the text, which is bytes.
+    Its header is looked at before its numbers are read.
 
     Raises:
         ValueError: it is not so; many more where the file is damaged.

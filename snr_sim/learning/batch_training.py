@@ -158,13 +158,9 @@ class VerticalBatchTask:
 
 
 def vertical_batch_task(env: LanderVertical, start: int = 0) -> VerticalBatchTask:
-    """Return what an environment's landers share: engine, masses and radar noise.
+    """Return what an environment's landers share: engine, masses and radar noise; `start` is the seed of the tank.
 
     The values are read from the scenario and not from the current plant, which may have burned propellant already.
-
-    Args:
-        env: over the scenario.
-        start: seed of the start whose tank scales the reward.
     """
     parameters: Any = env.run.with_seed(start).robot.parameters
     noise = parameters.radar.errors.noise
@@ -186,8 +182,6 @@ def train_vertical(
 
     Args:
         table: is changed; afterwards it is the best table of all trials, the latest of several.
-        task: quantities of all landers.
-        training: settings.
         on_evaluation: is called with the step and the result of the trial.
 
     Raises:

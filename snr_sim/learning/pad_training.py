@@ -74,12 +74,7 @@ class PolicyMetadata(FileMetadata, frozen=True, kw_only=True, forbid_unknown_fie
 
 
 class PadPolicy:
-    """How hard to burn and how to lean, by tiles.
-
-    Args:
-        burn, lean: axes of the tiles.
-        tilings: of each.
-    """
+    """How hard to burn and how to lean, by tiles: the axes of both, and how many tilings each has."""
 
     def __init__(
         self, burn: Sequence[Axis] = BURN_AXES, lean: Sequence[Axis] = LEAN_AXES, tilings: int = TILINGS
@@ -167,13 +162,7 @@ class PadTraining:
 
 
 class EvaluationResult(NamedTuple):
-    """Result of a trial in the batch: fractions of all landers.
-
-    Args:
-        slow: touched down slowly enough.
-        straight: touched down straight enough.
-        landed: both.
-    """
+    """Result of a trial: fractions of all landers that touched down slowly enough, straight enough, and both."""
 
     slow: float
     straight: float
@@ -181,12 +170,7 @@ class EvaluationResult(NamedTuple):
 
 
 class PadBatchTask:
-    """Simulation of a batch of landers: the module, its starts and its sensors.
-
-    Args:
-        env: the environment that the policy is for.
-        seed: of all random numbers.
-    """
+    """Simulation of a batch of landers of an environment: the module, its starts and its sensors."""
 
     def __init__(self, env: LanderPad, seed: int | Sequence[int]) -> None:
         parameters: Any = env.run.with_seed(0).robot.parameters  # not those of the current plant, which may have moved
@@ -260,7 +244,6 @@ def train_pad(
     Args:
         policy: is changed; afterwards it has the best answers that were tried.
         env: what it is for: its module, sensors and masses.
-        training: how.
         on_step: is called after each step.
     """
     how = training or PadTraining()

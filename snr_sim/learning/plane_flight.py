@@ -32,12 +32,7 @@ SPARE_M = 0.1  # more than an engine that points up adds to the descent within a
 
 
 class PlaneFlight:
-    """The state of all, each number an array of the shape (count,).
-
-    Args:
-        module: of all.
-        step_s: of the plant.
-        count: how many.
+    """The state of all, each number an array of the shape (count,). `step_s` is that of the plant.
 
     Attributes:
         x, z, attitude, vx, vz, rate: as pymunk holds them: positions half a step ahead, and the next step's fall in vz.

@@ -81,7 +81,7 @@ class QTable:
 
         Args:
             path: of the file.
-            environment: required environment; any if empty.
+            environment: required one; any if empty.
             names: required names of the observed numbers, in this order; any if empty.
             actions: required number of actions; any if empty. Their descriptions may differ.
 

@@ -143,12 +143,7 @@ class ActionValues:
 
 
 class TiledValues(ActionValues):
-    """What actions are worth, by the tiles of a coder; at first nothing.
-
-    Args:
-        coder: makes tiles of observations.
-        actions: how many there are.
-    """
+    """What actions are worth, by the tiles of a coder; at first nothing."""
 
     def __init__(self, coder: TileCoder, actions: int) -> None:
         shape = coder.count, actions

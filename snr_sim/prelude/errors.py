@@ -44,11 +44,8 @@ class TaskError(SnrError):
 class ComponentFailedError(SnrError):
     """A student's handler or loop raised, or returned an object that is not a task.
 
-    Args:
-        message: with the student's line first.
-        node: name of the node.
-        component: name of the component.
-        step: the failed step if it was not a handler: 'begin', 'setup', 'loop', 'halt', 'terminate'.
+    The message has the student's line first; `step` is 'begin', 'setup', 'loop', 'halt' or 'terminate', or empty if a
+    handler failed.
     """
 
     def __init__(self, message: str, node: str = "", component: str = "", step: str = "") -> None:
@@ -113,12 +110,7 @@ class MissingExtraError(SnrError, ImportError):
 
 
 def suggest(requested: str, known: Iterable[str], listed: str = "one of") -> str:
-    """Return a sentence that suggests the nearest known name and lists the known names.
-
-    Args:
-        wanted: the requested name.
-        known: the existing names.
-        listed: text in front of the list of names.
+    """Return a sentence that suggests the nearest known name and lists the known names, after the text `listed`.
 
     >>> suggest("motor_sped", ["depth", "motor_speed"])
     "did you mean 'motor_speed'? One of: depth, motor_speed."

@@ -43,12 +43,7 @@ _EXAMPLES = {"PORT": "/dev/ttyUSB0", "BUS:ADDR": "1:0x40", "RUN": "runs/urov_dep
 
 @dataclass(frozen=True)
 class Io:
-    """A choice of devices.
-
-    Args:
-        kind: row of the robot's device table.
-        address: the part after the kind: a port, a bus and an address, a run folder; empty for most.
-    """
+    """A choice of devices: a row of the robot's device table, and the port, bus and address or run folder after it."""
 
     kind: str
     address: str = ""

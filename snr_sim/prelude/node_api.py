@@ -142,11 +142,7 @@ class NodeApi(Protocol):
     def start_loop(self, loop: Any, on_thread: bool = False) -> None:
         """Start the ticks of a loop of this node.
 
-        By the virtual clock in lock step, else on a thread or in a process, as the loop declares.
-
-        Args:
-            loop: the loop to start.
-            on_thread: use a thread in any case.
+        By the virtual clock in lock step, else on a thread or in a process, as the loop declares, or `on_thread`.
         """
         ...
 

@@ -29,9 +29,7 @@ _are_immutable = IMMUTABLE.issuperset
 def snapshot(value: Any, objects: list[Any]) -> Any:
     """Return a copy of the data: later changes of the value do not affect it.
 
-    Args:
-        value: the data.
-        objects: gets the objects in it that are not data; they are not copied.
+    The objects in it that are not data are not copied, and are appended to `objects`.
 
     Raises:
         RecursionError: it contains itself, or is nested too deeply.

@@ -106,11 +106,7 @@ def decode_value(raw: bytes | str, kinds: Mapping[str, Callable[..., Any]] | Non
 
 
 def json_bytes(raw: bytes | str) -> bytes:
-    """Return JSON as bytes.
-
-    Raises:
-        ValueEncodingError: it is neither text nor bytes.
-    """
+    """Return JSON as bytes; raise ValueEncodingError if it is neither text nor bytes."""
     if isinstance(raw, str):
         return raw.encode(errors="surrogatepass")
     if isinstance(raw, (bytes, bytearray, memoryview)):

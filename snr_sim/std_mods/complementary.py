@@ -46,12 +46,7 @@ class ComplementaryFilter:
         self.estimate = None
 
     def update(self, rate: float, measured: float, dt_s: float) -> float:
-        """Return the estimate for this time step.
-
-        Args:
-            rate: of the quantity, since the previous update.
-            measured: current value from the slow or noisy sensor.
-            dt_s: time since the previous update.
+        """Return the estimate after a time step, from the rate in it and the value that the slow or noisy sensor has.
 
         Raises:
             ParameterError: a value is not finite, or dt_s is negative.

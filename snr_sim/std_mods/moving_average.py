@@ -95,8 +95,6 @@ class MovingAvgFilterFactory(EndpointFactory):
     """Factory of an endpoint that averages the pages of one key and stores the means under another.
 
     Args:
-        input_key: of the pages to smooth.
-        output_key: of the smoothed pages.
         filter_length: number of pages in the window.
         endpoint_name: of the endpoint; unique among the filters of a node.
     """

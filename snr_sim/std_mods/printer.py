@@ -18,7 +18,6 @@ class PrinterEndpointFactory(EndpointFactory):
     Args:
         task_ids: ids of the tasks: `[(TaskType.process_data, "depth"), TaskType.event]`.
         stream: to print to; by default the value of sys.stdout at the time of printing.
-        name: of the endpoint.
     """
 
     def __init__(self, task_ids: Sequence[TaskId], stream: TextIO | None = None, name: str = "printer") -> None:

@@ -24,8 +24,6 @@ class ListReplayerFactory(LoopFactory):
     """Factory of a loop that stores values under a key, one at each tick, then stops.
 
     Args:
-        values: in order.
-        key: of the pages.
         exit_when_done: whether to end the node once the last value is fully processed.
         rate_hz: ticks per second.
 
@@ -75,7 +73,6 @@ class TextReplayerFactory(LoopFactory):
     """Factory of a loop that stores the lines of a text file under a key, one at each tick, then stops.
 
     Args:
-        file: path of the file.
         key: of the pages; each has one line.
         exit: whether to end the node once the last line is fully processed.
         rate_hz: ticks per second.

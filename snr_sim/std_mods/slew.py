@@ -67,7 +67,6 @@ def approach(left: float, speed: float, brake: float, dt_s: float) -> float:
         left: remaining distance, with its sign.
         speed: maximum speed.
         brake: deceleration, in speed per second.
-        dt_s: time step.
 
     >>> approach(5.0, speed=0.5, brake=0.1, dt_s=0.1), approach(-0.05, speed=0.5, brake=0.1, dt_s=0.1)
     (0.05, -0.010000000000000002)

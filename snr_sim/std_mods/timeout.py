@@ -17,8 +17,6 @@ class TimeoutLoopFactory(LoopFactory):
     """Factory of a loop that schedules a task `seconds` plus `ms` after the node begins; exact in virtual time.
 
     Args:
-        seconds: to wait.
-        ms: milliseconds to wait in addition.
         task: to schedule; by default a task that ends the node.
         name: of the loop; unique among the timeouts of a node.
 

@@ -16,13 +16,7 @@ PRESS_DURATION_S = 0.2  # as long as a finger stays on a button: our own choice
 
 
 class ButtonPanelFactory(LoopFactory):
-    """Makes the panel.
-
-    Args:
-        key: of its page.
-        presses_s: for each button the times at which it goes down.
-        rate_hz: how often its page is stored.
-    """
+    """Makes the panel, which stores its page at a rate; `presses_s` are the times at which each button goes down."""
 
     def __init__(self, key: str, presses_s: Mapping[str, Sequence[float]], rate_hz: float) -> None:
         super().__init__()
