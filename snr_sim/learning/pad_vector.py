@@ -71,7 +71,7 @@ class LanderPadVector(LanderVectorEnv):
     def _advance(self, actions: Any, is_flying: Bools) -> dict[int, Verdict]:
         throttles, gimbals, turns, goals = self._commands(actions)
         flight = self._flight
-        before = flight.snapshot()
+        before = flight.numbers.copy()
         alone = is_flying.copy()  # in flight, and not in a plant of its own
         alone[list(self._plants)] = False
         near = flight.near(self._step_s)
@@ -88,11 +88,11 @@ class LanderPadVector(LanderVectorEnv):
                 if verdict is None:
                     self._plants[i] = self._plant_of(i, before)
                 else:
-                    verdicts[i], ended[i] = verdict, flight.column(i)
+                    verdicts[i], ended[i] = verdict, flight.numbers[:, i].copy()
             near = near[alone[near]]
             flight.move()
         for i, column in ended.items():
-            flight.put_column(i, column)
+            flight.numbers[:, i] = column
         for i, plant in list(self._plants.items()):
             plant.write("engine", EngineCommand(float(throttles[i]), float(gimbals[i]), float(turns[i])))
             for _ in range(self._parts):

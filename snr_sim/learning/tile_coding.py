@@ -69,11 +69,8 @@ class TileCoder:
                 f"{tilings} grids of {math.prod(sizes)} tiles.",
                 fix=f"1 to {MAX_TILES} tiles in all, of one number or more.",
             )
-        self._low, self._high = (
-            np.array([_cut(axis, end) for axis, end in zip(axes, ends, strict=True)])
-            for ends in ([axis.low for axis in axes], [axis.high for axis in axes])
-        )
         self._has_sqrt_spacing = np.array([axis.sqrt_spacing for axis in axes])
+        self._low, self._high = self._spaced(np.array([(axis.low, axis.high) for axis in axes]).T)
         self._intervals = np.array([axis.intervals for axis in axes])
         odd = 2 * np.arange(len(axes)) + 1
         self._shifts = (np.arange(tilings)[:, None] * odd % tilings) / tilings
@@ -82,11 +79,13 @@ class TileCoder:
 
     def tiles(self, observations: Floats) -> Ints:
         """Return the tiles of observations, shape (n, axes), as numbers of shape (n, tilings)."""
-        rooted = np.where(self._has_sqrt_spacing, np.sign(observations) * np.sqrt(np.abs(observations)), observations)
-        shares = np.clip((rooted - self._low) / (self._high - self._low), 0.0, 1.0 - 1e-9)
+        shares = np.clip((self._spaced(observations) - self._low) / (self._high - self._low), 0.0, 1.0 - 1e-9)
         places = (shares * self._intervals)[:, None, :] + self._shifts
         tiles: Ints = places.astype(np.int64) @ self._strides + self._firsts
         return tiles
+
+    def _spaced(self, values: Floats) -> Floats:
+        return np.where(self._has_sqrt_spacing, np.sign(values) * np.sqrt(np.abs(values)), values)
 
 
 class ActionValues:
@@ -149,7 +148,3 @@ class TiledValues(ActionValues):
         shape = coder.count, actions
         super().__init__(coder.tiles, np.zeros(shape), np.zeros(shape, np.int64))
         self.coder: TileCoder = coder
-
-
-def _cut(axis: Axis, value: float) -> float:
-    return math.copysign(math.sqrt(abs(value)), value) if axis.sqrt_spacing else value

@@ -11,11 +11,11 @@ those of ros2_control; derive from the class in `prelude/life_cycle.py` to imple
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol, TypeAlias, TypeVar, runtime_checkable
+from typing import Protocol, TypeVar, runtime_checkable
 
 import msgspec
 
-from snr_sim.prelude.signals import AppliedPulses, DepthReading, EchoReading, ImuReading, PowerReading
+from snr_sim.prelude.signals import AppliedPulses
 
 ReadingT = TypeVar("ReadingT", covariant=True)
 CommandT = TypeVar("CommandT")
@@ -174,9 +174,3 @@ class PwmOut(Device, Protocol):
     def clear_stop(self) -> None:
         """End an emergency stop; outputs stay neutral until `activate`. Never raises."""
         ...
-
-
-Imu: TypeAlias = Sensor[ImuReading]
-DepthSensor: TypeAlias = Sensor[DepthReading]
-RangeSensor: TypeAlias = Sensor[EchoReading]
-PowerMonitor: TypeAlias = Sensor[PowerReading]
