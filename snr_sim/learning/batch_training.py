@@ -122,7 +122,7 @@ class VerticalBatchTask:
                 f"A course with a tank of {tank_kg} kg in a module of {dry_kg} kg.", fix="both more than 0."
             )
         self.engine, self.tank_kg, self.dry_kg = engine, tank_kg, dry_kg
-        self.noise = np.array(noise)
+        self.noise: Floats = np.array(noise)
 
     def exploring_starts(self, count: int, rng: np.random.Generator) -> Floats:
         """Return random starts within a descent, shape (4, count), rows as in `Landers`."""

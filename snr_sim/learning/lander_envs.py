@@ -132,7 +132,7 @@ class LanderVertical(LanderEnv):
     def __init__(self, is_continuous: bool = False, render_mode: str | None = None) -> None:
         super().__init__("lander_vertical", render_mode=render_mode)
         self.observation_space = box(VERTICAL_LOW, VERTICAL_HIGH)
-        self.is_continuous = is_continuous
+        self.is_continuous: bool = is_continuous
         self.action_space = box([0.0], [1.0]) if is_continuous else spaces.Discrete(len(VERTICAL_THROTTLES))
 
     def observe(self) -> list[float]:
@@ -211,7 +211,7 @@ class LanderPad(LanderEnv):
     def __init__(self, is_continuous: bool = False, engine: str | None = None, render_mode: str | None = None) -> None:
         super().__init__("lander_pad", engine, render_mode)
         self.observation_space = box(PAD_LOW, PAD_HIGH)
-        self.is_continuous = is_continuous
+        self.is_continuous: bool = is_continuous
         self.action_space = (
             box([0.0, -1.0, -1.0], [1.0, 1.0, 1.0])
             if is_continuous

@@ -79,9 +79,9 @@ class PadPolicy:
     def __init__(
         self, burn: Sequence[Axis] = BURN_AXES, lean: Sequence[Axis] = LEAN_AXES, tilings: int = TILINGS
     ) -> None:
-        self.burn = TiledValues(TileCoder(burn, tilings), len(PAD_THROTTLES))
-        self.lean = TiledValues(TileCoder(lean, tilings), len(PAD_TURNS))
-        self.made_by = ""
+        self.burn: TiledValues = TiledValues(TileCoder(burn, tilings), len(PAD_THROTTLES))
+        self.lean: TiledValues = TiledValues(TileCoder(lean, tilings), len(PAD_TURNS))
+        self.made_by: str = ""
 
     def act(self, observation: Sequence[float]) -> int:
         """Return the action of `LanderPad` with the highest value for an observation. Changes nothing.
@@ -179,7 +179,7 @@ class PadBatchTask:
         radar, inertial = parameters.radar.errors.noise, parameters.inertial.errors.noise
         height, speed = radar["altitude_m"], inertial["velocity_mps"]
         self._noise = np.array([height, speed, speed, inertial["attitude_rad"], inertial["rate_radps"]])
-        self.rng = np.random.default_rng(seed)
+        self.rng: np.random.Generator = np.random.default_rng(seed)
 
     def exploring_starts(self, count: int) -> PlaneLanders:
         """Return random starts within a descent, most of them low, and most of them nearly straight."""

@@ -40,12 +40,12 @@ class QTable:
     def __init__(self, discretiser: Discretiser, actions: Sequence[str], environment: str) -> None:
         if len(actions) < 2:
             raise ParameterError(f"A table of {len(actions)} actions leaves nothing to choose.", fix="2 or more.")
-        self.discretiser = discretiser
-        self.actions = tuple(actions)
-        self.environment = environment
+        self.discretiser: Discretiser = discretiser
+        self.actions: tuple[str, ...] = tuple(actions)
+        self.environment: str = environment
         self.values: NDArray[np.float64] = np.zeros((discretiser.count, len(actions)))
         self.visits: NDArray[np.int64] = np.zeros((discretiser.count, len(actions)), np.int64)
-        self.made_by = ""
+        self.made_by: str = ""
 
     def best(self, cell: int) -> int:
         """Return the tried action of the highest value in a cell; the first of several, and 0 if none was tried.

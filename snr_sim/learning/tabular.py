@@ -88,9 +88,9 @@ class TabularLearner:
     """Updates a table, transition by transition."""
 
     def __init__(self, table: QTable, training: Training) -> None:
-        self.table = table
-        self.training = training
-        self.rng = np.random.default_rng(training.seed)
+        self.table: QTable = table
+        self.training: Training = training
+        self.rng: np.random.Generator = np.random.default_rng(training.seed)
         self.step, self.epsilon = training.step.at(0), training.epsilon.at(0)
 
     def choose(self, cell: int) -> int:

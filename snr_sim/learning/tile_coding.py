@@ -60,10 +60,10 @@ class TileCoder:
                 or axis.intervals < 1
             ):
                 raise ParameterError(f"The axis {axis} is empty.", fix="low below high, and one interval or more.")
-        self.axes = tuple(axes)
-        self.tilings = tilings
+        self.axes: tuple[Axis, ...] = tuple(axes)
+        self.tilings: int = tilings
         sizes = [axis.intervals + 1 for axis in axes]  # one more, as all but the first grid are shifted
-        self.count = tilings * math.prod(sizes)
+        self.count: int = tilings * math.prod(sizes)
         if not axes or tilings < 1 or self.count > MAX_TILES:
             raise ParameterError(
                 f"{tilings} grids of {math.prod(sizes)} tiles.",

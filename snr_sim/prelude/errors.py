@@ -18,8 +18,8 @@ class SnrError(Exception):
 
     def __init__(self, message: str, fix: str = "") -> None:
         super().__init__(message)
-        self.message = message
-        self.fix = fix
+        self.message: str = message
+        self.fix: str = fix
 
     def __str__(self) -> str:
         return f"{self.message}\n  Try: {self.fix}" if self.fix else self.message
@@ -50,9 +50,9 @@ class ComponentFailedError(SnrError):
 
     def __init__(self, message: str, node: str = "", component: str = "", step: str = "") -> None:
         super().__init__(message)
-        self.node = node
-        self.component = component
-        self.step = step
+        self.node: str = node
+        self.component: str = component
+        self.step: str = step
 
 
 class ClockError(SnrError):

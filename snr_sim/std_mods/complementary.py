@@ -37,8 +37,8 @@ class ComplementaryFilter:
             raise ParameterError(
                 f"A complementary filter with time_constant_s={time_constant_s!r}.", fix="seconds above 0, such as 2.0."
             )
-        self.time_constant_s = time_constant_s
-        self.is_angle = is_angle
+        self.time_constant_s: float = time_constant_s
+        self.is_angle: bool = is_angle
         self.estimate: float | None = None
 
     def reset(self) -> None:

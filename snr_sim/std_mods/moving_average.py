@@ -107,10 +107,10 @@ class MovingAvgFilterFactory(EndpointFactory):
             raise ParameterError(
                 f"A moving average of '{input_key}' into itself would never end.", fix="another output_key."
             )
-        self.input_key = input_key
-        self.output_key = output_key
-        self.filter_length = _checked_length(filter_length)
-        self.endpoint_name = endpoint_name
+        self.input_key: DataKey = input_key
+        self.output_key: DataKey = output_key
+        self.filter_length: int = _checked_length(filter_length)
+        self.endpoint_name: str = endpoint_name
 
     def get(self, parent: NodeApi) -> MovingAvgEndpoint:
         """Return the endpoint, with an empty window."""

@@ -22,9 +22,9 @@ class PrinterEndpointFactory(EndpointFactory):
 
     def __init__(self, task_ids: Sequence[TaskId], stream: TextIO | None = None, name: str = "printer") -> None:
         super().__init__()
-        self.task_ids = list(task_ids)
-        self.stream = stream
-        self.name = name
+        self.task_ids: list[TaskId] = list(task_ids)
+        self.stream: TextIO | None = stream
+        self.name: str = name
 
     def get(self, parent: NodeApi) -> PrinterEndpoint:
         """Return the endpoint."""

@@ -100,7 +100,7 @@ class PageReader(_Reader[Page]):
 
     def __init__(self, file: str | Path, keys: Sequence[DataKey] | DataKey | None = None, node: str = "") -> None:
         super().__init__(file)
-        self.path = Path(file)
+        self.path: Path = Path(file)
         self._keys = {keys} if isinstance(keys, str) else None if keys is None else set(keys)
         self._node = node
         self._times = _Times()

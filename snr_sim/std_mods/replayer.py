@@ -40,10 +40,10 @@ class ListReplayerFactory(LoopFactory):
                 f"ListReplayerFactory stores under the key {key!r}, which is not text.",
                 fix="the values first, then their key: ListReplayerFactory([1, 2], 'depth').",
             )
-        self.values = list(values)
-        self.key = key
-        self.exit_when_done = exit_when_done
-        self.rate_hz = rate_hz
+        self.values: list[Any] = list(values)
+        self.key: DataKey = key
+        self.exit_when_done: bool = exit_when_done
+        self.rate_hz: float = rate_hz
 
     def get(self, parent: NodeApi) -> ListReplayer:
         """Return the loop `<key>_replayer`."""
@@ -89,11 +89,11 @@ class TextReplayerFactory(LoopFactory):
         wait_for: DataKey | None = None,
     ) -> None:
         super().__init__()
-        self.file = file
-        self.key = key
-        self.exit = exit
-        self.rate_hz = rate_hz
-        self.wait_for = wait_for
+        self.file: str | Path = file
+        self.key: DataKey = key
+        self.exit: bool = exit
+        self.rate_hz: float = rate_hz
+        self.wait_for: DataKey | None = wait_for
 
     def get(self, parent: NodeApi) -> TextReplayer:
         """Return the loop `<key>_replayer`."""
@@ -161,11 +161,11 @@ class ReplayerLoopFactory(LoopFactory):
         name: str = "replayer",
     ) -> None:
         super().__init__()
-        self.file = file
-        self.exit = exit
-        self.keys = keys
-        self.node = node
-        self.name = name
+        self.file: str | Path = file
+        self.exit: bool = exit
+        self.keys: Sequence[DataKey] | DataKey | None = keys
+        self.node: str = node
+        self.name: str = name
 
     def get(self, parent: NodeApi) -> ReplayerLoop:
         """Return the loop."""

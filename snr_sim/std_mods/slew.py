@@ -31,7 +31,7 @@ class SlewRateLimiter:
     def __init__(self, max_rate_per_s: float, start: Sequence[float]) -> None:
         if not max_rate_per_s > 0.0:
             raise ParameterError(f"A slew limit of {max_rate_per_s!r} per second.", fix="a number above 0.")
-        self.max_rate_per_s = max_rate_per_s
+        self.max_rate_per_s: float = max_rate_per_s
         self._start = list(start)
         self.reset()
 

@@ -17,9 +17,9 @@ class StopwatchEndpointFactory(EndpointFactory):
 
     def __init__(self, times: list[float], ids: Sequence[TaskId], name: str = "stopwatch") -> None:
         super().__init__()
-        self.times = times
-        self.ids = list(ids)
-        self.name = name
+        self.times: list[float] = times
+        self.ids: list[TaskId] = list(ids)
+        self.name: str = name
 
     def get(self, parent: NodeApi) -> StopwatchEndpoint:
         """Return the endpoint."""

@@ -44,7 +44,7 @@ class ThrustCurve:
                 f"of {pulses[still[0]]:g} to {pulses[still[-1]]:g} us.",
                 fix="the curve of another thruster, or another stop_us.",
             )
-        self.stop_us = stop_us
+        self.stop_us: float = stop_us
         self._pulses, self._forces = pulses, forces
         self._astern = pulses[: still[0] + 1], forces[: still[0] + 1]
         self._ahead = pulses[still[-1] :], forces[still[-1] :]

@@ -77,7 +77,7 @@ class MultiProcRunner:
             raise ConfigError(f"A role is named twice: {', '.join(names)}.", fix="each role runs once.")
         for role in [*names, *ends_all]:
             config.get(role)
-        self.roles = names
+        self.roles: list[RoleName] = names
         self._config = config
         self._seed = seed
         self._run = run

@@ -20,9 +20,9 @@ class ButtonPanelFactory(LoopFactory):
 
     def __init__(self, key: str, presses_s: Mapping[str, Sequence[float]], rate_hz: float) -> None:
         super().__init__()
-        self.key = key
-        self.presses_s = presses_s
-        self.rate_hz = rate_hz
+        self.key: str = key
+        self.presses_s: Mapping[str, Sequence[float]] = presses_s
+        self.rate_hz: float = rate_hz
 
     def get(self, parent: NodeApi) -> ButtonPanel:
         """Return the loop, named as its page."""

@@ -13,7 +13,7 @@ class LinkMonitorFactory(EndpointFactory):
 
     def __init__(self, link: str) -> None:
         super().__init__()
-        self.link = link
+        self.link: str = link
 
     def get(self, parent: NodeApi) -> LinkMonitor:
         """Return the endpoint 'link_monitor'."""
