@@ -146,8 +146,9 @@ def _tag_object(value: Any) -> Any:
     numpy = sys.modules.get("numpy")
     if numpy is not None and isinstance(value, (numpy.ndarray, numpy.generic)) and is_real_dtype(value.dtype):
         return _tag_array(value)
-    if isinstance(value, (bool, int, float, str)):  # an Enum, or a student's subclass of a number
-        return _tag_value(_plain_parent(value))
+    for parent in (bool, int, float, str):
+        if isinstance(value, parent):  # an Enum, or a student's subclass of a number
+            return _tag_value(parent.__str__(value) if parent is str else parent(value))
     if isinstance(value, (type, ModuleType)):  # their attributes are code; a module's would expose the user's file path
         name = value.__qualname__ if isinstance(value, type) else Path(value.__file__ or value.__name__).stem
         return {TAG: "object", "type": f"builtins.{type(value).__name__}", "fields": {"name": name}}
@@ -201,13 +202,6 @@ def is_of_program(value: Any) -> bool:
     if is_record or issubclass(kind, BaseException):
         return False
     return any(base.__module__.startswith(_KIT) for base in kind.__mro__)
-
-
-def _plain_parent(value: Any) -> Any:
-    for parent in (bool, int, float, str):
-        if isinstance(value, parent):
-            return parent.__str__(value) if parent is str else parent(value)
-    raise AssertionError(value)
 
 
 def is_real_dtype(dtype: Any) -> bool:
