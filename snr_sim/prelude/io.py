@@ -18,17 +18,8 @@ from dataclasses import dataclass
 from snr_sim.prelude.errors import UnknownNameError, suggest
 
 ENVIRONMENT = "SNR_SIM_IO"
-_ADDRESS_FORMATS = {
-    "sim": "",
-    "loopback": "",
-    "emulated": "",
-    "mcu": "PORT",
-    "maestro": "PORT",
-    "pca9685": "BUS:ADDR",
-    "sysfs": "",
-    "replay": "RUN",
-    "pi": "",
-}
+_KINDS = ("sim", "loopback", "emulated", "mcu", "maestro", "pca9685", "sysfs", "replay", "pi")
+_ADDRESS_FORMATS = {"mcu": "PORT", "maestro": "PORT", "pca9685": "BUS:ADDR", "replay": "RUN"}
 UNSUPPORTED = {
     "gpiozero": (
         "gpiozero's servos are not for speed controllers: on a Raspberry Pi (lgpio) they have steps of 200 us at "
@@ -70,11 +61,9 @@ def parse_io(text: str) -> Io:
     kind = _RENAMED.get(kind, kind)
     if kind in UNSUPPORTED:
         raise UnknownNameError(UNSUPPORTED[kind], fix="--io mcu:PORT, a microcontroller; or maestro, pca9685, sysfs.")
-    if kind not in _ADDRESS_FORMATS:
-        raise UnknownNameError(
-            f"--io {text}: there are no devices of the kind '{kind}'.", fix=suggest(kind, _ADDRESS_FORMATS)
-        )
-    expected = _ADDRESS_FORMATS[kind]
+    if kind not in _KINDS:
+        raise UnknownNameError(f"--io {text}: there are no devices of the kind '{kind}'.", fix=suggest(kind, _KINDS))
+    expected = _ADDRESS_FORMATS.get(kind)
     if expected and not address:
         raise UnknownNameError(
             f"--io {text} does not say where.", fix=f"--io {kind}:{expected}, such as {kind}:{_EXAMPLES[expected]}."
