@@ -33,7 +33,6 @@ from snr_sim.learning.tile_coding import ActionValues
 from snr_sim.learning.vertical_batch import Bools, Floats, Landers, step
 from snr_sim.plants.lander.descent import Engine
 from snr_sim.plants.lander.gear import APOLLO_GEAR
-from snr_sim.prelude.errors import ParameterError
 
 ENVIRONMENT = "snr_sim/LanderVertical-v0"
 STEP_S = 0.2
@@ -111,16 +110,9 @@ class VerticalBatchTask:
         tank_kg: propellant that burned propellant is divided by in the reward.
         dry_kg: mass without propellant.
         noise: standard deviation of the radar's height [m] and speed [m/s]; readings arrive one step late.
-
-    Raises:
-        ParameterError: the tank or the mass is not greater than 0.
     """
 
     def __init__(self, engine: Engine, tank_kg: float, dry_kg: float, noise: tuple[float, float]) -> None:
-        if not (0.0 < tank_kg < np.inf and 0.0 < dry_kg < np.inf):
-            raise ParameterError(
-                f"A course with a tank of {tank_kg} kg in a module of {dry_kg} kg.", fix="both more than 0."
-            )
         self.engine, self.tank_kg, self.dry_kg = engine, tank_kg, dry_kg
         self.noise: Floats = np.array(noise)
 
