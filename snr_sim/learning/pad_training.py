@@ -134,15 +134,10 @@ class PadPolicy:
 
 @dataclass(frozen=True)
 class PadTraining:
-    """Settings of the training.
+    """Settings of the training, as those of `BatchTraining` but for these.
 
     Args:
-        landers: number of landers that are simulated in parallel.
-        steps: total number of steps, for all landers together.
-        seed: of all random numbers.
-        epsilon: probability of a random action: at first, and the minimum.
         min_step_size: step size of an update: at first, and at the end.
-        eval_episodes: number of landers in a trial, which is without exploration.
         eval_interval: steps between two trials, in the second half of the training.
 
     Raises:
