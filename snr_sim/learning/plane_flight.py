@@ -105,7 +105,8 @@ class PlaneFlight:
 
     def lost(self) -> Bools:
         """Return which landers have left the region."""
-        return (np.abs(self.x) > EDGE_M) | (self.z > CEILING_M)
+        lost: Bools = (np.abs(self.x) > EDGE_M) | (self.z > CEILING_M)
+        return lost
 
     def met(self, which: Indices) -> Indices:
         """Return which of some have a foot or a corner of the hull in the ground."""
