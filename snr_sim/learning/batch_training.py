@@ -29,7 +29,7 @@ from snr_sim.learning.lander_envs import (
 )
 from snr_sim.learning.q_table import QTable
 from snr_sim.learning.settings import check_batch, check_finite
-from snr_sim.learning.tile_coding import ActionValues
+from snr_sim.learning.tile_coding import Ints, explore
 from snr_sim.learning.vertical_batch import Bools, Floats, Landers, step
 from snr_sim.plants.lander.descent import Engine
 from snr_sim.plants.lander.gear import APOLLO_GEAR
@@ -182,10 +182,11 @@ def train_vertical(
     how = training or BatchTraining()
     rng = np.random.default_rng(how.seed)
     throttles, cells_of = np.array(VERTICAL_THROTTLES), table.discretiser.cells
-    learner = ActionValues(lambda observed: cells_of(observed)[:, None], table.values, table.visits)
+    values, visits = table.values.reshape(-1), table.visits.reshape(-1)
+    count = len(VERTICAL_THROTTLES)
     landers = task.exploring_starts(how.landers, rng)
     episode_steps = np.zeros(how.landers, np.int64)
-    cells = learner.tiles_of(task.observe(landers[0], landers[1], rng))
+    cells = cells_of(task.observe(landers[0], landers[1], rng))
     mean = QTable(table.discretiser, table.actions, table.environment)
     mean.values[:], mean.visits = table.values, table.visits
     follows = min(1.0, MEAN_INTERVAL / (MEAN_SHARE * how.steps))
@@ -209,22 +210,21 @@ def train_vertical(
     evaluate(0)
     for i in range(how.steps):
         epsilon = max(how.epsilon[1], how.epsilon[0] * (1.0 - i / (0.7 * how.steps)))
-        actions = learner.choose(cells, epsilon, rng)
+        actions = explore(table.values[cells], epsilon, rng)
         before = Landers(*landers)
         after, touches, speeds = step(before, throttles[actions], task.engine, STEP_S)
         rewards = task.rewards(before, after, touches, touches & APOLLO_GEAR.is_within(speeds)[0])
-        # Radar readings are a step late.
-        next_cells = learner.tiles_of(task.observe(before.height_m, before.velocity_mps, rng))
-        targets = rewards + np.where(touches, 0.0, learner.of(next_cells).max(axis=1))
+        next_cells = cells_of(task.observe(before.height_m, before.velocity_mps, rng))  # radar readings are a step late
+        targets = rewards + np.where(touches, 0.0, table.values[next_cells].max(axis=1))
         check_finite(float(targets.sum()), f"step {i + 1}")
-        learner.learn(cells, actions, targets, how.min_step_size)
+        _update_values(values, visits, cells * count + actions, targets, how.min_step_size)
         episode_steps += 1
         over = touches | (after.height_m > CEILING_M) | (episode_steps > MAX_STEPS)
         landers, cells = np.stack(after), next_cells
         if over.any():
             fresh = task.exploring_starts(int(over.sum()), rng)
             landers[:, over], episode_steps[over] = fresh, 0
-            cells[over] = learner.tiles_of(task.observe(fresh[0], fresh[1], rng))
+            cells[over] = cells_of(task.observe(fresh[0], fresh[1], rng))
         is_last = i + 1 == how.steps
         if (i + 1) % MEAN_INTERVAL == 0 or is_last:
             mean.values += follows * (table.values - mean.values)
@@ -254,3 +254,14 @@ def evaluate_table(table: QTable, task: VerticalBatchTask, count: int, seed: int
             break
         landers, observed = np.stack(after)[:, is_flying], observed[is_flying]
     return EvaluationResult(landed / count, burned_kg / count)
+
+
+def _update_values(values: Floats, visits: Ints, places: Ints, targets: Floats, min_step_size: float) -> None:
+    """Move the values at some indices towards targets; of several for one index, towards their mean.
+
+    `TiledValues.learn` would take twice as long, as it looks at all values.
+    """
+    hit, which, counts = np.unique(places, return_inverse=True, return_counts=True)
+    visits[hit] += counts
+    steps = np.maximum(min_step_size, (1.0 + visits[hit] / 30.0) ** -0.7)
+    values[hit] += steps * (np.bincount(which, targets) / counts - values[hit])

@@ -44,7 +44,7 @@ from snr_sim.learning.lander_envs import (
 )
 from snr_sim.learning.plane_batch import Bools, Floats, PlaneLanders, step, touches
 from snr_sim.learning.settings import check_batch
-from snr_sim.learning.tile_coding import Axis, Ints, TileCoder, TiledValues
+from snr_sim.learning.tile_coding import Axis, Ints, TileCoder, TiledValues, explore
 from snr_sim.plants.lander.module import LunarModule
 from snr_sim.prelude.errors import RecordingError
 
@@ -254,7 +254,7 @@ def train_pad(
     for i in range(how.steps):
         epsilon = max(how.epsilon[1], how.epsilon[0] * (1.0 - i / (0.7 * how.steps)))
         min_step_size = max(how.min_step_size[1], how.min_step_size[0] * (1.0 - i / (0.8 * how.steps)))
-        throttle, turn = burn.choose(burn_tiles, epsilon, rng), lean.choose(lean_tiles, epsilon, rng)
+        throttle, turn = explore(burn.of(burn_tiles), epsilon, rng), explore(lean.of(lean_tiles), epsilon, rng)
         after = step(landers, throttles[throttle], turns[turn], task.module, STEP_S)
         down = touches(after)
         next_burn, next_lean = _tiles(policy, task, landers)  # sensor readings are a step late

@@ -19,7 +19,7 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.prelude.values import is_real_dtype
+from snr_sim.prelude.values import REAL_DTYPES
 
 # Immutable values, by exact class: nearly all that pages contain.
 IMMUTABLE = frozenset((type(None), bool, int, float, str, bytes))
@@ -59,11 +59,11 @@ def snapshot(value: Any, objects: list[Any]) -> Any:
 
 def _snapshot_of_other(value: Any, objects: list[Any]) -> Any:
     kind = type(value)  # not isinstance: that calls the object, which may raise
+    numpy = sys.modules.get("numpy")
+    if numpy is not None and issubclass(kind, (numpy.ndarray, numpy.generic)) and value.dtype.char in REAL_DTYPES:
+        return value.copy() if issubclass(kind, numpy.ndarray) else value
     if issubclass(kind, (int, float, str, bytes, Enum)):
         return value
-    numpy = sys.modules.get("numpy")
-    if numpy is not None and issubclass(kind, (numpy.ndarray, numpy.generic)) and is_real_dtype(value.dtype):
-        return value.copy() if issubclass(kind, numpy.ndarray) else value
     if issubclass(kind, (dict, list, bytearray)):  # also for subclasses, which become the plain type
         return _snapshot_of_container(value, objects)
     if issubclass(kind, tuple) and hasattr(kind, "_make"):

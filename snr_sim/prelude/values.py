@@ -44,6 +44,7 @@ _TAG_BYTES = b'"$":'  # inside a JSON string the quotes would be escaped, so thi
 _NOT_FINITE = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 _HEX_INT = re.compile(r"-?0x[0-9a-f]+")
 _ARRAY_AS_TEXT_MAX = 256
+REAL_DTYPES = frozenset("?bhilqBHILQefd")  # numpy's letters: bool, integers, and floats of at most 64 bits
 _DTYPE = re.compile(r"bool|u?int(?:8|16|32|64)|float(?:16|32|64)")
 _ITEM_TYPES: dict[str, tuple[type, ...]] = {"b": (bool,), "i": (int,), "u": (int,), "f": (int, float)}
 
@@ -144,7 +145,7 @@ def _tag_value(value: Any) -> Any:
 
 def _tag_object(value: Any) -> Any:
     numpy = sys.modules.get("numpy")
-    if numpy is not None and isinstance(value, (numpy.ndarray, numpy.generic)) and is_real_dtype(value.dtype):
+    if numpy is not None and isinstance(value, (numpy.ndarray, numpy.generic)) and value.dtype.char in REAL_DTYPES:
         return _tag_array(value)
     for parent in (bool, int, float, str):
         if isinstance(value, parent):  # an Enum, or a student's subclass of a number
@@ -202,11 +203,6 @@ def is_of_program(value: Any) -> bool:
     if is_record or issubclass(kind, BaseException):
         return False
     return any(base.__module__.startswith(_KIT) for base in kind.__mro__)
-
-
-def is_real_dtype(dtype: Any) -> bool:
-    """Return whether numpy values of this dtype are decoded again: bool, integers, and floats of at most 64 bits."""
-    return dtype.kind in "biuf" and dtype.itemsize <= 8
 
 
 def _tag_array(value: Any) -> Any:
