@@ -47,7 +47,8 @@ def _check(node: NodeApi, key: DataKey, data: Any, found: Any) -> None:
     kind, is_rejected = type(found), is_of_program(found)
     named = f"'{found.name}' of class" if is_rejected and hasattr(found, "name") else "an object of class"
     where = next(_paths_to(found, data, "data"), "data")
-    what = f"Page '{key}' holds {named} {kind.__qualname__} ({where})"
+    dtype = f" of {found.dtype}" if kind.__module__ == "numpy" and hasattr(found, "dtype") else ""
+    what = f"Page '{key}' holds {named} {kind.__qualname__}{dtype} ({where})"
     if is_rejected:
         raise TaskError(f"{what}, which is a part of the program and not data.", fix=_FIX)
     if not node.note_object(key, kind):

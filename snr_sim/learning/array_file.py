@@ -27,6 +27,7 @@ from snr_sim.prelude.errors import ParameterError, RecordingError
 from snr_sim.prelude.structs import ensure_type_info
 from snr_sim.recording.atomic_files import write_atomic
 
+FORMAT = 1
 MAX_BYTES = 256 * 2**20  # of a file that is read, so that none fills the memory
 MAX_TEXT_BYTES = 4 * 2**20  # bytes of its metadata
 ABOUT = "about"
@@ -40,21 +41,25 @@ _DAMAGED = (
 )
 
 
-class FileMetadata(msgspec.Struct, frozen=True):
+class FileMetadata(msgspec.Struct, frozen=True, kw_only=True):
     """Metadata that every such file has.
 
     Args:
-        environment: what it was learned in.
+        environment: what it was learned in, such as 'snr_sim/LanderVertical-v0'.
+        made_by: method and numbers of the training.
+        version: of this format.
     """
 
     environment: str
+    made_by: str = ""
+    version: int = FORMAT
 
 
-AnyMetadata = TypeVar("AnyMetadata", bound=msgspec.Struct)
+AnyMetadata = TypeVar("AnyMetadata", bound=FileMetadata)
 AnyOwner = TypeVar("AnyOwner")
 
 
-def write_arrays(path: str | Path, about: msgspec.Struct, arrays: dict[str, NDArray[Any]]) -> None:
+def write_arrays(path: str | Path, about: FileMetadata, arrays: dict[str, NDArray[Any]]) -> None:
     """Write arrays of numbers as npz, with JSON metadata.
 
     Raises:
@@ -78,22 +83,21 @@ def read_arrays(
     what: str,
     maker: str,
     environment: str = "",
-) -> tuple[AnyMetadata, AnyOwner, dict[str, NDArray[Any]]]:
-    """Return a file's metadata, the owner made from it, and the arrays.
+) -> AnyOwner:
+    """Return the owner made from a file's metadata, with the arrays of the file.
 
     Args:
         path: of the file.
         kind: type of the metadata.
-        owner: makes from the metadata the object that the arrays are for, and for each array an example of the
-            required dtype and shape. It must not allocate more memory than a file may hold; it may raise
-            ParameterError.
+        owner: makes from the metadata the object that the arrays are for, and returns those of its arrays that are
+            read. It must not allocate more memory than a file may hold; it may raise ParameterError.
         what: description of such a file, for messages.
         maker: name of what writes such files, for messages.
         environment: required environment; any if empty.
 
     Raises:
         RecordingError: the file is missing, of another kind (a pickle is refused, not opened), truncated or damaged,
-            too large, for something else, or an array does not match its example.
+            too large, for something else, or an array differs in dtype or shape from the owner's.
     """
     place = Path(path)
     try:
@@ -103,15 +107,20 @@ def read_arrays(
         with zipfile.ZipFile(place) as archive:
             _check_size(path, sum(info.file_size for info in archive.infolist()), what)
             text = _array(archive, ABOUT, None).tobytes()
-            found = msgspec.json.decode(text, type=ensure_type_info(FileMetadata)).environment
-            if environment and found != environment:
+            found = msgspec.json.decode(text, type=ensure_type_info(FileMetadata))
+            if environment and found.environment != environment:
                 raise RecordingError(
-                    f"{path} was learned in {found}, not in {environment}.",
+                    f"{path} was learned in {found.environment}, not in {environment}.",
                     fix=f"train one for it: a {what}, which {maker} writes.",
                 )
-            about = msgspec.json.decode(text, type=ensure_type_info(kind))
-            made, likes = owner(about)
-            return about, made, {name: _array(archive, name, like) for name, like in likes.items()}
+            if found.version != FORMAT:
+                raise RecordingError(
+                    f"{path} has version {found.version}; this kit reads {FORMAT}.", fix="train it again."
+                )
+            made, arrays = owner(msgspec.json.decode(text, type=ensure_type_info(kind)))
+            for name, array in arrays.items():
+                array[:] = _array(archive, name, array)
+            return made
     except FileNotFoundError:
         raise RecordingError(f"There is no file {path}.", fix="save it first, or look for its path.") from None
     except _DAMAGED as error:
@@ -122,11 +131,7 @@ def read_arrays(
 
 
 def check_memory(count: int) -> None:
-    """Check that a count of numbers is within the limit, before they are allocated.
-
-    Raises:
-        ParameterError: they are not.
-    """
+    """Raise ParameterError if so many numbers are beyond the limit, before they are allocated."""
     if 8 * count > MAX_BYTES:
         raise ParameterError(f"{count} numbers are more than {MAX_BYTES} bytes hold.", fix="fewer cells.")
 
@@ -137,12 +142,9 @@ def _check_size(path: str | Path, size: int, what: str) -> None:
 
 
 def _array(archive: zipfile.ZipFile, name: str, like: NDArray[Any] | None) -> NDArray[Any]:
-    """Return an array of a file; its header is looked at before its numbers are read.
+    """Return an array of a file, with the dtype and shape of `like`; without that the text, which is bytes.
 
-    Args:
-        archive: the file.
-        name: of the array.
-        like: example of its dtype and shape; None for the text, which is bytes.
+    Its header is looked at before its numbers are read.
 
     Raises:
         ValueError: it is not so; many more where the file is damaged.

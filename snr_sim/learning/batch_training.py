@@ -14,26 +14,25 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from snr_sim.learning.discretiser import Discretiser
 from snr_sim.learning.lander_envs import (
     FUEL_WEIGHT,
     LANDED,
     NOT_LANDED,
-    SPEED_WEIGHT,
     VERTICAL_ACTIONS,
     VERTICAL_NAMES,
     VERTICAL_THROTTLES,
     LanderVertical,
     reference_speeds_mps,
+    vertical_potentials,
 )
 from snr_sim.learning.q_table import QTable
 from snr_sim.learning.settings import check_batch, check_finite
+from snr_sim.learning.tile_coding import Ints, explore
 from snr_sim.learning.vertical_batch import Bools, Floats, Landers, step
 from snr_sim.plants.lander.descent import Engine
 from snr_sim.plants.lander.gear import APOLLO_GEAR
-from snr_sim.prelude.errors import ParameterError
 
 ENVIRONMENT = "snr_sim/LanderVertical-v0"
 STEP_S = 0.2
@@ -111,18 +110,11 @@ class VerticalBatchTask:
         tank_kg: propellant that burned propellant is divided by in the reward.
         dry_kg: mass without propellant.
         noise: standard deviation of the radar's height [m] and speed [m/s]; readings arrive one step late.
-
-    Raises:
-        ParameterError: the tank or the mass is not greater than 0.
     """
 
     def __init__(self, engine: Engine, tank_kg: float, dry_kg: float, noise: tuple[float, float]) -> None:
-        if not (0.0 < tank_kg < np.inf and 0.0 < dry_kg < np.inf):
-            raise ParameterError(
-                f"A course with a tank of {tank_kg} kg in a module of {dry_kg} kg.", fix="both more than 0."
-            )
         self.engine, self.tank_kg, self.dry_kg = engine, tank_kg, dry_kg
-        self.noise = np.array(noise)
+        self.noise: Floats = np.array(noise)
 
     def exploring_starts(self, count: int, rng: np.random.Generator) -> Floats:
         """Return random starts within a descent, shape (4, count), rows as in `Landers`."""
@@ -149,8 +141,8 @@ class VerticalBatchTask:
 
     def rewards(self, before: Landers, after: Landers, touches: Bools, landed: Bools) -> Floats:
         """Return what a step was worth to each, as in `LanderEnv.reward`."""
-        potential = -SPEED_WEIGHT * np.abs(before.velocity_mps - self.reference_speed(before.height_m))
-        then = -SPEED_WEIGHT * np.abs(after.velocity_mps - self.reference_speed(after.height_m))
+        gravity = self.engine.gravity_mps2
+        potential, then = (vertical_potentials(one.height_m, one.velocity_mps, gravity) for one in (before, after))
         ends = np.where(landed, LANDED, NOT_LANDED)
         burned: Floats = (before.fuel_kg - after.fuel_kg) / self.tank_kg
         reward: Floats = np.where(touches, ends, then) - potential - FUEL_WEIGHT * burned
@@ -158,13 +150,9 @@ class VerticalBatchTask:
 
 
 def vertical_batch_task(env: LanderVertical, start: int = 0) -> VerticalBatchTask:
-    """Return what an environment's landers share: engine, masses and radar noise.
+    """Return what an environment's landers share: engine, masses and radar noise; `start` is the seed of the tank.
 
     The values are read from the scenario and not from the current plant, which may have burned propellant already.
-
-    Args:
-        env: over the scenario.
-        start: seed of the start whose tank scales the reward.
     """
     parameters: Any = env.run.with_seed(start).robot.parameters
     noise = parameters.radar.errors.noise
@@ -186,8 +174,6 @@ def train_vertical(
 
     Args:
         table: is changed; afterwards it is the best table of all trials, the latest of several.
-        task: quantities of all landers.
-        training: settings.
         on_evaluation: is called with the step and the result of the trial.
 
     Raises:
@@ -224,9 +210,7 @@ def train_vertical(
     evaluate(0)
     for i in range(how.steps):
         epsilon = max(how.epsilon[1], how.epsilon[0] * (1.0 - i / (0.7 * how.steps)))
-        actions = np.argmax(table.values[cells], axis=1)
-        explores = rng.random(how.landers) < epsilon
-        actions[explores] = rng.integers(0, count, int(explores.sum()))
+        actions = explore(table.values[cells], epsilon, rng)
         before = Landers(*landers)
         after, touches, speeds = step(before, throttles[actions], task.engine, STEP_S)
         rewards = task.rewards(before, after, touches, touches & APOLLO_GEAR.is_within(speeds)[0])
@@ -272,10 +256,11 @@ def evaluate_table(table: QTable, task: VerticalBatchTask, count: int, seed: int
     return EvaluationResult(landed / count, burned_kg / count)
 
 
-def _update_values(
-    values: Floats, visits: NDArray[np.int64], places: NDArray[np.int64], targets: Floats, min_step_size: float
-) -> None:
-    """Move the values at some indices towards targets; of several for one index, towards their mean."""
+def _update_values(values: Floats, visits: Ints, places: Ints, targets: Floats, min_step_size: float) -> None:
+    """Move the values at some indices towards targets; of several for one index, towards their mean.
+
+    `TiledValues.learn` would take twice as long, as it looks at all values.
+    """
     hit, which, counts = np.unique(places, return_inverse=True, return_counts=True)
     visits[hit] += counts
     steps = np.maximum(min_step_size, (1.0 + visits[hit] / 30.0) ** -0.7)

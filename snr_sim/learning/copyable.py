@@ -17,13 +17,7 @@ PRESERVED_ATTRIBUTES = ("spec", "action_space", "observation_space", "_np_random
 
 
 class Episode(NamedTuple):
-    """What determines an episode.
-
-    Args:
-        rng_state: state of the random generator when it began.
-        options: of the reset.
-        actions: since then.
-    """
+    """What determines an episode: the random generator's state when it began, the reset's options, the actions."""
 
     rng_state: Any
     options: dict[str, Any] | None
@@ -66,14 +60,7 @@ def rebuild(
     attributes: dict[str, Any],
     episode: Episode | None,
 ) -> CopyableEnv:
-    """Return an environment in the same state as another one.
-
-    Args:
-        env_type: its class.
-        init_args: its constructor's arguments.
-        attributes: those of its attributes that `PRESERVED_ATTRIBUTES` names.
-        episode: the episode to repeat; None before the first reset.
-    """
+    """Return an environment in the same state as another one: made alike, with the episode repeated if there is one."""
     args, kwargs = init_args
     env = env_type(*args, **kwargs)
     env.__dict__.update(attributes)

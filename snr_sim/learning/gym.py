@@ -24,45 +24,33 @@ except ImportError:
 
 __all__ = ["AutoresetMode", "Env", "VectorEnv", "batch_space", "box", "np_random", "register_environments", "spaces"]
 
-LANDERS, UROVS = "snr_sim.learning.lander_envs", "snr_sim.learning.urov_envs"
+
+def _definition(
+    entry_point: str, steps: int, reward_threshold: float, vector: str = "", **kwargs: Any
+) -> dict[str, Any]:
+    """Return what `register` takes, of entry points in this package."""
+    points = {"entry_point": entry_point, "vector_entry_point": vector}
+    return {
+        **{name: f"snr_sim.learning.{point}" for name, point in points.items() if point},
+        "max_episode_steps": steps,
+        "reward_threshold": reward_threshold,
+        "kwargs": kwargs,
+    }
+
+
 # Steps are the scenario's time limit at the environment's rate. A threshold is what a policy has in the mean that meets
 # the scenario's criterion from every start: some points below what tables, tiles and the control laws of tests have.
-VERTICAL: dict[str, Any] = {
-    "entry_point": f"{LANDERS}:LanderVertical",
-    "vector_entry_point": "snr_sim.learning.lander_vector:LanderVerticalVector",
-    "max_episode_steps": 1200,
-    "reward_threshold": 90.0,
-}
-PAD: dict[str, Any] = {
-    "entry_point": f"{LANDERS}:LanderPad",
-    "vector_entry_point": "snr_sim.learning.pad_vector:LanderPadVector",
-    "max_episode_steps": 1800,
-    "reward_threshold": 90.0,
-}
-CONTINUOUS = {"kwargs": {"is_continuous": True}}
+_VERTICAL = ("lander_envs:LanderVertical", 1200, 90.0, "lander_vector:LanderVerticalVector")
+_PAD = ("lander_envs:LanderPad", 1800, 90.0, "pad_vector:LanderPadVector")
 ENVIRONMENTS: dict[str, dict[str, Any]] = {
-    "snr_sim/LanderVertical-v0": VERTICAL,
-    "snr_sim/LanderVerticalContinuous-v0": {**VERTICAL, **CONTINUOUS},
-    "snr_sim/LanderPad-v0": PAD,
-    "snr_sim/LanderPadContinuous-v0": {**PAD, **CONTINUOUS},
-    "snr_sim/UrovDepthHold-v0": {
-        "entry_point": f"{UROVS}:UrovDepthHold",
-        "max_episode_steps": 380,
-        "reward_threshold": -60.0,
-    },
-    "snr_sim/UrovStation-v0": {
-        "entry_point": f"{UROVS}:UrovStation",
-        "max_episode_steps": 400,
-        "reward_threshold": -30.0,
-    },
+    "snr_sim/LanderVertical-v0": _definition(*_VERTICAL),
+    "snr_sim/LanderVerticalContinuous-v0": _definition(*_VERTICAL, is_continuous=True),
+    "snr_sim/LanderPad-v0": _definition(*_PAD),
+    "snr_sim/LanderPadContinuous-v0": _definition(*_PAD, is_continuous=True),
+    "snr_sim/UrovDepthHold-v0": _definition("urov_envs:UrovDepthHold", 380, -60.0),
+    "snr_sim/UrovStation-v0": _definition("urov_envs:UrovStation", 400, -30.0),
 }
-# Under LunarLander-v3's definitions, its time limit and its mark for a solved task among them.
-COMPATIBLE = "snr_sim/LunarLanderBox-v0"
-COMPATIBLE_ENTRY: dict[str, Any] = {
-    "entry_point": "snr_sim.learning.lunar_box:LunarLanderBox",
-    "max_episode_steps": 1000,
-    "reward_threshold": 200,
-}
+COMPATIBLE = "snr_sim/LunarLanderBox-v0"  # under LunarLander-v3's definitions, also of time limit and threshold
 
 
 def box(low: Sequence[float], high: Sequence[float]) -> spaces.Box[np.float32]:
@@ -72,7 +60,8 @@ def box(low: Sequence[float], high: Sequence[float]) -> spaces.Box[np.float32]:
 
 def register_environments() -> None:
     """Register our environments, once."""
-    for name, definition in {**ENVIRONMENTS, COMPATIBLE: COMPATIBLE_ENTRY}.items():
+    compatible = _definition("lunar_box:LunarLanderBox", 1000, 200.0)
+    for name, definition in {**ENVIRONMENTS, COMPATIBLE: compatible}.items():
         if name not in registry:
             register(id=name, **definition)
 

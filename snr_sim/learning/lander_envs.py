@@ -93,13 +93,13 @@ def reference_speeds_mps(altitudes_m: Floats, gravity_mps2: float) -> Floats:
     return speeds
 
 
-def vertical_potentials(altitudes_m: Floats, speeds_mps: Floats) -> Floats:
+def vertical_potentials(altitudes_m: Floats, speeds_mps: Floats, gravity_mps2: float = MOON_GRAVITY_MPS2) -> Floats:
     """Return `LanderEnv.potential` of many landers, to the last bit.
 
     >>> vertical_potentials(np.array([0.0]), np.array([-3.0])).tolist()
     [-0.4]
     """
-    potentials: Floats = -SPEED_WEIGHT * np.abs(speeds_mps - reference_speeds_mps(altitudes_m, MOON_GRAVITY_MPS2))
+    potentials: Floats = -SPEED_WEIGHT * np.abs(speeds_mps - reference_speeds_mps(altitudes_m, gravity_mps2))
     return potentials
 
 
@@ -132,7 +132,7 @@ class LanderVertical(LanderEnv):
     def __init__(self, is_continuous: bool = False, render_mode: str | None = None) -> None:
         super().__init__("lander_vertical", render_mode=render_mode)
         self.observation_space = box(VERTICAL_LOW, VERTICAL_HIGH)
-        self.is_continuous = is_continuous
+        self.is_continuous: bool = is_continuous
         self.action_space = box([0.0], [1.0]) if is_continuous else spaces.Discrete(len(VERTICAL_THROTTLES))
 
     def observe(self) -> list[float]:
@@ -211,7 +211,7 @@ class LanderPad(LanderEnv):
     def __init__(self, is_continuous: bool = False, engine: str | None = None, render_mode: str | None = None) -> None:
         super().__init__("lander_pad", engine, render_mode)
         self.observation_space = box(PAD_LOW, PAD_HIGH)
-        self.is_continuous = is_continuous
+        self.is_continuous: bool = is_continuous
         self.action_space = (
             box([0.0, -1.0, -1.0], [1.0, 1.0, 1.0])
             if is_continuous

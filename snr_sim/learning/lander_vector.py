@@ -72,7 +72,7 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
                 f"autoreset_mode={autoreset_mode!r}.", fix=f"{' or '.join(repr(one.value) for one in modes)}."
             )
         self.metadata = {**self.metadata, "autoreset_mode": mode, "render_fps": round(single.rate_hz)}
-        self.num_envs = num_envs
+        self.num_envs: int = num_envs
         self.single_observation_space: Any = single.observation_space
         self.single_action_space: Any = single.action_space
         self.observation_space = batch_space(single.observation_space, num_envs)

@@ -12,16 +12,7 @@ from numpy.typing import NDArray
 from snr_sim.learning.copyable import CopyableEnv
 from snr_sim.learning.gym import box, spaces
 from snr_sim.learning.lunar_box_picture import frame_of
-from snr_sim.learning.lunar_box_world import (
-    CHUNKS,
-    HEIGHT,
-    LEG_DOWN,
-    PAD_Y,
-    START_ARM,
-    STEPS_HZ,
-    WIDTH,
-    LunarBoxWorld,
-)
+from snr_sim.learning.lunar_box_world import CHUNKS, HEIGHT, LEG_DOWN, PAD_Y, START_ARM, STEPS_HZ, WIDTH, LunarBoxWorld
 from snr_sim.prelude.errors import ParameterError
 
 POWERS = {0: (0.0, 0.0), 1: (0.0, -1.0), 2: (1.0, 0.0), 3: (0.0, 1.0)}  # of the main and the orientation engines
@@ -84,8 +75,8 @@ class LunarLanderBox(CopyableEnv):
         for name, power, max_power in (("wind_power", wind_power, 20.0), ("turbulence_power", turbulence_power, 2.0)):
             if not 0.0 <= power <= max_power:
                 raise ParameterError(f"{name}={power!r}.", fix=f"0 to {max_power:g}.")
-        self.render_mode = render_mode
-        self.continuous = continuous
+        self.render_mode: str | None = render_mode
+        self.continuous: bool = continuous
         self._gravity = gravity
         self._wind = (wind_power, turbulence_power) if enable_wind else None
         self.observation_space = box([*-LIMITS[:6], 0.0, 0.0], LIMITS.tolist())

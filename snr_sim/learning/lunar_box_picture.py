@@ -23,9 +23,7 @@ FLAG: Rgb = (240, 200, 60)
 def frame_of(world: LunarBoxWorld, power: tuple[float, float]) -> NDArray[np.uint8]:
     """Return the frame of a world, shape (400, 600, 3).
 
-    Args:
-        world: in its current state.
-        power: of the main engine, 0 to 1, and of the orientation engines, -1 (left) to 1 (right), drawn as flames.
+    The power of the main engine, 0 to 1, and of the orientation engines, -1 (left) to 1 (right), is drawn as flames.
     """
     width, height = WIDTH_PX // PIXELS_PER_POINT, HEIGHT_PX // PIXELS_PER_POINT
 

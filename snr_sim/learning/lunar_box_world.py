@@ -181,35 +181,21 @@ class LunarBoxWorld:
         return self.steps_still >= STILL_S * STEPS_HZ
 
     def kick(self, force: Point, torque: float = 0.0, arm: float = WIND_ARM) -> None:
-        """Apply a force and a torque for one step.
+        """Apply a force in the world's frame, and a torque in addition to its own, for one step.
 
-        Args:
-            force: in the world's frame.
-            torque: in addition to that of the force.
-            arm: height above the lander's centre of mass at which the force acts.
+        It acts at a height `arm` above the lander's centre of mass.
         """
         sin, cos = math.sin(self.angle_rad), math.cos(self.angle_rad)
         side, up = cos * force[0] + sin * force[1], cos * force[1] - sin * force[0]
         self._push(side * STEP_S, up * STEP_S, (torque - arm * side) * STEP_S / MOMENT)
 
     def fire_main(self, power: float, spread: Point) -> None:
-        """Fire the main engine for one step.
-
-        Args:
-            power: 0.5 to 1.
-            spread: where it pushes, along and across, -1 to 1.
-        """
+        """Fire the main engine for one step, with a power of 0.5 to 1; it pushes along and across, -1 to 1."""
         along, across = MAIN_DOWN + 2.0 * SPREAD * spread[0], SPREAD * spread[1]
         self._fire(MAIN_POWER * power, along, across, 0.0, 0.0)
 
     def fire_side(self, power: float, side: float, spread: Point) -> None:
-        """Fire the orientation engine of a side for one step.
-
-        Args:
-            power: 0.5 to 1.
-            side: -1 the left engine, 1 the right one.
-            spread: where it pushes, along and across, -1 to 1.
-        """
+        """Fire the orientation engine of a side, -1 the left one and 1 the right one, as `fire_main`."""
         along, across = SPREAD * spread[0], 3.0 * SPREAD * spread[1] + side * SIDE_AWAY
         # That the arm sideways is not as long as the one upwards is so in the original: it turns with the tilt.
         sin, cos = math.sin(self.angle_rad), math.cos(self.angle_rad)

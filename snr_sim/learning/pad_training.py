@@ -28,29 +28,27 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.learning.array_file import check_memory, read_arrays, write_arrays
+from snr_sim.learning.array_file import FileMetadata, check_memory, read_arrays, write_arrays
 from snr_sim.learning.lander_envs import (
     FUEL_WEIGHT,
     LANDED,
     NOT_LANDED,
     PAD_THROTTLES,
     PAD_TURNS,
-    SPEED_WEIGHT,
     LanderPad,
     reference_speeds_mps,
+    vertical_potentials,
 )
 from snr_sim.learning.plane_batch import Bools, Floats, PlaneLanders, step, touches
 from snr_sim.learning.settings import check_batch
-from snr_sim.learning.tile_coding import Axis, Ints, TileCoder, TiledValues
+from snr_sim.learning.tile_coding import Axis, Ints, TileCoder, TiledValues, explore
 from snr_sim.plants.lander.module import LunarModule
 from snr_sim.prelude.errors import RecordingError
 
 ENVIRONMENT = "snr_sim/LanderPad-v0"
-FORMAT = 1
 STEP_S = 0.1
 TILINGS = 8
 BURN_AXES = (Axis("altitude_m", 0.0, 200.0, 30), Axis("vz_mps", -25.0, 6.0, 50))
@@ -67,39 +65,23 @@ MEAN_INTERVAL = 10  # steps
 MAKER = "PadPolicy.save"
 
 
-class PolicyMetadata(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a policy's file contains in addition to its numbers.
+class PolicyMetadata(FileMetadata, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Metadata in a policy's file: the axes of the tiles, and how many tilings each of both has."""
 
-    Args:
-        environment: what it was learned in.
-        burn, lean: the axes of the tiles.
-        tilings: of each.
-        made_by: numbers of the training.
-        version: of this format.
-    """
-
-    environment: str
     burn: tuple[Axis, ...]
     lean: tuple[Axis, ...]
     tilings: int
-    made_by: str = ""
-    version: int = FORMAT
 
 
 class PadPolicy:
-    """How hard to burn and how to lean, by tiles.
-
-    Args:
-        burn, lean: axes of the tiles.
-        tilings: of each.
-    """
+    """How hard to burn and how to lean, by tiles: the axes of both, and how many tilings each has."""
 
     def __init__(
         self, burn: Sequence[Axis] = BURN_AXES, lean: Sequence[Axis] = LEAN_AXES, tilings: int = TILINGS
     ) -> None:
-        self.burn = TiledValues(TileCoder(burn, tilings), len(PAD_THROTTLES))
-        self.lean = TiledValues(TileCoder(lean, tilings), len(PAD_TURNS))
-        self.made_by = ""
+        self.burn: TiledValues = TiledValues(TileCoder(burn, tilings), len(PAD_THROTTLES))
+        self.lean: TiledValues = TiledValues(TileCoder(lean, tilings), len(PAD_TURNS))
+        self.made_by: str = ""
 
     def act(self, observation: Sequence[float]) -> int:
         """Return the action of `LanderPad` with the highest value for an observation. Changes nothing.
@@ -120,7 +102,9 @@ class PadPolicy:
             RecordingError: it cannot be written there.
         """
         burn, lean = self.burn.coder, self.lean.coder
-        about = PolicyMetadata(ENVIRONMENT, burn.axes, lean.axes, burn.tilings, self.made_by)
+        about = PolicyMetadata(
+            environment=ENVIRONMENT, made_by=self.made_by, burn=burn.axes, lean=lean.axes, tilings=burn.tilings
+        )
         write_arrays(path, about, {"burn": self.burn.weights, "lean": self.lean.weights})
 
     @classmethod
@@ -132,10 +116,6 @@ class PadPolicy:
         """
 
         def empty(about: PolicyMetadata) -> tuple[PadPolicy, dict[str, NDArray[Any]]]:
-            if about.version != FORMAT:
-                raise RecordingError(
-                    f"{path} has version {about.version}; this kit reads {FORMAT}.", fix="train it again."
-                )
             for question, found, expected in (("burn", about.burn, BURN_AXES), ("lean", about.lean, LEAN_AXES)):
                 ours, theirs = ([axis.name for axis in axes] for axes in (expected, found))
                 if theirs != ours:
@@ -149,22 +129,15 @@ class PadPolicy:
             policy.made_by = about.made_by
             return policy, {"burn": policy.burn.weights, "lean": policy.lean.weights}
 
-        _, policy, arrays = read_arrays(path, PolicyMetadata, empty, "policy of tiles", MAKER, ENVIRONMENT)
-        policy.burn.weights, policy.lean.weights = arrays["burn"], arrays["lean"]
-        return policy
+        return read_arrays(path, PolicyMetadata, empty, "policy of tiles", MAKER, ENVIRONMENT)
 
 
 @dataclass(frozen=True)
 class PadTraining:
-    """Settings of the training.
+    """Settings of the training, as those of `BatchTraining` but for these.
 
     Args:
-        landers: number of landers that are simulated in parallel.
-        steps: total number of steps, for all landers together.
-        seed: of all random numbers.
-        epsilon: probability of a random action: at first, and the minimum.
         min_step_size: step size of an update: at first, and at the end.
-        eval_episodes: number of landers in a trial, which is without exploration.
         eval_interval: steps between two trials, in the second half of the training.
 
     Raises:
@@ -184,13 +157,7 @@ class PadTraining:
 
 
 class EvaluationResult(NamedTuple):
-    """Result of a trial in the batch: fractions of all landers.
-
-    Args:
-        slow: touched down slowly enough.
-        straight: touched down straight enough.
-        landed: both.
-    """
+    """Result of a trial: fractions of all landers that touched down slowly enough, straight enough, and both."""
 
     slow: float
     straight: float
@@ -198,12 +165,7 @@ class EvaluationResult(NamedTuple):
 
 
 class PadBatchTask:
-    """Simulation of a batch of landers: the module, its starts and its sensors.
-
-    Args:
-        env: the environment that the policy is for.
-        seed: of all random numbers.
-    """
+    """Simulation of a batch of landers of an environment: the module, its starts and its sensors."""
 
     def __init__(self, env: LanderPad, seed: int | Sequence[int]) -> None:
         parameters: Any = env.run.with_seed(0).robot.parameters  # not those of the current plant, which may have moved
@@ -212,7 +174,7 @@ class PadBatchTask:
         radar, inertial = parameters.radar.errors.noise, parameters.inertial.errors.noise
         height, speed = radar["altitude_m"], inertial["velocity_mps"]
         self._noise = np.array([height, speed, speed, inertial["attitude_rad"], inertial["rate_radps"]])
-        self.rng = np.random.default_rng(seed)
+        self.rng: np.random.Generator = np.random.default_rng(seed)
 
     def exploring_starts(self, count: int) -> PlaneLanders:
         """Return random starts within a descent, most of them low, and most of them nearly straight."""
@@ -220,7 +182,7 @@ class PadBatchTask:
         height = 180.0 * self.rng.random(count) ** 2
         near = np.minimum(1.0, 0.2 + height / 50.0)
         fuel, throttle = draw(200.0, 700.0, count), self.rng.choice(np.array(PAD_THROTTLES), count)
-        vz = self.reference_speed(height) + draw(-8.0, 8.0, count) * near
+        vz = reference_speeds_mps(height, self.module.gravity_mps2) + draw(-8.0, 8.0, count) * near
         attitude, rate = (limit * draw(-1.0, 1.0, count) ** 3 for limit in (0.35, 0.15))
         vx = draw(-9.0, 9.0, count) * self.rng.random(count)
         return PlaneLanders(height, vz, vx, attitude, rate, self.dry_kg + fuel, fuel, throttle)
@@ -232,10 +194,6 @@ class PadBatchTask:
         attitude, rate = np.radians(draw(-6.0, 6.0, count)), np.radians(draw(-1.0, 1.0, count))
         fuel = draw(500.0, 700.0, count)
         return PlaneLanders(height, vz, vx, attitude, rate, self.dry_kg + fuel, fuel, np.zeros(count))
-
-    def reference_speed(self, height: Floats) -> Floats:
-        """Return the suitable speed for each height, as the environment defines it."""
-        return reference_speeds_mps(height, self.module.gravity_mps2)
 
     def observe(self, landers: PlaneLanders) -> tuple[Floats, Floats]:
         """Return what the sensors measure: height and vz, shape (n, 2); vx, attitude and rate, shape (n, 3)."""
@@ -257,8 +215,8 @@ class PadBatchTask:
     def burn_rewards(self, before: PlaneLanders, after: PlaneLanders, down: Bools) -> Floats:
         """Return the reward of a step for the policy of the throttle."""
         tank_kg = 600.0  # about what they start with
-        was = -SPEED_WEIGHT * np.abs(before.vz_mps - self.reference_speed(before.height_m))
-        then = -SPEED_WEIGHT * np.abs(after.vz_mps - self.reference_speed(after.height_m))
+        gravity = self.module.gravity_mps2
+        was, then = (vertical_potentials(one.height_m, one.vz_mps, gravity) for one in (before, after))
         ends = np.where(self.is_within(after, MARGIN)[0], LANDED, NOT_LANDED)
         burned: Floats = (before.fuel_kg - after.fuel_kg) / tank_kg
         reward: Floats = np.where(down, ends, DISCOUNT_BURN * then) - was - FUEL_WEIGHT * burned
@@ -274,17 +232,13 @@ class PadBatchTask:
 
 
 def train_pad(
-    policy: PadPolicy,
-    env: LanderPad,
-    training: PadTraining | None = None,
-    on_step: Callable[[], None] = lambda: None,
+    policy: PadPolicy, env: LanderPad, training: PadTraining | None = None, on_step: Callable[[], None] = lambda: None
 ) -> list[EvaluationResult]:
     """Learn to land in the plane; return the trials on the way, which are the learning curve.
 
     Args:
         policy: is changed; afterwards it has the best answers that were tried.
         env: what it is for: its module, sensors and masses.
-        training: how.
         on_step: is called after each step.
     """
     how = training or PadTraining()
@@ -300,7 +254,7 @@ def train_pad(
     for i in range(how.steps):
         epsilon = max(how.epsilon[1], how.epsilon[0] * (1.0 - i / (0.7 * how.steps)))
         min_step_size = max(how.min_step_size[1], how.min_step_size[0] * (1.0 - i / (0.8 * how.steps)))
-        throttle, turn = _explored(burn.of(burn_tiles), epsilon, rng), _explored(lean.of(lean_tiles), epsilon, rng)
+        throttle, turn = explore(burn.of(burn_tiles), epsilon, rng), explore(lean.of(lean_tiles), epsilon, rng)
         after = step(landers, throttles[throttle], turns[turn], task.module, STEP_S)
         down = touches(after)
         next_burn, next_lean = _tiles(policy, task, landers)  # sensor readings are a step late
@@ -361,14 +315,6 @@ def _tiles(policy: PadPolicy, task: PadBatchTask, landers: PlaneLanders) -> tupl
     """Return the tiles of both questions where sensors see landers."""
     burn, lean = task.observe(landers)
     return policy.burn.coder.tiles(burn), policy.lean.coder.tiles(lean)
-
-
-def _explored(values: Floats, epsilon: float, rng: np.random.Generator) -> Ints:
-    """Return the action of the highest value in each row, sometimes a random one."""
-    actions: Ints = np.argmax(values, axis=1)
-    explores = rng.random(len(actions)) < epsilon
-    actions[explores] = rng.integers(0, values.shape[1], int(explores.sum()))
-    return actions
 
 
 def _is_lost(landers: PlaneLanders) -> Bools:

@@ -9,13 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snr_sim.learning.gym import AutoresetMode
-from snr_sim.learning.lander_envs import (
-    PAD_THROTTLES,
-    PAD_TURNS,
-    LanderPad,
-    lateral_cost,
-    vertical_potentials,
-)
+from snr_sim.learning.lander_envs import PAD_THROTTLES, PAD_TURNS, LanderPad, lateral_cost, vertical_potentials
 from snr_sim.learning.lander_vector import Bools, Floats, Indices, LanderVectorEnv
 from snr_sim.learning.plane_flight import PlaneFlight
 from snr_sim.learning.sensor_batch import SensorBatch
@@ -77,7 +71,7 @@ class LanderPadVector(LanderVectorEnv):
     def _advance(self, actions: Any, is_flying: Bools) -> dict[int, Verdict]:
         throttles, gimbals, turns, goals = self._commands(actions)
         flight = self._flight
-        before = flight.snapshot()
+        before = flight.numbers.copy()
         alone = is_flying.copy()  # in flight, and not in a plant of its own
         alone[list(self._plants)] = False
         near = flight.near(self._step_s)
@@ -94,11 +88,11 @@ class LanderPadVector(LanderVectorEnv):
                 if verdict is None:
                     self._plants[i] = self._plant_of(i, before)
                 else:
-                    verdicts[i], ended[i] = verdict, flight.column(i)
+                    verdicts[i], ended[i] = verdict, flight.numbers[:, i].copy()
             near = near[alone[near]]
             flight.move()
         for i, column in ended.items():
-            flight.put_column(i, column)
+            flight.numbers[:, i] = column
         for i, plant in list(self._plants.items()):
             plant.write("engine", EngineCommand(float(throttles[i]), float(gimbals[i]), float(turns[i])))
             for _ in range(self._parts):

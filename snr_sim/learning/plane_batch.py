@@ -46,14 +46,11 @@ class PlaneLanders(NamedTuple):
 
 
 def step(landers: PlaneLanders, throttle: Floats, turn: Floats, module: LunarModule, dt_s: float) -> PlaneLanders:
-    """Return where they are after a step.
+    """Return where they are after a step of whole parts of `PART_S`; all of them fly.
 
     Args:
-        landers: all in flight.
         throttle: commanded of each, fractions that the engine can run at.
         turn: of the attitude jets of each, -1 to 1.
-        module: of all.
-        dt_s: how long; whole parts of `PART_S`.
     """
     height, vz, vx, attitude, rate, mass, fuel, runs = landers
     inertia_per_kg = module.gyration_m**2

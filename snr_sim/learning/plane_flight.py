@@ -31,14 +31,10 @@ SPARE_M = 0.1  # more than an engine that points up adds to the descent within a
 
 
 class PlaneFlight:
-    """The state of all, each number an array of the shape (count,).
-
-    Args:
-        module: of all.
-        step_s: of the plant.
-        count: how many.
+    """The state of all, each number an array of the shape (count,). `step_s` is that of the plant.
 
     Attributes:
+        numbers: all that changes, shape (10, count); each row has a name as well:
         x, z, attitude, vx, vz, rate: as pymunk holds them: positions half a step ahead, and the next step's fall in vz.
         mass, fuel, throttle, gimbal: at this moment.
     """
@@ -49,15 +45,12 @@ class PlaneFlight:
         self._lag_left, self._lag_steps = (math.exp(-step_s / lag_s), lag_s / step_s) if lag_s > 0.0 else (0.0, 0.0)
         self._fall = module.gravity_mps2 * step_s
         self._all = np.arange(count)
-        self._numbers = np.ones((10, count))
+        self.numbers: Floats = np.ones((10, count))
         self._side, self._up, self._twist = np.zeros((3, count))  # what engine and jets gave in the last step
-        self._name()
+        (self.x, self.z, self.attitude, self.vx, self.vz, self.rate, self.mass, self.fuel, self.throttle,
+         self.gimbal) = self.numbers  # fmt: skip
         fields = round(2.0 * HALF_WIDTH_M / SPACING_M)
         self._heights, self._roofs = np.zeros((count, fields + 1)), np.zeros((count, fields))
-
-    def _name(self) -> None:
-        (self.x, self.z, self.attitude, self.vx, self.vz, self.rate, self.mass, self.fuel, self.throttle,
-         self.gimbal) = self._numbers  # fmt: skip
 
     def put(self, which: Indices, begun: Sequence[tuple[PlaneStart, Terrain]]) -> None:
         """Put some of them at starts, engine off."""
@@ -66,7 +59,7 @@ class PlaneFlight:
              start.mass_kg, start.fuel_kg, 0.0, 0.0)
             for start, _ in begun
         ]  # fmt: skip
-        self._numbers[:, which] = np.array(numbers).T
+        self.numbers[:, which] = np.array(numbers).T
         heights = np.array([terrain.heights_m for _, terrain in begun])
         self._heights[which] = heights
         # As `Terrain.roof_m`, for each field.
@@ -88,7 +81,7 @@ class PlaneFlight:
     def midway(self, i: int) -> BodyPose:
         """Return how one moves in the middle of the step that `push` began: where it is held, and before `move`."""
         cos, sin = math.cos(self.attitude[i]), math.sin(self.attitude[i])
-        x, z, attitude, vx, vz, rate = self._numbers[:6, i].tolist()
+        x, z, attitude, vx, vz, rate = self.numbers[:6, i].tolist()
         side, up, twist = float(self._side[i]), float(self._up[i]), float(self._twist[i])
         vx, vz = vx - 0.5 * (cos * side - sin * up), vz - 0.5 * (sin * side + cos * up - self._fall)
         return BodyPose(x, z, attitude, vx, vz, rate - 0.5 * twist / self._module.gyration_m**2)
@@ -97,14 +90,10 @@ class PlaneFlight:
         """Return the height of the ground straight below each."""
         return self._ground(self._all, self.x - 0.5 * self._step_s * self.vx)
 
-    def snapshot(self) -> Floats:
-        """Return the full state; the returned object is immutable."""
-        return self._numbers.copy()
-
     @staticmethod
-    def state_of(snapshot: Floats, i: int, terrain: Terrain, steps: int) -> LanderState:
-        """Return what the plant needs to fly one of them on."""
-        *body, mass, fuel, throttle, gimbal = snapshot[:, i].tolist()
+    def state_of(numbers: Floats, i: int, terrain: Terrain, steps: int) -> LanderState:
+        """Return what the plant needs to fly one of them on from where `numbers` were."""
+        *body, mass, fuel, throttle, gimbal = numbers[:, i].tolist()
         return LanderState(BodyPose(*body), mass, fuel, terrain, steps=steps, throttle=throttle, gimbal_rad=gimbal)
 
     def near(self, period_s: float) -> Indices:
@@ -115,7 +104,8 @@ class PlaneFlight:
 
     def lost(self) -> Bools:
         """Return which landers have left the region."""
-        return (np.abs(self.x) > EDGE_M) | (self.z > CEILING_M)
+        lost: Bools = (np.abs(self.x) > EDGE_M) | (self.z > CEILING_M)
+        return lost
 
     def met(self, which: Indices) -> Indices:
         """Return which of some have a foot or a corner of the hull in the ground."""
@@ -176,15 +166,7 @@ class PlaneFlight:
         """Copy the state of one lander back from the plant."""
         (x, z), (vx, vz) = reading.position_m, reading.velocity_mps
         body = self._held(x, z, reading.attitude_rad, vx, vz, reading.rate_radps)
-        self._numbers[:, i] = (*body, mass_kg, reading.fuel_kg, 0.0, 0.0)
-
-    def column(self, i: int) -> Floats:
-        """Return all that changes of one."""
-        return self._numbers[:, i].copy()
-
-    def put_column(self, i: int, column: Floats) -> None:
-        """Put one of them back to what `column` returned."""
-        self._numbers[:, i] = column
+        self.numbers[:, i] = (*body, mass_kg, reading.fuel_kg, 0.0, 0.0)
 
     def _fields(self, x: Floats) -> Indices:
         along = ((x + HALF_WIDTH_M) / SPACING_M).astype(np.int64)

@@ -6,35 +6,22 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.learning.array_file import check_memory, read_arrays, write_arrays
+from snr_sim.learning.array_file import FileMetadata, check_memory, read_arrays, write_arrays
 from snr_sim.learning.discretiser import Discretiser
 from snr_sim.prelude.errors import ParameterError, RecordingError
 
-FORMAT = 1
 MAKER = "QTable.save"
 
 
-class QTableMetadata(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Metadata in a table's file, in addition to its numbers.
+class QTableMetadata(FileMetadata, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Metadata in a table's file: names and edges of its `Discretiser`, and the description of each action."""
 
-    Args:
-        environment: what it was learned in, such as 'snr_sim/LanderVertical-v0'.
-        names, edges: of its `Discretiser`.
-        actions: description of each action.
-        made_by: method and numbers of the training.
-        version: of this format.
-    """
-
-    environment: str
     names: tuple[str, ...]
     edges: tuple[tuple[float, ...], ...]
     actions: tuple[str, ...]
-    made_by: str = ""
-    version: int = FORMAT
 
 
 class QTable:
@@ -53,12 +40,12 @@ class QTable:
     def __init__(self, discretiser: Discretiser, actions: Sequence[str], environment: str) -> None:
         if len(actions) < 2:
             raise ParameterError(f"A table of {len(actions)} actions leaves nothing to choose.", fix="2 or more.")
-        self.discretiser = discretiser
-        self.actions = tuple(actions)
-        self.environment = environment
+        self.discretiser: Discretiser = discretiser
+        self.actions: tuple[str, ...] = tuple(actions)
+        self.environment: str = environment
         self.values: NDArray[np.float64] = np.zeros((discretiser.count, len(actions)))
         self.visits: NDArray[np.int64] = np.zeros((discretiser.count, len(actions)), np.int64)
-        self.made_by = ""
+        self.made_by: str = ""
 
     def best(self, cell: int) -> int:
         """Return the tried action of the highest value in a cell; the first of several, and 0 if none was tried.
@@ -81,7 +68,9 @@ class QTable:
             RecordingError: it cannot be written there.
         """
         grid = self.discretiser
-        about = QTableMetadata(self.environment, grid.names, grid.edges, self.actions, self.made_by)
+        about = QTableMetadata(
+            environment=self.environment, made_by=self.made_by, names=grid.names, edges=grid.edges, actions=self.actions
+        )
         write_arrays(path, about, {"values": self.values, "visits": self.visits})
 
     @classmethod
@@ -92,7 +81,7 @@ class QTable:
 
         Args:
             path: of the file.
-            environment: required environment; any if empty.
+            environment: required one; any if empty.
             names: required names of the observed numbers, in this order; any if empty.
             actions: required number of actions; any if empty. Their descriptions may differ.
 
@@ -102,10 +91,6 @@ class QTable:
         """
 
         def empty(about: QTableMetadata) -> tuple[QTable, dict[str, NDArray[Any]]]:
-            if about.version != FORMAT:
-                raise RecordingError(
-                    f"{path} has version {about.version}; this kit reads {FORMAT}.", fix="train it again."
-                )
             if names and about.names != tuple(names):
                 raise RecordingError(
                     f"{path} is a table over {', '.join(about.names)}; what flies observes {', '.join(names)}.",
@@ -123,8 +108,7 @@ class QTable:
             table.made_by = about.made_by
             return table, {"values": table.values, "visits": table.visits}
 
-        _, table, arrays = read_arrays(path, QTableMetadata, empty, "table of action values", MAKER, environment)
-        if (arrays["visits"] < 0).any():
+        table = read_arrays(path, QTableMetadata, empty, "table of action values", MAKER, environment)
+        if (table.visits < 0).any():
             raise RecordingError(f"{path} has visits below 0.", fix=f"a file that {MAKER} has written.")
-        table.values, table.visits = arrays["values"], arrays["visits"]
         return table

@@ -22,11 +22,7 @@ MIN_BODY_FRACTION = 0.12  # fraction of the frame's height
 
 
 class Frame:
-    """Draws frames of one scene: seen from the south, as high as it takes to have the ground and the body in it.
-
-    Args:
-        scene: of the plant.
-    """
+    """Draws frames of a plant's scene: from the south, as high as it takes to have the ground and the body in it."""
 
     def __init__(self, scene: dict[str, Any]) -> None:
         self._bodies = scene["bodies"]

@@ -63,7 +63,7 @@ class ScenarioEnv(CopyableEnv):
     def __init__(self, scenario: str, engine: str | None = None, render_mode: str | None = None) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ParameterError(f"render_mode={render_mode!r}.", fix="None or 'rgb_array'.")
-        self.render_mode = render_mode
+        self.render_mode: str | None = render_mode
         self._simulation = prepare(Request(scenario, engine=engine))
         self.plant: Plant = self._simulation.plant()
         self._nominal: Any = self.plant

@@ -26,7 +26,6 @@ class SensorBatch:
         name: of the sensor in the robot's table of devices.
         fields: of its readings, in their order; of a list once for each number.
         errors: how badly it measures: noise, resolution, and a delay of one period.
-        count: of the landers.
     """
 
     def __init__(self, name: str, fields: Sequence[str], errors: SensorErrors, count: int) -> None:
@@ -46,12 +45,9 @@ class SensorBatch:
         self._truth, self._before = np.zeros((2, len(fields), count))
 
     def begin(self, which: Indices, seeds: Sequence[int], truth: Floats) -> None:
-        """Begin the episodes of some landers.
+        """Begin the episodes of some landers, by the seeds of their runs.
 
-        Args:
-            which: of them.
-            seeds: of their runs.
-            truth: what each measures at first, shape (fields, len(which)).
+        What they measure at first, `truth`, has the shape (fields, len(which)).
         """
         for i, seed in zip(which.tolist(), seeds, strict=True):
             self._generators[i] = rng_for(seed, self._name)

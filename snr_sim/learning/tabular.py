@@ -59,7 +59,6 @@ class Training:
 
     Args:
         method: one of `METHODS`.
-        episodes: number of them.
         discount: factor for a reward that comes a step later, 0 to 1.
         step: step size of an update.
         epsilon: probability of a random action.
@@ -86,17 +85,12 @@ class Training:
 
 
 class TabularLearner:
-    """Updates a table, transition by transition.
-
-    Args:
-        table: what is learned.
-        training: how.
-    """
+    """Updates a table, transition by transition."""
 
     def __init__(self, table: QTable, training: Training) -> None:
-        self.table = table
-        self.training = training
-        self.rng = np.random.default_rng(training.seed)
+        self.table: QTable = table
+        self.training: Training = training
+        self.rng: np.random.Generator = np.random.default_rng(training.seed)
         self.step, self.epsilon = training.step.at(0), training.epsilon.at(0)
 
     def choose(self, cell: int) -> int:
@@ -148,7 +142,6 @@ def train(
     Args:
         env: with discrete actions, one for each of the table.
         table: is changed.
-        training: how.
         on_episode: is called after each episode with its number, its sum of rewards and its last `info`.
 
     Raises:
@@ -182,15 +175,14 @@ def train(
 
 
 def evaluate(env: Any, act: Callable[[Sequence[float]], Any], starts: Sequence[int]) -> list[dict[str, Any]]:
-    """Evaluate a policy without learning and without random actions.
+    """Return the last `info` of each episode with a policy, and its sum of rewards as `return`.
+
+    Nothing is learned, and no action is random.
 
     Args:
         env: over a scenario.
         act: from observation to action.
         starts: of the scenario, which the training should not have seen.
-
-    Returns:
-        the last `info` of each episode, with its sum of rewards as `return`.
     """
     ends = []
     for start in starts:

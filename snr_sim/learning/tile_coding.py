@@ -60,20 +60,17 @@ class TileCoder:
                 or axis.intervals < 1
             ):
                 raise ParameterError(f"The axis {axis} is empty.", fix="low below high, and one interval or more.")
-        self.axes = tuple(axes)
-        self.tilings = tilings
+        self.axes: tuple[Axis, ...] = tuple(axes)
+        self.tilings: int = tilings
         sizes = [axis.intervals + 1 for axis in axes]  # one more, as all but the first grid are shifted
-        self.count = tilings * math.prod(sizes)
+        self.count: int = tilings * math.prod(sizes)
         if not axes or tilings < 1 or self.count > MAX_TILES:
             raise ParameterError(
                 f"{tilings} grids of {math.prod(sizes)} tiles.",
                 fix=f"1 to {MAX_TILES} tiles in all, of one number or more.",
             )
-        self._low, self._high = (
-            np.array([_cut(axis, end) for axis, end in zip(axes, ends, strict=True)])
-            for ends in ([axis.low for axis in axes], [axis.high for axis in axes])
-        )
         self._has_sqrt_spacing = np.array([axis.sqrt_spacing for axis in axes])
+        self._low, self._high = self._spaced(np.array([(axis.low, axis.high) for axis in axes]).T)
         self._intervals = np.array([axis.intervals for axis in axes])
         odd = 2 * np.arange(len(axes)) + 1
         self._shifts = (np.arange(tilings)[:, None] * odd % tilings) / tilings
@@ -82,19 +79,17 @@ class TileCoder:
 
     def tiles(self, observations: Floats) -> Ints:
         """Return the tiles of observations, shape (n, axes), as numbers of shape (n, tilings)."""
-        rooted = np.where(self._has_sqrt_spacing, np.sign(observations) * np.sqrt(np.abs(observations)), observations)
-        shares = np.clip((rooted - self._low) / (self._high - self._low), 0.0, 1.0 - 1e-9)
+        shares = np.clip((self._spaced(observations) - self._low) / (self._high - self._low), 0.0, 1.0 - 1e-9)
         places = (shares * self._intervals)[:, None, :] + self._shifts
         tiles: Ints = places.astype(np.int64) @ self._strides + self._firsts
         return tiles
 
+    def _spaced(self, values: Floats) -> Floats:
+        return np.where(self._has_sqrt_spacing, np.sign(values) * np.sqrt(np.abs(values)), values)
+
 
 class TiledValues:
-    """What actions are worth, by tiles.
-
-    Args:
-        coder: makes tiles of observations.
-        actions: how many there are.
+    """What actions are worth, by the tiles of a coder; at first nothing.
 
     Attributes:
         weights: shape (tiles, actions); a value is the sum over the tiles.
@@ -102,14 +97,13 @@ class TiledValues:
     """
 
     def __init__(self, coder: TileCoder, actions: int) -> None:
-        self.coder = coder
-        self.actions = actions
+        self.coder: TileCoder = coder
         self.weights: Floats = np.zeros((coder.count, actions))
         self.visits: Ints = np.zeros((coder.count, actions), np.int64)
 
     def of(self, tiles: Ints) -> Floats:
         """Return the values of all actions, shape (n, actions), where the tiles are, shape (n, tilings)."""
-        values: Floats = self.weights[tiles].sum(axis=1)
+        values: Floats = self.weights.take(tiles, axis=0).sum(axis=1)  # a third of the time of `weights[tiles]`
         return values
 
     def best(self, observations: Floats) -> Ints:
@@ -126,17 +120,22 @@ class TiledValues:
             targets: what they should have been, shape (n,).
             min_step_size: minimum step size of an update; at first nearly 1, and less from visit to visit.
         """
-        places = tiles * self.actions + actions[:, None]
+        tilings = tiles.shape[1]
+        places = tiles * self.weights.shape[1] + actions[:, None]
         weights, visits = self.weights.reshape(-1), self.visits.reshape(-1)
-        misses = np.repeat((targets - weights[places].sum(axis=1)) / self.coder.tilings, self.coder.tilings)
+        misses = np.repeat((targets - weights[places].sum(axis=1)) / tilings, tilings)
         places = places.ravel()
         counts = np.bincount(places, minlength=len(weights))
         sums = np.bincount(places, misses, minlength=len(weights))
-        hit = np.flatnonzero(counts)
+        hit = np.flatnonzero(counts > 0)  # of booleans: a tenth of the time
         visits[hit] += counts[hit]
         steps = np.maximum(min_step_size, (1.0 + visits[hit] / 30.0) ** -0.7)
         weights[hit] += steps * sums[hit] / counts[hit]
 
 
-def _cut(axis: Axis, value: float) -> float:
-    return math.copysign(math.sqrt(abs(value)), value) if axis.sqrt_spacing else value
+def explore(values: Floats, epsilon: float, rng: np.random.Generator) -> Ints:
+    """Return the action of the highest value in each row, with probability epsilon a random one."""
+    actions: Ints = np.argmax(values, axis=1)
+    explores = rng.random(len(actions)) < epsilon
+    actions[explores] = rng.integers(0, values.shape[1], int(explores.sum()))
+    return actions

@@ -39,9 +39,7 @@ def step(landers: Landers, throttle: Floats, engine: Engine, dt_s: float) -> tup
 
     Args:
         landers: all in flight.
-        throttle: of each, 0 to 1, shape (n,).
-        engine: of all.
-        dt_s: how long.
+        throttle: of each, 0 to 1.
 
     Returns:
         the landers; whether each has touched down; its speed there [m/s], positive down, 0 where it has not.

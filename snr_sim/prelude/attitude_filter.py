@@ -46,8 +46,8 @@ class MahonyFilter:
     """
 
     def __init__(self, gain_hz: float = GAIN_HZ, declination_rad: float = 0.0) -> None:
-        self.gain_hz = gain_hz
-        self.declination_rad = declination_rad
+        self.gain_hz: float = gain_hz
+        self.declination_rad: float = declination_rad
         self.attitude: Quaternion | None = None
         self.bias_radps: Vector = (0.0, 0.0, 0.0)
         self._at_s = 0.0

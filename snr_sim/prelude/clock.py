@@ -11,8 +11,6 @@ class Clock(Protocol):
 
     def now_s(self) -> float:
         """Return seconds since the run began; never decreases."""
-        ...
 
     def sleep_until(self, time_s: float) -> None:
         """Block until `time_s`; return at once if it has passed."""
-        ...

@@ -19,15 +19,12 @@ class Component(Protocol):
 
     def begin(self) -> None:
         """Start; called once before the first task."""
-        ...
 
     def join(self) -> None:
         """Stop the component's activity and call its `halt`; called once after the last task."""
-        ...
 
     def terminate(self) -> None:
         """Close files and connections; called once after `join`."""
-        ...
 
 
 @runtime_checkable
@@ -40,14 +37,12 @@ class PortFactory(Protocol):
         Raises:
             LinkError: the port is taken, or the host is not this machine.
         """
-        ...
 
     def release(self) -> None:
         """Close it here if no component has taken it over: it is not needed, or another process has it now.
 
         Safe to call twice.
         """
-        ...
 
 
 class Factory(Protocol):

@@ -11,17 +11,11 @@ those of ros2_control; derive from the class in `prelude/life_cycle.py` to imple
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol, TypeAlias, TypeVar, runtime_checkable
+from typing import Protocol, TypeVar, runtime_checkable
 
 import msgspec
 
-from snr_sim.prelude.signals import (
-    AppliedPulses,
-    DepthReading,
-    EchoReading,
-    ImuReading,
-    PowerReading,
-)
+from snr_sim.prelude.signals import AppliedPulses
 
 ReadingT = TypeVar("ReadingT", covariant=True)
 CommandT = TypeVar("CommandT")
@@ -65,7 +59,6 @@ class Device(Protocol):
         Raises:
             DeviceError: no device answers, or another one does.
         """
-        ...
 
     def activate(self) -> None:
         """Start measuring, or let outputs follow commands. Only after `configure`. Safe to call twice.
@@ -73,19 +66,15 @@ class Device(Protocol):
         Raises:
             DeviceError: it is not configured.
         """
-        ...
 
     def deactivate(self, reason: str) -> None:
         """Go to neutral now. Never raises; safe at any time, also twice and after `close`."""
-        ...
 
     def health(self) -> Health:
         """Return its state, without using the wire."""
-        ...
 
     def close(self) -> None:
         """Go to neutral and release the wire. Never raises; safe to call twice."""
-        ...
 
 
 @runtime_checkable
@@ -100,7 +89,6 @@ class Sensor(Device, Protocol[ReadingT]):
         Raises:
             SensorLostError: there will be no more readings, as after `close`.
         """
-        ...
 
 
 @runtime_checkable
@@ -110,12 +98,10 @@ class Actuator(Device, Protocol[CommandT]):
     @property
     def command_type(self) -> type[CommandT]:
         """The frozen msgspec Struct that `write` accepts; a page's data are checked against it."""
-        ...
 
     @property
     def limits(self) -> dict[str, tuple[float, float]]:
         """Lowest and highest value of each field of a command."""
-        ...
 
     def write(self, command: CommandT) -> CommandT:
         """Apply a command and return it as applied, after clamping.
@@ -123,11 +109,9 @@ class Actuator(Device, Protocol[CommandT]):
         Raises:
             CommandError: a value is NaN or infinite. The last applied command stays.
         """
-        ...
 
     def neutral(self) -> None:
         """Stop the actuator. Always safe, at any time, also twice and after `close`."""
-        ...
 
 
 @runtime_checkable
@@ -141,22 +125,18 @@ class PwmOut(Device, Protocol):
     @property
     def channels(self) -> int:
         """Number of outputs."""
-        ...
 
     @property
     def limits_us(self) -> tuple[float, float]:
         """Shortest and longest pulse."""
-        ...
 
     @property
     def resolution_us(self) -> float:
         """Step of the pulses; 0 if they are exact."""
-        ...
 
     @property
     def has_independent_failsafe(self) -> bool:
         """Whether its outputs go to neutral when this program is killed. If not, only a supervisor may own it."""
-        ...
 
     def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
         """Request pulses; return the applied ones, as far as is known here, and why they differ.
@@ -171,18 +151,9 @@ class PwmOut(Device, Protocol):
             stamp_s: when the command was computed, by the node's clock. The lease counts from then.
             lease_s: how long it is valid, `LEASE_S` at most; then outputs go to neutral unless a newer one has arrived.
         """
-        ...
 
     def stop(self) -> None:
         """Emergency stop: neutral, and `activate` is refused until `clear_stop`. Never raises."""
-        ...
 
     def clear_stop(self) -> None:
         """End an emergency stop; outputs stay neutral until `activate`. Never raises."""
-        ...
-
-
-Imu: TypeAlias = Sensor[ImuReading]
-DepthSensor: TypeAlias = Sensor[DepthReading]
-RangeSensor: TypeAlias = Sensor[EchoReading]
-PowerMonitor: TypeAlias = Sensor[PowerReading]

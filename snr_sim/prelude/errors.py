@@ -18,8 +18,8 @@ class SnrError(Exception):
 
     def __init__(self, message: str, fix: str = "") -> None:
         super().__init__(message)
-        self.message = message
-        self.fix = fix
+        self.message: str = message
+        self.fix: str = fix
 
     def __str__(self) -> str:
         return f"{self.message}\n  Try: {self.fix}" if self.fix else self.message
@@ -44,18 +44,15 @@ class TaskError(SnrError):
 class ComponentFailedError(SnrError):
     """A student's handler or loop raised, or returned an object that is not a task.
 
-    Args:
-        message: with the student's line first.
-        node: name of the node.
-        component: name of the component.
-        step: the failed step if it was not a handler: 'begin', 'setup', 'loop', 'halt', 'terminate'.
+    The message has the student's line first; `step` is 'begin', 'setup', 'loop', 'halt' or 'terminate', or empty if a
+    handler failed.
     """
 
     def __init__(self, message: str, node: str = "", component: str = "", step: str = "") -> None:
         super().__init__(message)
-        self.node = node
-        self.component = component
-        self.step = step
+        self.node: str = node
+        self.component: str = component
+        self.step: str = step
 
 
 class ClockError(SnrError):
@@ -113,12 +110,7 @@ class MissingExtraError(SnrError, ImportError):
 
 
 def suggest(requested: str, known: Iterable[str], listed: str = "one of") -> str:
-    """Return a sentence that suggests the nearest known name and lists the known names.
-
-    Args:
-        wanted: the requested name.
-        known: the existing names.
-        listed: text in front of the list of names.
+    """Return a sentence that suggests the nearest known name and lists the known names, after the text `listed`.
 
     >>> suggest("motor_sped", ["depth", "motor_speed"])
     "did you mean 'motor_speed'? One of: depth, motor_speed."

@@ -18,41 +18,23 @@ from dataclasses import dataclass
 from snr_sim.prelude.errors import UnknownNameError, suggest
 
 ENVIRONMENT = "SNR_SIM_IO"
-_ADDRESS_FORMATS = {
-    "sim": "",
-    "loopback": "",
-    "emulated": "",
-    "mcu": "PORT",
-    "maestro": "PORT",
-    "pca9685": "BUS:ADDR",
-    "sysfs": "",
-    "replay": "RUN",
-    "pi": "",
-}
+_KINDS = ("sim", "loopback", "emulated", "mcu", "maestro", "pca9685", "sysfs", "replay", "pi")
+_ADDRESS_FORMATS = {"mcu": "PORT", "maestro": "PORT", "pca9685": "BUS:ADDR", "replay": "RUN"}
 UNSUPPORTED = {
     "gpiozero": (
         "gpiozero's servos are not for speed controllers: on a Raspberry Pi (lgpio) they have steps of 200 us at "
         "50 Hz. Measured: of 1100 to 1900 us only 1000, 1200, 1400, 1600 and 1800 come out, so neutral, 1500, becomes "
         "1400, which is reverse thrust, and the lowest is beyond the limit (gpiozero#1209)."
-    ),
+    )
 }
 BENCH = ("mcu", "maestro", "pca9685", "sysfs")  # real outputs, and the rest simulated, in real time
 ON_SERIAL_PORTS = ("mcu", "maestro")
-_EXAMPLES = {
-    "PORT": "/dev/ttyUSB0",
-    "BUS:ADDR": "1:0x40",
-    "RUN": "runs/urov_depth_hold-0-...",
-}
+_EXAMPLES = {"PORT": "/dev/ttyUSB0", "BUS:ADDR": "1:0x40", "RUN": "runs/urov_depth_hold-0-..."}
 
 
 @dataclass(frozen=True)
 class Io:
-    """A choice of devices.
-
-    Args:
-        kind: row of the robot's device table.
-        address: the part after the kind: a port, a bus and an address, a run folder; empty for most.
-    """
+    """A choice of devices: a row of the robot's device table, and the port, bus and address or run folder after it."""
 
     kind: str
     address: str = ""
@@ -79,11 +61,9 @@ def parse_io(text: str) -> Io:
     kind = _RENAMED.get(kind, kind)
     if kind in UNSUPPORTED:
         raise UnknownNameError(UNSUPPORTED[kind], fix="--io mcu:PORT, a microcontroller; or maestro, pca9685, sysfs.")
-    if kind not in _ADDRESS_FORMATS:
-        raise UnknownNameError(
-            f"--io {text}: there are no devices of the kind '{kind}'.", fix=suggest(kind, _ADDRESS_FORMATS)
-        )
-    expected = _ADDRESS_FORMATS[kind]
+    if kind not in _KINDS:
+        raise UnknownNameError(f"--io {text}: there are no devices of the kind '{kind}'.", fix=suggest(kind, _KINDS))
+    expected = _ADDRESS_FORMATS.get(kind)
     if expected and not address:
         raise UnknownNameError(
             f"--io {text} does not say where.", fix=f"--io {kind}:{expected}, such as {kind}:{_EXAMPLES[expected]}."

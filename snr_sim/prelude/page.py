@@ -53,11 +53,7 @@ class Page(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=TA
 
     @staticmethod
     def deserialize(raw: bytes | str, kinds: Mapping[str, Callable[..., Any]] | None = None) -> Page:
-        """Return the page that `serialize` wrote.
-
-        Args:
-            raw: JSON.
-            kinds: as of `decode_value`; those of tasks and traces if None.
+        """Return the page that `serialize` wrote; `kinds` as of `decode_value`, by default those of tasks and traces.
 
         Raises:
             ValueEncodingError: the JSON is not a page.

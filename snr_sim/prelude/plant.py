@@ -18,31 +18,25 @@ class Plant(Protocol):
     @property
     def engine(self) -> str:
         """Name and version of its physics engine, such as 'pymunk': goes into the trace's header."""
-        ...
 
     @property
     def step_s(self) -> float | None:
         """The fixed integration step, or None if any step is exact."""
-        ...
 
     @property
     def time_s(self) -> float:
         """Simulated time since the last reset."""
-        ...
 
     @property
     def inputs(self) -> tuple[str, ...]:
         """Names that `write` accepts."""
-        ...
 
     @property
     def outputs(self) -> tuple[str, ...]:
         """Names that `read` accepts."""
-        ...
 
     def reset(self, seed: int) -> None:
         """Set the initial state of this seed; no state of an earlier run survives."""
-        ...
 
     def step(self, dt_s: float) -> None:
         """Advance by `dt_s`, which is `step_s` unless that is None.
@@ -50,23 +44,18 @@ class Plant(Protocol):
         Raises:
             PlantError: a state is no longer finite.
         """
-        ...
 
     def write(self, name: str, command: Any) -> None:
         """Set an input, which holds until it is set again. The plant clamps it to the body's limits."""
-        ...
 
     def read(self, name: str) -> Any:
         """Return an output: the true value, without noise. A msgspec Struct with units in its field names."""
-        ...
 
     def snapshot(self) -> Any:
         """Return the complete state, so that `restore` and the same steps give the same bits."""
-        ...
 
     def restore(self, snapshot: Any) -> None:
         """Restore a state that `snapshot` returned."""
-        ...
 
     def scene(self) -> dict[str, Any]:
         """Return the static shapes, and those of moving bodies, as JSON for the viewer.
@@ -84,7 +73,6 @@ class Plant(Protocol):
         from a fixed point to one in a body's frame; the arrow of the same name is its pull. A plant that moves only in
         the x-z plane has "is_planar": true.
         """
-        ...
 
     def truth(self) -> dict[str, Any]:
         """Return the true state as plain JSON, for the recorder alone: nodes cannot read it.
@@ -93,4 +81,3 @@ class Plant(Protocol):
          "vectors": {name: [ox, oy, oz, vx, vy, vz]},          origin [m] and vector (forces in N), world frame
          "values": {name_with_unit: number}}              broken_<arrow> is 1 once the source of this arrow is broken
         """
-        ...

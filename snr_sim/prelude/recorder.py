@@ -24,27 +24,21 @@ class NodeRecorder(Protocol):
 
     def begun(self, now_s: float, component: str, scheduled: Sequence[Task]) -> list[TaskRef]:
         """Record the tasks that a component scheduled in `begin`; return their references, in order."""
-        ...
 
     def input(self, now_s: float, source: str, task: Task) -> TaskRef:
         """Record a task that arrived through the inbox; return its reference."""
-        ...
 
     def task(self, now_s: float, task_ref: TaskRef, handled: Sequence[Handled]) -> list[TaskRef]:
         """Record an executed task; return a reference for each task its handlers returned, in order."""
-        ...
 
     def error(self, now_s: float, component: str, message: str) -> None:
         """Record an error of a component, at the current time."""
-        ...
 
     def record_text(self, now_s: float, component: str, level: str, text: str) -> None:
         """Keep text that a component prints or logs, to be recorded after its current step; from any thread."""
-        ...
 
     def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
         """Record that the node has ended, and why."""
-        ...
 
 
 class Recorder(Protocol):
@@ -52,4 +46,3 @@ class Recorder(Protocol):
 
     def for_node(self, name: str) -> NodeRecorder:
         """Return the recorder of one node."""
-        ...

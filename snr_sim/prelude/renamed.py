@@ -14,12 +14,7 @@ def warn_renamed(old: str, new: str, stacklevel: int = 3) -> None:
 
 
 def old_names(module: str, renamed: Mapping[str, str]) -> Callable[[str], Any]:
-    """Return a module's `__getattr__` that finds what was renamed.
-
-    Args:
-        module: its name.
-        renamed: new names by the old ones.
-    """
+    """Return a module's `__getattr__` that finds what was renamed, given new names by the old ones."""
 
     def find(name: str) -> Any:
         if name not in renamed:

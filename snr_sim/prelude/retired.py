@@ -12,11 +12,7 @@ class Retired:
 
     A module's can be imported and used in annotations, which do not access it; calling it, inheriting from it or
     reading one of its members raises. A member raises when it is read, unless an object or a subclass sets its own.
-    Unused, it has no cost.
-
-    Args:
-        name: as in the thesis.
-        fix: the replacement.
+    Unused, it has no cost. The fix names the replacement.
 
     >>> Retired("Consumer", "a Loop.")("printer", print)
     Traceback (most recent call last):

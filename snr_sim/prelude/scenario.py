@@ -63,10 +63,8 @@ class RobotInfo:
     """Information for a controller file: never the plant.
 
     Args:
-        name: the robot's name.
+        name, scenario, engine: names of the robot, the scenario and the physics engine.
         role: the role the controller will run in.
-        scenario: the scenario's name.
-        engine: the physics engine's name.
         parameters: the robot's own numbers in this scenario, from the scenario's `parameters(seed)`.
         options: options of the command line for the controller.
     """

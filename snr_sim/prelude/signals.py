@@ -1,7 +1,7 @@
 """Readings and commands that plants and devices exchange, independent of their encoding on a wire.
 
 Plants return them (true values), simulated sensors add errors, real ones measure them; the loops convert them to pages
-with the same field names.
+with the same field names. `stamp_s` of a reading is when it was measured.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ class RadarReading(msgspec.Struct, frozen=True):
     Args:
         altitude_m: of the foot pads over the ground, never below 0 except for noise.
         velocity_mps: vertical, up positive.
-        stamp_s: when it was measured.
     """
 
     altitude_m: float
@@ -35,7 +34,6 @@ class InertialReading(msgspec.Struct, frozen=True):
         rate_radps: of attitude.
         fuel_kg: left in the tank.
         contact: [left, right] foot pad touches the ground.
-        stamp_s: when it was measured.
     """
 
     position_m: list[float]
@@ -113,7 +111,6 @@ class DepthReading(msgspec.Struct, frozen=True):
         depth_m: positive down, of the sensor.
         pressure_pa: absolute.
         temperature_c: of the water.
-        stamp_s: when it was measured.
     """
 
     depth_m: float
@@ -132,7 +129,6 @@ class ImuReading(msgspec.Struct, frozen=True):
         roll_rad: about x, positive when the left side rises.
         pitch_rad: about y, positive when the nose goes down.
         yaw_rad: about z, positive when the nose goes left; 0 to the east, -pi (left out) to pi.
-        stamp_s: when it was measured.
     """
 
     rate_radps: list[float]
@@ -150,7 +146,6 @@ class EchoReading(msgspec.Struct, frozen=True):
     Args:
         distance_m: along its axis; meaningless without confidence.
         confidence: 0 no echo to 1 certain.
-        stamp_s: when it was measured.
     """
 
     distance_m: float
@@ -164,7 +159,6 @@ class PowerReading(msgspec.Struct, frozen=True):
     Args:
         voltage_v: under load.
         current_a: out of the battery.
-        stamp_s: when it was measured.
     """
 
     voltage_v: float
@@ -201,7 +195,6 @@ class LeakReading(msgspec.Struct, frozen=True):
 
     Args:
         is_wet: it is, or has been: a probe does not dry under water.
-        stamp_s: when it was measured.
     """
 
     is_wet: bool

@@ -82,15 +82,13 @@ class Task(msgspec.Struct, frozen=True):
         """
         try:
             kind, name, val_list = decode_value(data, KINDS)
-            if isinstance(name, str) and isinstance(val_list, list):
-                return Task(TaskType(kind), name, val_list)
+            if not (isinstance(name, str) and isinstance(val_list, list)):
+                raise TypeError("a name is text, and values are in a list")
+            return Task(TaskType(kind), name, val_list)
         except (ValueEncodingError, ValueError, TypeError) as error:
-            cause: Exception | None = error
-        else:
-            cause = None
-        raise TaskError(
-            f"These bytes are not a task: {data!r:.80}", fix="they are [type, name, values] in JSON."
-        ) from cause
+            raise TaskError(
+                f"These bytes are not a task: {data!r:.80}", fix="they are [type, name, values] in JSON."
+            ) from error
 
 
 # What a handler may return: nothing, a task, or several, handled in that order.

@@ -29,11 +29,7 @@ FINISH_GENERATIONS = 10
 
 
 def event(name: str, val_list: Sequence[Any] = _NO_VALUES) -> Task:
-    """Return a task that reports an event.
-
-    Args:
-        name: of the event.
-        val_list: values, a list or a tuple; the task has a list of its own.
+    """Return a task that reports an event, with a list of its own of the values.
 
     Raises:
         TaskError: the values are not a list or a tuple.
@@ -46,8 +42,7 @@ def event(name: str, val_list: Sequence[Any] = _NO_VALUES) -> Task:
     if isinstance(val_list, (list, tuple)):
         return Task(_EVENT, name, list(val_list))
     raise TaskError(
-        f"The event '{name}' carries {val_list!r}, which is not a list.",
-        fix=f"tasks.event({name!r}, [{val_list!r}]).",
+        f"The event '{name}' carries {val_list!r}, which is not a list.", fix=f"tasks.event({name!r}, [{val_list!r}])."
     )
 
 
@@ -75,11 +70,9 @@ def finish(reason: str) -> Task:
 
 
 def reload_component(name: str, *more: str) -> Task:
-    """Return a task that creates components again from the current code of their files.
+    """Return a task that creates components again from the current code of their files; "all" is every one.
 
-    Args:
-        name: of the component; "all" is every one.
-        more: names of others to be created again together with it: a file that they share is read once.
+    Of several names, a file that their components share is read once.
     """
     return Task(TaskType.reload, name, list(more))
 
@@ -87,9 +80,7 @@ def reload_component(name: str, *more: str) -> Task:
 def add_component(factory: Factory, start_component: bool = True) -> Task:
     """Return a task that adds the factory's component to the running node.
 
-    Args:
-        factory: of the component.
-        start_component: whether its `begin` is called. If not, nor are `halt` and `terminate`.
+    Without `start_component` its `begin` is not called; nor are `halt` and `terminate`.
     """
     return Task(TaskType.event, ADD_COMPONENT_TASK_NAME, [factory, start_component])
 
@@ -100,11 +91,5 @@ def remove_component(name: str) -> Task:
 
 
 def roll_back(name: str, number: int, message: str) -> Task:
-    """Return the task that rolls back a reload after a failure of a loop.
-
-    Args:
-        name: of the loop.
-        number: of the reload among those of its node.
-        message: the error as text.
-    """
+    """Return the task that rolls back the reload with this number after a failure of a loop."""
     return Task(TaskType.event, ROLL_BACK_TASK_NAME, [name, number, message])

@@ -4,12 +4,11 @@ Plain JSON stays plain. Other values are wrapped in an object whose key "$" name
 
     {"$": "float", "v": "nan"}                         also "inf", "-inf"
     {"$": "int", "v": "0x1f..."}                       beyond 64 bits
-    {"$": "tuple" | "set" | "frozenset", "v": [...]}
+    {"$": "tuple", "v": [...]}
     {"$": "bytes", "v": "<base64>"}
     {"$": "dict", "v": [[key, value], ...]}            keys that are not text, or a key "$"
-    {"$": "array", "dtype": "float64", "shape": [2], "data": [0.5, 1.0]}    "b64" for "data" above 256 elements,
-                                                       and for values without a JSON number: complex, text, dates
-    {"$": "object", "type": "module.Class", "fields": {...}}                readable, but cannot be decoded
+    {"$": "array", "dtype": "float64", "shape": [2], "data": [0.5, 1.0]}    "b64" for "data" above 256 elements
+    {"$": "object", "type": "module.Class", "fields": {...}}    anything else: readable, but cannot be decoded
 
 docs/formats.md defines it, snr_sim/schemas/value.schema.json for programs. Other values are rejected here.
 
@@ -44,14 +43,9 @@ _KIT = "snr_sim."
 _TAG_BYTES = b'"$":'  # inside a JSON string the quotes would be escaped, so this is always a key
 _NOT_FINITE = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 _HEX_INT = re.compile(r"-?0x[0-9a-f]+")
-_CONTAINERS: dict[str, Callable[[list[Any]], Any]] = {"tuple": tuple, "set": set, "frozenset": frozenset}
 _ARRAY_AS_TEXT_MAX = 256
-_ARRAY_KINDS = "biufcSUmM"  # numpy's letters: bool, int, uint, float, complex, bytes, text, durations, dates
-_PLAIN_DTYPE = re.compile(r"bool|u?int(?:8|16|32|64)|float(?:16|32|64)")
-_RAW_DTYPE = re.compile(
-    r"<f16|<c(?:8|16|32)|\|S[0-9]{1,9}|<U[0-9]{1,9}"
-    r"|<[mM]8(?:\[(?:[1-9][0-9]{0,8})?(?:Y|M|W|D|h|m|s|ms|us|ns|ps|fs|as)\])?"
-)
+REAL_DTYPES = frozenset("?bhilqBHILQefd")  # numpy's letters: bool, integers, and floats of at most 64 bits
+_DTYPE = re.compile(r"bool|u?int(?:8|16|32|64)|float(?:16|32|64)")
 _ITEM_TYPES: dict[str, tuple[type, ...]] = {"b": (bool,), "i": (int,), "u": (int,), "f": (int, float)}
 
 
@@ -113,11 +107,7 @@ def decode_value(raw: bytes | str, kinds: Mapping[str, Callable[..., Any]] | Non
 
 
 def json_bytes(raw: bytes | str) -> bytes:
-    """Return JSON as bytes.
-
-    Raises:
-        ValueEncodingError: it is neither text nor bytes.
-    """
+    """Return JSON as bytes; raise ValueEncodingError if it is neither text nor bytes."""
     if isinstance(raw, str):
         return raw.encode(errors="surrogatepass")
     if isinstance(raw, (bytes, bytearray, memoryview)):
@@ -148,8 +138,6 @@ def _tag_value(value: Any) -> Any:
         return {TAG: "dict", "v": [[_tag_value(key), _tag_value(item)] for key, item in value.items()]}
     if kind is tuple:
         return {TAG: "tuple", "v": [_tag_value(item) for item in value]}
-    if kind in (set, frozenset):
-        return {TAG: kind.__name__, "v": sorted((_tag_value(item) for item in value), key=_encode)}
     if kind in (bytes, bytearray):
         return {TAG: "bytes", "v": base64.b64encode(value).decode()}
     return _tag_object(value)
@@ -157,10 +145,11 @@ def _tag_value(value: Any) -> Any:
 
 def _tag_object(value: Any) -> Any:
     numpy = sys.modules.get("numpy")
-    if numpy is not None and isinstance(value, (numpy.ndarray, numpy.generic)) and value.dtype.kind in _ARRAY_KINDS:
+    if numpy is not None and isinstance(value, (numpy.ndarray, numpy.generic)) and value.dtype.char in REAL_DTYPES:
         return _tag_array(value)
-    if isinstance(value, (bool, int, float, str)):  # an Enum, or a student's subclass of a number
-        return _tag_value(_plain_parent(value))
+    for parent in (bool, int, float, str):
+        if isinstance(value, parent):  # an Enum, or a student's subclass of a number
+            return _tag_value(parent.__str__(value) if parent is str else parent(value))
     if isinstance(value, (type, ModuleType)):  # their attributes are code; a module's would expose the user's file path
         name = value.__qualname__ if isinstance(value, type) else Path(value.__file__ or value.__name__).stem
         return {TAG: "object", "type": f"builtins.{type(value).__name__}", "fields": {"name": name}}
@@ -186,7 +175,7 @@ def _tag_page(page: Any) -> Any:
 
 
 def _attributes(value: Any) -> dict[str, Any]:
-    """Return the attributes of an object, from its dict or slots; an array of objects as a list.
+    """Return the attributes of an object, from its dict or slots; the items of a set, the text of other numpy values.
 
     For a part of the program only its name: an endpoint refers to the whole program.
     """
@@ -194,8 +183,11 @@ def _attributes(value: Any) -> dict[str, Any]:
         return {"name": getattr(value, "name", "")}
     if isinstance(value, tuple) and hasattr(value, "_asdict"):
         return dict(value._asdict())
-    if hasattr(value, "dtype") and hasattr(value, "tolist"):
-        return {"dtype": str(value.dtype), "values": value.tolist()}
+    if isinstance(value, (set, frozenset)):
+        return {"items": sorted(value, key=encode_value)}
+    if hasattr(value, "dtype") and hasattr(value, "tolist"):  # text shows 1000 items at most
+        is_list = getattr(value.dtype, "kind", "O") == "O"  # of objects; other libraries have arrays, too
+        return {"dtype": str(value.dtype), "values": value.tolist() if is_list else str(value)}
     kept = dict(getattr(value, "__dict__", {}))
     for kind in type(value).__mro__:
         slots = kind.__dict__.get("__slots__", ())
@@ -213,20 +205,12 @@ def is_of_program(value: Any) -> bool:
     return any(base.__module__.startswith(_KIT) for base in kind.__mro__)
 
 
-def _plain_parent(value: Any) -> Any:
-    for parent in (bool, int, float, str):
-        if isinstance(value, parent):
-            return parent.__str__(value) if parent is str else parent(value)
-    raise AssertionError(value)
-
-
 def _tag_array(value: Any) -> Any:
-    is_plain = value.dtype.kind in "biuf" and value.dtype.itemsize <= 8
-    little_endian = value.dtype.newbyteorder("<")
-    tagged = {TAG: "array", "dtype": value.dtype.name if is_plain else little_endian.str, "shape": list(value.shape)}
-    if value.size > _ARRAY_AS_TEXT_MAX or not is_plain:
-        return {**tagged, "b64": base64.b64encode(value.astype(little_endian, copy=False).tobytes()).decode()}
-    return {**tagged, "data": _tag_value(value.tolist())}
+    tagged = {TAG: "array", "dtype": value.dtype.name, "shape": list(value.shape)}
+    if value.size <= _ARRAY_AS_TEXT_MAX:
+        return {**tagged, "data": _tag_value(value.tolist())}
+    little_endian = value.astype(value.dtype.newbyteorder("<"), copy=False)
+    return {**tagged, "b64": base64.b64encode(little_endian.tobytes()).decode()}
 
 
 def _untag(value: Any, kinds: Mapping[str, Callable[..., Any]]) -> Any:
@@ -267,9 +251,9 @@ def _untag_simple(tag: Any, value: dict[str, Any], kinds: Mapping[str, Callable[
         if any(type(pair) is not list for pair in items):
             raise ValueError("it holds something else than pairs")
         return dict(items)
-    if tag not in _CONTAINERS:
-        raise ValueEncodingError(f"A stored value has the unknown kind {tag!r}; known: {', '.join(_CONTAINERS)}, ...")
-    return _CONTAINERS[tag](items)
+    if tag != "tuple":
+        raise ValueEncodingError(f"A stored value has the unknown kind {tag!r}; known: tuple, array, ...")
+    return tuple(items)
 
 
 def _only(value: dict[str, Any], *names: str) -> Any:
@@ -292,20 +276,16 @@ def _untag_array(value: dict[str, Any]) -> Any:
         raise MissingExtraError("numpy", "sim") from None
 
     kept = _only(value, "dtype", "shape", "b64" if "b64" in value else "data")
-    name, shape = value["dtype"], value["shape"]
-    is_plain = type(name) is str and _PLAIN_DTYPE.fullmatch(name) is not None
-    dtype = np.dtype(name if is_plain else _matched(_RAW_DTYPE, name))
+    dtype, shape = np.dtype(_matched(_DTYPE, value["dtype"])), value["shape"]
     if type(shape) is not list or any(type(length) is not int or length < 0 for length in shape):
         raise ValueError(f"its shape is {shape!r}")
     if "b64" in value:
         little_endian = base64.b64decode(kept, validate=True)
         flat = np.frombuffer(little_endian, dtype.newbyteorder("<")) if little_endian else np.empty(0, dtype)
         array = flat.astype(dtype).reshape(shape)
-    elif is_plain:
+    else:
         with np.errstate(over="ignore"):  # 1e300 as float32 is infinite, as everywhere in numpy
             array = np.array(list(_items(kept, shape, _ITEM_TYPES[dtype.kind])), dtype).reshape(shape)
-    else:  # a single letter from a wire could request an element of 2 GB
-        raise ValueError(f"an array of {name} needs b64")
     return array if shape else array[()]
 
 

@@ -72,14 +72,14 @@ class Allocation:
         failed_thrusters: Sequence[int] = (),
     ) -> None:
         given = thruster_matrix(matrix)
-        self.count = given.shape[1]
+        self.count: int = given.shape[1]
         for axis in priority_axes:
             _check_axis(axis)
         for number in failed_thrusters:
             if not 0 <= number < self.count:
                 raise ParameterError(f"There is no thruster {number!r}.", fix=f"0 to {self.count - 1}.")
         given[:, list(failed_thrusters)] = 0.0
-        self.unactuated = unactuated_axes(given)
+        self.unactuated: tuple[str, ...] = unactuated_axes(given)
         if self.unactuated == AXES:
             raise ParameterError(
                 "No thruster pushes anywhere: their matrix is all zeros.", fix="give each a direction."

@@ -37,8 +37,8 @@ class ComplementaryFilter:
             raise ParameterError(
                 f"A complementary filter with time_constant_s={time_constant_s!r}.", fix="seconds above 0, such as 2.0."
             )
-        self.time_constant_s = time_constant_s
-        self.is_angle = is_angle
+        self.time_constant_s: float = time_constant_s
+        self.is_angle: bool = is_angle
         self.estimate: float | None = None
 
     def reset(self) -> None:
@@ -46,12 +46,7 @@ class ComplementaryFilter:
         self.estimate = None
 
     def update(self, rate: float, measured: float, dt_s: float) -> float:
-        """Return the estimate for this time step.
-
-        Args:
-            rate: of the quantity, since the previous update.
-            measured: current value from the slow or noisy sensor.
-            dt_s: time since the previous update.
+        """Return the estimate after a time step, from the rate in it and the value that the slow or noisy sensor has.
 
         Raises:
             ParameterError: a value is not finite, or dt_s is negative.

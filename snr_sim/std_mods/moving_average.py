@@ -95,28 +95,22 @@ class MovingAvgFilterFactory(EndpointFactory):
     """Factory of an endpoint that averages the pages of one key and stores the means under another.
 
     Args:
-        input_key: of the pages to smooth.
-        output_key: of the smoothed pages.
         filter_length: number of pages in the window.
         endpoint_name: of the endpoint; unique among the filters of a node.
     """
 
     def __init__(
-        self,
-        input_key: DataKey,
-        output_key: DataKey,
-        filter_length: int,
-        endpoint_name: str = "moving_avg_filter",
+        self, input_key: DataKey, output_key: DataKey, filter_length: int, endpoint_name: str = "moving_avg_filter"
     ) -> None:
         super().__init__()
         if input_key == output_key:
             raise ParameterError(
                 f"A moving average of '{input_key}' into itself would never end.", fix="another output_key."
             )
-        self.input_key = input_key
-        self.output_key = output_key
-        self.filter_length = _checked_length(filter_length)
-        self.endpoint_name = endpoint_name
+        self.input_key: DataKey = input_key
+        self.output_key: DataKey = output_key
+        self.filter_length: int = _checked_length(filter_length)
+        self.endpoint_name: str = endpoint_name
 
     def get(self, parent: NodeApi) -> MovingAvgEndpoint:
         """Return the endpoint, with an empty window."""

@@ -55,9 +55,9 @@ class Pid:
         if not limits[0] < limits[1]:
             raise ParameterError(f"A PID controller with limits={limits!r}.", fix="(least, most).")
         self.kp, self.ki, self.kd = kp, ki, kd
-        self.limits = limits
-        self.derivative_filter_s = derivative_filter_s
-        self.is_angle = is_angle
+        self.limits: tuple[float, float] = limits
+        self.derivative_filter_s: float = derivative_filter_s
+        self.is_angle: bool = is_angle
         self.reset()
 
     def reset(self, integral: float = 0.0) -> None:

@@ -18,14 +18,13 @@ class PrinterEndpointFactory(EndpointFactory):
     Args:
         task_ids: ids of the tasks: `[(TaskType.process_data, "depth"), TaskType.event]`.
         stream: to print to; by default the value of sys.stdout at the time of printing.
-        name: of the endpoint.
     """
 
     def __init__(self, task_ids: Sequence[TaskId], stream: TextIO | None = None, name: str = "printer") -> None:
         super().__init__()
-        self.task_ids = list(task_ids)
-        self.stream = stream
-        self.name = name
+        self.task_ids: list[TaskId] = list(task_ids)
+        self.stream: TextIO | None = stream
+        self.name: str = name
 
     def get(self, parent: NodeApi) -> PrinterEndpoint:
         """Return the endpoint."""

@@ -11,7 +11,7 @@ import json
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO, Generic, NamedTuple, Self, TypeAlias, TypeVar
+from typing import BinaryIO, Generic, NamedTuple, Self, TypeAlias, TypeVar
 
 import msgspec
 
@@ -100,7 +100,7 @@ class PageReader(_Reader[Page]):
 
     def __init__(self, file: str | Path, keys: Sequence[DataKey] | DataKey | None = None, node: str = "") -> None:
         super().__init__(file)
-        self.path = Path(file)
+        self.path: Path = Path(file)
         self._keys = {keys} if isinstance(keys, str) else None if keys is None else set(keys)
         self._node = node
         self._times = _Times()
@@ -261,22 +261,12 @@ class _Times:
         return self._now_s
 
 
-class _OldPage(msgspec.Struct, forbid_unknown_fields=True):
-    """A page in the format of the 2021 library."""
-
-    key: str
-    data: Any
-    origin: str
-    created_at_s: float
-    process: bool = True
-
-
 def _page_of_2021(line: bytes) -> Page:
+    """Return a page of the 2021 library: plain JSON of the same fields, in which data are never marks."""
     try:
-        old = msgspec.convert(json.loads(line), ensure_type_info(_OldPage))  # Python's json accepts NaN and Infinity
+        return msgspec.convert(json.loads(line), ensure_type_info(Page))  # Python's json accepts NaN and Infinity
     except (ValueError, msgspec.ValidationError) as error:
         raise ValueEncodingError(f"This is not a page of the 2021 library ({error}): {line[:80]!r}") from error
-    return Page(old.key, old.data, old.origin, old.created_at_s, old.process)
 
 
 def _opened(file: str | Path) -> BinaryIO:

@@ -44,9 +44,9 @@ class RecorderEndpointFactory(EndpointFactory):
 
     def __init__(self, file: str | Path, keys: Sequence[DataKey] | DataKey, name: str = "recorder") -> None:
         super().__init__()
-        self.path = Path(file)
-        self.keys = _as_keys(keys)
-        self.name = name
+        self.path: Path = Path(file)
+        self.keys: list[DataKey] = _as_keys(keys)
+        self.name: str = name
         self._newest: weakref.ref[NodeApi] | None = None
 
     def get(self, parent: NodeApi) -> RecorderEndpoint:

@@ -24,8 +24,6 @@ class ListReplayerFactory(LoopFactory):
     """Factory of a loop that stores values under a key, one at each tick, then stops.
 
     Args:
-        values: in order.
-        key: of the pages.
         exit_when_done: whether to end the node once the last value is fully processed.
         rate_hz: ticks per second.
 
@@ -42,10 +40,10 @@ class ListReplayerFactory(LoopFactory):
                 f"ListReplayerFactory stores under the key {key!r}, which is not text.",
                 fix="the values first, then their key: ListReplayerFactory([1, 2], 'depth').",
             )
-        self.values = list(values)
-        self.key = key
-        self.exit_when_done = exit_when_done
-        self.rate_hz = rate_hz
+        self.values: list[Any] = list(values)
+        self.key: DataKey = key
+        self.exit_when_done: bool = exit_when_done
+        self.rate_hz: float = rate_hz
 
     def get(self, parent: NodeApi) -> ListReplayer:
         """Return the loop `<key>_replayer`."""
@@ -75,7 +73,6 @@ class TextReplayerFactory(LoopFactory):
     """Factory of a loop that stores the lines of a text file under a key, one at each tick, then stops.
 
     Args:
-        file: path of the file.
         key: of the pages; each has one line.
         exit: whether to end the node once the last line is fully processed.
         rate_hz: ticks per second.
@@ -92,11 +89,11 @@ class TextReplayerFactory(LoopFactory):
         wait_for: DataKey | None = None,
     ) -> None:
         super().__init__()
-        self.file = file
-        self.key = key
-        self.exit = exit
-        self.rate_hz = rate_hz
-        self.wait_for = wait_for
+        self.file: str | Path = file
+        self.key: DataKey = key
+        self.exit: bool = exit
+        self.rate_hz: float = rate_hz
+        self.wait_for: DataKey | None = wait_for
 
     def get(self, parent: NodeApi) -> TextReplayer:
         """Return the loop `<key>_replayer`."""
@@ -164,11 +161,11 @@ class ReplayerLoopFactory(LoopFactory):
         name: str = "replayer",
     ) -> None:
         super().__init__()
-        self.file = file
-        self.exit = exit
-        self.keys = keys
-        self.node = node
-        self.name = name
+        self.file: str | Path = file
+        self.exit: bool = exit
+        self.keys: Sequence[DataKey] | DataKey | None = keys
+        self.node: str = node
+        self.name: str = name
 
     def get(self, parent: NodeApi) -> ReplayerLoop:
         """Return the loop."""

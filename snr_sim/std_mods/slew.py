@@ -31,7 +31,7 @@ class SlewRateLimiter:
     def __init__(self, max_rate_per_s: float, start: Sequence[float]) -> None:
         if not max_rate_per_s > 0.0:
             raise ParameterError(f"A slew limit of {max_rate_per_s!r} per second.", fix="a number above 0.")
-        self.max_rate_per_s = max_rate_per_s
+        self.max_rate_per_s: float = max_rate_per_s
         self._start = list(start)
         self.reset()
 
@@ -67,7 +67,6 @@ def approach(left: float, speed: float, brake: float, dt_s: float) -> float:
         left: remaining distance, with its sign.
         speed: maximum speed.
         brake: deceleration, in speed per second.
-        dt_s: time step.
 
     >>> approach(5.0, speed=0.5, brake=0.1, dt_s=0.1), approach(-0.05, speed=0.5, brake=0.1, dt_s=0.1)
     (0.05, -0.010000000000000002)

@@ -12,17 +12,14 @@ from snr_sim.prelude.task import SomeTasks, Task, TaskId
 class StopwatchEndpointFactory(EndpointFactory):
     """Factory of an endpoint that appends the node's time [s] at each matching task to a list.
 
-    Args:
-        times: the list, owned by the caller, so that it is available after the run.
-        ids: of the tasks.
-        name: of the endpoint.
+    The caller owns the list, so it is available after the run.
     """
 
     def __init__(self, times: list[float], ids: Sequence[TaskId], name: str = "stopwatch") -> None:
         super().__init__()
-        self.times = times
-        self.ids = list(ids)
-        self.name = name
+        self.times: list[float] = times
+        self.ids: list[TaskId] = list(ids)
+        self.name: str = name
 
     def get(self, parent: NodeApi) -> StopwatchEndpoint:
         """Return the endpoint."""

@@ -44,7 +44,7 @@ class ThrustCurve:
                 f"of {pulses[still[0]]:g} to {pulses[still[-1]]:g} us.",
                 fix="the curve of another thruster, or another stop_us.",
             )
-        self.stop_us = stop_us
+        self.stop_us: float = stop_us
         self._pulses, self._forces = pulses, forces
         self._astern = pulses[: still[0] + 1], forces[: still[0] + 1]
         self._ahead = pulses[still[-1] :], forces[still[-1] :]
@@ -65,17 +65,15 @@ class ThrustCurve:
         pulses, forces = self._ahead if force_n > 0.0 else self._astern
         if force_n != force_n:
             raise ParameterError("A thruster was to give a force of NaN.", fix="look for what made it NaN.")
-        i = bisect_left(forces, force_n)
-        if i == 0 or i == len(forces):
-            return pulses[max(0, i - 1)]
-        share = (force_n - forces[i - 1]) / (forces[i] - forces[i - 1])
-        return pulses[i - 1] + share * (pulses[i] - pulses[i - 1])
+        return _interpolate(force_n, forces, pulses, bisect_left(forces, force_n))
 
     def force_n(self, pulse_us: float) -> float:
         """Return the force that a pulse produces; full thrust for a pulse beyond the curve."""
-        pulses, forces = self._pulses, self._forces
-        i = bisect_right(pulses, pulse_us)
-        if i == 0 or i == len(pulses):
-            return forces[max(0, i - 1)]
-        share = (pulse_us - pulses[i - 1]) / (pulses[i] - pulses[i - 1])
-        return forces[i - 1] + share * (forces[i] - forces[i - 1])
+        return _interpolate(pulse_us, self._pulses, self._forces, bisect_right(self._pulses, pulse_us))
+
+
+def _interpolate(x: float, xs: list[float], ys: list[float], i: int) -> float:
+    """Return y at x, which lies before point i; at the end of the curve beyond it."""
+    if i == 0 or i == len(xs):
+        return ys[max(0, i - 1)]
+    return ys[i - 1] + (x - xs[i - 1]) / (xs[i] - xs[i - 1]) * (ys[i] - ys[i - 1])

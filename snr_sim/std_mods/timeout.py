@@ -17,8 +17,6 @@ class TimeoutLoopFactory(LoopFactory):
     """Factory of a loop that schedules a task `seconds` plus `ms` after the node begins; exact in virtual time.
 
     Args:
-        seconds: to wait.
-        ms: milliseconds to wait in addition.
         task: to schedule; by default a task that ends the node.
         name: of the loop; unique among the timeouts of a node.
 
@@ -30,11 +28,11 @@ class TimeoutLoopFactory(LoopFactory):
         self, seconds: float = 0.0, ms: float = 0.0, task: SomeTasks = None, name: str = "timeout_loop"
     ) -> None:
         super().__init__()
-        self.delay_s = seconds + ms / 1000.0
+        self.delay_s: float = seconds + ms / 1000.0
         if not (math.isfinite(self.delay_s) and self.delay_s >= 0.0):
             raise ParameterError(f"A timeout of {self.delay_s} s.", fix="TimeoutLoopFactory(seconds=1.5).")
-        self.task = tasks.terminate(TIMEOUT) if task is None else task
-        self.name = name
+        self.task: SomeTasks = tasks.terminate(TIMEOUT) if task is None else task
+        self.name: str = name
 
     def get(self, parent: NodeApi) -> TimeoutLoop:
         """Return the loop."""

@@ -7,10 +7,7 @@ from snr_sim.prelude.clock import Clock
 
 
 class Timer:
-    """Counter of seconds since its creation; setting the computer's clock does not affect it.
-
-    Args:
-        clock: source of the time; a wall clock by default.
+    """Counter of seconds since its creation, by a wall clock if no other is given; setting it has no effect.
 
     >>> timer = Timer()
     >>> 0.0 <= timer.current_s() < 60.0

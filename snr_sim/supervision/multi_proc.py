@@ -77,7 +77,7 @@ class MultiProcRunner:
             raise ConfigError(f"A role is named twice: {', '.join(names)}.", fix="each role runs once.")
         for role in [*names, *ends_all]:
             config.get(role)
-        self.roles = names
+        self.roles: list[RoleName] = names
         self._config = config
         self._seed = seed
         self._run = run
@@ -153,13 +153,7 @@ class MultiProcRunner:
             pickle_factory(factory, type(factory).__name__, f"Role '{role}'")
         packed = pickle_factory((factories, self._run), "what it runs", f"Role '{role}'")
         config = self._config
-        return {
-            "role": role,
-            "packed": packed,
-            "mode": config.mode.value,
-            "bounds": config.bounds,
-            "seed": self._seed,
-        }
+        return {"role": role, "packed": packed, "mode": config.mode.value, "bounds": config.bounds, "seed": self._seed}
 
     def _wait(self) -> None:
         wait_s = POLL_PERIOD_S if self._kill_at_s is None else min(POLL_PERIOD_S, self._kill_at_s - time.monotonic())

@@ -16,19 +16,13 @@ PRESS_DURATION_S = 0.2  # as long as a finger stays on a button: our own choice
 
 
 class ButtonPanelFactory(LoopFactory):
-    """Makes the panel.
-
-    Args:
-        key: of its page.
-        presses_s: for each button the times at which it goes down.
-        rate_hz: how often its page is stored.
-    """
+    """Makes the panel, which stores its page at a rate; `presses_s` are the times at which each button goes down."""
 
     def __init__(self, key: str, presses_s: Mapping[str, Sequence[float]], rate_hz: float) -> None:
         super().__init__()
-        self.key = key
-        self.presses_s = presses_s
-        self.rate_hz = rate_hz
+        self.key: str = key
+        self.presses_s: Mapping[str, Sequence[float]] = presses_s
+        self.rate_hz: float = rate_hz
 
     def get(self, parent: NodeApi) -> ButtonPanel:
         """Return the loop, named as its page."""

@@ -50,13 +50,13 @@ class DisplayFactory(LoopFactory):
         lines: Sequence[str] = (),
     ) -> None:
         super().__init__()
-        self.describe = describe
-        self.keys = (*keys, link, RECORDING_KEY)
-        self.link = link
-        self.news = (*NEWS_ROWS, *news)
-        self.rate_hz = rate_hz
-        self.in_lock_step = in_lock_step
-        self.lines = tuple(lines)
+        self.describe: Callable[[dict[str, Any], Mapping[str, Any]], Rows] = describe
+        self.keys: tuple[str, ...] = (*keys, link, RECORDING_KEY)
+        self.link: str = link
+        self.news: tuple[str, ...] = (*NEWS_ROWS, *news)
+        self.rate_hz: float = rate_hz
+        self.in_lock_step: bool = in_lock_step
+        self.lines: tuple[str, ...] = tuple(lines)
 
     def get(self, parent: NodeApi) -> Display:
         """Return the loop 'display'."""

@@ -87,10 +87,10 @@ class GamepadPilotFactory(EndpointFactory):
         key: str = "controls",
     ) -> None:
         super().__init__()
-        self.command_type = command_type
-        self.sticks = sticks
-        self.modes = modes
-        self.key = key
+        self.command_type: type[msgspec.Struct] = command_type
+        self.sticks: Mapping[str, Stick] = sticks
+        self.modes: Sequence[str] = modes
+        self.key: str = key
 
     def get(self, parent: NodeApi) -> GamepadPilot:
         """Return the endpoint 'pilot'."""

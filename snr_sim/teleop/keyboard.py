@@ -21,11 +21,7 @@ MAX_WAITING = 8  # presses: a key that is leant on has no effect for seconds aft
 
 
 def legend(sticks: str) -> list[str]:
-    """Return lines that name keys and buttons.
-
-    Args:
-        sticks: the robot's keys for its sticks, as text.
-    """
+    """Return lines that name keys and buttons; `sticks` names the robot's keys for its sticks."""
     return [
         "keys      1 arm  2 disarm  space emergency stop  c clear it  - + mode",
         f"          {sticks}",

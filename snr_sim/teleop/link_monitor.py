@@ -9,15 +9,11 @@ from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 
 
 class LinkMonitorFactory(EndpointFactory):
-    """Makes the monitor.
-
-    Args:
-        link: key of the link's status page.
-    """
+    """Makes the monitor of the link whose status page has the key `link`."""
 
     def __init__(self, link: str) -> None:
         super().__init__()
-        self.link = link
+        self.link: str = link
 
     def get(self, parent: NodeApi) -> LinkMonitor:
         """Return the endpoint 'link_monitor'."""

@@ -29,11 +29,8 @@ def surface_link(context: RobotContext, vehicle: str, name: str, port: int, faul
     """Return the link with the address in the options.
 
     Args:
-        context: of the run.
         vehicle: the role that listens.
-        name: of the link.
         port: the default.
-        faults: of the link.
 
     Raises:
         ParameterError: an option is not an address or a port.

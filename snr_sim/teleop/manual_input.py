@@ -22,10 +22,7 @@ class DeadmanSwitch(LifeCycle):
     """A gamepad whose sticks count only while its right trigger is held. Implements Sensor.
 
     Buttons count at any time, so the emergency stop does, too. A keyboard needs no such switch: a key that is
-    released is a stick at rest.
-
-    Args:
-        gamepad: the gamepad, open.
+    released is a stick at rest. The gamepad is open.
     """
 
     title = "The game controller with its deadman's trigger"
@@ -52,10 +49,7 @@ class DeadmanSwitch(LifeCycle):
 class ManualInput(LifeCycle):
     """A gamepad if one is plugged in, else the keyboard, whose buttons always count. Implements Sensor.
 
-    Args:
-        open_gamepad: opens the gamepad.
-        open_keyboard: opens the keyboard.
-        now_s: the clock that stamps readings.
+    Readings are stamped by the clock `now_s`.
     """
 
     def __init__(

@@ -24,7 +24,7 @@ class Cue:
     """
 
     def __init__(self, at_s: float, **changes: Any) -> None:
-        self.at_s = at_s
+        self.at_s: float = at_s
         self.changes = changes
 
 
@@ -57,13 +57,13 @@ class ScriptedPilotFactory(LoopFactory):
         times = [cue.at_s for cue in script]
         if times != sorted(times):
             raise ParameterError(f"A pilot's cues come at {times} s.", fix="name them in the order of their times.")
-        self.neutral = msgspec.structs.asdict(neutral)
+        self.neutral: dict[str, Any] = msgspec.structs.asdict(neutral)
         for cue in script:
             check({**self.neutral, **cue.changes})
-        self.script = tuple(script)
-        self.rate_hz = rate_hz
+        self.script: tuple[Cue, ...] = tuple(script)
+        self.rate_hz: float = rate_hz
         self.once = {name: self.neutral[name] for name in once}
-        self.key = key
+        self.key: str = key
 
     def get(self, parent: NodeApi) -> ScriptedPilot:
         """Return the loop 'pilot'."""

@@ -15,6 +15,7 @@ from hypothesis.extra import numpy as hnp
 
 from snr_sim.prelude.errors import ValueEncodingError
 from snr_sim.prelude.page import KINDS, Page
+from snr_sim.prelude.snapshot import snapshot
 from snr_sim.prelude.values import decode_value, encode_value
 
 scalars = st.one_of(
@@ -29,15 +30,10 @@ scalars = st.one_of(
     st.binary(max_size=20),
 )
 keys = st.one_of(st.text(st.characters(exclude_categories=["Cs"]), max_size=5), st.just("$"), st.integers())
-hashables = st.recursive(scalars.filter(lambda x: x == x), lambda inner: st.tuples(inner, inner), max_leaves=4)
 values = st.recursive(
     scalars,
     lambda inner: st.one_of(
-        st.lists(inner, max_size=4),
-        st.lists(inner, max_size=4).map(tuple),
-        st.dictionaries(keys, inner, max_size=4),
-        st.sets(hashables, max_size=4),
-        st.frozensets(hashables, max_size=4),
+        st.lists(inner, max_size=4), st.lists(inner, max_size=4).map(tuple), st.dictionaries(keys, inner, max_size=4)
     ),
     max_leaves=12,
 )
@@ -63,7 +59,8 @@ def same(one: Any, other: Any) -> bool:
 @example({"$": "float", "v": "nan"})
 @example({"$": {"$": 1}})
 @example({1: "a", "1": "b"})
-@example([(1, [2, (3,)]), {"k": {4, 5}}])
+@example([(1, [2, (3,)]), {"k": (4, 5)}])
+@example({(1, b"x"): {None: 2}})
 @example(2**64)
 @example(-(2**63) - 1)
 @example(2**53 + 1)
@@ -83,7 +80,6 @@ dtypes = st.one_of(
     hnp.integer_dtypes(endianness="="),
     hnp.unsigned_integer_dtypes(endianness="="),
     hnp.floating_dtypes(endianness="=", sizes=(16, 32, 64)),
-    hnp.complex_number_dtypes(endianness="=", sizes=(64, 128)),
 )
 
 
@@ -96,7 +92,7 @@ def test_array_round_trips_with_type_and_shape(array: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize("size", [1, 256, 257, 10_000])
-@pytest.mark.parametrize("dtype", ["bool", "int8", "uint64", "int64", "float16", "float32", "float64", "complex128"])
+@pytest.mark.parametrize("dtype", ["bool", "int8", "uint64", "int64", "float16", "float32", "float64"])
 def test_large_arrays_survive_too(dtype: str, size: int) -> None:
     array = (np.arange(size) * 3 - 7).astype(dtype)
     back = decode_value(encode_value({"image": array}))["image"]
@@ -106,15 +102,8 @@ def test_large_arrays_survive_too(dtype: str, size: int) -> None:
 
 @pytest.mark.parametrize(
     "array",
-    [
-        np.array([1, 2], dtype="longdouble") / 3,
-        np.array(["ab", "c"]),
-        np.array(["2026-01-02"], dtype="datetime64[D]"),
-        np.arange(6, dtype=">f8"),
-        np.arange(12).reshape(3, 4).T,
-        np.arange(12)[::2],
-    ],
-    ids=["longdouble", "text", "dates", "big endian", "transposed", "strided"],
+    [np.arange(6, dtype=">f8"), np.arange(12).reshape(3, 4).T, np.arange(12)[::2]],
+    ids=["big endian", "transposed", "strided"],
 )
 def test_unusual_arrays_come_back_equal(array: np.ndarray) -> None:
     np.testing.assert_array_equal(decode_value(encode_value(array)), array)
@@ -146,6 +135,25 @@ class Pose:
 @dataclasses.dataclass(slots=True)
 class SlottedPose:
     x_m: float
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [
+        ({"b", "a"}, b'{"$":"object","type":"builtins.set","fields":{"items":["a","b"]}}'),
+        (np.array([1j]), b'ndarray","fields":{"dtype":"complex128","values":"[0.+1.j]"}}'),
+        (np.array(["ab"]), b'"values":"[\'ab\']"'),
+        (np.datetime64("2026-01-02"), b'"values":"2026-01-02"'),
+        (np.longdouble(1), b'"values":"1.0"'),
+    ],
+)
+def test_sets_and_unusual_arrays_are_readable_and_raise_on_decode(value: Any, shown: bytes) -> None:
+    objects: list[Any] = []
+    assert snapshot([value], objects)[0] is value
+    assert objects == [value]
+    assert shown in encode_value([value])
+    with pytest.raises(ValueEncodingError, match=f"{type(value).__name__}, which cannot be brought back"):
+        decode_value(encode_value([value]))
 
 
 @pytest.mark.parametrize("value", [Pose(1.5, "start"), {"pose": Pose(1.5, "start")}, [SlottedPose(1.5)]])
@@ -214,7 +222,7 @@ def test_equal_values_have_equal_bytes(value: Any) -> None:
 @example(np.array([1, 2], dtype="longdouble"))
 @example(np.arange(3, dtype=">c16"))
 @example(np.zeros(300))
-@example({np.int8(3), (1, frozenset({2})), Page("a", 1, "n", 0.0)})
+@example({np.int8(3): 1, (1, (2,)): 2, Page("a", 1, "n", 0.0): 3})
 @example({(1, b"x"): {None: 2}})
 @example([Page("a", {"b": {1}}, "n", math.nan), dataclasses.make_dataclass("Pose", ["x_m"])(1.5)])
 @example(Page("a", 1, "n", np.float64(0.5), np.bool_(True)))
@@ -224,10 +232,10 @@ def test_every_encoded_value_matches_schema(validator: Any, value: Any) -> None:
 
 texts = st.sampled_from(
     ["", "$", "v", "nan", "inf", "NaN", "0x1f", "-0x0", "0X1f", "1f", "YQ==", "YQ=", "YQ==\n", "ab", "a b",
-     "bool", "int8", "uint64", "float32", "float64", "float", "<f8", "<c16", "c8", "<U2", "|S1", "<M8[ms]", "<M8[0s]"]
+     "bool", "int8", "uint64", "float32", "float64", "float", "<f8", "<c16", "<U2", "<M8[ms]"]
 )  # fmt: skip
 leaves = st.one_of(st.none(), st.booleans(), st.integers(-3, 300), st.floats(allow_nan=False, allow_infinity=False))
-kinds = ["float", "int", "bytes", "tuple", "set", "frozenset", "dict", "array", "object", "page", "other"]
+kinds = ["float", "int", "bytes", "tuple", "dict", "array", "object", "page", "set"]
 
 
 def marked(inner: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
@@ -237,7 +245,7 @@ def marked(inner: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
     return st.one_of(
         st.fixed_dictionaries({"$": st.sampled_from(kinds), "v": inner}),
         st.fixed_dictionaries({"$": st.sampled_from(kinds), "v": texts}),
-        st.fixed_dictionaries({"$": st.sampled_from(kinds[3:7]), "v": st.lists(st.lists(inner, max_size=2))}),
+        st.fixed_dictionaries({"$": st.sampled_from(kinds[3:5]), "v": st.lists(st.lists(inner, max_size=2))}),
         st.fixed_dictionaries({"$": st.just("array"), "dtype": dtype, "shape": shape, "data": inner}),
         st.fixed_dictionaries({"$": st.just("array"), "dtype": dtype, "shape": shape, "b64": texts}),
         st.fixed_dictionaries({"$": st.just("page"), **page}, optional={"process": leaves, "v": inner}),
@@ -258,7 +266,7 @@ json_values = st.recursive(
 @example({"$": "tuple", "v": "ab"}, False)
 @example({"$": "dict", "v": ["ab"]}, False)
 @example({"$": "dict", "v": [{"$": "tuple", "v": [1, 2]}]}, False)
-@example({"$": "set", "v": [[1]]}, False)
+@example({"$": "set", "v": [1]}, False)
 @example({"$": "tuple", "v": [], "w": 1}, False)
 @example({"$": "int", "v": "1_0"}, False)
 @example({"$": "int", "v": "0x1\n"}, False)

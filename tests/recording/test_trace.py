@@ -40,7 +40,7 @@ from snr_sim.scenario.program import program_header, record_program
 from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 VALUES: list[Any] = [
-    0.1 + 0.2, -0.0, math.nan, math.inf, -math.inf, 2**70, "Grüße\n", None, True, b"\x00\xff", (1, 2.5), {1, 2},
+    0.1 + 0.2, -0.0, math.nan, math.inf, -math.inf, 2**70, "Grüße\n", None, True, b"\x00\xff", (1, 2.5),
     {"a": [1.0, math.nan]}, {3: "three"}, np.array([0.1, math.nan]), np.eye(3, dtype=np.float32), np.zeros(300),
     np.int16(-3),
 ]  # fmt: skip

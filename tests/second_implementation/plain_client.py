@@ -15,12 +15,12 @@ import socket
 import struct
 import sys
 
-SIMPLE = {"float": float, "tuple": tuple, "set": set, "frozenset": frozenset, "dict": dict}
+SIMPLE = {"float": float, "tuple": tuple, "dict": dict}
 SIMPLE["int"] = lambda v: int(v, 16)
 SIMPLE["bytes"] = lambda v: base64.b64decode(v, validate=True)
 INTEGERS = ("bool", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64")
-FLOATS = ("float16", "float32", "float64", "<c8", "<c16")
-LETTERS = dict(zip((*INTEGERS, *FLOATS), (*"?bhiqBHIQefd", "ff", "dd"), strict=True))
+FLOATS = ("float16", "float32", "float64")
+LETTERS = dict(zip((*INTEGERS, *FLOATS), "?bhiqBHIQefd", strict=True))
 
 
 def value(fields):
@@ -29,8 +29,8 @@ def value(fields):
     if mark in SIMPLE:
         return SIMPLE[mark](fields["v"])
     if mark == "array" and "b64" in fields:  # flat; the shape is in a field of its own
-        letters, count = LETTERS[fields["dtype"]], math.prod(fields["shape"])
-        return {"shape": fields["shape"], "flat": struct.unpack("<" + letters * count, base64.b64decode(fields["b64"]))}
+        form = f"<{math.prod(fields['shape'])}{LETTERS[fields['dtype']]}"
+        return {"shape": fields["shape"], "flat": struct.unpack(form, base64.b64decode(fields["b64"]))}
     return fields["data"] if mark == "array" else fields
 
 

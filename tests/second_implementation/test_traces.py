@@ -53,7 +53,7 @@ def test_reader_reads_a_run_of_a_scenario(record_scenario: Callable[..., Trace])
 
 
 VALUES: list[Any] = [
-    float("nan"), [float("inf"), -0.0, 1e16], 2**70, -(2**63) - 1, (1, {"a": (2.5,)}), {5}, frozenset({b"\x00\xff"}),
+    float("nan"), [float("inf"), -0.0, 1e16], 2**70, -(2**63) - 1, (1, {"a": (2.5,)}), b"\x00\xff",
     {3: "three", "$": None}, "Grüße\u2028\n$", True,
 ]  # fmt: skip
 
@@ -63,7 +63,7 @@ def unusual(tmp_path: Path) -> Trace:
     """A trace of pages with values that JSON alone would lose."""
 
     def begin(part: Any) -> None:
-        for value in [*VALUES, np.arange(300, dtype=np.int16), np.array([1j, 2]), np.float32([[0.5]])]:
+        for value in [*VALUES, np.arange(300, dtype=np.int16), np.float32([[0.5]]), {5}]:
             part.store_data("x", value)
 
     config = Config(factories={"r": [FunctionEndpointFactory(begin=begin)]})
@@ -79,10 +79,10 @@ def test_reader_returns_marked_values(unusual: Trace) -> None:
     assert done.returncode == 0, done.stderr
     values = [line.split(" ", 2)[2] for line in done.stdout.splitlines()[2:]]
     assert values[: len(VALUES)] == [repr(value) for value in VALUES]
-    numbers, complex_numbers, matrix = values[len(VALUES) :]
+    numbers, matrix, other = values[len(VALUES) :]
     assert numbers == repr({"shape": [300], "flat": tuple(range(300))})
-    assert complex_numbers == repr({"shape": [2], "flat": (0.0, 1.0, 2.0, 0.0)})
     assert matrix == "[[0.5]]"
+    assert other == repr({"$": "object", "type": "builtins.set", "fields": {"items": [5]}})
 
 
 @pytest.mark.slow
@@ -129,7 +129,6 @@ def test_documented_values_equal_written_ones(validator: Any) -> None:
         '{"$":"int","v":"0x10000000000000000"}': 2**64,  # marked among marked ones
         '{"$":"bytes","v":"AP8="}': b"\x00\xff",
         '{"$":"tuple","v":[1,2.5]}': (1, 2.5),
-        '{"$":"set","v":[1,2]}': {2, 1},
         '{"$":"dict","v":[[3,"three"]]}': {3: "three"},
         '{"$":"array","dtype":"float64","shape":[2],"data":[0.5,1.0]}': np.array([0.5, 1.0]),
     }

@@ -9,16 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from snr_sim import (
-    Config,
-    ListReplayerFactory,
-    Node,
-    Page,
-    PageReader,
-    RecorderEndpointFactory,
-    SimClock,
-    SNRTestCase,
-)
+from snr_sim import Config, ListReplayerFactory, Node, Page, PageReader, RecorderEndpointFactory, SimClock, SNRTestCase
 from snr_sim.core.lockstep import LockStep
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError
 from snr_sim.testing.function_components import FunctionLoopFactory

@@ -57,9 +57,7 @@ def printed_lines(pages: list[tuple[float, Any]], capfd: pytest.CaptureFixture[s
     return capfd.readouterr().err.splitlines()
 
 
-def test_display_in_pipe_prints_lines_on_news_and_periodically(
-    capfd: pytest.CaptureFixture[str],
-) -> None:
+def test_display_in_pipe_prints_lines_on_news_and_periodically(capfd: pytest.CaptureFixture[str]) -> None:
     ticks = [(1.0 + 0.25 * i, VEHICLE) for i in range(30)]
     lines = printed_lines([*ticks, (8.5, {"state": "EMERGENCY STOP"})], capfd)
     assert [line.split(":")[0] for line in lines] == ["t = 0.0 s", "t = 1.2 s", "t = 8.6 s", "t = 9.2 s", "t = 19.2 s"]

@@ -139,13 +139,21 @@ class Typist:
         return self.time_s
 
 
+@pytest.fixture
+def typist() -> Typist:
+    return Typist()
+
+
+@pytest.fixture
+def keyboard(typist: Typist) -> Keyboard:
+    return Keyboard(STICKS, typist.typed, typist.now_s)
+
+
 def test_keyboard_implements_sensor() -> None:
     check_sensor(lambda: Keyboard(STICKS, lambda: ""))
 
 
-def test_key_holds_stick_while_repeated() -> None:
-    typist = Typist()
-    keyboard = Keyboard(STICKS, typist.typed, typist.now_s)
+def test_key_holds_stick_while_repeated(typist: Typist, keyboard: Keyboard) -> None:
     typist.keys = "wA"
     assert keyboard.read() == pad(drive=-1.0, turn=-1.0)
     typist.time_s = KEY_HOLD_S - 0.01
@@ -154,24 +162,18 @@ def test_key_holds_stick_while_repeated() -> None:
     assert keyboard.read() == at(typist.time_s, pad())
 
 
-def test_opposite_keys_cancel_and_other_keys_are_ignored() -> None:
-    typist = Typist()
-    keyboard = Keyboard(STICKS, typist.typed, typist.now_s)
+def test_opposite_keys_cancel_and_other_keys_are_ignored(typist: Typist, keyboard: Keyboard) -> None:
     typist.keys = "wsx?\n"
     assert keyboard.read() == pad()
 
 
-def test_space_is_the_emergency_stop() -> None:
-    typist = Typist()
-    keyboard = Keyboard(STICKS, typist.typed, typist.now_s)
+def test_space_is_the_emergency_stop(typist: Typist, keyboard: Keyboard) -> None:
     typist.keys = "+1c "
     assert keyboard.read() == pad("stop"), "before all that was typed before it"
     assert [keyboard.read() for _ in range(3)] == [pad("mode_up"), pad(), pad()], "which neither arms nor clears"
 
 
-def test_each_key_press_counts_at_any_typing_speed() -> None:
-    typist = Typist()
-    keyboard = Keyboard(STICKS, typist.typed, typist.now_s)
+def test_each_key_press_counts_at_any_typing_speed(typist: Typist, keyboard: Keyboard) -> None:
     typist.keys = "+++-1"
     readings = [pad(), *(keyboard.read() for _ in range(10))]
     commands = commanded(readings)
@@ -181,9 +183,7 @@ def test_each_key_press_counts_at_any_typing_speed() -> None:
     assert commands[-1]["is_armed"]
 
 
-def test_disarm_is_immediate_and_later_arm_arms() -> None:
-    typist = Typist()
-    keyboard = Keyboard(STICKS, typist.typed, typist.now_s)
+def test_disarm_is_immediate_and_later_arm_arms(typist: Typist, keyboard: Keyboard) -> None:
     typist.keys = "1++++2"
     assert keyboard.read() == pad("disarm")
     typist.keys = "21"
@@ -191,9 +191,7 @@ def test_disarm_is_immediate_and_later_arm_arms() -> None:
     assert commands[-1]["is_armed"]
 
 
-def test_repeated_key_is_not_queued_for_seconds() -> None:
-    typist = Typist()
-    keyboard = Keyboard(STICKS, typist.typed, typist.now_s)
+def test_repeated_key_is_not_queued_for_seconds(typist: Typist, keyboard: Keyboard) -> None:
     typist.keys = "+" * 100
     readings = [keyboard.read() for _ in range(40)]
     assert readings[0] == pad("mode_up")

@@ -27,7 +27,7 @@ from snr_sim.prelude.values import TAG, decode_value, encode_value
 ARRAY_BYTES = "array_bytes"  # tag of an array whose bytes follow
 # Below this size JSON is as fast. Above it, JSON would cost 10 ms per megabyte.
 BYTES_FROM = 16 * 1024
-_PLAIN_KINDS = "biufc"
+_PLAIN_KINDS = "biuf"
 _OBJECT = b'{"$":"object"'  # never part of a JSON string, where the quotes would be escaped
 
 
