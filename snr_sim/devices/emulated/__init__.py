@@ -14,12 +14,4 @@ if TYPE_CHECKING:
     from snr_sim.devices.emulated.port import EmulatedPort as EmulatedPort
     from snr_sim.devices.emulated.toolchain import firmware_elf as firmware_elf
 else:
-    __all__, __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "snr_sim.devices.emulated.board": "Board",
-            "snr_sim.devices.emulated.lock_step": "ProcessorInLoopPlant",
-            "snr_sim.devices.emulated.toolchain": "firmware_elf",
-            "snr_sim.devices.emulated.port": "EmulatedPort",
-        },
-    )
+    __all__, __getattr__, __dir__ = lazy_names(__name__)
