@@ -83,9 +83,9 @@ if TYPE_CHECKING:
     from snr_sim.testing.case import SNRTestCase as SNRTestCase
     from snr_sim.testing.expector import Expectations as Expectations
     from snr_sim.testing.expector import Expector as Expector
+    from snr_sim.testing.expector import ExpectorEndpointFactory as ExpectorEndpointFactory
     from snr_sim.testing.expector import OrderedExpector as OrderedExpector
     from snr_sim.testing.expector import TaskExpectations as TaskExpectations
-    from snr_sim.testing.expector_endpoint import ExpectorEndpointFactory as ExpectorEndpointFactory
     from snr_sim.testing.fakes import FakeActuator as FakeActuator
     from snr_sim.testing.fakes import FakeSensor as FakeSensor
     from snr_sim.thesis import AbstractComponent as AbstractComponent

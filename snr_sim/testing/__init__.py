@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from snr_sim.testing.contracts import check_sensor as check_sensor
     from snr_sim.testing.expector import Expectations as Expectations
     from snr_sim.testing.expector import Expector as Expector
+    from snr_sim.testing.expector import ExpectorEndpointFactory as ExpectorEndpointFactory
     from snr_sim.testing.expector import OrderedExpector as OrderedExpector
     from snr_sim.testing.expector import TaskExpectations as TaskExpectations
-    from snr_sim.testing.expector_endpoint import ExpectorEndpointFactory as ExpectorEndpointFactory
     from snr_sim.testing.fake_i2c import FakeBus as FakeBus
     from snr_sim.testing.fake_i2c import FakePca9685 as FakePca9685
     from snr_sim.testing.fake_i2c import I2cDevice as I2cDevice
