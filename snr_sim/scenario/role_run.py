@@ -32,7 +32,7 @@ from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Verdict
 from snr_sim.recording.trace import TraceWriter
 from snr_sim.scenario.simulation import Simulation
-from snr_sim.scenario.simulation_run import Referee, RunResult, TruthLog, metrics_of, reason_of
+from snr_sim.scenario.simulation_run import Referee, RunResult, TruthLog, result_of
 
 CHECK_PERIOD_S = 0.02  # between two checks of the referee
 TIME_LIMIT = "time limit"
@@ -171,7 +171,8 @@ class RoleRun:
         finally:
             limit.cancel()
         wall_time_s = time.perf_counter() - start_s
-        return self._result(error, caught, wall_time_s)
+        verdict = self._verdict(bool(caught))
+        return result_of(self._world.simulation, self._world.plant, self.nodes, verdict, wall_time_s, caught, error)
 
     def _check(self, page: Page) -> None:
         """Call the referee on the node's own thread, where the trace is written."""
@@ -184,29 +185,7 @@ class RoleRun:
             if self._truth is not None and self._referee.verdict is None:
                 self._truth.record_if_due(plant.time_s)
 
-    def _result(self, error: str, signals: list[str], wall_time_s: float) -> RunResult:
-        simulation, plant, node = self._world.simulation, self._world.plant, self._node
-        metrics: dict[str, Any] = {}
-        if plant is not None:
-            metrics, metrics_error = metrics_of(simulation, plant)
-            error = error or metrics_error
-        verdict = self._verdict(error, bool(signals))
-        return RunResult(
-            outcome=verdict.outcome,
-            success=verdict.success,
-            metrics=metrics,
-            sim_time_s=wall_time_s if plant is None else plant.time_s,
-            wall_time_s=wall_time_s,
-            tasks=node.machine.executed,
-            pages=node.datastore.stored,
-            notes=[*simulation.notes, *reason_of(verdict), *node.notes],
-            error=error,
-            signal=signals[0] if signals else "",
-        )
-
-    def _verdict(self, error: str, is_interrupted: bool) -> Verdict:
-        if error:
-            return Verdict("error", False)
+    def _verdict(self, is_interrupted: bool) -> Verdict:
         if self._referee is None:
             return Verdict("ended", True, "" if is_interrupted else self._node.exit_reason or "")
         if self._referee.verdict is not None:
