@@ -109,13 +109,13 @@ def _config(trace: Trace, plan: ReplayFiles, with_file: str) -> tuple[Any, list[
     """Return the configuration to replay with, and notes about it."""
     from dataclasses import replace
 
-    from snr_sim.scenario.library import OPTION_FILE, hashes_of_files
+    from snr_sim.scenario.library import OPTION_FILE, program_sources
     from snr_sim.scenario.simulation import prepare, request_of, wiring_of_file
 
     header, trace_info = trace.header, trace.trace_info
     if not header.scenario:
         config = wiring_of_file(with_file or trace_info.controller)
-        now = {} if with_file else hashes_of_files([("program", Path(trace_info.controller))])
+        now = {} if with_file else program_sources(Path(trace_info.controller))
     else:
         simulation = prepare(replace(request_of(trace_info, header, with_file), options=plan.options))
         config = simulation.config(None)
