@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from snr_sim.cli.arguments import AsJson
-from snr_sim.cli.finding import Finding
 from snr_sim.cli.output import print_json
 
 if TYPE_CHECKING:
+    from snr_sim.cli.doctor_hardware import Finding
     from snr_sim.prelude.io import Io
 
 _EXTRAS = {
@@ -61,7 +61,7 @@ def doctor(
 def _run_checks(io: Io | None) -> Iterator[Finding]:
     import importlib.metadata  # slow, and `snr --help` does not need it
 
-    from snr_sim.cli.doctor_hardware import answers, wires
+    from snr_sim.cli.doctor_hardware import Finding, answers, wires
     from snr_sim.devices.host_ports import HostInfo
 
     machine = HostInfo()
@@ -106,6 +106,8 @@ def packages(is_for_wires: bool, version: Callable[[str], str]) -> Iterator[Find
         is_for_wires: whether this computer only drives hardware.
         version: returns a package's, or raises PackageNotFoundError.
     """
+    from snr_sim.cli.doctor_hardware import Finding
+
     for extra, names in _EXTRAS.items():
         is_needed = (extra == "hardware") == is_for_wires
         for name in names:
@@ -121,6 +123,7 @@ def packages(is_for_wires: bool, version: Callable[[str], str]) -> Iterator[Find
 
 def landing(is_for_wires: bool) -> Finding:
     """Return whether a test run of a lander works; a computer for hardware does not need the physics packages."""
+    from snr_sim.cli.doctor_hardware import Finding
     from snr_sim.prelude.errors import MissingExtraError, SnrError
     from snr_sim.scenario.simulation import Request, prepare
     from snr_sim.scenario.simulation_run import SimulationRun

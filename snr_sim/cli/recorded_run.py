@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Literal
 from snr_sim.cli.output import capture_output, print_note
 
 if TYPE_CHECKING:
-    from snr_sim.console.command_receiver import CommandReceiverFactory
     from snr_sim.core.config import Config
     from snr_sim.prelude.plant import Plant
     from snr_sim.recording.records import Header
@@ -71,7 +70,9 @@ def record_run(
             stack.callback(world.release)
             world.claim()
         if console_port is not None:
-            console = _console(console_port)
+            from snr_sim.console.command_receiver import CommandReceiverFactory
+
+            console = CommandReceiverFactory(console_port)
             stack.callback(console.release)
             console.claim()
             config.get(simulation.roles[0]).append(console)
@@ -194,12 +195,6 @@ def _keep_result(folder: Path, fields: dict[str, Any], result: RunResult) -> Non
         note = f"{error.message} Try: {error.fix}"
         if note not in result.notes:
             result.notes.append(note)
-
-
-def _console(port: int) -> CommandReceiverFactory:
-    from snr_sim.console.command_receiver import CommandReceiverFactory
-
-    return CommandReceiverFactory(port)
 
 
 def _close(recorder: TraceWriter) -> str:
