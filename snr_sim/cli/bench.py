@@ -11,6 +11,8 @@ from typing import Annotated
 
 import typer
 
+from snr_sim.prelude.errors import UnknownNameError
+
 
 def bench(
     names: Annotated[
@@ -33,7 +35,6 @@ def bench(
 
     Exit status: 0 it was measured, also if targets are missed; 2 there are no benchmarks, or one failed.
     """
-    from snr_sim.prelude.errors import UnknownNameError
     from snr_sim.scenario.library import load_program
 
     folders = (Path.cwd(), Path(__file__).resolve().parents[2])

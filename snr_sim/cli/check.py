@@ -12,6 +12,7 @@ import typer
 
 from snr_sim.cli.arguments import AsJson
 from snr_sim.cli.output import print_note
+from snr_sim.prelude.errors import UnknownNameError
 
 if TYPE_CHECKING:
     from snr_sim.grading.lab.lab import Lab
@@ -35,7 +36,6 @@ def check(
     from snr_sim.grading.lab.lab import find_lab
     from snr_sim.grading.lab.verdicts import GraderError
     from snr_sim.grading.reports.results import encode_graded
-    from snr_sim.prelude.errors import UnknownNameError
     from snr_sim.scenario.source_checks import notes_on_files
 
     found = find_lab(lab)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from snr_sim.cli.arguments import AsJson
+from snr_sim.prelude.errors import ParameterError
 
 if TYPE_CHECKING:
     from snr_sim.console.client import ConsoleClient
@@ -77,8 +78,6 @@ def _carried_out(client: ConsoleClient, lines: Iterable[str], is_json: bool) -> 
 
 
 def _address(text: str) -> tuple[str, int]:
-    from snr_sim.prelude.errors import ParameterError
-
     host, _, port = text.rpartition(":")
     if not port.isdecimal() or not 0 < int(port) < 1 << 16:
         raise ParameterError(f"'{text}' is not a console address.", fix="use HOST:PORT, such as 127.0.0.1:54321.")

@@ -14,10 +14,11 @@ import typer
 
 from snr_sim.cli.arguments import AsJson
 from snr_sim.cli.output import print_json
+from snr_sim.prelude.errors import MissingExtraError, SnrError
+from snr_sim.prelude.io import Io, parse_io
 
 if TYPE_CHECKING:
     from snr_sim.cli.doctor_hardware import Finding
-    from snr_sim.prelude.io import Io
 
 _EXTRAS = {
     "sim": ("pymunk", "gymnasium", "mujoco-core"),
@@ -42,7 +43,6 @@ def doctor(
     Exit status: 0 all is well, 1 something is missing, 2 the request was wrong.
     """
     from snr_sim.devices.device_strings import check_io
-    from snr_sim.prelude.io import parse_io
 
     meant = parse_io(io) if io else None
     if meant is not None:
@@ -124,7 +124,6 @@ def packages(is_for_wires: bool, version: Callable[[str], str]) -> Iterator[Find
 def landing(is_for_wires: bool) -> Finding:
     """Return whether a test run of a lander works; a computer for hardware does not need the physics packages."""
     from snr_sim.cli.doctor_hardware import Finding
-    from snr_sim.prelude.errors import MissingExtraError, SnrError
     from snr_sim.scenario.simulation import Request, prepare
     from snr_sim.scenario.simulation_run import SimulationRun
 

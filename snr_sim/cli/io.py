@@ -11,6 +11,7 @@ import typer
 
 from snr_sim.cli.arguments import Io
 from snr_sim.cli.output import print_json
+from snr_sim.prelude.errors import ParameterError
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -45,7 +46,6 @@ def io(
     # Also if the parent ignores Ctrl-C, such as a script in the background: a program that moves a thruster must stop.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     from snr_sim.devices.terminal_keys import TerminalKeys
-    from snr_sim.prelude.errors import ParameterError
     from snr_sim.scenario.device_bench import bench_of, devices_of
 
     if as_json and not once:
@@ -76,7 +76,6 @@ def _confirm(name: str, io: str) -> None:
         ParameterError: another text was typed.
     """
     from snr_sim.devices.pwm.motor_test import WHOLE_S, top_us
-    from snr_sim.prelude.errors import ParameterError
 
     expected = f"{name} props off"
     print(

@@ -12,6 +12,8 @@ from typing import Annotated, Literal
 
 import typer
 
+from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
+
 _CLASS = "ControllerTemplate"  # in the template
 _LAB, _CONTROLLER = "lab", "controller"
 _SOURCES: dict[str, tuple[Literal["robots", "scenarios"], str]] = {
@@ -32,7 +34,6 @@ def new(
 
     Makes a copy of one there is, or of the files that a lab begins with, under the current folder.
     """
-    from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
     from snr_sim.scenario.library import find, robot_of_scenario
 
     if scenario and what != _CONTROLLER:
@@ -82,7 +83,6 @@ def new(
 
 def _begin_lab(name: str, folder: str) -> None:
     """Copy a lab's starter files and its page into a new folder."""
-    from snr_sim.prelude.errors import ParameterError, UnknownNameError
     from snr_sim.scenario.library import find_lab
 
     found = find_lab(name)
@@ -107,7 +107,6 @@ def _begin_lab(name: str, folder: str) -> None:
 
 def _begin_controller(name: str, scenario: str) -> None:
     """Write a controller of this name for a scenario's robot into the current folder, from the robot's template."""
-    from snr_sim.prelude.errors import ParameterError, UnknownNameError
     from snr_sim.scenario.library import find, robot_of_scenario
 
     if not scenario:
@@ -132,8 +131,6 @@ def _begin_controller(name: str, scenario: str) -> None:
 
 
 def _check_is_new(target: Path, what_to_do: str = "choose another name") -> None:
-    from snr_sim.prelude.errors import ParameterError
-
     if target.exists():
         raise ParameterError(f"{target} is there already.", fix=f"{what_to_do}; nothing was changed.")
 

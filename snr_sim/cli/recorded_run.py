@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from snr_sim.cli.output import capture_output, print_note
+from snr_sim.prelude.errors import MissingExtraError, ParameterError, SnrError, TraceError
 
 if TYPE_CHECKING:
     from snr_sim.core.config import Config
@@ -124,7 +125,6 @@ def _prepared(
     Raises:
         SnrError: the request is invalid.
     """
-    from snr_sim.prelude.errors import ParameterError
     from snr_sim.scenario.role_run import RealTimeSimulation
     from snr_sim.scenario.simulation import prepare
 
@@ -166,8 +166,6 @@ def _stall_limit_s(asked_s: float | None, is_json: bool) -> float:
         return JSON_STALL_LIMIT_S if is_json else math.inf
     if asked_s > 0:
         return asked_s
-    from snr_sim.prelude.errors import ParameterError
-
     raise ParameterError(
         f"--stall-limit must be greater than 0, not {asked_s:g}.", fix="give seconds, such as 60, or inf."
     )
@@ -186,7 +184,6 @@ def _pace_for_manual_pilot(config: Config, roles: list[str], pace: float | None)
 
 def _keep_result(folder: Path, fields: dict[str, Any], result: RunResult) -> None:
     """Write result.json; if the disk is full the run still counts, with a note."""
-    from snr_sim.prelude.errors import TraceError
     from snr_sim.recording.folder import write_result
 
     try:
@@ -198,8 +195,6 @@ def _keep_result(folder: Path, fields: dict[str, Any], result: RunResult) -> Non
 
 
 def _close(recorder: TraceWriter) -> str:
-    from snr_sim.prelude.errors import TraceError
-
     try:
         recorder.close()
     except TraceError as error:
@@ -240,8 +235,6 @@ def _write_view(folder: Path, result: RunResult) -> None:
     if result.signal:
         result.notes.append("No view.rrd was written, as the run was to end at once; snr view makes it.")
         return
-    from snr_sim.prelude.errors import MissingExtraError, SnrError
-
     try:
         from snr_sim.view.view import view_of
 

@@ -13,6 +13,7 @@ from snr_sim.cli.arguments import AsJson, RecordedRun
 from snr_sim.cli.newest import trace_of
 from snr_sim.cli.output import capture_output, print_json, print_note
 from snr_sim.cli.trust import Trust, ask
+from snr_sim.prelude.errors import MissingExtraError, SnrError
 
 if TYPE_CHECKING:
     from snr_sim.recording.checker import Divergence, NodeReplay
@@ -157,8 +158,6 @@ def environment_note(trace: Trace) -> list[str]:
 
 
 def _write_comparison(trace: Trace, replays: list[NodeReplay], folder: Path) -> list[str]:
-    from snr_sim.prelude.errors import MissingExtraError, SnrError
-
     marks = [(one.seq, one.t, _sentence(one)) for replay in replays for one in replay.divergences]
     records = [record for replay in replays for record in replay.records]
     try:

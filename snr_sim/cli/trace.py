@@ -10,6 +10,7 @@ import typer
 from snr_sim.cli.arguments import RecordedRun
 from snr_sim.cli.newest import trace_of
 from snr_sim.cli.output import print_warnings
+from snr_sim.prelude.errors import UnknownNameError, suggest
 
 if TYPE_CHECKING:
     from snr_sim.recording.records import Record
@@ -25,7 +26,6 @@ def trace(
     as_json: Annotated[bool, typer.Option("--json", help="Print the lines of the file.")] = False,
 ) -> None:
     """Print the records of a run."""
-    from snr_sim.prelude.errors import UnknownNameError, suggest
     from snr_sim.recording.records import encode_record
 
     if kind and kind not in KINDS:
