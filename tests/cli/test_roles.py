@@ -18,7 +18,7 @@ from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import PageRecord
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME
-from snr_sim.scenario.role_run import RealTimeSimulation
+from snr_sim.scenario.role_run import RoleRun
 from snr_sim.scenario.simulation import Request, prepare, request_of
 
 TIMEOUT_S = 60.0
@@ -132,7 +132,7 @@ def pages(trace: Trace, key: str) -> list[tuple[float, Any]]:
 def test_start_lines_name_link_address_and_awaited_role(here: Path) -> None:
     (here / "dash.py").write_text(DASH)
     output = [
-        RealTimeSimulation(prepare(Request("./dash.py", role=role, options={"port": "9555"}))).start_lines()
+        RoleRun(prepare(Request("./dash.py", role=role, options={"port": "9555"}))).start_lines()
         for role in ("urov", "topside")
     ]
     waits = f"127.0.0.1:9555 and waits for the role {{}} (snr run {here}/dash.py --role {{}})"
@@ -286,7 +286,7 @@ def test_invalid_option_is_rejected_with_fix(snr: Any, here: Path, option: str, 
 
 def test_surface_connects_to_remote_vehicle_without_secret(here: Path) -> None:
     simulation = prepare(Request("urov_teleop", role="topside", options={"host": "192.0.2.2"}))
-    RealTimeSimulation(simulation)  # that the vehicle takes it, is for the vehicle to say: allow=
+    RoleRun(simulation)  # that the vehicle takes it, is for the vehicle to say: allow=
 
 
 def test_option_given_twice_reports_both_values(snr: Any, here: Path) -> None:
