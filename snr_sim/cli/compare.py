@@ -12,6 +12,7 @@ import typer
 from snr_sim.cli.arguments import AsJson, finite_number
 from snr_sim.cli.newest import trace_of, two_runs
 from snr_sim.cli.output import print_json, print_warnings
+from snr_sim.cli.plain_console import plain_console
 from snr_sim.prelude.errors import MissingExtraError, ParameterError, TraceError
 
 if TYPE_CHECKING:
@@ -140,8 +141,6 @@ def _signal_fields(one: SignalComparison) -> dict[str, Any]:
 def _print(comparison: Comparison) -> None:
     """Print a table with the statistics of each signal in both runs, with one value where they agree."""
     from rich.table import Table
-
-    from snr_sim.cli.plain_console import plain_console
 
     console = plain_console(width_in_a_pipe=120)
     if comparison.is_identical:

@@ -110,15 +110,11 @@ def packages(is_for_wires: bool, version: Callable[[str], str]) -> Iterator[Find
 
     for extra, names in _EXTRAS.items():
         is_needed = (extra == "hardware") == is_for_wires
-        for name in names:
+        for name in names if is_needed or is_for_wires else ():
             try:
-                found = version(name)
+                yield Finding(True, f"{name} {version(name)}")
             except ModuleNotFoundError:
-                if is_needed or is_for_wires:
-                    yield Finding(not is_needed, f"{name} is not installed", f"pip install 'snr_sim[{extra}]'")
-            else:
-                if is_needed or is_for_wires:
-                    yield Finding(True, f"{name} {found}")
+                yield Finding(not is_needed, f"{name} is not installed", f"pip install 'snr_sim[{extra}]'")
 
 
 def landing(is_for_wires: bool) -> Finding:

@@ -14,6 +14,7 @@ import typer
 
 from snr_sim.cli.arguments import AsJson
 from snr_sim.cli.output import print_json
+from snr_sim.cli.plain_console import plain_console
 from snr_sim.prelude.errors import SnrError
 
 if TYPE_CHECKING:
@@ -180,8 +181,6 @@ def _progress(total: int) -> Iterator[Callable[[Graded, bool], None]]:
         yield lambda graded, was_there: None
         return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    from snr_sim.cli.plain_console import plain_console
 
     columns = (
         TextColumn("graded"),

@@ -11,6 +11,7 @@ import typer
 
 from snr_sim.cli.arguments import Io
 from snr_sim.cli.output import print_json
+from snr_sim.cli.plain_console import plain_console
 from snr_sim.prelude.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -91,8 +92,6 @@ def _confirm(name: str, io: str) -> None:
 
 def _print_once(bench: Bench, io: str, scenario: str, as_json: bool) -> None:
     if not as_json:
-        from snr_sim.cli.plain_console import plain_console
-
         console = plain_console(width_in_a_pipe=120)
         shown(bench)  # the first call imports for a while, so it runs before the readings are checked
         bench.tick()
@@ -142,8 +141,6 @@ def _shower(stack: Any) -> Any:
     if not sys.stdout.isatty():
         return lambda bench: print("\n".join(lines(bench)), flush=True)
     from rich.live import Live
-
-    from snr_sim.cli.plain_console import plain_console
 
     live = stack.enter_context(Live(console=plain_console(), auto_refresh=False))
     return lambda bench: live.update(shown(bench), refresh=True)

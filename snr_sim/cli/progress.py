@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
+from snr_sim.cli.plain_console import escape_markup, plain_console
+
 if TYPE_CHECKING:
     from rich.status import Status
 
@@ -36,11 +38,7 @@ def progress(name: str, after_s: float) -> Iterator[Callable[[float], None] | No
                 return
             next_s = now_s + _PERIOD_S
             if status is None:
-                from snr_sim.cli.plain_console import plain_console
-
                 status = stack.enter_context(plain_console(stderr=True).status(""))
-            from snr_sim.cli.plain_console import escape_markup
-
             status.update(escape_markup(f"{name}: t = {time_s:.1f} s (Ctrl-C ends the run in order)"))
 
         yield tick
