@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from snr_sim.cli.output import capture_output, print_note
+from snr_sim.cli.plain_console import progress
 from snr_sim.prelude.errors import MissingExtraError, ParameterError, SnrError, TraceError
 
 if TYPE_CHECKING:
@@ -47,7 +48,6 @@ def record_run(
     Raises:
         SnrError: the request is wrong; nothing has been written.
     """
-    from snr_sim.cli.progress import progress
     from snr_sim.core.interrupts import graceful_shutdown
     from snr_sim.core.reload.watch import with_watch
     from snr_sim.core.runners import show_log
