@@ -16,7 +16,7 @@ from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.io import Io
 from snr_sim.scenario.device_bench import Bench, bench_of, devices_of
 
-NEEDS = {"mcu": "serial", "maestro": "serial", "pca9685": "i2c", "sysfs": "pwm"}
+_NEEDS = {"mcu": "serial", "maestro": "serial", "pca9685": "i2c", "sysfs": "pwm"}
 _WORDS = {"serial": "serial port", "i2c": "I2C bus", "pwm": "PWM chip"}
 
 
@@ -37,7 +37,7 @@ class Finding(NamedTuple):
 
 def wires(machine: HostInfo, io: Io | None) -> Iterator[Finding]:
     """Yield the devices that are present. Only requested devices count as missing: a laptop needs no ports."""
-    needed = NEEDS.get(io.kind, "") if io is not None else ""
+    needed = _NEEDS.get(io.kind, "") if io is not None else ""
     if machine.is_pi:
         yield Finding(True, machine.model)
     found = list(machine.host_ports())

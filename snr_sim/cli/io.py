@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from snr_sim.devices.terminal_keys import TerminalKeys
     from snr_sim.scenario.device_bench import Bench, OpenDevice
 
-TERMINAL_PERIOD_S = 0.2
-PIPE_PERIOD_S = 1.0  # in a pipe
+_TERMINAL_PERIOD_S = 0.2
+_PIPE_PERIOD_S = 1.0  # in a pipe
 
 
 def io(
@@ -115,7 +115,7 @@ def _watch(bench: Bench, keys: TerminalKeys, move: str, seconds: float) -> None:
     from snr_sim.scenario.device_bench import TICK_S
 
     begun_s = shown_s = time.monotonic()
-    period_s = TERMINAL_PERIOD_S if sys.stdout.isatty() else PIPE_PERIOD_S
+    period_s = _TERMINAL_PERIOD_S if sys.stdout.isatty() else _PIPE_PERIOD_S
     with ExitStack() as stack:
         show = _shower(stack)
         bench.tick()

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from snr_sim.scenario.simulation import Request, Simulation
     from snr_sim.scenario.simulation_run import RunResult, SimulationRun
 
-JSON_STALL_LIMIT_S = 60.0  # with --json, where no user reads the warning about a stalled run
-SLOW_S = 2.0  # wall time after which a fast run shows its progress
+_JSON_STALL_LIMIT_S = 60.0  # with --json, where no user reads the warning about a stalled run
+_SLOW_S = 2.0  # wall time after which a fast run shows its progress
 Shown = Literal["", "window", "browser"]  # where a run is shown
 
 
@@ -84,7 +84,7 @@ def record_run(
             kept = stack.enter_context(keep_copies(folder, simulation.files().values()))
             if live:
                 stack.enter_context(_live_view(header, recorder, live))
-            tick = stack.enter_context(progress(simulation.scenario_name, 0.0 if pace is not None else SLOW_S))
+            tick = stack.enter_context(progress(simulation.scenario_name, 0.0 if pace is not None else _SLOW_S))
             run: SimulationRun | RoleRun
             if alone is not None:
                 alone.begin(config, recorder)
@@ -163,7 +163,7 @@ def _stall_limit_s(asked_s: float | None, is_json: bool) -> float:
         ParameterError: the time is not valid.
     """
     if asked_s is None:
-        return JSON_STALL_LIMIT_S if is_json else math.inf
+        return _JSON_STALL_LIMIT_S if is_json else math.inf
     if asked_s > 0:
         return asked_s
     raise ParameterError(

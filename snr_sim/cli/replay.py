@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from snr_sim.recording.reader import Trace
     from snr_sim.scenario.replay_files import ReplayFiles
 
-OPEN_LOOP = "after this the recorded sensors no longer answer your code"
+_OPEN_LOOP = "after this the recorded sensors no longer answer your code"
 
 
 def replay(
@@ -210,7 +210,7 @@ def _print_comparison(trace: Trace, done: _Replayed) -> None:
         print(f"    {cause}")
     if done.first_command is not None:
         seq, time_s = done.first_command.seq, done.first_command.t
-        print(f"  commands to actuators differ from seq {seq}, t = {time_s:.3f} s: {OPEN_LOOP}.")
+        print(f"  commands to actuators differ from seq {seq}, t = {time_s:.3f} s: {_OPEN_LOOP}.")
         print(f"  the closed loop again: snr resim {trace.path.parent}")
 
 
@@ -241,7 +241,7 @@ def _fields(trace: Trace, done: _Replayed) -> dict[str, Any]:
         "divergences": len(done.divergences),
         "first_divergence": asdict(_writable(done.divergences[0])) if done.divergences else None,
         "commands_differ_from_seq": seq,
-        "warning": None if seq is None else f"seq {seq}: {OPEN_LOOP}",
+        "warning": None if seq is None else f"seq {seq}: {_OPEN_LOOP}",
         "outside_calls": [asdict(call) for call in done.calls],
         "notes": done.notes,
     }

@@ -27,7 +27,7 @@ from snr_sim.scenario import library
 from snr_sim.scenario.simulation import Request, Simulation, prepare
 
 TICK_S = 0.05
-FIRST_READING_TIMEOUT_S = 2.0  # timeout of the first readings
+_FIRST_READING_TIMEOUT_S = 2.0  # timeout of the first readings
 ARMING_TIMEOUT_S = 15.0  # boards send neutral to speed controllers for some seconds before they follow
 
 
@@ -86,13 +86,13 @@ class Bench:
     ) -> None:
         self._openers = sensors, outputs
         self._advance = advance
-        self.now_s = now_s
+        self.now_s: Callable[[], float] = now_s
         self.sensors: list[OpenDevice] = []
         self.outputs: list[OpenDevice] = []
         self.moved: tuple[OpenDevice, int] | None = None
         self._begun_s: float | None = None
         self._asked_s = 0.0
-        self.max_pulse_us = STOP_US  # largest pulse measured at the moved channel
+        self.max_pulse_us: float = STOP_US  # largest pulse measured at the moved channel
 
     def __enter__(self) -> Bench:
         try:
@@ -121,7 +121,7 @@ class Bench:
                 one.reading = one.device.write_us(self._target_pulses(one, one.device), self.now_s())
         self._watch()
 
-    def settle(self, timeout_s: float = FIRST_READING_TIMEOUT_S) -> None:
+    def settle(self, timeout_s: float = _FIRST_READING_TIMEOUT_S) -> None:
         """Tick until every sensor has sent a reading, or until `timeout_s` of wall time."""
         until_s = time.monotonic() + timeout_s
         self.tick()

@@ -34,8 +34,8 @@ from snr_sim.recording.trace import TraceWriter
 from snr_sim.scenario.simulation import Simulation
 from snr_sim.scenario.simulation_run import Referee, RunResult, TruthLog, result_of
 
-CHECK_PERIOD_S = 0.02  # between two checks of the referee
-TIME_LIMIT = "time limit"
+_CHECK_PERIOD_S = 0.02  # between two checks of the referee
+_TIME_LIMIT = "time limit"
 
 
 class RoleRun:
@@ -60,7 +60,7 @@ class RoleRun:
         self.nodes: list[Node] = []
         self._referee: Referee | None = None
         self._truth: TruthLog | None = None
-        self._checked_s = -CHECK_PERIOD_S
+        self._checked_s = -_CHECK_PERIOD_S
         plant = simulation.plant() if simulation.has_plant else None
         self._paced = None if plant is None else RealTimePlant(plant, self._clock)
         reached: Any = self._paced  # devices only read from and write to a plant
@@ -141,7 +141,7 @@ class RoleRun:
         error, caught, node = "", list(signals), self.nodes[0]
         limit_s = float(self._simulation.scenario.TIME_LIMIT_S)
         start_s = time.perf_counter()
-        limit = threading.Timer(limit_s, node.enqueue_input, [tasks.terminate(TIME_LIMIT), "referee"])
+        limit = threading.Timer(limit_s, node.enqueue_input, [tasks.terminate(_TIME_LIMIT), "referee"])
         limit.daemon = True
         limit.start()
         try:
@@ -164,7 +164,7 @@ class RoleRun:
     def _check(self, page: Page) -> None:
         """Call the referee on the node's own thread, where the trace is written."""
         now_s = self._clock.now_s()
-        if self._referee is None or self._paced is None or now_s < self._checked_s + CHECK_PERIOD_S:
+        if self._referee is None or self._paced is None or now_s < self._checked_s + _CHECK_PERIOD_S:
             return
         self._checked_s = now_s
         with self._paced.now() as plant:
@@ -179,4 +179,4 @@ class RoleRun:
             return self._referee.verdict
         if is_interrupted:
             return Verdict("interrupted", False)
-        return Verdict("timeout" if self.nodes[0].exit_reason == TIME_LIMIT else "ended", False)
+        return Verdict("timeout" if self.nodes[0].exit_reason == _TIME_LIMIT else "ended", False)

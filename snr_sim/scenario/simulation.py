@@ -66,16 +66,16 @@ class Simulation:
         used: Sequence[library.UsedSources],
         standard: ModuleType | None = None,
     ) -> None:
-        self.request = request
-        self.scenario = scenario
-        self.robot_file = robot
+        self.request: Request = request
+        self.scenario: ModuleType = scenario
+        self.robot_file: ModuleType = robot
         self._controller = controller
         self._standard = standard
         self.notes: list[str] = []  # from its construction, for the run's result
         self._used = used
         self._recorded: RecordedRun | None = None
         self._read_elsewhere: Callable[[], Mapping[str, Path]] = dict
-        self.robot = RobotInfo(
+        self.robot: RobotInfo = RobotInfo(
             name=scenario.ROBOT,
             role=robot.ROLES[0],
             scenario=request.scenario,

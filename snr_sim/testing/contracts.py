@@ -17,8 +17,8 @@ from snr_sim.prelude.interfaces import implements
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.values import decode_value, encode_value
 
-STEPS = 25
-DEFAULT_STEP_S = 0.01
+_STEPS = 25
+_DEFAULT_STEP_S = 0.01
 _SHAPES = {
     "polyline": {"points_m", "rgb", "radius_m"},
     "mesh": {"vertices_m", "triangles", "rgb"},
@@ -189,8 +189,8 @@ def _check_refused(actuator: Actuator[Any], command: Any, name: str) -> None:
 def _check_time(plant: Plant) -> None:
     plant.reset(0)
     require(plant.time_s == 0.0, f"time_s is {plant.time_s} after reset")
-    dt_s = plant.step_s or DEFAULT_STEP_S
-    for i in range(STEPS):
+    dt_s = plant.step_s or _DEFAULT_STEP_S
+    for i in range(_STEPS):
         before_s = plant.time_s
         plant.step(dt_s)
         moved_s = plant.time_s - before_s
@@ -265,8 +265,8 @@ def _check_nan(plant: Plant, name: str, command: Any) -> None:
 def _go(plant: Plant, commands: Mapping[str, Any]) -> None:
     for name, command in commands.items():
         plant.write(name, command)
-    for _ in range(STEPS):
-        plant.step(plant.step_s or DEFAULT_STEP_S)
+    for _ in range(_STEPS):
+        plant.step(plant.step_s or _DEFAULT_STEP_S)
 
 
 def _state(plant: Plant) -> bytes:

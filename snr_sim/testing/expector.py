@@ -21,8 +21,8 @@ from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskName, TaskType
 
 Expected: TypeAlias = TaskId | str  # a task, or a call of a test's own
 TaskExpectations: TypeAlias = Mapping[Any, int] | Sequence[Expected]
-SATISFIED = "expector satisfied"
-SHOWN = 20  # of a long list: more does not help the reader
+_SATISFIED = "expector satisfied"
+_SHOWN = 20  # of a long list: more does not help the reader
 
 
 class Expectations:
@@ -42,7 +42,7 @@ class Expectations:
         self._failure = case.failureException if case is not None else AssertionError
         self._other_tasks: dict[TaskType, set[TaskName]] = {kind: set() for kind in TaskType}
         # By a node that has run, or by a task passed to it; calls come from the test itself.
-        self.was_used = any(type(one) is str for one in self.ids)
+        self.was_used: bool = any(type(one) is str for one in self.ids)
 
     check: Any = Retired("expector.check", "expector.is_satisfied().")
     get_expectations: Any = Retired("expector.get_expectations", "expector.ids.")
@@ -123,7 +123,7 @@ class Expector(Expectations):
             if not isinstance(count, int) or count < 0:
                 raise ParameterError(f"Expector got {count!r} as the count of {task_id!r}.", fix="0, 1, 2, ...")
         super().__init__(counts, case)
-        self.expected = counts
+        self.expected: dict[Expected, int] = counts
         self.counts: Counter[Expected] = Counter()
 
     def on_task(self, task: Task) -> None:
@@ -157,7 +157,7 @@ class OrderedExpector(Expectations):
 
     def __init__(self, expected: Sequence[Expected], case: TestCase | None = None) -> None:
         super().__init__(expected, case)
-        self.expected = list(expected)
+        self.expected: list[Expected] = list(expected)
         self.came: list[Expected] = []
 
     def on_task(self, task: Task) -> None:
@@ -211,9 +211,9 @@ class ExpectorEndpointFactory(EndpointFactory):
         super().__init__()
         for task_id in expector.ids:
             check_id("expector", task_id)  # raises for a text: `call` counts those, which the test calls itself
-        self.expector = expector
+        self.expector: Expectations = expector
         self.name = name
-        self.exit_when_satisfied = exit_when_satisfied
+        self.exit_when_satisfied: bool = exit_when_satisfied
 
     def get(self, parent: NodeApi) -> ExpectorEndpoint:
         """Return the endpoint."""
@@ -242,7 +242,7 @@ class ExpectorEndpoint(Endpoint):
         expector.on_task(task)
         if self.factory.exit_when_satisfied and expector.is_satisfied():
             self._is_done = True
-            return tasks.terminate(SATISFIED)
+            return tasks.terminate(_SATISFIED)
         return None
 
     def terminate(self) -> None:
@@ -258,6 +258,6 @@ def _shown(task_id: Expected) -> str:
 
 
 def _listed(ids: Sequence[Expected]) -> str:
-    words = [_shown(task_id) for task_id in ids[:SHOWN]]
-    more = f" and {len(ids) - SHOWN} more" if len(ids) > SHOWN else ""
+    words = [_shown(task_id) for task_id in ids[:_SHOWN]]
+    more = f" and {len(ids) - _SHOWN} more" if len(ids) > _SHOWN else ""
     return (", ".join(words) or "nothing") + more

@@ -61,8 +61,8 @@ class FakeActuator(SimActuator[CommandT]):
         super().__init__(FakePlant({}, ("command",)), "command", command_type, dict(limits))
         self.title = "This fake actuator"
         self.written: list[CommandT] = []  # as applied, after clamping
-        self.neutral_count = 0
-        self.is_neutral = True
+        self.neutral_count: int = 0
+        self.is_neutral: bool = True
 
     @property
     def is_closed(self) -> bool:
@@ -94,10 +94,10 @@ class FakePlant:
     step_s: float | None = None
 
     def __init__(self, outputs: Mapping[str, Any], inputs: tuple[str, ...] = ()) -> None:
-        self.held = dict(outputs)
-        self.inputs = inputs
+        self.held: dict[str, Any] = dict(outputs)
+        self.inputs: tuple[str, ...] = inputs
         self.written: list[tuple[str, Any]] = []
-        self.time_s = 0.0
+        self.time_s: float = 0.0
 
     @property
     def outputs(self) -> tuple[str, ...]:

@@ -29,10 +29,10 @@ from snr_sim.prelude.signals import (
 )
 from snr_sim.testing.contracts import require
 
-STOP_US = 1500.0
-TICK_S = 0.02
-TIMEOUT_S = 10.0  # for arming, and for slow slews
-AT_ONCE_S = 0.05  # a line, and two frames of pulses; well inside the lease
+_STOP_US = 1500.0
+_TICK_S = 0.02
+_TIMEOUT_S = 10.0  # for arming, and for slow slews
+_AT_ONCE_S = 0.05  # a line, and two frames of pulses; well inside the lease
 _STATES = ("unconfigured", "inactive", "activating", "active", "error", "closed")
 _REASONS = (CLAMPED, SLEWING, NO_PULSE, WRONG_COUNT, TOO_OLD, NOT_ACTIVE, STOPPED, LOST)
 _OF_A_STEP = 1e-3  # pulses are whole steps, except for rounding
@@ -95,7 +95,7 @@ class _Pilot:
 
     def __init__(self, bench: PwmBench, out: PwmOut) -> None:
         self.bench, self.out = bench, out
-        self.still, self.fast = [STOP_US] * out.channels, [STOP_US + 200.0] * out.channels
+        self.still, self.fast = [_STOP_US] * out.channels, [_STOP_US + 200.0] * out.channels
 
     def write(self, pulses_us: Sequence[Any]) -> AppliedPulses:
         """Write once."""
@@ -107,20 +107,20 @@ class _Pilot:
     def hold(self, pulses_us: Sequence[Any], seconds: float) -> AppliedPulses:
         """Write the same for some time; return the last answer."""
         applied = self.write(pulses_us)
-        for _ in range(round(seconds / TICK_S)):
-            self.bench.advance(TICK_S)
+        for _ in range(round(seconds / _TICK_S)):
+            self.bench.advance(_TICK_S)
             applied = self.write(pulses_us)
         return applied
 
     def until(self, pulses_us: Sequence[Any], is_so: Callable[[AppliedPulses], bool], what: str) -> AppliedPulses:
         """Write the same until something is so."""
         applied = self.write(pulses_us)
-        for _ in range(round(TIMEOUT_S / TICK_S)):
+        for _ in range(round(_TIMEOUT_S / _TICK_S)):
             if is_so(applied):
                 return applied
-            applied = self.hold(pulses_us, TICK_S)
+            applied = self.hold(pulses_us, _TICK_S)
         raise AssertionError(
-            f"Contract violated: {what}; after {TIMEOUT_S} s it answers {applied}, {self.out.health()}."
+            f"Contract violated: {what}; after {_TIMEOUT_S} s it answers {applied}, {self.out.health()}."
         )
 
     def follow(self, pulses_us: Sequence[Any], what: str = "it follows commands") -> AppliedPulses:
@@ -140,7 +140,7 @@ class _Pilot:
 
     def rests(self, applied: AppliedPulses) -> bool:
         """Return whether all are neutral, to a step."""
-        return all(abs(pulse - STOP_US) <= self.out.resolution_us / 2 + 1e-9 for pulse in applied.pulses_us)
+        return all(abs(pulse - _STOP_US) <= self.out.resolution_us / 2 + 1e-9 for pulse in applied.pulses_us)
 
     def check_still(self, when: str, applied: AppliedPulses | None = None) -> AppliedPulses:
         """Check that an answer is neutral on each channel: to a command with thrust, if none is given."""
@@ -183,7 +183,7 @@ def _life(pilot: _Pilot) -> None:
     bench, out = pilot.bench, pilot.out
     low, high = out.limits_us
     require(implements(out, PwmOut), f"{out!r} lacks a member of PwmOut")
-    require(out.channels >= 1 and low < STOP_US < high and 0.0 <= out.resolution_us < 20.0, "channels, limits, steps")
+    require(out.channels >= 1 and low < _STOP_US < high and 0.0 <= out.resolution_us < 20.0, "channels, limits, steps")
     pilot.check_state("unconfigured", "before configure()")
     pilot.check_refused("before configure()")
     pilot.check_still("before configure()")
@@ -209,7 +209,7 @@ def _telemetry(pilot: _Pilot) -> None:
 
     def check(pulses_us: Sequence[Any], after: str, state: str, *reasons: str, has_health_reason: bool = False) -> None:
         pilot.hold(pulses_us, 0.2)
-        applied, health = pilot.hold(pulses_us, TICK_S), out.health()
+        applied, health = pilot.hold(pulses_us, _TICK_S), out.health()
         expected = state, frozenset(reasons), has_health_reason
         found = health.state, frozenset(applied.reason), bool(health.reason)
         require(found == expected, f"after {after} all outputs tell {expected}, these {found} ({health})")
@@ -224,7 +224,7 @@ def _telemetry(pilot: _Pilot) -> None:
     check(fast, "200 us ahead", "active")
     check([out.limits_us[1] + 500.0] * out.channels, "more than full ahead", "active", CLAMPED)
     check([math.nan] * out.channels, "NaN", "active", NO_PULSE)
-    check([*fast, STOP_US], "a pulse too many", "active", WRONG_COUNT)
+    check([*fast, _STOP_US], "a pulse too many", "active", WRONG_COUNT)
     out.deactivate("checked")
     check(fast, "deactivate()", "inactive", NOT_ACTIVE, has_health_reason=True)
     out.stop()
@@ -260,7 +260,7 @@ def _nonsense(pilot: _Pilot) -> None:
     pilot.ready()
     no_pulses: list[Any] = [math.nan, math.inf, -math.inf, None, "1500", [], True]
     cases: list[tuple[Any, str]] = [([one, *fast[1:]], NO_PULSE) for one in no_pulses]
-    for bad, reason in [*cases, (fast[1:], WRONG_COUNT), ([*fast, STOP_US], WRONG_COUNT), ([], WRONG_COUNT)]:
+    for bad, reason in [*cases, (fast[1:], WRONG_COUNT), ([*fast, _STOP_US], WRONG_COUNT), ([], WRONG_COUNT)]:
         pilot.follow(fast, "it takes commands again after an invalid one")
         applied = pilot.until(bad, pilot.rests, f"{bad} makes all neutral")
         require(reason in applied.reason, f"{bad} is answered with {applied.reason}, not '{reason}'")
@@ -290,14 +290,14 @@ def _rearm(pilot: _Pilot) -> None:
     bench, out = pilot.bench, pilot.out
     pilot.push()
     out.deactivate("checked")
-    bench.advance(AT_ONCE_S)
+    bench.advance(_AT_ONCE_S)
     pilot.check_pins(pilot.still, "soon after deactivate()")
     pilot.check_holds_still("0.5 s after deactivate(),")
     out.activate()
     pilot.check_holds_still("activated, and never commanded neutral,")
     pilot.push()
     out.stop()
-    bench.advance(AT_ONCE_S)
+    bench.advance(_AT_ONCE_S)
     pilot.check_pins(pilot.still, "soon after stop()")
     applied = pilot.check_holds_still("0.5 s after an emergency stop,")
     require(STOPPED in applied.reason, f"after an emergency stop the answer has the reason: {applied.reason}")
@@ -337,9 +337,9 @@ def _unplug_early(pilot: _Pilot) -> None:
                 step()
                 pilot.check_state(state, f"on the way to '{requested}'")
         bench.unplug()
-        for _ in range(round(1.0 / TICK_S)):
+        for _ in range(round(1.0 / _TICK_S)):
             pilot.check_still(f"unplugged while {requested}, thrust commanded,")
-            bench.advance(TICK_S)
+            bench.advance(_TICK_S)
         for call in (out.stop, out.clear_stop, lambda: out.deactivate("checked")):
             call()
             _check_health(out)
