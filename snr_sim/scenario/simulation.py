@@ -205,7 +205,8 @@ class Simulation:
         first, *others = self.robot_file.ROLES
         roles = controlled_roles(self._controller, self.robot_file)
         extra_components = {role: self._create_components(self._controller, role) for role in others if role in roles}
-        return self._create_components(self._controller if first in roles else self._standard, first), extra_components
+        controller = self._controller if self._standard is None else self._standard
+        return self._create_components(controller, first), extra_components
 
     def _create_components(self, controller: Any, role: str) -> list[AnyFactory]:
         made = factories_of(controller, replace(self.robot, role=role))
@@ -221,12 +222,11 @@ class Simulation:
         Raises:
             ConfigError: its `start_lines` did not return lines of text, or raised.
         """
-        is_first = self.robot_file.ROLES[0] in controlled_roles(self._controller, self.robot_file)
-        controller = self._controller if is_first else self._standard
+        controller = self._controller if self._standard is None else self._standard
         function = getattr(controller, "start_lines", None)
         lines = [] if function is None else call_student(function, "start_lines(robot)", self.robot)
         if not (isinstance(lines, (list, tuple)) and all(isinstance(line, str) for line in lines)):
-            place = short_path(str(getattr(controller, "__file__", "")))
+            place = short_path(str(controller.__file__))
             raise ConfigError(f"{place}: start_lines(robot) returned {lines!r}.", fix='a list of texts: ["..."].')
         return list(lines)
 
@@ -239,7 +239,13 @@ class Simulation:
         """
         io = parse_io(self.request.io)
         if io.kind == "replay":
-            self._recorded = self._recorded_run(Path(io.address))
+            trace = read_trace(trace_path(Path(io.address)))
+            if trace.header.robot != self.robot.name:
+                raise TraceError(
+                    f"{Path(io.address)} is a run of the robot '{trace.header.robot}', not of '{self.robot.name}'.",
+                    fix=f"name one of '{self.robot.name}'.",
+                )
+            self._recorded = RecordedRun(trace)
             return self._recorded
         fix = "end it with: return Lander1D(...), or another class that implements `Plant`."
         seed, engine = self.request.seed, self.request.engine
@@ -249,15 +255,6 @@ class Simulation:
         # This row of the robot's device table puts a part between devices and plant.
         fix = "return context.plant where nothing stands between devices and plant."
         return _plant_of(self.robot_file, "wrap_plant(context)", fix, self.context(plant))
-
-    def _recorded_run(self, run: Path) -> RecordedRun:
-        trace = read_trace(trace_path(run))
-        if trace.header.robot != self.robot.name:
-            raise TraceError(
-                f"{run} is a run of the robot '{trace.header.robot}', not of '{self.robot.name}'.",
-                fix=f"name one of '{self.robot.name}'.",
-            )
-        return RecordedRun(trace)
 
     def header(self, plant: Plant | None, config: Config, clock: str = "sim") -> Header:
         """Return the second line of this run's trace: what runs. `plant` is None for a role without a body."""
@@ -347,17 +344,14 @@ def prepare(
     check_options(request.options, robot, controller)
     has_first = robot.ROLES[0] in controlled_roles(controller, robot)
     standard = None if has_first else library.load_controller(robot_found, scenario.CONTROLLER)
-    whole = Request(
+    is_own = controller_name in library.controllers(robot_found)
+    whole = replace(
+        request,
         # A file is stored with its path, so that a replay in another folder finds it.
         scenario=scenario_found.name if scenario_found.place != "the path given" else str(scenario_found.path),
-        seed=request.seed,
         engine=engine,
-        controller=controller_name
-        if controller_name in library.controllers(robot_found)
-        else str(Path(controller_name).resolve()),
-        role=request.role,
+        controller=controller_name if is_own else str(Path(controller_name).resolve()),
         io=_whole(request.io),
-        options=request.options,
     )
     used = library.used_sources(scenario_found, robot_found, controller)
     if standard is not None:
