@@ -83,9 +83,9 @@ if TYPE_CHECKING:
     from snr_sim.testing.case import SNRTestCase as SNRTestCase
     from snr_sim.testing.expector import Expectations as Expectations
     from snr_sim.testing.expector import Expector as Expector
+    from snr_sim.testing.expector import ExpectorEndpointFactory as ExpectorEndpointFactory
     from snr_sim.testing.expector import OrderedExpector as OrderedExpector
     from snr_sim.testing.expector import TaskExpectations as TaskExpectations
-    from snr_sim.testing.expector_endpoint import ExpectorEndpointFactory as ExpectorEndpointFactory
     from snr_sim.testing.fakes import FakeActuator as FakeActuator
     from snr_sim.testing.fakes import FakeSensor as FakeSensor
     from snr_sim.thesis import AbstractComponent as AbstractComponent
@@ -133,61 +133,4 @@ if TYPE_CHECKING:
     from snr_sim.thesis import TempFile as TempFile
     from snr_sim.thesis import TimerProtocol as TimerProtocol
 else:
-    __all__, __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "snr_sim.core.clocks": "SimClock WallClock",
-            "snr_sim.core.config": "ComponentsByRole Config Mode",
-            "snr_sim.core.endpoint": "Endpoint EndpointFactory",
-            "snr_sim.core.handles": "handles",
-            "snr_sim.core.loop": "Loop LoopFactory ThreadLoop",
-            "snr_sim.core.node": "Node",
-            "snr_sim.core.page_types": "page",
-            "snr_sim.core.profiler": "Profiler",
-            "snr_sim.core.runners": "CliRunner SimRunner SynchronousRunner TestRunner",
-            "snr_sim.core.reload.watch": "WatchLoopFactory",
-            "snr_sim.prelude.device": "Health PwmOut Stale",
-            "snr_sim.prelude.errors": "SnrError",
-            "snr_sim.prelude.life_cycle": "LifeCycle",
-            "snr_sim.prelude.page": "DataKey Page",
-            "snr_sim.prelude.scenario": "RobotInfo Verdict",
-            "snr_sim.prelude.task": "SomeTasks Task TaskHandler TaskHandlerMap TaskId TaskName TaskType",
-            "snr_sim.links.faults": "LinkFaults",
-            "snr_sim.links.memory": "MemoryLink",
-            "snr_sim.links.pipes": "PipeLoopFactory PipesPair",
-            "snr_sim.links.security": "Tls secret_from_env secret_from_file",
-            "snr_sim.links.sockets": "SocketsListenerFactory SocketsLoopFactory SocketsPair",
-            "snr_sim.links.zenoh_net": "ZenohNet",
-            "snr_sim.console.client": "ConsoleClient",
-            "snr_sim.console.command_receiver": "CommandReceiver CommandReceiverFactory",
-            "snr_sim.console.local_console": "LocalConsole LocalConsoleFactory",
-            "snr_sim.console.remote_console": "RemoteConsole",
-            "snr_sim.std_mods.moving_average": "MovingAvgFilter MovingAvgFilterFactory",
-            "snr_sim.std_mods.printer": "PrinterEndpointFactory",
-            "snr_sim.std_mods.readers": "PageReader TextReader",
-            "snr_sim.std_mods.recorder": "RecorderEndpointFactory",
-            "snr_sim.std_mods.replayer": (
-                "ListReplayer ListReplayerFactory ReplayerLoop ReplayerLoopFactory TextReplayer TextReplayerFactory"
-            ),
-            "snr_sim.std_mods.stopwatch": "StopwatchEndpointFactory",
-            "snr_sim.std_mods.timer": "Timer",
-            "snr_sim.std_mods.timeout": "TimeoutLoopFactory",
-            "snr_sim.supervision.multi_proc": "MultiProcRunner",
-            "snr_sim.testing.case": "SNRTestCase",
-            "snr_sim.testing.expector": "Expectations Expector OrderedExpector TaskExpectations",
-            "snr_sim.testing.expector_endpoint": "ExpectorEndpointFactory",
-            "snr_sim.testing.fakes": "FakeActuator FakeSensor",
-            "snr_sim.thesis": (
-                "AbstractComponent AbstractConfig AbstractConnection AbstractContext AbstractEndpoint "
-                "AbstractFactory AbstractLoop AbstractMultiRunner AbstractNode AbstractProfiler AbstractRunner "
-                "AbstractTaskQueue CommandProcessorEndpoint CommandProcessorFactory CommsLoop ComponentName "
-                "Consumer Context DataDict DummyEndpointFactory ExpecterEndpointFactory ExpectorProtocol "
-                "JsonData KalmanFilterFactory ListReplayerEndpoint ListReplayerLoop LogLevel MPExpector "
-                "MovingAvgEndpointFactory NodeProtocol OrderedExpectations ProfilerGetter RecorderFactory "
-                "ReloadTargets ReplayerFactory Role RootContext Serializable SocketsWrapper TaskPriority "
-                "TaskScheduler TaskSource TempFile TimerProtocol"
-            ),
-            "snr_sim.prelude.tasks": "",
-        },
-        renamed={"Faults": "LinkFaults"},
-    )
+    __all__, __getattr__, __dir__ = lazy_names(__name__, renamed={"Faults": "LinkFaults"})

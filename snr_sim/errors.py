@@ -25,13 +25,4 @@ if TYPE_CHECKING:
     from snr_sim.prelude.errors import ValueEncodingError as ValueEncodingError
     from snr_sim.prelude.errors import suggest as suggest
 else:
-    __all__, __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "snr_sim.prelude.errors": (
-                "SnrError ConfigError UnknownNameError RetiredNameError TaskError ComponentFailedError "
-                "ClockError ParameterError ValueEncodingError DeviceError SensorLostError CommandError "
-                "PlantError TraceError LinkError FrameTooLargeError RecordingError MissingExtraError suggest"
-            ),
-        },
-    )
+    __all__, __getattr__, __dir__ = lazy_names(__name__)

@@ -16,7 +16,7 @@ from snr_sim.lazy import lazy_names
 if TYPE_CHECKING:
     from snr_sim.view.view_notebook import show_run as show_run
 else:
-    __all__, __getattr__, __dir__ = lazy_names(__name__, {"snr_sim.view.view_notebook": "show_run"})
+    __all__, __getattr__, __dir__ = lazy_names(__name__)
     __all__.append("snr")
 
 

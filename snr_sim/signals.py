@@ -27,13 +27,4 @@ if TYPE_CHECKING:
     from snr_sim.prelude.signals import PwmCommand as PwmCommand
     from snr_sim.prelude.signals import RadarReading as RadarReading
 else:
-    __all__, __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "snr_sim.prelude.signals": (
-                "RadarReading InertialReading EngineCommand PwmCommand AppliedPulses DepthReading ImuReading "
-                "EchoReading PowerReading GpsReading LeakReading GamepadReading CLAMPED SLEWING NO_PULSE "
-                "WRONG_COUNT TOO_OLD NOT_ACTIVE STOPPED RESET LOST"
-            ),
-        },
-    )
+    __all__, __getattr__, __dir__ = lazy_names(__name__)

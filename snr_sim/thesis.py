@@ -28,8 +28,7 @@ from snr_sim.std_mods.recorder import RecorderEndpointFactory
 from snr_sim.std_mods.replayer import ListReplayer, ReplayerLoopFactory
 from snr_sim.std_mods.timer import Timer
 from snr_sim.supervision.multi_proc import MultiProcRunner
-from snr_sim.testing.expector import Expectations, TaskExpectations
-from snr_sim.testing.expector_endpoint import ExpectorEndpointFactory
+from snr_sim.testing.expector import Expectations, ExpectorEndpointFactory, TaskExpectations
 
 AbstractComponent = NodeComponent
 AbstractConfig = Config

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from snr_sim.prelude.errors import ParameterError
+
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Io = Annotated[str, typer.Option(help="Where devices are: sim, emulated, mcu:PORT, pi, ...", envvar="SNR_SIM_IO")]
 Out = Annotated[Path, typer.Option(help="Folder that run folders go into.")]
@@ -38,8 +40,6 @@ def pace_of(speed: str) -> float | None:
     >>> pace_of("real"), pace_of("4"), pace_of("fast")
     (1.0, 4.0, None)
     """
-    from snr_sim.prelude.errors import ParameterError
-
     if speed in ("fast", "real"):
         return None if speed == "fast" else 1.0
     pace = finite_number(speed)
@@ -57,8 +57,6 @@ def options_of(pairs: list[str]) -> dict[str, str]:
     Raises:
         ParameterError: one does not have this form, or a key occurs twice.
     """
-    from snr_sim.prelude.errors import ParameterError
-
     options: dict[str, str] = {}
     for pair in pairs:
         key, equals, value = pair.partition("=")

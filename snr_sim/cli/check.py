@@ -12,12 +12,12 @@ import typer
 
 from snr_sim.cli.arguments import AsJson
 from snr_sim.cli.output import print_note
+from snr_sim.cli.plain_console import escape_markup, plain_console
+from snr_sim.prelude.errors import UnknownNameError
 
 if TYPE_CHECKING:
     from snr_sim.grading.lab.lab import Lab
     from snr_sim.grading.reports.results import CaseResult, CheckResult, Graded
-
-_RUNS = Path("runs")
 
 
 def check(
@@ -35,7 +35,6 @@ def check(
     from snr_sim.grading.lab.lab import find_lab
     from snr_sim.grading.lab.verdicts import GraderError
     from snr_sim.grading.reports.results import encode_graded
-    from snr_sim.prelude.errors import UnknownNameError
     from snr_sim.scenario.source_checks import notes_on_files
 
     found = find_lab(lab)
@@ -50,7 +49,7 @@ def check(
         )
     for note in notes_on_files([folder / file for file in found.files if file.endswith(".py")]):
         print_note(note)
-    out = _RUNS / f"check_{found.name}"
+    out = Path("runs") / f"check_{found.name}"
     with _status(as_json) as on_case:
         graded = grade_submission(found, folder, None, "none", out=out.resolve(), on_case=on_case)
     if graded.status == "grader_error":
@@ -68,8 +67,6 @@ def _status(is_json: bool) -> Iterator[Callable[[str, str], None]]:
     if is_json or not sys.stderr.isatty():
         yield lambda check, case: None
         return
-    from snr_sim.cli.plain_console import escape_markup, plain_console
-
     with plain_console(stderr=True).status("starting") as status:
         yield lambda check, case: status.update(escape_markup(f"{check}: {case}" if case else check))
 
@@ -78,8 +75,6 @@ def _show(lab: Lab, graded: Graded, out: Path) -> None:
     """Print a table of the checks, the failures, and the next step."""
     from rich import box
     from rich.table import Table
-
-    from snr_sim.cli.plain_console import plain_console
 
     console = plain_console()
     table = Table(box=box.SIMPLE, title=f"{lab.title}: practice, visible cases only", title_justify="left")
@@ -109,7 +104,10 @@ def _lines(check: CheckResult, out: Path) -> Iterator[str]:
             failures.setdefault("".join(f"    {line}\n" for line in _of_case(case)), []).append(case)
     for words, cases in failures.items():
         about = "; ".join(case.label for case in cases if case.label)
-        runs = "".join(f"    {_of_run(out / case.run_folder)}\n" for case in cases if case.run_folder)
+        folders = [out / case.run_folder for case in cases if case.run_folder]
+        runs = "".join(
+            f"    look at the run: snr view {run}    run your code on it again: snr replay {run}\n" for run in folders
+        )
         yield f"x {check.title}{f' ({about})' if about else ''}\n{words}{runs}"
 
 
@@ -124,10 +122,6 @@ def _of_case(case: CaseResult) -> Iterator[str]:
     if case.printed:
         yield "what your program printed:"
         yield from (f"  {line}" for line in case.printed.splitlines()[-10:])
-
-
-def _of_run(run: Path) -> str:
-    return f"look at the run: snr view {run}    run your code on it again: snr replay {run}"
 
 
 def _next(graded: Graded) -> str:

@@ -12,6 +12,8 @@ import typer
 from snr_sim.cli.arguments import AsJson, finite_number
 from snr_sim.cli.newest import trace_of, two_runs
 from snr_sim.cli.output import print_json, print_warnings
+from snr_sim.cli.plain_console import plain_console
+from snr_sim.prelude.errors import MissingExtraError, ParameterError, TraceError
 
 if TYPE_CHECKING:
     from snr_sim.recording.compare_runs import Comparison, SignalComparison
@@ -47,8 +49,6 @@ def compare(
 
     Exit status: 0 they were compared, 2 they cannot be.
     """
-    from snr_sim.prelude.errors import MissingExtraError
-
     try:
         from snr_sim.recording.compare_runs import compare_runs
         from snr_sim.view.compare_picture import select_signals
@@ -75,7 +75,6 @@ def compare(
 
 
 def _shift_s(shift: str, traces: list[Trace]) -> float:
-    from snr_sim.prelude.errors import ParameterError
     from snr_sim.recording.compare_runs import shift_by_commands_s
 
     if shift == "auto":
@@ -89,7 +88,6 @@ def _shift_s(shift: str, traces: list[Trace]) -> float:
 
 
 def _draw(comparison: Comparison, trace: Trace, png: str, names: list[str]) -> None:
-    from snr_sim.prelude.errors import TraceError
     from snr_sim.view.compare_picture import draw_comparison
 
     try:
@@ -143,8 +141,6 @@ def _signal_fields(one: SignalComparison) -> dict[str, Any]:
 def _print(comparison: Comparison) -> None:
     """Print a table with the statistics of each signal in both runs, with one value where they agree."""
     from rich.table import Table
-
-    from snr_sim.cli.plain_console import plain_console
 
     console = plain_console(width_in_a_pipe=120)
     if comparison.is_identical:

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from snr_sim.cli.arguments import AsJson
+from snr_sim.prelude.errors import ParameterError
 
 if TYPE_CHECKING:
     from snr_sim.console.client import ConsoleClient
     from snr_sim.console.table import CommandResult
 
-TOKEN_VARIABLE = "SNR_TOKEN"
+_TOKEN_VARIABLE = "SNR_TOKEN"
 
 
 def console(
@@ -23,7 +24,7 @@ def console(
     command: Annotated[
         list[str] | None, typer.Argument(metavar="[COMMAND...]", help="One command; asks for them if not given.")
     ] = None,
-    token_file: Annotated[Path | None, typer.Option(help=f"Holds the token; or {TOKEN_VARIABLE} does.")] = None,
+    token_file: Annotated[Path | None, typer.Option(help=f"Holds the token; or {_TOKEN_VARIABLE} does.")] = None,
     wait: Annotated[float, typer.Option(help="Seconds to wait for a node that is not there.")] = 5.0,
     as_json: AsJson = False,
 ) -> None:
@@ -77,8 +78,6 @@ def _carried_out(client: ConsoleClient, lines: Iterable[str], is_json: bool) -> 
 
 
 def _address(text: str) -> tuple[str, int]:
-    from snr_sim.prelude.errors import ParameterError
-
     host, _, port = text.rpartition(":")
     if not port.isdecimal() or not 0 < int(port) < 1 << 16:
         raise ParameterError(f"'{text}' is not a console address.", fix="use HOST:PORT, such as 127.0.0.1:54321.")
@@ -93,4 +92,4 @@ def _token(path: Path | None) -> bytes | None:
 
     if path is not None:
         return secret_from_file(path)
-    return secret_from_env(TOKEN_VARIABLE) if os.environ.get(TOKEN_VARIABLE) else None
+    return secret_from_env(_TOKEN_VARIABLE) if os.environ.get(_TOKEN_VARIABLE) else None

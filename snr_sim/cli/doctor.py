@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from snr_sim.cli.arguments import AsJson
-from snr_sim.cli.finding import Finding
 from snr_sim.cli.output import print_json
+from snr_sim.prelude.errors import MissingExtraError, SnrError
+from snr_sim.prelude.io import Io, parse_io
 
 if TYPE_CHECKING:
-    from snr_sim.prelude.io import Io
+    from snr_sim.cli.doctor_hardware import Finding
 
 _EXTRAS = {
     "sim": ("pymunk", "gymnasium", "mujoco-core"),
@@ -42,7 +43,6 @@ def doctor(
     Exit status: 0 all is well, 1 something is missing, 2 the request was wrong.
     """
     from snr_sim.devices.device_strings import check_io
-    from snr_sim.prelude.io import parse_io
 
     meant = parse_io(io) if io else None
     if meant is not None:
@@ -61,7 +61,7 @@ def doctor(
 def _run_checks(io: Io | None) -> Iterator[Finding]:
     import importlib.metadata  # slow, and `snr --help` does not need it
 
-    from snr_sim.cli.doctor_hardware import answers, wires
+    from snr_sim.cli.doctor_hardware import Finding, answers, wires
     from snr_sim.devices.host_ports import HostInfo
 
     machine = HostInfo()
@@ -106,22 +106,20 @@ def packages(is_for_wires: bool, version: Callable[[str], str]) -> Iterator[Find
         is_for_wires: whether this computer only drives hardware.
         version: returns a package's, or raises PackageNotFoundError.
     """
+    from snr_sim.cli.doctor_hardware import Finding
+
     for extra, names in _EXTRAS.items():
         is_needed = (extra == "hardware") == is_for_wires
-        for name in names:
+        for name in names if is_needed or is_for_wires else ():
             try:
-                found = version(name)
+                yield Finding(True, f"{name} {version(name)}")
             except ModuleNotFoundError:
-                if is_needed or is_for_wires:
-                    yield Finding(not is_needed, f"{name} is not installed", f"pip install 'snr_sim[{extra}]'")
-            else:
-                if is_needed or is_for_wires:
-                    yield Finding(True, f"{name} {found}")
+                yield Finding(not is_needed, f"{name} is not installed", f"pip install 'snr_sim[{extra}]'")
 
 
 def landing(is_for_wires: bool) -> Finding:
     """Return whether a test run of a lander works; a computer for hardware does not need the physics packages."""
-    from snr_sim.prelude.errors import MissingExtraError, SnrError
+    from snr_sim.cli.doctor_hardware import Finding
     from snr_sim.scenario.simulation import Request, prepare
     from snr_sim.scenario.simulation_run import SimulationRun
 

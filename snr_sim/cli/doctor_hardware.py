@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
-from snr_sim.cli.finding import Finding
 from snr_sim.devices.host_ports import HostInfo, HostPort
 from snr_sim.devices.mcu.mcu_board import McuBoard
 from snr_sim.devices.mcu.mcu_handshake import CHANNELS, FLASH, incompatibilities
@@ -16,13 +15,28 @@ from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.io import Io
 from snr_sim.scenario.device_bench import Bench, bench_of, devices_of
 
-NEEDS = {"mcu": "serial", "maestro": "serial", "pca9685": "i2c", "sysfs": "pwm"}
+_NEEDS = {"mcu": "serial", "maestro": "serial", "pca9685": "i2c", "sysfs": "pwm"}
 _WORDS = {"serial": "serial port", "i2c": "I2C bus", "pwm": "PWM chip"}
+
+
+class Finding(NamedTuple):
+    """Result of one check: whether it passed, what was found, and the fix or an optional improvement."""
+
+    is_ok: bool
+    message: str
+    fix: str = ""
+
+    @property
+    def tag(self) -> str:
+        """Start of the line: MISS only if a required item is missing."""
+        if not self.is_ok:
+            return "MISS"
+        return "note" if self.fix else "ok"
 
 
 def wires(machine: HostInfo, io: Io | None) -> Iterator[Finding]:
     """Yield the devices that are present. Only requested devices count as missing: a laptop needs no ports."""
-    needed = NEEDS.get(io.kind, "") if io is not None else ""
+    needed = _NEEDS.get(io.kind, "") if io is not None else ""
     if machine.is_pi:
         yield Finding(True, machine.model)
     found = list(machine.host_ports())
@@ -63,7 +77,7 @@ def answers(io: Io, open_port: Callable[[], BytePort] | None = None) -> Iterator
         else:
             yield from _devices(io)
     except SnrError as error:
-        yield Finding(False, f"--io {io}: {error.message}", error.fix or "")
+        yield Finding(False, f"--io {io}: {error.message}", error.fix)
 
 
 def _microcontroller(open_port: Callable[[], BytePort]) -> Iterator[Finding]:

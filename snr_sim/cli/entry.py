@@ -45,7 +45,7 @@ class Ending:
     """
 
     def __init__(self) -> None:
-        self.status = 1  # of an exception, which Python prints
+        self.status: int = 1  # of an exception, which Python prints
 
     def leave(self) -> None:
         """Flush the standard streams and end the process."""

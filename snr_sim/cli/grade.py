@@ -14,6 +14,8 @@ import typer
 
 from snr_sim.cli.arguments import AsJson
 from snr_sim.cli.output import print_json
+from snr_sim.cli.plain_console import plain_console
+from snr_sim.prelude.errors import SnrError
 
 if TYPE_CHECKING:
     from snr_sim.grading.batch.class_folder import ClassFolder
@@ -53,7 +55,6 @@ def grade(
     from snr_sim.grading.batch.cluster import connected
     from snr_sim.grading.batch.stop_signals import StopSignals
     from snr_sim.grading.lab.lab import find_lab
-    from snr_sim.prelude.errors import SnrError
 
     if isolation not in ("required", "none"):
         raise SnrError(
@@ -82,8 +83,6 @@ def grade(
 
 
 def _refuse_windows(lab: str) -> None:
-    from snr_sim.prelude.errors import SnrError
-
     if importlib.util.find_spec("fcntl") is None:
         raise SnrError(
             "snr grade does not run on Windows: sandboxed grading requires Linux.",
@@ -155,7 +154,6 @@ def _write_container(
 ) -> int:
     from snr_sim.grading.batch.class_folder import new_secret, read_secret
     from snr_sim.grading.batch.gradescope import write_container
-    from snr_sim.prelude.errors import SnrError
 
     if submissions:
         raise SnrError("--gradescope takes no submissions: Gradescope collects them.", fix="leave them out.")
@@ -182,8 +180,6 @@ def _progress(total: int) -> Iterator[Callable[[Graded], None]]:
         yield lambda graded: None
         return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    from snr_sim.cli.plain_console import plain_console
 
     columns = (
         TextColumn("graded"),

@@ -11,6 +11,8 @@ import typer
 
 from snr_sim.cli.arguments import Io
 from snr_sim.cli.output import print_json
+from snr_sim.cli.plain_console import plain_console
+from snr_sim.prelude.errors import ParameterError
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -18,8 +20,8 @@ if TYPE_CHECKING:
     from snr_sim.devices.terminal_keys import TerminalKeys
     from snr_sim.scenario.device_bench import Bench, OpenDevice
 
-TERMINAL_PERIOD_S = 0.2
-PIPE_PERIOD_S = 1.0  # in a pipe
+_TERMINAL_PERIOD_S = 0.2
+_PIPE_PERIOD_S = 1.0  # in a pipe
 
 
 def io(
@@ -45,7 +47,6 @@ def io(
     # Also if the parent ignores Ctrl-C, such as a script in the background: a program that moves a thruster must stop.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     from snr_sim.devices.terminal_keys import TerminalKeys
-    from snr_sim.prelude.errors import ParameterError
     from snr_sim.scenario.device_bench import bench_of, devices_of
 
     if as_json and not once:
@@ -76,7 +77,6 @@ def _confirm(name: str, io: str) -> None:
         ParameterError: another text was typed.
     """
     from snr_sim.devices.pwm.motor_test import WHOLE_S, top_us
-    from snr_sim.prelude.errors import ParameterError
 
     expected = f"{name} props off"
     print(
@@ -92,8 +92,6 @@ def _confirm(name: str, io: str) -> None:
 
 def _print_once(bench: Bench, io: str, scenario: str, as_json: bool) -> None:
     if not as_json:
-        from snr_sim.cli.plain_console import plain_console
-
         console = plain_console(width_in_a_pipe=120)
         shown(bench)  # the first call imports for a while, so it runs before the readings are checked
         bench.tick()
@@ -117,7 +115,7 @@ def _watch(bench: Bench, keys: TerminalKeys, move: str, seconds: float) -> None:
     from snr_sim.scenario.device_bench import TICK_S
 
     begun_s = shown_s = time.monotonic()
-    period_s = TERMINAL_PERIOD_S if sys.stdout.isatty() else PIPE_PERIOD_S
+    period_s = _TERMINAL_PERIOD_S if sys.stdout.isatty() else _PIPE_PERIOD_S
     with ExitStack() as stack:
         show = _shower(stack)
         bench.tick()
@@ -143,8 +141,6 @@ def _shower(stack: Any) -> Any:
     if not sys.stdout.isatty():
         return lambda bench: print("\n".join(lines(bench)), flush=True)
     from rich.live import Live
-
-    from snr_sim.cli.plain_console import plain_console
 
     live = stack.enter_context(Live(console=plain_console(), auto_refresh=False))
     return lambda bench: live.update(shown(bench), refresh=True)

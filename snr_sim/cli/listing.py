@@ -9,6 +9,7 @@ import typer
 
 from snr_sim.cli.arguments import AsJson
 from snr_sim.cli.output import print_json
+from snr_sim.prelude.errors import UnknownNameError, suggest
 
 if TYPE_CHECKING:
     from snr_sim.scenario.library import FoundItem
@@ -26,7 +27,6 @@ def listing(
     was found.
     """
     from snr_sim.core.source_location import short_path
-    from snr_sim.prelude.errors import UnknownNameError, suggest
     from snr_sim.scenario.library import controllers, list_available
     from snr_sim.scenario.options import written_options
 

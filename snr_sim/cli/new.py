@@ -12,8 +12,9 @@ from typing import Annotated, Literal
 
 import typer
 
-from snr_sim.cli.new_controller import new_controller
+from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 
+_CLASS = "ControllerTemplate"  # in the template
 _LAB, _CONTROLLER = "lab", "controller"
 _SOURCES: dict[str, tuple[Literal["robots", "scenarios"], str]] = {
     "robot": ("robots", "lander"),
@@ -33,7 +34,6 @@ def new(
 
     Makes a copy of one there is, or of the files that a lab begins with, under the current folder.
     """
-    from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
     from snr_sim.scenario.library import find, robot_of_scenario
 
     if scenario and what != _CONTROLLER:
@@ -57,7 +57,7 @@ def new(
             raise ParameterError(
                 "A controller begins with the template of its robot.", fix=f"snr new controller {name} --scenario S"
             )
-        new_controller(name, scenario)
+        _begin_controller(name, scenario)
         return
     kind, default = _SOURCES[what]
     found = find(kind, source or default)
@@ -66,8 +66,7 @@ def new(
             raise ParameterError("--robot does not apply to a robot.", fix="use it with snr new scenario only.")
         find("robots", robot)
     target = Path(kind) / (name if kind == "robots" else f"{name}.py")
-    if target.exists():
-        raise ParameterError(f"{target} is there already.", fix="choose another name; nothing was changed.")
+    _check_is_new(target)
     target.parent.mkdir(exist_ok=True)
     if kind == "robots":
         shutil.copytree(found.path, target, ignore=shutil.ignore_patterns("__pycache__"))
@@ -84,7 +83,6 @@ def new(
 
 def _begin_lab(name: str, folder: str) -> None:
     """Copy a lab's starter files and its page into a new folder."""
-    from snr_sim.prelude.errors import ParameterError, UnknownNameError
     from snr_sim.scenario.library import find_lab
 
     found = find_lab(name)
@@ -93,8 +91,7 @@ def _begin_lab(name: str, folder: str) -> None:
         raise UnknownNameError(f"The lab '{found.name}' has no files to begin with.", fix="snr list assignments")
     short = found.name.partition("_")[2] or found.name
     target = Path(folder or short)
-    if target.exists():
-        raise ParameterError(f"{target} is there already.", fix="continue in it, or rename it; nothing was changed.")
+    _check_is_new(target, "continue in it, or rename it")
     try:
         shutil.copytree(starter, target, ignore=shutil.ignore_patterns("__pycache__"))
         for page in found.path.glob("*.md"):
@@ -106,6 +103,36 @@ def _begin_lab(name: str, folder: str) -> None:
     print(f"{target}/ has the files that the lab begins with. What it is about: {target}/README.md")
     if (found.path / "checks.py").is_file():
         print(f"Try them: snr check {short} {target}")
+
+
+def _begin_controller(name: str, scenario: str) -> None:
+    """Write a controller of this name for a scenario's robot into the current folder, from the robot's template."""
+    from snr_sim.scenario.library import find, robot_of_scenario
+
+    if not scenario:
+        raise ParameterError(
+            "`snr new controller` needs a scenario, which decides the robot.",
+            fix=f"snr new controller {name} --scenario lander_vertical (`snr list` prints all of them).",
+        )
+    found = find("scenarios", scenario)
+    robot = find("robots", robot_of_scenario(found))
+    template = robot.path / "controller_template.py"
+    if not template.is_file():
+        raise UnknownNameError(
+            f"Robot '{robot.name}' of scenario '{found.name}' has no template for controllers.",
+            fix=f"write the file {template}: a controller whose class is named {_CLASS}.",
+        )
+    target = Path(f"{name}.py")
+    _check_is_new(target)
+    class_name = "".join(word.capitalize() for word in name.split("_"))
+    target.write_text(template.read_text().replace(_CLASS, class_name))
+    shown = scenario if found.name != Path(scenario).stem else found.name
+    print(f"{target} is a controller for {found.name}. Run it: snr run {shown} --controller ./{target}")
+
+
+def _check_is_new(target: Path, what_to_do: str = "choose another name") -> None:
+    if target.exists():
+        raise ParameterError(f"{target} is there already.", fix=f"{what_to_do}; nothing was changed.")
 
 
 def _rename(path: Path, old: str, robot: str) -> None:

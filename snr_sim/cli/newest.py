@@ -6,6 +6,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from snr_sim.prelude.errors import TraceError
+
 if TYPE_CHECKING:
     from snr_sim.recording.reader import Trace
 
@@ -44,7 +46,6 @@ def two_runs(first: Path | None, second: Path | None) -> tuple[Path, Path]:
 
 
 def _newest_but(taken: list[Path]) -> Path:
-    from snr_sim.prelude.errors import TraceError
     from snr_sim.recording.folder import runs_here
 
     folders = {one.resolve() for one in taken} | {one.resolve().parent for one in taken if one.is_file()}

@@ -11,19 +11,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from snr_sim.cli.output import capture_output, print_note
+from snr_sim.cli.plain_console import progress
+from snr_sim.prelude.errors import MissingExtraError, ParameterError, SnrError, TraceError
 
 if TYPE_CHECKING:
-    from snr_sim.console.command_receiver import CommandReceiverFactory
     from snr_sim.core.config import Config
     from snr_sim.prelude.plant import Plant
     from snr_sim.recording.records import Header
     from snr_sim.recording.trace import TraceWriter
-    from snr_sim.scenario.role_run import RealTimeSimulation, RoleRun
+    from snr_sim.scenario.role_run import RoleRun
     from snr_sim.scenario.simulation import Request, Simulation
     from snr_sim.scenario.simulation_run import RunResult, SimulationRun
 
-JSON_STALL_LIMIT_S = 60.0  # with --json, where no user reads the warning about a stalled run
-SLOW_S = 2.0  # wall time after which a fast run shows its progress
+_JSON_STALL_LIMIT_S = 60.0  # with --json, where no user reads the warning about a stalled run
+_SLOW_S = 2.0  # wall time after which a fast run shows its progress
 Shown = Literal["", "window", "browser"]  # where a run is shown
 
 
@@ -47,31 +48,31 @@ def record_run(
     Raises:
         SnrError: the request is wrong; nothing has been written.
     """
-    from snr_sim.cli.progress import progress
     from snr_sim.core.interrupts import graceful_shutdown
     from snr_sim.core.reload.watch import with_watch
     from snr_sim.core.runners import show_log
     from snr_sim.recording.folder import discard, new_run_folder
     from snr_sim.recording.trace import FILE_NAME, TraceWriter
     from snr_sim.scenario.library import keep_copies
-    from snr_sim.scenario.role_run import RoleRun
     from snr_sim.scenario.simulation_run import SimulationRun
     from snr_sim.scenario.source_checks import notes_before
 
     place, out = out, out.resolve()  # the student's code may change the current folder
     with capture_output(is_json), ExitStack() as stack:
-        simulation, world, plant, config, pace = _prepared(request, pace)
-        header = simulation.header(plant, config, "sim" if world is None else "wall")
+        simulation, alone, plant, config, pace = _prepared(request, pace)
+        header = simulation.header(plant, config, "sim" if alone is None else "wall")
         config.stall_limit_s = _stall_limit_s(stall_limit_s, is_json)
         start_lines = simulation.start_lines()
         if is_watched:
             show_log(logging.INFO)
             config = with_watch(config)
-        if world is not None:  # under one clock the roles' links use memory instead of ports
-            stack.callback(world.release)
-            world.claim()
+        if alone is not None:  # under one clock the roles' links use memory instead of ports
+            stack.callback(alone.release)
+            alone.claim()
         if console_port is not None:
-            console = _console(console_port)
+            from snr_sim.console.command_receiver import CommandReceiverFactory
+
+            console = CommandReceiverFactory(console_port)
             stack.callback(console.release)
             console.claim()
             config.get(simulation.roles[0]).append(console)
@@ -83,14 +84,15 @@ def record_run(
             kept = stack.enter_context(keep_copies(folder, simulation.files().values()))
             if live:
                 stack.enter_context(_live_view(header, recorder, live))
-            tick = stack.enter_context(progress(simulation.scenario_name, 0.0 if pace is not None else SLOW_S))
+            tick = stack.enter_context(progress(simulation.scenario_name, 0.0 if pace is not None else _SLOW_S))
             run: SimulationRun | RoleRun
-            if world is not None:
-                run = RoleRun(world, config, recorder)
+            if alone is not None:
+                alone.begin(config, recorder)
+                run = alone
             else:
                 assert plant is not None  # only a role that runs by itself may be without one
                 run = SimulationRun(simulation, plant, config, recorder, pace, tick)
-            if world is not None or simulation.uses_hardware:  # a real robot continues without its recording
+            if alone is not None or simulation.uses_hardware:  # a real robot continues without its recording
                 recorder.fail_softly(run.nodes)
             # From here on a signal ends the run in order and the files are completed, even if it arrives after the run.
             signals = stack.enter_context(graceful_shutdown(run.nodes))
@@ -98,7 +100,7 @@ def record_run(
             undo.pop_all()
         for line in [] if is_json else start_lines:
             print(line, flush=True)
-        for line in [] if world is None else world.start_lines():
+        for line in [] if alone is None else alone.start_lines():
             print(line, file=sys.stderr, flush=True)
         for note in foreseen:
             print_note(note)
@@ -117,14 +119,13 @@ def record_run(
 
 def _prepared(
     request: Request, pace: float | None
-) -> tuple[Simulation, RealTimeSimulation | None, Plant | None, Config, float | None]:
-    """Return the simulation, the world of a role that runs by itself, plant, configuration and pace.
+) -> tuple[Simulation, RoleRun | None, Plant | None, Config, float | None]:
+    """Return the simulation, the run of a role that runs by itself, plant, configuration and pace.
 
     Raises:
         SnrError: the request is invalid.
     """
-    from snr_sim.prelude.errors import ParameterError
-    from snr_sim.scenario.role_run import RealTimeSimulation
+    from snr_sim.scenario.role_run import RoleRun
     from snr_sim.scenario.simulation import prepare
 
     simulation = prepare(request)
@@ -136,10 +137,10 @@ def _prepared(
         plant = simulation.plant()
         config = simulation.config(plant)
         return simulation, None, plant, config, _pace_for_manual_pilot(config, simulation.roles, pace)
-    world = RealTimeSimulation(simulation)
+    alone = RoleRun(simulation)
     if pace not in (None, 1.0):
-        raise ParameterError(f"The role '{world.role}' runs alone, in real time only.", fix="--speed real.")
-    return simulation, world, world.plant, world.config, pace
+        raise ParameterError(f"The role '{alone.role}' runs alone, in real time only.", fix="--speed real.")
+    return simulation, alone, alone.plant, alone.config, pace
 
 
 def _run_to_end(run: SimulationRun | RoleRun, signals: list[str], recorder: TraceWriter) -> RunResult:
@@ -162,11 +163,9 @@ def _stall_limit_s(asked_s: float | None, is_json: bool) -> float:
         ParameterError: the time is not valid.
     """
     if asked_s is None:
-        return JSON_STALL_LIMIT_S if is_json else math.inf
+        return _JSON_STALL_LIMIT_S if is_json else math.inf
     if asked_s > 0:
         return asked_s
-    from snr_sim.prelude.errors import ParameterError
-
     raise ParameterError(
         f"--stall-limit must be greater than 0, not {asked_s:g}.", fix="give seconds, such as 60, or inf."
     )
@@ -185,7 +184,6 @@ def _pace_for_manual_pilot(config: Config, roles: list[str], pace: float | None)
 
 def _keep_result(folder: Path, fields: dict[str, Any], result: RunResult) -> None:
     """Write result.json; if the disk is full the run still counts, with a note."""
-    from snr_sim.prelude.errors import TraceError
     from snr_sim.recording.folder import write_result
 
     try:
@@ -196,15 +194,7 @@ def _keep_result(folder: Path, fields: dict[str, Any], result: RunResult) -> Non
             result.notes.append(note)
 
 
-def _console(port: int) -> CommandReceiverFactory:
-    from snr_sim.console.command_receiver import CommandReceiverFactory
-
-    return CommandReceiverFactory(port)
-
-
 def _close(recorder: TraceWriter) -> str:
-    from snr_sim.prelude.errors import TraceError
-
     try:
         recorder.close()
     except TraceError as error:
@@ -245,8 +235,6 @@ def _write_view(folder: Path, result: RunResult) -> None:
     if result.signal:
         result.notes.append("No view.rrd was written, as the run was to end at once; snr view makes it.")
         return
-    from snr_sim.prelude.errors import MissingExtraError, SnrError
-
     try:
         from snr_sim.view.view import view_of
 

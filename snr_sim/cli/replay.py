@@ -13,6 +13,7 @@ from snr_sim.cli.arguments import AsJson, RecordedRun
 from snr_sim.cli.newest import trace_of
 from snr_sim.cli.output import capture_output, print_json, print_note
 from snr_sim.cli.trust import Trust, ask
+from snr_sim.prelude.errors import MissingExtraError, SnrError
 
 if TYPE_CHECKING:
     from snr_sim.recording.checker import Divergence, NodeReplay
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from snr_sim.recording.reader import Trace
     from snr_sim.scenario.replay_files import ReplayFiles
 
-OPEN_LOOP = "after this the recorded sensors no longer answer your code"
+_OPEN_LOOP = "after this the recorded sensors no longer answer your code"
 
 
 def replay(
@@ -64,22 +65,30 @@ def replay(
     if plan.executed and not as_json:
         print(f"executes{', as recorded' if plan.is_recorded else ''}: {', '.join(plan.executed)}", file=sys.stderr)
     with capture_output(is_json=True):  # keeps output of handlers out of the result
-        replays, calls, notes = _replay(trace, plan, with_file, tolerances, check)
+        done = _replay(trace, plan, with_file, tolerances, check)
     if with_file:
-        notes.extend(_write_comparison(trace, replays, folder))
-    divergences = sorted((one for replay in replays for one in replay.divergences), key=lambda one: one.seq)
-    if divergences:
-        notes = [*environment_note(trace), *notes]
+        done.notes.extend(_write_comparison(trace, done.replays, folder))
+    if done.divergences:
+        done.notes[:0] = environment_note(trace)
     if as_json:
-        print_json({**_fields(trace, replays, divergences, calls, notes), "executed": plan.executed})
+        print_json({**_fields(trace, done), "executed": plan.executed})
     else:
-        _print_comparison(trace, replays, divergences, calls, notes)
-    sys.exit(1 if divergences else 0)
+        _print_comparison(trace, done)
+    sys.exit(1 if done.divergences else 0)
 
 
-def _replay(
-    trace: Trace, plan: ReplayFiles, with_file: str, tolerances: list[Any], is_checking: bool
-) -> tuple[list[NodeReplay], list[NondeterministicCall], list[str]]:
+class _Replayed:
+    """Result of the replay of a run: of each node, and the calls that do not repeat."""
+
+    def __init__(self, replays: list[NodeReplay], calls: list[NondeterministicCall], notes: list[str]) -> None:
+        self.replays, self.calls, self.notes = replays, calls, notes
+        self.tasks = sum(replay.executed for replay in replays)
+        divergences = (one for replay in replays for one in replay.divergences)
+        self.divergences: list[Divergence] = sorted(divergences, key=lambda one: one.seq)
+        self.first_command = next((one for one in self.divergences if one.is_command), None)
+
+
+def _replay(trace: Trace, plan: ReplayFiles, with_file: str, tolerances: list[Any], is_checking: bool) -> _Replayed:
     from contextlib import ExitStack
 
     from snr_sim.core.reload.source_files import reading_from
@@ -102,25 +111,25 @@ def _replay(
     if with_file or not plan.is_recorded:
         notes.extend(describe_reloads(trace, [record for replay in replays for record in replay.records]))
     notes.extend(trace_warnings(trace))
-    return replays, list(found.values()), notes
+    return _Replayed(replays, list(found.values()), notes)
 
 
 def _config(trace: Trace, plan: ReplayFiles, with_file: str) -> tuple[Any, list[str]]:
     """Return the configuration to replay with, and notes about it."""
     from dataclasses import replace
 
-    from snr_sim.scenario.library import OPTION_FILE, hashes_of_files
+    from snr_sim.scenario.library import OPTION_FILE, program_sources
     from snr_sim.scenario.simulation import prepare, request_of, wiring_of_file
 
     header, trace_info = trace.header, trace.trace_info
     if not header.scenario:
         config = wiring_of_file(with_file or trace_info.controller)
-        now = {} if with_file else hashes_of_files([("program", Path(trace_info.controller))])
+        now = {} if with_file else program_sources(Path(trace_info.controller))
     else:
         simulation = prepare(replace(request_of(trace_info, header, with_file), options=plan.options))
         config = simulation.config(None)
         now = simulation.sources()
-    changed = _changed(header.sources, now)
+    changed = [name for name, then in header.sources.items() if now.get(name) != then]
     files = [name.removeprefix(OPTION_FILE) for name in changed if name.startswith(OPTION_FILE)]
     notes = [
         f"The {key} FILE is another one than was recorded: {header.options[key]}. Where the replay differs, look there "
@@ -136,10 +145,6 @@ def _config(trace: Trace, plan: ReplayFiles, with_file: str) -> tuple[Any, list[
     return config, notes
 
 
-def _changed(then: dict[str, str], now: dict[str, str]) -> list[str]:
-    return [name for name in then if now.get(name) != then[name]]
-
-
 def environment_note(trace: Trace) -> list[str]:
     """Return a note on the differences between the recorded and the current environment, or an empty list."""
     from snr_sim import __version__
@@ -153,8 +158,6 @@ def environment_note(trace: Trace) -> list[str]:
 
 
 def _write_comparison(trace: Trace, replays: list[NodeReplay], folder: Path) -> list[str]:
-    from snr_sim.prelude.errors import MissingExtraError, SnrError
-
     marks = [(one.seq, one.t, _sentence(one)) for replay in replays for one in replay.divergences]
     records = [record for replay in replays for record in replay.records]
     try:
@@ -184,43 +187,31 @@ def _sentence(one: Divergence) -> str:
     )
 
 
-def _print_comparison(
-    trace: Trace,
-    replays: list[NodeReplay],
-    divergences: list[Divergence],
-    calls: list[NondeterministicCall],
-    notes: list[str],
-) -> None:
-    for note in notes:
+def _print_comparison(trace: Trace, done: _Replayed) -> None:
+    for note in done.notes:
         print_note(note)
-    for call in calls:
+    for call in done.calls:
         print(f"asks the outside: {call}")
-    executed = sum(replay.executed for replay in replays)
-    if not divergences:
-        print(f"identical: {executed} tasks of {len(replays)} node(s), every task and page as recorded")
+    if not done.divergences:
+        print(f"identical: {done.tasks} tasks of {len(done.replays)} node(s), every task and page as recorded")
         return
-    first = divergences[0]
-    print(f"diverged: {len(divergences)} difference(s) in {executed} tasks; the first:")
+    first = done.divergences[0]
+    print(f"diverged: {len(done.divergences)} difference(s) in {done.tasks} tasks; the first:")
     print(f"  seq {first.seq}, t = {first.t:.3f} s, node {first.node}, while handling {first.task}")
     print(f"  component {first.component}, handler {first.handler or '-'} ({first.kind})")
     print(f"  {first.field}: recorded {first.recorded!r}, replayed {first.replayed!r}")
     if first.hint:
-        print(f"  {first.hint}{_hash_seeds(trace)}")
+        from snr_sim.recording.records import hash_seed  # which determines the order of sets
+
+        then, now = trace.trace_info.hash_seed, hash_seed()
+        print(f"  {first.hint} PYTHONHASHSEED was {then} then, and is {now} now.")
     print("  how it came to that:")
     for cause in first.causes:
         print(f"    {cause}")
-    command = next((one for one in divergences if one.is_command), None)
-    if command is not None:
-        print(f"  commands to actuators differ from seq {command.seq}, t = {command.t:.3f} s: {OPEN_LOOP}.")
+    if done.first_command is not None:
+        seq, time_s = done.first_command.seq, done.first_command.t
+        print(f"  commands to actuators differ from seq {seq}, t = {time_s:.3f} s: {_OPEN_LOOP}.")
         print(f"  the closed loop again: snr resim {trace.path.parent}")
-
-
-def _hash_seeds(trace: Trace) -> str:
-    """Return a text about the hash seeds of the run and the replay, which determine the order of sets."""
-    from snr_sim.recording.records import hash_seed
-
-    then, now = trace.trace_info.hash_seed, hash_seed()
-    return f" PYTHONHASHSEED was {then} then, and is {now} now."
 
 
 def _writable(one: Divergence) -> Divergence:
@@ -234,29 +225,23 @@ def _writable(one: Divergence) -> Divergence:
     return replace(one, recorded=shown[0], replayed=shown[1])
 
 
-def _fields(
-    trace: Trace,
-    replays: list[NodeReplay],
-    divergences: list[Divergence],
-    calls: list[NondeterministicCall],
-    notes: list[str],
-) -> dict[str, Any]:
+def _fields(trace: Trace, done: _Replayed) -> dict[str, Any]:
     from dataclasses import asdict
 
-    command = next((one for one in divergences if one.is_command), None)
+    seq = None if done.first_command is None else done.first_command.seq
     return {
         "run_dir": str(trace.path.parent),
         "trace_digest": trace.digest,
-        "identical": not divergences,
-        "tasks": sum(replay.executed for replay in replays),
+        "identical": not done.divergences,
+        "tasks": done.tasks,
         "nodes": [
             {"node": one.node, "tasks": one.executed, "recorded": one.recorded, "divergences": len(one.divergences)}
-            for one in replays
+            for one in done.replays
         ],
-        "divergences": len(divergences),
-        "first_divergence": asdict(_writable(divergences[0])) if divergences else None,
-        "commands_differ_from_seq": command.seq if command is not None else None,
-        "warning": f"seq {command.seq}: {OPEN_LOOP}" if command is not None else None,
-        "outside_calls": [asdict(call) for call in calls],
-        "notes": notes,
+        "divergences": len(done.divergences),
+        "first_divergence": asdict(_writable(done.divergences[0])) if done.divergences else None,
+        "commands_differ_from_seq": seq,
+        "warning": None if seq is None else f"seq {seq}: {_OPEN_LOOP}",
+        "outside_calls": [asdict(call) for call in done.calls],
+        "notes": done.notes,
     }

@@ -13,6 +13,8 @@ from snr_sim.cli.arguments import AsJson, Out, RecordedRun, WithRrd
 from snr_sim.cli.newest import trace_of
 from snr_sim.cli.output import print_json, print_note, print_warnings
 from snr_sim.cli.trust import Trust, ask
+from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.io import parse_io
 
 if TYPE_CHECKING:
     from snr_sim.scenario.simulation import Request
@@ -70,9 +72,6 @@ def with_devices(request: Request, io: str) -> Request:
     Raises:
         ParameterError: the user gave no devices and the run had real ones, which would move unexpectedly.
     """
-    from snr_sim.prelude.errors import ParameterError
-    from snr_sim.prelude.io import parse_io
-
     if io:
         is_whole = parse_io(request.io).kind == "pi" and parse_io(io).kind != "pi"
         # With --io pi each role had to run by itself; in simulation it needs the other roles.

@@ -11,6 +11,8 @@ import typer
 from snr_sim.cli.arguments import AsJson, Io, Out, WithRrd, options_of, pace_of
 from snr_sim.cli.output import print_json, print_note
 from snr_sim.cli.recorded_run import Shown, record_run
+from snr_sim.prelude.errors import ParameterError, SnrError
+from snr_sim.prelude.io import ENVIRONMENT, parse_io
 
 
 def run(
@@ -57,8 +59,6 @@ def run(
     request = Request(scenario, seed, engine or None, controller or None, role or None, io, options)
     pace = pace_of(speed)
     if watch and pace is None:
-        from snr_sim.prelude.errors import ParameterError
-
         raise ParameterError(
             "--watch needs --speed: a fast run ends before a file is saved.", fix="--watch --speed real."
         )
@@ -89,8 +89,6 @@ def run(
 
 def _print_sources(context: typer.Context, io: str) -> None:
     """Warn that real outputs will move if `--io` was not typed: the variable may have been set days ago."""
-    from snr_sim.prelude.io import ENVIRONMENT, parse_io
-
     source = context.get_parameter_source("io")
     if source is not None and source.name == "ENVIRONMENT" and parse_io(io).is_hardware:
         print(f"real outputs: {io}, from {ENVIRONMENT}", file=sys.stderr, flush=True)
@@ -99,7 +97,6 @@ def _print_sources(context: typer.Context, io: str) -> None:
 def _show(folder: Path, shown: Shown) -> None:
     """Open the finished run; if that fails, the run still counts."""
     from snr_sim.cli.view import view
-    from snr_sim.prelude.errors import SnrError
 
     sys.stdout.flush()
     try:

@@ -7,7 +7,7 @@ import signal
 import sys
 from types import FrameType
 
-STUCK_S = 2.0  # as in a run: see core/last_resort.py, which is slow to import
+_STUCK_S = 2.0  # as in a run: see core/last_resort.py, which is slow to import
 stopped_by: list[int] = []  # numbers of the received signals
 
 
@@ -40,7 +40,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     stopped_by.append(number)
     if hasattr(signal, "setitimer"):
         signal.signal(signal.SIGALRM, _end_if_stuck)
-        signal.setitimer(signal.ITIMER_REAL, STUCK_S)
+        signal.setitimer(signal.ITIMER_REAL, _STUCK_S)
     raise KeyboardInterrupt(number)
 
 
@@ -52,5 +52,5 @@ def _end_if_stuck(number: int, frame: FrameType | None) -> None:
         return
     name = signal.Signals(stopped_by[0]).name
     print(f"{place}\n  {name}: this did not return, although it was interrupted.", file=sys.stderr)
-    print(f"  After {STUCK_S:g} s the process was ended.\n  Try: {INTERRUPT_FIX}", file=sys.stderr, flush=True)
+    print(f"  After {_STUCK_S:g} s the process was ended.\n  Try: {INTERRUPT_FIX}", file=sys.stderr, flush=True)
     os._exit(128 + stopped_by[0])

@@ -10,26 +10,26 @@ import typer
 from snr_sim.cli.arguments import RecordedRun
 from snr_sim.cli.newest import trace_of
 from snr_sim.cli.output import print_warnings
+from snr_sim.prelude.errors import UnknownNameError, suggest
 
 if TYPE_CHECKING:
     from snr_sim.recording.records import Record
 
-KINDS = ("begin", "input", "task", "page", "truth", "error", "said", "end")
+_KINDS = ("begin", "input", "task", "page", "truth", "error", "said", "end")
 
 
 def trace(
     run: RecordedRun = None,
     node: Annotated[str, typer.Option(help="Only this node's: a role, or its name with _node.")] = "",
-    kind: Annotated[str, typer.Option(help=f"Only this kind: {', '.join(KINDS)}.")] = "",
+    kind: Annotated[str, typer.Option(help=f"Only this kind: {', '.join(_KINDS)}.")] = "",
     name: Annotated[str, typer.Option(help="Only tasks and pages of this name; * and ? as in file names.")] = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print the lines of the file.")] = False,
 ) -> None:
     """Print the records of a run."""
-    from snr_sim.prelude.errors import UnknownNameError, suggest
     from snr_sim.recording.records import encode_record
 
-    if kind and kind not in KINDS:
-        raise UnknownNameError(f"There are no records of kind '{kind}'.", fix=suggest(kind, KINDS))
+    if kind and kind not in _KINDS:
+        raise UnknownNameError(f"There are no records of kind '{kind}'.", fix=suggest(kind, _KINDS))
     recorded = trace_of(run)
     print_warnings(recorded)
     nodes = recorded.header.nodes

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from snr_sim.prelude.errors import ParameterError
+
 Trust = Annotated[
     bool, typer.Option("--trust", help="Execute the run's files, also those that another user may have written.")
 ]
@@ -24,8 +26,6 @@ def ask(run: object, unknown: Sequence[str], is_trusted: bool) -> None:
     Raises:
         ParameterError: the user does not agree, or there is no terminal to ask on.
     """
-    from snr_sim.prelude.errors import ParameterError
-
     if is_trusted or not unknown:
         return
     listed = "\n".join(f"  {name}" for name in unknown)

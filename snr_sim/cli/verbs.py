@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterator, MutableMapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -71,9 +70,11 @@ class VerbGroup(TyperGroup):
     """The command `snr`. It reads a verb's signature when the verb is used: reading all of them takes 40 ms."""
 
     def __init__(self, **options: Any) -> None:
-        options["commands"] = {}
-        super().__init__(**options)
-        self.commands = _Commands()
+        super().__init__(**{**options, "commands": dict.fromkeys(VERBS)})
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a verb's command, or None if there is no such verb."""
+        return command_of(cmd_name, VERBS[cmd_name]) if cmd_name in VERBS else None
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the list of verbs without importing them."""
@@ -81,37 +82,8 @@ class VerbGroup(TyperGroup):
             formatter.write_dl([(name, verb.about) for name, verb in VERBS.items()])
 
 
-class _Commands(MutableMapping[str, Any]):
-    """The verbs' commands by name, each created at its first use."""
-
-    def __init__(self) -> None:
-        self._made: dict[str, Any] = {}
-
-    def __getitem__(self, name: str) -> Any:
-        if name not in self._made:
-            self._made[name] = command_of(name, VERBS[name])
-        return self._made[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(VERBS)
-
-    def __len__(self) -> int:
-        return len(VERBS)
-
-    def __setitem__(self, name: str, command: Any) -> None:
-        self._made[name] = command
-
-    def __delitem__(self, name: str) -> None:
-        del self._made[name]
-
-
 def command_of(name: str, verb: Verb) -> Any:
-    """Import a verb's module and return its command.
-
-    Args:
-        name: of the verb.
-        verb: its description.
-    """
+    """Import the module of the verb `name` and return its command."""
     word = verb.module or name
     function = getattr(importlib.import_module(f"snr_sim.cli.{word}"), word)
     alone = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)

@@ -9,6 +9,7 @@ import typer
 
 from snr_sim.cli.newest import run_or_newest, trace_of
 from snr_sim.cli.output import print_warnings
+from snr_sim.prelude.errors import TraceError
 
 
 def view(
@@ -36,7 +37,6 @@ def view(
 
 
 def _draw(run: Path, png: Path) -> None:
-    from snr_sim.prelude.errors import TraceError
     from snr_sim.recording.folder import outcome_reason, read_result, scenario_metrics
     from snr_sim.recording.records import TruthRecord
     from snr_sim.view.picture import draw_run

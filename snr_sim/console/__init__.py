@@ -12,12 +12,4 @@ if TYPE_CHECKING:
     from snr_sim.console.local_console import LocalConsoleFactory as LocalConsoleFactory
     from snr_sim.console.remote_console import RemoteConsole as RemoteConsole
 else:
-    __all__, __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "snr_sim.console.command_receiver": "CommandReceiver CommandReceiverFactory",
-            "snr_sim.console.local_console": "LocalConsole LocalConsoleFactory",
-            "snr_sim.console.remote_console": "RemoteConsole",
-            "snr_sim.console.client": "ConsoleClient",
-        },
-    )
+    __all__, __getattr__, __dir__ = lazy_names(__name__)

@@ -54,38 +54,4 @@ if TYPE_CHECKING:
     from snr_sim.prelude.life_cycle import LifeCycle as LifeCycle
     from snr_sim.prelude.life_cycle import LifeCycleSensor as LifeCycleSensor
 else:
-    __all__, __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "snr_sim.prelude.device": "Device Sensor Actuator PwmOut Health Stale",
-            "snr_sim.prelude.life_cycle": "LifeCycle LifeCycleSensor",
-            "snr_sim.devices.sensors.sensor_errors": "SensorErrors BiasDrift",
-            "snr_sim.devices.simulated": "SimSensor SimActuator",
-            "snr_sim.devices.replayed": "ReplayedSensor",
-            "snr_sim.devices.loops": "SensorLoopFactory ActuatorLoopFactory",
-            "snr_sim.devices.pwm.pwm_loop": "PwmLoopFactory",
-            "snr_sim.devices.pwm.engine_pwm": "EnginePwmLoopFactory EngineServos",
-            "snr_sim.devices.gamepad": "GamepadLoopFactory",
-            "snr_sim.devices.sensors.camera": "CameraLoopFactory Camera",
-            "snr_sim.devices.sensors.echo_sounder": "EchoSounder",
-            "snr_sim.devices.sensors.imu": "InertialUnit",
-            "snr_sim.devices.sensors.ms5837": "Ms5837",
-            "snr_sim.devices.sensors.hull_sensors": "PowerModule LeakProbe",
-            "snr_sim.devices.sensors.position_fix": "PositionFix position_fix_of POSITION_FIX_ERRORS",
-            "snr_sim.devices.pwm.pwm_backend": "PwmBackend",
-            "snr_sim.devices.pwm.passive_pwm": "PassivePwm",
-            "snr_sim.devices.pwm.supervised_pwm": "SupervisedPwm",
-            "snr_sim.devices.pwm.sim_pwm": "SimPwm drive_plant",
-            "snr_sim.devices.pwm.loopback": "LoopbackPwm",
-            "snr_sim.devices.mcu.mcu_board": "McuBoard",
-            "snr_sim.devices.mcu.mcu": "McuPwm McuPower",
-            "snr_sim.devices.pwm.maestro": "Maestro",
-            "snr_sim.devices.pwm.pca9685": "Pca9685",
-            "snr_sim.devices.pwm.sysfs_pwm": "SysfsPins",
-            "snr_sim.devices.sensors.ms5837_i2c": "Ms5837I2c",
-            "snr_sim.devices.sensors.icm20948": "Icm20948",
-            "snr_sim.devices.sensors.gps": "Gps",
-            "snr_sim.devices.pygame_gamepad": "PygameGamepad",
-            "snr_sim.devices.device_strings": "open_pwm open_sensor check_table",
-        },
-    )
+    __all__, __getattr__, __dir__ = lazy_names(__name__)

@@ -22,14 +22,4 @@ if TYPE_CHECKING:
     Verdict: TypeAlias = _CheckVerdict  # the scenario's verdict is another class
 else:
     # The process of a student's program imports this package, too, and needs none of it.
-    __all__, __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "snr_sim.grading.lab.lab": "Lab check",
-            "snr_sim.grading.lab.student": "Student",
-            "snr_sim.grading.lab.scenario_run": "ScenarioRun",
-            "snr_sim.grading.lab.stimulus": "Stimulus Output",
-            "snr_sim.grading.lab.verdicts": "Verdict=CheckVerdict passed failed partial_credit SubmissionError",
-            "snr_sim.grading.lab.fields": "require_page require_field",
-        },
-    )
+    __all__, __getattr__, __dir__ = lazy_names(__name__)

@@ -34,25 +34,7 @@ if TYPE_CHECKING:
     from snr_sim.learning.tabular import train as train
     from snr_sim.learning.tile_coding import TileCoder as TileCoder
 else:
-    __all__, __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "snr_sim.learning.scenario_env": "ScenarioEnv",
-            "snr_sim.learning.discretiser": "Discretiser",
-            "snr_sim.learning.q_table": "QTable",
-            "snr_sim.learning.tabular": "Training train evaluate ExponentialSchedule METHODS",
-            "snr_sim.learning.tile_coding": "TileCoder",
-            "snr_sim.learning.batch_training": (
-                "BatchTraining train_vertical new_table coarse_grid vertical_batch_task VerticalBatchTask "
-                "EvaluationResult"
-            ),
-            "snr_sim.learning.pad_training": "PadPolicy PadTraining train_pad",
-            "snr_sim.learning.lander_envs": (
-                "radar_observation pad_observation pad_command reference_speed_mps VERTICAL_NAMES "
-                "VERTICAL_ACTIONS VERTICAL_THROTTLES"
-            ),
-        },
-    )
+    __all__, __getattr__, __dir__ = lazy_names(__name__)
 
 # gymnasium takes a second to import, and is not in the base install: without it there is nothing to register.
 if "gymnasium" in sys.modules:

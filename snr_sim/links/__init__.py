@@ -18,15 +18,4 @@ if TYPE_CHECKING:
     from snr_sim.links.sockets import SocketsPair as SocketsPair
     from snr_sim.links.zenoh_net import ZenohNet as ZenohNet
 else:
-    __all__, __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "snr_sim.links.sockets": "SocketsPair SocketsLoopFactory SocketsListenerFactory",
-            "snr_sim.links.pipes": "PipesPair PipeLoopFactory",
-            "snr_sim.links.memory": "MemoryLink",
-            "snr_sim.links.zenoh_net": "ZenohNet",
-            "snr_sim.links.faults": "LinkFaults",
-            "snr_sim.links.options": "LinkOptions",
-            "snr_sim.links.security": "Tls secret_from_env secret_from_file",
-        },
-    )
+    __all__, __getattr__, __dir__ = lazy_names(__name__)

@@ -55,34 +55,4 @@ if TYPE_CHECKING:
     from snr_sim.plants.urov.vehicle_file import read_vehicle as read_vehicle
     from snr_sim.prelude.plant import Plant as Plant
 else:
-    __all__, __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "snr_sim.prelude.plant": "Plant",
-            "snr_sim.plants.urov.urov": "Urov",
-            "snr_sim.plants.urov.urov_2d": "Urov2D",
-            "snr_sim.plants.urov.vehicle": "Vehicle Thruster",
-            "snr_sim.plants.urov.vehicle_file": "read_vehicle",
-            "snr_sim.plants.urov.pool": "Pool Gate",
-            "snr_sim.plants.urov.tether": "Tether",
-            "snr_sim.plants.urov.dive": "Dive Payload Current Leak ThrusterFault",
-            "snr_sim.plants.urov.propulsion": "Propulsion",
-            "snr_sim.plants.urov.battery": "Battery BenchSupply",
-            "snr_sim.plants.urov.urov_state": "WrenchCommand",
-            "snr_sim.plants.lander.lander": "Lander",
-            "snr_sim.plants.lander.lander_1d": "Lander1D VerticalStart",
-            "snr_sim.plants.lander.lander_2d": "Lander2D",
-            "snr_sim.plants.lander.lander_3d": "Lander3D",
-            "snr_sim.plants.lander.module": "LunarModule Leg Throttle PlaneStart",
-            "snr_sim.plants.lander.terrain": "Terrain make_terrain",
-            "snr_sim.plants.lander.gear": "GearLimits Touchdown APOLLO_GEAR",
-            "snr_sim.plants.lander.descent": (
-                "Engine Motion propagate free_fall stop_height constant_mass_ignition_m minimum_fuel_descent "
-                "MOON_GRAVITY_MPS2 STANDARD_GRAVITY_MPS2"
-            ),
-            "snr_sim.plants.urov.parameter_limits": (
-                "Limit check_number check_vector check_record format_value IS_ABOVE DEGREES"
-            ),
-            "snr_sim.plants.realtime": "RealTimePlant",
-        },
-    )
+    __all__, __getattr__, __dir__ = lazy_names(__name__)

@@ -27,18 +27,4 @@ if TYPE_CHECKING:
     from snr_sim.view.view import write_view as write_view
 else:
     # `compare_runs` is missing: the name is taken by the module that it is in.
-    __all__, __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "snr_sim.recording.reader": "Trace read_trace",
-            "snr_sim.recording.folder": "trace_path",
-            "snr_sim.view.view": "write_view",
-            "snr_sim.recording.compare_signals": "signals_of",
-            "snr_sim.recording.replay": "replay_node",
-            "snr_sim.recording.records": (
-                "TraceInfo Header InputRecord HandlerCall ReturnedTask TaskRecord PageRecord TruthRecord "
-                "BeginRecord ErrorRecord LogLineRecord EndRecord"
-            ),
-            "snr_sim.prelude.values": "encode_value decode_value",
-        },
-    )
+    __all__, __getattr__, __dir__ = lazy_names(__name__)

@@ -22,18 +22,4 @@ if TYPE_CHECKING:
     from snr_sim.scenario.simulation_run import SimulationRun as SimulationRun
     from snr_sim.scenario.simulation_run import run_recorded as run_recorded
 else:
-    __all__, __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "snr_sim.prelude.scenario": "RobotContext RobotInfo Verdict",
-            "snr_sim.prelude.component": "Factory",
-            "snr_sim.prelude.node_api": "NodeApi",
-            "snr_sim.prelude.rng": "rng_for",
-            "snr_sim.prelude.angles": "wrap_rad roll_pitch_yaw_rad",
-            "snr_sim.prelude.sums": "ordered_sum",
-            "snr_sim.prelude.wrench": "AXES",
-            "snr_sim.scenario.simulation": "Request prepare",
-            "snr_sim.scenario.simulation_run": "SimulationRun RunResult run_recorded",
-            "snr_sim.scenario.library": "load_program",
-        },
-    )
+    __all__, __getattr__, __dir__ = lazy_names(__name__)

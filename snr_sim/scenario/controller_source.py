@@ -57,6 +57,11 @@ def read_source(files: Sequence[Path]) -> Source:
     return source
 
 
+def finding(place: object, what: str, fix: str) -> str:
+    """Return the text of a finding: the student's line first, then what is wrong, then what to try."""
+    return f"{place}{NEXT_LINE}{what}{NEXT_LINE}Try: {fix}"
+
+
 def _parsed(path: Path) -> ast.Module:
     try:
         return ast.parse(source_files().read(path))
@@ -118,11 +123,16 @@ class _Reader(ast.NodeVisitor):
         for name, place, _ in self._names:
             if name not in bound:
                 fix = about_name(name, bound, Endpoint)
-                self._source.plain.append(f"{place}{NEXT_LINE}Nothing gives {name} a value.{NEXT_LINE}Try: {fix}")
+                self._source.plain.append(finding(place, f"Nothing gives {name} a value.", fix))
 
     def _place(self, node: ast.expr | ast.stmt) -> SourceLocation:
         source = self._lines[node.lineno - 1].strip() if node.lineno <= len(self._lines) else ""
         return SourceLocation(short_path(str(self._path)), node.lineno, self._function, source)
+
+    def _report(self, node: ast.expr | ast.stmt, what: str, fix: str, who: str = "") -> None:
+        """Note a mistake in a function of a component: what the function does, and the fix."""
+        what = f"{who}{self._function}() of {self._class} {what}"
+        self._source.plain.append(finding(self._place(node), what, fix))
 
     def visit_ClassDef(self, node: ast.ClassDef) -> None:
         before, self._class = self._class, node.name
@@ -170,32 +180,25 @@ class _Reader(ast.NodeVisitor):
         elif name == "setattr":
             self._source.set_names.add(str(getattr(node.args[1], "value", "")) if len(node.args) > 1 else "")
         elif self._class and ast.unparse(node.func) in ("sys.exit", "exit", "quit"):
-            self._source.plain.append(
-                f"{self._place(node)}{NEXT_LINE}{self._function}() of {self._class} leaves the program, which ends the "
-                f"run as an error.{NEXT_LINE}Try: return tasks.terminate('why'), so that everything is halted."
-            )
+            fix = "return tasks.terminate('why'), so that everything is halted."
+            self._report(node, "leaves the program, which ends the run as an error.", fix)
         self.generic_visit(node)
 
     def visit_Expr(self, node: ast.Expr) -> None:
         if self._class and isinstance(node.value, ast.Call) and _makes_task(node.value):
-            self._source.plain.append(
-                f"{self._place(node)}{NEXT_LINE}{self._function}() of {self._class} makes a task there and drops it: "
-                f"only what a handler returns is done.{NEXT_LINE}Try: return {ast.unparse(node.value)}"
-            )
+            what = "makes a task there and drops it: only what a handler returns is done."
+            self._report(node, what, f"return {ast.unparse(node.value)}")
         self.generic_visit(node)
 
     def visit_Return(self, node: ast.Return) -> None:
-        value = node.value
-        is_plain = isinstance(value, (ast.Dict, ast.JoinedStr, ast.Set)) or (
-            isinstance(value, ast.Constant) and value.value is not None
-        )
-        if is_plain and self._class and self._function in self._handlers:
-            assert value is not None
-            self._source.plain.append(
-                f"{self._place(node)}{NEXT_LINE}The handler {self._function}() of {self._class} returns "
-                f"{ast.unparse(value)}, which is not a task.{NEXT_LINE}"
-                f"Try: return self.store_data_task('page', {ast.unparse(value)}), or None, or a list of tasks."
-            )
+        match node.value:
+            case ast.Constant(value=None):
+                pass
+            case ast.Dict() | ast.JoinedStr() | ast.Set() | ast.Constant() as value:
+                if self._class and self._function in self._handlers:
+                    text = ast.unparse(value)
+                    fix = f"return self.store_data_task('page', {text}), or None, or a list of tasks."
+                    self._report(node, f"returns {text}, which is not a task.", fix, who="The handler ")
         self.generic_visit(node)
 
     def visit_Subscript(self, node: ast.Subscript) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import msgspec
@@ -18,7 +18,6 @@ from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
 from snr_sim.devices.pwm.motor_test import channel_of, motor_test_pulses_us
 from snr_sim.devices.pwm.pwm_backend import STOP_US
 from snr_sim.plants.stepping import Stepper
-from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.device import Device, Health, PwmOut, Stale
 from snr_sim.prelude.errors import ConfigError, DeviceError, SnrError, UnknownNameError
 from snr_sim.prelude.interfaces import implements
@@ -28,7 +27,7 @@ from snr_sim.scenario import library
 from snr_sim.scenario.simulation import Request, Simulation, prepare
 
 TICK_S = 0.05
-FIRST_READING_TIMEOUT_S = 2.0  # timeout of the first readings
+_FIRST_READING_TIMEOUT_S = 2.0  # timeout of the first readings
 ARMING_TIMEOUT_S = 15.0  # boards send neutral to speed controllers for some seconds before they follow
 
 
@@ -49,7 +48,6 @@ class OpenDevice:
     trouble: str = ""
     reading: Any = None
     stale: str = ""
-    pulses_us: list[float] = field(default_factory=list)
 
     @property
     def health(self) -> Health:
@@ -88,13 +86,13 @@ class Bench:
     ) -> None:
         self._openers = sensors, outputs
         self._advance = advance
-        self.now_s = now_s
+        self.now_s: Callable[[], float] = now_s
         self.sensors: list[OpenDevice] = []
         self.outputs: list[OpenDevice] = []
         self.moved: tuple[OpenDevice, int] | None = None
         self._begun_s: float | None = None
         self._asked_s = 0.0
-        self.max_pulse_us = STOP_US  # largest pulse measured at the moved channel
+        self.max_pulse_us: float = STOP_US  # largest pulse measured at the moved channel
 
     def __enter__(self) -> Bench:
         try:
@@ -120,11 +118,10 @@ class Bench:
             _read(one)
         for one in self.outputs:
             if implements(one.device, PwmOut):
-                one.pulses_us = self._target_pulses(one, one.device)
-                one.reading = one.device.write_us(one.pulses_us, self.now_s())
+                one.reading = one.device.write_us(self._target_pulses(one, one.device), self.now_s())
         self._watch()
 
-    def settle(self, timeout_s: float = FIRST_READING_TIMEOUT_S) -> None:
+    def settle(self, timeout_s: float = _FIRST_READING_TIMEOUT_S) -> None:
         """Tick until every sensor has sent a reading, or until `timeout_s` of wall time."""
         until_s = time.monotonic() + timeout_s
         self.tick()
@@ -220,19 +217,21 @@ def devices_of(scenario: str, io: str) -> Simulation:
     return prepare(Request(scenario, io=io, role=role))
 
 
-def bench_of(simulation: Simulation, clock: Clock | None = None) -> Bench:
+def bench_of(simulation: Simulation) -> Bench:
     """Return the bench of a scenario's robot: the devices of the role that drives something.
 
     Raises:
         ConfigError: its robot has no devices.
     """
-    clock = clock or WallClock()
+    clock = WallClock()
     plant = simulation.plant() if simulation.has_plant else None
     config = simulation.config(plant, clock.now_s if simulation.uses_hardware else None)
-    advance: Callable[[], None] = lambda: None  # noqa: E731
-    if plant is not None:
-        stepper = Stepper(plant)
-        advance = lambda: stepper.advance_to(clock.now_s())  # noqa: E731
+    stepper = None if plant is None else Stepper(plant)
+
+    def advance() -> None:
+        if stepper is not None:
+            stepper.advance_to(clock.now_s())
+
     now_s = clock.now_s if simulation.uses_hardware or plant is None else lambda: plant.time_s
     parts = [config.get(role) for role in simulation.robot_file.ROLES if role in config.factories]
     own = next((part for part in parts if _of(part, ActuatorLoopFactory)), parts[0] if parts else [])

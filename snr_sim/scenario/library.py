@@ -354,9 +354,9 @@ def sha256_of(path: Path) -> str:
     return hashlib.sha256(source_files().read(path)).hexdigest()
 
 
-def hashes_of_files(files: Sequence[tuple[str, Path]]) -> dict[str, str]:
-    """Return the sha256 of these files, given as (label, path), by `<label>/<name>`."""
-    return {f"{label}/{path.name}": sha256_of(path) for label, path in files}
+def program_sources(path: Path) -> dict[str, str]:
+    """Return the sha256 of a program's file, by its name in a trace."""
+    return {f"program/{path.name}": sha256_of(path)}
 
 
 def package_versions() -> dict[str, str]:
@@ -394,14 +394,17 @@ def _require_names(module: ModuleType, path: Path, lists: Sequence[str]) -> None
             )
 
 
-def _load(name: str, path: Path, what: str, package: Path | None = None) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(
-        name,
-        path,
-        loader=_FreshLoader(name, str(path)),
-        submodule_search_locations=[str(package)] if package else None,
-    )
+def _spec(name: str, path: Path, package: Path | None = None) -> ModuleSpec:
+    """Return the spec of a file as a module, or of one that is the package of a folder."""
+    where = [str(package)] if package else None
+    loader = _FreshLoader(name, str(path))
+    spec = importlib.util.spec_from_file_location(name, path, loader=loader, submodule_search_locations=where)
     assert spec is not None
+    return spec
+
+
+def _load(name: str, path: Path, what: str, package: Path | None = None) -> ModuleType:
+    spec = _spec(name, path, package)
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
@@ -477,7 +480,7 @@ class _RobotFinder:
         file = base.with_suffix(".py")
         if source_files().is_file(file):
             self.loaded[fullname.partition(".")[0]].add(file)
-            return importlib.util.spec_from_file_location(fullname, file, loader=_FreshLoader(fullname, str(file)))
+            return _spec(fullname, file)
         if source_files().is_dir(base):
             spec = ModuleSpec(fullname, None, is_package=True)
             spec.submodule_search_locations = [str(base)]
@@ -511,11 +514,7 @@ class _SiblingFinder:
         for file in (base / "__init__.py", base.with_name(base.name + ".py")):
             if source_files().is_file(file):
                 self.loaded.add(file)
-                where = [str(base)] if file.name == "__init__.py" else None
-                loader = _FreshLoader(fullname, str(file))
-                return importlib.util.spec_from_file_location(
-                    fullname, file, loader=loader, submodule_search_locations=where
-                )
+                return _spec(fullname, file, base if file.name == "__init__.py" else None)
         return None
 
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import platform
 import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from snr_sim import __version__
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import Config
 from snr_sim.core.interrupts import graceful_shutdown
@@ -23,7 +21,7 @@ from snr_sim.recording.folder import discard, new_run_folder
 from snr_sim.recording.records import Header, TraceInfo, name_of
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario import library
-from snr_sim.scenario.simulation import command_keys
+from snr_sim.scenario.simulation import header_of
 from snr_sim.supervision.multi_proc import MultiProcRunner
 
 
@@ -104,9 +102,8 @@ def _record(
     until_s: float | None = None,
 ) -> None:
     """Run one role and record it; `has_node` gets its node before it begins."""
-    recorder = TraceWriter(
-        folder / FILE_NAME, program_header([role], config, program, clock, seed), program_trace_info(program)
-    )
+    header = program_header([role], config, program, clock, seed)
+    recorder = TraceWriter(folder / FILE_NAME, header, TraceInfo.now("", str(Path(program).resolve())))
     try:
         node = Node(role, config, clock=clock, recorder=recorder, seed=seed)
     except BaseException:
@@ -152,27 +149,17 @@ def program_header(
 ) -> Header:
     """Return the second line of the trace of a program; arguments as above."""
     path = Path(program).resolve()
-    return Header(
-        version=__version__,
-        python=platform.python_version(),
-        platform=platform.platform(),
-        packages=library.package_versions(),
+    return header_of(
+        roles,
+        config,
         scenario="",
         robot="",
         controller=name_of(str(path)),
-        roles=list(roles),
         engine="",
         io="",
         seed=seed,
         options={},
-        nodes=[f"{role}_node" for role in roles],
         clock="sim" if isinstance(clock, SimClock) else "wall",
-        commands={f"{role}_node": command_keys(config.get(role)) for role in roles},
-        sources=library.hashes_of_files([("program", path)]),
+        sources=library.program_sources(path),
         scene={},
     )
-
-
-def program_trace_info(program: str | Path) -> TraceInfo:
-    """Return the first line of the trace of a program."""
-    return TraceInfo.now("", str(Path(program).resolve()))

@@ -32,14 +32,14 @@ from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Verdict
 from snr_sim.recording.trace import TraceWriter
 from snr_sim.scenario.simulation import Simulation
-from snr_sim.scenario.simulation_run import Referee, RunResult, TruthLog, metrics_of, reason_of
+from snr_sim.scenario.simulation_run import Referee, RunResult, TruthLog, result_of
 
-CHECK_PERIOD_S = 0.02  # between two checks of the referee
-TIME_LIMIT = "time limit"
+_CHECK_PERIOD_S = 0.02  # between two checks of the referee
+_TIME_LIMIT = "time limit"
 
 
-class RealTimeSimulation:
-    """Clock, plant and wiring of a role that runs by itself.
+class RoleRun:
+    """A run of one role, with clock, plant and wiring of its own.
 
     Args:
         simulation: with one role.
@@ -47,19 +47,24 @@ class RealTimeSimulation:
     Attributes:
         plant: None, if the role has no devices.
         config: its wiring.
+        nodes: its node, after `begin`.
 
     Raises:
         ConfigError: a file of the scenario is not valid.
     """
 
     def __init__(self, simulation: Simulation) -> None:
-        self.simulation = simulation
-        self.role = simulation.roles[0]
-        self.clock = WallClock()
+        self._simulation = simulation
+        self.role: str = simulation.roles[0]
+        self._clock = WallClock()
+        self.nodes: list[Node] = []
+        self._referee: Referee | None = None
+        self._truth: TruthLog | None = None
+        self._checked_s = -_CHECK_PERIOD_S
         plant = simulation.plant() if simulation.has_plant else None
-        self._paced = None if plant is None else RealTimePlant(plant, self.clock)
+        self._paced = None if plant is None else RealTimePlant(plant, self._clock)
         reached: Any = self._paced  # devices only read from and write to a plant
-        self.config: Config = simulation.config(reached, lambda: self.clock.now_s(), self.role)
+        self.config: Config = simulation.config(reached, lambda: self._clock.now_s(), self.role)
         factories = self.config.factories
         with_devices = [
             role
@@ -73,14 +78,14 @@ class RealTimeSimulation:
                 fix=f"run them under one clock: snr run {simulation.scenario_name}, without --role.",
             )
         own = factories[self.role]
-        self.sensor_keys = [factory.key for factory in own if isinstance(factory, SensorLoopFactory)]
+        self._sensor_keys = [factory.key for factory in own if isinstance(factory, SensorLoopFactory)]
         self._ports = [factory for factory in own if implements(factory, PortFactory)]
         self.plant: Plant | None = plant if self.role in with_devices else None
 
     def start_lines(self) -> list[str]:
         """Return where the role's links listen or connect, and which roles they wait for."""
-        others = [role for role in self.simulation.robot_file.ROLES if role != self.role]
-        start = f"snr run {self.simulation.request.scenario} --role"
+        others = [role for role in self._simulation.robot_file.ROLES if role != self.role]
+        start = f"snr run {self._simulation.request.scenario} --role"
         waits = " and ".join(f"the role {other} ({start} {other})" for other in others)
         own = self.config.factories[self.role]
         links = [one for one in own if isinstance(one, (SocketsLoopFactory, SocketsListenerFactory))]
@@ -96,7 +101,7 @@ class RealTimeSimulation:
             try:
                 factory.claim()
             except LinkError as error:
-                if "port" not in getattr(self.simulation.robot_file, "OPTIONS", {}):
+                if "port" not in getattr(self._simulation.robot_file, "OPTIONS", {}):
                     raise
                 fix = f"{error.fix} Another one: --option port=..., the same at both ends."
                 raise LinkError(error.message, fix=fix) from error
@@ -106,45 +111,26 @@ class RealTimeSimulation:
         for factory in self._ports:
             factory.release()
 
-    def start(self) -> None:
-        """Start the plant's time together with the clock, now."""
-        self.clock = WallClock()
+    def begin(self, config: Config, recorder: TraceWriter | None = None) -> None:
+        """Start the clock, with the plant's time, and create the node and everything around it, but start nothing else.
+
+        Args:
+            config: the role's, possibly with additional components.
+            recorder: writes the trace, if given; the caller closes it.
+
+        Raises:
+            ConfigError: the components cannot be created.
+        """
+        simulation = self._simulation
+        self._clock = WallClock()
         if self._paced is not None:
-            self._paced.follow(self.clock)
-
-    def now(self) -> Any:
-        """Return a context with the plant as it is now; only for a role that has one."""
-        assert self._paced is not None
-        return self._paced.now()
-
-
-class RoleRun:
-    """A run of one role. The constructor creates the node and everything around it, but starts nothing.
-
-    Args:
-        world: of the role.
-        config: the world's wiring, possibly with additional components.
-        recorder: writes the trace, if given; the caller closes it.
-
-    Raises:
-        ConfigError: the components cannot be created.
-    """
-
-    def __init__(self, world: RealTimeSimulation, config: Config, recorder: TraceWriter | None = None) -> None:
-        simulation = world.simulation
-        self._world = world
-        world.start()
-        self._node = Node(world.role, config, clock=world.clock, recorder=recorder, seed=simulation.request.seed)
-        self.nodes = [self._node]
-        self._limit_s = float(simulation.scenario.TIME_LIMIT_S)
-        self._referee: Referee | None = None
-        self._truth: TruthLog | None = None
-        self._checked_s = -CHECK_PERIOD_S
-        if world.plant is not None:
-            self._truth = TruthLog(world.plant, recorder) if recorder is not None else None
-            self._referee = Referee(simulation.judge, world.plant, self.nodes, self._truth)
-            for key in world.sensor_keys:
-                self._node.add_store_listener(key, self._check)
+            self._paced.follow(self._clock)
+        self.nodes = [Node(self.role, config, clock=self._clock, recorder=recorder, seed=simulation.request.seed)]
+        if self.plant is not None:
+            self._truth = TruthLog(self.plant, recorder) if recorder is not None else None
+            self._referee = Referee(simulation.judge, self.plant, self.nodes, self._truth)
+            for key in self._sensor_keys:
+                self.nodes[0].add_store_listener(key, self._check)
 
     def run(self, signals: Sequence[str] = ()) -> RunResult:
         """Run until the scenario's verdict, its time limit, an error or a signal.
@@ -152,65 +138,45 @@ class RoleRun:
         Args:
             signals: names of signals received before the run; then it ends at once.
         """
-        error, caught = "", list(signals)
+        error, caught, node = "", list(signals), self.nodes[0]
+        limit_s = float(self._simulation.scenario.TIME_LIMIT_S)
         start_s = time.perf_counter()
-        limit = threading.Timer(self._limit_s, self._node.enqueue_input, [tasks.terminate(TIME_LIMIT), "referee"])
+        limit = threading.Timer(limit_s, node.enqueue_input, [tasks.terminate(_TIME_LIMIT), "referee"])
         limit.daemon = True
         limit.start()
         try:
             with record_output(self.nodes), graceful_shutdown(self.nodes) as more:
                 try:
-                    self._node.loop()
+                    node.loop()
                 finally:
                     caught += more
         except SnrError as failure:
             error = str(failure)
         except KeyboardInterrupt as stop:  # a handler that did not return, or a second signal
             caught.append("SIGINT")
-            self._node.add_note(f"{stop or 'The run'} was interrupted.")
+            node.add_note(f"{stop or 'The run'} was interrupted.")
         finally:
             limit.cancel()
         wall_time_s = time.perf_counter() - start_s
-        return self._result(error, caught, wall_time_s)
+        verdict = self._verdict(bool(caught))
+        return result_of(self._simulation, self.plant, self.nodes, verdict, wall_time_s, caught, error)
 
     def _check(self, page: Page) -> None:
         """Call the referee on the node's own thread, where the trace is written."""
-        now_s = self._world.clock.now_s()
-        if self._referee is None or now_s < self._checked_s + CHECK_PERIOD_S:
+        now_s = self._clock.now_s()
+        if self._referee is None or self._paced is None or now_s < self._checked_s + _CHECK_PERIOD_S:
             return
         self._checked_s = now_s
-        with self._world.now() as plant:
+        with self._paced.now() as plant:
             self._referee.check(plant.time_s)
             if self._truth is not None and self._referee.verdict is None:
                 self._truth.record_if_due(plant.time_s)
 
-    def _result(self, error: str, signals: list[str], wall_time_s: float) -> RunResult:
-        simulation, plant, node = self._world.simulation, self._world.plant, self._node
-        metrics: dict[str, Any] = {}
-        if plant is not None:
-            metrics, metrics_error = metrics_of(simulation, plant)
-            error = error or metrics_error
-        verdict = self._verdict(error, bool(signals))
-        return RunResult(
-            outcome=verdict.outcome,
-            success=verdict.success,
-            metrics=metrics,
-            sim_time_s=wall_time_s if plant is None else plant.time_s,
-            wall_time_s=wall_time_s,
-            tasks=node.machine.executed,
-            pages=node.datastore.stored,
-            notes=[*simulation.notes, *reason_of(verdict), *node.notes],
-            error=error,
-            signal=signals[0] if signals else "",
-        )
-
-    def _verdict(self, error: str, is_interrupted: bool) -> Verdict:
-        if error:
-            return Verdict("error", False)
+    def _verdict(self, is_interrupted: bool) -> Verdict:
         if self._referee is None:
-            return Verdict("ended", True, "" if is_interrupted else self._node.exit_reason or "")
+            return Verdict("ended", True, "" if is_interrupted else self.nodes[0].exit_reason or "")
         if self._referee.verdict is not None:
             return self._referee.verdict
         if is_interrupted:
             return Verdict("interrupted", False)
-        return Verdict("timeout" if self._node.exit_reason == TIME_LIMIT else "ended", False)
+        return Verdict("timeout" if self.nodes[0].exit_reason == _TIME_LIMIT else "ended", False)

@@ -1,7 +1,7 @@
 """A scenario, ready to run: robot, plant and controller.
 
 `prepare` finds and loads everything and writes nothing: errors in a request are reported before the run.
-`snr run`, `snr replay`, learning and grading all start here; `flight.py` runs it.
+`snr run`, `snr replay`, learning and grading all start here; `simulation_run.py` runs it.
 """
 
 from __future__ import annotations
@@ -66,16 +66,16 @@ class Simulation:
         used: Sequence[library.UsedSources],
         standard: ModuleType | None = None,
     ) -> None:
-        self.request = request
-        self.scenario = scenario
-        self.robot_file = robot
+        self.request: Request = request
+        self.scenario: ModuleType = scenario
+        self.robot_file: ModuleType = robot
         self._controller = controller
         self._standard = standard
         self.notes: list[str] = []  # from its construction, for the run's result
         self._used = used
         self._recorded: RecordedRun | None = None
         self._read_elsewhere: Callable[[], Mapping[str, Path]] = dict
-        self._robot = RobotInfo(
+        self.robot: RobotInfo = RobotInfo(
             name=scenario.ROBOT,
             role=robot.ROLES[0],
             scenario=request.scenario,
@@ -83,11 +83,6 @@ class Simulation:
             parameters=call_student(scenario.parameters, "parameters(seed)", request.seed),
             options=request.options,
         )
-
-    @property
-    def robot(self) -> RobotInfo:
-        """Information on the robot for a controller."""
-        return self._robot
 
     @property
     def scenario_name(self) -> str:
@@ -151,8 +146,8 @@ class Simulation:
         for role, factories in extra_components.items():
             if not all(factory in given.get(role, ()) for factory in factories):
                 raise ConfigError(
-                    f"The robot '{self._robot.name}' has no place for a controller in its role '{role}'.",
-                    fix=f'ROLES = ("{self._robot.role}",) in the controller; or in robot.py, put '
+                    f"The robot '{self.robot.name}' has no place for a controller in its role '{role}'.",
+                    fix=f'ROLES = ("{self.robot.role}",) in the controller; or in robot.py, put '
                     "context.extra_components there.",
                 )
         return Config(Mode.TEST, roles)
@@ -169,7 +164,7 @@ class Simulation:
         io = parse_io(self.request.io)
         recorded = None if self._recorded is None else self._recorded.pages
         return RobotContext(
-            self._robot,
+            self.robot,
             io.kind,
             self.request.seed,
             plant,
@@ -210,13 +205,14 @@ class Simulation:
         first, *others = self.robot_file.ROLES
         roles = controlled_roles(self._controller, self.robot_file)
         extra_components = {role: self._create_components(self._controller, role) for role in others if role in roles}
-        return self._create_components(self._controller if first in roles else self._standard, first), extra_components
+        controller = self._controller if self._standard is None else self._standard
+        return self._create_components(controller, first), extra_components
 
     def _create_components(self, controller: Any, role: str) -> list[AnyFactory]:
-        made = factories_of(controller, replace(self._robot, role=role))
+        made = factories_of(controller, replace(self.robot, role=role))
         place = short_path(str(controller.__file__))
         if not made:
-            whom = "the robot" if role == self._robot.role else f"its role '{role}'"
+            whom = "the robot" if role == self.robot.role else f"its role '{role}'"
             self.notes.append(f"{place}: factories(robot) returned [], so no component controls {whom}.")
         return made
 
@@ -226,12 +222,11 @@ class Simulation:
         Raises:
             ConfigError: its `start_lines` did not return lines of text, or raised.
         """
-        is_first = self.robot_file.ROLES[0] in controlled_roles(self._controller, self.robot_file)
-        controller = self._controller if is_first else self._standard
+        controller = self._controller if self._standard is None else self._standard
         function = getattr(controller, "start_lines", None)
-        lines = [] if function is None else call_student(function, "start_lines(robot)", self._robot)
+        lines = [] if function is None else call_student(function, "start_lines(robot)", self.robot)
         if not (isinstance(lines, (list, tuple)) and all(isinstance(line, str) for line in lines)):
-            place = short_path(str(getattr(controller, "__file__", "")))
+            place = short_path(str(controller.__file__))
             raise ConfigError(f"{place}: start_lines(robot) returned {lines!r}.", fix='a list of texts: ["..."].')
         return list(lines)
 
@@ -244,59 +239,36 @@ class Simulation:
         """
         io = parse_io(self.request.io)
         if io.kind == "replay":
-            self._recorded = self._recorded_run(Path(io.address))
+            trace = read_trace(trace_path(Path(io.address)))
+            if trace.header.robot != self.robot.name:
+                raise TraceError(
+                    f"{Path(io.address)} is a run of the robot '{trace.header.robot}', not of '{self.robot.name}'.",
+                    fix=f"name one of '{self.robot.name}'.",
+                )
+            self._recorded = RecordedRun(trace)
             return self._recorded
-        plant = call_student(self.scenario.plant, "plant(seed, engine)", self.request.seed, self.request.engine)
-        if not implements(plant, Plant):
-            raise ConfigError(
-                f"{short_path(str(self.scenario.__file__))}: plant(seed, engine) returned {plant!r}, "
-                "which is not a plant.",
-                fix="end it with: return Lander1D(...), or another class that implements `Plant`.",
-            )
-        return self._wrapped_plant(plant)
-
-    def _recorded_run(self, run: Path) -> RecordedRun:
-        trace = read_trace(trace_path(run))
-        if trace.header.robot != self._robot.name:
-            raise TraceError(
-                f"{run} is a run of the robot '{trace.header.robot}', not of '{self._robot.name}'.",
-                fix=f"name one of '{self._robot.name}'.",
-            )
-        return RecordedRun(trace)
-
-    def _wrapped_plant(self, plant: Plant) -> Plant:
-        """Return the plant, or its wrapper if this row of the robot's device table has one."""
-        wrap_plant = getattr(self.robot_file, "wrap_plant", None)
-        if wrap_plant is None:
+        fix = "end it with: return Lander1D(...), or another class that implements `Plant`."
+        seed, engine = self.request.seed, self.request.engine
+        plant = _plant_of(self.scenario, "plant(seed, engine)", fix, seed, engine)
+        if getattr(self.robot_file, "wrap_plant", None) is None:
             return plant
-        wrapped = call_student(wrap_plant, "wrap_plant(context)", self.context(plant))
-        if not implements(wrapped, Plant):
-            place = short_path(str(self.robot_file.__file__))
-            raise ConfigError(
-                f"{place}: wrap_plant(context) returned {wrapped!r}, which is not a plant.",
-                fix="return context.plant where nothing stands between devices and plant.",
-            )
-        return wrapped
+        # This row of the robot's device table puts a part between devices and plant.
+        fix = "return context.plant where nothing stands between devices and plant."
+        return _plant_of(self.robot_file, "wrap_plant(context)", fix, self.context(plant))
 
     def header(self, plant: Plant | None, config: Config, clock: str = "sim") -> Header:
         """Return the second line of this run's trace: what runs. `plant` is None for a role without a body."""
-        roles = self.roles
-        return Header(
-            version=__version__,
-            python=platform.python_version(),
-            platform=platform.platform(),
-            packages=library.package_versions(),
+        return header_of(
+            self.roles,
+            config,
             scenario=name_of(self.request.scenario),
-            robot=self._robot.name,
+            robot=self.robot.name,
             controller=name_of(self.request.controller or ""),
-            roles=roles,
             engine="" if plant is None else f"{self.request.engine}: {plant.engine}",
             io=self.request.io,
             seed=self.request.seed,
             options=self.request.options,
-            nodes=[f"{role}_node" for role in roles],
             clock=clock,
-            commands={f"{role}_node": command_keys(config.get(role)) for role in roles},
             sources=self.sources(),
             scene={} if plant is None else plant.scene(),
         )
@@ -372,23 +344,29 @@ def prepare(
     check_options(request.options, robot, controller)
     has_first = robot.ROLES[0] in controlled_roles(controller, robot)
     standard = None if has_first else library.load_controller(robot_found, scenario.CONTROLLER)
-    whole = Request(
+    is_own = controller_name in library.controllers(robot_found)
+    whole = replace(
+        request,
         # A file is stored with its path, so that a replay in another folder finds it.
         scenario=scenario_found.name if scenario_found.place != "the path given" else str(scenario_found.path),
-        seed=request.seed,
         engine=engine,
-        controller=controller_name
-        if controller_name in library.controllers(robot_found)
-        else str(Path(controller_name).resolve()),
-        role=request.role,
+        controller=controller_name if is_own else str(Path(controller_name).resolve()),
         io=_whole(request.io),
-        options=request.options,
     )
     used = library.used_sources(scenario_found, robot_found, controller)
     if standard is not None:
         file = Path(str(standard.__file__))
         used.append(library.UsedSources("standard", file.parent, file))
     return Simulation(whole, scenario, robot, controller, used, standard)
+
+
+def _plant_of(file: ModuleType, call: str, fix: str, *args: Any) -> Plant:
+    """Return what a function of a file returns, if that is a plant."""
+    plant: Plant = call_student(getattr(file, call.partition("(")[0]), call, *args)
+    if not implements(plant, Plant):
+        place = short_path(str(file.__file__))
+        raise ConfigError(f"{place}: {call} returned {plant!r}, which is not a plant.", fix=fix)
+    return plant
 
 
 def controlled_roles(controller: Any, robot: Any) -> tuple[str, ...]:
@@ -459,6 +437,18 @@ def wiring_of_file(name: str) -> Config:
     return config
 
 
-def command_keys(factories: Sequence[AnyFactory]) -> list[str]:
-    """Return the keys of the pages that drive actuators."""
-    return [factory.key for factory in factories if isinstance(factory, ActuatorLoopFactory)]
+def header_of(roles: Sequence[str], config: Config, **fields: Any) -> Header:
+    """Return the second line of a trace: versions, nodes and the pages that drive actuators, and the fields given."""
+    return Header(
+        version=__version__,
+        python=platform.python_version(),
+        platform=platform.platform(),
+        packages=library.package_versions(),
+        roles=list(roles),
+        nodes=[f"{role}_node" for role in roles],
+        commands={
+            f"{role}_node": [one.key for one in config.get(role) if isinstance(one, ActuatorLoopFactory)]
+            for role in roles
+        },
+        **fields,
+    )

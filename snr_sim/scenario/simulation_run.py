@@ -119,37 +119,16 @@ class SimulationRun:
                 raise
             error = describe_error(failure, "while the scenario was run")
         wall_time_s = time.perf_counter() - start_s
-        metrics, metrics_error = metrics_of(self._simulation, self._plant)
-        error = error or metrics_error
         signals = [*signals, *self._runner.signals]
-        verdict = self._verdict(error, bool(signals))
-        return RunResult(
-            outcome=verdict.outcome,
-            success=verdict.success,
-            metrics=metrics,
-            sim_time_s=self._plant.time_s,
-            wall_time_s=wall_time_s,
-            tasks=sum(node.machine.executed for node in self.nodes),
-            pages=sum(node.datastore.stored for node in self.nodes),
-            notes=[
-                *self._simulation.notes,
-                *notes,
-                *reason_of(verdict),
-                *(note for node in self.nodes for note in node.notes),
-            ],
-            error=error,
-            signal=signals[0] if signals else "",
-        )
+        verdict = self._verdict(bool(signals))
+        return result_of(self._simulation, self._plant, self.nodes, verdict, wall_time_s, signals, error, notes)
 
-    def _verdict(self, error: str, is_interrupted: bool) -> Verdict:
-        if error:
-            return Verdict("error", False)
-        if is_interrupted and self._referee.verdict is None:
-            return Verdict("interrupted", False)
+    def _verdict(self, is_interrupted: bool) -> Verdict:
         if self._referee.verdict is not None:
             return self._referee.verdict
-        ended_by = [node.exit_reason for node in self.nodes if node.is_terminated]
-        return Verdict("ended", False) if ended_by else Verdict("timeout", False)
+        if is_interrupted:
+            return Verdict("interrupted", False)
+        return Verdict("ended" if any(node.is_terminated for node in self.nodes) else "timeout", False)
 
 
 def run_recorded(simulation: Simulation, path: Path) -> RunResult:
@@ -171,12 +150,39 @@ def run_recorded(simulation: Simulation, path: Path) -> RunResult:
         recorder.close()
 
 
-def reason_of(verdict: Verdict) -> list[str]:
-    """Return the reason of a verdict as notes."""
-    return [f"{verdict.outcome}: {verdict.reason}."] if verdict.reason else []
+def result_of(
+    simulation: Simulation,
+    plant: Plant | None,
+    nodes: Sequence[Node],
+    verdict: Verdict,
+    wall_time_s: float,
+    signals: Sequence[str],
+    error: str = "",
+    notes: Sequence[str] = (),
+) -> RunResult:
+    """Return the result of a run that has ended, by a verdict or an error; a role without a plant has no metrics."""
+    metrics: dict[str, Any] = {}
+    if plant is not None:
+        metrics, metrics_error = _metrics(simulation, plant)
+        error = error or metrics_error
+    if error:
+        verdict = Verdict("error", False)
+    reason = [f"{verdict.outcome}: {verdict.reason}."] if verdict.reason else []
+    return RunResult(
+        outcome=verdict.outcome,
+        success=verdict.success,
+        metrics=metrics,
+        sim_time_s=wall_time_s if plant is None else plant.time_s,
+        wall_time_s=wall_time_s,
+        tasks=sum(node.machine.executed for node in nodes),
+        pages=sum(node.datastore.stored for node in nodes),
+        notes=[*simulation.notes, *notes, *reason, *(note for node in nodes for note in node.notes)],
+        error=error,
+        signal=signals[0] if signals else "",
+    )
 
 
-def metrics_of(simulation: Simulation, plant: Plant) -> tuple[dict[str, Any], str]:
+def _metrics(simulation: Simulation, plant: Plant) -> tuple[dict[str, Any], str]:
     """Return the scenario's metrics and an empty text, or no metrics and an error message."""
     try:
         metrics = call_student(simulation.judge.metrics, "metrics(plant, seed)", plant, simulation.request.seed)

@@ -26,7 +26,7 @@ from snr_sim.devices.commands import command_of
 from snr_sim.devices.loops import CommandLoop, SensorLoop
 from snr_sim.prelude.errors import CommandError, ConfigError, suggest
 from snr_sim.scenario import library
-from snr_sim.scenario.controller_source import Source, SourceLiteral, read_source, texts_of
+from snr_sim.scenario.controller_source import Source, SourceLiteral, finding, read_source, texts_of
 from snr_sim.scenario.simulation import Simulation
 
 _LIBRARY_KEYS = ("recording", "reload", "add_component", "remove_component")
@@ -84,20 +84,16 @@ class _Robot:
         return key in self._known or key.removesuffix(_PREVIOUS) in self._known or key.startswith("link_")
 
     def _unstored_page(self, asked: SourceLiteral) -> str:
-        return (
-            f"{asked.place}{NEXT_LINE}Nothing in this robot stores the page '{asked.name}'.{NEXT_LINE}"
-            f"Try: {suggest(asked.name, {*self._sensors, *self._stored}, 'stored are')}"
-        )
+        fix = suggest(asked.name, {*self._sensors, *self._stored}, "stored are")
+        return finding(asked.place, f"Nothing in this robot stores the page '{asked.name}'.", fix)
 
     def _unhandled_pages(self) -> Iterator[str]:
         taken = {one.name for one in (*self._source.waits, *self._source.gets)}
         for one in self._source.stores:
             close = difflib.get_close_matches(one.name, self._actuators, n=1, cutoff=0.7)
             if close and one.name not in taken | self._others:
-                yield (
-                    f"{one.place}{NEXT_LINE}Nothing in this robot takes the page '{one.name}'; its actuators take: "
-                    f"{', '.join(self._actuators)}.{NEXT_LINE}Try: did you mean '{close[0]}'?"
-                )
+                what = f"Nothing in this robot takes the page '{one.name}'; its actuators take: "
+                yield finding(one.place, f"{what}{', '.join(self._actuators)}.", f"did you mean '{close[0]}'?")
 
     def _commands(self) -> Iterator[str]:
         for one in self._source.stores:
@@ -106,7 +102,7 @@ class _Robot:
                 continue
             struct, limits = _value_or_none(partial(_command_of, loop)) or (None, {})
             if struct is not None:
-                yield from (f"{one.place}{NEXT_LINE}{words}" for words in _command_errors(one, struct, limits))
+                yield from (finding(one.place, *error) for error in _command_errors(one, struct, limits))
 
     def _fields(self) -> Iterator[str]:
         for key in dict.fromkeys(literal.name for literal, _ in self._source.fields):
@@ -116,10 +112,8 @@ class _Robot:
             has = _value_or_none(partial(_page_of, loop))
             for literal, name in self._source.fields:
                 if literal.name == key and isinstance(has, Mapping) and name not in has:
-                    yield (
-                        f"{literal.place}{NEXT_LINE}The page '{key}' has no field '{name}'.{NEXT_LINE}"
-                        f"Try: {suggest(name, has, 'its fields are')}"
-                    )
+                    what = f"The page '{key}' has no field '{name}'."
+                    yield finding(literal.place, what, suggest(name, has, "its fields are"))
 
 
 def _command_of(loop: CommandLoop) -> tuple[Any, Mapping[str, tuple[float, float]]]:
@@ -139,13 +133,14 @@ def _value_or_none(ask: Callable[[], Any]) -> Any:
         return None
 
 
-def _command_errors(stored: SourceLiteral, struct: Any, limits: Mapping[str, tuple[float, float]]) -> Iterator[str]:
-    """Yield the errors in a command whose dict is a literal."""
+def _command_errors(
+    stored: SourceLiteral, struct: Any, limits: Mapping[str, tuple[float, float]]
+) -> Iterator[tuple[str, str]]:
+    """Yield what is wrong in a command whose dict is a literal, and the fix."""
+    command = f"A command '{stored.name}'"
     if not isinstance(stored.node, ast.Dict):
-        yield (
-            f"A command '{stored.name}' is {ast.unparse(stored.node)}, but must be a dict.{NEXT_LINE}"  # type: ignore[arg-type]
-            f"Try: its fields are {', '.join(struct.__struct_fields__)}."
-        )
+        found = ast.unparse(stored.node)  # type: ignore[arg-type]
+        yield f"{command} is {found}, but must be a dict.", f"its fields are {', '.join(struct.__struct_fields__)}."
         return
     data = {}
     for key, value in zip(stored.node.keys, stored.node.values, strict=True):
@@ -159,16 +154,14 @@ def _command_errors(stored: SourceLiteral, struct: Any, limits: Mapping[str, tup
     try:
         command_of(data, struct, dict(limits))
     except CommandError as error:
-        yield f"A command '{stored.name}' is wrong: {error.message}{NEXT_LINE}Try: {error.fix}"
+        yield f"{command} is wrong: {error.message}", error.fix
         return
     for name, value in data.items():
         low, high = limits.get(name, (-math.inf, math.inf))
         if isinstance(value, (int, float)) and not low <= value <= high:
             found = f"{value:g}" if math.isfinite(value) else f"{value}, which is not finite"
-            yield (
-                f"A command '{stored.name}' has {name} = {found}; it goes from {low:g} to {high:g}.{NEXT_LINE}"
-                f"Try: store what is from {low:g} to {high:g}."
-            )
+            what = f"{command} has {name} = {found}; it goes from {low:g} to {high:g}."
+            yield what, f"store what is from {low:g} to {high:g}."
 
 
 def _constant(node: ast.expr) -> Any:
@@ -193,10 +186,8 @@ def _of_components(nodes: Sequence[Node], source: Source) -> Iterator[str]:
             for name, place, _ in source.own[kind.__name__]:
                 if name not in source.set_names and inspect.getattr_static(component, name, source) is source:
                     fix = near(name, vars(component)) or f"set it in __init__, before it is used: self.{name} = ..."
-                    yield (
-                        f"{place}{NEXT_LINE}The component '{component.name}', a {kind.__name__}, has no attribute "
-                        f"'{name}', and nothing sets it.{NEXT_LINE}Try: {fix}"
-                    )
+                    what = f"The component '{component.name}', a {kind.__name__}, has no attribute '{name}'"
+                    yield finding(place, f"{what}, and nothing sets it.", fix)
 
 
 def _check_robot(simulation: Simulation, source: Source, unknown: set[str]) -> None:

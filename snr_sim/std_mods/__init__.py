@@ -29,25 +29,4 @@ if TYPE_CHECKING:
     from snr_sim.std_mods.timeout import TimeoutLoopFactory as TimeoutLoopFactory
     from snr_sim.std_mods.timer import Timer as Timer
 else:
-    __all__, __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "snr_sim.std_mods.allocation": "Allocation AllocationResult",
-            "snr_sim.std_mods.pid": "Pid",
-            "snr_sim.std_mods.slew": "SlewRateLimiter approach",
-            "snr_sim.std_mods.thrust_curve": "ThrustCurve",
-            "snr_sim.std_mods.complementary": "ComplementaryFilter",
-            "snr_sim.prelude.attitude_filter": "MahonyFilter",
-            "snr_sim.std_mods.moving_average": "MovingAvgFilter MovingAvgFilterFactory",
-            "snr_sim.std_mods.printer": "PrinterEndpointFactory",
-            "snr_sim.std_mods.recorder": "RecorderEndpointFactory",
-            "snr_sim.std_mods.replayer": (
-                "ListReplayer ListReplayerFactory ReplayerLoop ReplayerLoopFactory TextReplayer TextReplayerFactory"
-            ),
-            "snr_sim.std_mods.stopwatch": "StopwatchEndpointFactory",
-            "snr_sim.std_mods.timeout": "TimeoutLoopFactory",
-            "snr_sim.std_mods.timer": "Timer",
-            "snr_sim.std_mods.readers": "PageReader TextReader",
-        },
-        otherwise="snr_sim",
-    )
+    __all__, __getattr__, __dir__ = lazy_names(__name__, otherwise="snr_sim")

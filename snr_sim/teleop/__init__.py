@@ -28,16 +28,4 @@ if TYPE_CHECKING:
     from snr_sim.teleop.scripted_pilot import Cue as Cue
     from snr_sim.teleop.scripted_pilot import ScriptedPilotFactory as ScriptedPilotFactory
 else:
-    __all__, __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "snr_sim.teleop.manual_input": "ManualInput DeadmanSwitch",
-            "snr_sim.teleop.keyboard": "Keyboard legend",
-            "snr_sim.teleop.gamepad_pilot": "GamepadPilotFactory Stick",
-            "snr_sim.teleop.scripted_pilot": "Cue ScriptedPilotFactory",
-            "snr_sim.teleop.button_panel": "ButtonPanelFactory presses_of",
-            "snr_sim.teleop.display": "DisplayFactory Rows",
-            "snr_sim.teleop.link_monitor": "LinkMonitorFactory",
-            "snr_sim.teleop.link_options": "surface_link",
-        },
-    )
+    __all__, __getattr__, __dir__ = lazy_names(__name__)

@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from snr_sim.testing.contracts import check_sensor as check_sensor
     from snr_sim.testing.expector import Expectations as Expectations
     from snr_sim.testing.expector import Expector as Expector
+    from snr_sim.testing.expector import ExpectorEndpointFactory as ExpectorEndpointFactory
     from snr_sim.testing.expector import OrderedExpector as OrderedExpector
     from snr_sim.testing.expector import TaskExpectations as TaskExpectations
-    from snr_sim.testing.expector_endpoint import ExpectorEndpointFactory as ExpectorEndpointFactory
     from snr_sim.testing.fake_i2c import FakeBus as FakeBus
     from snr_sim.testing.fake_i2c import FakePca9685 as FakePca9685
     from snr_sim.testing.fake_i2c import I2cDevice as I2cDevice
@@ -32,23 +32,4 @@ if TYPE_CHECKING:
     from snr_sim.testing.pwm_contract import check_pwm_out as check_pwm_out
     from snr_sim.testing.virtual_gamepad import VirtualGamepad as VirtualGamepad
 else:
-    __all__, __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "snr_sim.testing.case": "SNRTestCase",
-            "snr_sim.testing.expector": "Expectations TaskExpectations Expector OrderedExpector",
-            "snr_sim.testing.expector_endpoint": "ExpectorEndpointFactory",
-            "snr_sim.testing.fakes": "FakeSensor FakeActuator FakePlant",
-            "snr_sim.testing.fake_recorder": "FakeRecorder",
-            "snr_sim.testing.function_components": "FunctionEndpointFactory FunctionLoopFactory",
-            "snr_sim.testing.contracts": "check_sensor check_actuator check_plant",
-            "snr_sim.testing.pwm_contract": "check_pwm_out PwmBench",
-            "snr_sim.testing.virtual_gamepad": "VirtualGamepad",
-            "snr_sim.testing.fake_i2c": "I2cDevice FakeBus FakePca9685",
-            "snr_sim.testing.fake_ms5837": "FakeMs5837",
-            "snr_sim.testing.fake_icm20948": "FakeIcm20948",
-            "snr_sim.testing.fake_maestro": "FakeMaestro",
-            "snr_sim.testing.fake_mcu": "FakeMcu",
-            "snr_sim.testing.fake_sysfs_pwm": "FakeSysfsPwm",
-        },
-    )
+    __all__, __getattr__, __dir__ = lazy_names(__name__)

@@ -17,8 +17,8 @@ from snr_sim.prelude.interfaces import implements
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.values import decode_value, encode_value
 
-STEPS = 25
-DEFAULT_STEP_S = 0.01
+_STEPS = 25
+_DEFAULT_STEP_S = 0.01
 _SHAPES = {
     "polyline": {"points_m", "rgb", "radius_m"},
     "mesh": {"vertices_m", "triangles", "rgb"},
@@ -35,13 +35,13 @@ def check_sensor(open_sensor: Callable[[], Sensor[Any]]) -> None:
     """
     for _ in range(2):
         sensor = open_sensor()
-        _require(implements(sensor, Sensor), f"{sensor!r} lacks read() or a step of the life cycle: see LifeCycle")
+        require(implements(sensor, Sensor), f"{sensor!r} lacks read() or a step of the life cycle: see LifeCycle")
         _start(sensor)
         before_s = -math.inf
         for _ in range(3):
             reading = sensor.read()
-            _require(reading is not None, "read() returned None; it returns Stale when there is no reading")
-            _require(not isinstance(reading, Stale), f"one that has readings returned {reading}")
+            require(reading is not None, "read() returned None; it returns Stale when there is no reading")
+            require(not isinstance(reading, Stale), f"one that has readings returned {reading}")
             before_s = _check_reading(reading, before_s)
         _end(sensor)
         try:
@@ -61,22 +61,22 @@ def check_actuator(open_actuator: Callable[[], Actuator[Any]], a_command: Any) -
         a_command: a valid command, inside the limits.
     """
     actuator = open_actuator()
-    _require(
+    require(
         implements(actuator, Actuator),
         f"{actuator!r} lacks one of command_type, limits, write, neutral, or a step of the life cycle: see LifeCycle",
     )
     _check_struct(a_command, "a command")
     expected, given = actuator.command_type.__name__, type(a_command).__name__
-    _require(type(a_command) is actuator.command_type, f"the actuator takes {expected}, the command is a {given}")
+    require(type(a_command) is actuator.command_type, f"the actuator takes {expected}, the command is a {given}")
     limits = actuator.limits
     numbers = _numbers(a_command)
-    _require(set(limits) >= set(numbers), f"limits {sorted(limits)} leave out a field of {sorted(numbers)}")
+    require(set(limits) >= set(numbers), f"limits {sorted(limits)} leave out a field of {sorted(numbers)}")
     _start(actuator)
     actuator.neutral()
     _check_inside(actuator.write(a_command), limits)
     for name in numbers:
         lowest, highest = limits[name]
-        _require(math.isfinite(lowest) and math.isfinite(highest) and lowest <= highest, f"limits of {name}: {limits}")
+        require(math.isfinite(lowest) and math.isfinite(highest) and lowest <= highest, f"limits of {name}: {limits}")
         for value in (lowest - 1.0, highest + 1.0, -1e300, 1e300):
             _check_inside(actuator.write(_with(a_command, name, value)), limits)
         for value in (math.nan, math.inf, -math.inf):
@@ -95,12 +95,12 @@ def check_plant(make_plant: Callable[[], Plant], commands: Mapping[str, Any] | N
         commands: a valid command for each of its inputs, so that it is also checked with commands applied.
     """
     plant = make_plant()
-    _require(implements(plant, Plant), f"{type(plant).__name__} lacks a member of Plant")
-    _require(bool(plant.engine), "engine names the physics")
-    _require(plant.step_s is None or plant.step_s > 0, f"step_s is {plant.step_s}")
+    require(implements(plant, Plant), f"{type(plant).__name__} lacks a member of Plant")
+    require(bool(plant.engine), "engine names the physics")
+    require(plant.step_s is None or plant.step_s > 0, f"step_s is {plant.step_s}")
     for name, names in (("inputs", plant.inputs), ("outputs", plant.outputs)):
-        _require(isinstance(names, tuple) and len(set(names)) == len(names), f"{name} is {names!r}")
-    _require(set(commands or {}) <= set(plant.inputs), f"commands for {list(commands or {})}, inputs {plant.inputs}")
+        require(isinstance(names, tuple) and len(set(names)) == len(names), f"{name} is {names!r}")
+    require(set(commands or {}) <= set(plant.inputs), f"commands for {list(commands or {})}, inputs {plant.inputs}")
     _check_time(plant)
     _check_shown(plant)
     _check_same_bits(plant, make_plant(), commands or {})
@@ -114,29 +114,30 @@ def _start(device: Device) -> None:
     for step, state in ((device.configure, "inactive"), (device.activate, "active")):
         step()
         step()
-        _require(device.health().state == state, f"after {step.__name__}() the state is {device.health()}")
+        require(device.health().state == state, f"after {step.__name__}() the state is {device.health()}")
 
 
 def _end(device: Device) -> None:
     """Deactivate and close a device, each twice, and once more."""
     for _ in range(2):
         device.deactivate("checked")
-        _require(device.health().state == "inactive", f"after deactivate() the state is {device.health()}")
+        require(device.health().state == "inactive", f"after deactivate() the state is {device.health()}")
     for _ in range(2):
         device.close()
-        _require(device.health().state == "closed", f"after close() the state is {device.health()}")
+        require(device.health().state == "closed", f"after close() the state is {device.health()}")
     device.deactivate("checked")
 
 
-def _require(condition: bool, message: str) -> None:
+def require(condition: bool, message: str) -> None:
+    """Raise an AssertionError if a rule is broken."""
     if not condition:  # not an assert statement: those go with -O
         raise AssertionError(f"Contract violated: {message}.")
 
 
 def _check_struct(value: Any, what: str) -> None:
     is_struct = isinstance(value, msgspec.Struct)
-    _require(is_struct, f"{what} is a msgspec Struct, not {value!r}")
-    _require(bool(type(value).__struct_config__.frozen), f"{type(value).__name__} is frozen")
+    require(is_struct, f"{what} is a msgspec Struct, not {value!r}")
+    require(bool(type(value).__struct_config__.frozen), f"{type(value).__name__} is frozen")
 
 
 def _check_reading(reading: Any, before_s: float) -> float:
@@ -146,10 +147,10 @@ def _check_reading(reading: Any, before_s: float) -> float:
     name = type(reading).__name__
     if not (isinstance(stamp_s, float) and math.isfinite(stamp_s)):
         raise AssertionError(f"Contract violated: {name}.stamp_s must be a finite time in seconds, not {stamp_s!r}.")
-    _require(stamp_s >= before_s, f"a {name} of {stamp_s} s came after one of {before_s} s")
+    require(stamp_s >= before_s, f"a {name} of {stamp_s} s came after one of {before_s} s")
     for field in reading.__struct_fields__:
         value = getattr(reading, field)
-        _require(all(map(math.isfinite, _flat(value))), f"{name}.{field} is {value!r}, which is not finite: Stale is")
+        require(all(map(math.isfinite, _flat(value))), f"{name}.{field} is {value!r}, which is not finite: Stale is")
     return stamp_s
 
 
@@ -174,7 +175,7 @@ def _check_inside(applied: Any, limits: Mapping[str, tuple[float, float]]) -> No
     for name, values in _numbers(applied).items():
         lowest, highest = limits[name]
         for value in values:
-            _require(lowest <= value <= highest, f"'{name}' = {value} was applied, limits are {lowest} .. {highest}")
+            require(lowest <= value <= highest, f"'{name}' = {value} was applied, limits are {lowest} .. {highest}")
 
 
 def _check_refused(actuator: Actuator[Any], command: Any, name: str) -> None:
@@ -187,13 +188,13 @@ def _check_refused(actuator: Actuator[Any], command: Any, name: str) -> None:
 
 def _check_time(plant: Plant) -> None:
     plant.reset(0)
-    _require(plant.time_s == 0.0, f"time_s is {plant.time_s} after reset")
-    dt_s = plant.step_s or DEFAULT_STEP_S
-    for i in range(STEPS):
+    require(plant.time_s == 0.0, f"time_s is {plant.time_s} after reset")
+    dt_s = plant.step_s or _DEFAULT_STEP_S
+    for i in range(_STEPS):
         before_s = plant.time_s
         plant.step(dt_s)
         moved_s = plant.time_s - before_s
-        _require(abs(moved_s - dt_s) < 1e-9, f"step {i} of {dt_s} s moved time by {moved_s} s")
+        require(abs(moved_s - dt_s) < 1e-9, f"step {i} of {dt_s} s moved time by {moved_s} s")
 
 
 def _check_same_bits(one: Plant, other: Plant, commands: Mapping[str, Any]) -> None:
@@ -230,21 +231,21 @@ def _check_snapshot(plant: Plant, commands: Mapping[str, Any]) -> None:
 def _check_shown(plant: Plant) -> None:
     scene, truth = plant.scene(), plant.truth()
     for what, value in (("scene()", scene), ("truth()", truth)):
-        _require(decode_value(encode_value(value)) == value and b'"$":' not in encode_value(value), f"{what} is JSON")
-    _require(set(scene) - {"tethers", "is_planar"} == {"statics", "bodies"}, f"scene() has the keys {sorted(scene)}")
+        require(decode_value(encode_value(value)) == value and b'"$":' not in encode_value(value), f"{what} is JSON")
+    require(set(scene) - {"tethers", "is_planar"} == {"statics", "bodies"}, f"scene() has the keys {sorted(scene)}")
     for shape in [*scene["statics"].values(), *(shape for body in scene["bodies"].values() for shape in body)]:
         expected = _SHAPES.get(shape.get("kind"), set())
-        _require(expected != set() and expected <= set(shape), f"a shape has {sorted(expected)}, not {shape!r:.200}")
+        require(expected != set() and expected <= set(shape), f"a shape has {sorted(expected)}, not {shape!r:.200}")
     for name, tether in scene.get("tethers", {}).items():
-        _require(set(tether) == _TETHER, f"tether '{name}' has {sorted(_TETHER)}, not {sorted(tether)}")
-        _require(tether["body"] in scene["bodies"], f"tether '{name}' ends at no body of scene()")
-    _require(set(truth) == {"poses", "vectors", "values"}, f"truth() has the keys {sorted(truth)}")
+        require(set(tether) == _TETHER, f"tether '{name}' has {sorted(_TETHER)}, not {sorted(tether)}")
+        require(tether["body"] in scene["bodies"], f"tether '{name}' ends at no body of scene()")
+    require(set(truth) == {"poses", "vectors", "values"}, f"truth() has the keys {sorted(truth)}")
     for name, pose in truth["poses"].items():
-        _require(name in scene["bodies"], f"truth() has a pose of '{name}', which scene() does not show")
-        _require(len(pose) == 7 and abs(math.hypot(*pose[3:]) - 1.0) < 1e-6, f"pose of '{name}' is {pose}")
+        require(name in scene["bodies"], f"truth() has a pose of '{name}', which scene() does not show")
+        require(len(pose) == 7 and abs(math.hypot(*pose[3:]) - 1.0) < 1e-6, f"pose of '{name}' is {pose}")
     for name, arrow in truth["vectors"].items():
-        _require(len(arrow) == 6, f"arrow '{name}' is {arrow}")
-    _require(all(isinstance(value, (int, float)) for value in truth["values"].values()), "values are numbers")
+        require(len(arrow) == 6, f"arrow '{name}' is {arrow}")
+    require(all(isinstance(value, (int, float)) for value in truth["values"].values()), "values are numbers")
     for name in plant.outputs:
         _check_struct(plant.read(name), f"output '{name}'")
 
@@ -258,14 +259,14 @@ def _check_nan(plant: Plant, name: str, command: Any) -> None:
         except (SnrError, ValueError):
             continue  # refused, which is as good
         for value in _flat(plant.truth()):
-            _require(math.isfinite(value), f"after '{name}.{field}' = NaN the state is no longer finite")
+            require(math.isfinite(value), f"after '{name}.{field}' = NaN the state is no longer finite")
 
 
 def _go(plant: Plant, commands: Mapping[str, Any]) -> None:
     for name, command in commands.items():
         plant.write(name, command)
-    for _ in range(STEPS):
-        plant.step(plant.step_s or DEFAULT_STEP_S)
+    for _ in range(_STEPS):
+        plant.step(plant.step_s or _DEFAULT_STEP_S)
 
 
 def _state(plant: Plant) -> bytes:
@@ -276,7 +277,7 @@ def _state(plant: Plant) -> bytes:
 
 
 def _same(one: bytes, other: bytes, rule: str) -> None:
-    _require(one == other, f"{rule}\n  {one.decode()}\n  {other.decode()}")
+    require(one == other, f"{rule}\n  {one.decode()}\n  {other.decode()}")
 
 
 def _flat(value: Any) -> Iterable[float]:

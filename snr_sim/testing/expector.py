@@ -1,6 +1,6 @@
 """Expectors: the tasks that a test expects, counted or in order, and a message about those that came instead.
 
-An expector receives tasks from the endpoint of `testing/expector_endpoint.py` in the node under test.
+An endpoint in the node under test passes each expected task to an expector.
 """
 
 from __future__ import annotations
@@ -11,14 +11,18 @@ from types import GenericAlias, TracebackType
 from typing import Any, Self, TypeAlias
 from unittest import TestCase
 
+from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.handlers import check_id, describe
+from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ParameterError, suggest
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.retired import Retired
-from snr_sim.prelude.task import Task, TaskId, TaskName, TaskType
+from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskName, TaskType
 
 Expected: TypeAlias = TaskId | str  # a task, or a call of a test's own
 TaskExpectations: TypeAlias = Mapping[Any, int] | Sequence[Expected]
-SHOWN = 20  # of a long list: more does not help the reader
+_SATISFIED = "expector satisfied"
+_SHOWN = 20  # of a long list: more does not help the reader
 
 
 class Expectations:
@@ -38,7 +42,7 @@ class Expectations:
         self._failure = case.failureException if case is not None else AssertionError
         self._other_tasks: dict[TaskType, set[TaskName]] = {kind: set() for kind in TaskType}
         # By a node that has run, or by a task passed to it; calls come from the test itself.
-        self.was_used = any(type(one) is str for one in self.ids)
+        self.was_used: bool = any(type(one) is str for one in self.ids)
 
     check: Any = Retired("expector.check", "expector.is_satisfied().")
     get_expectations: Any = Retired("expector.get_expectations", "expector.ids.")
@@ -119,7 +123,7 @@ class Expector(Expectations):
             if not isinstance(count, int) or count < 0:
                 raise ParameterError(f"Expector got {count!r} as the count of {task_id!r}.", fix="0, 1, 2, ...")
         super().__init__(counts, case)
-        self.expected = counts
+        self.expected: dict[Expected, int] = counts
         self.counts: Counter[Expected] = Counter()
 
     def on_task(self, task: Task) -> None:
@@ -153,7 +157,7 @@ class OrderedExpector(Expectations):
 
     def __init__(self, expected: Sequence[Expected], case: TestCase | None = None) -> None:
         super().__init__(expected, case)
-        self.expected = list(expected)
+        self.expected: list[Expected] = list(expected)
         self.came: list[Expected] = []
 
     def on_task(self, task: Task) -> None:
@@ -191,11 +195,69 @@ class OrderedExpector(Expectations):
         return None if len(self.expected) == len(self.came) else shorter
 
 
+class ExpectorEndpointFactory(EndpointFactory):
+    """Factory of an endpoint that puts an expector into a node.
+
+    Args:
+        expector: receives the tasks.
+        name: of the endpoint.
+        exit_when_satisfied: ends the node as soon as all expected tasks have come; later ones are not counted.
+
+    Raises:
+        ConfigError: the expector expects something that is not a task.
+    """
+
+    def __init__(self, expector: Expectations, name: str = "expector", exit_when_satisfied: bool = False) -> None:
+        super().__init__()
+        for task_id in expector.ids:
+            check_id("expector", task_id)  # raises for a text: `call` counts those, which the test calls itself
+        self.expector: Expectations = expector
+        self.name = name
+        self.exit_when_satisfied: bool = exit_when_satisfied
+
+    def get(self, parent: NodeApi) -> ExpectorEndpoint:
+        """Return the endpoint."""
+        return ExpectorEndpoint(self, parent, self.name)
+
+
+class ExpectorEndpoint(Endpoint):
+    """Endpoint with handlers for the expected tasks only, so that the run's own notes do not change."""
+
+    factory: ExpectorEndpointFactory
+
+    def __init__(self, factory: ExpectorEndpointFactory, parent: NodeApi, name: str) -> None:
+        super().__init__(factory, parent, name)
+        self._is_done = False
+        self.task_handlers = dict.fromkeys(factory.expector.ids, self.on_task)
+
+    def begin(self) -> None:
+        """Mark the expector as used in a node that runs."""
+        self.factory.expector.was_used = True
+
+    def on_task(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Pass the task to the expector."""
+        if self._is_done:
+            return None
+        expector = self.factory.expector
+        expector.on_task(task)
+        if self.factory.exit_when_satisfied and expector.is_satisfied():
+            self._is_done = True
+            return tasks.terminate(_SATISFIED)
+        return None
+
+    def terminate(self) -> None:
+        """Pass the names of the tasks seen in this node to the expector."""
+        for kind, names in self.parent.seen_tasks().items():
+            # The names of terminate tasks are free reasons, so a similar one is not a typing error.
+            if kind is not TaskType.terminate:
+                self.factory.expector.add_other_tasks(kind, names)
+
+
 def _shown(task_id: Expected) -> str:
     return describe(task_id) if isinstance(task_id, (tuple, TaskType)) else f"call '{task_id}'"
 
 
 def _listed(ids: Sequence[Expected]) -> str:
-    words = [_shown(task_id) for task_id in ids[:SHOWN]]
-    more = f" and {len(ids) - SHOWN} more" if len(ids) > SHOWN else ""
+    words = [_shown(task_id) for task_id in ids[:_SHOWN]]
+    more = f" and {len(ids) - _SHOWN} more" if len(ids) > _SHOWN else ""
     return (", ".join(words) or "nothing") + more

@@ -42,7 +42,7 @@ class FakeBus:
     """
 
     def __init__(self, parts: dict[int, I2cDevice]) -> None:
-        self.parts = parts
+        self.parts: dict[int, I2cDevice] = parts
         self.is_there, self.is_stuck = True, False
         self.opened_times = self.closed_times = 0
 
@@ -96,7 +96,7 @@ class FakePca9685:
     """
 
     def __init__(self, oscillator_hz: float = OSCILLATOR_HZ, registers: MutableSequence[int] | None = None) -> None:
-        self.oscillator_hz = oscillator_hz
+        self.oscillator_hz: float = oscillator_hz
         self.registers: MutableSequence[int] = bytearray(256) if registers is None else registers
         if registers is None:
             self.power_on()

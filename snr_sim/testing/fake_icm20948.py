@@ -22,7 +22,7 @@ class FakeIcm20948:
     def __init__(self) -> None:
         self.rate_radps: Sequence[float] = (0.0, 0.0, 0.0)
         self.force_mps2: Sequence[float] = (0.0, 0.0, _GRAVITY_MPS2)
-        self.identity = 0xEA
+        self.identity: int = 0xEA
         self.power_on()
 
     def power_on(self) -> None:
@@ -78,8 +78,8 @@ class FakeAk09916:
     def __init__(self, unit: FakeIcm20948) -> None:
         self._unit = unit
         self.field_ut: Sequence[float] = (0.0, 20.0, -40.0)
-        self.identity = 0x09
-        self.is_too_strong = False
+        self.identity: int = 0x09
+        self.is_too_strong: bool = False
         self._mode = 0
 
     def write(self, register: int, data: list[int]) -> None:

@@ -45,8 +45,8 @@ class FakeMaestro:
         self._command = b""
         self._answers = b""
         self._last_command_s = now_s()
-        self.is_plugged = True
-        self.closed_times = 0
+        self.is_plugged: bool = True
+        self.closed_times: int = 0
 
     @property
     def pins_us(self) -> list[float]:

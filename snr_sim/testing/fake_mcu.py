@@ -28,7 +28,7 @@ class FakeMcu:
     def __init__(self, ident: Ident, telemetry: Telemetry) -> None:
         self.ident, self.telemetry = ident, telemetry
         self.received: list[FromMcu | ToMcu] = []
-        self.is_closed = False
+        self.is_closed: bool = False
         self._frames, self._answers = McuFrames(), b""
 
     def write(self, data: bytes) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from snr_sim.devices.wire.ms5837_bytes import compensated, crc4
 
-DATA_SHEET = (0, 34982, 36352, 20328, 22354, 26646, 26146)  # C0 to C6 of its example
+_DATA_SHEET = (0, 34982, 36352, 20328, 22354, 26646, 26146)  # C0 to C6 of its example
 _S_PER_SAMPLE = 2.2e-6  # of a conversion, at most
 
 
@@ -24,7 +24,7 @@ class FakeMs5837:
 
     def __init__(self, now_s: Callable[[], float], pressure_pa: float = 101_325.0, temperature_c: float = 20.0) -> None:
         self._now_s = now_s
-        self.words = [DATA_SHEET[0] | crc4([*DATA_SHEET, 0]) << 12, *DATA_SHEET[1:]]
+        self.words: list[int] = [_DATA_SHEET[0] | crc4([*_DATA_SHEET, 0]) << 12, *_DATA_SHEET[1:]]
         self._is_reset = False
         self._adc, self._done_s = 0, 0.0
         self.commands: list[int] = []
@@ -32,8 +32,8 @@ class FakeMs5837:
 
     def set_environment(self, pressure_pa: float, temperature_c: float) -> None:
         """Set the counts that this becomes."""
-        self.d2 = _solve(lambda d2: compensated(DATA_SHEET, 0, d2)[1] - temperature_c)
-        self.d1 = _solve(lambda d1: compensated(DATA_SHEET, d1, self.d2)[0] - pressure_pa)
+        self.d2 = _solve(lambda d2: compensated(_DATA_SHEET, 0, d2)[1] - temperature_c)
+        self.d1 = _solve(lambda d1: compensated(_DATA_SHEET, d1, self.d2)[0] - pressure_pa)
 
     def power_on(self) -> None:
         """Reset its state."""

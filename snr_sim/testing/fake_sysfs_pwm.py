@@ -25,8 +25,8 @@ class FakeSysfsPwm:
     """
 
     def __init__(self, root: Path, chips: dict[int, str] | None = None, channels: int = 2) -> None:
-        self.root = root
-        self.is_there = True
+        self.root: Path = root
+        self.is_there: bool = True
         self.history: list[str] = []
         for number, device in ({0: "fe20c000.pwm"} if chips is None else chips).items():
             chip = root / f"pwmchip{number}"

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from typing import Any, Generic, TypeVar
 
 import msgspec
 
+from snr_sim.devices.simulated import SimActuator
 from snr_sim.prelude.device import Stale
-from snr_sim.prelude.errors import CommandError, DeviceError, SensorLostError, UnknownNameError, suggest
+from snr_sim.prelude.errors import SensorLostError, UnknownNameError, suggest
 from snr_sim.prelude.life_cycle import LifeCycle
 
 ReadingT = TypeVar("ReadingT")
-CommandT = TypeVar("CommandT")
+CommandT = TypeVar("CommandT", bound=msgspec.Struct)
 
 
 class FakeSensor(LifeCycle, Generic[ReadingT]):
@@ -49,7 +49,7 @@ class FakeSensor(LifeCycle, Generic[ReadingT]):
         return reading
 
 
-class FakeActuator(LifeCycle, Generic[CommandT]):
+class FakeActuator(SimActuator[CommandT]):
     """Actuator that keeps its commands in a list. Implements `Actuator`.
 
     Args:
@@ -57,78 +57,29 @@ class FakeActuator(LifeCycle, Generic[CommandT]):
         limits: minimum and maximum of each of its fields that is a number, or of each number in a list.
     """
 
-    title = "This fake actuator"
-
     def __init__(self, command_type: type[CommandT], limits: Mapping[str, tuple[float, float]]) -> None:
-        fields: tuple[str, ...] = getattr(command_type, "__struct_fields__", ())
-        for name in limits:
-            if name not in fields:
-                raise CommandError(
-                    f"{command_type.__name__} has no field '{name}' to limit.", fix=suggest(name, fields)
-                )
-        self._command_type = command_type
-        self._limits = dict(limits)
+        super().__init__(FakePlant({}, ("command",)), "command", command_type, dict(limits))
+        self.title = "This fake actuator"
         self.written: list[CommandT] = []  # as applied, after clamping
-        self.neutral_count = 0
-        self.is_neutral = True
+        self.neutral_count: int = 0
+        self.is_neutral: bool = True
 
     @property
     def is_closed(self) -> bool:
         """Whether it has been closed."""
         return self.state == "closed"
 
-    @property
-    def command_type(self) -> type[CommandT]:
-        """Type of the commands for `write`."""
-        return self._command_type
-
-    @property
-    def limits(self) -> dict[str, tuple[float, float]]:
-        """Lowest and highest value of each field."""
-        return dict(self._limits)
-
     def write(self, command: CommandT) -> CommandT:
-        """Clamp a command, keep it, and return it.
-
-        Raises:
-            CommandError: a value is NaN or infinite, or the command has another type than this actuator's.
-            DeviceError: the actuator is closed.
-        """
-        if self.is_closed:
-            raise DeviceError("This actuator has been closed.", fix="call write() before close().")
-        if type(command) is not self._command_type:
-            raise CommandError(f"{command!r} is not a {self._command_type.__name__}.")
-        applied = self._clamped(command)
+        """Clamp a command, keep it, and return it; raises as that of `SimActuator`."""
+        applied = super().write(command)
         self.written.append(applied)
         self.is_neutral = False
         return applied
-
-    def _clamped(self, command: CommandT) -> CommandT:
-        values: dict[str, Any] = msgspec.structs.asdict(command)  # type: ignore[arg-type]
-        for name in self._limits:
-            value = values[name]
-            is_list = isinstance(value, (list, tuple))
-            values[name] = [self._inside(name, one) for one in value] if is_list else self._inside(name, value)
-        return self._command_type(**values)
-
-    def _inside(self, name: str, value: float) -> float:
-        lowest, highest = self._limits[name]
-        if not math.isfinite(value):
-            raise CommandError(f"Command '{name}' is {value}.", fix=f"a number from {lowest:g} to {highest:g}.")
-        return min(max(value, lowest), highest)
 
     def neutral(self) -> None:
         """Count that it was put at neutral."""
         self.neutral_count += 1
         self.is_neutral = True
-
-    def on_deactivate(self, reason: str) -> None:
-        """Go to neutral."""
-        self.neutral()
-
-    def on_close(self) -> None:
-        """Go to neutral, also if it never was active."""
-        self.neutral()
 
 
 class FakePlant:
@@ -143,10 +94,10 @@ class FakePlant:
     step_s: float | None = None
 
     def __init__(self, outputs: Mapping[str, Any], inputs: tuple[str, ...] = ()) -> None:
-        self.held = dict(outputs)
-        self.inputs = inputs
+        self.held: dict[str, Any] = dict(outputs)
+        self.inputs: tuple[str, ...] = inputs
         self.written: list[tuple[str, Any]] = []
-        self.time_s = 0.0
+        self.time_s: float = 0.0
 
     @property
     def outputs(self) -> tuple[str, ...]:

@@ -41,8 +41,8 @@ class FunctionEndpointFactory(EndpointFactory):
         terminate: EndpointStep = do_nothing,
     ) -> None:
         super().__init__()
-        self.handlers = dict(handlers or {})
-        self.name = name
+        self.handlers: dict[TaskId, TaskHandler] = dict(handlers or {})
+        self.name: str = name
         self.on_begin, self.on_halt, self.on_terminate = begin, halt, terminate
 
     def get(self, parent: NodeApi) -> FunctionEndpoint:
@@ -93,8 +93,8 @@ class FunctionLoopFactory(LoopFactory):
         terminate: LoopStep = do_nothing,
     ) -> None:
         super().__init__()
-        self.name = name
-        self.rate_hz = rate_hz
+        self.name: str = name
+        self.rate_hz: float = rate_hz
         self.on_setup, self.on_loop, self.on_halt, self.on_terminate = setup, loop, halt, terminate
 
     def get(self, parent: NodeApi) -> FunctionLoop:

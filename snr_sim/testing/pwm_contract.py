@@ -13,16 +13,29 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any, Protocol
 
-from snr_sim.prelude.device import LEASE_S, PwmOut
+from snr_sim.prelude.device import LEASE_S, Health, PwmOut
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.interfaces import implements
-from snr_sim.prelude.signals import CLAMPED, LOST, NO_PULSE, NOT_ACTIVE, STOPPED, TOO_OLD, WRONG_COUNT, AppliedPulses
-from snr_sim.testing.pwm_telemetry import AppliedSample, check_answer, check_applied, check_health, check_stamp, require
+from snr_sim.prelude.signals import (
+    CLAMPED,
+    LOST,
+    NO_PULSE,
+    NOT_ACTIVE,
+    SLEWING,
+    STOPPED,
+    TOO_OLD,
+    WRONG_COUNT,
+    AppliedPulses,
+)
+from snr_sim.testing.contracts import require
 
-STOP_US = 1500.0
-TICK_S = 0.02
-TIMEOUT_S = 10.0  # for arming, and for slow slews
-AT_ONCE_S = 0.05  # a line, and two frames of pulses; well inside the lease
+_STOP_US = 1500.0
+_TICK_S = 0.02
+_TIMEOUT_S = 10.0  # for arming, and for slow slews
+_AT_ONCE_S = 0.05  # a line, and two frames of pulses; well inside the lease
+_STATES = ("unconfigured", "inactive", "activating", "active", "error", "closed")
+_REASONS = (CLAMPED, SLEWING, NO_PULSE, WRONG_COUNT, TOO_OLD, NOT_ACTIVE, STOPPED, LOST)
+_OF_A_STEP = 1e-3  # pulses are whole steps, except for rounding
 
 
 class PwmBench(Protocol):
@@ -72,7 +85,7 @@ def check_pwm_out(bench: PwmBench) -> None:
         finally:
             out.close()
             out.close()
-        check_health(out)
+        _check_health(out)
         require(out.health().state == "closed", f"after close() the state is '{out.health().state}'")
         out.deactivate("checked")  # safe at any time
 
@@ -82,32 +95,32 @@ class _Pilot:
 
     def __init__(self, bench: PwmBench, out: PwmOut) -> None:
         self.bench, self.out = bench, out
-        self.still, self.fast = [STOP_US] * out.channels, [STOP_US + 200.0] * out.channels
+        self.still, self.fast = [_STOP_US] * out.channels, [_STOP_US + 200.0] * out.channels
 
     def write(self, pulses_us: Sequence[Any]) -> AppliedPulses:
         """Write once."""
         stamp_s = self.bench.now_s()
         applied = self.out.write_us(pulses_us, stamp_s)
-        check_answer(self.out, applied, stamp_s)
+        _check_answer(self.out, applied, stamp_s)
         return applied
 
     def hold(self, pulses_us: Sequence[Any], seconds: float) -> AppliedPulses:
         """Write the same for some time; return the last answer."""
         applied = self.write(pulses_us)
-        for _ in range(round(seconds / TICK_S)):
-            self.bench.advance(TICK_S)
+        for _ in range(round(seconds / _TICK_S)):
+            self.bench.advance(_TICK_S)
             applied = self.write(pulses_us)
         return applied
 
     def until(self, pulses_us: Sequence[Any], is_so: Callable[[AppliedPulses], bool], what: str) -> AppliedPulses:
         """Write the same until something is so."""
         applied = self.write(pulses_us)
-        for _ in range(round(TIMEOUT_S / TICK_S)):
+        for _ in range(round(_TIMEOUT_S / _TICK_S)):
             if is_so(applied):
                 return applied
-            applied = self.hold(pulses_us, TICK_S)
+            applied = self.hold(pulses_us, _TICK_S)
         raise AssertionError(
-            f"Contract violated: {what}; after {TIMEOUT_S} s it answers {applied}, {self.out.health()}."
+            f"Contract violated: {what}; after {_TIMEOUT_S} s it answers {applied}, {self.out.health()}."
         )
 
     def follow(self, pulses_us: Sequence[Any], what: str = "it follows commands") -> AppliedPulses:
@@ -127,7 +140,7 @@ class _Pilot:
 
     def rests(self, applied: AppliedPulses) -> bool:
         """Return whether all are neutral, to a step."""
-        return all(abs(pulse - STOP_US) <= self.out.resolution_us / 2 + 1e-9 for pulse in applied.pulses_us)
+        return all(abs(pulse - _STOP_US) <= self.out.resolution_us / 2 + 1e-9 for pulse in applied.pulses_us)
 
     def check_still(self, when: str, applied: AppliedPulses | None = None) -> AppliedPulses:
         """Check that an answer is neutral on each channel: to a command with thrust, if none is given."""
@@ -170,7 +183,7 @@ def _life(pilot: _Pilot) -> None:
     bench, out = pilot.bench, pilot.out
     low, high = out.limits_us
     require(implements(out, PwmOut), f"{out!r} lacks a member of PwmOut")
-    require(out.channels >= 1 and low < STOP_US < high and 0.0 <= out.resolution_us < 20.0, "channels, limits, steps")
+    require(out.channels >= 1 and low < _STOP_US < high and 0.0 <= out.resolution_us < 20.0, "channels, limits, steps")
     pilot.check_state("unconfigured", "before configure()")
     pilot.check_refused("before configure()")
     pilot.check_still("before configure()")
@@ -193,33 +206,33 @@ def _life(pilot: _Pilot) -> None:
 def _telemetry(pilot: _Pilot) -> None:
     """Bring outputs into each state, and compare their telemetry with that required of all backends."""
     out, still, fast = pilot.out, pilot.still, pilot.fast
-    not_active, stopped = frozenset([NOT_ACTIVE]), frozenset([NOT_ACTIVE, STOPPED])
 
-    def check(pulses_us: Sequence[Any], expected: AppliedSample) -> None:
+    def check(pulses_us: Sequence[Any], after: str, state: str, *reasons: str, has_health_reason: bool = False) -> None:
         pilot.hold(pulses_us, 0.2)
-        check_applied(out, pilot.hold(pulses_us, TICK_S), expected)
+        applied, health = pilot.hold(pulses_us, _TICK_S), out.health()
+        expected = state, frozenset(reasons), has_health_reason
+        found = health.state, frozenset(applied.reason), bool(health.reason)
+        require(found == expected, f"after {after} all outputs tell {expected}, these {found} ({health})")
 
-    check(fast, AppliedSample("nothing", "unconfigured", not_active))
+    check(fast, "nothing", "unconfigured", NOT_ACTIVE)
     out.configure()
-    check(fast, AppliedSample("configure()", "inactive", not_active))
+    check(fast, "configure()", "inactive", NOT_ACTIVE)
     out.activate()
-    check(fast, AppliedSample("activate(), thrust commanded", "activating", not_active, has_reason=True))
+    check(fast, "activate(), thrust commanded", "activating", NOT_ACTIVE, has_health_reason=True)
     pilot.ready()
-    check(still, AppliedSample("neutral", "active"))
-    check(fast, AppliedSample("200 us ahead", "active"))
-    check(
-        [out.limits_us[1] + 500.0] * out.channels, AppliedSample("more than full ahead", "active", frozenset([CLAMPED]))
-    )
-    check([math.nan] * out.channels, AppliedSample("NaN", "active", frozenset([NO_PULSE])))
-    check([*fast, STOP_US], AppliedSample("a pulse too many", "active", frozenset([WRONG_COUNT])))
+    check(still, "neutral", "active")
+    check(fast, "200 us ahead", "active")
+    check([out.limits_us[1] + 500.0] * out.channels, "more than full ahead", "active", CLAMPED)
+    check([math.nan] * out.channels, "NaN", "active", NO_PULSE)
+    check([*fast, _STOP_US], "a pulse too many", "active", WRONG_COUNT)
     out.deactivate("checked")
-    check(fast, AppliedSample("deactivate()", "inactive", not_active, has_reason=True))
+    check(fast, "deactivate()", "inactive", NOT_ACTIVE, has_health_reason=True)
     out.stop()
-    check(fast, AppliedSample("stop()", "inactive", stopped, has_reason=True))
+    check(fast, "stop()", "inactive", NOT_ACTIVE, STOPPED, has_health_reason=True)
     out.clear_stop()
-    check(fast, AppliedSample("clear_stop()", "inactive", not_active, has_reason=True))
+    check(fast, "clear_stop()", "inactive", NOT_ACTIVE, has_health_reason=True)
     out.close()
-    check(fast, AppliedSample("close()", "closed", not_active, has_reason=True))
+    check(fast, "close()", "closed", NOT_ACTIVE, has_health_reason=True)
 
 
 def _pulses(pilot: _Pilot) -> None:
@@ -247,7 +260,7 @@ def _nonsense(pilot: _Pilot) -> None:
     pilot.ready()
     no_pulses: list[Any] = [math.nan, math.inf, -math.inf, None, "1500", [], True]
     cases: list[tuple[Any, str]] = [([one, *fast[1:]], NO_PULSE) for one in no_pulses]
-    for bad, reason in [*cases, (fast[1:], WRONG_COUNT), ([*fast, STOP_US], WRONG_COUNT), ([], WRONG_COUNT)]:
+    for bad, reason in [*cases, (fast[1:], WRONG_COUNT), ([*fast, _STOP_US], WRONG_COUNT), ([], WRONG_COUNT)]:
         pilot.follow(fast, "it takes commands again after an invalid one")
         applied = pilot.until(bad, pilot.rests, f"{bad} makes all neutral")
         require(reason in applied.reason, f"{bad} is answered with {applied.reason}, not '{reason}'")
@@ -258,12 +271,14 @@ def _lease(pilot: _Pilot) -> None:
     pilot.push()
     now_s = bench.now_s()
     stamps: list[Any] = [now_s - 2.0 * LEASE_S, now_s + 0.5, math.nan, -math.inf, math.inf, 1e300, None, "now"]
-    for stamp_s in stamps:
-        applied = out.write_us(pilot.fast, stamp_s)
+    for asked_s in stamps:
+        applied = out.write_us(pilot.fast, asked_s)
         require(
-            TOO_OLD in applied.reason, f"a command of {stamp_s} at {bench.now_s()} s is too old, but: {applied.reason}"
+            TOO_OLD in applied.reason, f"a command of {asked_s} at {bench.now_s()} s is too old, but: {applied.reason}"
         )
-        check_stamp(out, applied, bench.now_s())
+        stamp_s = applied.stamp_s  # it has one all the same, as a page needs one
+        is_time = isinstance(stamp_s, float) and math.isfinite(stamp_s) and stamp_s <= bench.now_s()
+        require(is_time, f"{type(out).__name__} answers at {bench.now_s()} s with the stamp {stamp_s!r}")
     pilot.until(pilot.still, lambda one: out.health().state != "active" or not one.reason, "neutral is taken")
     pilot.push()
     if out.has_independent_failsafe:
@@ -275,14 +290,14 @@ def _rearm(pilot: _Pilot) -> None:
     bench, out = pilot.bench, pilot.out
     pilot.push()
     out.deactivate("checked")
-    bench.advance(AT_ONCE_S)
+    bench.advance(_AT_ONCE_S)
     pilot.check_pins(pilot.still, "soon after deactivate()")
     pilot.check_holds_still("0.5 s after deactivate(),")
     out.activate()
     pilot.check_holds_still("activated, and never commanded neutral,")
     pilot.push()
     out.stop()
-    bench.advance(AT_ONCE_S)
+    bench.advance(_AT_ONCE_S)
     pilot.check_pins(pilot.still, "soon after stop()")
     applied = pilot.check_holds_still("0.5 s after an emergency stop,")
     require(STOPPED in applied.reason, f"after an emergency stop the answer has the reason: {applied.reason}")
@@ -322,12 +337,12 @@ def _unplug_early(pilot: _Pilot) -> None:
                 step()
                 pilot.check_state(state, f"on the way to '{requested}'")
         bench.unplug()
-        for _ in range(round(1.0 / TICK_S)):
+        for _ in range(round(1.0 / _TICK_S)):
             pilot.check_still(f"unplugged while {requested}, thrust commanded,")
-            bench.advance(TICK_S)
+            bench.advance(_TICK_S)
         for call in (out.stop, out.clear_stop, lambda: out.deactivate("checked")):
             call()
-            check_health(out)
+            _check_health(out)
         for step in steps.values():
             with suppress(DeviceError):
                 step()
@@ -336,3 +351,32 @@ def _unplug_early(pilot: _Pilot) -> None:
         out.configure()
         pilot.check_state("inactive", "plugged in again")
         out.deactivate("checked")
+
+
+def _check_answer(out: PwmOut, applied: AppliedPulses, stamp_s: float) -> None:
+    """Check the rules for every answer of `write_us` to a command of `stamp_s`, and for the health after it."""
+    require(type(applied) is AppliedPulses, f"write_us() returns AppliedPulses, not {applied!r}")
+    pulses_us, step_us = applied.pulses_us, out.resolution_us
+    low_us, high_us = out.limits_us
+    require(len(pulses_us) == out.channels, f"it answers {pulses_us} for {out.channels} channels")
+    for pulse_us in pulses_us:
+        is_pulse = isinstance(pulse_us, float) and low_us - 1e-9 <= pulse_us <= high_us + 1e-9
+        require(is_pulse, f"it answers {pulse_us!r} us, its limits are {low_us:g} to {high_us:g}")
+        off_us = abs(pulse_us - round(pulse_us / step_us) * step_us) if step_us else 0.0
+        require(off_us <= _OF_A_STEP * step_us, f"it answers {pulse_us!r} us, which is not a multiple of {step_us} us")
+    require(applied.stamp_s == stamp_s, f"a command of {stamp_s} s is answered as one of {applied.stamp_s} s")
+    is_known = set(applied.reason) <= set(_REASONS) and len(set(applied.reason)) == len(applied.reason)
+    require(is_known, f"reasons are some of {_REASONS}, each once, not {applied.reason}")
+    _check_health(out)
+
+
+def _check_health(out: PwmOut) -> None:
+    """Check the rules for the health of outputs at any time."""
+    health = out.health()
+    require(type(health) is Health and health.state in _STATES, f"health().state is one of {_STATES}, not {health}")
+    require(
+        health.state != "active" or not health.reason, f"of active outputs nothing is wrong, but: {health.reason!r}"
+    )
+    require(health.state not in ("activating", "error") or bool(health.reason), f"'{health.state}' has a reason")
+    counted = all(type(count) is int and count >= 0 for count in health.counts.values())
+    require(counted, f"counts are whole numbers from 0 on, not {health.counts}")

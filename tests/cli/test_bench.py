@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from snr_sim.cli.bench_history import append_result, read_history, slower_rows
 from snr_sim.prelude.errors import ParameterError
+from tests.bench.history import append_result, read_history, slower_rows
 
 BENCH = Path(__file__).parents[1] / "bench"
 ALL = sorted(path.stem.removeprefix("bench_") for path in BENCH.glob("bench_*.py"))
@@ -70,7 +70,7 @@ def project(tmp_path: Path) -> Path:
     """A checkout with benchmarks of which one fails, one lacks a package, and one lacks it in part."""
     bench = tmp_path / "tests" / "bench"
     bench.mkdir(parents=True)
-    for name in ("harness.py", "run.py"):
+    for name in ("harness.py", "history.py", "report.py", "run.py"):
         (bench / name).write_text((BENCH / name).read_text())
     for name, code in FILES.items():
         (bench / f"bench_{name}.py").write_text(f"from harness import Row, what_can_run\n{code}")

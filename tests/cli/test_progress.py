@@ -9,7 +9,7 @@ from io import StringIO
 
 import pytest
 
-from snr_sim.cli.progress import progress
+from snr_sim.cli.plain_console import progress
 from snr_sim.core.runners import show_log
 
 
@@ -34,7 +34,7 @@ def at_terminal() -> Iterator[Terminal]:
 def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """The wall clock of the progress line."""
     now_s = [100.0]
-    monkeypatch.setattr("snr_sim.cli.progress.time.monotonic", lambda: now_s[0])
+    monkeypatch.setattr("snr_sim.cli.plain_console.time.monotonic", lambda: now_s[0])
     return now_s
 
 

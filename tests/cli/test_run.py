@@ -180,6 +180,20 @@ WRONG = [
         "did you mean 'pilot'? One of: allow, camera, ",
     ),
     (("run", "urov_teleop", "--option", "port=9130", "--option", "prot=9"), "--option prot=", "did you mean 'port'?"),
+    (
+        ("run", "urov_teleop", "--option", "port=9120", "--option", "port=9121"),
+        "port=9120 and port=9121",
+        "leave one of them out.",
+    ),
+    (("run", "urov_teleop", "--role", "topside", "--speed", "4"), "runs alone, in real time only", "--speed real"),
+    ((*RUN, "--io", "mcu:/dev/ttyNowhere", "--speed", "4"), "uses real devices, which run in real time only", "Try: "),
+    ((*RUN, "--io", "mcu:/dev/ttyNowhere"), "no serial port /dev/ttyNowhere", "Try: "),
+    ((*RUN, "--io", "mcu"), "mcu:PORT", "Try: "),
+    ((*RUN, "--io", "maestro:/dev/null,crc=perhaps"), "crc=yes or crc=no", "Try: "),
+    ((*RUN, "--io", "pca9685:1:0x40,oscillator_hz=nan"), "23e6 to 27e6 Hz", "Try: "),
+    ((*RUN, "--io", "replay:nowhere"), "There is no run at", "Try: "),
+    ((*RUN, "--io", "sin"), "did you mean 'sim'", "Try: "),
+    ((*RUN, "--watch"), "--watch needs --speed", "--watch --speed real"),
     ((*RUN, "--seed", "seven"), "--seed seven: it takes a whole number.", "--seed 3"),
     ((*RUN, "--bogus"), "No such option: --bogus", "--help"),
     (("runn",), "No such command", "--help"),
@@ -478,13 +492,6 @@ def test_watched_run_reloads_controller_and_replay_notes_it(snr: Snr, here: Path
     assert "Changed since the run: controller/mine.py. This replay executes it as it was recorded" in replayed.err
 
 
-def test_fast_run_rejects_watch(snr: Snr, here: Path) -> None:
-    answer = snr(*RUN, "--watch")
-    assert answer.status == 2
-    assert "--watch --speed real" in answer.err
-    assert list(here.iterdir()) == []
-
-
 # Metrics
 
 UNMEASURED = """
@@ -502,31 +509,6 @@ def test_non_finite_metrics_are_null_in_json_and_words_in_text(snr: Snr, here: P
     assert printed == {**dict.fromkeys(("settling_s", "error_m", "worst_m"), "not reached"), "depth_m": "1.500"}
     fields = json.loads((run_folder(here) / RESULT_NAME).read_text(), parse_constant=pytest.fail)
     assert [fields[name] for name in printed] == [None, None, None, 1.5]
-
-
-@pytest.mark.parametrize(
-    ("io", "expected"),
-    [
-        ("mcu:/dev/ttyNowhere", "no serial port /dev/ttyNowhere"),
-        ("mcu", "mcu:PORT"),
-        ("maestro:/dev/null,crc=perhaps", "crc=yes or crc=no"),
-        ("pca9685:1:0x40,oscillator_hz=nan", "23e6 to 27e6 Hz"),
-        ("replay:nowhere", "There is no run at"),
-        ("sin", "did you mean 'sim'"),
-    ],
-)
-def test_missing_devices_are_reported_before_the_run(snr: Snr, here: Path, io: str, expected: str) -> None:
-    answer = snr(*RUN, "--io", io)
-    assert answer.status == 2
-    assert expected in answer.err
-    assert_nothing_written(here)
-
-
-def test_real_devices_reject_other_speed(snr: Snr, here: Path) -> None:
-    answer = snr(*RUN, "--io", "mcu:/dev/ttyNowhere", "--speed", "4")
-    assert answer.status == 2
-    assert "uses real devices, which run in real time only" in answer.err
-    assert_nothing_written(here)
 
 
 @pytest.mark.parametrize("io", ["mcu:/dev/ttyNowhere", "pi"])

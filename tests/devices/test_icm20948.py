@@ -10,10 +10,10 @@ from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError, ParameterError
 from snr_sim.prelude.signals import ImuReading
-from snr_sim.testing.busio_bus import BusioBus
 from snr_sim.testing.contracts import check_sensor
 from snr_sim.testing.fake_i2c import FakeBus
 from snr_sim.testing.fake_icm20948 import FakeAk09916, FakeIcm20948
+from tests.devices.busio_bus import BusioBus
 
 
 class Bench:

@@ -10,9 +10,9 @@ from snr_sim.devices.pwm.pca9685 import PRE_SCALE, Pca9685
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.prelude.errors import DeviceError, ParameterError
 from snr_sim.prelude.signals import LOST
-from snr_sim.testing.busio_bus import BusioBus
 from snr_sim.testing.fake_i2c import FakeBus, FakePca9685
 from snr_sim.testing.pwm_contract import check_pwm_out
+from tests.devices.busio_bus import BusioBus
 
 
 class Bench:

@@ -2,6 +2,7 @@
 
 import json
 import math
+import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -93,48 +94,29 @@ def test_scenario_that_cannot_start_raises_with_reason(scenario: Scenario, old: 
     assert not Path("runs").exists()
 
 
-@pytest.mark.parametrize(
-    ("returned", "expected"),
-    [
-        ("None", "which has no components for the role 'lander'"),
-        ("[]", "which has no components for the role 'lander'"),
-        ('{"landr": []}', "which has no components for the role 'lander'"),
-        ('{"lander": 5}', "which has no components for the role 'lander'"),
-        ("1 / 0", "robot.py, line "),
-    ],
-)
-def test_robot_with_invalid_roles_raises_with_reason(scenario: Scenario, returned: str, expected: str) -> None:
-    import shutil
-
-    shutil.copytree(find("robots", "lander").path, "robots/lander")
-    robot = Path("robots/lander/robot.py")
-    text = robot.read_text()
-    wired = '    return {"lander": [*sensors, *controller, engine]}'
-    assert wired in text
-    robot.write_text(text.replace(wired, f"    return {returned}"))
-    with pytest.raises(ConfigError) as caught:
-        record("lander_vertical")
-    assert expected in str(caught.value)
-    assert not Path("runs").exists()
+ROLES = '    return {"lander": [*sensors, *controller, engine]}'
+WRAPPED = "        return context.plant\n"
 
 
 @pytest.mark.parametrize(
-    ("returned", "expected"),
+    ("old", "new", "expected"),
     [
-        ("5", "robot.py: wrap_plant(context) returned 5, which is not a plant"),
-        ("None", "returned None, which is not a plant"),
-        ("1 / 0", "ZeroDivisionError"),
+        (ROLES, "    return None", "which has no components for the role 'lander'"),
+        (ROLES, "    return []", "which has no components for the role 'lander'"),
+        (ROLES, '    return {"landr": []}', "which has no components for the role 'lander'"),
+        (ROLES, '    return {"lander": 5}', "which has no components for the role 'lander'"),
+        (ROLES, "    return 1 / 0", "robot.py, line "),
+        (WRAPPED, "        return 5\n", "robot.py: wrap_plant(context) returned 5, which is not a plant"),
+        (WRAPPED, "        return None\n", "returned None, which is not a plant"),
+        (WRAPPED, "        return 1 / 0\n", "ZeroDivisionError"),
     ],
 )
-def test_wrap_plant_that_returns_non_plant_raises(scenario: Scenario, returned: str, expected: str) -> None:
-    import shutil
-
+def test_robot_that_cannot_start_raises_with_reason(scenario: Scenario, old: str, new: str, expected: str) -> None:
     shutil.copytree(find("robots", "lander").path, "robots/lander")
     robot = Path("robots/lander/robot.py")
     text = robot.read_text()
-    kept = "        return context.plant\n"
-    assert text.count(kept) == 1
-    robot.write_text(text.replace(kept, f"        return {returned}\n"))
+    assert text.count(old) == 1
+    robot.write_text(text.replace(old, new))
     with pytest.raises(ConfigError) as caught:
         record("lander_vertical")
     assert expected in str(caught.value)

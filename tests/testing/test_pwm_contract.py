@@ -83,33 +83,15 @@ class Answers(Good):
     def changed(self, applied: AppliedPulses) -> AppliedPulses:
         return applied
 
-    def without(self, word: str, applied: AppliedPulses) -> AppliedPulses:
-        return msgspec.structs.replace(applied, reason=[one for one in applied.reason if one != word])
 
+def omitting(word: str) -> type[Good]:
+    """Return a class whose answers lack a reason."""
 
-class OmitsClamped(Answers):
-    def changed(self, applied: AppliedPulses) -> AppliedPulses:
-        return self.without(CLAMPED, applied)
+    class Omits(Answers):
+        def changed(self, applied: AppliedPulses) -> AppliedPulses:
+            return msgspec.structs.replace(applied, reason=[one for one in applied.reason if one != word])
 
-
-class OmitsNoPulse(Answers):
-    def changed(self, applied: AppliedPulses) -> AppliedPulses:
-        return self.without(NO_PULSE, applied)
-
-
-class OmitsTooOld(Answers):
-    def changed(self, applied: AppliedPulses) -> AppliedPulses:
-        return self.without(TOO_OLD, applied)
-
-
-class OmitsStopped(Answers):
-    def changed(self, applied: AppliedPulses) -> AppliedPulses:
-        return self.without(STOPPED, applied)
-
-
-class OmitsNotActive(Answers):
-    def changed(self, applied: AppliedPulses) -> AppliedPulses:
-        return self.without(NOT_ACTIVE, applied)
+    return Omits
 
 
 class ReportsUnknownReason(Answers):
@@ -237,11 +219,11 @@ class ForgetsThatItIsClosed(Good):
 @pytest.mark.parametrize(
     ("kind", "words"),
     [
-        (OmitsClamped, "after more than full ahead all outputs tell .*clamped"),
-        (OmitsNoPulse, "after NaN all outputs tell .*no pulse"),
-        (OmitsTooOld, "is too old, but"),
-        (OmitsStopped, r"after stop\(\) all outputs tell .*stopped"),
-        (OmitsNotActive, r"before activate\(\) the answer has the reason"),
+        (omitting(CLAMPED), "after more than full ahead all outputs tell .*clamped"),
+        (omitting(NO_PULSE), "after NaN all outputs tell .*no pulse"),
+        (omitting(TOO_OLD), "is too old, but"),
+        (omitting(STOPPED), r"after stop\(\) all outputs tell .*stopped"),
+        (omitting(NOT_ACTIVE), r"before activate\(\) the answer has the reason"),
         (ReportsUnknownReason, "reasons are some of .*tired"),
         (RepeatsReasons, "each once, not"),
         (ReturnsWrongStamp, r"a command of 10.\d* s is answered as one of 9"),

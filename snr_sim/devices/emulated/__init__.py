@@ -14,11 +14,4 @@ if TYPE_CHECKING:
     from snr_sim.devices.emulated.lock_step import ProcessorInLoopPlant as ProcessorInLoopPlant
     from snr_sim.devices.emulated.toolchain import firmware_elf as firmware_elf
 else:
-    __all__, __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "snr_sim.devices.emulated.board": "Board EmulatedPort",
-            "snr_sim.devices.emulated.lock_step": "ProcessorInLoopPlant",
-            "snr_sim.devices.emulated.toolchain": "firmware_elf",
-        },
-    )
+    __all__, __getattr__, __dir__ = lazy_names(__name__)

@@ -9,10 +9,4 @@ if TYPE_CHECKING:
     from snr_sim.devices.wire.serial_port import BytePort as BytePort
     from snr_sim.devices.wire.serial_port import SerialPort as SerialPort
 else:
-    __all__, __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "snr_sim.devices.wire.serial_port": "SerialPort BytePort",
-            "snr_sim.devices.wire.i2c_bus": "I2cBus",
-        },
-    )
+    __all__, __getattr__, __dir__ = lazy_names(__name__)

@@ -1,4 +1,4 @@
-"""Parts of `i2c_parts` behind the calls of CircuitPython's `busio.I2C`: so that drivers for that run against them, too.
+"""Parts of `testing/fake_i2c.py` behind the calls of CircuitPython's `busio.I2C`, for drivers that run against those.
 
 PCA9685(BusioBus({0x40: FakePca9685()}))        # adafruit_pca9685, which is not ours
 """
