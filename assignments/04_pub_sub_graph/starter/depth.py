@@ -3,27 +3,18 @@
 from laws import Rate, lift_force_n
 from shared import BOARD
 
-from snr_sim import Endpoint, EndpointFactory, TaskType
+from snr_sim import Endpoint, handles
 
 
-def factories(robot):
-    return [DepthFactory()]
-
-
-class DepthFactory(EndpointFactory):
-    def get(self, parent):
-        return Depth(self, parent, "depth_hold")
-
-
-class Depth(Endpoint):
+class DepthHold(Endpoint):
     def __init__(self, factory, parent, name):
         super().__init__(factory, parent, name)
         self.mixer = parent.components["mixer"]
         self.target_m = None
         self.rate = Rate()
-        self.task_handlers = {(TaskType.process_data, "imu"): self.on_imu}
 
-    def on_imu(self, task, task_id):
+    @handles("imu")
+    def on_imu(self, imu):
         controls, depth = self.get_data("controls"), self.get_data("depth")
         if controls is None or depth is None:
             return
@@ -37,3 +28,7 @@ class Depth(Endpoint):
         if self.target_m is None:
             self.target_m = depth["depth_m"]
         self.mixer.force_n = lift_force_n(self.target_m, depth["depth_m"], rate_mps)
+
+
+def factories(robot):
+    return [DepthHold.factory()]

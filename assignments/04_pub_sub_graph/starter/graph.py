@@ -3,13 +3,13 @@
 Step 1 of the README: put the factories in another order, and fly again.
 """
 
-from depth import DepthFactory
-from heading import HeadingFactory
-from mixer import MixerFactory
-from telling import StatusPublisherFactory
+from depth import DepthHold
+from heading import Heading
+from mixer import Mixer
+from telling import StatusPublisher
 
 OPTIONS = {"heading": "who keeps the heading: plain, or gentle"}
 
 
 def factories(robot):
-    return [MixerFactory(), HeadingFactory(), DepthFactory(), StatusPublisherFactory()]
+    return [Mixer.factory(), Heading.factory(), DepthHold.factory(), StatusPublisher.factory()]

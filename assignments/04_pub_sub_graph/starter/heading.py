@@ -3,26 +3,17 @@
 from laws import turn_moment_nm
 from shared import BOARD
 
-from snr_sim import Endpoint, EndpointFactory, TaskType
-
-
-def factories(robot):
-    return [HeadingFactory()]
-
-
-class HeadingFactory(EndpointFactory):
-    def get(self, parent):
-        return Heading(self, parent, "heading")
+from snr_sim import Endpoint, handles
 
 
 class Heading(Endpoint):
     def __init__(self, factory, parent, name):
         super().__init__(factory, parent, name)
         self.target_rad = None
-        self.task_handlers = {(TaskType.process_data, "imu"): self.on_imu}
 
-    def on_imu(self, task, task_id):
-        controls, imu = self.get_data("controls"), self.get_data("imu")
+    @handles("imu")
+    def on_imu(self, imu):
+        controls = self.get_data("controls")
         if controls is None:
             return
         BOARD["is_armed"] = controls["is_armed"]
@@ -35,3 +26,7 @@ class Heading(Endpoint):
         if self.target_rad is None:
             self.target_rad = imu["yaw_rad"]
         BOARD["moment_nm"] = turn_moment_nm(self.target_rad, imu["yaw_rad"], imu["rate_radps"][2])
+
+
+def factories(robot):
+    return [Heading.factory()]

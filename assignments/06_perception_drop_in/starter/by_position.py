@@ -5,30 +5,17 @@ page "position_fix" --> where in the picture the plate would be --> page "target
 
 import math
 
-from steer import SteerFactory
+from steer import Steer
 
-from snr_sim import Endpoint, EndpointFactory, TaskType
+from snr_sim import Endpoint, handles
 
 PLATE_DEPTH_M = 3.9
 PIXEL = 2.0 * math.tan(math.radians(40.0)) / 64.0  # how wide a pixel is, 1 m away
 
 
-def factories(robot):
-    return [ByPositionFactory(), SteerFactory(robot.parameters)]
-
-
-class ByPositionFactory(EndpointFactory):
-    def get(self, parent):
-        return ByPosition(self, parent, "by_position")
-
-
 class ByPosition(Endpoint):
-    def __init__(self, factory, parent, name):
-        super().__init__(factory, parent, name)
-        self.task_handlers = {(TaskType.process_data, "position_fix"): self.on_position_fix}
-
-    def on_position_fix(self, task, task_id):
-        fix = self.get_data("position_fix")
+    @handles("position_fix")
+    def on_position_fix(self, fix):
         target = {"mode": "stop", "right_px": 0.0, "down_px": 0.0, "stamp_s": fix["stamp_s"]}
         if self.get_time_s() - fix["stamp_s"] < 1.0:
             x, y, z = fix["position_m"]
@@ -39,3 +26,7 @@ class ByPosition(Endpoint):
             target["right_px"] = -left_m / above_m / PIXEL
             target["down_px"] = -ahead_m / above_m / PIXEL
         return self.store_data_task("target", target)
+
+
+def factories(robot):
+    return [ByPosition.factory(), Steer.factory(parameters=robot.parameters)]

@@ -4,18 +4,9 @@ page "camera" --> where in the picture the plate is --> page "target" --> steer.
 """
 
 import numpy as np
-from steer import SteerFactory
+from steer import Steer
 
-from snr_sim import Endpoint, EndpointFactory, TaskType
-
-
-def factories(robot):
-    return [PerceptionFactory(), SteerFactory(robot.parameters)]
-
-
-class PerceptionFactory(EndpointFactory):
-    def get(self, parent):
-        return Perception(self, parent, "perception")
+from snr_sim import Endpoint, TaskType
 
 
 class Perception(Endpoint):
@@ -45,3 +36,7 @@ def find_plate(rgb):
         return None
     # Step 3: which of these belong together? And this is counted from the top left corner, not from the middle.
     return float(columns.mean()), float(rows.mean())
+
+
+def factories(robot):
+    return [Perception.factory(), Steer.factory(parameters=robot.parameters)]

@@ -5,13 +5,13 @@ page "sticks" --> topside.py --> page "controls" ======> vehicle.py --> page "pw
 page "alarm" <--- topside.py <====================== page "vehicle" <--'
 """
 
-from topside import TopsideFactory
-from vehicle import VehicleFactory
+from topside import Topside
+from vehicle import Vehicle
 
 ROLES = ("urov", "topside")
 
 
 def factories(robot):
     if robot.role == "topside":
-        return [TopsideFactory()]
-    return [VehicleFactory()]
+        return [Topside.factory()]
+    return [Vehicle.factory()]

@@ -7,15 +7,10 @@ page "imu" comes, 50 times a second ------+--> page "pwm", and five times less o
 from telling import vehicle_status
 from thrusters import neutral_us, pulses_us
 
-from snr_sim import Endpoint, EndpointFactory, TaskType
+from snr_sim import Endpoint, handles
 
 COUNTS_S = 0.45  # how long a command counts after it was made
 IMU_PAGES_PER_STATUS = 5  # answers to "imu"
-
-
-class VehicleFactory(EndpointFactory):
-    def get(self, parent):
-        return Vehicle(self, parent, "vehicle")
 
 
 class Vehicle(Endpoint):
@@ -23,16 +18,14 @@ class Vehicle(Endpoint):
         super().__init__(factory, parent, name)
         self.command = None
         self.answers = 0
-        self.task_handlers = {
-            (TaskType.process_data, "controls"): self.on_controls,
-            (TaskType.process_data, "imu"): self.on_imu,
-        }
 
-    def on_controls(self, task, task_id):
+    @handles("controls")
+    def on_controls(self, controls):
         # Step 3: a page that has overtaken another one is followed by an older one.
-        self.command = self.get_data("controls")
+        self.command = controls
 
-    def on_imu(self, task, task_id):
+    @handles("imu")
+    def on_imu(self, imu):
         counts = self.counts()
         is_armed = self.command is not None and self.command["is_armed"]
         pulses = neutral_us()
@@ -41,7 +34,7 @@ class Vehicle(Endpoint):
         answer = [self.store_data_task("pwm", {"pulses_us": pulses, "is_armed": is_armed}, process=False)]
         self.answers += 1
         if self.answers % IMU_PAGES_PER_STATUS == 1:
-            answer.append(self.store_data_task("vehicle", vehicle_status(self.command, counts, self.get_data("imu"))))
+            answer.append(self.store_data_task("vehicle", vehicle_status(self.command, counts, imu)))
         return answer
 
     def counts(self):

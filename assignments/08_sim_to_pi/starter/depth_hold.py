@@ -6,20 +6,11 @@ page "controls" --+--> page "imu" comes, 50 times a second --> page "pwm": a pul
 
 from telling import vehicle_status
 
-from snr_sim import Endpoint, EndpointFactory, TaskType
+from snr_sim import Endpoint, handles
 
 STOP_US = 1500.0
 # The four thrusters that push up and down: channel, and +1 if a pulse above 1500 pushes the vehicle up.
 VERTICAL = {4: +1.0, 5: -1.0, 6: -1.0, 7: +1.0}
-
-
-def factories(robot):
-    return [DepthHoldFactory()]
-
-
-class DepthHoldFactory(EndpointFactory):
-    def get(self, parent):
-        return DepthHold(self, parent, "depth_hold")
 
 
 class DepthHold(Endpoint):
@@ -27,9 +18,9 @@ class DepthHold(Endpoint):
         super().__init__(factory, parent, name)
         self.target_m = None
         self.is_stopped = False
-        self.task_handlers = {(TaskType.process_data, "imu"): self.on_tick}
 
-    def on_tick(self, task, task_id):
+    @handles("imu")
+    def on_tick(self, imu):
         controls = self.get_data("controls")
         depth = self.get_data("depth")
         pulses_us = [STOP_US] * 8
@@ -41,7 +32,7 @@ class DepthHold(Endpoint):
                 up_n = self.up_force_n(depth["depth_m"])
                 for channel, sign in VERTICAL.items():
                     pulses_us[channel] = pulse_us(sign * up_n / len(VERTICAL))
-        vehicle = vehicle_status(controls, self.target_m, self.is_stopped, self.get_data("imu"))
+        vehicle = vehicle_status(controls, self.target_m, self.is_stopped, imu)
         return [
             # Outputs that are not armed stay at neutral, whatever the pulses say.
             self.store_data_task("pwm", {"pulses_us": pulses_us, "is_armed": bool(may_push)}, process=False),
@@ -63,3 +54,7 @@ def pulse_us(thrust_n):
     """Return the pulse that makes a thruster push so hard; negative is astern."""
     # Step 2: nothing turns within 30 us of 1500, and from there on thrust does not grow in a straight line.
     return STOP_US + 5.0 * thrust_n
+
+
+def factories(robot):
+    return [DepthHold.factory()]

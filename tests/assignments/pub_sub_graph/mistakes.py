@@ -28,7 +28,7 @@ MISTAKES = {
                 "from laws import STOP_US, pulses_us\n",
                 "from laws import STOP_US, pulses_us\nfrom shared import BOARD\n",
             ),
-            replace("mixer.py", 'self.turn = self.get_data("turn")', "self.turn = BOARD"),
+            replace("mixer.py", "self.turn = turn", "self.turn = BOARD"),
             write("shared.py", 'BOARD = {"stamp_s": None, "moment_nm": 0.0}\n'),
         ],
     ),
@@ -53,17 +53,17 @@ MISTAKES = {
         lost={"heading_alone": 12.0, "dropped_in": 12.0},
         hint="handle every page 'controls'",
         changes=[
-            replace("heading.py", '            (TaskType.process_data, "controls"): self.on_controls,\n', ""),
             replace(
                 "heading.py",
-                '    def on_controls(self, task, task_id):\n        controls = self.get_data("controls")\n',
+                '    @handles("controls")\n    def on_controls(self, controls):\n',
                 "    def apply(self, controls):\n",
             ),
             replace(
                 "heading.py",
-                '        imu = self.get_data("imu")\n',
+                "    def on_imu(self, imu):\n",
                 """\
-        imu, controls = self.get_data("imu"), self.get_data("controls")
+    def on_imu(self, imu):
+        controls = self.get_data("controls")
         if controls is not None:
             self.apply(controls)
 """,
@@ -94,24 +94,12 @@ MISTAKES = {
             replace("depth.py", "self.depth_m = None", "self.rate_mps = 0.0"),
             replace(
                 "depth.py",
-                """\
-            (TaskType.process_data, "controls"): self.on_controls,
-            (TaskType.process_data, "imu"): self.on_imu,
-""",
-                """\
-            (TaskType.process_data, "imu"): self.on_imu,
-            (TaskType.process_data, "depth"): self.on_depth,
-            (TaskType.process_data, "controls"): self.on_controls,
-""",
-            ),
-            replace(
-                "depth.py",
                 '            self.target_m = controls["depth_m"]\n\n',
                 """\
             self.target_m = controls["depth_m"]
 
-    def on_depth(self, task, task_id):
-        depth = self.get_data("depth")
+    @handles("depth")
+    def on_depth(self, depth):
         self.rate_mps = self.rate.update(depth["depth_m"], depth["stamp_s"])
 
 """,
@@ -129,37 +117,27 @@ MISTAKES = {
         lost={"in_any_order": 20.0},
         hint="each handler finds the pair complete",
         changes=[
+            replace("mixer.py", "        self.turn = None\n        self.lift = None\n", ""),
             replace(
                 "mixer.py",
                 """\
-        self.turn = None
-        self.lift = None
-        self.task_handlers = {
-            (TaskType.process_data, "turn"): self.on_turn,
-            (TaskType.process_data, "lift"): self.on_lift,
-""",
-                """\
-        self.task_handlers = {
-            (TaskType.process_data, "turn"): self.on_any,
-            (TaskType.process_data, "lift"): self.on_any,
-""",
-            ),
-            replace(
-                "mixer.py",
-                """\
-    def on_turn(self, task, task_id):
-        self.turn = self.get_data("turn")
+    @handles("turn")
+    def on_turn(self, turn):
+        self.turn = turn
         return self.mixed()
 
-    def on_lift(self, task, task_id):
-        self.lift = self.get_data("lift")
+    @handles("lift")
+    def on_lift(self, lift):
+        self.lift = lift
         return self.mixed()
 
     def mixed(self):
         if self.turn is None or self.lift is None or self.turn["stamp_s"] != self.lift["stamp_s"]:
 """,
                 """\
-    def on_any(self, task, task_id):
+    @handles("turn", task=True)
+    @handles("lift", task=True)
+    def on_any(self, task):
         turn, lift = self.get_data("turn"), self.get_data("lift")
         if turn is None or lift is None or turn["stamp_s"] != lift["stamp_s"]:
 """,
@@ -185,27 +163,22 @@ MISTAKES = {
             replace(
                 "mixer.py",
                 """\
-            (TaskType.process_data, "turn"): self.on_turn,
-            (TaskType.process_data, "lift"): self.on_lift,
-""",
-                '            (TaskType.process_data, "imu"): self.on_imu,\n',
-            ),
-            replace(
-                "mixer.py",
-                """\
-    def on_turn(self, task, task_id):
-        self.turn = self.get_data("turn")
+    @handles("turn")
+    def on_turn(self, turn):
+        self.turn = turn
         return self.mixed()
 
-    def on_lift(self, task, task_id):
-        self.lift = self.get_data("lift")
+    @handles("lift")
+    def on_lift(self, lift):
+        self.lift = lift
         return self.mixed()
 
     def mixed(self):
         if self.turn is None or self.lift is None or self.turn["stamp_s"] != self.lift["stamp_s"]:
 """,
                 """\
-    def on_imu(self, task, task_id):
+    @handles("imu")
+    def on_imu(self, imu):
         self.turn, self.lift = self.get_data("turn"), self.get_data("lift")
         if self.turn is None or self.lift is None:
 """,
@@ -217,19 +190,21 @@ MISTAKES = {
         lost={"mixer_alone": 20.0},
         hint="The first page of a pair has no partner yet",
         changes=[
-            replace("mixer.py", '            (TaskType.process_data, "turn"): self.on_turn,\n', ""),
             replace(
                 "mixer.py",
                 """\
-    def on_turn(self, task, task_id):
-        self.turn = self.get_data("turn")
+    @handles("turn")
+    def on_turn(self, turn):
+        self.turn = turn
         return self.mixed()
 
-    def on_lift(self, task, task_id):
-        self.lift = self.get_data("lift")
+    @handles("lift")
+    def on_lift(self, lift):
+        self.lift = lift
 """,
                 """\
-    def on_lift(self, task, task_id):
+    @handles("lift")
+    def on_lift(self, lift):
         self.turn, self.lift = self.get_data("turn"), self.get_data("lift")
 """,
             ),
@@ -243,16 +218,16 @@ MISTAKES = {
         changes=[
             replace(
                 "mixer.py",
-                "from snr_sim import Endpoint, EndpointFactory, TaskType\n",
+                "from snr_sim import Endpoint, handles\n",
                 """\
-from snr_sim import Endpoint, EndpointFactory, TaskType
+from snr_sim import Endpoint, handles
 
 WAITING = {}
 """,
             ),
             replace("mixer.py", "        self.turn = None\n        self.lift = None\n", ""),
-            replace("mixer.py", 'self.turn = self.get_data("turn")', 'WAITING["turn"] = self.get_data("turn")'),
-            replace("mixer.py", 'self.lift = self.get_data("lift")', 'WAITING["lift"] = self.get_data("lift")'),
+            replace("mixer.py", "self.turn = turn", 'WAITING["turn"] = turn'),
+            replace("mixer.py", "self.lift = lift", 'WAITING["lift"] = lift'),
             replace(
                 "mixer.py",
                 """\
@@ -281,14 +256,14 @@ WAITING = {}
         lost={"holds_heading": 6.0},
         hint="does graph.py put gentle.py in heading's place?",
         changes=[
-            replace("graph.py", "from gentle import GentleFactory\n", ""),
+            replace("graph.py", "from gentle import Gentle\n", ""),
             replace(
                 "graph.py",
                 """\
-    turns = GentleFactory() if robot.options.get("heading") == "gentle" else HeadingFactory()
-    return [turns, DepthFactory(), MixerFactory(), StatusPublisherFactory()]
+    turns = Gentle if robot.options.get("heading") == "gentle" else Heading
+    return [turns.factory("heading"), DepthHold.factory(), Mixer.factory(), StatusPublisher.factory()]
 """,
-                "    return [HeadingFactory(), DepthFactory(), MixerFactory(), StatusPublisherFactory()]\n",
+                "    return [Heading.factory(), DepthHold.factory(), Mixer.factory(), StatusPublisher.factory()]\n",
             ),
         ],
     ),

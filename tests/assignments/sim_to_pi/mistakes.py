@@ -46,14 +46,14 @@ MISTAKES = {
         lost={"stop": 3.333},
         hint="A stop that was sent in one page only was missed",
         changes=[
-            replace("depth_hold.py", '            (TaskType.process_data, "controls"): self.on_controls,\n', ""),
+            replace("depth_hold.py", '    @handles("controls")\n', ""),
             replace(
                 "depth_hold.py",
                 "        pulses_us = [STOP_US] * 8\n",
                 """\
         pulses_us = [STOP_US] * 8
         if controls is not None:
-            self.on_controls(task, task_id)
+            self.on_controls(controls)
 """,
             ),
         ],

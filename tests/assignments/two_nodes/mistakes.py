@@ -13,10 +13,9 @@ MISTAKES = {
                 """\
         made_s = self.get_time_s() - self.get_age_s("controls")
         if made_s > self.made_s:
-            self.command, self.made_s = self.get_data("controls"), made_s
+            self.command, self.made_s = controls, made_s
 """,
                 """\
-        controls = self.get_data("controls")
         if self.command is None or controls["number"] > self.command["number"]:
             self.command, self.made_s = controls, self.get_time_s()
 """,
@@ -39,10 +38,10 @@ MISTAKES = {
                 """\
         made_s = self.get_time_s() - self.get_age_s("controls")
         if made_s > self.made_s:
-            self.command, self.made_s = self.get_data("controls"), made_s
+            self.command, self.made_s = controls, made_s
 """,
                 """\
-        self.command, self.made_s = self.get_data("controls"), self.get_time_s() - self.get_age_s("controls")
+        self.command, self.made_s = controls, self.get_time_s() - self.get_age_s("controls")
 """,
             )
         ],
@@ -61,16 +60,13 @@ MISTAKES = {
             replace(
                 "topside.py",
                 """\
-        return [
-            self.store_data_task("controls", self.get_data("sticks")),
-            self.store_data_task("alarm", {"state": state}),
-        ]
+        return [self.store_data_task("controls", sticks), self.store_data_task("alarm", {"state": state})]
 """,
                 """\
         alarm = self.store_data_task("alarm", {"state": state})
         if state == "lost":
             return alarm
-        return [self.store_data_task("controls", self.get_data("sticks")), alarm]
+        return [self.store_data_task("controls", sticks), alarm]
 """,
             )
         ],
@@ -97,9 +93,9 @@ MISTAKES = {
         changes=[
             replace(
                 "vehicle.py",
-                '            self.command, self.made_s = self.get_data("controls"), made_s\n',
+                "            self.command, self.made_s = controls, made_s\n",
                 """\
-            self.command, self.made_s = self.get_data("controls"), made_s
+            self.command, self.made_s = controls, made_s
         return self.store_data_task("pwm", self.pwm(), process=False)
 
     def pwm(self):

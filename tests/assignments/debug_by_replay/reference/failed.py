@@ -9,7 +9,7 @@ page "radar" --> estimator --> page "estimate" --> planner --> page "plan" --> t
 
 import math
 
-from snr_sim import Endpoint, EndpointFactory, TaskType
+from snr_sim import Endpoint, handles
 
 GRAVITY_MPS2 = 1.62
 THRUST_N = 45040.0  # of the engine at full throttle
@@ -22,37 +22,15 @@ DROP_M, SLOW_MPS = 0.3, 2.8  # this low, and slower than this, the engine may go
 RESPONSE_S = 1.0  # in this time an error in velocity is to be taken out
 
 
-def factories(robot):
-    return [
-        EstimatorFactory(),
-        PlannerFactory(),
-        ThrottlerFactory(robot.parameters.mass_kg),
-    ]
-
-
-class EstimatorFactory(EndpointFactory):
-    def get(self, parent):
-        return Estimator(self, parent, "estimator")
-
-
 class Estimator(Endpoint):
     """Says how high and how fast the module is now."""
 
-    def __init__(self, factory, parent, name):
-        super().__init__(factory, parent, name)
-        self.task_handlers = {(TaskType.process_data, "radar"): self.on_radar}
-
-    def on_radar(self, task, task_id):
-        radar = self.get_data("radar")
+    @handles("radar")
+    def on_radar(self, radar):
         late_s = self.get_time_s() - radar["stamp_s"]
         velocity_mps = radar["velocity_mps"]
         height_m = radar["altitude_m"] - velocity_mps * late_s
         return self.store_data_task("estimate", {"height_m": height_m, "velocity_mps": velocity_mps})
-
-
-class PlannerFactory(EndpointFactory):
-    def get(self, parent):
-        return Planner(self, parent, "planner")
 
 
 class Planner(Endpoint):
@@ -61,10 +39,9 @@ class Planner(Endpoint):
     def __init__(self, factory, parent, name):
         super().__init__(factory, parent, name)
         self.phase = "fall"
-        self.task_handlers = {(TaskType.process_data, "estimate"): self.on_estimate}
 
-    def on_estimate(self, task, task_id):
-        estimate = self.get_data("estimate")
+    @handles("estimate")
+    def on_estimate(self, estimate):
         height_m, velocity_mps = estimate["height_m"], estimate["velocity_mps"]
         curve_mps = braking_mps(height_m)
         if self.phase == "fall" and velocity_mps < curve_mps + 2.0:  # the engine needs a moment
@@ -88,30 +65,21 @@ def braking_mps(height_m):
     return -math.sqrt(SINK_MPS**2 + 2.0 * BRAKE_MPS2 * left_m)
 
 
-class ThrottlerFactory(EndpointFactory):
-    def __init__(self, mass_kg):
-        super().__init__()
-        self.mass_kg = mass_kg
-
-    def get(self, parent):
-        return Throttler(self, parent, "throttler")
-
-
 class Throttler(Endpoint):
     """Finds the throttle that gives the wanted velocity, for a module that loses mass as it burns."""
 
+    mass_kg: float
+
     def __init__(self, factory, parent, name):
         super().__init__(factory, parent, name)
-        self.mass_kg = factory.mass_kg
         self.before_s = 0.0
         self.throttle = 0.0
-        self.task_handlers = {(TaskType.process_data, "plan"): self.on_plan}
 
-    def on_plan(self, task, task_id):
+    @handles("plan")
+    def on_plan(self, plan):
         now_s = self.get_time_s()
         self.mass_kg -= self.throttle * THRUST_N / EXHAUST_MPS * (now_s - self.before_s)
         self.before_s = now_s
-        plan = self.get_data("plan")
         velocity_mps = self.get_data("estimate")["velocity_mps"]
         push_mps2 = (plan["target_speed_mps"] - velocity_mps) / RESPONSE_S + plan["slowing_mps2"]
         if plan["phase"] == "brake":
@@ -121,3 +89,7 @@ class Throttler(Endpoint):
             throttle = 0.0
         self.throttle = min(1.0, max(0.0, throttle))
         return self.store_data_task("engine", {"throttle": self.throttle})
+
+
+def factories(robot):
+    return [Estimator.factory(), Planner.factory(), Throttler.factory(mass_kg=robot.parameters.mass_kg)]

@@ -9,40 +9,23 @@ import math
 from machine import Machine
 from snr_sim_robot_urov.steering import Steering
 
-from snr_sim import Endpoint, EndpointFactory, TaskType
+from snr_sim import Endpoint, handles
 
 ROLES = ("topside",)  # the vehicle has a controller of its own
 FIX_TIMEOUT_S = 0.5  # a place that is older than this is not where the vehicle is now
 SURFACE_M = 0.2  # the depth to ask for on the way up
 
 
-def factories(robot):
-    # Two places for each gate: one before it, to line up, and one behind it.
-    return [MissionFactory(robot.parameters.route)]
-
-
-class MissionFactory(EndpointFactory):
-    def __init__(self, route):
-        super().__init__()
-        self.route = route
-
-    def get(self, parent):
-        return Mission(self, parent, "mission")
-
-
 class Mission(Endpoint):
+    route: list  # two places for each gate: one before it, to line up, and one behind it
+
     def __init__(self, factory, parent, name):
         super().__init__(factory, parent, name)
-        self.route = factory.route
         self.machine = Machine(gates=len(self.route) // 2)
         self.steering = Steering()
         self.sticks = 0.0, 0.0
         self.seen_s = None
         self.number = 0
-        self.task_handlers = {
-            (TaskType.process_data, "position_fix"): self.on_position_fix,
-            (TaskType.process_data, "panel"): self.on_panel,
-        }
 
     def goal(self):
         """Return the place to go to; None in a state that goes nowhere."""
@@ -53,9 +36,10 @@ class Mission(Endpoint):
             return self.route[2 * gate + 1]
         return None
 
-    def on_position_fix(self, task, task_id):
+    @handles("position_fix")
+    def on_position_fix(self, fix):
         """Steers: a person who sees the vehicle would move the sticks like this. Do not change it."""
-        fix, goal, now_s = self.get_data("position_fix"), self.goal(), self.get_time_s()
+        goal, now_s = self.goal(), self.get_time_s()
         if goal is None or self.seen_s is None or now_s <= self.seen_s:
             self.sticks = 0.0, 0.0
         else:
@@ -63,10 +47,11 @@ class Mission(Endpoint):
             self.sticks = self.steering.sticks((goal.x_m, goal.y_m), at, fix["yaw_rad"], dt_s)
         self.seen_s = now_s
 
-    def on_panel(self, task, task_id):
+    @handles("panel")
+    def on_panel(self, panel):
         """Runs the machine, then stores its state. Do not change this function."""
         before = self.machine.state
-        self.machine.step(self.known())
+        self.machine.step(self.known(panel))
         machine = self.machine
         if machine.state != before:
             print(f"{self.get_time_s():6.2f} s  {before} -> {machine.state}, gate {machine.gate}")
@@ -75,10 +60,9 @@ class Mission(Endpoint):
         status = {"state": machine.state, "gate": machine.gate, "since_s": machine.since_s}
         return [self.store_data_task("controls", self.controls()), self.store_data_task("mission", status)]
 
-    def known(self):
+    def known(self, panel):
         """Return the inputs of the machine. Do not change this function."""
-        panel, vehicle = self.get_data("panel"), self.get_data("vehicle")
-        leak, depth = self.get_data("leak"), self.get_data("depth")
+        vehicle, leak, depth = self.get_data("vehicle"), self.get_data("leak"), self.get_data("depth")
         return {
             "now_s": self.get_time_s(),
             "stop": panel["stop"],  # the button is down
@@ -116,3 +100,7 @@ class Mission(Endpoint):
         if self.machine.state == "surfacing":
             controls["depth_m"] = SURFACE_M
         return controls
+
+
+def factories(robot):
+    return [Mission.factory(route=robot.parameters.route)]

@@ -1,9 +1,9 @@
 """A solution: water takes the red, so yellow is green without blue; of such spots the biggest compact one."""
 
 import numpy as np
-from steer import SteerFactory
+from steer import Steer
 
-from snr_sim import Endpoint, EndpointFactory, TaskType
+from snr_sim import Endpoint, TaskType
 
 MIN_YELLOW = 12.0  # more than the picture's middle value: noise has less
 DARK = 0.8  # of the picture's green
@@ -11,15 +11,6 @@ SHARE = 0.5  # of the most yellow spot
 MIN_PX = 10  # of a spot
 LONGEST = 3.0  # times as long as it is wide: a hose is more
 SEARCH_S = 1.5
-
-
-def factories(robot):
-    return [PerceptionFactory(), SteerFactory(robot.parameters)]
-
-
-class PerceptionFactory(EndpointFactory):
-    def get(self, parent):
-        return Perception(self, parent, "perception")
 
 
 class Perception(Endpoint):
@@ -81,3 +72,7 @@ def spots(mask):
                     left.remove(near)
                     waiting.append(near)
         yield rows, columns
+
+
+def factories(robot):
+    return [Perception.factory(), Steer.factory(parameters=robot.parameters)]

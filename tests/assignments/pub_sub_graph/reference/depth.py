@@ -7,40 +7,28 @@ page "imu" comes, 50 times a second -----+--> page "lift"
 
 from laws import Rate, lift_force_n
 
-from snr_sim import Endpoint, EndpointFactory, TaskType
+from snr_sim import Endpoint, handles
 
 
-def factories(robot):
-    return [DepthFactory()]
-
-
-class DepthFactory(EndpointFactory):
-    def get(self, parent):
-        return Depth(self, parent, "depth_hold")
-
-
-class Depth(Endpoint):
+class DepthHold(Endpoint):
     def __init__(self, factory, parent, name):
         super().__init__(factory, parent, name)
         self.target_m = None
         self.is_armed = False
         self.depth_m = None
         self.rate = Rate()
-        self.task_handlers = {
-            (TaskType.process_data, "controls"): self.on_controls,
-            (TaskType.process_data, "imu"): self.on_imu,
-        }
 
-    def on_controls(self, task, task_id):
-        controls = self.get_data("controls")
+    @handles("controls")
+    def on_controls(self, controls):
         self.is_armed = controls["is_armed"]
         if not self.is_armed:
             self.target_m = None
         elif controls["depth_m"] is not None:
             self.target_m = controls["depth_m"]
 
-    def on_imu(self, task, task_id):
-        imu, depth = self.get_data("imu"), self.get_data("depth")
+    @handles("imu")
+    def on_imu(self, imu):
+        depth = self.get_data("depth")
         if depth is None:
             return None
         rate_mps = self.rate.update(depth["depth_m"], depth["stamp_s"])
@@ -50,3 +38,7 @@ class Depth(Endpoint):
                 self.target_m = depth["depth_m"]
             force_n = lift_force_n(self.target_m, depth["depth_m"], rate_mps)
         return self.store_data_task("lift", {"stamp_s": imu["stamp_s"], "force_n": force_n})
+
+
+def factories(robot):
+    return [DepthHold.factory()]

@@ -3,20 +3,13 @@
 from heading import Heading
 from laws import limited
 
-from snr_sim import EndpointFactory
-
 MAX_NM = 1.0
-
-
-def factories(robot):
-    return [GentleFactory()]
-
-
-class GentleFactory(EndpointFactory):
-    def get(self, parent):
-        return Gentle(self, parent, "heading")
 
 
 class Gentle(Heading):
     def moment_nm(self, imu):
         return limited(super().moment_nm(imu), MAX_NM)
+
+
+def factories(robot):
+    return [Gentle.factory("heading")]

@@ -5,15 +5,15 @@ page "controls", "imu", "depth" -> depth.py -------------------> page "lift" --+
 page "imu" ----------------------> telling.py -----------------> page "vehicle"
 """
 
-from depth import DepthFactory
-from gentle import GentleFactory
-from heading import HeadingFactory
-from mixer import MixerFactory
-from telling import StatusPublisherFactory
+from depth import DepthHold
+from gentle import Gentle
+from heading import Heading
+from mixer import Mixer
+from telling import StatusPublisher
 
 OPTIONS = {"heading": "who keeps the heading: plain, or gentle"}
 
 
 def factories(robot):
-    turns = GentleFactory() if robot.options.get("heading") == "gentle" else HeadingFactory()
-    return [turns, DepthFactory(), MixerFactory(), StatusPublisherFactory()]
+    turns = Gentle if robot.options.get("heading") == "gentle" else Heading
+    return [turns.factory("heading"), DepthHold.factory(), Mixer.factory(), StatusPublisher.factory()]

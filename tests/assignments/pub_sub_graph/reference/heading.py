@@ -6,16 +6,7 @@ page "imu" comes, 50 times a second -----+--> page "turn"
 
 from laws import turn_moment_nm
 
-from snr_sim import Endpoint, EndpointFactory, TaskType
-
-
-def factories(robot):
-    return [HeadingFactory()]
-
-
-class HeadingFactory(EndpointFactory):
-    def get(self, parent):
-        return Heading(self, parent, "heading")
+from snr_sim import Endpoint, handles
 
 
 class Heading(Endpoint):
@@ -23,21 +14,17 @@ class Heading(Endpoint):
         super().__init__(factory, parent, name)
         self.target_rad = None
         self.is_armed = False
-        self.task_handlers = {
-            (TaskType.process_data, "controls"): self.on_controls,
-            (TaskType.process_data, "imu"): self.on_imu,
-        }
 
-    def on_controls(self, task, task_id):
-        controls = self.get_data("controls")
+    @handles("controls")
+    def on_controls(self, controls):
         self.is_armed = controls["is_armed"]
         if not self.is_armed:
             self.target_rad = None
         elif controls["heading_rad"] is not None:
             self.target_rad = controls["heading_rad"]
 
-    def on_imu(self, task, task_id):
-        imu = self.get_data("imu")
+    @handles("imu")
+    def on_imu(self, imu):
         return self.store_data_task("turn", {"stamp_s": imu["stamp_s"], "moment_nm": self.moment_nm(imu)})
 
     def moment_nm(self, imu):
@@ -46,3 +33,7 @@ class Heading(Endpoint):
         if self.target_rad is None:
             self.target_rad = imu["yaw_rad"]
         return turn_moment_nm(self.target_rad, imu["yaw_rad"], imu["rate_radps"][2])
+
+
+def factories(robot):
+    return [Heading.factory()]

@@ -7,16 +7,7 @@ page "controls": may anything push?
 
 from laws import STOP_US, pulses_us
 
-from snr_sim import Endpoint, EndpointFactory, TaskType
-
-
-def factories(robot):
-    return [MixerFactory()]
-
-
-class MixerFactory(EndpointFactory):
-    def get(self, parent):
-        return Mixer(self, parent, "mixer")
+from snr_sim import Endpoint, handles
 
 
 class Mixer(Endpoint):
@@ -24,17 +15,15 @@ class Mixer(Endpoint):
         super().__init__(factory, parent, name)
         self.turn = None
         self.lift = None
-        self.task_handlers = {
-            (TaskType.process_data, "turn"): self.on_turn,
-            (TaskType.process_data, "lift"): self.on_lift,
-        }
 
-    def on_turn(self, task, task_id):
-        self.turn = self.get_data("turn")
+    @handles("turn")
+    def on_turn(self, turn):
+        self.turn = turn
         return self.mixed()
 
-    def on_lift(self, task, task_id):
-        self.lift = self.get_data("lift")
+    @handles("lift")
+    def on_lift(self, lift):
+        self.lift = lift
         return self.mixed()
 
     def mixed(self):
@@ -44,3 +33,7 @@ class Mixer(Endpoint):
         is_armed = controls is not None and controls["is_armed"]
         pulses = pulses_us(self.turn["moment_nm"], self.lift["force_n"]) if is_armed else [STOP_US] * 8
         return self.store_data_task("pwm", {"pulses_us": pulses, "is_armed": is_armed}, process=False)
+
+
+def factories(robot):
+    return [Mixer.factory()]

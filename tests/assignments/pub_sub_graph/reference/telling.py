@@ -1,26 +1,21 @@
 """Publishes the vehicle's status: page "vehicle", ten times a second. Do not change this file."""
 
-from snr_sim import Endpoint, EndpointFactory, TaskType
+from snr_sim import Endpoint, handles
 
 IMU_PAGES_PER_STATUS = 5  # answers to "imu"
-
-
-class StatusPublisherFactory(EndpointFactory):
-    def get(self, parent):
-        return StatusPublisher(self, parent, "status_publisher")
 
 
 class StatusPublisher(Endpoint):
     def __init__(self, factory, parent, name):
         super().__init__(factory, parent, name)
         self.count = 0
-        self.task_handlers = {(TaskType.process_data, "imu"): self.on_imu}
 
-    def on_imu(self, task, task_id):
+    @handles("imu")
+    def on_imu(self, imu):
         self.count += 1
         if self.count % IMU_PAGES_PER_STATUS != 1:
             return None
-        controls, imu = self.get_data("controls"), self.get_data("imu")
+        controls = self.get_data("controls")
         is_armed = controls is not None and controls["is_armed"]
         vehicle = {
             "control_state": "pilot" if is_armed else "idle",

@@ -2,7 +2,7 @@
 
 from telling import vehicle_status
 
-from snr_sim import Endpoint, EndpointFactory, TaskType
+from snr_sim import Endpoint, handles
 
 STOP_US = 1500.0
 VERTICAL = {4: +1.0, 5: -1.0, 6: -1.0, 7: +1.0}
@@ -18,24 +18,11 @@ DEAD_US, FULL_US = 30.0, 400.0
 FULL_N = 50.0  # of a T200 at 16 V, ahead; astern it has a fifth less, which the integral makes up for
 
 
-def factories(robot):
-    return [DepthHoldFactory()]
-
-
-class DepthHoldFactory(EndpointFactory):
-    def get(self, parent):
-        return DepthHold(self, parent, "depth_hold")
-
-
 class DepthHold(Endpoint):
     def __init__(self, factory, parent, name):
         super().__init__(factory, parent, name)
         self.is_stopped = False
         self.reset()
-        self.task_handlers = {
-            (TaskType.process_data, "imu"): self.on_tick,
-            (TaskType.process_data, "controls"): self.on_controls,
-        }
 
     def reset(self):
         """Resets the state: the next hold starts where the vehicle then is."""
@@ -45,7 +32,8 @@ class DepthHold(Endpoint):
         self.sink_mps = 0.0
         self.integral_n = 0.0
 
-    def on_tick(self, task, task_id):
+    @handles("imu")
+    def on_tick(self, imu):
         controls = self.get_data("controls")
         depth = self.get_data("depth")
         pulses_us = [STOP_US] * 8
@@ -58,7 +46,7 @@ class DepthHold(Endpoint):
                 pulses_us[channel] = pulse_us(sign * up_n / len(VERTICAL))
         else:
             self.reset()
-        vehicle = vehicle_status(controls, self.target_m, self.is_stopped, self.get_data("imu"))
+        vehicle = vehicle_status(controls, self.target_m, self.is_stopped, imu)
         return [
             self.store_data_task(
                 "pwm", {"pulses_us": pulses_us, "is_armed": may_push, "is_stop": self.is_stopped}, process=False
@@ -66,9 +54,9 @@ class DepthHold(Endpoint):
             self.store_data_task("vehicle", vehicle),
         ]
 
-    def on_controls(self, task, task_id):
+    @handles("controls")
+    def on_controls(self, controls):
         """Handles every page of the pilot: a stop in one that is soon overtaken counts, too."""
-        controls = self.get_data("controls")
         if controls["is_stop"]:
             self.is_stopped = True
         elif controls["clears_stop"] and not controls["is_armed"]:
@@ -107,3 +95,7 @@ def pulse_us(thrust_n):
     share = min(1.0, (abs(thrust_n) / FULL_N) ** 0.55)
     width_us = DEAD_US + share * (FULL_US - DEAD_US)
     return STOP_US + width_us if thrust_n > 0.0 else STOP_US - width_us
+
+
+def factories(robot):
+    return [DepthHold.factory()]

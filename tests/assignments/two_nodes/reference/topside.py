@@ -4,31 +4,23 @@ page "sticks" comes, 20 times a second --> page "controls", which crosses the li
 pages "link_tether", "vehicle" ----------> page "alarm": is the vehicle still there?
 """
 
-from snr_sim import Endpoint, EndpointFactory, TaskType
+from snr_sim import Endpoint, handles
 
 OLD_S = 0.5  # from here on what the vehicle said last is old
-
-
-class TopsideFactory(EndpointFactory):
-    def get(self, parent):
-        return Topside(self, parent, "topside")
 
 
 class Topside(Endpoint):
     def __init__(self, factory, parent, name):
         super().__init__(factory, parent, name)
         self.last_state = ""
-        self.task_handlers = {(TaskType.process_data, "sticks"): self.on_sticks}
 
-    def on_sticks(self, task, task_id):
+    @handles("sticks")
+    def on_sticks(self, sticks):
         state = self.link_state()
         if state != self.last_state:
             print(f"{self.get_time_s():6.2f} s  link: {state}")
             self.last_state = state
-        return [
-            self.store_data_task("controls", self.get_data("sticks")),
-            self.store_data_task("alarm", {"state": state}),
-        ]
+        return [self.store_data_task("controls", sticks), self.store_data_task("alarm", {"state": state})]
 
     def link_state(self):
         """Return "ok", "old" or "lost"."""

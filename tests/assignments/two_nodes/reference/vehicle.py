@@ -9,15 +9,10 @@ import math
 from telling import vehicle_status
 from thrusters import neutral_us, pulses_us
 
-from snr_sim import Endpoint, EndpointFactory, TaskType
+from snr_sim import Endpoint, handles
 
 COUNTS_S = 0.45  # how long a command counts after it was made
 IMU_PAGES_PER_STATUS = 5  # answers to "imu"
-
-
-class VehicleFactory(EndpointFactory):
-    def get(self, parent):
-        return Vehicle(self, parent, "vehicle")
 
 
 class Vehicle(Endpoint):
@@ -26,17 +21,15 @@ class Vehicle(Endpoint):
         self.command = None
         self.made_s = -math.inf
         self.answers = 0
-        self.task_handlers = {
-            (TaskType.process_data, "controls"): self.on_controls,
-            (TaskType.process_data, "imu"): self.on_imu,
-        }
 
-    def on_controls(self, task, task_id):
+    @handles("controls")
+    def on_controls(self, controls):
         made_s = self.get_time_s() - self.get_age_s("controls")
         if made_s > self.made_s:
-            self.command, self.made_s = self.get_data("controls"), made_s
+            self.command, self.made_s = controls, made_s
 
-    def on_imu(self, task, task_id):
+    @handles("imu")
+    def on_imu(self, imu):
         counts = self.counts()
         is_armed = self.command is not None and self.command["is_armed"]
         pulses = neutral_us()
@@ -45,7 +38,7 @@ class Vehicle(Endpoint):
         answer = [self.store_data_task("pwm", {"pulses_us": pulses, "is_armed": is_armed}, process=False)]
         self.answers += 1
         if self.answers % IMU_PAGES_PER_STATUS == 1:
-            answer.append(self.store_data_task("vehicle", vehicle_status(self.command, counts, self.get_data("imu"))))
+            answer.append(self.store_data_task("vehicle", vehicle_status(self.command, counts, imu)))
         return answer
 
     def counts(self):
