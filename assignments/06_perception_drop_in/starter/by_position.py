@@ -5,7 +5,7 @@ page "position_fix" --> where in the picture the plate would be --> page "target
 
 import math
 
-from steer import Steer
+from steer import SteerFactory
 
 from snr_sim import Endpoint, handles
 
@@ -29,4 +29,4 @@ class ByPosition(Endpoint):
 
 
 def factories(robot):
-    return [ByPosition.factory(), Steer.factory(parameters=robot.parameters)]
+    return [ByPosition.factory(), SteerFactory(robot.parameters)]

@@ -4,7 +4,7 @@ page "camera" --> where in the picture the plate is --> page "target" --> steer.
 """
 
 import numpy as np
-from steer import Steer
+from steer import SteerFactory
 
 from snr_sim import Endpoint, TaskType
 
@@ -39,4 +39,4 @@ def find_plate(rgb):
 
 
 def factories(robot):
-    return [Perception.factory(), Steer.factory(parameters=robot.parameters)]
+    return [Perception.factory(), SteerFactory(robot.parameters)]

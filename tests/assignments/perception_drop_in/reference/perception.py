@@ -1,7 +1,7 @@
 """A solution: water takes the red, so yellow is green without blue; of such spots the biggest compact one."""
 
 import numpy as np
-from steer import Steer
+from steer import SteerFactory
 
 from snr_sim import Endpoint, TaskType
 
@@ -75,4 +75,4 @@ def spots(mask):
 
 
 def factories(robot):
-    return [Perception.factory(), Steer.factory(parameters=robot.parameters)]
+    return [Perception.factory(), SteerFactory(robot.parameters)]

@@ -11,12 +11,23 @@ page "target" --> sticks ahead and sideways, depth --> the vehicle's own autopil
 import msgspec
 from snr_sim_robot_urov.autopilot import Autopilot
 
+from snr_sim import EndpointFactory
+
 STICK_PER_PX = 0.012
 STICK_PER_PX_PER_S = 0.02  # against how fast the target moves
 MAX_STICK = 0.5
 SMOOTHING_S = 0.3
 RISE_MPS, RISE_M = 0.1, 1.0  # while it searches, above the depth at which it lost the target
 OLD_S = 1.0  # an older page is ignored
+
+
+class SteerFactory(EndpointFactory):
+    def __init__(self, parameters):
+        super().__init__()
+        self.parameters = parameters
+
+    def get(self, parent):
+        return Steer(self, parent, "steer")
 
 
 class Steer(Autopilot):
