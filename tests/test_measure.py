@@ -37,5 +37,6 @@ def test_counts_of_a_small_tree_are_exact(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.unmeasured
 def test_this_tree_has_no_circle() -> None:
     assert "circles of imports: 0\n" in measured(SCRIPT.parents[1])

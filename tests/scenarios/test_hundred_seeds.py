@@ -45,6 +45,7 @@ def test_one_seed_lands(scenario: str, controller: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.unmeasured
 @pytest.mark.parametrize(("scenario", "controller", "min_landed"), LANDINGS)
 def test_minimum_number_of_100_seeds_lands(scenario: str, controller: str, min_landed: int) -> None:
     landed = [result["success"] for result in outcomes(scenario, controller)]
@@ -52,6 +53,7 @@ def test_minimum_number_of_100_seeds_lands(scenario: str, controller: str, min_l
 
 
 @pytest.mark.slow
+@pytest.mark.unmeasured
 def test_mujoco_lands_same_starts() -> None:
     plane, space = outcomes("lander_pad", "pad"), outcomes("lander_pad", "pad", "mujoco")
     assert sum(result["success"] for result in space) >= 98
