@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 CLIENT = ROOT / "tests" / "second_implementation" / "plain_client.py"
 HERE = "127.0.0.1"
 SECRET = "correct horse battery staple"
-UNUSUAL = (1, {"thrust_n": {2.5}})
+UNUSUAL = (1, {2: (2.5,)})
 
 Call = Callable[..., subprocess.Popen[str]]
 
