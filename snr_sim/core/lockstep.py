@@ -117,7 +117,9 @@ class LockStep:
     def _wait_for(self, time_s: float) -> bool:
         """Wait until the wall clock reaches this time; return False if a node gets work before."""
         assert self._pace is not None
-        inbox = self._nodes[0].inbox
+        inbox = next((node.inbox for node in self._nodes if not node.is_terminated), None)
+        if inbox is None:
+            return True
         while True:
             spare_s = self._wall_start_s + time_s / self._pace - time.monotonic()
             if spare_s <= 0:

@@ -1,5 +1,6 @@
 """Virtual time: exact deadlines, a defined order of simultaneous tasks, and an end when no task is left."""
 
+import socket
 import time
 from fractions import Fraction
 from typing import Any
@@ -193,6 +194,16 @@ def test_a_paced_run_takes_as_long_as_it_should() -> None:
     start_s = time.monotonic()
     LockStep([node], clock, pace=10.0, until_s=1.0).run()
     assert 0.1 <= time.monotonic() - start_s < 0.5  # 1 s at the speed of the world
+
+
+def test_paced_run_waits_after_its_first_node_has_ended() -> None:
+    clock, (near, far) = SimClock(), socket.socketpair()
+    with near, far:
+        first = node_of(ender(1.0), role="a", clock=clock)
+        first.inbox.watch(near.fileno(), lambda what: None, None)  # as a console does
+        second = node_of(ender(2.0), role="b", clock=clock)
+        LockStep([first, second], clock, pace=20.0).run()
+    assert [first.exit_reason, second.exit_reason, clock.now_s()] == ["done", "done", 2.0]
 
 
 def test_two_nodes_share_one_time_and_one_that_ends_does_not_end_the_other() -> None:
