@@ -205,7 +205,11 @@ class Node(NodeMembers):
     # Data
 
     def page(self, key: DataKey, data: Any, process: bool = True) -> Page:
-        """Return a page of this node, created now, with a copy of the data: see `data_of_page`."""
+        """Return a page of this node, created now, with a copy of the data: see `data_of_page`.
+
+        Raises:
+            TaskError: the data contain a part of the program, such as an endpoint.
+        """
         return Page(key, data_of_page(self, key, data), self.name, self.get_time_s(), process)
 
     def store_page(self, page: Page) -> None:

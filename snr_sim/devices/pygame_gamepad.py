@@ -67,7 +67,11 @@ class PygameGamepad(LifeCycle):
         self.title = f"Game controller {index}"
 
     def read(self) -> GamepadReading | Stale:
-        """Return the positions of sticks and buttons; `Stale` while no pad is plugged in."""
+        """Return the positions of sticks and buttons; `Stale` while no pad is plugged in.
+
+        Raises:
+            SensorLostError: it is closed.
+        """
         if self.state == "closed":
             raise SensorLostError("This pad has been closed.", fix="call read() before close().")
         pygame = self._pygame

@@ -72,7 +72,11 @@ class SimSensor(LifeCycle):
         self.title = f"The simulated sensor '{output}'"
 
     def read(self) -> Any:
-        """Return the newest reading."""
+        """Return the newest reading.
+
+        Raises:
+            SensorLostError: the sensor was closed.
+        """
         if self.state == "closed":
             raise SensorLostError(f"The simulated sensor '{self._output}' was closed.")
         if self._period_s == 0.0:

@@ -208,13 +208,21 @@ class EmulatedPort:
         self._is_open = True
 
     def write(self, data: bytes) -> None:
-        """Put bytes on the line."""
+        """Put bytes on the line.
+
+        Raises:
+            DeviceError: it was closed, or its queue is full.
+        """
         self._check()
         if self._board.uart_in(data) < len(data):
             raise DeviceError(f"{self.name} takes no more bytes.", fix="advance its time with board.run_us().")
 
     def read(self) -> bytes:
-        """Return the received bytes."""
+        """Return the received bytes.
+
+        Raises:
+            DeviceError: it was closed.
+        """
         self._check()
         data, self._received = self._received + self._board.uart_out(), b""
         return data

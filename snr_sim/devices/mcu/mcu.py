@@ -264,7 +264,11 @@ class McuPower(LifeCycle):
         self._board, self._scale = board, scale
 
     def read(self) -> PowerReading | Stale:
-        """Return the reading in the newest telemetry."""
+        """Return the reading in the newest telemetry.
+
+        Raises:
+            SensorLostError: it was closed.
+        """
         board = self._board
         if self.state == "closed":
             raise SensorLostError(f"{self.title} was closed.", fix="open another.")

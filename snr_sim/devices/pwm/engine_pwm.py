@@ -80,7 +80,11 @@ class EnginePwmLoopFactory(PwmLoopFactory):
         self.servos: EngineServos = servos
 
     def read_command(self, data: Any, out: PwmOut, commands: CommandInput) -> PwmCommand:
-        """Return the pulses for an engine command, clamped to the range of the engine."""
+        """Return the pulses for an engine command, clamped to the range of the engine.
+
+        Raises:
+            CommandError: the data are not an engine command.
+        """
         limits = self.servos.limits
         command: EngineCommand = command_of(data, EngineCommand, limits)
         clamped = {}

@@ -66,7 +66,11 @@ class Maestro(PwmChip):
         return dict(self._counts)
 
     def open(self) -> None:
-        """Open the port, identify the board, and test whether it fails safe."""
+        """Open the port, identify the board, and test whether it fails safe.
+
+        Raises:
+            DeviceError: no device answers, or not a Maestro; or its outputs would stay on if this program were killed.
+        """
         self.close()
         self._port = self._open_port()
         self.title = f"The Maestro on {self._port.name}"

@@ -80,7 +80,11 @@ class Pca9685(PwmChip):
         return count + 1 if count * self.count_us < low else count
 
     def open(self) -> None:
-        """Initialise the chip: all outputs off, sleep, set the rate, wake, neutral."""
+        """Initialise the chip: all outputs off, sleep, set the rate, wake, neutral.
+
+        Raises:
+            DeviceError: no device answers, or a register does not read back as written.
+        """
         self.close()
         self._bus = self._open_bus()
         self._write(ALL_LED_OFF_H, FULL_OFF)  # first: it may be driving a thruster; also required before sleep

@@ -71,7 +71,11 @@ class SysfsPins(PwmChip):
         self._pins: list[Path] = []
 
     def open(self) -> None:
-        """Find the chip, export its channels, and start neutral pulses."""
+        """Find the chip, export its channels, and start neutral pulses.
+
+        Raises:
+            DeviceError: no such chip, too few channels, one in use by another process, or no permission.
+        """
         reclaim = self._reclaim or self._chip is not None
         self._chip, self._pins = find_chip(self._root), []
         count = int(self._read(self._chip / "npwm") or 0)

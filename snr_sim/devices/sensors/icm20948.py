@@ -112,7 +112,11 @@ class Icm20948(LifeCycleSensor):
         self._newest = self._measure()
 
     def read(self) -> ImuReading | Stale:
-        """Return a new measurement."""
+        """Return a new measurement.
+
+        Raises:
+            SensorLostError: it was closed.
+        """
         idle = self.idle(self._newest.stamp_s if self._newest else None)
         if idle is not None:
             return idle
