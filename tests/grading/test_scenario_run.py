@@ -37,18 +37,10 @@ def digest_of_run(folder: Path, request: Request) -> str:
 EVERYTHING = """
 import numpy as np
 from beside import GAIN
-from snr_sim import Endpoint, EndpointFactory, Loop, LoopFactory, Page, Task, TaskType, tasks
+from snr_sim import Endpoint, Loop, LoopFactory, Page, Task, TaskType, tasks
 
 def factories(robot):
-    return [PartFactory("one"), TickFactory(), PartFactory("two")]
-
-class PartFactory(EndpointFactory):
-    def __init__(self, name):
-        super().__init__()
-        self.name = name
-
-    def get(self, parent):
-        return Part(self, parent, self.name)
+    return [Part.factory("one"), TickFactory(), Part.factory("two")]
 
 class Part(Endpoint):
     def __init__(self, factory, parent, name):

@@ -10,7 +10,7 @@ from snr_sim.grading.lab.verdicts import SubmissionError
 pytestmark = pytest.mark.slow
 
 THREE = """
-from snr_sim import Endpoint, EndpointFactory, Loop, LoopFactory, TaskType, tasks
+from snr_sim import Endpoint, Loop, LoopFactory, TaskType, tasks
 
 
 class Part(Endpoint):
@@ -36,15 +36,6 @@ class Part(Endpoint):
         return self.store_data_task("late", self.number)
 
 
-class PartFactory(EndpointFactory):
-    def __init__(self, name):
-        super().__init__()
-        self.name = name
-
-    def get(self, parent):
-        return Part(self, parent, self.name)
-
-
 class Ticker(Loop):
     def loop(self):
         self.store_data("tick", self.get_time_s(), process=False)
@@ -58,7 +49,7 @@ class TickerFactory(LoopFactory):
 
 
 def factories(robot):
-    made = {"a": PartFactory("a"), "b": PartFactory("b"), "ticker": TickerFactory()}
+    made = {"a": Part.factory("a"), "b": Part.factory("b"), "ticker": TickerFactory()}
     return [made[name] for name in robot.options["parts"].split()]
 """
 
