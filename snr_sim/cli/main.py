@@ -14,7 +14,7 @@ from snr_sim import __version__
 from snr_sim.cli import stopping
 from snr_sim.cli.verbs import VERBS, VerbGroup
 
-app = typer.Typer(
+app: typer.Typer = typer.Typer(
     name="snr",
     help="Robots as SNR nodes, in lock step with simulated plants; every run recorded and replayable.",
     no_args_is_help=True,

@@ -59,10 +59,11 @@ class ConsoleClient:
         on_change: Callable[[CommandResult], None] = lambda answer: None,
         on_state: Callable[[str], None] = lambda sentence: None,
     ) -> None:
-        self.host, self.port = server_tuple
-        self.reason = "no connection has been tried yet."  # why there is no connection
-        self.was_refused = False  # the node rejects this client: a retry is of no use
-        self.node = ""  # name of the node at the other end
+        self.host: str = server_tuple[0]
+        self.port: int = server_tuple[1]
+        self.reason: str = "no connection has been tried yet."  # why there is no connection
+        self.was_refused: bool = False  # the node rejects this client: a retry is of no use
+        self.node: str = ""  # name of the node at the other end
         self._config = SessionConfig(
             "console", is_server=False, secret=as_secret(token, "token="), purpose=PURPOSE, secret_is=SECRET_IS
         )

@@ -66,7 +66,7 @@ class CommandReceiverFactory(ListenerFactory):
                 f"{port!r} is not a valid port of a console.",
                 fix="use a number from 1024 to 65535, or 0 for a free one.",
             )
-        self.token = as_secret(token, "token=")
+        self.token: bytes | None = as_secret(token, "token=")
         if self.token is None and not is_loopback(host):
             raise ConfigError(
                 f"A console on {host} needs a token: without it, any computer in that network could steer this node.",

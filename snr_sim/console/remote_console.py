@@ -37,7 +37,7 @@ class RemoteConsole:
         wait_s: float = WAIT_S,
     ) -> None:
         self.commands = commands
-        self.client = ConsoleClient(server_tuple, token, retry_wait_s, self.show, self.print_line)
+        self.client: ConsoleClient = ConsoleClient(server_tuple, token, retry_wait_s, self.show, self.print_line)
         self._wait_s = wait_s
 
     def run(self) -> Sequence[CommandResult]:

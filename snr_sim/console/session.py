@@ -22,7 +22,7 @@ MAX_WATCHES = 16
 WATCH_PERIOD_S = 0.1
 OUTCOME_WAIT_S = 5.0  # time limit for a command's result, after which the console is sent a message without one
 
-log = logging.getLogger("snr.console")
+log: logging.Logger = logging.getLogger("snr.console")
 
 
 @dataclass

@@ -7,6 +7,7 @@ sent: both ends prove that they know it.
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from typing import Annotated, Any, TypeAlias
 
 import msgspec
@@ -60,8 +61,8 @@ class CompletionsMessage(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     words: list[str]
 
 
-decode_request = decoder_of(CommandMessage, CompleteMessage)
-decode_response = decoder_of(Reply, CompletionsMessage)
+decode_request: Callable[[bytes], CommandMessage | CompleteMessage] = decoder_of(CommandMessage, CompleteMessage)
+decode_response: Callable[[bytes], Reply | CompletionsMessage] = decoder_of(Reply, CompletionsMessage)
 _encode = msgspec.json.Encoder().encode
 
 

@@ -41,7 +41,7 @@ class NodeComponent(ComponentMembers):
     is_reloaded_with_all: ClassVar[bool] = True
 
     # On the class: makes a factory, `Gentle.factory(name="gentle", hover=0.3)`. On a component: the factory it is from.
-    factory = FactoryOfClass(ComponentFactory)
+    factory: FactoryOfClass = FactoryOfClass(ComponentFactory)
 
     def __init__(self, factory: ComponentFactory, parent: NodeApi, name: str) -> None:
         self.factory = factory

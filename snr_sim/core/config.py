@@ -86,7 +86,9 @@ class Config:
         self.mode: Mode = Mode(mode)
         self.max_tasks_per_moment: int = max_tasks_per_moment
         self.stall_limit_s: float = stall_limit_s
-        self.factories = {role: list(components) for role, components in factories.items()}
+        self.factories: dict[RoleName, list[AnyFactory]] = {
+            role: list(components) for role, components in factories.items()
+        }
 
     @property
     def bounds(self) -> dict[str, Any]:

@@ -44,7 +44,7 @@ class Endpoint(NodeComponent):
             cls._of_class = table
             del cls.task_handlers  # or it would hide the property below, and all objects would share one map
 
-    factory = FactoryOfClass(EndpointFactory)
+    factory: FactoryOfClass = FactoryOfClass(EndpointFactory)
 
     def __init__(self, factory: EndpointFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)

@@ -24,7 +24,7 @@ JOIN_TIMEOUT_S = 0.5
 class ClockExecutor:
     """Executor that lets the virtual clock call the loop on the node's thread: tick k is at exactly k / rate."""
 
-    setup_timeout_s = 0.0  # `start` calls `setup` itself
+    setup_timeout_s: float = 0.0  # `start` calls `setup` itself
 
     def __init__(self, loop: Loop, life: NodeLife) -> None:
         assert isinstance(loop.parent.clock, SimClock)
@@ -98,7 +98,7 @@ def _standstill_error(target_s: float, ticks: int) -> ClockError:
 class ThreadExecutor:
     """Executor that calls the loop from a thread, on deadlines: work in a tick does not delay the next one."""
 
-    setup_timeout_s = 0.5
+    setup_timeout_s: float = 0.5
 
     def __init__(self, loop: Loop, life: NodeLife) -> None:
         self._loop = loop

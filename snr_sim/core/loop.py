@@ -115,7 +115,7 @@ class Loop(LoopMembers, NodeComponent):
     # past means at once.
     next_tick_at_s: float | None = None
 
-    factory = FactoryOfClass(LoopFactory)
+    factory: FactoryOfClass = FactoryOfClass(LoopFactory)
 
     def __init_subclass__(cls, **options: Any) -> None:
         """Accept `backing`, the former name of `executor`."""

@@ -28,6 +28,7 @@ from snr_sim.core.node_life import NodeLife
 from snr_sim.core.node_report import NodeReport
 from snr_sim.core.page_age import page_age_s
 from snr_sim.core.page_data import data_of_page
+from snr_sim.core.profiler import Profiler
 from snr_sim.core.reload.sources import reloading_file
 from snr_sim.core.thesis_members import NodeMembers
 from snr_sim.prelude.clock import Clock
@@ -92,7 +93,7 @@ class Node(NodeMembers):
         self.is_replay: bool = is_replay  # then without effects outside: no files written, no pages sent
         self.inbox: Inbox = Inbox()
         self.datastore: Datastore = Datastore()
-        self.profiler = config.get_profiler()
+        self.profiler: Profiler | None = config.get_profiler()
         self.exit_reason: str | None = None
         self.registry: ComponentRegistry = ComponentRegistry(self)
         latch = None if isinstance(self.clock, SimClock) else self.clock.now_s

@@ -218,7 +218,9 @@ class SimRunner:
         if len(set(names)) != len(names):
             raise ConfigError(f"A role is named twice: {', '.join(names)}.", fix="each role runs once.")
         self.clock: SimClock = clock or SimClock()
-        self.nodes = {role: Node(role, config, clock=self.clock, recorder=recorder, seed=seed) for role in names}
+        self.nodes: dict[RoleName, Node] = {
+            role: Node(role, config, clock=self.clock, recorder=recorder, seed=seed) for role in names
+        }
         for link in links:
             link.attach(self.nodes, self.clock)
         self._lock_step = LockStep(list(self.nodes.values()), self.clock, pace, until_s)

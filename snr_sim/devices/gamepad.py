@@ -7,6 +7,7 @@ readings.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import msgspec
 
@@ -44,7 +45,7 @@ class GamepadLoop(DeviceLoop):
 
     def setup(self) -> None:
         """Open the pad."""
-        self.device = start_device(self.factory.open_device(), f"the pad '{self.factory.key}'")
+        self.device: Any = start_device(self.factory.open_device(), f"the pad '{self.factory.key}'")
         self._last = GamepadReading([], [], [], is_connected=False)
 
     def loop(self) -> None:

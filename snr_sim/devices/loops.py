@@ -99,7 +99,7 @@ class SensorLoop(DeviceLoop):
         """Open the sensor."""
         self._stale_times = 0
         self._is_stale = False
-        self.device = start_device(self.factory.open_device(), f"the sensor '{self.factory.key}'")
+        self.device: Any = start_device(self.factory.open_device(), f"the sensor '{self.factory.key}'")
 
     def loop(self) -> None:
         """Read once."""
@@ -175,7 +175,7 @@ class ActuatorLoop(CommandLoop):
 
     def setup(self) -> None:
         """Open the actuator and go to neutral."""
-        self.device = start_device(self.factory.open_device(), f"the actuator '{self.factory.key}'")
+        self.device: Any = start_device(self.factory.open_device(), f"the actuator '{self.factory.key}'")
         self.device.neutral()
         self._written: Page | None = None
 

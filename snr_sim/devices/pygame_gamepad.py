@@ -64,7 +64,7 @@ class PygameGamepad(LifeCycle):
         self._pygame = start_pygame()
         self._has_screen = self._pygame.display.get_driver() != "dummy"
         self._index = index
-        self.title = f"Game controller {index}"
+        self.title: str = f"Game controller {index}"
 
     def read(self) -> GamepadReading | Stale:
         """Return the positions of sticks and buttons; `Stale` while no pad is plugged in.

@@ -31,7 +31,7 @@ class ReplayedSensor(LifeCycle):
     def __init__(
         self, key: str, pages: Sequence[Page], reading_type: type[msgspec.Struct], now_s: Callable[[], float]
     ) -> None:
-        self.title = f"The recorded sensor '{key}'"
+        self.title: str = f"The recorded sensor '{key}'"
         self._pages, self._type, self._now_s = pages, reading_type, now_s
         self._next = 0
 

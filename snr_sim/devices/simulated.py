@@ -69,7 +69,7 @@ class SimSensor(LifeCycle):
         self._past: deque[Any] = deque()
         self._newest: Any = None
         self._due_s = plant.time_s
-        self.title = f"The simulated sensor '{output}'"
+        self.title: str = f"The simulated sensor '{output}'"
 
     def read(self) -> Any:
         """Return the newest reading.
@@ -127,7 +127,7 @@ class SimActuator(LifeCycle, Generic[CommandT]):
         self._plant, self._input = plant, input_name
         self.command_type: type[CommandT] = command_type
         self.limits: dict[str, tuple[float, float]] = dict(limits)
-        self.title = f"The simulated actuator '{input_name}'"
+        self.title: str = f"The simulated actuator '{input_name}'"
 
     def write(self, command: CommandT) -> CommandT:
         """Apply a command, clamped to the limits, and return it as applied.

@@ -113,7 +113,9 @@ class VerticalBatchTask:
     """
 
     def __init__(self, engine: Engine, tank_kg: float, dry_kg: float, noise: tuple[float, float]) -> None:
-        self.engine, self.tank_kg, self.dry_kg = engine, tank_kg, dry_kg
+        self.engine: Engine = engine
+        self.tank_kg: float = tank_kg
+        self.dry_kg: float = dry_kg
         self.noise: Floats = np.array(noise)
 
     def exploring_starts(self, count: int, rng: np.random.Generator) -> Floats:

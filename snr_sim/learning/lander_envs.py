@@ -127,13 +127,15 @@ class LanderVertical(LanderEnv):
         render_mode: None or 'rgb_array'.
     """
 
-    rate_hz = 5.0
+    rate_hz: float = 5.0
 
     def __init__(self, is_continuous: bool = False, render_mode: str | None = None) -> None:
         super().__init__("lander_vertical", render_mode=render_mode)
-        self.observation_space = box(VERTICAL_LOW, VERTICAL_HIGH)
+        self.observation_space: spaces.Space[Any] = box(VERTICAL_LOW, VERTICAL_HIGH)
         self.is_continuous: bool = is_continuous
-        self.action_space = box([0.0], [1.0]) if is_continuous else spaces.Discrete(len(VERTICAL_THROTTLES))
+        self.action_space: spaces.Space[Any] = (
+            box([0.0], [1.0]) if is_continuous else spaces.Discrete(len(VERTICAL_THROTTLES))
+        )
 
     def observe(self) -> list[float]:
         """Return what the radar reads."""
@@ -206,13 +208,13 @@ class LanderPad(LanderEnv):
         render_mode: None or 'rgb_array'.
     """
 
-    rate_hz = 10.0
+    rate_hz: float = 10.0
 
     def __init__(self, is_continuous: bool = False, engine: str | None = None, render_mode: str | None = None) -> None:
         super().__init__("lander_pad", engine, render_mode)
-        self.observation_space = box(PAD_LOW, PAD_HIGH)
+        self.observation_space: spaces.Space[Any] = box(PAD_LOW, PAD_HIGH)
         self.is_continuous: bool = is_continuous
-        self.action_space = (
+        self.action_space: spaces.Space[Any] = (
             box([0.0, -1.0, -1.0], [1.0, 1.0, 1.0])
             if is_continuous
             else spaces.Discrete(len(PAD_THROTTLES) * len(PAD_TURNS))

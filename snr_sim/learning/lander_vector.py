@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.learning.gym import AutoresetMode, VectorEnv, batch_space, np_random
+from snr_sim.learning.gym import AutoresetMode, VectorEnv, batch_space, np_random, spaces
 from snr_sim.learning.lander_envs import (
     FUEL_WEIGHT,
     LANDED,
@@ -56,9 +56,9 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
         ParameterError: an argument is out of range.
     """
 
-    metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012 - as gymnasium has it
+    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012 - as gymnasium has it
 
-    closed = True  # until it is made: gymnasium before 1.3 closes also what could not be
+    closed: bool = True  # until it is made: gymnasium before 1.3 closes also what could not be
 
     def __init__(
         self, single: LanderEnv, num_envs: int, max_episode_steps: int | None, autoreset_mode: AutoresetMode | str
@@ -75,8 +75,8 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
         self.num_envs: int = num_envs
         self.single_observation_space: Any = single.observation_space
         self.single_action_space: Any = single.action_space
-        self.observation_space = batch_space(single.observation_space, num_envs)
-        self.action_space = batch_space(single.action_space, num_envs)
+        self.observation_space: spaces.Space[Any] = batch_space(single.observation_space, num_envs)
+        self.action_space: spaces.Space[Any] = batch_space(single.action_space, num_envs)
         self._single = single
         self.closed = False
         self._scenario = single.run.scenario

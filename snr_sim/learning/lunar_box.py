@@ -57,7 +57,7 @@ class LunarLanderBox(CopyableEnv):
         ParameterError: an argument is out of range.
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": STEPS_HZ}  # noqa: RUF012 - as gymnasium declares it
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": STEPS_HZ}  # noqa: RUF012 - as gymnasium declares it
 
     def __init__(
         self,
@@ -79,8 +79,8 @@ class LunarLanderBox(CopyableEnv):
         self.continuous: bool = continuous
         self._gravity = gravity
         self._wind = (wind_power, turbulence_power) if enable_wind else None
-        self.observation_space = box([*-LIMITS[:6], 0.0, 0.0], LIMITS.tolist())
-        self.action_space = box([-1.0, -1.0], [1.0, 1.0]) if continuous else spaces.Discrete(4)
+        self.observation_space: spaces.Space[Any] = box([*-LIMITS[:6], 0.0, 0.0], LIMITS.tolist())
+        self.action_space: spaces.Space[Any] = box([-1.0, -1.0], [1.0, 1.0]) if continuous else spaces.Discrete(4)
         self.world: LunarBoxWorld | None = None
         self._is_over = True
         self._power = (0.0, 0.0)  # of the main engine and the orientation engines, in the last step

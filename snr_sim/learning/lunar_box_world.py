@@ -78,6 +78,15 @@ class LunarBoxWorld:
         steps_still: number of steps for which everything has been at rest.
     """
 
+    hull: Any
+    x: float
+    y: float
+    vx: float
+    vy: float
+    angle_rad: float
+    turn_radps: float
+    contacts: tuple[bool, bool]
+
     def __init__(self, gravity: float) -> None:
         self._pymunk = pymunk_module()
         self._gravity = gravity
@@ -86,7 +95,7 @@ class LunarBoxWorld:
         self.hull, outline = self._body(HULL, mass, moment, HULL_FRICTION, ON_HULL)
         self.hull.center_of_gravity = 0.0, self._centre_y
         legs = [self._body(LEG, LEG_MASS, LEG_MOMENT, LEG_FRICTION, ON_LEG + i) for i in range(2)]
-        self.legs = [leg for leg, _ in legs]
+        self.legs: list[Any] = [leg for leg, _ in legs]
         self._parts = [self._part(self.hull, 0.0, (0.0, self._centre_y))]
         self._parts += [
             self._part(leg, -side * LEG_OUT_RAD, _leg_place(side)) for leg, side in zip(self.legs, SIDES, strict=True)
@@ -120,7 +129,7 @@ class LunarBoxWorld:
             heights: of the ground at `CHUNKS` equal distances.
         """
         self._space.remove(*self._space.constraints, *self._outlines, self.hull, *self.legs)
-        self.heights = list(heights)
+        self.heights: list[float] = list(heights)
         corners = [(WIDTH / (CHUNKS - 1) * i, height) for i, height in enumerate(self.heights)]
         self._place(self.hull, START, 0.0)
         for leg, side in zip(self.legs, SIDES, strict=True):
@@ -134,7 +143,7 @@ class LunarBoxWorld:
         self._space.add(*lines, self.hull, *self.legs, *self._outlines)
         self._motors = [self._join_leg(leg, side) for leg, side in zip(self.legs, SIDES, strict=True)]
         self._rates_radps = [0.0, 0.0]
-        self.steps_still = 0
+        self.steps_still: int = 0
         self._touching = list(NOTHING)  # how many pieces of the ground hull and legs touch
         self._read_state()
 

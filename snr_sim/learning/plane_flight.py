@@ -39,6 +39,17 @@ class PlaneFlight:
         mass, fuel, throttle, gimbal: at this moment.
     """
 
+    x: Floats
+    z: Floats
+    attitude: Floats
+    vx: Floats
+    vz: Floats
+    rate: Floats
+    mass: Floats
+    fuel: Floats
+    throttle: Floats
+    gimbal: Floats
+
     def __init__(self, module: LunarModule, step_s: float, count: int) -> None:
         self._module, self._step_s = module, step_s
         lag_s = module.throttle_lag_s

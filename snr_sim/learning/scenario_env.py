@@ -46,12 +46,12 @@ class ScenarioEnv(CopyableEnv):
     verdict is given when the time is over (`ends_by_clock`), truncated then.
     """
 
-    metadata = {  # noqa: RUF012 - as gymnasium declares it
+    metadata: dict[str, Any] = {  # noqa: RUF012 - as gymnasium declares it
         "render_modes": ["rgb_array"],
         "render_fps": 10,  # a subclass has its own, from its steps
     }
     rate_hz: float  # of steps: the rate at which the robot reads its sensors
-    begins_s = 0.0  # moment of the scenario at which an episode begins
+    begins_s: float = 0.0  # moment of the scenario at which an episode begins
     ends_by_clock = False  # whether the scenario gives its verdict when its time is over, so that it truncates
 
     def __init_subclass__(cls) -> None:
@@ -68,7 +68,7 @@ class ScenarioEnv(CopyableEnv):
         self.plant: Plant = self._simulation.plant()
         self._nominal: Any = self.plant
         self._factors: dict[str, float] = {}
-        self.limit_s = float(self._simulation.scenario.TIME_LIMIT_S)
+        self.limit_s: float = float(self._simulation.scenario.TIME_LIMIT_S)
         self._frame: Frame | None = None
         self._steps = -1  # none until the first reset
         self.verdict: Verdict | None = None

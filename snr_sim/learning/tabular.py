@@ -91,7 +91,8 @@ class TabularLearner:
         self.table: QTable = table
         self.training: Training = training
         self.rng: np.random.Generator = np.random.default_rng(training.seed)
-        self.step, self.epsilon = training.step.at(0), training.epsilon.at(0)
+        self.step: float = training.step.at(0)
+        self.epsilon: float = training.epsilon.at(0)
 
     def choose(self, cell: int) -> int:
         """Return an action: the best one, or with probability epsilon any."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.learning.gym import box
+from snr_sim.learning.gym import box, spaces
 from snr_sim.learning.scenario_env import ScenarioEnv
 from snr_sim.plants.urov.t200 import curve
 from snr_sim.prelude.angles import wrap_rad
@@ -65,15 +65,15 @@ class UrovEnv(ScenarioEnv):
     each metre counting 1 and at most three, and minus 0.05 times the mean square of the action.
     """
 
-    rate_hz = 10.0
-    begins_s = 2.0
+    rate_hz: float = 10.0
+    begins_s: float = 2.0
     ends_by_clock = True
     AXES: tuple[int, ...]  # of the wrench: 0 surge, 1 sway, 2 heave, 5 yaw
 
     def __init__(self, scenario: str, engine: str | None, render_mode: str | None, sensed: list[float]) -> None:
         super().__init__(scenario, engine, render_mode)
-        self.action_space = box([-1.0] * len(self.AXES), [1.0] * len(self.AXES))
-        self.observation_space = box([-one for one in sensed], sensed)
+        self.action_space: spaces.Space[Any] = box([-1.0] * len(self.AXES), [1.0] * len(self.AXES))
+        self.observation_space: spaces.Space[Any] = box([-one for one in sensed], sensed)
 
     def begin(self) -> None:
         """Hold thrusters still until they are armed."""
@@ -133,7 +133,7 @@ class UrovDepthHold(UrovEnv):
         render_mode: None or 'rgb_array'.
     """
 
-    AXES = (2,)
+    AXES: tuple[int, ...] = (2,)
 
     def __init__(self, engine: str | None = None, render_mode: str | None = None) -> None:
         limits = [FLOOR_M, FLOOR_M, 3.0, math.pi, math.pi, 20.0]
@@ -187,7 +187,7 @@ class UrovStation(UrovEnv):
         render_mode: None or 'rgb_array'.
     """
 
-    AXES = (0, 1, 2, 5)
+    AXES: tuple[int, ...] = (0, 1, 2, 5)
 
     def __init__(self, render_mode: str | None = None) -> None:
         limits = [15.0, 15.0, FLOOR_M, math.pi, 3.0, 3.0, 3.0, 10.0, math.pi, math.pi, 20.0]

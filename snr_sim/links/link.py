@@ -17,7 +17,7 @@ import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.component import ComponentLog
@@ -112,12 +112,15 @@ def link_state(
     }
 
 
+Carry: TypeAlias = Callable[[Page, bytes, bytes, object], None]
+
+
 class Transport:
     """Transport of a link's pages: one subclass per medium. The link calls all but `carry` on its own thread."""
 
     # Sends a page to every peer except its sender, on the node's thread. Arguments: the page, its serialised form, its
     # frame, and its sender or None.
-    carry: Callable[[Page, bytes, bytes, object], None]
+    carry: Carry
     notes: Callable[[], Iterable[str]] = tuple  # returns notes for the end of the run
 
     def __init__(self, link: Link) -> None:
@@ -159,7 +162,7 @@ class Link(RestartingLoop):
         is_simulated = isinstance(parent.clock, SimClock)
         rate_hz = HOUSEKEEPING_HZ if is_simulated else 0.0  # on a thread its own waiting paces it
         super().__init__(factory, parent, f"link_{options.name}", rate_hz)
-        self.restarts = not is_simulated
+        self.restarts: bool = not is_simulated
         self.options: LinkOptions = options
         self.dropped: int = 0  # pages known at this end not to have arrived
         self.sent: int = 0

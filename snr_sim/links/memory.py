@@ -64,7 +64,9 @@ class MemoryLink:
         self.keys: list[DataKey] = list(dict.fromkeys(keys))
         self.from_role: RoleName = from_role
         self.to_role: RoleName = to_role
-        self.faults = faults or LinkFaults(latency_s, jitter_s, loss, bandwidth_bps=bandwidth_bps, seed=seed)
+        self.faults: LinkFaults = faults or LinkFaults(
+            latency_s, jitter_s, loss, bandwidth_bps=bandwidth_bps, seed=seed
+        )
         self.both_ways: bool = both_ways
         self.directions: list[OneWay] = []
 

@@ -98,6 +98,9 @@ class PipeLoopFactory(LoopFactory):
 class PipesPair:
     """A pipe and the links at its two ends, with the method names of SocketsPair; `options` are of both."""
 
+    client_conn: Connection
+    server_conn: Connection
+
     def __init__(self, options: LinkOptions | None = None) -> None:
         self.options: LinkOptions = options or LinkOptions("pipe")
         self.client_conn, self.server_conn = Pipe()

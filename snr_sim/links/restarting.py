@@ -44,8 +44,8 @@ class RestartingLoop(Loop):
     """
 
     restarts = True  # False in a simulation without ports: a failure there is our own, and ends the node
-    failures = 0  # errors that no data of a peer should cause: each closed a stream, or the whole loop
-    is_shut = False  # from a failure until everything is open again
+    failures: int = 0  # errors that no data of a peer should cause: each closed a stream, or the whole loop
+    is_shut: bool = False  # from a failure until everything is open again
     _failure = ""  # the last reason, logged once
     _opened_s = float("-inf")
 

@@ -6,6 +6,7 @@ So a config of several roles runs both as one lock-step simulation and as proces
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from functools import partial
 from typing import Any, Generic, TypeVar
@@ -13,7 +14,7 @@ from weakref import WeakKeyDictionary
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.links.faults import MIN_TRANSIT_S, LossyChannel
-from snr_sim.links.link import BEFORE_LOOPS, Link, Transport
+from snr_sim.links.link import BEFORE_LOOPS, Carry, Link, Transport
 from snr_sim.links.messages import NONCE_BYTES
 from snr_sim.links.peers import Peer, Peers
 from snr_sim.links.session import Session, SessionConfig
@@ -45,6 +46,7 @@ class SimulatedPeer(Peer):
     """A peer in the same process: each frame is delivered at the time that its channel computes."""
 
     remote: SimulatedPeer
+    sent: int
 
     def __init__(self, session: Session, transport: SimulatedTransport, channel: LossyChannel) -> None:
         super().__init__(session, transport.link.options, channel)
@@ -94,7 +96,8 @@ class SimulatedTransport(Transport):
         assert isinstance(link.parent.clock, SimClock)
         self.clock: SimClock = link.parent.clock
         self.peers: Peers = Peers(link, config, MIN_TRANSIT_S)
-        self.carry, self.notes = self.peers.carry, self.peers.notes
+        self.carry: Carry = self.peers.carry
+        self.notes: Callable[[], Iterable[str]] = self.peers.notes
         self._is_server = config.is_server
         self._rendezvous = rendezvous
         self._remote_ends: list[SimulatedPeer] = []

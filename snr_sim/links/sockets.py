@@ -72,7 +72,7 @@ class SocketsPair(Addressed):
         timeout_s: float = 3.0,
         secret_is: tuple[str, str] = SessionConfig.secret_is,
     ) -> None:
-        self.address = _as_address(server_tuple, more)
+        self.address: Address = _as_address(server_tuple, more)
         self.secret: bytes | None = as_secret(secret)
         self.secret_is: tuple[str, str] = secret_is
         if tls is not None and not isinstance(tls, Tls):

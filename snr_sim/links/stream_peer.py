@@ -30,6 +30,9 @@ class Account:
 class StreamPeer(Peer):
     """A remote peer at a port; `where` describes its address."""
 
+    sent: int
+    dropped: int
+
     def __init__(
         self, port: SocketPort, session: Session, link: Link, channel: LossyChannel | None, where: str, account: Account
     ) -> None:

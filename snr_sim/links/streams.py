@@ -10,13 +10,13 @@ from __future__ import annotations
 import logging
 import selectors
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
 from functools import partial
 from operator import attrgetter
 from typing import Any
 
-from snr_sim.links.link import Link, Transport
+from snr_sim.links.link import Carry, Link, Transport
 from snr_sim.links.peers import Peers
 from snr_sim.links.session import SessionConfig
 from snr_sim.links.socket_port import SocketPort
@@ -53,7 +53,8 @@ class Streams(Transport):
     def __init__(self, link: Link, config: SessionConfig) -> None:
         super().__init__(link)
         self.peers: Peers = Peers(link, config)
-        self.carry, self.notes = self.peers.carry, self.peers.notes
+        self.carry: Carry = self.peers.carry
+        self.notes: Callable[[], Iterable[str]] = self.peers.notes
         self.streams: list[StreamPeer] = []  # all, including those that are not up
         self.now_s: Callable[[], float] = link.parent.clock.now_s
         self._node = link.parent

@@ -29,7 +29,11 @@ class Retired:
     def _refuse(self, *args: Any, **options: Any) -> NoReturn:
         raise RetiredNameError(f"'{self._name}' of the 2021 library is not in snr_sim.", fix=self._fix)
 
-    __call__ = __get__ = __getattr__ = __mro_entries__ = __instancecheck__ = _refuse
+    __call__ = _refuse
+    __get__ = _refuse
+    __getattr__ = _refuse
+    __mro_entries__ = _refuse
+    __instancecheck__ = _refuse
 
     def __getitem__(self, parameters: object) -> Retired:
         return self

@@ -51,7 +51,9 @@ def store_page(page: Page) -> Task:
     return Task(TaskType.store_page, page.key, [page])
 
 
-store_data = Retired("tasks.store_data", "self.store_data_task(key, data), which knows the page's node and time.")
+store_data: Retired = Retired(
+    "tasks.store_data", "self.store_data_task(key, data), which knows the page's node and time."
+)
 
 
 def process_data(key: str) -> Task:

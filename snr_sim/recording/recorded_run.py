@@ -35,7 +35,7 @@ class RecordedRun:
         self.trace: Trace = trace
         self.engine: str = f"as recorded of {trace.header.engine or 'real devices'}"
         self.time_s: float = 0.0
-        self.__file__ = str(trace.path)
+        self.__file__: str = str(trace.path)
         self._inputs = [
             record
             for record in trace.records

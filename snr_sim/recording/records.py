@@ -21,6 +21,7 @@ import hashlib
 import os
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeAlias
 
@@ -260,8 +261,8 @@ Line: TypeAlias = (
 )
 
 _encode = msgspec.json.Encoder().encode
-decode_beginning = msgspec.json.Decoder(TraceInfo | Header).decode
-decode_line = msgspec.json.Decoder(Line).decode
+decode_beginning: Callable[[bytes], TraceInfo | Header] = msgspec.json.Decoder(TraceInfo | Header).decode
+decode_line: Callable[[bytes], Line] = msgspec.json.Decoder(Line).decode
 
 
 def encode_record(record: TraceInfo | Header | Line | Record) -> bytes:

@@ -54,7 +54,9 @@ class Pid:
             )
         if not limits[0] < limits[1]:
             raise ParameterError(f"A PID controller with limits={limits!r}.", fix="(least, most).")
-        self.kp, self.ki, self.kd = kp, ki, kd
+        self.kp: float = kp
+        self.ki: float = ki
+        self.kd: float = kd
         self.limits: tuple[float, float] = limits
         self.derivative_filter_s: float = derivative_filter_s
         self.is_angle: bool = is_angle
@@ -62,7 +64,7 @@ class Pid:
 
     def reset(self, integral: float = 0.0) -> None:
         """Reset the state; set the integral, in units of the output, for example to compensate a weight."""
-        self.integral = integral
+        self.integral: float = integral
         self._before: float | None = None
         self._rate = 0.0
 

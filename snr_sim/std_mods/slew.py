@@ -37,7 +37,7 @@ class SlewRateLimiter:
 
     def reset(self) -> None:
         """Set the values to the start, without a limit."""
-        self.values = list(self._start)
+        self.values: list[float] = list(self._start)
 
     def update(self, targets: Sequence[float], dt_s: float) -> list[float]:
         """Return the values for this time step, moved towards the targets.

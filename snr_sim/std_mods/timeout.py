@@ -46,7 +46,7 @@ class TimeoutLoop(Loop):
 
     def __init__(self, factory: TimeoutLoopFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
-        self.first_tick_after_s = factory.delay_s
+        self.first_tick_after_s: float = factory.delay_s
 
     def loop(self) -> None:
         """Schedule the tasks: the time has passed."""

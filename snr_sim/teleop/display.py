@@ -100,10 +100,10 @@ class Display(Loop):
     def setup(self) -> None:
         """Take the terminal, if standard error is one."""
         self.live: Any = None
-        self.is_off = self.parent.is_in_lock_step and not self.factory.in_lock_step
-        self.has_keys = has_terminal()
+        self.is_off: bool = self.parent.is_in_lock_step and not self.factory.in_lock_step
+        self.has_keys: bool = has_terminal()
         self.printed: list[str] = []
-        self.printed_s = -math.inf
+        self.printed_s: float = -math.inf
         if sys.stderr.isatty() and not self.is_off:
             from rich.console import Console
             from rich.live import Live

@@ -104,9 +104,9 @@ class GamepadPilot(Endpoint):
 
     def __init__(self, factory: GamepadPilotFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
-        self.latched = LatchedButtons()
-        self.clears = False
-        self.number = 0
+        self.latched: LatchedButtons = LatchedButtons()
+        self.clears: bool = False
+        self.number: int = 0
         self.before: list[bool] | None = None
         self.task_handlers = {(TaskType.process_data, "gamepad"): self.on_gamepad}
 

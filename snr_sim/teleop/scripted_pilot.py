@@ -62,7 +62,7 @@ class ScriptedPilotFactory(LoopFactory):
             check({**self.neutral, **cue.changes})
         self.script: tuple[Cue, ...] = tuple(script)
         self.rate_hz: float = rate_hz
-        self.once = {name: self.neutral[name] for name in once}
+        self.once: dict[str, Any] = {name: self.neutral[name] for name in once}
         self.key: str = key
 
     def get(self, parent: NodeApi) -> ScriptedPilot:

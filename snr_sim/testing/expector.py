@@ -155,6 +155,8 @@ class OrderedExpector(Expectations):
         case: the test it belongs to.
     """
 
+    was_used: bool
+
     def __init__(self, expected: Sequence[Expected], case: TestCase | None = None) -> None:
         super().__init__(expected, case)
         self.expected: list[Expected] = list(expected)

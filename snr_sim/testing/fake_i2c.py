@@ -43,8 +43,10 @@ class FakeBus:
 
     def __init__(self, parts: dict[int, I2cDevice]) -> None:
         self.parts: dict[int, I2cDevice] = parts
-        self.is_there, self.is_stuck = True, False
-        self.opened_times = self.closed_times = 0
+        self.is_there: bool = True
+        self.is_stuck: bool = False
+        self.opened_times: int = 0
+        self.closed_times: int = 0
 
     def opened(self, number: int) -> FakeBus:
         """Return the bus, as opening it does."""

@@ -39,7 +39,9 @@ class FakeMaestro:
         has_crc: bool = False,
     ) -> None:
         self._now_s = now_s
-        self.timeout_s, self.home_us, self.has_crc = timeout_s, home_us, has_crc
+        self.timeout_s: float = timeout_s
+        self.home_us: float | None = home_us
+        self.has_crc: bool = has_crc
         self._pins_us = [home_us or 0.0] * channels
         self._errors = MaestroError(0)
         self._command = b""

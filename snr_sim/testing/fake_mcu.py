@@ -26,7 +26,8 @@ class FakeMcu:
     name = "/dev/ttyUSB0"
 
     def __init__(self, ident: Ident, telemetry: Telemetry) -> None:
-        self.ident, self.telemetry = ident, telemetry
+        self.ident: Ident = ident
+        self.telemetry: Telemetry = telemetry
         self.received: list[FromMcu | ToMcu] = []
         self.is_closed: bool = False
         self._frames, self._answers = McuFrames(), b""

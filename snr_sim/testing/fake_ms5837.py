@@ -32,8 +32,8 @@ class FakeMs5837:
 
     def set_environment(self, pressure_pa: float, temperature_c: float) -> None:
         """Set the counts that this becomes."""
-        self.d2 = _solve(lambda d2: compensated(_DATA_SHEET, 0, d2)[1] - temperature_c)
-        self.d1 = _solve(lambda d1: compensated(_DATA_SHEET, d1, self.d2)[0] - pressure_pa)
+        self.d2: int = _solve(lambda d2: compensated(_DATA_SHEET, 0, d2)[1] - temperature_c)
+        self.d1: int = _solve(lambda d1: compensated(_DATA_SHEET, d1, self.d2)[0] - pressure_pa)
 
     def power_on(self) -> None:
         """Reset its state."""

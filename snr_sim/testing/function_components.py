@@ -43,7 +43,9 @@ class FunctionEndpointFactory(EndpointFactory):
         super().__init__()
         self.handlers: dict[TaskId, TaskHandler] = dict(handlers or {})
         self.name: str = name
-        self.on_begin, self.on_halt, self.on_terminate = begin, halt, terminate
+        self.on_begin: EndpointStep = begin
+        self.on_halt: EndpointStep = halt
+        self.on_terminate: EndpointStep = terminate
 
     def get(self, parent: NodeApi) -> FunctionEndpoint:
         """Return the endpoint."""
@@ -95,7 +97,10 @@ class FunctionLoopFactory(LoopFactory):
         super().__init__()
         self.name: str = name
         self.rate_hz: float = rate_hz
-        self.on_setup, self.on_loop, self.on_halt, self.on_terminate = setup, loop, halt, terminate
+        self.on_setup: LoopStep = setup
+        self.on_loop: LoopStep = loop
+        self.on_halt: LoopStep = halt
+        self.on_terminate: LoopStep = terminate
 
     def get(self, parent: NodeApi) -> FunctionLoop:
         """Return the loop."""

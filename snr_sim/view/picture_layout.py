@@ -31,7 +31,8 @@ class SheetProjection:
     """
 
     def __init__(self, along: Floats, heights: Floats, body_m: float, is_time: bool, area: Area = SCENE) -> None:
-        self.area, self.unit = area, "s" if is_time else "m"
+        self.area: Area = area
+        self.unit: str = "s" if is_time else "m"
         left, top, right, bottom = area
         width, height = right - left, bottom - top
         margin = 1.3 * BODY_FRACTION
@@ -39,7 +40,7 @@ class SheetProjection:
         spread_z = max(float(np.ptp(heights)), body_m / BODY_FRACTION * 0.5)
         self.z_scale: float = height * (1.0 - margin - GROUND_FRACTION) / spread_z
         if is_time:
-            self.scale = width * (1.0 - 1.15 * margin) / spread_along
+            self.scale: float = width * (1.0 - 1.15 * margin) / spread_along
         else:
             self.z_scale = self.scale = min(self.z_scale, width * (1.0 - 1.6 * margin) / spread_along)
         room_m = 0.15 * margin * width / self.scale  # on the right, for the time next to the last body
@@ -119,7 +120,9 @@ class TrackView:
         self.size: float = size_m * projection.z_scale * self.enlargement
         scale = projection.z_scale * self.enlargement
         indices = find_strobe_indices(self.path, 1.25 * self.size)
-        self.strobes = [(i, SheetPosition(self.path[i], feet[i], scale)) for i in indices]
+        self.strobes: list[tuple[int, SheetPosition]] = [
+            (i, SheetPosition(self.path[i], feet[i], scale)) for i in indices
+        ]
 
 
 def feet_and_size(bodies: dict[str, list[dict[str, Any]]]) -> tuple[float, float]:

@@ -70,8 +70,9 @@ class Sheet:
             from matplotlib.transforms import Affine2D
         except ImportError as error:
             raise MissingExtraError("matplotlib", "view") from error
-        self.width, self.height = width, height
-        self.figure = Figure((width / 72, height / 72), 72 * PIXELS_PER_POINT, facecolor=color(background))
+        self.width: int = width
+        self.height: int = height
+        self.figure: Figure = Figure((width / 72, height / 72), 72 * PIXELS_PER_POINT, facecolor=color(background))
         self._canvas: Any = FigureCanvasAgg(self.figure)
         self._points = Affine2D().scale(PIXELS_PER_POINT, -PIXELS_PER_POINT).translate(0, PIXELS_PER_POINT * height)
 

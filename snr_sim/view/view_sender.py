@@ -49,7 +49,9 @@ class Sender:
     """
 
     def __init__(self, rr: Any, stream: Any, root: tuple[str, ...]) -> None:
-        self.rr, self._stream, self._root = rr, stream, root
+        self.rr: Any = rr
+        self._stream = stream
+        self._root = root
         self._arrow = importlib.import_module("pyarrow")
         (column,) = rr.Scalars.columns(scalars=[0.0])
         self._scalars = column.component_descriptor()

@@ -1,5 +1,7 @@
 """Brings the vehicle to the depth that is asked for, and keeps it there."""
 
+from typing import Any
+
 from laws import Rate, lift_force_n
 from shared import BOARD
 
@@ -9,7 +11,7 @@ from snr_sim import Endpoint, handles
 class DepthHold(Endpoint):
     def __init__(self, factory, parent, name):
         super().__init__(factory, parent, name)
-        self.mixer = parent.components["mixer"]
+        self.mixer: Any = parent.components["mixer"]
         self.target_m = None
         self.rate = Rate()
 

@@ -9,9 +9,7 @@ page "target" --> sticks ahead and sideways, depth --> the vehicle's own autopil
 """
 
 import msgspec
-from snr_sim_robot_urov.autopilot import Autopilot
-
-from snr_sim import EndpointFactory
+from snr_sim_robot_urov.autopilot import Autopilot, AutopilotFactory
 
 STICK_PER_PX = 0.012
 STICK_PER_PX_PER_S = 0.02  # against how fast the target moves
@@ -21,11 +19,7 @@ RISE_MPS, RISE_M = 0.1, 1.0  # while it searches, above the depth at which it lo
 OLD_S = 1.0  # an older page is ignored
 
 
-class SteerFactory(EndpointFactory):
-    def __init__(self, parameters):
-        super().__init__()
-        self.parameters = parameters
-
+class SteerFactory(AutopilotFactory):
     def get(self, parent):
         return Steer(self, parent, "steer")
 
@@ -59,7 +53,7 @@ class Steer(Autopilot):
             self.risen_m = min(RISE_M, self.risen_m + step_m)
         elif mode == "track":
             self.risen_m = max(0.0, self.risen_m - step_m)
-        if mode != "track":
+        if target is None or mode != "track":
             self.seen, self.speeds = None, [0.0, 0.0]
             return 0.0, 0.0
         errors = [target["down_px"], target["right_px"]]

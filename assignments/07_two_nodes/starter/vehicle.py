@@ -29,7 +29,7 @@ class Vehicle(Endpoint):
         counts = self.counts()
         is_armed = self.command is not None and self.command["is_armed"]
         pulses = neutral_us()
-        if counts:
+        if self.command is not None and counts:
             pulses = pulses_us(self.command["surge"], self.command["yaw"])
         answer = [self.store_data_task("pwm", {"pulses_us": pulses, "is_armed": is_armed}, process=False)]
         self.answers += 1

@@ -24,8 +24,9 @@ class DepthHold(Endpoint):
         controls = self.get_data("controls")
         depth = self.get_data("depth")
         pulses_us = [STOP_US] * 8
-        may_push = controls is not None and depth is not None and self.may_push(controls)
-        if may_push:
+        is_armed = False
+        if controls is not None and depth is not None and self.may_push(controls):
+            is_armed = True
             if controls["depth_m"] is not None:  # the pilot sends it once
                 self.target_m = controls["depth_m"]
             if self.target_m is not None:
@@ -35,7 +36,7 @@ class DepthHold(Endpoint):
         vehicle = vehicle_status(controls, self.target_m, self.is_stopped, imu)
         return [
             # Outputs that are not armed stay at neutral, whatever the pulses say.
-            self.store_data_task("pwm", {"pulses_us": pulses_us, "is_armed": bool(may_push)}, process=False),
+            self.store_data_task("pwm", {"pulses_us": pulses_us, "is_armed": is_armed}, process=False),
             self.store_data_task("vehicle", vehicle),
         ]
 

@@ -115,6 +115,8 @@ class ProcessLifetime:
 class RemoteInbox(Inbox):
     """Proxy of the real node's inbox."""
 
+    failure: SnrError | None
+
     def __init__(self, messages: MessageLine) -> None:
         super().__init__()
         self._messages = messages
@@ -176,8 +178,8 @@ class LoopNode(Node):
     def __init__(self, begin: dict[str, Any], messages: MessageLine, pages: RemoteDatastore) -> None:
         config = Config(Mode(begin["mode"]), {begin["role"]: []})
         super().__init__(begin["role"], config, clock=WallClock(begin["clock_start_s"]), seed=begin["seed"])
-        self.inbox = RemoteInbox(messages)
-        self.datastore = pages
+        self.inbox: RemoteInbox = RemoteInbox(messages)
+        self.datastore: RemoteDatastore = pages
         self._messages = messages
         logger = logging.getLogger("snr")
         logger.handlers[:] = [RemoteLogHandler(messages)]

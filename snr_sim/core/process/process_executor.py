@@ -37,7 +37,7 @@ _LONGER_S = 0.3
 class ProcessExecutor:
     """Executor that calls a loop in a separate process. The node's own loop object only keeps the name."""
 
-    setup_timeout_s = 3.0  # a process takes most of a second to start
+    setup_timeout_s: float = 3.0  # a process takes most of a second to start
 
     def __init__(self, loop: Loop, life: NodeLife) -> None:
         self._loop = loop

@@ -25,6 +25,7 @@ from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.factory import ComponentFactory
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node_life import NodeLife
+from snr_sim.core.node_parts import NodeParts
 from snr_sim.core.reload.sources import ModuleReload, modules_of, show_source_in_use
 from snr_sim.core.reload.state_snapshot import Snapshot
 from snr_sim.core.source_location import describe_error
@@ -49,7 +50,7 @@ class ComponentManager:
 
     def __init__(self, life: NodeLife, core: Endpoint) -> None:
         self.life: NodeLife = life
-        self.node = life.node
+        self.node: NodeParts = life.node
         self._core = core
         # Puts new code on probation: `rollback.Probations.begin`, if there are any.
         self.put_on_probation: PutOnProbation = lambda old, new, undo: None

@@ -203,7 +203,8 @@ class EmulatedPort:
     """Serial port of a board, without a wire or an operating system. Implements `BytePort`."""
 
     def __init__(self, board: Board, name: str = "the emulated board") -> None:
-        self._board, self.name = board, name
+        self._board = board
+        self.name: str = name
         self._received = b""
         self._is_open = True
 

@@ -60,7 +60,8 @@ class ProcessorInLoopPlant:
         self._power_up()
 
     def _power_up(self) -> None:
-        board = self.board = self._open_board()
+        self.board: Board = self._open_board()
+        board = self.board
         self._connect_battery()  # before its first measurement, which would be 0 V otherwise
         board.run_us(self._up_s * 1e6)
         self._pulses_us = None

@@ -40,11 +40,13 @@ class McuPwm(PwmBackend):
     """
 
     has_independent_failsafe = True
+    state: str
+    reason: str
 
     def __init__(self, board: McuBoard, now_s: Callable[[], float], channels: int) -> None:
         super().__init__(now_s, channels, resolution_us=RESOLUTION_US)
         self.board: McuBoard = board
-        self.title = "The microcontroller"
+        self.title: str = "The microcontroller"
         self._seq = 0
         self._widths_us = self.still_us
         self._is_disarming = False
@@ -105,7 +107,7 @@ class McuPwm(PwmBackend):
 
     def _on_telemetry(self, telemetry: wire.Telemetry, reasons: list[str]) -> None:
         if telemetry.session != self.board.session:
-            self.disarm_reasons = [] if telemetry.session else [RESET]
+            self.disarm_reasons: list[str] = [] if telemetry.session else [RESET]
             raise DeviceError(
                 self._session_lost_message(telemetry),
                 fix="the connection restarts by itself; command neutral to arm again.",
@@ -158,8 +160,8 @@ class McuPwm(PwmBackend):
         self.board.poll()
         self.title = f"The microcontroller at {self.board.name}"
         check_identity(self.board.name, ident, self.channels)
-        self.limits_us = (ident.lowest_us, ident.highest_us)
-        self.resolution_us = ident.resolution_ns / 1000.0
+        self.limits_us: tuple[float, float] = (ident.lowest_us, ident.highest_us)
+        self.resolution_us: float = ident.resolution_ns / 1000.0
         self._widths_us, self._is_disarming = self.still_us, False
         self._check_not_stopped()
 

@@ -51,7 +51,10 @@ class McuBoard:
         timeout_s: float = TIMEOUT_S,
         session: int | None = None,
     ) -> None:
-        self._open_port, self.now_s, self._line_s, self._timeout_s = open_port, now_s, line_s, timeout_s
+        self._open_port = open_port
+        self.now_s: Callable[[], float] = now_s
+        self._line_s = line_s
+        self._timeout_s = timeout_s
         self.session: int = int.from_bytes(os.urandom(2)) % 0xFFFF if session is None else session - 1
         self.ident: Ident | None = None
         self.telemetry: Telemetry | None = None

@@ -73,7 +73,7 @@ class Maestro(PwmChip):
         """
         self.close()
         self._port = self._open_port()
-        self.title = f"The Maestro on {self._port.name}"
+        self.title: str = f"The Maestro on {self._port.name}"
         try:
             self._identify()
             self._test_timeout()
@@ -91,7 +91,7 @@ class Maestro(PwmChip):
     def send(self, pulses_us: list[float]) -> list[float]:
         """Send targets. If the board went home since the last call, send neutral instead."""
         silent_s = self._now_s() - self._sent_s
-        self.tripped = ""
+        self.tripped: str = ""
         if silent_s > LEASE_S:
             self.tripped = f"it was sent nothing for {silent_s:.2f} s, so its timeout came"
             pulses_us = self.still_us

@@ -82,13 +82,17 @@ class PassivePwm(PwmBackend):
         is_supervised: this is the supervisor's process. Without it, outputs that do not fail safe alone stay neutral.
     """
 
+    state: str
+    reason: str
+
     def __init__(
         self, chip: PwmChip, now_s: Callable[[], float], esc_start_s: float = ESC_START_S, is_supervised: bool = False
     ) -> None:
         super().__init__(now_s, chip.channels, chip.limits_us, chip.resolution_us)
         self.chip: PwmChip = chip
-        self.title, self.still_us = chip.title, chip.still_us
-        self.has_independent_failsafe = chip.has_independent_failsafe
+        self.title: str = chip.title
+        self.still_us: list[float] = chip.still_us
+        self.has_independent_failsafe: bool = chip.has_independent_failsafe
         self.esc_start_s: float = esc_start_s
         self._is_supervised = is_supervised
         self._neutral_since_s = 0.0

@@ -66,7 +66,7 @@ class Pca9685(PwmChip):
             )
         self.count_us: float = (self.prescale + 1) / oscillator_hz * 1e6
         super().__init__(f"The PCA9685 at 0x{address:02x}", channels, limits_us, self.count_us)
-        self.still_us = self._pulses_of([self.count_of(STOP_US)] * channels)
+        self.still_us: list[float] = self._pulses_of([self.count_of(STOP_US)] * channels)
         self._address, self._open_bus, self._sleep = address, open_bus, sleep
         self._mode = AUTO_INCREMENT | (EXTCLK if has_external_clock else 0)
         self._bus: I2cBus | None = None

@@ -183,6 +183,9 @@ class PwmBackend(LifeCycle):
 class ImmediateArming(PwmBackend):
     """Outputs that are armed by the first neutral command."""
 
+    state: str
+    reason: str
+
     def on_activate(self) -> None:
         """Wait for a neutral command."""
         self.state, self.reason = "activating", "armed by a command for neutral"

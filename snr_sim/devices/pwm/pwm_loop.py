@@ -85,7 +85,8 @@ class PwmLoop(CommandLoop):
 
     def setup(self) -> None:
         """Open the outputs: neutral and disarmed."""
-        self.device = self.out = configure_device(self.factory.open_device(), f"the outputs '{self.factory.key}'")
+        self.device: Any = configure_device(self.factory.open_device(), f"the outputs '{self.factory.key}'")
+        self.out: PwmOut = self.device
         self._state = ""
         self._reasons: list[str] = []
         self._rejected = ""

@@ -27,7 +27,7 @@ class SimPwm(ImmediateArming):
         limits_us: tuple[float, float] = LIMITS_US,
     ) -> None:
         super().__init__(now_s, channels, limits_us)
-        self.title = f"The simulated output '{input_name}'"
+        self.title: str = f"The simulated output '{input_name}'"
         self._plant, self._input = plant, input_name
 
     def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, reasons: list[str]) -> list[float]:

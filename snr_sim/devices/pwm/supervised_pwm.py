@@ -31,6 +31,8 @@ class SupervisedPwm(PwmBackend):
     """
 
     has_independent_failsafe = True
+    state: str
+    reason: str
 
     def __init__(
         self,
@@ -42,8 +44,8 @@ class SupervisedPwm(PwmBackend):
         monotonic_s: Callable[[], float] = time.monotonic,
     ) -> None:
         super().__init__(now_s, like.channels, like.limits_us, like.resolution_us)
-        self.still_us = like.still_us
-        self.title = f"{like.title}, behind its supervisor,"
+        self.still_us: list[float] = like.still_us
+        self.title: str = f"{like.title}, behind its supervisor,"
         self._opener, self._args = opener, list(args)
         self._open_line, self._monotonic_s = open_line, monotonic_s
         self._line: wire.SupervisorPort | None = None

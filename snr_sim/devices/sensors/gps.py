@@ -28,7 +28,7 @@ class Gps(LifeCycleSensor):
     """
 
     def __init__(self, open_port: Callable[[], BytePort], now_s: Callable[[], float]) -> None:
-        self.title = "The receiver"
+        self.title: str = "The receiver"
         self._open_port, self._now_s = open_port, now_s
         self._port: BytePort | None = None
         self._lines = NmeaLines()

@@ -74,7 +74,7 @@ class Icm20948(LifeCycleSensor):
         hard_iron_ut: Sequence[float] = (0.0, 0.0, 0.0),
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        self.title = f"The inertial unit ICM-20948 at 0x{address:02x}"
+        self.title: str = f"The inertial unit ICM-20948 at 0x{address:02x}"
         self._open_bus, self._now_s, self._sleep = open_bus, now_s, sleep
         self._address, self._hard_iron_ut = address, list(hard_iron_ut)
         self._axes = _right_handed(axes)

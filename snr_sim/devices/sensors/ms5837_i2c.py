@@ -49,7 +49,7 @@ class Ms5837I2c(LifeCycleSensor):
         address: int = ADDRESS,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        self.title = f"The depth sensor MS5837 at 0x{address:02x}"
+        self.title: str = f"The depth sensor MS5837 at 0x{address:02x}"
         self._open_bus, self._now_s, self._sleep = open_bus, now_s, sleep
         self._address, self._part = address, part or Ms5837()
         self._conversion_s = CONVERSION_S_PER_SAMPLE * self._part.oversampling

@@ -40,7 +40,9 @@ class Rays:
     """
 
     def __init__(self, origin_m: Point, directions: tuple[Floats, Floats, Floats], pixel: float) -> None:
-        self.origin_m, self.directions, self.pixel = origin_m, directions, pixel
+        self.origin_m: Point = origin_m
+        self.directions: tuple[Floats, Floats, Floats] = directions
+        self.pixel: float = pixel
         x, y, z = directions
         self.lengths: Floats = np.sqrt(x * x + y * y + z * z)
         self.depths: Floats = np.full(x.shape, np.inf)  # of the first hit, along the camera's axis

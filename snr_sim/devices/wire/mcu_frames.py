@@ -113,7 +113,12 @@ class McuFrames:
     """
 
     def __init__(self) -> None:
-        self.crc_errors = self.unknown_frames = self.oversized = self.gaps = self.frames = self.received_bytes = 0
+        self.crc_errors: int = 0
+        self.unknown_frames: int = 0
+        self.oversized: int = 0
+        self.gaps: int = 0
+        self.frames: int = 0
+        self.received_bytes: int = 0
         self.resync()
 
     def resync(self) -> None:

@@ -55,7 +55,9 @@ class NmeaLines:
     """
 
     def __init__(self) -> None:
-        self.sentences = self.checksum_errors = self.garbage = 0
+        self.sentences: int = 0
+        self.checksum_errors: int = 0
+        self.garbage: int = 0
         self._rest = b""
         self._is_skipping = False  # inside a line that is too long
 

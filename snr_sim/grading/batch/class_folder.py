@@ -99,7 +99,7 @@ class ClassFolder:
         try:
             self._tidy_up()
             self._manifest = self._read_manifest()
-            self.private_folder = self._make_private_folder()
+            self.private_folder: Path = self._make_private_folder()
         except BaseException:
             os.close(self._lock)
             raise

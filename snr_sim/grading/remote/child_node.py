@@ -64,8 +64,8 @@ class CollectingMachine(EventMachine):
 class ExternalExecutor:
     """Executor of a loop whose ticks the grader's clock requests."""
 
-    setup_timeout_s = 0.0
-    late_s = 0.0
+    setup_timeout_s: float = 0.0
+    late_s: float = 0.0
 
     def __init__(self) -> None:
         self.ticks: int = 0

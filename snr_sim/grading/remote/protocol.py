@@ -11,6 +11,7 @@ comparisons could lie, reaches the grader.
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from typing import Any, TypeAlias, TypeVar
 
 import msgspec
@@ -243,8 +244,8 @@ class ProtocolError(SubmissionError):
         )
 
 
-encode = msgspec.json.Encoder().encode
-decode_request = msgspec.json.Decoder(CallRequest).decode
+encode: Callable[[Any], bytes] = msgspec.json.Encoder().encode
+decode_request: Callable[[bytes], CallRequest] = msgspec.json.Decoder(CallRequest).decode
 _decode_response = msgspec.json.Decoder(CallResponse).decode
 T = TypeVar("T")
 

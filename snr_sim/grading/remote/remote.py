@@ -317,7 +317,7 @@ class RemoteLoop(Loop):
     def __init__(self, factory: RemoteLoopFactory, parent: NodeApi, made: protocol.ComponentInfo) -> None:
         assert isinstance(parent, Node)  # in the grader
         super().__init__(factory, parent, made.name, made.rate_hz)
-        self.first_tick_after_s = made.first_s
+        self.first_tick_after_s: float = made.first_s
         self.next_tick_at_s = made.next_s
 
     def setup(self) -> None:

@@ -44,11 +44,13 @@ class Confiner:
         OSError: there is no room for its folder.
     """
 
+    user: int
+
     def __init__(self) -> None:
         self.user, self._claim = _claim_user()
         self.listener: int = -1  # where the process asks whether it may make a file, once it has sent that
         try:
-            self.scratch = Path(tempfile.mkdtemp(prefix="snr-scratch-"))
+            self.scratch: Path = Path(tempfile.mkdtemp(prefix="snr-scratch-"))
             os.chown(self.scratch, self.user, self.user)
         except OSError:
             self._claim.close()

@@ -82,8 +82,8 @@ class Lander(ABC):
             enough) or 'out_of_bounds' (left the region), once over. From then on the state does not change.
     """
 
-    inputs = ("engine",)
-    outputs = ("radar", "inertial")
+    inputs: tuple[str, ...] = ("engine",)
+    outputs: tuple[str, ...] = ("radar", "inertial")
     # For `scaled`: of the module, of its legs, and of what it weighs.
     SCALABLE_MODULE = (
         "thrust_n", "exhaust_mps", "throttle_lag_s", "gimbal_rate_radps", "jets_nm", "gyration_m", "gravity_mps2",

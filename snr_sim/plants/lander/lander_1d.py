@@ -73,9 +73,13 @@ class Lander1D:
 
     engine = "closed_form 1"
     step_s: float | None = None
-    inputs = ("engine",)
-    outputs = ("radar",)
+    inputs: tuple[str, ...] = ("engine",)
+    outputs: tuple[str, ...] = ("radar",)
     SCALABLE = ("thrust_n", "exhaust_mps", "gravity_mps2", "dry_mass_kg")  # for `scaled`
+
+    thrust_n: float
+    exhaust_mps: float
+    gravity_mps2: float
 
     def __init__(
         self,
@@ -96,7 +100,9 @@ class Lander1D:
             check_number(f"The {what}", value, LIMITS[limit])
         self.start_of: Callable[[int], VerticalStart] = start_of
         self.thrust_n, self.exhaust_mps, self.gravity_mps2 = engine
-        self.min_throttle, self.gear, self.ceiling_m = min_throttle, gear, ceiling_m
+        self.min_throttle: float = min_throttle
+        self.gear: GearLimits = gear
+        self.ceiling_m: float = ceiling_m
         self.reset(seed)
 
     def reset(self, seed: int) -> None:
@@ -104,10 +110,12 @@ class Lander1D:
         start = self.start_of(seed)
         is_start = isinstance(start, VerticalStart)
         check_valid(is_start, f"The start of seed {seed}", start, "return a VerticalStart.")
-        self.time_s = 0.0
-        self.height_m, self.velocity_mps = float(start.height_m), float(start.velocity_mps)
-        self.mass_kg, self.fuel_kg = start.mass_kg, start.fuel_kg
-        self.throttle = self.min_throttle
+        self.time_s: float = 0.0
+        self.height_m: float = float(start.height_m)
+        self.velocity_mps: float = float(start.velocity_mps)
+        self.mass_kg: float = start.mass_kg
+        self.fuel_kg: float = start.fuel_kg
+        self.throttle: float = self.min_throttle
         self.touchdown: Touchdown | None = None
         self.outcome: str | None = None
 

@@ -41,7 +41,7 @@ class Lander2D(Lander):
     ) -> None:
         super().__init__(module, start_of, step_s)
         self._fall_mps = module.gravity_mps2 * step_s  # what weight gives in a step
-        self.engine = f"pymunk {pymunk_module().version}"
+        self.engine: str = f"pymunk {pymunk_module().version}"
         self._legs = Legs(module.leg, module.gyration_m, step_s)
         self._hull = Hull(module.gyration_m, module.gravity_mps2, self._start(seed)[1])
         self.reset(seed)

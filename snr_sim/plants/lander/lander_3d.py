@@ -33,6 +33,8 @@ class Lander3D(Lander):
         seed: of the first run.
     """
 
+    terrain: Terrain
+
     def __init__(
         self,
         module: LunarModule,
@@ -42,7 +44,7 @@ class Lander3D(Lander):
     ) -> None:
         super().__init__(module, start_of, step_s)
         self._hull = Hull3D(module, self._start(seed)[1], step_s)
-        self.engine = self._hull.engine
+        self.engine: str = self._hull.engine
         self.reset(seed)
 
     # -- start, and being put back ------------------------------------------------------------------------------------

@@ -76,7 +76,7 @@ _ROUNDING_S = 1e-9  # a tenth of a second is one, however many steps it is made 
 class BenchSupply:
     """A supply of constant voltage at any current, like a bench supply; for measuring."""
 
-    charge = 1.0
+    charge: float = 1.0
 
     def __init__(self, volts: float) -> None:
         if not is_number(volts):

@@ -120,7 +120,7 @@ class Propulsion:
         """Reset to the moment when the battery is connected: nothing turns, is armed or has a fault."""
         n = self.count
         self.supply.reset()
-        self.escs = [Esc() for _ in range(n)]
+        self.escs: list[Esc] = [Esc() for _ in range(n)]
         nothing = (0.0,) * (2 * n)
         self._range_v = 0.0, 0.0  # where the lines hold
         self._drives = ThrustLinearisation(nothing, nothing, nothing)  # forces [N], then currents [A]

@@ -54,6 +54,10 @@ class SpaceMover(Mover):
         half_m: no part of the vehicle that touches is farther from its origin.
     """
 
+    acceleration: Six
+    guess: Six
+    pressed_n: float
+
     def __init__(self, body: MujocoBody, motion: Motion, water: WaterForces, pool: Pool | None, half_m: float) -> None:
         self._body, self._motion, self._water, self._pool, self._half_m = body, motion, water, pool, half_m
         self._parts = parts_of(motion.step_s)

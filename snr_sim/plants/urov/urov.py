@@ -64,6 +64,8 @@ class Urov:
     # For `scaled`, of the vehicle.
     SCALABLE = ("added_mass", "linear_damping", "quadratic_damping", "net_buoyancy_n")
 
+    dive: Dive
+
     def __init__(
         self,
         vehicle: Vehicle,
@@ -75,8 +77,11 @@ class Urov:
         mjcf: str | None = None,
     ) -> None:
         check_parts(vehicle, pool, start_of, thrusters, step_s)
-        self.vehicle = vehicle = vehicle.trimmed(pool.density_kgm3, pool.gravity_mps2)
-        self.pool, self.start_of, self.thrusters = pool, start_of, thrusters
+        vehicle = vehicle.trimmed(pool.density_kgm3, pool.gravity_mps2)
+        self.vehicle: Vehicle = vehicle
+        self.pool: Pool = pool
+        self.start_of: Callable[[int], Dive] = start_of
+        self.thrusters: Propulsion | None = thrusters
         self._is_in_pool = mjcf is None
         self.step_s: float = step_s
         self._motion = motion = Motion(step_s)
