@@ -35,5 +35,5 @@ def snr(*words: object, folder: str | Path = ".") -> int:
         stderr=subprocess.STDOUT,
         env={**os.environ, "NO_COLOR": "1", "COLUMNS": "110"},  # a notebook is not a terminal, but nearly as wide
     )
-    print(done.stdout.replace(f"{folder}/", ""), end="")
+    print(done.stdout.replace(f"{folder}/", ""), end="")  # noqa: T201
     return done.returncode

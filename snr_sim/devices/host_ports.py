@@ -59,7 +59,7 @@ class HostInfo:
 
     def _serial(self) -> Iterator[HostPort]:
         folder = self.root / "dev/serial/by-id"
-        lasting = {os.path.basename(os.readlink(link)): link for link in sorted(folder.glob("*")) if link.is_symlink()}
+        lasting = {link.readlink().name: link for link in sorted(folder.glob("*")) if link.is_symlink()}
         try:
             listed = [port.partition(" (") for port in self.ports()]
         except MissingExtraError as error:
@@ -68,7 +68,7 @@ class HostInfo:
                 yield HostPort("serial", f"/dev/{name}", "not asked what it is", error.fix)
             return
         for name, _, what in listed:
-            link = lasting.get(os.path.basename(name))
+            link = lasting.get(Path(name).name)
             details = [what.removesuffix(")")] if what else []
             details += [f"always /dev/serial/by-id/{link.name}"] if link is not None else []
             yield HostPort(
@@ -82,7 +82,7 @@ class HostInfo:
 
     def _pwm(self) -> Iterator[HostPort]:
         for chip in sorted((self.root / "sys/class/pwm").glob("pwmchip*")):
-            device = os.path.basename(os.path.realpath(chip / "device"))
+            device = (chip / "device").resolve().name
             known = CHIPS.get(device)
             channels = _text_of(chip / "npwm") or "?"
             about = f"{chip.name}, {channels} channels, {f'the one of a {known}' if known else 'not a Pi header'}"

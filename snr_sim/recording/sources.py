@@ -277,7 +277,7 @@ def _read(run: Path, folder: int | None, name: str, max_bytes: int) -> bytes:
 
 def _is_plain_path(text: str) -> bool:
     """Return whether a text is an absolute path without "..", of printable characters."""
-    is_whole = os.path.isabs(text) and os.path.normpath(text) == text
+    is_whole = Path(text).is_absolute() and os.path.normpath(text) == text
     return is_whole and len(text) <= MAX_PATH_CHARS and text.isprintable()
 
 

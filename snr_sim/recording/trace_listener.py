@@ -71,4 +71,4 @@ class ListenerThread:
     def _stop(self, reason: str) -> None:
         if not self._is_stopped:
             self._is_stopped = True
-            print(f"The live view has stopped: {reason}. The run continues and is recorded.", file=sys.stderr)
+            print(f"The live view has stopped: {reason}. The run continues and is recorded.", file=sys.stderr)  # noqa: T201

@@ -127,7 +127,7 @@ def _record(
     finally:
         recorder.close()
         if recorder.loss:
-            print(f"note: {recorder.loss}", file=sys.stderr)
+            print(f"note: {recorder.loss}", file=sys.stderr)  # noqa: T201
 
 
 def _files_of(program: Path) -> list[Path]:

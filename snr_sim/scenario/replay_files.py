@@ -142,7 +142,7 @@ def _has_copy(trace: Trace, part: str, matched: Mapping[str, KeptFile], asked: M
     """Return whether there is a copy of every file of a part, also of the one that was requested by its path."""
     names = [name for name in trace.header.sources if _part(name) == part]
     paths = {str(matched[name].path) for name in names if name in matched}
-    is_named = os.path.isabs(asked.get(part, ""))
+    is_named = Path(asked.get(part, "")).is_absolute()
     return bool(names) and all(name in matched for name in names) and (not is_named or asked[part] in paths)
 
 
@@ -166,7 +166,7 @@ def _lost_reloads(reloads: Mapping[int, Mapping[str, str]], kept: list[KeptFile]
 
 
 def _is_path_in_kit(text: str) -> bool:
-    return os.path.isabs(text) and library.is_of_kit(Path(text))
+    return Path(text).is_absolute() and library.is_of_kit(Path(text))
 
 
 def _option_paths(trace: Trace, matched: Mapping[str, KeptFile] | None = None) -> list[str]:

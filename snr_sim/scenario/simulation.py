@@ -282,7 +282,7 @@ class Simulation:
         learned policy, by `option/<key>`."""
         elsewhere = dict(self._read_elsewhere())
         for key, value in self.request.options.items():
-            if os.path.isabs(value) and os.path.isfile(value):  # not a pipe, whose open would block
+            if Path(value).is_absolute() and os.path.isfile(value):  # not a pipe, whose open would block
                 elsewhere[library.OPTION_FILE + key] = Path(value)
         return {**library.files_in_use(self._used), **elsewhere}
 

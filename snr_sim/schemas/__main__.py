@@ -11,4 +11,4 @@ if "--write" in sys.argv:
 
     write(FOLDER)
 for name in NAMES:
-    print(FOLDER / f"{name}{SUFFIX}")
+    print(FOLDER / f"{name}{SUFFIX}")  # noqa: T201

@@ -59,7 +59,7 @@ def measure(is_quick: bool) -> Iterator[Outcome]:
     ratios: dict[str, float] = {}
     alike_s: list[float] = []
     with tempfile.TemporaryDirectory() as name, graded_beside(Path(name), other) as beside:
-        os.chmod(name, 0o755)
+        Path(name).chmod(0o755)
         honest = {lab: handed_in(Path(name) / lab.parent.name, lab) for lab in (DOUBLE, LANDING)}
         lab, fork_server = load_lab(LANDING), ForkServer(resolve_isolation("required"), Limits())
 
@@ -117,7 +117,7 @@ def graded_beside(place: Path, core: int) -> Iterator[Callable[[str], None]]:
     """Yield what has a submission graded in another process, again and again, and return when that has begun."""
     words = [sys.executable, __file__, "--beside", str(core)]
     with tempfile.TemporaryDirectory(dir=place) as scratch:
-        os.chmod(scratch, 0o755)
+        Path(scratch).chmod(0o755)
         with subprocess.Popen(
             words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env={**os.environ, "TMPDIR": scratch}
         ) as process:

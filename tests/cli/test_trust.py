@@ -269,17 +269,17 @@ def first_copy(run: Path) -> Path:
 
 def link_as_a_copy(run: Path) -> None:
     copy = first_copy(run)
-    os.rename(copy, run / "real.py")
+    copy.rename(run / "real.py")
     copy.symlink_to(run / "real.py")
 
 
 def link_as_the_folder(run: Path) -> None:
-    os.rename(run / "sources", run / "real")
+    (run / "sources").rename(run / "real")
     (run / "sources").symlink_to(run / "real")
 
 
 def link_as_the_table(run: Path) -> None:
-    os.rename(run / "sources" / "files.jsonl", run / "real")
+    (run / "sources" / "files.jsonl").rename(run / "real")
     (run / "sources" / "files.jsonl").symlink_to(run / "real")
 
 

@@ -139,7 +139,7 @@ def test_ignored_files_are_left_out(tmp_path: Path) -> None:
     given = folder(
         tmp_path, depth_hold__py=CODE, __git___config=b"x", depth_hold__pyc=b"x", __venv___a__py=b"x", a__py=b"a"
     )
-    os.makedirs(given / "__pycache__")
+    (given / "__pycache__").mkdir(parents=True)
     (given / "__pycache__" / "a.cpython-311.pyc").write_bytes(b"x")
     assert sorted(files_in(taken(tmp_path, given))) == ["a.py", "depth_hold.py"]
 
@@ -147,7 +147,7 @@ def test_ignored_files_are_left_out(tmp_path: Path) -> None:
 def test_recorded_runs_of_any_size_are_left_out(tmp_path: Path) -> None:
     given = folder(tmp_path, depth_hold__py=CODE)
     run = given / "first" / "lander_noisy-0-20261122-003519"
-    os.makedirs(run)
+    run.mkdir(parents=True)
     for name in ("trace.jsonl", "view.rrd", "replayed.rrd"):
         with (run / name).open("wb") as file:
             file.truncate(submission_import.MAX_BYTES)

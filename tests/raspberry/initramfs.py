@@ -66,7 +66,7 @@ class Initramfs:
                 if path in without:
                     continue
                 if path.is_symlink():
-                    self.link(f"{there}/{one}", os.readlink(path))
+                    self.link(f"{there}/{one}", str(Path(path).readlink()))
                 elif path.is_dir():
                     self.folder(f"{there}/{one}")
                 elif path.is_file():

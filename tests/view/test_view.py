@@ -441,7 +441,7 @@ def listening_addresses(pid: int) -> set[str]:
     for one in [pid, *children_of(pid)]:
         for link in Path(f"/proc/{one}/fd").iterdir():
             with contextlib.suppress(OSError):
-                sockets.add(os.readlink(link))
+                sockets.add(str(Path(link).readlink()))
     rows = [line.split() for name in ("tcp", "tcp6") for line in Path(f"/proc/net/{name}").read_text().splitlines()[1:]]
     return {row[1].split(":")[0] for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in sockets}
 

@@ -100,7 +100,7 @@ def _make(target: Path, name: str, command: list[str]) -> None:
                     f"Compiling for the emulator failed:\n  {' '.join(words)}\n{output}",
                     fix=f"make room in {target.parent}; or {elsewhere}" if is_full else APT,
                 )
-            os.replace(Path(folder) / name, target)
+            (Path(folder) / name).replace(target)
     except OSError as error:
         raise DeviceError(
             f"What the emulator needs cannot be compiled into {target.parent}: {error.strerror}.", fix=elsewhere

@@ -200,5 +200,5 @@ def run(line: Connection) -> int:
         supervisor.end(time.sleep)  # before the answer is sent: the other process may be gone
     if not supervisor.has_closed:
         with suppress(OSError):
-            print(f"Outputs have gone to neutral: {reason}.", file=sys.stderr)
+            print(f"Outputs have gone to neutral: {reason}.", file=sys.stderr)  # noqa: T201
     return 0

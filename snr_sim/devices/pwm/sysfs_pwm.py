@@ -158,7 +158,7 @@ def find_chip(root: Path = ROOT) -> Path:
     Raises:
         DeviceError: there is none; names the missing line of config.txt.
     """
-    found = {chip: os.path.basename(os.path.realpath(chip / "device")) for chip in sorted(root.glob("pwmchip*"))}
+    found = {chip: (chip / "device").resolve().name for chip in sorted(root.glob("pwmchip*"))}
     for chip, device in found.items():
         if device in CHIPS:
             return chip

@@ -154,4 +154,4 @@ def _graded(job: Job, given: Path) -> Graded:
 if __name__ == "__main__":
     outcome: Graded = grade_in_container(Path(sys.argv[1]))
     if outcome.status == "grader_error":
-        print(f"snr_sim {__version__}: {outcome.error}")  # Gradescope shows it to the instructor alone
+        print(f"snr_sim {__version__}: {outcome.error}")  # Gradescope shows it to the instructor alone  # noqa: T201

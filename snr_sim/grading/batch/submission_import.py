@@ -85,7 +85,7 @@ def import_submission(given: Path, required: Sequence[str], into: Path) -> Impor
 def remove(folder: Path) -> None:
     """Remove a folder that was made read-only; one that is not there is no mistake."""
     for path, _, _ in os.walk(folder):
-        os.chmod(path, 0o700)
+        Path(path).chmod(0o700)
     shutil.rmtree(folder, ignore_errors=True)
 
 
@@ -232,8 +232,8 @@ def _missing(name: str, into: Path, top: Path) -> str:
 def _make_read_only(folder: Path) -> None:
     for inside, _, names in os.walk(folder):
         for name in names:
-            os.chmod(os.path.join(inside, name), 0o444)
-        os.chmod(inside, 0o555)
+            Path(inside, name).chmod(0o444)
+        Path(inside).chmod(0o555)
 
 
 def digest_of_folder(folder: Path) -> str:

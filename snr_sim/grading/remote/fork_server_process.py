@@ -86,5 +86,5 @@ def _enter_namespaces() -> None:
 def _scratch() -> tuple[list[str], tuple[int, ...]]:
     """Return the state of the scratch folder, which differs if a process has written there, but not if it only read."""
     names = os.listdir(SCRATCH)  # first: listing changes the access time, once
-    seen = os.stat(SCRATCH)
+    seen = os.stat(SCRATCH)  # noqa: PTH116 - a Path costs an import here
     return names, (seen.st_mode, seen.st_nlink, seen.st_atime_ns, seen.st_mtime_ns, seen.st_ctime_ns)

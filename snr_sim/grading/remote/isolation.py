@@ -6,7 +6,6 @@ process is "confined" by itself (`confinement.py`). Else official grading refuse
 
 from __future__ import annotations
 
-import os
 import tempfile
 from functools import lru_cache
 from pathlib import Path
@@ -86,7 +85,7 @@ def try_confinement() -> None:
 def _try_isolation(isolation: Isolation) -> tuple[int | None, str]:
     """Return the user of a process in this isolation, or its output if it failed."""
     with tempfile.TemporaryDirectory(prefix="snr-grading-") as name:
-        os.chmod(name, 0o755)
+        Path(name).chmod(0o755)
         child = ChildProcess(Path(name), isolation, Limits())
         try:
             answer = child.ask(Hello(), 10.0)

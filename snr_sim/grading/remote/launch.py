@@ -70,7 +70,7 @@ def start_command(
     confinement = ""
     if confiner is not None:
         limits = replace(limits, file_bytes=min(limits.file_bytes, FILE_BYTES))
-        system = [name for name in ("/usr", *SYSTEM) if os.path.isdir(name)]
+        system = [name for name in ("/usr", *SYSTEM) if Path(name).is_dir()]
         granted = [*system, *map(str, outermost([*python_folders(), KIT, *readable])), str(folder)]
         confinement = f", {(confiner.user, granted, str(LABS), str(confiner.scratch))}"
     limited = (limits.cpu_s, limits.memory_bytes, limits.file_bytes, limits.open_files)
@@ -120,7 +120,7 @@ def readable_copy(folder: Path, isolation: Isolation) -> Iterator[Path]:
         yield folder
         return
     with tempfile.TemporaryDirectory(prefix="snr-grading-") as name:
-        os.chmod(name, 0o755)
+        Path(name).chmod(0o755)
         copy = Path(name) / folder.name
         copy_world_readable(folder, copy)
         yield copy

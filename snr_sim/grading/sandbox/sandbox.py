@@ -91,9 +91,9 @@ def bubblewrap_command(folder: Path, readable: Sequence[Path], is_fork_server: b
     yield from ("--dev", "/dev", "--ro-bind", "/usr", "/usr")
     yield from ("--perms", "1777", "--size", str(_SCRATCH_BYTES), "--tmpfs", "/tmp")
     for name in SYSTEM:
-        if os.path.islink(name):
-            yield from ("--symlink", os.readlink(name), name)
-        elif os.path.isdir(name):
+        if Path(name).is_symlink():
+            yield from ("--symlink", str(Path(name).readlink()), name)
+        elif Path(name).is_dir():
             yield from ("--ro-bind", name, name)
     bound = outermost([*python_folders(), KIT, *readable])
     for parent in sorted({parent for path in bound for parent in path.parents} - {Path("/"), Path("/tmp")}):

@@ -73,7 +73,7 @@ class PtyBoard:
     def close(self) -> None:
         """Close the terminal and switch the board off."""
         with suppress(FileNotFoundError):
-            if os.readlink(self._link) == self.path:
+            if str(Path(self._link).readlink()) == self.path:
                 self._link.unlink()
         os.close(self._end)
         os.close(self._far_end)
