@@ -29,6 +29,7 @@ import os
 from collections.abc import Iterable, Iterator
 from itertools import islice
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 from snr_sim.prelude.errors import MissingExtraError, TraceError
@@ -143,12 +144,14 @@ class LiveView:
         self._stream.flush(timeout_sec=LIVE_TIMEOUT_S)
 
     def close(self) -> None:
-        """Send the rest and end the server; safe to call twice."""
+        """Send the rest and end the server; return after twice LIVE_TIMEOUT_S at most. Safe to call twice."""
         if self._shown >= 0:
             with contextlib.suppress(Exception):  # a failure here has occurred before and was reported
                 self.flush()
             self._shown = -1
-            self._stream.disconnect()
+            closing = Thread(target=self._stream.disconnect, name="live-view-close", daemon=True)
+            closing.start()  # a viewer that does not read holds it without limit
+            closing.join(LIVE_TIMEOUT_S)
 
 
 class ViewFile:

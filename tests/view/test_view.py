@@ -9,11 +9,13 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from urllib.parse import quote, urlsplit
 
@@ -459,6 +461,19 @@ def test_live_view_listens_on_loopback_only() -> None:
     finally:
         live.close()
         live.close()  # safe to call twice
+
+
+@pytest.mark.slow
+def test_close_of_live_view_returns_though_the_viewer_does_not_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(view, "LIVE_TIMEOUT_S", 0.2)
+    live = view.LiveView(header())
+    stream, is_read = live._stream, threading.Event()
+    live._stream = SimpleNamespace(flush=lambda **_: None, send_blueprint=lambda _: None, disconnect=is_read.wait)
+    began_s = time.monotonic()
+    live.close()
+    assert 0.2 <= time.monotonic() - began_s < 3.0
+    is_read.set()
+    stream.disconnect()
 
 
 @pytest.mark.slow
