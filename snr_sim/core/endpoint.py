@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from types import FunctionType, MethodType
 from typing import Any, ClassVar
 
@@ -45,6 +45,9 @@ class Endpoint(NodeComponent):
             del cls.task_handlers  # or it would hide the property below, and all objects would share one map
 
     factory: FactoryOfClass = FactoryOfClass(EndpointFactory)
+
+    # Names of events that it sends for whoever handles them, or handles if anybody sends them: neither is needed.
+    optional_events: Collection[str] = ()
 
     def __init__(self, factory: EndpointFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)

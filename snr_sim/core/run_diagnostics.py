@@ -47,10 +47,15 @@ def run_diagnostics(
     ]
 
 
+def _optional(components: Mapping[str, Component]) -> set[TaskName]:
+    return {name for one in components.values() if isinstance(one, Endpoint) for name in one.optional_events}
+
+
 def _unhandled(components: Mapping[str, Component], seen: SeenTasks) -> Iterator[str]:
+    optional = _optional(components)
     for kind in (TaskType.event, TaskType.reload):
         for name, entries in seen[kind].items():
-            if not entries:
+            if not entries and name not in optional:
                 known = {name for _, of, name in _named_ids(components) if of is kind}
                 yield f"No component handled {describe((kind, name))}; {suggest(name, known, 'handlers wait for')}"
 
@@ -58,8 +63,11 @@ def _unhandled(components: Mapping[str, Component], seen: SeenTasks) -> Iterator
 def _never_called(
     components: Mapping[str, Component], seen: SeenTasks, datastore: Datastore, find: Find
 ) -> Iterator[str]:
+    optional = _optional(components)
     for component, kind, name in _named_ids(components):
         if name in seen[kind] or kind is TaskType.terminate or name == RECORDING_KEY:
+            continue
+        if kind is TaskType.event and name in optional:
             continue
         waits = f"{_line_of(find(name, [component]))}'{component.name}' waits for {describe((kind, name))}, which"
         if kind is TaskType.process_data and name in datastore.pages:

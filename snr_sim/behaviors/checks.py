@@ -1,0 +1,88 @@
+"""What is wrong with machines, whichever front end made them, before they run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from snr_sim.behaviors.program import ANY, MachineDef, Problem, Spawn
+from snr_sim.prelude.errors import suggest
+
+
+def problems_of(spawns: tuple[Spawn, ...]) -> list[Problem]:
+    """Return the mistakes in machines that run side by side, and in those inside them; then what is doubtful."""
+    found = [problem for spawn in spawns for problem in _problems(spawn, None)]
+    return sorted(found, key=lambda one: not one.is_error)
+
+
+def _problems(spawn: Spawn, around: MachineDef | None) -> Iterator[Problem]:
+    machine = spawn.machine
+    names = [one.name for one in machine.states]
+    for state in machine.states:
+        if names.count(state.name) > 1 and state is not machine.states[names.index(state.name)]:
+            yield Problem(state.line, f"Machine '{machine.name}' has two states '{state.name}'.", "rename one.")
+    if not names:
+        yield Problem(machine.line, f"Machine '{machine.name}' has no state.", 'states=[state("waiting"), ...].')
+        return
+    if spawn.initial not in names:
+        yield Problem(
+            spawn.line,
+            f"Machine '{machine.name}' begins in '{spawn.initial}', which is none of its states.",
+            suggest(str(spawn.initial), names),
+        )
+    yield from _of_transitions(machine, names, around)
+    if all(one.target in names for one in machine.transitions if one.kind != "exit"):
+        for name in names:
+            if name not in _reachable(machine, spawn.initial):
+                yield Problem(
+                    machine.line, f"No transition of '{machine.name}' leads to state '{name}'.", is_error=False
+                )
+    for state in machine.states:
+        for inner in state.spawns:
+            yield from _problems(inner, machine)
+
+
+def _of_transitions(machine: MachineDef, names: list[str], around: MachineDef | None) -> Iterator[Problem]:
+    for one in machine.transitions:
+        what = f"Transition '{one.name}' of machine '{machine.name}'"
+        if one.source not in (ANY, *names):
+            yield Problem(one.line, f"{what} begins in '{one.source}', which is no state.", suggest(one.source, names))
+        if one.kind != "exit":
+            targets = names
+        elif around is not None:
+            targets = [state.name for state in around.states]
+        else:  # it may be put into a state yet: see `exits_at_top`
+            continue
+        if one.target not in targets:
+            yield Problem(
+                one.line, f"{what} leads to '{one.target}', which is no state.", suggest(str(one.target), targets)
+            )
+
+
+def exits_at_top(spawns: tuple[Spawn, ...]) -> list[Problem]:
+    """Return the exits of machines that are in no state of another one."""
+    return [
+        Problem(
+            one.line,
+            f"Transition '{one.name}' of machine '{spawn.machine.name}' leaves the machine around it; there is none.",
+            "put the machine into a state of another one, or write on(...).",
+        )
+        for spawn in spawns
+        for one in spawn.machine.transitions
+        if one.kind == "exit"
+    ]
+
+
+def _reachable(machine: MachineDef, initial: str) -> set[str]:
+    """Return the states that a chain of transitions can reach, and those that an exit from inside leads to."""
+    found, new = set[str](), [initial]
+    inside = {
+        state.name: {one.target for spawn in state.spawns for one in spawn.machine.transitions if one.kind == "exit"}
+        for state in machine.states
+    }
+    while new:
+        state = new.pop()
+        if state not in found:
+            found.add(state)
+            new += [one.target for one in machine.transitions_of(state) if one.kind != "exit"]
+            new += inside.get(state, ())
+    return found

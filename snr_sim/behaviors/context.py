@@ -1,0 +1,131 @@
+"""What the functions of a machine get: readings, variables, time in the state, the values of a signal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, MutableMapping
+from typing import Any, Protocol
+
+from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
+from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.task import Task, TaskType
+
+MAX_TEXT = 65_536  # characters of a variable
+MAX_ELEMENTS = 1000  # of a variable, at all depths
+MAX_DEPTH = 20  # of tuples in tuples
+_INT64 = 2**63
+
+
+class Owner(Protocol):
+    """What an interpreter needs of the component that it belongs to."""
+
+    def get_data(self, key: DataKey) -> Any:
+        """Return the data of the newest page of a key, or None."""
+
+    def get_age_s(self, key: DataKey) -> float:
+        """Return the age of that page [s]; infinite without one."""
+
+    def store_data_task(self, key: DataKey, data: Any, process: bool = True) -> Task:
+        """Return the task that stores data under a key."""
+
+
+class FixedPages:
+    """Pages for an interpreter outside a node: data by key, each of age 0. Implements Owner."""
+
+    def __init__(self, pages: Mapping[DataKey, Any]) -> None:
+        self.pages: Mapping[DataKey, Any] = pages
+
+    def get_data(self, key: DataKey) -> Any:
+        """Return the data of a key, or None."""
+        return self.pages.get(key)
+
+    def get_age_s(self, key: DataKey) -> float:
+        """Return 0, or infinity if there is no such page."""
+        return 0.0 if key in self.pages else math.inf
+
+    def store_data_task(self, key: DataKey, data: Any, process: bool = True) -> Task:
+        """Return the task that stores data under a key, of a node without name at time 0."""
+        return Task(TaskType.store_page, key, [Page(key, data, "", 0.0, process)])
+
+
+class Variables(MutableMapping[str, Any]):
+    """Variables that one machine sees: its own, and those of the machines around it.
+
+    Args:
+        slots: the values of all variables of a program.
+        index: place in them by name.
+    """
+
+    def __init__(self, slots: list[Any], index: Mapping[str, int]) -> None:
+        self._slots = slots
+        self._index = index
+
+    def __getitem__(self, name: str) -> Any:
+        return self._slots[self.place(name)]
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        self._slots[self.place(name)] = plain_value(name, value)
+
+    def __delitem__(self, name: str) -> None:
+        raise ParameterError(f"The variable '{name}' cannot be deleted.", fix="set it to None.")
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._index)
+
+    def __len__(self) -> int:
+        return len(self._index)
+
+    def place(self, name: str) -> int:
+        """Return the index of a variable's value.
+
+        Raises:
+            UnknownNameError: no variable of that name can be seen here.
+        """
+        place = self._index.get(name)
+        if place is None:
+            raise UnknownNameError(
+                f"There is no variable '{name}' in this machine.", fix=suggest(name, self._index, "declared are")
+            )
+        return place
+
+
+def plain_value(name: str, value: Any) -> Any:
+    """Return a value as a variable keeps it: a number, text, True, False, None, or a tuple of these, also for a list.
+
+    Raises:
+        ParameterError: it is another value, or larger than what pages should carry: see the constants above.
+    """
+    kind = type(value)
+    if value is None or kind is bool or kind is float:
+        return value
+    if kind is int and -_INT64 <= value < _INT64:
+        return value
+    if kind is str and len(value) <= MAX_TEXT:
+        return value
+    if kind in (list, tuple):
+        return _plain_tuple(name, value, [0], MAX_DEPTH)
+    raise ParameterError(
+        f"The variable '{name}' cannot be {_short(value)}.",
+        fix=f"numbers of 64 bits, text of {MAX_TEXT} characters, True, False, None, or tuples of these.",
+    )
+
+
+def _plain_tuple(name: str, values: Any, count: list[int], depth: int) -> tuple[Any, ...]:
+    count[0] += len(values)
+    if count[0] > MAX_ELEMENTS or depth == 0:
+        raise ParameterError(
+            f"The variable '{name}' has more than {MAX_ELEMENTS} elements, or more than {MAX_DEPTH} levels.",
+            fix="keep long data in a page.",
+        )
+    return tuple(
+        _plain_tuple(name, one, count, depth - 1) if type(one) in (list, tuple) else plain_value(name, one)
+        for one in values
+    )
+
+
+def _short(value: Any) -> str:
+    if type(value) is int:
+        return "an integer of more than 64 bits"
+    if type(value) is str:
+        return f"text of {len(value)} characters"
+    return f"a {type(value).__name__}"

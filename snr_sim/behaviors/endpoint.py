@@ -1,0 +1,207 @@
+"""The interpreter as a component of a node: its steps are tasks, so a run with machines is recorded and replayed.
+
+StepLoop --> event "<name>.step" --.
+sensors --> pages in `reacts_to` --+--> MachineEndpoint --> tasks of the blocks
+anybody --> events that are signals'                   `--> event "<name>.transition", page "<name>"
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import msgspec
+
+from snr_sim.behaviors.context import Owner
+from snr_sim.behaviors.interpreter import NS_PER_S, Change, Interpreter
+from snr_sim.behaviors.program import Program
+from snr_sim.core.endpoint import Endpoint, EndpointFactory
+from snr_sim.core.factory import ComponentFactory
+from snr_sim.core.handlers import as_tasks
+from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.prelude import tasks
+from snr_sim.prelude.errors import ConfigError, ParameterError, UnknownNameError
+from snr_sim.prelude.node_api import NodeApi
+from snr_sim.prelude.page import DataKey
+from snr_sim.prelude.task import SomeTasks, Task, TaskHandlerMap, TaskId, TaskType
+
+
+def machine_parts(
+    program: Program, name: str = "machine", *, step_hz: float = 100.0, reacts_to: Sequence[DataKey] = ()
+) -> list[ComponentFactory]:
+    """Return the factories of a machine and of its clock, for a controller's `factories`.
+
+    Args:
+        program: what `machine(...)` returns.
+        name: of the component, of its page, and the beginning of its events' names.
+        step_hz: how often it takes a step.
+        reacts_to: pages that cause a step as soon as they are stored.
+    """
+    return [StepLoopFactory(name, step_hz), MachineFactory(program, name, reacts_to=reacts_to)]
+
+
+class StepLoopFactory(LoopFactory):
+    """Factory of the clock of a machine: event "<name>.step", `step_hz` times a second."""
+
+    def __init__(self, name: str = "machine", step_hz: float = 100.0) -> None:
+        super().__init__()
+        self.name: str = name
+        self.step_hz: float = step_hz
+
+    def get(self, parent: NodeApi) -> StepLoop:
+        """Return the loop."""
+        return StepLoop(self, parent, f"{self.name}_clock", self.step_hz)
+
+
+class StepLoop(Loop):
+    """Schedules the steps of one machine."""
+
+    factory: StepLoopFactory
+
+    def setup(self) -> None:
+        """Make the task once."""
+        self._task = tasks.event(f"{self.factory.name}.step")
+
+    def loop(self) -> None:
+        """Schedule a step."""
+        self.schedule(self._task)
+
+
+class MachineFactory(EndpointFactory):
+    """Factory of a component that runs a program's machines.
+
+    Args:
+        program: what `machine(...)` returns.
+        name: of the component, of its page, and the beginning of its events' names.
+        reacts_to: pages that cause a step as soon as they are stored.
+
+    Raises:
+        ConfigError: the program is something else.
+    """
+
+    def __init__(self, program: Program, name: str = "machine", *, reacts_to: Sequence[DataKey] = ()) -> None:
+        super().__init__()
+        if not isinstance(program, Program):
+            raise ConfigError(f"MachineFactory is given {program!r}.", fix="what machine(...) returns.")
+        self.program: Program = program
+        self.name: str = name
+        self.reacts_to: tuple[DataKey, ...] = (reacts_to,) if isinstance(reacts_to, str) else tuple(reacts_to)
+
+    def get(self, parent: NodeApi) -> MachineEndpoint:
+        """Return the component."""
+        return MachineEndpoint(self, parent, self.name)
+
+
+class MachineEndpoint(Endpoint):
+    """Takes a step for each event "<name>.step", page in `reacts_to` and signal, and reports changes of state.
+
+    It returns, in this order: the tasks of the blocks; for each change an event "<name>.transition" with its fields as
+    a dict; and, if a state has changed, one page "<name>". Other events that it handles:
+
+        <name>.set [path, value]    sets a variable, such as "mission.gate"
+        <name>.pause, <name>.go     between them it takes no step, and its time stands still; signals are ignored
+    """
+
+    factory: MachineFactory
+
+    def __init__(self, factory: MachineFactory, parent: NodeApi, name: str) -> None:
+        super().__init__(factory, parent, name)
+        owner: Owner = self
+        self.interpreter: Interpreter = Interpreter(factory.program, owner, rng=self.rng)
+        self.is_paused: bool = False
+        self._paused_ns = 0
+        self._transition = f"{name}.transition"
+        self.optional_events = [f"{name}.{what}" for what in ("program", "transition", "set", "pause", "go")]
+        self._last: Change | None = None
+        handlers: TaskHandlerMap = {(TaskType.process_data, key): self.on_step for key in factory.reacts_to}
+        handlers |= {(TaskType.event, signal): self.on_signal for signal in factory.program.signals()}
+        handlers |= {
+            (TaskType.event, f"{name}.step"): self.on_step,
+            (TaskType.event, f"{name}.set"): self.on_set,
+            (TaskType.event, f"{name}.pause"): self.on_pause,
+            (TaskType.event, f"{name}.go"): self.on_go,
+        }
+        self.task_handlers = handlers
+
+    def begin(self) -> None:
+        """Report the program, then enter the initial states."""
+        program = self.factory.program
+        for one in program.warnings:
+            self.parent.add_note(f"Machine '{self.name}': {one.message}")
+        self.schedule(tasks.event(f"{self.name}.program", [program.text, program.sha256]))
+        self.schedule(self._results(self.interpreter.spawn(self._now_ns())))
+
+    def halt(self) -> None:
+        """Note the signals that no state waited for when they came."""
+        for signal, count in self.interpreter.ignored.items():
+            self.parent.add_note(
+                f"Machine '{self.name}' was in no state that waits for '{signal}' when it came, {count} times."
+            )
+
+    def on_step(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Take a step."""
+        if self.is_paused:
+            return None
+        interpreter = self.interpreter
+        changes = interpreter.step(self._now_ns())
+        return self._results(changes) if changes or interpreter.outputs else None
+
+    def on_signal(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Take a step in which a signal is given."""
+        if self.is_paused:
+            return None
+        return self._results(self.interpreter.step(self._now_ns(), task.name, tuple(task.val_list)))
+
+    def on_set(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Set a variable; a request that cannot be met is noted."""
+        try:
+            path, value = task.val_list
+            self.interpreter.set(path, value)
+        except (ValueError, TypeError, ParameterError, UnknownNameError) as error:
+            self.parent.add_note(f"'{task.name}' {task.val_list!r:.200} was rejected: {error}")
+            return None
+        return self.store_data_task(self.name, self._page())
+
+    def on_pause(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Take no more steps."""
+        if self.is_paused:
+            return None
+        self.is_paused, self._paused_ns = True, self._now_ns()
+        return self.store_data_task(self.name, self._page())
+
+    def on_go(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Go on as if no time had passed."""
+        if not self.is_paused:
+            return None
+        self.is_paused = False
+        self.interpreter.delay(self._now_ns() - self._paused_ns)
+        return self.store_data_task(self.name, self._page())
+
+    def _now_ns(self) -> int:
+        return round(self.get_time_s() * NS_PER_S)
+
+    def _results(self, changes: list[Change]) -> list[Task]:
+        found = [task for block, output in self.interpreter.outputs for task in as_tasks(output, self, block.call)]
+        if changes:
+            self._last = changes[-1]
+            found += [tasks.event(self._transition, [msgspec.structs.asdict(one)]) for one in changes]
+            found.append(self.store_data_task(self.name, self._page()))
+        return found
+
+    def _page(self) -> dict[str, Any]:
+        interpreter, last = self.interpreter, self._last
+        return {
+            "active": interpreter.active,
+            "entered_s": {path: since_ns / NS_PER_S for path, since_ns in interpreter.since_ns.items()},
+            "left": [
+                {"machine": path, "state": state, "held_s": held_ns / NS_PER_S}
+                for path, state, held_ns in interpreter.left
+            ],
+            "entered": [{"machine": path, "state": state} for path, state in interpreter.entered],
+            "last": None if last is None else msgspec.structs.asdict(last),
+            "variables": interpreter.variables,
+            "sha256": interpreter.program.sha256,
+            "problems": sum(one.count for one in interpreter.problems.values()),
+            "ignored": sum(interpreter.ignored.values()),
+            "is_paused": self.is_paused,
+        }

@@ -1,0 +1,205 @@
+"""Programs as text and as drawings: a listing, mermaid, DOT and SCXML."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Literal, TypeAlias
+from xml.sax.saxutils import escape, quoteattr
+
+from snr_sim.behaviors.program import Block, MachineDef, Program, Spawn, StateDef, Transition, with_names
+
+Format: TypeAlias = Literal["mermaid", "dot", "scxml", "text"]
+NS_PER_MS = 1_000_000
+
+
+def draw(program: Program, to: Format = "mermaid") -> str:
+    """Return a program in a format that other tools read.
+
+    Args:
+        to: 'mermaid' is drawn by many editors and web pages, 'dot' by Graphviz; 'scxml' is W3C's for state machines;
+            'text' is a listing.
+    """
+    formats: dict[str, Callable[[tuple[Spawn, ...]], str]] = {
+        "mermaid": _mermaid, "dot": _dot, "scxml": _scxml, "text": as_text,
+    }  # fmt: skip
+    return formats[to](program.spawns)
+
+
+# -- listing ----------------------------------------------------------------------------------------------------------
+
+
+def as_text(spawns: tuple[Spawn, ...]) -> str:
+    """Return a listing of machines: everything that a program says, code by its name."""
+    lines = [line for spawn in spawns for line in _machine_lines(spawn.machine, "")]
+    lines += [f"(spawn {spawn.machine.name} {spawn.initial})" for spawn in spawns]
+    return "\n".join([*lines, ""])
+
+
+def _machine_lines(machine: MachineDef, indent: str) -> Iterator[str]:
+    yield f"{indent}(machine {machine.name}"
+    inner = indent + "  "
+    for name, value in machine.variables.items():
+        yield f"{inner}(var {name} := [{value!r}])"
+    for state in machine.states:
+        yield from _state_lines(state, inner)
+    for one in machine.transitions:
+        effect = "" if one.effect is None else f" [{one.effect.text}]"
+        yield f"{inner}({one.kind}{_events(one)} {one.source} -> {one.target} {one.name}{effect})"
+    yield f"{indent})"
+
+
+def _state_lines(state: StateDef, indent: str) -> Iterator[str]:
+    yield f"{indent}(state {state.name}"
+    for kind, blocks in (("onentry", state.enter), ("running", state.during), ("onexit", state.leave)):
+        for one in blocks:
+            if isinstance(one, Block):
+                yield f"{indent}  ({kind} [{one.text}])"
+            else:
+                yield from _machine_lines(one.machine, indent + "  ")
+                yield f"{indent}  ({kind} (spawn {one.machine.name} {one.initial}))"
+    yield f"{indent})"
+
+
+def _events(one: Transition) -> str:
+    words = [] if one.signal is None else [one.signal]
+    if one.after_ns is not None:
+        words.append(f"[{one.after_ns.text}]" if isinstance(one.after_ns, Block) else f"{one.after_ns / NS_PER_MS:g}")
+    if one.condition is not None:
+        words.append(f"[{one.condition.text}]")
+    return "".join(f" {word}" for word in words)
+
+
+def _label(one: Transition) -> str:
+    """Return what is written at an arrow: `stop`, `after 2 s`, `[is_near] / count`."""
+    words = [] if one.signal is None else [one.signal]
+    if isinstance(one.after_ns, Block):
+        words.append(f"after {one.after_ns.text}")
+    elif one.after_ns is not None:
+        words.append(f"after {one.after_ns / 1e9:g} s")
+    if one.condition is not None:
+        words.append(f"[{one.condition.text}]")
+    if one.effect is not None:
+        words.append(f"/ {one.effect.text}")
+    return " ".join(words) or "at once"
+
+
+# -- mermaid ----------------------------------------------------------------------------------------------------------
+
+
+def _mermaid(spawns: tuple[Spawn, ...]) -> str:
+    lines = ["stateDiagram-v2"]
+    for name, spawn in with_names(spawns):
+        lines += [f'    state "{name}" as {_id(name)} {{', *_mermaid_machine(spawn, _id(name), "        "), "    }"]
+    return "\n".join([*lines, ""])
+
+
+def _mermaid_machine(spawn: Spawn, prefix: str, indent: str) -> Iterator[str]:
+    machine = spawn.machine
+    yield f"{indent}[*] --> {prefix}_{_id(spawn.initial)}"
+    for state in machine.states:
+        own = f"{prefix}_{_id(state.name)}"
+        yield f'{indent}state "{state.name}" as {own}'
+        if state.spawns:
+            yield f"{indent}state {own} {{"
+            for i, (name, inner) in enumerate(with_names(state.spawns)):
+                if i:
+                    yield f"{indent}    --"
+                yield from _mermaid_machine(inner, f"{own}_{_id(name)}", indent + "    ")
+            yield f"{indent}}}"
+    for state in machine.states:
+        for one in machine.transitions_of(state.name):
+            own, label = f"{prefix}_{_id(state.name)}", _label(one).replace(":", " ")
+            if one.kind == "exit":  # an arrow across a border is not drawn
+                yield f"{indent}note right of {own} : {label}, leaves to {one.target}"
+            else:
+                yield f"{indent}{own} --> {prefix}_{_id(one.target)} : {label}"
+
+
+def _id(name: str) -> str:
+    return name.replace("-", "_").replace("#", "_")
+
+
+# -- DOT --------------------------------------------------------------------------------------------------------------
+
+
+def _dot(spawns: tuple[Spawn, ...]) -> str:
+    lines = ["digraph machines {", "  compound=true; node [shape=box, style=rounded]; edge [fontsize=10];"]
+    for name, spawn in with_names(spawns):
+        lines += _dot_machine(name, spawn, name, None, "  ")
+    return "\n".join([*lines, "}", ""])
+
+
+def _dot_machine(name: str, spawn: Spawn, path: str, around: str | None, indent: str) -> Iterator[str]:
+    machine, inner = spawn.machine, indent + "  "
+    yield f'{indent}subgraph "cluster_{path}" {{ label="{name}";'
+    yield f'{inner}"{path}/" [shape=point]; "{path}/" -> "{path}/{spawn.initial}";'
+    for state in machine.states:
+        yield f'{inner}"{path}/{state.name}" [label="{state.name}"];'
+        for below, nested in with_names(state.spawns):
+            yield from _dot_machine(below, nested, f"{path}/{state.name}/{below}", path, inner)
+            yield f'{inner}"{path}/{state.name}" -> "{path}/{state.name}/{below}/" [style=dotted, arrowhead=none];'
+    for state in machine.states:
+        for one in machine.transitions_of(state.name):
+            home = around if one.kind == "exit" else path
+            label = _label(one).replace("\\", "\\\\").replace('"', '\\"')
+            yield f'{inner}"{path}/{state.name}" -> "{home}/{one.target}" [label="{label}"];'
+    yield f"{indent}}}"
+
+
+# -- SCXML ------------------------------------------------------------------------------------------------------------
+
+
+def _scxml(spawns: tuple[Spawn, ...]) -> str:
+    """Return W3C's State Chart XML: machines side by side are regions of a `parallel`, a time-out is a delayed event.
+
+    Conditions and effects are names of functions, which a tool has to define. What differs: there an inner transition
+    wins over an outer one.
+    """
+    lines = ['<?xml version="1.0" encoding="UTF-8"?>']
+    lines.append('<scxml xmlns="http://www.w3.org/2005/07/scxml" version="1.0" datamodel="ecmascript" initial="all">')
+    lines.append('  <parallel id="all">')
+    for name, spawn in with_names(spawns):
+        lines += _scxml_machine(spawn, name, None, "    ")
+    return "\n".join([*lines, "  </parallel>", "</scxml>", ""])
+
+
+def _scxml_machine(spawn: Spawn, path: str, around: str | None, indent: str) -> Iterator[str]:
+    yield f"{indent}<state id={quoteattr(path)} initial={quoteattr(f'{path}.{spawn.initial}')}>"
+    for state in spawn.machine.states:
+        yield from _scxml_state(spawn.machine, state, path, around, indent + "  ")
+    yield f"{indent}</state>"
+
+
+def _scxml_state(machine: MachineDef, state: StateDef, path: str, around: str | None, indent: str) -> Iterator[str]:
+    own = f"{path}.{state.name}"
+    tag = "parallel" if len(state.spawns) > 1 else "state"
+    yield f"{indent}<{tag} id={quoteattr(own)}>"
+    inner = indent + "  "
+    found = list(enumerate(machine.transitions_of(state.name)))
+    timers = [(f"after.{own}.{i}", one.after_ns) for i, one in found if one.after_ns is not None]
+    calls = [one.text for one in state.enter if isinstance(one, Block)]
+    if calls or timers:
+        yield f"{inner}<onentry>"
+        yield from (f"{inner}  <script>{escape(text)}()</script>" for text in calls)
+        for event, delay in timers:
+            wait = (
+                f"delayexpr={quoteattr(delay.text)}" if isinstance(delay, Block) else f'delay="{delay / NS_PER_MS:g}ms"'
+            )
+            yield f"{inner}  <send id={quoteattr(event)} event={quoteattr(event)} {wait}/>"
+        yield f"{inner}</onentry>"
+    if state.leave or timers:
+        yield f"{inner}<onexit>"
+        yield from (f"{inner}  <cancel sendid={quoteattr(event)}/>" for event, _ in timers)
+        yield from (f"{inner}  <script>{escape(one.text)}()</script>" for one in state.leave)
+        yield f"{inner}</onexit>"
+    for i, one in found:
+        caused_by = one.signal if one.after_ns is None else f"after.{own}.{i}"
+        parts = [] if caused_by is None else [f"event={quoteattr(caused_by)}"]
+        parts += [] if one.condition is None else [f"cond={quoteattr(one.condition.text + '()')}"]
+        home = around if one.kind == "exit" else path
+        parts.append(f"target={quoteattr(f'{home}.{one.target}')}")
+        effect = "/>" if one.effect is None else f"><script>{escape(one.effect.text)}()</script></transition>"
+        yield f"{inner}<transition {' '.join(parts)}{effect}"
+    for name, below in with_names(state.spawns):
+        yield from _scxml_machine(below, f"{own}.{name}", path, inner)
+    yield f"{indent}</{tag}>"

@@ -1,0 +1,527 @@
+"""The interpreter of programs: pure, so that whoever drives it decides what time it is and what can be read.
+
+    (now_ns, signal) --> step --> changes of state, and what the blocks returned
+
+One step, for each machine that runs, outermost first:
+
+1. The transitions of its state are tried in the order of the program. The first whose signal, time and condition are
+   given is taken: the state is left (machines inside it first, the last spawned first), and the target is entered. So
+   an emergency stop of an outer machine does not wait for what is inside it.
+2. If none is taken, the state's `during` blocks are executed, then the machines inside it take their step.
+
+A machine takes one transition in a step, except that a state with an `eps` transition is looked at again as soon as a
+transition has entered it. A signal counts in the step that it causes, and not again in such a chain. Time-outs count
+from the entry of the state, so a transition cancels them by leaving it.
+
+Time is whole nanoseconds: a time-out of 0.1 s is exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from snr_sim.behaviors.checks import exits_at_top
+from snr_sim.behaviors.context import FixedPages, Owner, Variables, plain_value
+from snr_sim.behaviors.program import Block, MachineDef, Program, ProgramError, Spawn, StateDef, Transition, with_names
+from snr_sim.prelude.errors import ConfigError, UnknownNameError, suggest
+from snr_sim.prelude.page import DataKey
+from snr_sim.prelude.task import Task
+
+if TYPE_CHECKING:
+    import numpy as np
+
+MAX_CHAIN = 16  # transitions of one machine in one step
+NS_PER_S = 1_000_000_000
+
+
+class Change(msgspec.Struct, frozen=True, gc=False):
+    """A machine has changed its state.
+
+    Args:
+        t_ns: when.
+        machine: path of the machine, such as "mission/passing/scan".
+        kind: as of the transition, 'spawn' for a machine that begins, 'stop' for one that was ended after an error.
+        name: of the transition.
+        source, target: states; empty if there was none before, or is none now.
+        held_ns: how long it was in the source.
+        line: of the transition in the program; 0 if unknown.
+    """
+
+    t_ns: int
+    machine: str
+    kind: str
+    name: str
+    source: str
+    target: str
+    held_ns: int
+    line: int
+
+
+class RunProblem(msgspec.Struct):
+    """An exception in a block, or a chain of transitions that was cut. `count`: how often; the rest is of the first."""
+
+    t_ns: int
+    machine: str
+    line: int
+    block: str
+    message: str
+    count: int = 1
+
+
+class _State:
+    """A state as it runs: its blocks, and its transitions as (least time, condition, transition)."""
+
+    __slots__ = ("by_signal", "chains", "during", "enter", "leave", "name", "plain", "spawned")
+
+    def __init__(self, definition: StateDef, spawned: list[tuple[_Machine, str]]) -> None:
+        self.name = definition.name
+        self.enter = definition.enter
+        self.during = definition.during
+        self.leave = definition.leave
+        self.spawned = spawned  # of each Spawn in `enter`: the machine and its initial state
+        self.plain: tuple[_Row, ...] = ()
+        self.by_signal: dict[str, tuple[_Row, ...]] = {}
+        self.chains = False
+
+
+_Row = tuple[int | None, Callable[[Any], Any] | None, Transition]
+
+
+class _Machine:
+    """A machine as it runs, at one place of the program."""
+
+    __slots__ = ("definition", "parent", "path", "running", "since_ns", "state", "states", "variables")
+
+    def __init__(self, path: str, definition: MachineDef, parent: _Machine | None, variables: Variables) -> None:
+        self.path = path
+        self.definition = definition
+        self.parent = parent
+        self.variables = variables
+        self.states: dict[str, _State] = {}
+        self.state: _State | None = None  # None: it does not run
+        self.since_ns = 0
+        self.running: list[_Machine] = []  # inside its state, in the order in which they were spawned
+
+    def walk(self) -> Iterator[_Machine]:
+        """Yield it and all machines inside it that run, outer ones first."""
+        yield self
+        for inner in self.running:
+            yield from inner.walk()
+
+
+class MachineContext:
+    """What the functions of a program are called with.
+
+    Args:
+        owner: the component whose pages are read.
+
+    Attributes:
+        now_ns: time of the step.
+        signal: the values of the signal that caused the step.
+    """
+
+    def __init__(self, owner: Owner, rng: np.random.Generator | None = None) -> None:
+        self._owner = owner
+        self._rng = rng
+        self.machine: Any = None  # the one whose block is executed
+        self.now_ns: int = 0
+        self.signal: Sequence[Any] = ()
+
+    def data(self, key: DataKey) -> Any:
+        """Return the data of the newest page of a key, or None."""
+        return self._owner.get_data(key)
+
+    def age_s(self, key: DataKey) -> float:
+        """Return the age of that page [s]; infinite without one."""
+        return self._owner.get_age_s(key)
+
+    def store_data_task(self, key: DataKey, data: Any, process: bool = True) -> Task:
+        """Return the task that stores data under a key, for a block to return."""
+        return self._owner.store_data_task(key, data, process)
+
+    @property
+    def variables(self) -> Variables:
+        """The variables that the machine sees, by name."""
+        seen: Variables = self.machine.variables
+        return seen
+
+    @property
+    def in_state_s(self) -> float:
+        """Time since the machine entered its state [s]."""
+        since_ns: int = self.machine.since_ns
+        return (self.now_ns - since_ns) / NS_PER_S
+
+    @property
+    def rng(self) -> np.random.Generator:
+        """The random generator of the component.
+
+        Raises:
+            ConfigError: the interpreter was given none.
+        """
+        if self._rng is None:
+            raise ConfigError("This interpreter has no random generator.", fix="Interpreter(program, rng=...).")
+        return self._rng
+
+
+class Interpreter:
+    """Runs a program. Nothing happens but in its methods, on the thread that calls them.
+
+    Args:
+        program: its machines.
+        pages: what can be read: a component, or data by key.
+        now_ns: time at which it begins.
+        rng: for blocks that need random numbers.
+
+    Raises:
+        ProgramError: a machine at the top has an exit.
+
+    Attributes:
+        outputs: what the blocks of the last step returned other than None, each with its block, in order.
+        left, entered: (path, state, time in it [ns]) and (path, state) of the last step.
+        ignored: number of signals that no active state waits for, by name.
+        problems: exceptions in blocks, by block; with `on_error` 'fail' they are raised instead.
+    """
+
+    def __init__(
+        self,
+        program: Program,
+        pages: Owner | Mapping[DataKey, Any] | None = None,
+        *,
+        now_ns: int = 0,
+        rng: np.random.Generator | None = None,
+    ) -> None:
+        if problems := exits_at_top(program.spawns):
+            raise ProgramError(problems)
+        self.program: Program = program
+        owner = FixedPages(pages or {}) if pages is None or isinstance(pages, Mapping) else pages
+        self.context: MachineContext = MachineContext(owner, rng)
+        self.outputs: list[tuple[Block, Any]] = []
+        self.left: list[tuple[str, str, int]] = []
+        self.entered: list[tuple[str, str]] = []
+        self.ignored: dict[str, int] = {}
+        self.problems: dict[tuple[int, str], RunProblem] = {}
+        self._slots: list[Any] = []
+        self._variable_paths: dict[str, int] = {}
+        self._machines: dict[str, _Machine] = {}  # all, whether they run or not
+        self._changes: list[Change] = []
+        self._failed: list[_Machine] = []
+        self._is_answered = False
+        self._top = [(self._build(name, spawn, None, {}), spawn.initial) for name, spawn in with_names(program.spawns)]
+        self._running: list[_Machine] = []
+        self.context.now_ns = now_ns
+
+    # -- driving it ---------------------------------------------------------------------------------------------------
+
+    def spawn(self, now_ns: int) -> list[Change]:
+        """Begin: enter the initial states of all machines at the top. Return the changes."""
+        self._begin(now_ns, ())
+        for machine, initial in self._top:
+            if machine.state is None:
+                self._running.append(machine)
+                self._spawn(machine, initial)
+        return self._end()
+
+    def step(self, now_ns: int, signal: str | None = None, values: Sequence[Any] = ()) -> list[Change]:
+        """Take one step; return the changes, in order.
+
+        Args:
+            now_ns: time; not before that of the last step.
+            signal: name of the event that causes the step, if one does.
+            values: what it carries.
+
+        Raises:
+            Exception: any of a block, if the program says `on_error` 'fail'.
+        """
+        self._begin(now_ns, values)
+        for machine in self._running:
+            self._step(machine, signal)
+        if signal is not None and not self._is_answered:
+            self.ignored[signal] = self.ignored.get(signal, 0) + 1
+        return self._end()
+
+    def _begin(self, now_ns: int, values: Sequence[Any]) -> None:
+        context = self.context
+        context.now_ns = now_ns
+        context.signal = values
+        self._changes = []
+        self._is_answered = False
+        if self.outputs or self.entered:
+            self.outputs, self.left, self.entered = [], [], []
+
+    def _end(self) -> list[Change]:
+        while self._failed:
+            machine = self._failed.pop()
+            if machine.state is not None:
+                self._stop(machine)
+        return self._changes
+
+    # -- one step -----------------------------------------------------------------------------------------------------
+
+    def _step(self, machine: _Machine, signal: str | None) -> _Machine | None:
+        """Take a machine's step; return the machine around it that has moved by an exit, if one has."""
+        state = machine.state
+        assert state is not None
+        context = self.context
+        context.machine = machine
+        rows = state.plain
+        if signal is not None and signal in state.by_signal:
+            rows = state.by_signal[signal]
+            self._is_answered = True
+        elapsed_ns = context.now_ns - machine.since_ns
+        for after_ns, condition, transition in rows:
+            if after_ns is not None and elapsed_ns < after_ns:
+                continue
+            if condition is None:
+                return self._take(machine, transition)
+            try:
+                if condition(context):
+                    return self._take(machine, transition)
+            except Exception as error:
+                self._report(machine, transition.condition or transition.after_ns, error)
+        for block in state.during:
+            self._run(machine, block)
+        for inner in machine.running:
+            moved = self._step(inner, signal)
+            if moved is not None:
+                return None if moved is machine else moved
+        return None
+
+    def _take(self, machine: _Machine, transition: Transition) -> _Machine | None:
+        """Take a transition and those that follow at once; return the machine around it that has moved, if one has."""
+        mover, outermost = machine, None
+        for _ in range(MAX_CHAIN):
+            if transition.kind == "exit":
+                assert mover.parent is not None  # see `exits_at_top`
+                mover = outermost = mover.parent
+            self._move(mover, transition)
+            state = mover.state
+            assert state is not None
+            following = self._enabled(mover, state) if state.chains else None
+            if following is None:
+                return outermost
+            transition = following
+        self._add_problem(mover, transition.line, transition.name, f"more than {MAX_CHAIN} transitions in one step")
+        return outermost
+
+    def _enabled(self, machine: _Machine, state: _State) -> Transition | None:
+        """Return the transition that a state takes at once after it was entered, if any."""
+        context = self.context
+        context.machine = machine
+        for after_ns, condition, transition in state.plain:
+            if after_ns is not None and after_ns > 0:
+                continue
+            try:
+                if condition is None or condition(context):
+                    return transition
+            except Exception as error:
+                self._report(machine, transition.condition or transition.after_ns, error)
+        return None
+
+    def _move(self, machine: _Machine, transition: Transition) -> None:
+        now_ns = self.context.now_ns
+        source, held_ns = machine.state, now_ns - machine.since_ns
+        assert source is not None
+        self._leave(machine)
+        if transition.effect is not None:
+            self._run(machine, transition.effect)
+        machine.state = target = machine.states[transition.target]
+        machine.since_ns = now_ns
+        self._changes.append(
+            Change(
+                now_ns, machine.path, transition.kind, transition.name, source.name, target.name, held_ns,
+                transition.line,
+            )
+        )  # fmt: skip
+        self._enter(machine, target)
+
+    def _leave(self, machine: _Machine) -> None:
+        """Leave the state of a machine; the machines inside first, the last spawned first."""
+        state = machine.state
+        assert state is not None
+        while machine.running:
+            self._leave(machine.running[-1])
+            machine.running.pop().state = None
+        for block in state.leave:
+            self._run(machine, block)
+        self.left.append((machine.path, state.name, self.context.now_ns - machine.since_ns))
+
+    def _enter(self, machine: _Machine, state: _State) -> None:
+        self.entered.append((machine.path, state.name))
+        spawned = iter(state.spawned)
+        for one in state.enter:
+            if isinstance(one, Block):
+                self._run(machine, one)
+            else:
+                inner, initial = next(spawned)
+                machine.running.append(inner)
+                self._spawn(inner, initial)
+
+    def _spawn(self, machine: _Machine, initial: str) -> None:
+        now_ns = self.context.now_ns
+        machine.state = state = machine.states[initial]
+        machine.since_ns = now_ns
+        self._changes.append(Change(now_ns, machine.path, "spawn", "spawn", "", initial, 0, machine.definition.line))
+        self._enter(machine, state)
+
+    def _stop(self, machine: _Machine) -> None:
+        """End a machine after an error in one of its blocks."""
+        state = machine.state
+        assert state is not None
+        held_ns = self.context.now_ns - machine.since_ns
+        self._leave(machine)
+        machine.state = None
+        (self._running if machine.parent is None else machine.parent.running).remove(machine)
+        self._changes.append(
+            Change(self.context.now_ns, machine.path, "stop", "error", state.name, "", held_ns, machine.definition.line)
+        )
+
+    # -- blocks -------------------------------------------------------------------------------------------------------
+
+    def _run(self, machine: _Machine, block: Block) -> None:
+        """Execute a block: all of it, or, if it raises and the program goes on, nothing."""
+        context = self.context
+        context.machine = machine
+        if self.program.on_error == "fail":
+            output = block.call(context)
+        else:
+            before = self._slots[:]
+            try:
+                output = block.call(context)
+            except Exception as error:
+                self._slots[:] = before
+                self._report(machine, block, error)
+                return
+        if output is not None:
+            self.outputs.append((block, output))
+
+    def _report(self, machine: _Machine, block: Block | int | None, error: Exception) -> None:
+        if self.program.on_error == "fail":
+            raise error
+        assert isinstance(block, Block)
+        self._add_problem(machine, block.line, block.text, f"{type(error).__name__}: {error}")
+        if self.program.on_error == "stop" and machine not in self._failed:
+            self._failed.append(machine)
+
+    def _add_problem(self, machine: _Machine, line: int, text: str, message: str) -> None:
+        known = self.problems.get((line, text))
+        if known is not None:
+            known.count += 1
+        else:
+            self.problems[(line, text)] = RunProblem(self.context.now_ns, machine.path, line, text, message)
+
+    # -- looking at it ------------------------------------------------------------------------------------------------
+
+    @property
+    def active(self) -> dict[str, str]:
+        """The state of each machine that runs, by path; outer ones first."""
+        return {one.path: one.state.name for one in self._walk() if one.state is not None}
+
+    @property
+    def since_ns(self) -> dict[str, int]:
+        """When each machine that runs entered its state."""
+        return {one.path: one.since_ns for one in self._walk()}
+
+    @property
+    def variables(self) -> dict[str, Any]:
+        """All variables by path, such as "mission.gate"."""
+        return {path: self._slots[place] for path, place in self._variable_paths.items()}
+
+    def set(self, path: str, value: Any) -> None:
+        """Set a variable.
+
+        Raises:
+            UnknownNameError: there is none of that path.
+            ParameterError: a variable cannot have this value.
+        """
+        if path not in self._variable_paths:
+            raise UnknownNameError(f"There is no variable '{path}'.", fix=suggest(path, self._variable_paths))
+        self._slots[self._variable_paths[path]] = plain_value(path, value)
+
+    def delay(self, duration_ns: int) -> None:
+        """Let all times of entry be later by a duration in which the machines stood still."""
+        for one in self._walk():
+            one.since_ns += duration_ns
+
+    def _walk(self) -> Iterator[_Machine]:
+        for machine in self._running:
+            yield from machine.walk()
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return all that the next steps depend on, as JSON values."""
+        return {
+            "sha256": self.program.sha256,
+            "active": [[one.path, one.state.name, one.since_ns] for one in self._walk() if one.state is not None],
+            "variables": self.variables,
+        }
+
+    def restore(self, snapshot: Mapping[str, Any]) -> None:
+        """Continue from a snapshot of the same program; no block is executed.
+
+        Raises:
+            ConfigError: it is of another program.
+        """
+        if snapshot["sha256"] != self.program.sha256:
+            raise ConfigError(
+                "The snapshot is of another program.", fix="restore it with the program it was made with."
+            )
+        for path, value in snapshot["variables"].items():
+            self.set(path, value)
+        for one in self._machines.values():
+            one.state, one.running = None, []
+        self._running = []
+        for path, name, since_ns in snapshot["active"]:
+            machine = self._machines[path]
+            machine.state, machine.since_ns = machine.states[name], since_ns
+            (self._running if machine.parent is None else machine.parent.running).append(machine)
+
+    # -- building it --------------------------------------------------------------------------------------------------
+
+    def _build(self, path: str, spawn: Spawn, parent: _Machine | None, seen: Mapping[str, int]) -> _Machine:
+        definition = spawn.machine
+        index = dict(seen)
+        for name, value in definition.variables.items():
+            index[name] = self._variable_paths[f"{path}.{name}"] = len(self._slots)
+            self._slots.append(plain_value(name, value))
+        machine = _Machine(path, definition, parent, Variables(self._slots, index))
+        self._machines[path] = machine
+        for state in definition.states:
+            inner = [
+                (self._build(f"{path}/{state.name}/{name}", one, machine, index), one.initial)
+                for name, one in with_names(state.spawns)
+            ]
+            machine.states[state.name] = made = _State(state, inner)
+            _add_rows(made, definition)
+        return machine
+
+
+def _add_rows(state: _State, definition: MachineDef) -> None:
+    """Fill the tables of a state's transitions: those without a signal, and, for each signal, these with its own."""
+    chosen = [(one, _row(one)) for one in definition.transitions_of(state.name)]
+    state.plain = tuple(row for one, row in chosen if one.signal is None)
+    state.by_signal = {
+        signal: tuple(row for one, row in chosen if one.signal in (None, signal))
+        for signal in {one.signal for one, _ in chosen}
+        if signal is not None
+    }
+    state.chains = any(one.kind == "eps" for one, _ in chosen)
+
+
+def _row(transition: Transition) -> _Row:
+    after, condition = transition.after_ns, transition.condition
+    if isinstance(after, Block):
+        return None, _with_time(after, condition), transition
+    return after, None if condition is None else condition.call, transition
+
+
+def _with_time(after: Block, condition: Block | None) -> Callable[[MachineContext], Any]:
+    """Return the condition that a time, which is computed in each step, is over, and another one holds."""
+
+    def holds(context: MachineContext) -> Any:
+        if context.now_ns - context.machine.since_ns < after.call(context):
+            return False
+        return condition is None or condition.call(context)
+
+    return holds

@@ -1,0 +1,177 @@
+"""Programs: state machines as data, whichever front end made them. Frozen: what runs is in `interpreter.py`.
+
+machine() and state() of tables.py --.
+                                     +--> Program --> Interpreter --> MachineEndpoint
+                          (text) ----'         `--> drawings: export.py
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeAlias
+
+from snr_sim.prelude.errors import SnrError
+
+Kind: TypeAlias = Literal["on", "ontime", "eps", "exit"]
+OnError: TypeAlias = Literal["go_on", "stop", "fail"]
+ANY: str = "*"  # source of a transition from every state but its target
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A mistake in a program, or what is doubtful in it.
+
+    Args:
+        line: of the program's file; 0 if unknown.
+        message: what is wrong.
+        fix: what to try.
+        is_error: whether the program cannot run.
+    """
+
+    line: int
+    message: str
+    fix: str = ""
+    is_error: bool = True
+
+
+class ProgramError(SnrError):
+    """A program has mistakes: `problems` has all of them."""
+
+    def __init__(self, problems: list[Problem]) -> None:
+        first = problems[0]
+        super().__init__(first.message if first.line == 0 else f"Line {first.line}: {first.message}", fix=first.fix)
+        self.problems: list[Problem] = problems
+
+
+@dataclass(frozen=True)
+class Block:
+    """A piece of code of a program.
+
+    Args:
+        text: as it stands in the program, for messages and drawings.
+        line: where it stands.
+        call: takes a `MachineContext`. A condition returns whether it holds; any other block, tasks or None.
+    """
+
+    text: str
+    line: int
+    call: Callable[[Any], Any] = field(repr=False)
+
+
+@dataclass(frozen=True)
+class Transition:
+    """An arrow of a machine, as it is declared.
+
+    Args:
+        kind: 'on' of a condition or a signal, 'ontime' after a time, 'eps' at once, 'exit' to a state of the enclosing
+            machine.
+        source: a state, or ANY.
+        target: a state.
+        signal: name of the event that it waits for.
+        condition: must hold as well.
+        after_ns: least time in the source; a block returns it, and is called in each step.
+        effect: executed between leaving and entering.
+    """
+
+    kind: Kind
+    source: str
+    target: str
+    name: str
+    line: int = 0
+    signal: str | None = None
+    condition: Block | None = None
+    after_ns: int | Block | None = None
+    effect: Block | None = None
+
+
+@dataclass(frozen=True)
+class Spawn:
+    """A machine that begins to run in a state, whenever its place is entered."""
+
+    machine: MachineDef
+    initial: str
+    line: int = 0
+
+
+@dataclass(frozen=True)
+class StateDef:
+    """A state: what it does on entry, in each step, and on exit. Machines are spawned among the blocks of the entry."""
+
+    name: str
+    enter: tuple[Block | Spawn, ...] = ()
+    during: tuple[Block, ...] = ()
+    leave: tuple[Block, ...] = ()
+    line: int = 0
+
+    @property
+    def spawns(self) -> tuple[Spawn, ...]:
+        """The machines inside it, in the order in which they begin."""
+        return tuple(one for one in self.enter if isinstance(one, Spawn))
+
+
+@dataclass(frozen=True)
+class MachineDef:
+    """A machine: its states, and its transitions in the order in which they are tried.
+
+    Args:
+        variables: initial values by name.
+    """
+
+    name: str
+    states: tuple[StateDef, ...]
+    transitions: tuple[Transition, ...]
+    variables: Mapping[str, Any] = field(default_factory=dict)
+    line: int = 0
+
+    def transitions_of(self, state: str) -> Iterator[Transition]:
+        """Yield the transitions that can leave a state, in the order in which they are tried."""
+        for one in self.transitions:
+            if one.source == state or (one.source == ANY and one.target != state):
+                yield one
+
+
+@dataclass(frozen=True)
+class Program:
+    """Machines that run side by side.
+
+    Args:
+        text: of the program; of one made in Python a listing: see `export.as_text`.
+        sha256: of the text.
+        spawns: the machines that begin when the program does, in this order.
+        on_error: what an exception in a block does: 'go_on' notes it; 'stop' ends its machine; 'fail' ends the node.
+        warnings: what is doubtful.
+    """
+
+    text: str
+    sha256: str
+    spawns: tuple[Spawn, ...]
+    on_error: OnError = "fail"
+    warnings: tuple[Problem, ...] = ()
+
+    def walk(self) -> Iterator[tuple[str, Spawn]]:
+        """Yield every machine with its path, such as "mission/lining_up/scan", outer ones first."""
+        yield from _walk(self.spawns, "")
+
+    def signals(self) -> list[str]:
+        """Return the names of all signals that a transition waits for, in order of their first use."""
+        found = dict[str, None]()
+        for _, spawn in self.walk():
+            found |= {one.signal: None for one in spawn.machine.transitions if one.signal is not None}
+        return list(found)
+
+
+def _walk(spawns: tuple[Spawn, ...], above: str) -> Iterator[tuple[str, Spawn]]:
+    for name, spawn in with_names(spawns):
+        yield above + name, spawn
+        for state in spawn.machine.states:
+            yield from _walk(state.spawns, f"{above}{name}/{state.name}/")
+
+
+def with_names(spawns: tuple[Spawn, ...]) -> Iterator[tuple[str, Spawn]]:
+    """Yield machines that run side by side with names that are unique among them: the second `scan` is `scan#2`."""
+    count = dict[str, int]()
+    for spawn in spawns:
+        name = spawn.machine.name
+        count[name] = count.get(name, 0) + 1
+        yield (name if count[name] == 1 else f"{name}#{count[name]}"), spawn
