@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from snr_sim.behaviors.program import ProgramError as ProgramError
     from snr_sim.behaviors.tables import after as after
     from snr_sim.behaviors.tables import always as always
-    from snr_sim.behaviors.tables import exit_on as exit_on
+    from snr_sim.behaviors.tables import exits as exits
     from snr_sim.behaviors.tables import machine as machine
     from snr_sim.behaviors.tables import on as on
     from snr_sim.behaviors.tables import side_by_side as side_by_side

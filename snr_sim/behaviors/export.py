@@ -159,7 +159,7 @@ def _scxml(spawns: tuple[Spawn, ...]) -> str:
     lines.append('<scxml xmlns="http://www.w3.org/2005/07/scxml" version="1.0" datamodel="ecmascript" initial="all">')
     lines.append('  <parallel id="all">')
     for name, spawn in with_names(spawns):
-        lines += _scxml_machine(spawn, name, None, "    ")
+        lines += _scxml_machine(spawn, _id(name), None, "    ")
     return "\n".join([*lines, "  </parallel>", "</scxml>", ""])
 
 
@@ -201,5 +201,5 @@ def _scxml_state(machine: MachineDef, state: StateDef, path: str, around: str | 
         effect = "/>" if one.effect is None else f"><script>{escape(one.effect.text)}()</script></transition>"
         yield f"{inner}<transition {' '.join(parts)}{effect}"
     for name, below in with_names(state.spawns):
-        yield from _scxml_machine(below, f"{own}.{name}", path, inner)
+        yield from _scxml_machine(below, f"{own}.{_id(name)}", path, inner)
     yield f"{indent}</{tag}>"

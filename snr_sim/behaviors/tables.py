@@ -103,9 +103,12 @@ def always(to: str, when: Function | None = None, do: Function | None = None, *,
     return Transition("eps", "", to, name, _line(), None, _optional(when, "when"), None, _optional(do, "do"))
 
 
-def exit_on(event: str | Function, to: str, do: Function | None = None, *, name: str = "") -> Transition:
-    """Return a transition of a machine inside a state, to another state of the machine around it; as `on` otherwise."""
-    return replace(on(event, to, do, name=name), kind="exit", line=_line())
+def exits(transition: Transition) -> Transition:
+    """Return a transition of a machine inside a state as one to another state of the machine around it.
+
+    exits(on("lost", to="home"))
+    """
+    return replace(transition, kind="exit")
 
 
 def state(
@@ -120,7 +123,7 @@ def state(
 
     Args:
         name: unique in its machine.
-        transitions: made with `on`, `after`, `always` and `exit_on`.
+        transitions: made with `on`, `after`, `always` and `exits`.
         enter: executed on entry; a function, or several.
         during: executed in each step that no transition is taken in.
         leave: executed on exit, whichever transition is taken.

@@ -53,6 +53,10 @@ VERBS = {
         "Grade submissions, with hidden cases, each program in a sandbox.",
         ("snr grade depth_hold submissions/* --out results",),
     ),
+    "machine": Verb(
+        "Draw the state machines of a Python file.",
+        ("snr machine draw mission.py", "snr machine draw mission.py --name MISSION --as dot"),
+    ),
     "io": Verb("Show every channel and reading.", ("snr io --io mcu:/dev/ttyUSB0 --move pwm4",)),
     "doctor": Verb("Check this machine.", ("snr doctor --io mcu:/dev/ttyUSB0",)),
     "bench": Verb(

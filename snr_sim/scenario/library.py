@@ -294,8 +294,12 @@ def _no_controller(robot: FoundItem, name: str, path: Path) -> UnknownNameError:
     return UnknownNameError(f"There is no file '{name}'{missing}.", fix=beside + its_own)
 
 
-def load_program(name: str) -> ModuleType:
+def load_program(name: str, fix: str = "name the program that was recorded: --with robot.py.") -> ModuleType:
     """Load a student's own file, without executing the part under `if __name__ == "__main__"`.
+
+    Args:
+        name: path of the file.
+        fix: what to try if there is none.
 
     Raises:
         UnknownNameError: there is no such file.
@@ -303,9 +307,7 @@ def load_program(name: str) -> ModuleType:
     """
     path = Path(name).resolve()
     if not name or not source_files().is_file(path):
-        raise UnknownNameError(
-            f"There is no file '{name}'.", fix="name the program that was recorded: --with robot.py."
-        )
+        raise UnknownNameError(f"There is no file '{name}'.", fix=fix)
     _siblings.search_in(path.parent)
     return _load(_PROGRAM_MODULE + path.stem.replace("-", "_"), path, f"the program '{name}'")
 

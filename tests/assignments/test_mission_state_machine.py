@@ -17,6 +17,7 @@ from snr_sim.grading.lab.student import Student
 from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.scenario.simulation_run import SimulationRun
 from tests.assignments.mission_state_machine.mistakes import MISTAKES
+from tests.assignments.mistakes import Mistake
 
 LAB = "05_mission_state_machine"
 FOLDER = Path(__file__).parents[2] / "assignments" / LAB
@@ -45,12 +46,26 @@ def test_reference_stops_and_resumes_under_water(mark: Callable[..., Any], leave
     assert mark(LAB) == ({}, "")
 
 
+def test_reference_as_a_table_gets_all_points_on_hidden_cases(
+    mark: Callable[..., Any], leave_out: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    leave_out(*FLIGHTS)
+    as_table = Mistake("It is none: another way to write the machine.", changes=[use_table], lost={}, hint="")
+    monkeypatch.setitem(MISTAKES, "table", as_table)
+    assert mark(LAB, "table", is_hidden=True) == ({}, "")
+
+
+def use_table(folder: Path) -> None:
+    shutil.copy(HERE / "table" / "machine.py", folder)
+
+
 @pytest.mark.slow
 def test_reference_passes_mission_check_and_starter_fails_it(tmp_path: Path) -> None:
     runs_mission = next(one for one in find_lab(LAB).checks if one.name == "runs_mission")
     for folder, share, hint in (
         (FOLDER / "starter", 0.0, "It did not pass the three gates"),
         (HERE / "reference", 1.0, ""),
+        (HERE / "table", 1.0, ""),
     ):
         shutil.copytree(folder, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
         with Student(tmp_path) as student:

@@ -16,7 +16,7 @@ from snr_sim.behaviors import (
     ProgramError,
     after,
     always,
-    exit_on,
+    exits,
     machine,
     on,
     side_by_side,
@@ -207,7 +207,7 @@ def test_effect_sees_the_values_of_its_signal() -> None:
 SCAN = machine(
     "scan",
     "left",
-    [state("left", after(0.1, to="right"), exit_on("lost", to="home")), state("right", after(0.1, to="left"))],
+    [state("left", after(0.1, to="right"), exits(on("lost", to="home"))), state("right", after(0.1, to="left"))],
 )
 
 
@@ -273,7 +273,7 @@ def test_exit_of_a_machine_at_the_top_is_refused() -> None:
 
 def test_after_an_exit_the_machines_beside_it_take_no_step() -> None:
     log: list[str] = []
-    one = machine("one", "s", [state("s", exit_on("lost", to="home"))])
+    one = machine("one", "s", [state("s", exits(on("lost", to="home")))])
     two = machine("two", "s", [state("s", during=lambda m: log.append("two"))])
     program = machine("m", "a", [state("a", machines=[one, two]), state("home")])
     interpreter, _ = started(program)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim.behaviors import Program, ProgramError, after, always, exit_on, machine, on, state
+from snr_sim.behaviors import Program, ProgramError, after, always, exits, machine, on, state
 from snr_sim.prelude.errors import ParameterError
 
 
@@ -36,7 +36,7 @@ def test_unknown_target_is_answered_with_the_nearest_state_and_the_line() -> Non
         (lambda: machine("m", 5, [state("a")]), "begins in '5'"),  # type: ignore[arg-type]
         (
             lambda: machine(
-                "m", "a", [state("a", machines=[machine("i", "p", [state("p", exit_on("x", to="nowhere"))])])]
+                "m", "a", [state("a", machines=[machine("i", "p", [state("p", exits(on("x", to="nowhere")))])])]
             ),
             "'p->nowhere' of machine 'i' leads to 'nowhere'",
         ),
@@ -79,7 +79,7 @@ def test_state_that_no_transition_leads_to_is_doubtful() -> None:
 
 
 def test_state_that_only_an_exit_leads_to_is_not_doubtful() -> None:
-    inner = machine("i", "p", [state("p", exit_on("lost", to="home"))])
+    inner = machine("i", "p", [state("p", exits(on("lost", to="home")))])
     assert machine("m", "a", [state("a", machines=[inner]), state("home")]).warnings == ()
 
 
@@ -91,6 +91,6 @@ def test_equal_tables_have_one_digest_and_different_ones_have_others() -> None:
 
 
 def test_signals_of_all_levels_in_order() -> None:
-    inner = machine("i", "p", [state("p", on("one", to="p"), exit_on("two", to="a"))])
+    inner = machine("i", "p", [state("p", on("one", to="p"), exits(on("two", to="a")))])
     program = machine("m", "a", [state("a", on("three", to="a"), machines=[inner])], anywhere=[on("stop", to="a")])
     assert program.signals() == ["stop", "three", "one", "two"]
