@@ -43,7 +43,7 @@ def unknown_symbols(folder: Path) -> tuple[list[str], int]:
 
 
 def write_programs(folder: Path) -> None:
-    """Copy the programs, each lab into a folder of its own, beside the packages by which they import robots."""
+    """Copy the programs, each lab into a folder of its own, and links to robots by the names of their packages."""
     robots = folder / "robots"
     robots.mkdir()
     for robot in (ROOT / "robots").iterdir():

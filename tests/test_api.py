@@ -24,6 +24,7 @@ ROOT = Path(__file__).parents[1]
 API = Path(__file__).with_name("api.txt")
 PACKAGES = [
     "snr_sim",
+    "snr_sim.behaviors",
     "snr_sim.console",
     "snr_sim.devices",
     "snr_sim.devices.emulated",

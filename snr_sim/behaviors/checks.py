@@ -26,7 +26,7 @@ def _problems(spawn: Spawn, around: MachineDef | None) -> Iterator[Problem]:
     if spawn.initial not in names:
         yield Problem(
             spawn.line,
-            f"Machine '{machine.name}' begins in '{spawn.initial}', which is none of its states.",
+            f"Machine '{machine.name}' begins in '{spawn.initial}', which is not one of its states.",
             suggest(str(spawn.initial), names),
         )
     yield from _of_transitions(machine, names, around)
@@ -45,7 +45,9 @@ def _of_transitions(machine: MachineDef, names: list[str], around: MachineDef | 
     for one in machine.transitions:
         what = f"Transition '{one.name}' of machine '{machine.name}'"
         if one.source not in (ANY, *names):
-            yield Problem(one.line, f"{what} begins in '{one.source}', which is no state.", suggest(one.source, names))
+            yield Problem(
+                one.line, f"{what} begins in '{one.source}', which is not a state.", suggest(one.source, names)
+            )
         if one.kind != "exit":
             targets = names
         elif around is not None:
@@ -54,7 +56,7 @@ def _of_transitions(machine: MachineDef, names: list[str], around: MachineDef | 
             continue
         if one.target not in targets:
             yield Problem(
-                one.line, f"{what} leads to '{one.target}', which is no state.", suggest(str(one.target), targets)
+                one.line, f"{what} leads to '{one.target}', which is not a state.", suggest(str(one.target), targets)
             )
 
 

@@ -2,7 +2,7 @@
 
 StepLoop --> event "<name>.step" --.
 sensors --> pages in `reacts_to` --+--> MachineEndpoint --> tasks of the blocks
-anybody --> events that are signals'                   `--> event "<name>.transition", page "<name>"
+others --> events that are signals'                   `--> event "<name>.transition", page "<name>"
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ class MachineEndpoint(Endpoint):
         self.is_paused: bool = False
         self._paused_ns = 0
         self._transition = f"{name}.transition"
-        self.optional_events = [f"{name}.{what}" for what in ("program", "transition", "set", "pause", "go")]
+        self.optional_events = [f"{name}.{what}" for what in ("program", "transition", "step", "set", "pause", "go")]
         self._last: Change | None = None
         handlers: TaskHandlerMap = {(TaskType.process_data, key): self.on_step for key in factory.reacts_to}
         handlers |= {(TaskType.event, signal): self.on_signal for signal in factory.program.signals()}
@@ -170,7 +170,7 @@ class MachineEndpoint(Endpoint):
         return self.store_data_task(self.name, self._page())
 
     def on_go(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Go on as if no time had passed."""
+        """Continue as if no time had passed."""
         if not self.is_paused:
             return None
         self.is_paused = False

@@ -1,4 +1,4 @@
-"""The interpreter of programs: pure, so that whoever drives it decides what time it is and what can be read.
+"""The interpreter of programs: pure, so that its caller decides what time it is and what can be read.
 
     (now_ns, signal) --> step --> changes of state, and what the blocks returned
 
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 MAX_CHAIN = 16  # transitions of one machine in one step
+_CHAIN = range(MAX_CHAIN)
 NS_PER_S = 1_000_000_000
 
 
@@ -45,7 +46,7 @@ class Change(msgspec.Struct, frozen=True, gc=False):
         machine: path of the machine, such as "mission/passing/scan".
         kind: as of the transition, 'spawn' for a machine that begins, 'stop' for one that was ended after an error.
         name: of the transition.
-        source, target: states; empty if there was none before, or is none now.
+        source, target: states; empty if it did not run before, or does not run now.
         held_ns: how long it was in the source.
         line: of the transition in the program; 0 if unknown.
     """
@@ -74,20 +75,36 @@ class RunProblem(msgspec.Struct):
 class _State:
     """A state as it runs: its blocks, and its transitions as (least time, condition, transition)."""
 
-    __slots__ = ("by_signal", "chains", "during", "enter", "leave", "name", "plain", "spawned")
+    __slots__ = ("by_signal", "chains", "during", "enter", "leave", "name", "plain")
 
     def __init__(self, definition: StateDef, spawned: list[tuple[_Machine, str]]) -> None:
+        inner = iter(spawned)
         self.name = definition.name
-        self.enter = definition.enter
+        # A block, and None; or None, and what is spawned.
+        self.enter = [(one, None) if isinstance(one, Block) else (None, next(inner)) for one in definition.enter]
         self.during = definition.during
         self.leave = definition.leave
-        self.spawned = spawned  # of each Spawn in `enter`: the machine and its initial state
         self.plain: tuple[_Row, ...] = ()
         self.by_signal: dict[str, tuple[_Row, ...]] = {}
         self.chains = False
 
 
-_Row = tuple[int | None, Callable[[Any], Any] | None, Transition]
+class _Arrow:
+    """A transition as it runs; of an exit the target is a state of the machine around."""
+
+    __slots__ = ("definition", "effect", "is_exit", "kind", "line", "name", "target")
+
+    def __init__(self, definition: Transition, target: _State) -> None:
+        self.definition = definition
+        self.kind = definition.kind
+        self.name = definition.name
+        self.line = definition.line
+        self.effect = definition.effect
+        self.is_exit = definition.kind == "exit"
+        self.target = target
+
+
+_Row = tuple[int | None, Callable[[Any], Any] | None, _Arrow]
 
 
 class _Machine:
@@ -209,8 +226,11 @@ class Interpreter:
         self._changes: list[Change] = []
         self._failed: list[_Machine] = []
         self._is_answered = False
+        self._fails = program.on_error == "fail"
         self._top = [(self._build(name, spawn, None, {}), spawn.initial) for name, spawn in with_names(program.spawns)]
         self._running: list[_Machine] = []
+        for one in self._machines.values():
+            _add_rows(one)
         self.context.now_ns = now_ns
 
     # -- driving it ---------------------------------------------------------------------------------------------------
@@ -222,7 +242,8 @@ class Interpreter:
             if machine.state is None:
                 self._running.append(machine)
                 self._spawn(machine, initial)
-        return self._end()
+        self._stop_failed()
+        return self._changes
 
     def step(self, now_ns: int, signal: str | None = None, values: Sequence[Any] = ()) -> list[Change]:
         """Take one step; return the changes, in order.
@@ -240,7 +261,9 @@ class Interpreter:
             self._step(machine, signal)
         if signal is not None and not self._is_answered:
             self.ignored[signal] = self.ignored.get(signal, 0) + 1
-        return self._end()
+        if self._failed:
+            self._stop_failed()
+        return self._changes
 
     def _begin(self, now_ns: int, values: Sequence[Any]) -> None:
         context = self.context
@@ -248,15 +271,16 @@ class Interpreter:
         context.signal = values
         self._changes = []
         self._is_answered = False
-        if self.outputs or self.entered:
-            self.outputs, self.left, self.entered = [], [], []
+        if self.outputs:
+            self.outputs = []
+        if self.entered:
+            self.left, self.entered = [], []
 
-    def _end(self) -> list[Change]:
+    def _stop_failed(self) -> None:
         while self._failed:
             machine = self._failed.pop()
             if machine.state is not None:
                 self._stop(machine)
-        return self._changes
 
     # -- one step -----------------------------------------------------------------------------------------------------
 
@@ -271,16 +295,16 @@ class Interpreter:
             rows = state.by_signal[signal]
             self._is_answered = True
         elapsed_ns = context.now_ns - machine.since_ns
-        for after_ns, condition, transition in rows:
+        for after_ns, condition, arrow in rows:
             if after_ns is not None and elapsed_ns < after_ns:
                 continue
             if condition is None:
-                return self._take(machine, transition)
+                return self._take(machine, arrow)
             try:
                 if condition(context):
-                    return self._take(machine, transition)
+                    return self._take(machine, arrow)
             except Exception as error:
-                self._report(machine, transition.condition or transition.after_ns, error)
+                self._report_condition(machine, arrow, error)
         for block in state.during:
             self._run(machine, block)
         for inner in machine.running:
@@ -289,75 +313,65 @@ class Interpreter:
                 return None if moved is machine else moved
         return None
 
-    def _take(self, machine: _Machine, transition: Transition) -> _Machine | None:
+    def _take(self, machine: _Machine, arrow: _Arrow) -> _Machine | None:
         """Take a transition and those that follow at once; return the machine around it that has moved, if one has."""
+        now_ns = self.context.now_ns
         mover, outermost = machine, None
-        for _ in range(MAX_CHAIN):
-            if transition.kind == "exit":
+        for _ in _CHAIN:
+            if arrow.is_exit:
                 assert mover.parent is not None  # see `exits_at_top`
                 mover = outermost = mover.parent
-            self._move(mover, transition)
-            state = mover.state
-            assert state is not None
-            following = self._enabled(mover, state) if state.chains else None
+            source, held_ns = mover.state, now_ns - mover.since_ns
+            assert source is not None
+            self._leave(mover, source, held_ns)
+            if arrow.effect is not None:
+                self._run(mover, arrow.effect)
+            mover.state = target = arrow.target
+            mover.since_ns = now_ns
+            self._changes.append(
+                Change(now_ns, mover.path, arrow.kind, arrow.name, source.name, target.name, held_ns, arrow.line)
+            )
+            self._enter(mover, target)
+            following = self._enabled(mover, target) if target.chains else None
             if following is None:
                 return outermost
-            transition = following
-        self._add_problem(mover, transition.line, transition.name, f"more than {MAX_CHAIN} transitions in one step")
+            arrow = following
+        self._add_problem(mover, arrow.line, arrow.name, f"more than {MAX_CHAIN} transitions in one step")
         return outermost
 
-    def _enabled(self, machine: _Machine, state: _State) -> Transition | None:
+    def _enabled(self, machine: _Machine, state: _State) -> _Arrow | None:
         """Return the transition that a state takes at once after it was entered, if any."""
         context = self.context
         context.machine = machine
-        for after_ns, condition, transition in state.plain:
+        for after_ns, condition, arrow in state.plain:
             if after_ns is not None and after_ns > 0:
                 continue
             try:
                 if condition is None or condition(context):
-                    return transition
+                    return arrow
             except Exception as error:
-                self._report(machine, transition.condition or transition.after_ns, error)
+                self._report_condition(machine, arrow, error)
         return None
 
-    def _move(self, machine: _Machine, transition: Transition) -> None:
-        now_ns = self.context.now_ns
-        source, held_ns = machine.state, now_ns - machine.since_ns
-        assert source is not None
-        self._leave(machine)
-        if transition.effect is not None:
-            self._run(machine, transition.effect)
-        machine.state = target = machine.states[transition.target]
-        machine.since_ns = now_ns
-        self._changes.append(
-            Change(
-                now_ns, machine.path, transition.kind, transition.name, source.name, target.name, held_ns,
-                transition.line,
-            )
-        )  # fmt: skip
-        self._enter(machine, target)
-
-    def _leave(self, machine: _Machine) -> None:
+    def _leave(self, machine: _Machine, state: _State, held_ns: int) -> None:
         """Leave the state of a machine; the machines inside first, the last spawned first."""
-        state = machine.state
-        assert state is not None
         while machine.running:
-            self._leave(machine.running[-1])
+            inner = machine.running[-1]
+            assert inner.state is not None
+            self._leave(inner, inner.state, self.context.now_ns - inner.since_ns)
             machine.running.pop().state = None
         for block in state.leave:
             self._run(machine, block)
-        self.left.append((machine.path, state.name, self.context.now_ns - machine.since_ns))
+        self.left.append((machine.path, state.name, held_ns))
 
     def _enter(self, machine: _Machine, state: _State) -> None:
         self.entered.append((machine.path, state.name))
-        spawned = iter(state.spawned)
-        for one in state.enter:
-            if isinstance(one, Block):
-                self._run(machine, one)
-            else:
-                inner, initial = next(spawned)
-                machine.running.append(inner)
-                self._spawn(inner, initial)
+        for block, spawned in state.enter:
+            if block is not None:
+                self._run(machine, block)
+            elif spawned is not None:
+                machine.running.append(spawned[0])
+                self._spawn(*spawned)
 
     def _spawn(self, machine: _Machine, initial: str) -> None:
         now_ns = self.context.now_ns
@@ -371,7 +385,7 @@ class Interpreter:
         state = machine.state
         assert state is not None
         held_ns = self.context.now_ns - machine.since_ns
-        self._leave(machine)
+        self._leave(machine, state, held_ns)
         machine.state = None
         (self._running if machine.parent is None else machine.parent.running).remove(machine)
         self._changes.append(
@@ -381,26 +395,30 @@ class Interpreter:
     # -- blocks -------------------------------------------------------------------------------------------------------
 
     def _run(self, machine: _Machine, block: Block) -> None:
-        """Execute a block: all of it, or, if it raises and the program goes on, nothing."""
+        """Execute a block: all of it, or, if it raises and the program continues, nothing."""
         context = self.context
         context.machine = machine
-        if self.program.on_error == "fail":
+        before = None if self._fails else self._slots[:]
+        try:
             output = block.call(context)
-        else:
-            before = self._slots[:]
-            try:
-                output = block.call(context)
-            except Exception as error:
-                self._slots[:] = before
-                self._report(machine, block, error)
-                return
+        except Exception as error:
+            if before is None:
+                raise
+            self._slots[:] = before
+            self._report(machine, block, error)
+            return
         if output is not None:
             self.outputs.append((block, output))
 
-    def _report(self, machine: _Machine, block: Block | int | None, error: Exception) -> None:
-        if self.program.on_error == "fail":
-            raise error
+    def _report_condition(self, machine: _Machine, arrow: _Arrow, error: Exception) -> None:
+        after_ns = arrow.definition.after_ns
+        block = arrow.definition.condition or after_ns
         assert isinstance(block, Block)
+        self._report(machine, block, error)
+
+    def _report(self, machine: _Machine, block: Block, error: Exception) -> None:
+        if self._fails:
+            raise error
         self._add_problem(machine, block.line, block.text, f"{type(error).__name__}: {error}")
         if self.program.on_error == "stop" and machine not in self._failed:
             self._failed.append(machine)
@@ -492,28 +510,31 @@ class Interpreter:
                 (self._build(f"{path}/{state.name}/{name}", one, machine, index), one.initial)
                 for name, one in with_names(state.spawns)
             ]
-            machine.states[state.name] = made = _State(state, inner)
-            _add_rows(made, definition)
+            machine.states[state.name] = _State(state, inner)
         return machine
 
 
-def _add_rows(state: _State, definition: MachineDef) -> None:
-    """Fill the tables of a state's transitions: those without a signal, and, for each signal, these with its own."""
-    chosen = [(one, _row(one)) for one in definition.transitions_of(state.name)]
-    state.plain = tuple(row for one, row in chosen if one.signal is None)
-    state.by_signal = {
-        signal: tuple(row for one, row in chosen if one.signal in (None, signal))
-        for signal in {one.signal for one, _ in chosen}
-        if signal is not None
-    }
-    state.chains = any(one.kind == "eps" for one, _ in chosen)
+def _add_rows(machine: _Machine) -> None:
+    """Fill the tables of its states' transitions: those without a signal, and, for each signal, these with its own."""
+    for state in machine.states.values():
+        rows = [_row(machine, one) for one in machine.definition.transitions_of(state.name)]
+        state.plain = tuple(row for row in rows if row[2].definition.signal is None)
+        state.by_signal = {
+            signal: tuple(row for row in rows if row[2].definition.signal in (None, signal))
+            for signal in {row[2].definition.signal for row in rows}
+            if signal is not None
+        }
+        state.chains = any(row[2].kind == "eps" for row in rows)
 
 
-def _row(transition: Transition) -> _Row:
+def _row(machine: _Machine, transition: Transition) -> _Row:
     after, condition = transition.after_ns, transition.condition
+    mover = machine.parent if transition.kind == "exit" else machine
+    assert mover is not None  # see `exits_at_top`
+    arrow = _Arrow(transition, mover.states[transition.target])
     if isinstance(after, Block):
-        return None, _with_time(after, condition), transition
-    return after, None if condition is None else condition.call, transition
+        return None, _with_time(after, condition), arrow
+    return after, None if condition is None else condition.call, arrow
 
 
 def _with_time(after: Block, condition: Block | None) -> Callable[[MachineContext], Any]:

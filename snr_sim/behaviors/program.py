@@ -49,7 +49,7 @@ class Block:
     """A piece of code of a program.
 
     Args:
-        text: as it stands in the program, for messages and drawings.
+        text: as written in the program, for messages and drawings.
         line: where it stands.
         call: takes a `MachineContext`. A condition returns whether it holds; any other block, tasks or None.
     """

@@ -214,7 +214,9 @@ def _line_of(function: Function) -> int:
 
 def _block(function: object, what: str) -> Block:
     if not callable(function):
-        raise ParameterError(f"{what}={function!r} is no function.", fix="its name without brackets, such as is_near.")
+        raise ParameterError(
+            f"{what}={function!r} is not a function.", fix="its name without brackets, such as is_near."
+        )
     return Block(_text_of(function), _line_of(function), function)
 
 

@@ -46,7 +46,7 @@ class Endpoint(NodeComponent):
 
     factory: FactoryOfClass = FactoryOfClass(EndpointFactory)
 
-    # Names of events that it sends for whoever handles them, or handles if anybody sends them: neither is needed.
+    # Names of events that no other component needs to handle, or to send.
     optional_events: Collection[str] = ()
 
     def __init__(self, factory: EndpointFactory, parent: NodeApi, name: str) -> None:

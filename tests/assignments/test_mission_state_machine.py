@@ -50,7 +50,7 @@ def test_reference_as_a_table_gets_all_points_on_hidden_cases(
     mark: Callable[..., Any], leave_out: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     leave_out(*FLIGHTS)
-    as_table = Mistake("It is none: another way to write the machine.", changes=[use_table], lost={}, hint="")
+    as_table = Mistake("No mistake: another way to write the machine.", changes=[use_table], lost={}, hint="")
     monkeypatch.setitem(MISTAKES, "table", as_table)
     assert mark(LAB, "table", is_hidden=True) == ({}, "")
 

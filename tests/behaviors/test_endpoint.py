@@ -101,12 +101,12 @@ def test_two_signals_of_one_moment_cause_two_steps_in_their_order() -> None:
     assert [target for _, _, target in seen] == ["sinking", "stopped", "sinking"]
 
 
-def test_signal_that_came_in_vain_is_noted() -> None:
+def test_signal_that_no_state_waited_for_is_noted() -> None:
     node = run(*machine_parts(diver(), "diver"), event_at(0.1, "resume"), event_at(0.2, "resume"))
     assert any("was in no state that waits for 'resume' when it came, 2 times" in note for note in node.report.notes)
 
 
-def test_page_tells_states_times_and_variables() -> None:
+def test_page_has_states_times_and_variables() -> None:
     node = run(depths(), *machine_parts(diver(), "diver"), until_s=0.7)
     page = node.get_data("diver")
     assert page["active"] == {"diver": "rising"}
@@ -182,7 +182,7 @@ def test_program_must_be_one() -> None:
         MachineFactory("mission.lrp")  # type: ignore[arg-type]
 
 
-def test_events_that_nobody_needs_are_not_noted() -> None:
+def test_optional_events_are_not_noted() -> None:
     assert run(*machine_parts(machine("m", "a", [state("a")]), "m")).report.notes == []
 
 

@@ -117,7 +117,7 @@ def test_transition_to_its_own_state_leaves_and_enters_it() -> None:
 def test_blocks_run_in_order_leave_effect_enter() -> None:
     log: list[str] = []
 
-    def said(word: str) -> Any:
+    def logs(word: str) -> Any:
         return lambda m: log.append(word)
 
     program = machine(
@@ -126,12 +126,12 @@ def test_blocks_run_in_order_leave_effect_enter() -> None:
         [
             state(
                 "a",
-                on("go", to="b", do=said("effect")),
-                enter=said("in a"),
-                during=said("in step"),
-                leave=said("out a"),
+                on("go", to="b", do=logs("effect")),
+                enter=logs("in a"),
+                during=logs("in step"),
+                leave=logs("out a"),
             ),
-            state("b", enter=[said("in b"), said("and again")]),
+            state("b", enter=[logs("in b"), logs("and again")]),
         ],
     )
     interpreter, _ = started(program)
@@ -166,7 +166,7 @@ def test_always_after_other_transitions_is_their_fallback() -> None:
         assert path_of(interpreter) == due
 
 
-def test_endless_chain_is_cut_after_sixteen_and_goes_on_in_the_next_step() -> None:
+def test_endless_chain_is_cut_after_sixteen_and_continues_in_the_next_step() -> None:
     program = machine("m", "z", [state("z", on("go", to="a")), state("a", always(to="b")), state("b", always(to="a"))])
     interpreter, _ = started(program)
     assert len(interpreter.step(1, "go")) == 16
@@ -190,8 +190,8 @@ def test_signal_that_no_active_state_waits_for_is_counted() -> None:
     interpreter, _ = started(machine("m", "a", [state("a", on("go", to="b")), state("b")]))
     interpreter.step(1, "go")
     interpreter.step(2, "go")
-    interpreter.step(3, "nobody")
-    assert interpreter.ignored == {"go": 1, "nobody": 1}
+    interpreter.step(3, "unknown")
+    assert interpreter.ignored == {"go": 1, "unknown": 1}
 
 
 def test_effect_sees_the_values_of_its_signal() -> None:
@@ -217,7 +217,7 @@ def looking(**more: Any) -> Program:
     )
 
 
-def test_machine_inside_begins_anew_with_its_state() -> None:
+def test_machine_inside_restarts_with_its_state() -> None:
     interpreter, _ = started(looking())
     interpreter.step(100 * MS)
     assert interpreter.active == {"m": "look", "m/look/scan": "right"}
@@ -350,7 +350,7 @@ def test_error_in_a_block_ends_the_step_if_the_program_fails_on_it() -> None:
         interpreter.step(1, "go")
 
 
-def test_error_in_a_block_undoes_the_block_and_no_more_if_the_program_goes_on() -> None:
+def test_error_in_a_block_undoes_the_block_and_no_more_if_the_program_continues() -> None:
     interpreter, _ = started(failing("go_on"))
     interpreter.step(1, "go")
     assert interpreter.active == {"m": "b", "n": "b"}
@@ -417,7 +417,7 @@ def test_second_interpreter_agrees_on_random_programs(program: Program, word: li
 
 
 @given(programs(), st.lists(steps, max_size=20), st.lists(steps, max_size=10))
-def test_interpreter_restored_from_a_snapshot_goes_on_as_the_first(
+def test_interpreter_restored_from_a_snapshot_continues_as_the_first(
     program: Program, before: list[Any], later: list[Any]
 ) -> None:
     pages: dict[str, Any] = {"holding": set()}

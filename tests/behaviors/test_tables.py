@@ -19,7 +19,7 @@ def test_unknown_target_is_answered_with_the_nearest_state_and_the_line() -> Non
     with pytest.raises(ProgramError) as caught:
         machine("m", "waiting", [state("waiting", on("go", to="pasing")), state("passing")])
     assert str(caught.value) == (
-        f"Line {here() - 2}: Transition 'waiting->pasing' of machine 'm' leads to 'pasing', which is no state.\n"
+        f"Line {here() - 2}: Transition 'waiting->pasing' of machine 'm' leads to 'pasing', which is not a state.\n"
         "  Try: did you mean 'passing'? One of: passing, waiting."
     )
 
@@ -28,7 +28,7 @@ def test_unknown_target_is_answered_with_the_nearest_state_and_the_line() -> Non
     ("make", "message"),
     [
         (lambda: machine("m", "a", [state("a"), state("a")]), "two states 'a'"),
-        (lambda: machine("m", "b", [state("a")]), "begins in 'b', which is none of its states"),
+        (lambda: machine("m", "b", [state("a")]), "begins in 'b', which is not one of its states"),
         (lambda: machine("m", "a", []), "has no state"),
         (lambda: machine("m x", "a", [state("a")]), "'m x' cannot be a name"),
         (lambda: machine("m", "a", [state("a")], variables={"a.b": 1}), r"'a\.b' cannot be a name"),
@@ -53,9 +53,9 @@ def test_mistake_in_a_machine_is_refused(make: Any, message: str) -> None:
         (lambda: machine("m", "a", [on("go", to="a")]), "as a state"),  # type: ignore[list-item]
         (lambda: state("a", "go"), "'go' as a transition"),  # type: ignore[arg-type]
         (lambda: state("a", machines=[state("b")]), "as a machine"),  # type: ignore[list-item]
-        (lambda: state("a", enter=5), "enter=5 is no function"),  # type: ignore[arg-type]
-        (lambda: on(5, to="a"), "on=5 is no function"),  # type: ignore[arg-type]
-        (lambda: on("go", to="a", do="x"), "do='x' is no function"),  # type: ignore[arg-type]
+        (lambda: state("a", enter=5), "enter=5 is not a function"),  # type: ignore[arg-type]
+        (lambda: on(5, to="a"), "on=5 is not a function"),  # type: ignore[arg-type]
+        (lambda: on("go", to="a", do="x"), "do='x' is not a function"),  # type: ignore[arg-type]
         (lambda: after(-1.0, to="a"), r"after\(-1\.0"),
         (lambda: after(float("nan"), to="a"), r"after\(nan"),
         (lambda: after("2", to="a"), r"after\('2'"),  # type: ignore[arg-type]
@@ -67,7 +67,7 @@ def test_wrong_argument_is_refused(make: Any, message: str) -> None:
         make()
 
 
-def test_all_mistakes_are_told_at_once() -> None:
+def test_all_mistakes_are_reported_at_once() -> None:
     with pytest.raises(ProgramError) as caught:
         machine("m", "x", [state("a", on("go", to="b"), after(1.0, to="c"))])
     assert len(caught.value.problems) == 3

@@ -60,7 +60,7 @@ def test_unknown_word_is_answered_with_the_nearest(lamp: str, what: str, name: s
     [
         ("x = 1\n", "has no machine"),
         (LAMP + "OTHER = machine('other', 'a', [state('a')])\n", "has several machines.*LAMP, OTHER"),
-        (LAMP.replace('to="dark"', 'to="drak"'), "leads to 'drak', which is no state"),
+        (LAMP.replace('to="dark"', 'to="drak"'), "leads to 'drak', which is not a state"),
         ("def f(:\n", "invalid syntax"),
     ],
 )

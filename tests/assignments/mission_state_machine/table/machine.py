@@ -1,4 +1,4 @@
-"""The state machine of the mission as a table. It knows no pages; `known` is what mission.py tells it."""
+"""The state machine of the mission as a table. It knows no pages; `known` is from mission.py."""
 
 from snr_sim.behaviors import Interpreter, after, always, exits, machine, on, state
 

@@ -1,0 +1,39 @@
+"""The programs of docs/machines.md do what it says."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from snr_sim.behaviors import MachineFactory
+from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import SimulationRun
+
+PAGE = Path(__file__).parents[2] / "docs" / "machines.md"
+
+
+def programs() -> list[str]:
+    return re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+
+
+def test_second_program_runs() -> None:
+    exec(programs()[1], {})
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 6))])
+def test_first_program_lands_with_about_1_9_times_the_least_fuel(tmp_path: Path, seed: int) -> None:
+    (tmp_path / "landing.py").write_text(programs()[0])
+    simulation = prepare(Request("lander_vertical", seed=seed, controller=str(tmp_path / "landing.py")))
+    plant = simulation.plant()
+    result = SimulationRun(simulation, plant, simulation.config(plant)).run()
+    assert (result.error, result.outcome) == ("", "landed")
+    assert 1.85 < result.metrics["fuel_ratio"] < 1.95
+
+
+def test_machine_may_react_to_one_page_given_as_text() -> None:
+    names: dict[str, object] = {}
+    exec(programs()[0], names)
+    factory = MachineFactory(names["LANDING"], "landing", reacts_to="radar")  # type: ignore[arg-type]
+    assert factory.reacts_to == ("radar",)

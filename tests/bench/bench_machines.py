@@ -1,0 +1,231 @@
+"""State machines: what the interpreter costs beside the same machine written by hand as `if`s.
+
+Run by `snr bench machines`.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from harness import Benchmark, Row, compare
+
+from snr_sim import Config, Endpoint, SimClock, SimRunner, handles
+from snr_sim.behaviors import Interpreter, MachineFactory, Program, after, machine, on, state
+from snr_sim.behaviors.endpoint import StepLoopFactory
+from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.scenario.program import program_header
+
+STEP_NS = 1_000_000
+
+# The explorer: ahead until something is near, then back for 0.3 s, then turn for 0.4 s.
+NEAR_CM = 20.0
+BACK_S, TURN_S = 0.3, 0.4
+
+
+def range_cm(step: int) -> float:
+    """Return what the distance sensor reads: every second something comes near for 20 ms."""
+    return 10.0 if step % 1000 > 979 else 100.0
+
+
+def is_near(m: Any) -> bool:
+    return m.data("range") < NEAR_CM
+
+
+def never(m: Any) -> Any:
+    return m.data("zero")
+
+
+def do_nothing(m: Any) -> None:
+    return None
+
+
+EXPLORER = machine(
+    "explorer",
+    "ahead",
+    [
+        state("ahead", on(is_near, to="back"), enter=do_nothing),
+        state("back", after(BACK_S, to="turn"), enter=do_nothing),
+        state("turn", after(TURN_S, to="ahead"), enter=do_nothing),
+    ],
+)
+IDLE = machine(
+    "idle", "a", [state("a", on(never, to="b"), on(never, to="b"), on(never, to="b"), after(1e6, to="b")), state("b")]
+)
+SWITCH = machine(
+    "switch",
+    "a",
+    [
+        state("a", on(is_near, to="b"), enter=do_nothing, leave=do_nothing),
+        state("b", on(is_near, to="a"), enter=do_nothing, leave=do_nothing),
+    ],
+)
+
+
+class HandExplorer:
+    """The explorer by hand."""
+
+    def __init__(self, data: Callable[[str], Any]) -> None:
+        self.data = data
+        self.state, self.since_ns = "ahead", 0
+
+    def step(self, now_ns: int) -> bool:
+        """Return whether the state has changed."""
+        if self.state == "ahead":
+            if self.data("range") < NEAR_CM:
+                return self.go("back", now_ns)
+        elif self.state == "back":
+            if now_ns - self.since_ns >= BACK_S * 1e9:
+                return self.go("turn", now_ns)
+        elif now_ns - self.since_ns >= TURN_S * 1e9:
+            return self.go("ahead", now_ns)
+        return False
+
+    def go(self, state: str, now_ns: int) -> bool:
+        self.state, self.since_ns = state, now_ns
+        return True
+
+
+class HandIdle:
+    """Three conditions and a time-out by hand."""
+
+    def __init__(self, data: Callable[[str], Any]) -> None:
+        self.data = data
+        self.state, self.since_ns = "a", 0
+
+    def step(self, now_ns: int) -> bool:
+        if self.state == "a" and (
+            self.data("zero") or self.data("zero") or self.data("zero") or now_ns - self.since_ns >= 1e15
+        ):
+            self.state, self.since_ns = "b", now_ns
+            return True
+        return False
+
+
+class HandSwitch:
+    """A transition in each step by hand."""
+
+    def __init__(self, data: Callable[[str], Any]) -> None:
+        self.data = data
+        self.state, self.since_ns = "a", 0
+
+    def step(self, now_ns: int) -> bool:
+        if self.data("range") < NEAR_CM:
+            do_nothing(self)
+            self.state, self.since_ns = "b" if self.state == "a" else "a", now_ns
+            do_nothing(self)
+            return True
+        return False
+
+
+def steps_of(make: Callable[[dict[str, Any]], Any], count: int, *, is_moving: bool) -> Benchmark:
+    """Steps of a machine, 1 ms apart."""
+
+    def prepare() -> Callable[[], Any]:
+        pages = {"range": 10.0 if not is_moving else 100.0, "zero": False}
+        step = make(pages).step
+
+        def run() -> None:
+            if is_moving:
+                for i in range(count):
+                    pages["range"] = range_cm(i)
+                    step(i * STEP_NS)
+            else:
+                for i in range(count):
+                    step(i * STEP_NS)
+
+        return run
+
+    return prepare
+
+
+def interpreted(program: Program) -> Callable[[dict[str, Any]], Any]:
+    def make(pages: dict[str, Any]) -> Interpreter:
+        interpreter = Interpreter(program, pages)
+        interpreter.spawn(0)
+        return interpreter
+
+    return make
+
+
+class HandEndpoint(Endpoint):
+    """The explorer by hand as a component: it reports its state when it changes."""
+
+    @handles(event="explorer.step")
+    def on_step(self, task: Any) -> Any:
+        now_ns = round(self.get_time_s() * 1e9)
+        if self.explorer.step(now_ns):
+            return self.store_data_task("explorer", {"state": self.explorer.state})
+        return None
+
+    def begin(self) -> None:
+        self.explorer = HandExplorer(self.get_data)
+
+
+class Ranges(Endpoint):
+    """Stores the reading at each step of the machine in which it changes."""
+
+    def begin(self) -> None:
+        self.schedule(self.store_data_task("range", 100.0))
+
+    @handles(event="explorer.step")
+    def on_step(self, task: Any) -> Any:
+        self.count = getattr(self, "count", -1) + 1
+        if self.count % 1000 in (0, 980):
+            return self.store_data_task("range", range_cm(self.count))
+        return None
+
+
+def run_of(component: Any, seconds: float, *, is_recorded: bool) -> Benchmark:
+    """A run in lock step at 1000 steps a second."""
+
+    def prepare() -> Callable[[], Any]:
+        clock = SimClock()
+        config = Config(factories={"r": [Ranges.factory(), StepLoopFactory("explorer", 1000.0), component]})
+        folder = tempfile.TemporaryDirectory()
+        recorder = None
+        if is_recorded:
+            recorder = TraceWriter(Path(folder.name) / FILE_NAME, program_header(["r"], config, __file__, clock))
+        runner = SimRunner(config, clock=clock, recorder=recorder, until_s=seconds, log_notes=False)
+
+        def run() -> None:
+            try:
+                runner.run()
+            finally:
+                if recorder is not None:
+                    recorder.close()
+                folder.cleanup()
+
+        return run
+
+    return prepare
+
+
+def measure(is_quick: bool) -> Iterator[Row]:
+    """Yield the rows."""
+    count, rounds = (20_000, 3) if is_quick else (100_000, 15)
+    for name, hand, program, is_moving, limit in (
+        ("a step: three conditions and a time-out, none due", HandIdle, IDLE, False, 4.0),
+        ("a step of the explorer, 1000 steps a second", HandExplorer, EXPLORER, True, 4.5),
+        ("a transition: condition, exit block, entry block", HandSwitch, SWITCH, False, 8.0),
+    ):
+        by_hand = steps_of(lambda pages, hand=hand: hand(pages.get), count, is_moving=is_moving)
+        found = compare(by_hand, steps_of(interpreted(program), count, is_moving=is_moving), rounds=rounds)
+        hand_us, ours_us = (1e6 * one_s / count for one_s in found.shortest_s)
+        yield Row(
+            name, ours_us, "us", baseline=hand_us, compared_to="by hand", ratio=found.ratios[1], ratio_limit=limit
+        )
+    seconds = 5.0 if is_quick else 30.0
+    for name, is_recorded, limit in (("in lock step", False, 1.5), ("in lock step, recorded", True, 1.3)):
+        found = compare(
+            run_of(HandEndpoint.factory("explorer"), seconds, is_recorded=is_recorded),
+            run_of(MachineFactory(EXPLORER, "explorer"), seconds, is_recorded=is_recorded),
+            rounds=rounds,
+        )
+        hand_us, ours_us = (1e6 * one_s / (1000.0 * seconds) for one_s in found.shortest_s)
+        yield Row(
+            f"the explorer as an endpoint {name}, per step", ours_us, "us", baseline=hand_us,
+            compared_to="by hand", ratio=found.ratios[1], ratio_limit=limit,
+        )  # fmt: skip
