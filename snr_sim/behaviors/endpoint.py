@@ -181,7 +181,7 @@ class MachineEndpoint(Endpoint):
         return round(self.get_time_s() * NS_PER_S)
 
     def _results(self, changes: list[Change]) -> list[Task]:
-        found = [task for block, output in self.interpreter.outputs for task in as_tasks(output, self, block.call)]
+        found = [task for function, output in self.interpreter.outputs for task in as_tasks(output, self, function)]
         if changes:
             self._last = changes[-1]
             found += [tasks.event(self._transition, [msgspec.structs.asdict(one)]) for one in changes]

@@ -25,7 +25,17 @@ import msgspec
 
 from snr_sim.behaviors.checks import exits_at_top
 from snr_sim.behaviors.context import FixedPages, Owner, Variables, plain_value
-from snr_sim.behaviors.program import Block, MachineDef, Program, ProgramError, Spawn, StateDef, Transition, with_names
+from snr_sim.behaviors.program import (
+    Bindings,
+    Block,
+    MachineDef,
+    Program,
+    ProgramError,
+    Spawn,
+    StateDef,
+    Transition,
+    with_names,
+)
 from snr_sim.prelude.errors import ConfigError, UnknownNameError, suggest
 from snr_sim.prelude.page import DataKey
 from snr_sim.prelude.task import Task
@@ -72,18 +82,30 @@ class RunProblem(msgspec.Struct):
     count: int = 1
 
 
+class _Code:
+    """A block that is bound to its place."""
+
+    __slots__ = ("block", "call")
+
+    def __init__(self, block: Block, bindings: Bindings) -> None:
+        self.block = block
+        self.call = block.bind(bindings)
+
+
 class _State:
     """A state as it runs: its blocks, and its transitions as (least time, condition, transition)."""
 
     __slots__ = ("by_signal", "chains", "during", "enter", "leave", "name", "plain")
 
-    def __init__(self, definition: StateDef, spawned: list[tuple[_Machine, str]]) -> None:
+    def __init__(self, definition: StateDef, bindings: Bindings, spawned: list[tuple[_Machine, str]]) -> None:
         inner = iter(spawned)
         self.name = definition.name
         # A block, and None; or None, and what is spawned.
-        self.enter = [(one, None) if isinstance(one, Block) else (None, next(inner)) for one in definition.enter]
-        self.during = definition.during
-        self.leave = definition.leave
+        self.enter = [
+            (_Code(one, bindings), None) if isinstance(one, Block) else (None, next(inner)) for one in definition.enter
+        ]
+        self.during = [_Code(one, bindings) for one in definition.during]
+        self.leave = [_Code(one, bindings) for one in definition.leave]
         self.plain: tuple[_Row, ...] = ()
         self.by_signal: dict[str, tuple[_Row, ...]] = {}
         self.chains = False
@@ -94,12 +116,12 @@ class _Arrow:
 
     __slots__ = ("definition", "effect", "is_exit", "kind", "line", "name", "target")
 
-    def __init__(self, definition: Transition, target: _State) -> None:
+    def __init__(self, definition: Transition, bindings: Bindings, target: _State) -> None:
         self.definition = definition
         self.kind = definition.kind
         self.name = definition.name
         self.line = definition.line
-        self.effect = definition.effect
+        self.effect = None if definition.effect is None else _Code(definition.effect, bindings)
         self.is_exit = definition.kind == "exit"
         self.target = target
 
@@ -110,13 +132,14 @@ _Row = tuple[int | None, Callable[[Any], Any] | None, _Arrow]
 class _Machine:
     """A machine as it runs, at one place of the program."""
 
-    __slots__ = ("definition", "parent", "path", "running", "since_ns", "state", "states", "variables")
+    __slots__ = ("bindings", "definition", "parent", "path", "running", "since_ns", "state", "states", "variables")
 
-    def __init__(self, path: str, definition: MachineDef, parent: _Machine | None, variables: Variables) -> None:
+    def __init__(self, path: str, definition: MachineDef, parent: _Machine | None, bindings: Bindings) -> None:
         self.path = path
         self.definition = definition
         self.parent = parent
-        self.variables = variables
+        self.bindings = bindings
+        self.variables = Variables(bindings.slots, bindings.index)
         self.states: dict[str, _State] = {}
         self.state: _State | None = None  # None: it does not run
         self.since_ns = 0
@@ -196,7 +219,7 @@ class Interpreter:
         ProgramError: a machine at the top has an exit.
 
     Attributes:
-        outputs: what the blocks of the last step returned other than None, each with its block, in order.
+        outputs: what the blocks of the last step returned other than None, each after its function, in order.
         left, entered: (path, state, time in it [ns]) and (path, state) of the last step.
         ignored: number of signals that no active state waits for, by name.
         problems: exceptions in blocks, by block; with `on_error` 'fail' they are raised instead.
@@ -215,7 +238,7 @@ class Interpreter:
         self.program: Program = program
         owner = FixedPages(pages or {}) if pages is None or isinstance(pages, Mapping) else pages
         self.context: MachineContext = MachineContext(owner, rng)
-        self.outputs: list[tuple[Block, Any]] = []
+        self.outputs: list[tuple[Callable[[Any], Any], Any]] = []
         self.left: list[tuple[str, str, int]] = []
         self.entered: list[tuple[str, str]] = []
         self.ignored: dict[str, int] = {}
@@ -305,8 +328,8 @@ class Interpreter:
                     return self._take(machine, arrow)
             except Exception as error:
                 self._report_condition(machine, arrow, error)
-        for block in state.during:
-            self._run(machine, block)
+        for code in state.during:
+            self._run(machine, code)
         for inner in machine.running:
             moved = self._step(inner, signal)
             if moved is not None:
@@ -360,15 +383,15 @@ class Interpreter:
             assert inner.state is not None
             self._leave(inner, inner.state, self.context.now_ns - inner.since_ns)
             machine.running.pop().state = None
-        for block in state.leave:
-            self._run(machine, block)
+        for code in state.leave:
+            self._run(machine, code)
         self.left.append((machine.path, state.name, held_ns))
 
     def _enter(self, machine: _Machine, state: _State) -> None:
         self.entered.append((machine.path, state.name))
-        for block, spawned in state.enter:
-            if block is not None:
-                self._run(machine, block)
+        for code, spawned in state.enter:
+            if code is not None:
+                self._run(machine, code)
             elif spawned is not None:
                 machine.running.append(spawned[0])
                 self._spawn(*spawned)
@@ -394,21 +417,21 @@ class Interpreter:
 
     # -- blocks -------------------------------------------------------------------------------------------------------
 
-    def _run(self, machine: _Machine, block: Block) -> None:
+    def _run(self, machine: _Machine, code: _Code) -> None:
         """Execute a block: all of it, or, if it raises and the program continues, nothing."""
         context = self.context
         context.machine = machine
         before = None if self._fails else self._slots[:]
         try:
-            output = block.call(context)
+            output = code.call(context)
         except Exception as error:
             if before is None:
                 raise
             self._slots[:] = before
-            self._report(machine, block, error)
+            self._report(machine, code.block, error)
             return
         if output is not None:
-            self.outputs.append((block, output))
+            self.outputs.append((code.call, output))
 
     def _report_condition(self, machine: _Machine, arrow: _Arrow, error: Exception) -> None:
         after_ns = arrow.definition.after_ns
@@ -503,14 +526,14 @@ class Interpreter:
         for name, value in definition.variables.items():
             index[name] = self._variable_paths[f"{path}.{name}"] = len(self._slots)
             self._slots.append(plain_value(name, value))
-        machine = _Machine(path, definition, parent, Variables(self._slots, index))
+        machine = _Machine(path, definition, parent, Bindings(self._slots, index))
         self._machines[path] = machine
         for state in definition.states:
             inner = [
                 (self._build(f"{path}/{state.name}/{name}", one, machine, index), one.initial)
                 for name, one in with_names(state.spawns)
             ]
-            machine.states[state.name] = _State(state, inner)
+            machine.states[state.name] = _State(state, machine.bindings, inner)
         return machine
 
 
@@ -531,18 +554,22 @@ def _row(machine: _Machine, transition: Transition) -> _Row:
     after, condition = transition.after_ns, transition.condition
     mover = machine.parent if transition.kind == "exit" else machine
     assert mover is not None  # see `exits_at_top`
-    arrow = _Arrow(transition, mover.states[transition.target])
+    bindings = machine.bindings
+    arrow = _Arrow(transition, bindings, mover.states[transition.target])
+    holds = None if condition is None else condition.bind(bindings)
     if isinstance(after, Block):
-        return None, _with_time(after, condition), arrow
-    return after, None if condition is None else condition.call, arrow
+        return None, _with_time(after.bind(bindings), holds), arrow
+    return after, holds, arrow
 
 
-def _with_time(after: Block, condition: Block | None) -> Callable[[MachineContext], Any]:
+def _with_time(
+    after_ns: Callable[[Any], Any], condition: Callable[[Any], Any] | None
+) -> Callable[[MachineContext], Any]:
     """Return the condition that a time, which is computed in each step, is over, and another one holds."""
 
     def holds(context: MachineContext) -> Any:
-        if context.now_ns - context.machine.since_ns < after.call(context):
+        if context.now_ns - context.machine.since_ns < after_ns(context):
             return False
-        return condition is None or condition.call(context)
+        return condition is None or condition(context)
 
     return holds

@@ -45,18 +45,34 @@ class ProgramError(SnrError):
 
 
 @dataclass(frozen=True)
+class Bindings:
+    """What a block is bound to before it runs, at one place of a program.
+
+    Args:
+        slots: the values of all variables; the list stays the same.
+        index: index in it of each variable that can be seen, by name.
+        robot: what the program commands, if anything; see `bridge.py`.
+    """
+
+    slots: list[Any]
+    index: Mapping[str, int]
+    robot: Any = None
+
+
+@dataclass(frozen=True)
 class Block:
     """A piece of code of a program.
 
     Args:
         text: as written in the program, for messages and drawings.
-        line: where it stands.
-        call: takes a `MachineContext`. A condition returns whether it holds; any other block, tasks or None.
+        line: its line there.
+        bind: returns what is called with a `MachineContext`. A condition returns whether it holds; any other block,
+            tasks or None.
     """
 
     text: str
     line: int
-    call: Callable[[Any], Any] = field(repr=False)
+    bind: Callable[[Bindings], Callable[[Any], Any]] = field(repr=False)
 
 
 @dataclass(frozen=True)

@@ -83,7 +83,7 @@ def after(
     if callable(time_s):
         text = _text_of(time_s)
         function = time_s
-        time: int | Block = Block(text, _line(), lambda m: round(function(m) * NS_PER_S))
+        time: int | Block = Block(text, _line(), lambda bindings: lambda m: round(function(m) * NS_PER_S))
     elif isinstance(time_s, (int, float)) and math.isfinite(time_s) and time_s >= 0.0:
         time = round(time_s * NS_PER_S)
     else:
@@ -217,7 +217,7 @@ def _block(function: object, what: str) -> Block:
         raise ParameterError(
             f"{what}={function!r} is not a function.", fix="its name without brackets, such as is_near."
         )
-    return Block(_text_of(function), _line_of(function), function)
+    return Block(_text_of(function), _line_of(function), lambda bindings: function)
 
 
 def _optional(function: object, what: str) -> Block | None:

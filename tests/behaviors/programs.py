@@ -17,7 +17,7 @@ TIMES_NS = (0, 10, 20, 50)
 
 def condition(text: str) -> Block:
     """Return a condition that holds if its text is in the page 'holding'."""
-    return Block(text, 0, lambda m: text in m.data("holding"))
+    return Block(text, 0, lambda bindings: lambda m: text in m.data("holding"))
 
 
 @st.composite
