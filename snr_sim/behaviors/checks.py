@@ -19,13 +19,13 @@ def _problems(spawn: Spawn, around: MachineDef | None) -> Iterator[Problem]:
     names = [one.name for one in machine.states]
     for state in machine.states:
         if names.count(state.name) > 1 and state is not machine.states[names.index(state.name)]:
-            yield Problem(state.line, f"Machine '{machine.name}' has two states '{state.name}'.", "rename one.")
+            yield Problem(state.place, f"Machine '{machine.name}' has two states '{state.name}'.", "rename one.")
     if not names:
-        yield Problem(machine.line, f"Machine '{machine.name}' has no state.", 'states=[state("waiting"), ...].')
+        yield Problem(machine.place, f"Machine '{machine.name}' has no state.", 'states=[state("waiting"), ...].')
         return
     if spawn.initial not in names:
         yield Problem(
-            spawn.line,
+            spawn.place,
             f"Machine '{machine.name}' begins in '{spawn.initial}', which is not one of its states.",
             suggest(str(spawn.initial), names),
         )
@@ -34,7 +34,7 @@ def _problems(spawn: Spawn, around: MachineDef | None) -> Iterator[Problem]:
         for name in names:
             if name not in _reachable(machine, spawn.initial):
                 yield Problem(
-                    machine.line, f"No transition of '{machine.name}' leads to state '{name}'.", is_error=False
+                    machine.place, f"No transition of '{machine.name}' leads to state '{name}'.", is_error=False
                 )
     for state in machine.states:
         for inner in state.spawns:
@@ -46,7 +46,7 @@ def _of_transitions(machine: MachineDef, names: list[str], around: MachineDef | 
         what = f"Transition '{one.name}' of machine '{machine.name}'"
         if one.source not in (ANY, *names):
             yield Problem(
-                one.line, f"{what} begins in '{one.source}', which is not a state.", suggest(one.source, names)
+                one.place, f"{what} begins in '{one.source}', which is not a state.", suggest(one.source, names)
             )
         if one.kind != "exit":
             targets = names
@@ -56,7 +56,7 @@ def _of_transitions(machine: MachineDef, names: list[str], around: MachineDef | 
             continue
         if one.target not in targets:
             yield Problem(
-                one.line, f"{what} leads to '{one.target}', which is not a state.", suggest(str(one.target), targets)
+                one.place, f"{what} leads to '{one.target}', which is not a state.", suggest(str(one.target), targets)
             )
 
 
@@ -64,7 +64,7 @@ def exits_at_top(spawns: tuple[Spawn, ...]) -> list[Problem]:
     """Return the exits of machines that are in no state of another one."""
     return [
         Problem(
-            one.line,
+            one.place,
             f"Transition '{one.name}' of machine '{spawn.machine.name}' leaves the machine around it; there is none.",
             "put the machine into a state of another one, or write on(...).",
         )

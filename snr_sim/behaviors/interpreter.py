@@ -120,7 +120,7 @@ class _Arrow:
         self.definition = definition
         self.kind = definition.kind
         self.name = definition.name
-        self.line = definition.line
+        self.line = definition.place.line
         self.effect = None if definition.effect is None else _Code(definition.effect, bindings)
         self.is_exit = definition.kind == "exit"
         self.target = target
@@ -400,7 +400,9 @@ class Interpreter:
         now_ns = self.context.now_ns
         machine.state = state = machine.states[initial]
         machine.since_ns = now_ns
-        self._changes.append(Change(now_ns, machine.path, "spawn", "spawn", "", initial, 0, machine.definition.line))
+        self._changes.append(
+            Change(now_ns, machine.path, "spawn", "spawn", "", initial, 0, machine.definition.place.line)
+        )
         self._enter(machine, state)
 
     def _stop(self, machine: _Machine) -> None:
@@ -412,7 +414,16 @@ class Interpreter:
         machine.state = None
         (self._running if machine.parent is None else machine.parent.running).remove(machine)
         self._changes.append(
-            Change(self.context.now_ns, machine.path, "stop", "error", state.name, "", held_ns, machine.definition.line)
+            Change(
+                self.context.now_ns,
+                machine.path,
+                "stop",
+                "error",
+                state.name,
+                "",
+                held_ns,
+                machine.definition.place.line,
+            )
         )
 
     # -- blocks -------------------------------------------------------------------------------------------------------
@@ -442,7 +453,7 @@ class Interpreter:
     def _report(self, machine: _Machine, block: Block, error: Exception) -> None:
         if self._fails:
             raise error
-        self._add_problem(machine, block.line, block.text, f"{type(error).__name__}: {error}")
+        self._add_problem(machine, block.place.line, block.text, f"{type(error).__name__}: {error}")
         if self.program.on_error == "stop" and machine not in self._failed:
             self._failed.append(machine)
 

@@ -19,17 +19,27 @@ ANY: str = "*"  # source of a transition from every state but its target
 
 
 @dataclass(frozen=True)
+class Place:
+    """Where something is in a file: lines and columns from 1, 0 if unknown; the end is the character after it."""
+
+    line: int = 0
+    column: int = 0
+    end_line: int = 0
+    end_column: int = 0
+
+
+@dataclass(frozen=True)
 class Problem:
     """A mistake in a program, or what is doubtful in it.
 
     Args:
-        line: of the program's file; 0 if unknown.
+        place: of what is meant.
         message: what is wrong.
         fix: what to try.
         is_error: whether the program cannot run.
     """
 
-    line: int
+    place: Place
     message: str
     fix: str = ""
     is_error: bool = True
@@ -40,7 +50,8 @@ class ProgramError(SnrError):
 
     def __init__(self, problems: list[Problem]) -> None:
         first = problems[0]
-        super().__init__(first.message if first.line == 0 else f"Line {first.line}: {first.message}", fix=first.fix)
+        where = ":".join(str(one) for one in (first.place.line, first.place.column) if one)
+        super().__init__(f"Line {where}: {first.message}" if where else first.message, fix=first.fix)
         self.problems: list[Problem] = problems
 
 
@@ -65,13 +76,13 @@ class Block:
 
     Args:
         text: as written in the program, for messages and drawings.
-        line: its line there.
+        place: of it.
         bind: returns what is called with a `MachineContext`. A condition returns whether it holds; any other block,
             tasks or None.
     """
 
     text: str
-    line: int
+    place: Place
     bind: Callable[[Bindings], Callable[[Any], Any]] = field(repr=False)
 
 
@@ -94,7 +105,7 @@ class Transition:
     source: str
     target: str
     name: str
-    line: int = 0
+    place: Place = Place()
     signal: str | None = None
     condition: Block | None = None
     after_ns: int | Block | None = None
@@ -107,7 +118,7 @@ class Spawn:
 
     machine: MachineDef
     initial: str
-    line: int = 0
+    place: Place = Place()
 
 
 @dataclass(frozen=True)
@@ -118,7 +129,7 @@ class StateDef:
     enter: tuple[Block | Spawn, ...] = ()
     during: tuple[Block, ...] = ()
     leave: tuple[Block, ...] = ()
-    line: int = 0
+    place: Place = Place()
 
     @property
     def spawns(self) -> tuple[Spawn, ...]:
@@ -138,7 +149,7 @@ class MachineDef:
     states: tuple[StateDef, ...]
     transitions: tuple[Transition, ...]
     variables: Mapping[str, Any] = field(default_factory=dict)
-    line: int = 0
+    place: Place = Place()
 
     def transitions_of(self, state: str) -> Iterator[Transition]:
         """Yield the transitions that can leave a state, in the order in which they are tried."""

@@ -37,6 +37,7 @@ from snr_sim.behaviors.program import (
     ANY,
     Block,
     MachineDef,
+    Place,
     Problem,
     Program,
     ProgramError,
@@ -62,7 +63,7 @@ def on(event: str | Function, to: str, do: Function | None = None, *, name: str 
     """
     signal = event if isinstance(event, str) else None
     condition = None if signal is not None else _block(event, "on")
-    return Transition("on", "", to, name, _line(), signal, condition, None, _optional(do, "do"))
+    return Transition("on", "", to, name, _place(), signal, condition, None, _optional(do, "do"))
 
 
 def after(
@@ -83,12 +84,12 @@ def after(
     if callable(time_s):
         text = _text_of(time_s)
         function = time_s
-        time: int | Block = Block(text, _line(), lambda bindings: lambda m: round(function(m) * NS_PER_S))
+        time: int | Block = Block(text, _place(), lambda bindings: lambda m: round(function(m) * NS_PER_S))
     elif isinstance(time_s, (int, float)) and math.isfinite(time_s) and time_s >= 0.0:
         time = round(time_s * NS_PER_S)
     else:
         raise ParameterError(f"after({time_s!r}, to={to!r}).", fix="seconds, such as 2.0, or a function of m.")
-    return Transition("ontime", "", to, name, _line(), None, _optional(when, "when"), time, _optional(do, "do"))
+    return Transition("ontime", "", to, name, _place(), None, _optional(when, "when"), time, _optional(do, "do"))
 
 
 def always(to: str, when: Function | None = None, do: Function | None = None, *, name: str = "") -> Transition:
@@ -100,7 +101,7 @@ def always(to: str, when: Function | None = None, do: Function | None = None, *,
         do: executed between leaving and entering.
         name: of the transition; "a->b" if not given.
     """
-    return Transition("eps", "", to, name, _line(), None, _optional(when, "when"), None, _optional(do, "do"))
+    return Transition("eps", "", to, name, _place(), None, _optional(when, "when"), None, _optional(do, "do"))
 
 
 def exits(transition: Transition) -> Transition:
@@ -129,10 +130,10 @@ def state(
         leave: executed on exit, whichever transition is taken.
         machines: run while the state lasts, from their initial states, beginning after `enter`.
     """
-    line = _line()
-    spawns = [replace(spawn, line=line) for one in machines for spawn in _program(one, name).spawns]
+    place = _place()
+    spawns = [replace(spawn, place=place) for one in machines for spawn in _program(one, name).spawns]
     definition = StateDef(
-        name, (*_blocks(enter, "enter"), *spawns), _blocks(during, "during"), _blocks(leave, "leave"), line
+        name, (*_blocks(enter, "enter"), *spawns), _blocks(during, "during"), _blocks(leave, "leave"), place
     )
     for one in transitions:
         if not isinstance(one, Transition):
@@ -172,10 +173,10 @@ def machine(
     found += [one for _, own in given for one in own]
     named = [one if one.name else replace(one, name=f"{one.source}->{one.target}") for one in found]
     values = {key: plain_value(key, value) for key, value in (variables or {}).items()}
-    definition = MachineDef(str(name), tuple(one for one, _ in given), tuple(named), values, _line())
-    spawns = (Spawn(definition, initial, _line()),)
+    definition = MachineDef(str(name), tuple(one for one, _ in given), tuple(named), values, _place())
+    spawns = (Spawn(definition, initial, _place()),)
     names = [definition.name, *values, *(one.name for one in definition.states)]
-    problems = [*_bad_names(names, definition.line), *problems_of(spawns)]
+    problems = [*_bad_names(names, definition.place), *problems_of(spawns)]
     if any(one.is_error for one in problems):
         raise ProgramError([one for one in problems if one.is_error])
     text = as_text(spawns)
@@ -190,9 +191,9 @@ def side_by_side(*programs: Program) -> Program:
     return Program(text, hashlib.sha256(text.encode()).hexdigest(), spawns, "fail", warnings)
 
 
-def _line() -> int:
+def _place() -> Place:
     """Return the line from which the public function was called."""
-    return sys._getframe(2).f_lineno
+    return Place(sys._getframe(2).f_lineno)
 
 
 def _program(one: object, name: str) -> Program:
@@ -217,7 +218,7 @@ def _block(function: object, what: str) -> Block:
         raise ParameterError(
             f"{what}={function!r} is not a function.", fix="its name without brackets, such as is_near."
         )
-    return Block(_text_of(function), _line_of(function), lambda bindings: function)
+    return Block(_text_of(function), Place(_line_of(function)), lambda bindings: function)
 
 
 def _optional(function: object, what: str) -> Block | None:
@@ -231,9 +232,9 @@ def _blocks(functions: Function | Sequence[Function] | None, what: str) -> tuple
     return tuple(_block(one, what) for one in several)
 
 
-def _bad_names(names: Iterable[object], line: int) -> list[Problem]:
+def _bad_names(names: Iterable[object], place: Place) -> list[Problem]:
     return [
-        Problem(line, f"{name!r} cannot be a name.", "letters, digits, '_' and '-', beginning with a letter.")
+        Problem(place, f"{name!r} cannot be a name.", "letters, digits, '_' and '-', beginning with a letter.")
         for name in names
         if not (isinstance(name, str) and _NAME.fullmatch(name))
     ]

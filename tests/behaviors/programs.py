@@ -8,7 +8,7 @@ from typing import Any
 from hypothesis import strategies as st
 
 from snr_sim.behaviors.export import as_text
-from snr_sim.behaviors.program import ANY, Block, MachineDef, Program, Spawn, StateDef, Transition
+from snr_sim.behaviors.program import ANY, Block, MachineDef, Place, Program, Spawn, StateDef, Transition
 
 CONDITIONS = ("near", "wet", "dark")
 SIGNALS = ("go", "stop")
@@ -17,7 +17,7 @@ TIMES_NS = (0, 10, 20, 50)
 
 def condition(text: str) -> Block:
     """Return a condition that holds if its text is in the page 'holding'."""
-    return Block(text, 0, lambda bindings: lambda m: text in m.data("holding"))
+    return Block(text, Place(), lambda bindings: lambda m: text in m.data("holding"))
 
 
 @st.composite
@@ -28,17 +28,17 @@ def transitions(draw: Any, names: list[str], around: list[str] | None) -> Transi
     target = draw(st.sampled_from(names if kind != "exit" or around is None else around))
     holds = condition(draw(st.sampled_from(CONDITIONS)))
     if kind == "signal":
-        return Transition("on", source, target, "", 0, draw(st.sampled_from(SIGNALS)))
+        return Transition("on", source, target, "", Place(), draw(st.sampled_from(SIGNALS)))
     if kind == "ontime":
         is_guarded = draw(st.booleans())
         return Transition(
-            "ontime", source, target, "", 0, None, holds if is_guarded else None, draw(st.sampled_from(TIMES_NS))
+            "ontime", source, target, "", Place(), None, holds if is_guarded else None, draw(st.sampled_from(TIMES_NS))
         )
     if kind == "eps":
-        return Transition("eps", source, target, "", 0, None, draw(st.sampled_from([holds, holds, None])))
+        return Transition("eps", source, target, "", Place(), None, draw(st.sampled_from([holds, holds, None])))
     if kind == "exit" and draw(st.booleans()):
-        return Transition("exit", source, target, "", 0, draw(st.sampled_from(SIGNALS)))
-    return Transition(kind, source, target, "", 0, None, holds)
+        return Transition("exit", source, target, "", Place(), draw(st.sampled_from(SIGNALS)))
+    return Transition(kind, source, target, "", Place(), None, holds)
 
 
 @st.composite

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from snr_sim.behaviors import Interpreter, Program, after, always, draw, exits, machine, on, side_by_side, state
 from snr_sim.behaviors.export import as_text
-from snr_sim.behaviors.program import ANY, MachineDef, Spawn, StateDef, Transition
+from snr_sim.behaviors.program import ANY, MachineDef, Place, Spawn, StateDef, Transition
 
 
 def is_near(m: Any) -> bool:
@@ -121,9 +121,11 @@ def machines(draw: Any, depth: int, around: list[str] | None) -> Spawn:
     for _ in range(draw(st.integers(0, 5))):
         source = draw(st.sampled_from([ANY, *names]))
         if around and draw(st.booleans()):
-            arrows.append(Transition("exit", source, draw(st.sampled_from(around)), "", 0, f"e{depth}"))
+            arrows.append(Transition("exit", source, draw(st.sampled_from(around)), "", Place(), f"e{depth}"))
         else:
-            arrows.append(Transition("on", source, draw(st.sampled_from(names)), "", 0, draw(st.sampled_from(signals))))
+            arrows.append(
+                Transition("on", source, draw(st.sampled_from(names)), "", Place(), draw(st.sampled_from(signals)))
+            )
     return Spawn(
         MachineDef(draw(st.sampled_from(["m", "n"])), tuple(states), tuple(arrows)), draw(st.sampled_from(names))
     )

@@ -1,0 +1,269 @@
+"""Reader of LRP, the live programming language: text to forms, each with its place. It continues after a mistake.
+
+    (state lit (onentry [robot.light.start(80)]))  -->  Form(Word "state", Word "lit", Form(Word "onentry", Code))
+
+Source of the language: Fabry and Campusano, "Live Programming the Lego Mindstorms" (IWST 2014), appendix.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from snr_sim.behaviors.program import Place, Problem
+
+MAX_CHARACTERS = 1_000_000
+MAX_DEPTH = 100  # of forms in forms
+MAX_PROBLEMS = 20
+
+_SPACE = re.compile(r"(?:[ \t\r\n\f]+|;[^\n]*)+")
+_WORD = re.compile(r"->|:=|\*|[0-9]+|[A-Za-z][A-Za-z0-9_]*(?:-+[A-Za-z0-9_]+)*")
+_JUNK = re.compile(r"[^\s()\[\];\"]+")
+_QUOTE = re.compile(r"(?i:[rbuf]{0,2})('''|\"\"\"|'|\")")
+_CLOSING = {"(": ")", "[": "]", "{": "}"}
+
+
+@dataclass(frozen=True)
+class Word:
+    """A name, a number, `->`, `:=` or `*`."""
+
+    text: str
+    place: Place
+
+
+@dataclass(frozen=True)
+class Text:
+    """Text in double quotes."""
+
+    text: str
+    place: Place
+
+
+@dataclass(frozen=True)
+class Code:
+    """Python between square brackets, as written; `place` is that of the code, without the brackets."""
+
+    text: str
+    place: Place
+
+
+@dataclass(frozen=True)
+class Form:
+    """What is between round brackets."""
+
+    items: tuple[Item, ...]
+    place: Place
+
+
+Item: TypeAlias = "Word | Text | Code | Form"
+
+
+def read(text: str) -> tuple[list[Form], list[Problem]]:
+    """Return the forms of a text, and its problems. With problems the forms may lack parts."""
+    if len(text) > MAX_CHARACTERS:
+        whole = Place(1, 1, 1, 1)
+        return [], [Problem(whole, f"The text has {len(text)} characters.", f"{MAX_CHARACTERS} are allowed.")]
+    reader = _Reader(text, is_by_indentation=False)
+    reader.read_all()
+    if reader.is_unbalanced:  # then which bracket it is, is seen by the indentation
+        reader = _Reader(text, is_by_indentation=True)
+        reader.read_all()
+    return reader.forms, reader.problems[:MAX_PROBLEMS]
+
+
+class _Open:
+    """A form whose closing bracket has not been read."""
+
+    def __init__(self, start: int, column: int) -> None:
+        self.start = start
+        self.column = column
+        self.items: list[Item] = []
+
+
+class _Reader:
+    def __init__(self, text: str, *, is_by_indentation: bool) -> None:
+        self.text = text
+        self.is_by_indentation = is_by_indentation
+        self.forms: list[Form] = []
+        self.problems: list[Problem] = []
+        self.is_unbalanced = False
+        self._starts = [0, *(found.end() for found in re.finditer("\n", text))]  # of lines
+        self._line = 0  # index of the line of the last place that was asked for
+        self._open: list[_Open] = []
+
+    def read_all(self) -> None:
+        text, at = self.text, 0
+        while at < len(text):
+            found = _SPACE.match(text, at)
+            at = found.end() if found else self._read_one(at)
+        for one in reversed(self._open):
+            self._report_unclosed(one, None)
+        while self._open:
+            self._close(len(text))
+
+    def _read_one(self, at: int) -> int:
+        """Read what begins at a place; return the place after it."""
+        text, first = self.text, self.text[at]
+        if first == "(":
+            if self.is_by_indentation:
+                self._close_by_indentation(at)
+            if len(self._open) >= MAX_DEPTH:
+                self._report(at, at + 1, "Forms are nested too deeply.", f"at most {MAX_DEPTH} levels.")
+                self._open.clear()
+                return len(text)
+            self._open.append(_Open(at, self._column(at)))
+            return at + 1
+        if first == ")":
+            if self._open:
+                self._close(at + 1)
+            else:
+                self.is_unbalanced = True
+                self._report(at, at + 1, "')' closes nothing.", "remove it, or add the '(' that is missing before.")
+            return at + 1
+        if first == "[":
+            return self._read_code(at)
+        if first == '"':
+            end = self.text.find('"', at + 1)
+            line_end = self.text.find("\n", at)
+            if end < 0 or 0 <= line_end < end:
+                end = line_end if line_end >= 0 else len(text)
+                self._report(at, end, "The text is not closed.", 'add " at its end.')
+                return end
+            self._add(Text(text[at + 1 : end], self._place(at, end + 1)), at, end + 1)
+            return end + 1
+        found = _WORD.match(text, at)
+        if found is not None:
+            self._add(Word(found[0], self._place(at, found.end())), at, found.end())
+            return found.end()
+        junk = _JUNK.match(text, at)
+        end = at + 1 if junk is None else junk.end()
+        self._report(
+            at, end, f"{text[at:end]!r} cannot be here.", "names begin with a letter; Python is in [brackets]."
+        )
+        return end
+
+    def _read_code(self, at: int) -> int:
+        end = _end_of_code(self.text, at)
+        if isinstance(end, str) or (self.is_by_indentation and self._has_form_in_column_one(at, end)):
+            stop = self._next_form(at)
+            why = end if isinstance(end, str) else "'[' is not closed."
+            self.is_unbalanced = True
+            self._report(at, at + 1, why, f"add what is missing before line {self._at(stop)[0]}.")
+            return stop
+        self._add(Code(self.text[at + 1 : end - 1], self._place(at + 1, end - 1)), at, end)
+        return end
+
+    def _has_form_in_column_one(self, at: int, end: int) -> bool:
+        return "\n(" in self.text[at:end]
+
+    def _next_form(self, at: int) -> int:
+        """Return where the next line begins that starts with a round bracket; else the end."""
+        found = re.compile(r"^[ \t]*\(", re.MULTILINE).search(self.text, at + 1)
+        return len(self.text) if found is None else found.end() - 1
+
+    # -- brackets -----------------------------------------------------------------------------------------------------
+
+    def _close(self, end: int) -> None:
+        one = self._open.pop()
+        form = Form(tuple(one.items), self._place(one.start, end))
+        if self._open:
+            self._open[-1].items.append(form)
+        else:
+            self.forms.append(form)
+
+    def _close_by_indentation(self, at: int) -> None:
+        """Close, as mistakes, the forms that a line ends which begins at their column or before."""
+        line, column = self._at(at)
+        if self.text[self._starts[line - 1] : at].strip(" \t"):
+            return
+        while self._open and self._open[-1].column >= column:
+            self._report_unclosed(self._open[-1], at)
+            self._close(at)
+
+    def _report_unclosed(self, one: _Open, next_at: int | None) -> None:
+        self.is_unbalanced = True
+        where = "the end of the text" if next_at is None else f"line {self._at(next_at)[0]}, where the next form begins"
+        self._report(one.start, one.start + 1, "'(' is not closed.", f"add ')' before {where}.")
+
+    def _add(self, item: Item, start: int, end: int) -> None:
+        if self._open:
+            self._open[-1].items.append(item)
+        else:
+            self._report(
+                start, end, f"{self.text[start:end]:.40} is outside of all forms.", "(machine ...), (spawn ...)."
+            )
+
+    # -- places -------------------------------------------------------------------------------------------------------
+
+    def _at(self, at: int) -> tuple[int, int]:
+        """Return line and column of a character."""
+        starts, line = self._starts, self._line
+        if at < starts[line]:
+            line = 0
+        while line + 1 < len(starts) and starts[line + 1] <= at:
+            line += 1
+        self._line = line
+        return line + 1, at - starts[line] + 1
+
+    def _column(self, at: int) -> int:
+        return self._at(at)[1]
+
+    def _place(self, start: int, end: int) -> Place:
+        return Place(*self._at(start), *self._at(end))
+
+    def _report(self, start: int, end: int, message: str, fix: str) -> None:
+        if len(self.problems) < MAX_PROBLEMS:
+            self.problems.append(Problem(self._place(start, end), message, fix))
+
+
+def _end_of_code(text: str, at: int) -> int | str:
+    """Return the place after the bracket that closes the one at a place; or what is wrong.
+
+    Python's own brackets, strings and comments are skipped.
+    """
+    open_brackets: list[str] = []
+    while at < len(text):
+        char = text[at]
+        if char in "([{":
+            open_brackets.append(char)
+            at += 1
+        elif char in ")]}":
+            if _CLOSING[open_brackets[-1]] != char:
+                return f"'{open_brackets[-1]}' is closed by '{char}'."
+            open_brackets.pop()
+            at += 1
+            if not open_brackets:
+                return at
+        elif char == "#":
+            end = text.find("\n", at)
+            at = len(text) if end < 0 else end
+        elif char in "'\"":
+            after = _end_of_string(text, at)
+            if after < 0:
+                return "A text in the code is not closed."
+            at = after
+        else:
+            at += 1
+    return "'[' is not closed."
+
+
+def _end_of_string(text: str, at: int) -> int:
+    """Return the place after a Python string, or -1."""
+    found = _QUOTE.match(text, at)
+    assert found is not None
+    quote, at = found[1], found.end()
+    while at < len(text):
+        if text[at] == "\\":
+            at += 2
+        elif text.startswith(quote, at):
+            return at + len(quote)
+        elif text[at] == "\n" and len(quote) == 1:
+            return -1
+        else:
+            at += 1
+    return -1
+
+
+# What a file is found by, where only its end is known.
+SUFFIX: Literal[".lrp"] = ".lrp"
