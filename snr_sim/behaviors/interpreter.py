@@ -169,6 +169,9 @@ class MachineContext:
         self.machine: Any = None  # the one whose block is executed
         self.now_ns: int = 0
         self.signal: Sequence[Any] = ()
+        self.turns: int = 0  # of loops, and work, that the block which is executed may still do: see `blocks.py`
+        self.work: int = 0
+        self.logged: list[str] = []  # in this step
 
     def data(self, key: DataKey) -> Any:
         """Return the data of the newest page of a key, or None."""
@@ -193,6 +196,20 @@ class MachineContext:
         """Time since the machine entered its state [s]."""
         since_ns: int = self.machine.since_ns
         return (self.now_ns - since_ns) / NS_PER_S
+
+    @property
+    def in_state_ms(self) -> float:
+        """Time since the machine entered its state [ms]."""
+        return 1000.0 * self.in_state_s
+
+    def random(self) -> float:
+        """Return a random number from 0 to 1."""
+        return float(self.rng.random())
+
+    def log(self, text: object) -> None:
+        """Log a text, of which 1000 characters are kept, at most 100 times in a step."""
+        if len(self.logged) < 100:
+            self.logged.append(str(text)[:1000])
 
     @property
     def rng(self) -> np.random.Generator:
@@ -250,7 +267,10 @@ class Interpreter:
         self._failed: list[_Machine] = []
         self._is_answered = False
         self._fails = program.on_error == "fail"
-        self._top = [(self._build(name, spawn, None, {}), spawn.initial) for name, spawn in with_names(program.spawns)]
+        index = self._declare(program.variables, "", {})
+        self._top = [
+            (self._build(name, spawn, None, index), spawn.initial) for name, spawn in with_names(program.spawns)
+        ]
         self._running: list[_Machine] = []
         for one in self._machines.values():
             _add_rows(one)
@@ -531,12 +551,17 @@ class Interpreter:
 
     # -- building it --------------------------------------------------------------------------------------------------
 
+    def _declare(self, values: Mapping[str, Any], above: str, seen: Mapping[str, int]) -> dict[str, int]:
+        """Add variables; return the places of all that are seen then."""
+        index = dict(seen)
+        for name, value in values.items():
+            index[name] = self._variable_paths[above + name.rpartition(".")[2]] = len(self._slots)
+            self._slots.append(plain_value(name, value))
+        return index
+
     def _build(self, path: str, spawn: Spawn, parent: _Machine | None, seen: Mapping[str, int]) -> _Machine:
         definition = spawn.machine
-        index = dict(seen)
-        for name, value in definition.variables.items():
-            index[name] = self._variable_paths[f"{path}.{name}"] = len(self._slots)
-            self._slots.append(plain_value(name, value))
+        index = self._declare(definition.variables, f"{path}.", seen)
         machine = _Machine(path, definition, parent, Bindings(self._slots, index))
         self._machines[path] = machine
         for state in definition.states:

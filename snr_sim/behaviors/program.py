@@ -142,7 +142,8 @@ class MachineDef:
     """A machine: its states, and its transitions in the order in which they are tried.
 
     Args:
-        variables: initial values by name.
+        variables: initial values by name. Where a name hides that of an outer machine, it is made unique by what stands
+            before a '.' in it.
     """
 
     name: str
@@ -168,6 +169,7 @@ class Program:
         spawns: the machines that begin when the program does, in this order.
         on_error: what an exception in a block does: 'go_on' notes it; 'stop' ends its machine; 'fail' ends the node.
         warnings: what is doubtful.
+        variables: initial values of those that all machines see, by name.
     """
 
     text: str
@@ -175,6 +177,7 @@ class Program:
     spawns: tuple[Spawn, ...]
     on_error: OnError = "fail"
     warnings: tuple[Problem, ...] = ()
+    variables: Mapping[str, Any] = field(default_factory=dict)
 
     def walk(self) -> Iterator[tuple[str, Spawn]]:
         """Yield every machine with its path, such as "mission/lining_up/scan", outer ones first."""

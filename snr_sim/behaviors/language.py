@@ -1,0 +1,524 @@
+"""LRP, the live programming language: forms to a program. Names are resolved, blocks compiled, mistakes collected.
+
+    program    := { var | def | machine | spawn | onerror }
+    var        := "(" "var" NAME ":=" expr ")"                            in a program or a machine
+    def        := "(" "def" NAME { NAME } expr ")"                        a helper without side effects
+    machine    := "(" "machine" NAME { var | def | state | event | transition } ")"
+    state      := "(" "state" NAME { onentry | running | onexit | machine } ")"
+    onentry    := "(" "onentry" ( block | spawn ) ")"                     running, onexit: a block
+    event      := "(" "event" NAME [ expr ] ")"                           with expr a condition, else a signal
+    transition := "(" "on" ( NAME | expr ) source "->" NAME [ NAME ] ")"
+                | "(" "ontime" ( INT | NAME | expr ) source "->" NAME [ NAME ] ")"        milliseconds
+                | "(" "eps" source "->" NAME [ NAME ] ")"
+                | "(" "exit" ( NAME | expr ) NAME "->" NAME [ NAME ] ")"  to a state of the machine around
+    source     := NAME | "*"
+    spawn      := "(" "spawn" NAME NAME ")"
+    onerror    := "(" "onerror" ( "go_on" | "stop" | "fail" ) ")"
+    expr, block := "[" Python "]"                                         see blocks.py
+
+Source: Fabry and Campusano, "Live Programming the Lego Mindstorms" (IWST 2014); where it is silent, the choices are
+ours.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any
+
+from snr_sim.behaviors.blocks import Definition, Scope, compile_block
+from snr_sim.behaviors.checks import problems_of
+from snr_sim.behaviors.context import plain_value
+from snr_sim.behaviors.program import (
+    ANY,
+    Bindings,
+    Block,
+    Kind,
+    MachineDef,
+    OnError,
+    Place,
+    Problem,
+    Program,
+    ProgramError,
+    Spawn,
+    StateDef,
+    Transition,
+)
+from snr_sim.behaviors.reader import MAX_PROBLEMS, Code, Form, Item, Text, Word, read
+from snr_sim.prelude.errors import ParameterError, suggest
+
+NS_PER_MS = 1_000_000
+MAX_STATES = 10_000
+Parts = Mapping[str, frozenset[str]]
+
+_TOP = ("var", "def", "machine", "spawn", "onerror")
+_IN_MACHINE = ("var", "def", "state", "event", "on", "ontime", "eps", "exit")
+_IN_STATE = ("onentry", "running", "onexit", "machine")
+_ON_ERROR = ("go_on", "stop", "fail")
+_SHAPES = {
+    "var": "(var NAME := [value])", "def": "(def NAME argument [expression])", "machine": "(machine NAME ...)",
+    "spawn": "(spawn MACHINE STATE)", "onerror": "(onerror go_on), stop or fail", "state": "(state NAME ...)",
+    "event": "(event NAME) or (event NAME [condition])", "on": "(on EVENT STATE -> STATE)",
+    "ontime": "(ontime MILLISECONDS STATE -> STATE)", "eps": "(eps STATE -> STATE)",
+    "exit": "(exit EVENT STATE -> STATE)", "onentry": "(onentry [statements]) or (onentry (spawn MACHINE STATE))",
+    "running": "(running [statements])", "onexit": "(onexit [statements])",
+}  # fmt: skip
+
+
+def parse(text: str, parts: Parts | None = None) -> Program:
+    """Return the program of a text.
+
+    Args:
+        text: of the whole program.
+        parts: of the robot: the names of the functions of each.
+
+    Raises:
+        ProgramError: it has mistakes, all of which are in `problems`.
+    """
+    program, problems = _parse(text, tuple(sorted((name, tuple(sorted(one))) for name, one in (parts or {}).items())))
+    if program is None:
+        raise ProgramError(list(problems))
+    return program
+
+
+@lru_cache(maxsize=64)
+def _parse(text: str, parts: tuple[tuple[str, tuple[str, ...]], ...]) -> tuple[Program | None, tuple[Problem, ...]]:
+    forms, problems = read(text)
+    language = _Language({name: frozenset(verbs) for name, verbs in parts}, problems)
+    program = language.program(text, forms)
+    found = language.problems
+    if not any(one.is_error for one in found):
+        found += problems_of(program.spawns)
+    errors = [one for one in found if one.is_error]
+    if errors:
+        return None, tuple(sorted(errors, key=lambda one: (one.place.line, one.place.column)))[:MAX_PROBLEMS]
+    return replace(program, warnings=tuple(found)), ()
+
+
+@dataclass(frozen=True)
+class _Names:
+    """What can be named at one place of a text; inner names hide outer ones.
+
+    Args:
+        variables: the key of each, which is unique in the program.
+        values: initial values by key.
+        definitions: helpers.
+        machines: those that can be spawned.
+        events: those that transitions can name.
+    """
+
+    variables: Mapping[str, str] = field(default_factory=dict)
+    values: Mapping[str, Any] = field(default_factory=dict)
+    definitions: Mapping[str, Definition] = field(default_factory=dict)
+    machines: Mapping[str, _Machine] = field(default_factory=dict)
+    events: Mapping[str, _Event] = field(default_factory=dict)
+
+
+@dataclass(eq=False)
+class _Machine:
+    """The form of a machine, what can be named there, and its definition once it has been made."""
+
+    form: Form
+    names: _Names | None = None
+    made: MachineDef | None = None
+
+
+@dataclass(eq=False)
+class _Event:
+    """A signal, or, with a block, a condition."""
+
+    place: Place
+    condition: Block | None
+    is_used: bool = False
+
+
+class _FormError(Exception):
+    """A form cannot be used; the problem is noted."""
+
+
+class _Language:
+    """Makes definitions of forms, and continues after a mistake."""
+
+    def __init__(self, parts: Parts, problems: list[Problem]) -> None:
+        self.problems: list[Problem] = list(problems)
+        self._parts = parts
+        self._inside: list[_Machine] = []  # machines that are being made, outermost first
+        self._states = 0
+        self._on_error: OnError = "go_on"
+
+    def program(self, text: str, forms: list[Form]) -> Program:
+        """Return the program of all forms; with problems it may lack parts."""
+        known = [form for form in forms if self._word(form, _TOP, "a program")]
+        names = self._with_variables(known, _Names(), "")
+        names = replace(names, machines=self._machines(known))
+        for one in names.machines.values():
+            one.names = names
+        spawns = []
+        for form in known:
+            if _first(form) == "spawn":
+                spawns += self._tried(self._spawn, form, names)
+            elif _first(form) == "onerror":
+                self._tried(self._set_on_error, form)
+        for one in names.machines.values():  # those that are not spawned are checked, too
+            self._tried(self._machine, one)
+        if not spawns and not self.problems:
+            self._add(Place(1, 1, 1, 1), "No machine is spawned.", "(spawn MACHINE STATE) at the end.", is_error=False)
+        digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
+        return Program(text, digest, tuple(spawns), self._on_error, (), dict(names.values))
+
+    # -- names --------------------------------------------------------------------------------------------------------
+
+    def _with_variables(self, forms: Iterable[Form], names: _Names, scope: str) -> _Names:
+        """Return the names with those that `var` and `def` add, in the order of the text."""
+        own: set[str] = set()
+        for form in forms:
+            if _first(form) not in ("var", "def"):
+                continue
+            try:
+                name = self._name(form, 1)
+                if name in own:
+                    raise self._failed(form.items[1].place, f"'{name}' is declared twice here.", "rename one.")
+                if "-" in name or not name.isidentifier():
+                    raise self._failed(form.items[1].place, f"'{name}' cannot be used in Python.", "use '_', not '-'.")
+                own.add(name)
+                names = self._declared(form, name, names, scope)
+            except _FormError:
+                continue
+        return names
+
+    def _declared(self, form: Form, name: str, names: _Names, scope: str) -> _Names:
+        if _first(form) == "def":
+            *parameters, code = form.items[2:] or [None]
+            given = tuple(one.text for one in parameters if isinstance(one, Word))
+            if not isinstance(code, Code) or len(given) != len(parameters):
+                raise self._shape(form)
+            block = self._block(code, "condition", replace(names, variables={**names.variables, **_own(given)}))
+            without = {key: value for key, value in names.variables.items() if key != name}
+            definition: Definition = given, code.text, tuple(sorted(names.variables.items()))
+            definitions = {**names.definitions, name: definition}
+            return names if block is None else replace(names, definitions=definitions, variables=without)
+        if len(form.items) != 4 or not _is(form.items[2], ":="):
+            raise self._shape(form)
+        code = form.items[3]
+        if not isinstance(code, Code):
+            raise self._shape(form)
+        key = f"{scope}.{name}" if scope else name
+        value = self._initial(name, code, names)
+        definitions = {one: given for one, given in names.definitions.items() if one != name}
+        return replace(
+            names,
+            variables={**names.variables, name: key},
+            values={**names.values, key: value},
+            definitions=definitions,
+        )
+
+    def _initial(self, name: str, code: Code, names: _Names) -> Any:
+        """Return the value of an initialiser, which may name what is declared before it."""
+        scope = Scope(names.variables, names.definitions, {})
+        block, problems = compile_block(code.text, code.place, "condition", scope)
+        self.problems += problems
+        if block is None:
+            raise _FormError
+        keys = list(names.values)
+        bindings = Bindings([names.values[key] for key in keys], {key: i for i, key in enumerate(keys)})
+        try:
+            return plain_value(name, block.bind(bindings)(_Start()))
+        except Exception as error:
+            raise self._failed(code.place, f"{type(error).__name__}: {error}", "") from error
+
+    def _machines(self, forms: Iterable[Form]) -> dict[str, _Machine]:
+        found = dict[str, _Machine]()
+        for form in forms:
+            if _first(form) == "machine":
+                try:
+                    name = self._name(form, 1)
+                    if name in found:
+                        self._add(form.items[1].place, f"There are two machines '{name}' here.", "rename one.")
+                    found[name] = _Machine(form)
+                except _FormError:
+                    continue
+        return found
+
+    # -- forms --------------------------------------------------------------------------------------------------------
+
+    def _spawn(self, form: Form, names: _Names) -> Spawn:
+        if len(form.items) != 3:
+            raise self._shape(form)
+        name, initial = self._name(form, 1), self._name(form, 2)
+        if name not in names.machines:
+            raise self._failed(
+                form.items[1].place, f"There is no machine '{name}' here.", suggest(name, names.machines)
+            )
+        machine = names.machines[name]
+        if machine in self._inside:
+            raise self._failed(form.items[1].place, f"Machine '{name}' would contain itself.", "spawn another one.")
+        made = self._machine(machine)
+        states = [one.name for one in made.states]
+        if initial not in states:
+            raise self._failed(
+                form.items[2].place, f"Machine '{name}' has no state '{initial}'.", suggest(initial, states)
+            )
+        return Spawn(made, initial, form.place)
+
+    def _set_on_error(self, form: Form) -> None:
+        word = self._name(form, 1)
+        if word not in _ON_ERROR or len(form.items) != 2:
+            raise self._failed(form.items[1].place, f"(onerror {word}) is not known.", suggest(word, _ON_ERROR))
+        self._on_error = word  # type: ignore[assignment]
+
+    def _machine(self, machine: _Machine) -> MachineDef:
+        if machine.made is None:
+            self._inside.append(machine)
+            try:
+                machine.made = self._made(machine)
+            finally:
+                self._inside.pop()
+        return machine.made
+
+    def _made(self, machine: _Machine) -> MachineDef:
+        assert machine.names is not None
+        name = self._name(machine.form, 1)
+        forms = [one for one in self._forms(machine.form, 2) if self._word(one, _IN_MACHINE, "a machine")]
+        scope = f"{machine.form.place.line}:{machine.form.place.column}:{name}"
+        names = self._with_variables(forms, machine.names, scope)
+        own = {key: value for key, value in names.values.items() if key not in machine.names.values}
+        names = replace(names, values={**machine.names.values, **own})
+        events = self._events(forms, names)
+        names = replace(names, events={**names.events, **events})
+        states = [state for one in forms if _first(one) == "state" for state in self._tried(self._state, one, names)]
+        targets = [one.name for one in states]
+        around = self._states_around(machine)
+        transitions = [
+            transition
+            for one in forms
+            if _first(one) in ("on", "ontime", "eps", "exit")
+            for transition in self._tried(self._transition, one, names, targets, around)
+        ]
+        for word, event in events.items():
+            if not event.is_used:
+                self._add(event.place, f"No transition uses the event '{word}'.", is_error=False)
+        return MachineDef(name, tuple(states), tuple(transitions), own, machine.form.place)
+
+    def _states_around(self, machine: _Machine) -> list[str] | None:
+        """Return the names of the states of the machine in whose state a machine is spawned; None at the top."""
+        if len(self._inside) < 2:
+            return None
+        around = self._inside[-2].form
+        return [
+            _text(one.items[1])
+            for one in around.items[2:]
+            if isinstance(one, Form) and _first(one) == "state" and len(one.items) > 1
+        ]
+
+    def _events(self, forms: list[Form], names: _Names) -> dict[str, _Event]:
+        found = dict[str, _Event]()
+        for form in forms:
+            if _first(form) == "event":
+                try:
+                    name = self._name(form, 1)
+                    if name in found:
+                        self._add(form.items[1].place, f"There are two events '{name}' here.", "rename one.")
+                    found[name] = self._made_event(form, name, names)
+                except _FormError:
+                    continue
+        return found
+
+    def _made_event(self, form: Form, name: str, names: _Names) -> _Event:
+        if len(form.items) == 2:
+            return _Event(form.place, None)
+        code = form.items[2]
+        if len(form.items) > 3 or not isinstance(code, Code):
+            raise self._shape(form)
+        block = self._block(code, "condition", names)
+        return _Event(form.place, None if block is None else replace(block, text=name))
+
+    def _state(self, form: Form, names: _Names) -> StateDef:
+        name = self._name(form, 1)
+        self._states += 1
+        if self._states > MAX_STATES:
+            raise self._failed(form.place, f"The program has more than {MAX_STATES} states.", "split it.")
+        forms = [one for one in self._forms(form, 2) if self._word(one, _IN_STATE, f"state '{name}'")]
+        machines = self._machines(forms)
+        names = replace(names, machines={**names.machines, **machines})
+        for inner in machines.values():
+            inner.names = names
+        enter: list[Block | Spawn] = []
+        during: list[Block] = []
+        leave: list[Block] = []
+        for one in forms:
+            kind = _first(one)
+            if kind == "machine":
+                continue
+            if len(one.items) != 2:
+                self._tried(self._refuse, one)
+                continue
+            content = one.items[1]
+            if kind == "onentry" and isinstance(content, Form):
+                if self._word(content, ("spawn",), "onentry"):
+                    enter += self._tried(self._spawn, content, names)
+            elif isinstance(content, Code):
+                block = self._block(content, "block", names)
+                if block is not None:
+                    {"onentry": enter, "running": during, "onexit": leave}[kind].append(block)  # type: ignore[attr-defined]
+            else:
+                self._tried(self._refuse, one)
+        spawned = {id(one.machine) for one in enter if isinstance(one, Spawn)}
+        for machine in machines.values():
+            made = self._tried(self._machine, machine)
+            if made and id(made[0]) not in spawned:
+                self._add(machine.form.place, f"Machine '{made[0].name}' is never spawned.", is_error=False)
+        return StateDef(name, tuple(enter), tuple(during), tuple(leave), form.place)
+
+    def _transition(self, form: Form, names: _Names, states: list[str], around: list[str] | None) -> Transition:
+        kind: Kind = _first(form)  # type: ignore[assignment]
+        at = 1 if kind == "eps" else 2
+        ends = form.items[at:]
+        if len(ends) not in (3, 4) or not _is(ends[1], "->"):
+            raise self._shape(form)
+        source, target = _text(ends[0]), _text(ends[2])
+        name = _text(ends[3]) if len(ends) == 4 else f"{source}->{target}"
+        if not source or not target or not name:
+            raise self._shape(form)
+        if source != ANY and source not in states:
+            raise self._failed(ends[0].place, f"There is no state '{source}' here.", suggest(source, states))
+        if kind == "exit" and around is None:
+            raise self._failed(
+                form.place, "There is no machine around this one that (exit ...) could leave to.", "write (on ...)."
+            )
+        targets = around if kind == "exit" and around is not None else states
+        if target not in targets:
+            raise self._failed(ends[2].place, f"There is no state '{target}' here.", suggest(target, targets))
+        signal, condition, after_ns = None, None, None
+        if kind == "ontime":
+            after_ns = self._time(form.items[1], names)
+        elif kind != "eps":
+            signal, condition = self._event(form.items[1], names)
+        return Transition(kind, source, target, name, form.place, signal, condition, after_ns)
+
+    def _event(self, item: Item, names: _Names) -> tuple[str | None, Block | None]:
+        """Return the signal or the condition of a transition."""
+        if isinstance(item, Code):
+            return None, self._needed(self._block(item, "condition", names))
+        name = _text(item)
+        if name not in names.events:
+            raise self._failed(item.place, f"There is no event '{name}' here.", suggest(name, names.events))
+        event = names.events[name]
+        event.is_used = True
+        return (name, None) if event.condition is None else (None, event.condition)
+
+    def _time(self, item: Item, names: _Names) -> int | Block:
+        """Return the time of `ontime` [ns], or a block that does."""
+        text = _text(item)
+        if text.isdecimal():
+            if len(text) > 12:
+                raise self._failed(item.place, f"{text} ms is too long.", "a time-out in milliseconds, such as 300.")
+            return int(text) * NS_PER_MS
+        if isinstance(item, Word):
+            if text not in names.variables:
+                raise self._failed(item.place, f"There is no variable '{text}' here.", suggest(text, names.variables))
+            item = Code(text, item.place)
+        if not isinstance(item, Code):
+            raise self._failed(
+                item.place, "A time-out is a number, a variable or [an expression].", "(ontime 300 ...)."
+            )
+        block = self._needed(self._block(item, "condition", names))
+        bind = block.bind
+
+        def in_ns(bindings: Bindings) -> Any:
+            in_ms = bind(bindings)
+            return lambda m: round(in_ms(m) * NS_PER_MS)
+
+        return replace(block, bind=in_ns)
+
+    def _block(self, code: Code, kind: Any, names: _Names) -> Block | None:
+        scope = Scope(names.variables, names.definitions, self._parts)
+        block, problems = compile_block(code.text, code.place, kind, scope)
+        self.problems += problems
+        return block
+
+    # -- mistakes -----------------------------------------------------------------------------------------------------
+
+    def _tried(self, make: Any, *arguments: Any) -> list[Any]:
+        """Return what a function makes, in a list; an empty one if it fails."""
+        try:
+            return [make(*arguments)]
+        except _FormError:
+            return []
+
+    def _needed(self, block: Block | None) -> Block:
+        if block is None:
+            raise _FormError
+        return block
+
+    def _refuse(self, form: Form) -> None:
+        raise self._shape(form)
+
+    def _word(self, form: Form, known: tuple[str, ...], where: str) -> str:
+        """Return the first word of a form; note it, and return nothing, if it is not known there."""
+        word = _first(form)
+        if word in known:
+            return word
+        place = form.items[0].place if form.items else form.place
+        what = f"'{word}' is not a form of {where}" if word else f"A form of {where} begins with a word"
+        self._add(place, f"{what}.", suggest(word, known, "known here are"))
+        return ""
+
+    def _forms(self, form: Form, begin: int) -> Iterator[Form]:
+        for one in form.items[begin:]:
+            if isinstance(one, Form):
+                yield one
+            else:
+                self._add(one.place, f"'{_text(one)}' cannot be here.", f"{_SHAPES[_first(form)]}.")
+
+    def _name(self, form: Form, i: int) -> str:
+        """Return the word at an index.
+
+        Raises:
+            _FormError: there is none.
+        """
+        item = form.items[i] if len(form.items) > i else None
+        if not isinstance(item, Word) or not item.text[0].isalpha():
+            raise self._shape(form)
+        return item.text
+
+    def _shape(self, form: Form) -> _FormError:
+        word = _first(form)
+        return self._failed(form.place, f"({word} ...) is not complete, or has too much.", f"{_SHAPES[word]}.")
+
+    def _failed(self, place: Place, message: str, fix: str) -> _FormError:
+        self._add(place, message, fix)
+        return _FormError()
+
+    def _add(self, place: Place, message: str, fix: str = "", *, is_error: bool = True) -> None:
+        self.problems.append(Problem(place, message, fix, is_error))
+
+
+class _Start:
+    """The context of initialisers: there is no time yet, and no signal."""
+
+    now_ns, in_state_ms, signal = 0, 0.0, ()
+    turns = work = 0
+
+    def random(self) -> float:
+        raise ParameterError("An initialiser cannot draw random numbers.", fix="draw them in (onentry [...]).")
+
+    def log(self, text: object) -> None:
+        raise ParameterError("An initialiser cannot log.", fix="log in (onentry [...]).")
+
+
+def _first(form: Form) -> str:
+    return _text(form.items[0]) if form.items else ""
+
+
+def _text(item: Item) -> str:
+    return item.text if isinstance(item, (Word, Text)) else ""
+
+
+def _is(item: Item, text: str) -> bool:
+    return isinstance(item, Word) and item.text == text
+
+
+def _own(names: Iterable[str]) -> dict[str, str]:
+    return {name: name for name in names}
