@@ -26,7 +26,7 @@ from snr_sim.recording.trace import FILE_NAME
 
 HERE = "127.0.0.1"
 TIMEOUT_S = 60.0
-COMMS = Path(__file__).parents[1] / "std_mods" / "comms"
+LINKS = Path(__file__).parents[1] / "links"
 KILLS = 100
 CORRUPTED = 0.3  # of the connections
 MAX_DELAY_S = 0.03
@@ -106,11 +106,12 @@ def port() -> int:
 
 def flood(port: int, is_over: threading.Event) -> None:
     for kind in cycle(FLOODS):
-        attacker = start(COMMS / "attackers.py", kind, port)
+        attacker = start(LINKS / "attackers.py", kind, port)
         is_over.wait(FLOOD_S)
-        assert attacker.poll() is None, f"{kind}: the attacker has given up"
+        status = attacker.poll()
         attacker.kill()
         attacker.communicate()
+        assert status is None, f"{kind}: the attacker has given up"
         if is_over.is_set():
             return
 

@@ -1,0 +1,201 @@
+"""What an LRP program sees of its robot: parts to read and parts to command, by names of the robot's own.
+
+    page --> Read --> robot.range.read()          robot.motor.start(50) --> Drive --> page
+
+Five functions are enough for every robot: a large interface was what cost people most time in the experiment of
+Campusano, Fabry and Bergel, "Live programming in practice: A controlled experiment on state machines for robotic
+behaviors" (Information and Software Technology 108, 2019).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from snr_sim.behaviors.context import Owner
+from snr_sim.prelude.errors import ConfigError, ParameterError
+from snr_sim.prelude.page import DataKey
+from snr_sim.prelude.task import Task
+
+READ_FUNCTIONS = frozenset({"read", "age_ms", "read_since_entry"})
+DRIVE_FUNCTIONS = frozenset({"start", "stop"})
+
+
+@dataclass(frozen=True)
+class Read:
+    """A part that can be read.
+
+    Args:
+        page: key of its page.
+        field: of the page's data; empty if the data are the value.
+        to: converts the value to the unit that programs use.
+        unit: that unit.
+        fresh_s: a reading that is older is not given.
+    """
+
+    page: DataKey
+    field: str = ""
+    to: Callable[[Any], Any] | None = None
+    unit: str = ""
+    fresh_s: float = math.inf
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A part that can be commanded.
+
+    Args:
+        page: key of its page.
+        field: of the page's data.
+        low, high: limits, to which commands are clamped.
+        neutral: the command of `stop()`.
+        to: converts a command to what the page contains.
+        unit: of commands.
+        repeats: whether a command that is not neutral is stored again in each step, for an actuator that takes a
+            command for a limited time.
+    """
+
+    page: DataKey
+    field: str
+    low: float
+    high: float
+    neutral: float = 0.0
+    to: Callable[[float], Any] | None = None
+    unit: str = ""
+    repeats: bool = False
+
+
+@dataclass(frozen=True)
+class Bridge:
+    """The parts of a robot, by name. A name may be in both tables.
+
+    Raises:
+        ConfigError: a name is not one of Python's, or is `stop`.
+    """
+
+    reads: Mapping[str, Read] = field(default_factory=dict)
+    drives: Mapping[str, Drive] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in (*self.reads, *self.drives):
+            if not name.isidentifier() or name.startswith("_") or name == "stop":
+                raise ConfigError(f"A part of a robot cannot be named '{name}'.", fix="letters, digits and '_'.")
+
+    @property
+    def parts(self) -> dict[str, frozenset[str]]:
+        """The functions of each part."""
+        found = dict.fromkeys(self.reads, READ_FUNCTIONS)
+        for name in self.drives:
+            found[name] = found.get(name, frozenset()) | DRIVE_FUNCTIONS
+        return found
+
+
+class Robot:
+    """The robot in a program: an attribute for each part, and `stop()`.
+
+    Commands are kept until `take_tasks`, one page for all that are on it, so what a block commanded can be undone.
+
+    Args:
+        bridge: its parts.
+        owner: the component that reads and stores pages.
+        in_state_s: returns the time since the state was entered whose block is executed.
+    """
+
+    def __init__(self, bridge: Bridge, owner: Owner, in_state_s: Callable[[], float]) -> None:
+        self._owner = owner
+        self._drives = dict(bridge.drives)
+        self._commands = {name: drive.neutral for name, drive in self._drives.items()}
+        self._changed: dict[DataKey, None] = {}  # pages to store, in order of their first command
+        self._used: dict[DataKey, None] = {}  # pages that have been stored at all
+        for name in bridge.parts:
+            setattr(self, name, Part(self, name, bridge.reads.get(name), bridge.drives.get(name), owner, in_state_s))
+
+    def command(self, name: str, value: Any) -> None:
+        """Command a part.
+
+        Raises:
+            ParameterError: the value is not a number.
+        """
+        if not isinstance(value, (int, float)) or math.isnan(value):
+            raise ParameterError(f"robot.{name}.start({value!r:.80})", fix="a number.")
+        drive = self._drives[name]
+        self._commands[name] = min(drive.high, max(drive.low, float(value)))
+        self._changed[drive.page] = None
+
+    def stop(self) -> None:
+        """Command neutral to all parts."""
+        for name, drive in self._drives.items():
+            self.command(name, drive.neutral)
+
+    def mark(self) -> Any:
+        """Return the state to which `undo` returns."""
+        return dict(self._commands), dict(self._changed)
+
+    def undo(self, mark: Any) -> None:
+        """Forget what was commanded since."""
+        commands, changed = mark
+        self._commands, self._changed = dict(commands), dict(changed)
+
+    def take_tasks(self) -> list[Task]:
+        """Return the tasks that store what was commanded since the last call, and what repeats."""
+        pages = dict(self._changed)
+        self._used |= pages
+        for name, drive in self._drives.items():
+            if drive.repeats and drive.page in self._used and self._commands[name] != drive.neutral:
+                pages[drive.page] = None
+        self._changed = {}
+        return [self._owner.store_data_task(page, self._data(page)) for page in pages]
+
+    def _data(self, page: DataKey) -> dict[str, Any]:
+        return {
+            drive.field: self._commands[name] if drive.to is None else drive.to(self._commands[name])
+            for name, drive in self._drives.items()
+            if drive.page == page
+        }
+
+
+class Part:
+    """A part of the robot in a program."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        name: str,
+        reads: Read | None,
+        drives: Drive | None,
+        owner: Owner,
+        in_state_s: Callable[[], float],
+    ) -> None:
+        self._robot, self._name, self._reads, self._drives = robot, name, reads, drives
+        self._owner, self._in_state_s = owner, in_state_s
+
+    def read(self) -> Any:
+        """Return the newest value; None if there is none, or if it is too old."""
+        assert self._reads is not None
+        reads = self._reads
+        data = self._owner.get_data(reads.page)
+        if data is None or self._owner.get_age_s(reads.page) > reads.fresh_s:
+            return None
+        value = data[reads.field] if reads.field else data
+        return value if value is None or reads.to is None else reads.to(value)
+
+    def age_ms(self) -> float:
+        """Return how old the newest value is [ms]; infinite if there is none."""
+        assert self._reads is not None
+        return 1000.0 * self._owner.get_age_s(self._reads.page)
+
+    def read_since_entry(self) -> Any:
+        """Return the newest value if it was made since the state was entered, otherwise None."""
+        assert self._reads is not None
+        return self.read() if self._owner.get_age_s(self._reads.page) <= self._in_state_s() else None
+
+    def start(self, value: float) -> None:
+        """Command the part; the value is clamped to its limits."""
+        self._robot.command(self._name, value)
+
+    def stop(self) -> None:
+        """Command neutral."""
+        assert self._drives is not None
+        self._robot.command(self._name, self._drives.neutral)
