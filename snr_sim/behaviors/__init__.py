@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING
 from snr_sim.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from snr_sim.behaviors.bridge import Bridge as Bridge
+    from snr_sim.behaviors.bridge import Drive as Drive
+    from snr_sim.behaviors.bridge import Read as Read
     from snr_sim.behaviors.context import FixedPages as FixedPages
     from snr_sim.behaviors.endpoint import MachineFactory as MachineFactory
     from snr_sim.behaviors.endpoint import StepLoopFactory as StepLoopFactory
@@ -16,6 +19,7 @@ if TYPE_CHECKING:
     from snr_sim.behaviors.interpreter import Change as Change
     from snr_sim.behaviors.interpreter import Interpreter as Interpreter
     from snr_sim.behaviors.interpreter import MachineContext as MachineContext
+    from snr_sim.behaviors.language import parse as parse
     from snr_sim.behaviors.program import Program as Program
     from snr_sim.behaviors.program import ProgramError as ProgramError
     from snr_sim.behaviors.tables import after as after

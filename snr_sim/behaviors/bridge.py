@@ -138,6 +138,10 @@ class Robot:
         commands, changed = mark
         self._commands, self._changed = dict(commands), dict(changed)
 
+    def repeat(self) -> None:
+        """Let all commands be stored again."""
+        self._changed = dict(self._used)
+
     def take_tasks(self) -> list[Task]:
         """Return the tasks that store what was commanded since the last call, and what repeats."""
         pages = dict(self._changed)

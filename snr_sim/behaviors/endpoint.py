@@ -12,6 +12,7 @@ from typing import Any
 
 import msgspec
 
+from snr_sim.behaviors.bridge import Bridge
 from snr_sim.behaviors.context import Owner
 from snr_sim.behaviors.interpreter import NS_PER_S, Change, Interpreter
 from snr_sim.behaviors.program import Program
@@ -27,17 +28,23 @@ from snr_sim.prelude.task import SomeTasks, Task, TaskHandlerMap, TaskId, TaskTy
 
 
 def machine_parts(
-    program: Program, name: str = "machine", *, step_hz: float = 100.0, reacts_to: Sequence[DataKey] = ()
+    program: Program,
+    name: str = "machine",
+    *,
+    step_hz: float = 100.0,
+    reacts_to: Sequence[DataKey] = (),
+    bridge: Bridge | None = None,
 ) -> list[ComponentFactory]:
     """Return the factories of a machine and of its clock, for a controller's `factories`.
 
     Args:
-        program: what `machine(...)` returns.
+        program: what `machine(...)` or `parse(...)` returns.
         name: of the component, of its page, and the beginning of its events' names.
         step_hz: how often it takes a step.
         reacts_to: pages that cause a step as soon as they are stored.
+        bridge: the parts of the robot that a program in LRP names.
     """
-    return [StepLoopFactory(name, step_hz), MachineFactory(program, name, reacts_to=reacts_to)]
+    return [StepLoopFactory(name, step_hz), MachineFactory(program, name, reacts_to=reacts_to, bridge=bridge)]
 
 
 class StepLoopFactory(LoopFactory):
@@ -71,19 +78,28 @@ class MachineFactory(EndpointFactory):
     """Factory of a component that runs a program's machines.
 
     Args:
-        program: what `machine(...)` returns.
+        program: what `machine(...)` or `parse(...)` returns.
         name: of the component, of its page, and the beginning of its events' names.
         reacts_to: pages that cause a step as soon as they are stored.
+        bridge: the parts of the robot that a program in LRP names.
 
     Raises:
         ConfigError: the program is something else.
     """
 
-    def __init__(self, program: Program, name: str = "machine", *, reacts_to: Sequence[DataKey] = ()) -> None:
+    def __init__(
+        self,
+        program: Program,
+        name: str = "machine",
+        *,
+        reacts_to: Sequence[DataKey] = (),
+        bridge: Bridge | None = None,
+    ) -> None:
         super().__init__()
         if not isinstance(program, Program):
             raise ConfigError(f"MachineFactory is given {program!r}.", fix="what machine(...) returns.")
         self.program: Program = program
+        self.bridge: Bridge | None = bridge
         self.name: str = name
         self.reacts_to: tuple[DataKey, ...] = (reacts_to,) if isinstance(reacts_to, str) else tuple(reacts_to)
 
@@ -92,10 +108,14 @@ class MachineFactory(EndpointFactory):
         return MachineEndpoint(self, parent, self.name)
 
 
+EVENTS = ("program", "transition", "log", "step", "set", "pause", "go")  # that no other component needs
+
+
 class MachineEndpoint(Endpoint):
     """Takes a step for each event "<name>.step", page in `reacts_to` and signal, and reports changes of state.
 
-    It returns, in this order: the tasks of the blocks; for each change an event "<name>.transition" with its fields as
+    It returns, in this order: what the robot is commanded; the tasks of the blocks; an event "<name>.log" for each
+    text that a block logs; for each change an event "<name>.transition" with its fields as
     a dict; and, if a state has changed, one page "<name>". Other events that it handles:
 
         <name>.set [path, value]    sets a variable, such as "mission.gate"
@@ -107,11 +127,12 @@ class MachineEndpoint(Endpoint):
     def __init__(self, factory: MachineFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         owner: Owner = self
-        self.interpreter: Interpreter = Interpreter(factory.program, owner, rng=self.rng)
+        self.interpreter: Interpreter = Interpreter(factory.program, owner, bridge=factory.bridge, rng=self.rng)
         self.is_paused: bool = False
         self._paused_ns = 0
+        self._mark: Any = None  # what the robot was commanded when it was paused
         self._transition = f"{name}.transition"
-        self.optional_events = [f"{name}.{what}" for what in ("program", "transition", "step", "set", "pause", "go")]
+        self.optional_events = [f"{name}.{what}" for what in EVENTS]
         self._last: Change | None = None
         handlers: TaskHandlerMap = {(TaskType.process_data, key): self.on_step for key in factory.reacts_to}
         handlers |= {(TaskType.event, signal): self.on_signal for signal in factory.program.signals()}
@@ -132,7 +153,12 @@ class MachineEndpoint(Endpoint):
         self.schedule(self._results(self.interpreter.spawn(self._now_ns())))
 
     def halt(self) -> None:
-        """Note the signals that no state waited for when they came."""
+        """Note the blocks that failed, and the signals that no state waited for when they came."""
+        for problem in self.interpreter.problems.values():
+            self.parent.add_note(
+                f"Machine '{problem.machine}', line {problem.line}: [{problem.block}] failed {problem.count} times, first "
+                f"at {problem.t_ns / NS_PER_S:g} s. {problem.message}"
+            )
         for signal, count in self.interpreter.ignored.items():
             self.parent.add_note(
                 f"Machine '{self.name}' was in no state that waits for '{signal}' when it came, {count} times."
@@ -142,9 +168,8 @@ class MachineEndpoint(Endpoint):
         """Take a step."""
         if self.is_paused:
             return None
-        interpreter = self.interpreter
-        changes = interpreter.step(self._now_ns())
-        return self._results(changes) if changes or interpreter.outputs else None
+        changes = self.interpreter.step(self._now_ns())
+        return self._results(changes) or None
 
     def on_signal(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Take a step in which a signal is given."""
@@ -167,7 +192,12 @@ class MachineEndpoint(Endpoint):
         if self.is_paused:
             return None
         self.is_paused, self._paused_ns = True, self._now_ns()
-        return self.store_data_task(self.name, self._page())
+        robot, commands = self.interpreter.robot, list[Task]()
+        if robot is not None:
+            self._mark = robot.mark()
+            robot.stop()
+            commands = robot.take_tasks()
+        return [*commands, self.store_data_task(self.name, self._page())]
 
     def on_go(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Continue as if no time had passed."""
@@ -175,13 +205,22 @@ class MachineEndpoint(Endpoint):
             return None
         self.is_paused = False
         self.interpreter.delay(self._now_ns() - self._paused_ns)
-        return self.store_data_task(self.name, self._page())
+        robot, commands = self.interpreter.robot, list[Task]()
+        if robot is not None:
+            robot.undo(self._mark)
+            robot.repeat()
+            commands = robot.take_tasks()
+        return [*commands, self.store_data_task(self.name, self._page())]
 
     def _now_ns(self) -> int:
         return round(self.get_time_s() * NS_PER_S)
 
     def _results(self, changes: list[Change]) -> list[Task]:
-        found = [task for function, output in self.interpreter.outputs for task in as_tasks(output, self, function)]
+        interpreter = self.interpreter
+        found = [] if interpreter.robot is None else interpreter.robot.take_tasks()
+        for function, output in interpreter.outputs:
+            found += as_tasks(output, self, function)
+        found += [tasks.event(f"{self.name}.log", [text]) for text in interpreter.context.logged]
         if changes:
             self._last = changes[-1]
             found += [tasks.event(self._transition, [msgspec.structs.asdict(one)]) for one in changes]

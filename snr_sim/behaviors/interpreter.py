@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from snr_sim.behaviors.bridge import Bridge, Robot
 from snr_sim.behaviors.checks import exits_at_top
 from snr_sim.behaviors.context import FixedPages, Owner, Variables, plain_value
 from snr_sim.behaviors.program import (
@@ -229,6 +230,7 @@ class Interpreter:
     Args:
         program: its machines.
         pages: what can be read: a component, or data by key.
+        bridge: the parts of the robot that blocks of text name.
         now_ns: time at which it begins.
         rng: for blocks that need random numbers.
 
@@ -247,6 +249,7 @@ class Interpreter:
         program: Program,
         pages: Owner | Mapping[DataKey, Any] | None = None,
         *,
+        bridge: Bridge | None = None,
         now_ns: int = 0,
         rng: np.random.Generator | None = None,
     ) -> None:
@@ -255,6 +258,10 @@ class Interpreter:
         self.program: Program = program
         owner = FixedPages(pages or {}) if pages is None or isinstance(pages, Mapping) else pages
         self.context: MachineContext = MachineContext(owner, rng)
+        self.robot: Robot | None = None
+        if bridge is not None:
+            context = self.context
+            self.robot = Robot(bridge, owner, lambda: context.in_state_s)
         self.outputs: list[tuple[Callable[[Any], Any], Any]] = []
         self.left: list[tuple[str, str, int]] = []
         self.entered: list[tuple[str, str]] = []
@@ -314,6 +321,8 @@ class Interpreter:
         context.signal = values
         self._changes = []
         self._is_answered = False
+        if context.logged:
+            context.logged = []
         if self.outputs:
             self.outputs = []
         if self.entered:
@@ -431,6 +440,8 @@ class Interpreter:
         assert state is not None
         held_ns = self.context.now_ns - machine.since_ns
         self._leave(machine, state, held_ns)
+        if self.robot is not None:
+            self.robot.stop()
         machine.state = None
         (self._running if machine.parent is None else machine.parent.running).remove(machine)
         self._changes.append(
@@ -452,13 +463,16 @@ class Interpreter:
         """Execute a block: all of it, or, if it raises and the program continues, nothing."""
         context = self.context
         context.machine = machine
-        before = None if self._fails else self._slots[:]
+        robot = self.robot
+        before = None if self._fails else (self._slots[:], None if robot is None else robot.mark())
         try:
             output = code.call(context)
         except Exception as error:
             if before is None:
                 raise
-            self._slots[:] = before
+            self._slots[:], mark = before
+            if robot is not None:
+                robot.undo(mark)
             self._report(machine, code.block, error)
             return
         if output is not None:
@@ -562,7 +576,7 @@ class Interpreter:
     def _build(self, path: str, spawn: Spawn, parent: _Machine | None, seen: Mapping[str, int]) -> _Machine:
         definition = spawn.machine
         index = self._declare(definition.variables, f"{path}.", seen)
-        machine = _Machine(path, definition, parent, Bindings(self._slots, index))
+        machine = _Machine(path, definition, parent, Bindings(self._slots, index, self.robot))
         self._machines[path] = machine
         for state in definition.states:
             inner = [
