@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 import textwrap
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Literal, TypeAlias
 
@@ -102,7 +103,9 @@ class BlockChecker:
         failure: SyntaxError | None = None
         for source, shifts in _sources(text, column, kind):
             try:
-                tree: Any = ast.parse(source, mode="eval" if kind == "condition" else "exec")
+                with warnings.catch_warnings():  # of a backslash that means nothing
+                    warnings.simplefilter("ignore")
+                    tree: Any = ast.parse(source, mode="eval" if kind == "condition" else "exec")
             except SyntaxError as error:
                 if failure is None:
                     failure, self._shifts = error, shifts
@@ -189,6 +192,10 @@ class BlockChecker:
             self._check_call(node)
         elif isinstance(node, ast.FormattedValue):
             self._check_format(node)
+        elif isinstance(node, ast.Subscript) and _is_plain_constant(node.value):
+            self._report(node, "Only text and tuples have elements.", "write a comma or an operator between the two.")
+        elif isinstance(node, ast.Compare) and any(isinstance(one, (ast.Is, ast.IsNot)) for one in node.ops):
+            self._check_identity(node)
         elif isinstance(node, (ast.ListComp, ast.GeneratorExp)):
             for one in node.generators:
                 if one.is_async:
@@ -201,6 +208,12 @@ class BlockChecker:
             for child in ast.iter_child_nodes(node):
                 if isinstance(child, ast.expr):
                     self._check(child)
+
+    def _check_identity(self, node: ast.Compare) -> None:
+        for one in (node.left, *node.comparators):
+            self._check(one)
+        if not all(isinstance(one, ast.Constant) and one.value is None for one in node.comparators):
+            self._report(node, "'is' compares with None only.", "compare values by ==.")
 
     def _check_name(self, node: ast.Name) -> None:
         name = node.id
@@ -297,6 +310,10 @@ def _sources(text: str, column: int, kind: Kind) -> Iterator[tuple[str, tuple[in
         first = column + len(head) - len(head.lstrip())
         yield f"{head.strip()}\n{textwrap.dedent(rest)}", (first, base + 1)
         yield f"{head.strip()}\n{textwrap.indent(textwrap.dedent(rest), '    ')}", (first, base - 3)
+
+
+def _is_plain_constant(node: ast.AST) -> bool:
+    return isinstance(node, ast.Constant) and not isinstance(node.value, str)
 
 
 def is_name(node: ast.AST, name: str) -> bool:

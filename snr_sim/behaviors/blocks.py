@@ -8,6 +8,7 @@ guards a robot against mistakes, and a node against text from a stranger; it doe
 from __future__ import annotations
 
 import ast
+import warnings
 from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -270,7 +271,10 @@ def _make(
     outer = _function("make", ["_v", "_robot", *places.values()], [*prepared, *helpers, block, result])
     module = ast.fix_missing_locations(ast.Module([outer], []))
     known: dict[str, Any] = {**FUNCTIONS, **HELPERS, "__builtins__": {}}
-    exec(compile(module, "<block>", "exec"), known)
+    with warnings.catch_warnings():  # such as of (-1)[0], which fails when it is executed
+        warnings.simplefilter("ignore")
+        code = compile(module, "<block>", "exec")
+    exec(code, known)
     make = known["make"]
     return lambda bindings: make(bindings.slots, bindings.robot, *(bindings.index[key] for key in places))
 

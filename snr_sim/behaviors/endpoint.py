@@ -156,8 +156,8 @@ class MachineEndpoint(Endpoint):
         """Note the blocks that failed, and the signals that no state waited for when they came."""
         for problem in self.interpreter.problems.values():
             self.parent.add_note(
-                f"Machine '{problem.machine}', line {problem.line}: [{problem.block}] failed {problem.count} times, first "
-                f"at {problem.t_ns / NS_PER_S:g} s. {problem.message}"
+                f"Machine '{problem.machine}', line {problem.line}: [{problem.block}] failed {problem.count} times, "
+                f"first at {problem.t_ns / NS_PER_S:g} s. {problem.message}"
             )
         for signal, count in self.interpreter.ignored.items():
             self.parent.add_note(
