@@ -256,7 +256,7 @@ class Interpreter:
         if problems := exits_at_top(program.spawns):
             raise ProgramError(problems)
         self.program: Program = program
-        owner = FixedPages(pages or {}) if pages is None or isinstance(pages, Mapping) else pages
+        owner = FixedPages({} if pages is None else pages) if pages is None or isinstance(pages, Mapping) else pages
         self.context: MachineContext = MachineContext(owner, rng)
         self.robot: Robot | None = None
         if bridge is not None:
