@@ -7,6 +7,7 @@ unregistering it, `send` takes a part, `recv` returns a part, and a connection c
 from __future__ import annotations
 
 import errno
+import heapq
 import os
 import selectors
 import socket
@@ -37,6 +38,7 @@ class Network:
         self.rng = Random(seed)
         self.now_s = 0.0
         self.open: dict[int, Any] = {}  # sockets by descriptor
+        self.free = list(range(3, 10_000))  # a heap: as in a kernel, a new one gets the lowest number
         self.listeners: dict[int, SimListener] = {}  # by port
         self.is_full = False  # `accept` finds no free descriptor
         self.max_wait_s = float("inf")  # maximum duration of a wait before the caller checks again
@@ -80,11 +82,12 @@ class Descriptor:
         self.acquire()
 
     def acquire(self) -> None:
-        self.descriptor = next(number for number in range(3, 10_000) if number not in self.network.open)
+        self.descriptor = heapq.heappop(self.network.free)
         self.network.open[self.descriptor] = self
 
     def release(self) -> None:
-        self.network.open.pop(self.descriptor, None)
+        if self.network.open.pop(self.descriptor, None) is not None:
+            heapq.heappush(self.network.free, self.descriptor)
         self.descriptor = -1
 
     def fileno(self) -> int:
