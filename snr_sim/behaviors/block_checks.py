@@ -256,9 +256,9 @@ class BlockChecker:
             self._check_attribute(function)
         elif isinstance(function, ast.Name):
             if function.id in self.definitions:
-                wanted = len(self.definitions[function.id])
-                if len(node.args) != wanted:
-                    self._report(node, f"'{function.id}' takes {wanted} values, and is given {len(node.args)}.")
+                expected_count = len(self.definitions[function.id])
+                if len(node.args) != expected_count:
+                    self._report(node, f"'{function.id}' takes {expected_count} values, and is given {len(node.args)}.")
             elif function.id not in FUNCTIONS and function.id not in ("random", "log", "range", "round"):
                 known = {*FUNCTIONS, "random", "log", "range", "round", *self.definitions}
                 self._report(function, f"'{function.id}' cannot be called.", suggest(function.id, known))

@@ -2,7 +2,7 @@
 
 A block is an expression or a few statements. It may compute, read and write variables of the program, and read and
 command parts of the robot; nothing else. It ends: loops and large values are counted, see `block_bounds.py`. This
-guards a robot against mistakes, and a node against text from a stranger; it does not isolate a graded program.
+guards a robot against mistakes, and a node against text from an unknown client; it does not isolate a graded program.
 """
 
 from __future__ import annotations

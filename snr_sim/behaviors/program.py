@@ -142,8 +142,8 @@ class MachineDef:
     """A machine: its states, and its transitions in the order in which they are tried.
 
     Args:
-        variables: initial values by name. Where a name hides that of an outer machine, it is made unique by what stands
-            before a '.' in it.
+        variables: initial values by name. Where a name hides that of an outer machine, it is made unique by a prefix
+            that ends with '.'.
     """
 
     name: str

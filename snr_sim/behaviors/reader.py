@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
 from snr_sim.behaviors.program import Place, Problem
 
@@ -263,7 +263,3 @@ def _end_of_string(text: str, at: int) -> int:
         else:
             at += 1
     return -1
-
-
-# What a file is found by, where only its end is known.
-SUFFIX: Literal[".lrp"] = ".lrp"

@@ -2,41 +2,105 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from snr_sim.prelude.errors import UnknownNameError, suggest
+from snr_sim.cli.arguments import AsJson
+from snr_sim.cli.output import print_json
+from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 
 if TYPE_CHECKING:
-    from snr_sim.behaviors.program import Program
+    from snr_sim.behaviors.bridge import Bridge
+    from snr_sim.behaviors.program import Problem, Program
 
-_WHAT = ("draw",)
+_WHAT = ("draw", "check")
 _FORMATS = ("mermaid", "dot", "scxml", "text")
 
 
 def machine(
-    what: Annotated[str, typer.Argument(help="draw.")],
-    file: Annotated[str, typer.Argument(help="A Python file in which machine(...) is called.")],
-    name: Annotated[str, typer.Option(help="Which machine, if the file has several.")] = "",
-    to: Annotated[str, typer.Option("--as", help="mermaid, dot, scxml or text.")] = "mermaid",
+    what: Annotated[str, typer.Argument(help="draw or check.")],
+    file: Annotated[str, typer.Argument(help="An LRP program, or a Python file in which machine(...) is called.")],
+    name: Annotated[str, typer.Option(help="Which machine, if a Python file has several.")] = "",
+    to: Annotated[str, typer.Option("--as", help="Of draw: mermaid, dot, scxml or text.")] = "mermaid",
+    robot: Annotated[str, typer.Option(help="Of an LRP program: the robot whose parts it names.")] = "",
+    as_json: AsJson = False,
 ) -> None:
-    """Draw the state machines of a Python file.
+    """Draw or check the state machines of a file.
 
-    Prints it in a format that other programs draw: mermaid in an editor or on a web page, dot with Graphviz; scxml is
-    W3C's format of state machines, and text a listing.
+    draw prints a machine in a format that other programs draw: mermaid in an editor or on a web page, dot with
+    Graphviz; scxml is W3C's format of state machines, and text a listing. check prints what is wrong with a program or
+    doubtful, with lines and columns.
+
+    Exit status: 0; of check 1 if the program has mistakes.
     """
-    from snr_sim.behaviors.export import draw
-
     if what not in _WHAT:
         raise UnknownNameError(f"snr machine cannot '{what}'.", fix=suggest(what, _WHAT))
     if to not in _FORMATS:
         raise UnknownNameError(f"There is no format '{to}'.", fix=suggest(to, _FORMATS))
-    print(draw(_program_in(file, name), to), end="")  # type: ignore[arg-type]
+    if what == "check":
+        _check(file, name, robot, as_json)
+        return
+    if as_json:
+        raise ParameterError("draw prints no JSON.", fix="leave out --json, or name the format: --as scxml.")
+    from snr_sim.behaviors.export import draw
+
+    print(draw(_program_in(file, name, robot), to), end="")  # type: ignore[arg-type]
 
 
-def _program_in(file: str, name: str) -> Program:
-    """Return the machine of a file, or the one of a name."""
+def _check(file: str, name: str, robot: str, as_json: bool) -> None:
+    """Print the problems of a program; exit with status 1 if one is a mistake."""
+    from snr_sim.scenario.machine_controller import MachineError, show_problem
+
+    try:
+        program = _program_in(file, name, robot)
+        problems = list(program.warnings)
+        if not as_json:
+            lines = Path(file).read_text(encoding="utf-8").splitlines()
+            print("\n".join(show_problem(one, file, lines) for one in problems) or f"{file}: no problem was found.")
+    except MachineError as error:
+        problems = error.problems
+        if not as_json:
+            print(error)
+    if as_json:
+        print_json({"problems": [_row(one) for one in problems]})
+    if any(one.is_error for one in problems):
+        raise typer.Exit(1)
+
+
+def _row(problem: Problem) -> dict[str, Any]:
+    place = problem.place
+    return {
+        "line": place.line, "column": place.column, "end_line": place.end_line, "end_column": place.end_column,
+        "message": problem.message, "fix": problem.fix, "is_error": problem.is_error,
+    }  # fmt: skip
+
+
+def _program_in(file: str, name: str, robot: str) -> Program:
+    """Return the program of a file."""
+    from snr_sim.scenario.library import LRP
+
+    if Path(file).suffix != LRP:
+        return _python_program(file, name)
+    from snr_sim.scenario.machine_controller import read_program
+
+    if not Path(file).is_file():
+        raise UnknownNameError(f"There is no file '{file}'.", fix="name an LRP program: snr machine draw landing.lrp.")
+    return read_program(Path(file), _bridge(robot) if robot else None)
+
+
+def _bridge(robot: str) -> Bridge:
+    from snr_sim.scenario.library import ROBOT_MODULE, find, name_robot
+    from snr_sim.scenario.machine_controller import bridge_of
+
+    found = find("robots", robot)
+    name_robot(found.name, found.path)
+    return bridge_of(ROBOT_MODULE + found.name)
+
+
+def _python_program(file: str, name: str) -> Program:
+    """Return the machine of a Python file, or the one of a name."""
     from snr_sim.behaviors.program import Program
     from snr_sim.scenario.library import load_program
 

@@ -54,8 +54,8 @@ VERBS = {
         ("snr grade depth_hold submissions/* --out results",),
     ),
     "machine": Verb(
-        "Draw the state machines of a Python file.",
-        ("snr machine draw mission.py", "snr machine draw mission.py --name MISSION --as dot"),
+        "Draw or check the state machines of a file.",
+        ("snr machine draw mission.py --as dot", "snr machine check landing.lrp --robot lander"),
     ),
     "io": Verb("Show every channel and reading.", ("snr io --io mcu:/dev/ttyUSB0 --move pwm4",)),
     "doctor": Verb("Check this machine.", ("snr doctor --io mcu:/dev/ttyUSB0",)),

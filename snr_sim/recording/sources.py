@@ -160,8 +160,8 @@ class RecordedFiles(SourceFiles):
         return sorted(one for one in self._now if one.parent == folder and one.suffix == ".py")
 
     def read(self, path: Path) -> bytes:
-        """Return a file's recorded content, whose lines messages show; other files than Python's are read from disk."""
-        if path.suffix != ".py" or self._is_on_disk(path):
+        """Return a program's recorded content, whose lines messages show; other files are read from disk."""
+        if path.suffix not in (".py", ".lrp") or self._is_on_disk(path):
             return super().read(path)
         if path not in self._now:
             raise FileNotFoundError(2, "it was not recorded with this run", str(path))

@@ -34,6 +34,7 @@ Kind: TypeAlias = Literal["robots", "scenarios", "assignments"]
 
 ROBOT_MODULE = "snr_sim_robot_"
 _CONTROLLER_MODULE = "snr_sim_controller_"
+LRP = ".lrp"  # suffix of a controller that is a state machine in text
 _PROGRAM_MODULE = "snr_sim_program_"
 SCENARIO_MODULE = "snr_sim_scenario_"
 _REPORTED_PACKAGES = ("numpy", "msgspec", "pymunk", "mujoco-core")
@@ -262,13 +263,27 @@ def load_controller(robot: FoundItem, name: str) -> ModuleType:
         if not source_files().is_file(path):
             raise _no_controller(robot, name, path)
         _siblings.search_in(path.parent)
-        module = _load(_CONTROLLER_MODULE + path.stem.replace("-", "_"), path, f"the controller '{name}'")
+        module_name = _CONTROLLER_MODULE + path.stem.replace("-", "_")
+        if path.suffix == LRP:
+            module = _load_machine(module_name, path, ROBOT_MODULE + robot.name)
+        else:
+            module = _load(module_name, path, f"the controller '{name}'")
     _require(module, path, ("factories",), "a controller", "def factories(robot): return [MyEndpointFactory()].")
     if not callable(module.factories):
         raise ConfigError(
             f"{short_path(str(path))}: `factories` is {module.factories!r}, not a function.",
             fix="def factories(robot): return [MyEndpointFactory()].",
         )
+    return module
+
+
+def _load_machine(name: str, path: Path, robot_module: str) -> ModuleType:
+    from snr_sim.scenario.machine_controller import machine_controller  # few runs need it
+
+    module = ModuleType(name)
+    module.__file__ = str(path)
+    machine_controller(module, robot_module)
+    sys.modules[name] = module
     return module
 
 

@@ -75,7 +75,7 @@ def problems(text: str, parts: Any = PARTS) -> list[tuple[int, int, str]]:
 # -- meaning ----------------------------------------------------------------------------------------------------------
 
 
-def test_lamp_goes_on_blinks_and_goes_off() -> None:
+def test_lamp_is_switched_on_blinks_and_is_switched_off() -> None:
     interpreter, pages = started(LAMP)
     assert levels(interpreter) == [0.0]
     pages["range"] = 100.0
@@ -147,7 +147,7 @@ def test_onerror_fail_raises() -> None:
         interpreter.step(1)
 
 
-def test_time_out_that_is_no_time_is_noted_and_not_due() -> None:
+def test_time_out_that_cannot_be_computed_is_noted_and_not_due() -> None:
     interpreter, _ = started("(machine m (state a) (state b) (ontime [1 / 0] a -> b))(spawn m a)")
     assert interpreter.step(10 * MS) == []
     assert len(interpreter.problems) == 1

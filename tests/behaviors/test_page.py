@@ -18,6 +18,16 @@ def programs() -> list[str]:
     return re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
 
 
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+def test_program_in_lrp_lands_as_well(tmp_path: Path, seed: int) -> None:
+    (text,) = re.findall(r"```lrp\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    (tmp_path / "landing.lrp").write_text(text)
+    simulation = prepare(Request("lander_vertical", seed=seed, controller=str(tmp_path / "landing.lrp")))
+    plant = simulation.plant()
+    result = SimulationRun(simulation, plant, simulation.config(plant)).run()
+    assert (result.error, result.outcome) == ("", "landed")
+
+
 def test_second_program_runs() -> None:
     exec(programs()[1], {})
 

@@ -1,4 +1,4 @@
-"""State machines: what the interpreter costs beside the same machine written by hand as `if`s.
+"""State machines: what the interpreter costs compared with the same machine written by hand as `if`s.
 
 Run by `snr bench machines`.
 """

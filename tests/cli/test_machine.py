@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
+import typer
 
 from snr_sim.cli.machine import machine
 from snr_sim.prelude.errors import ConfigError, SnrError, UnknownNameError
@@ -31,7 +33,7 @@ def lamp(tmp_path: Path) -> str:
 def test_machine_that_is_in_no_other_one_is_drawn(
     lamp: str, to: str, beginning: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    machine("draw", lamp, "", to)
+    machine("draw", lamp, to=to)
     shown = capsys.readouterr().out
     assert shown.startswith(beginning)
     assert "blink" in shown
@@ -73,3 +75,56 @@ def test_file_without_one_machine_is_refused(tmp_path: Path, text: str, message:
 def test_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises((UnknownNameError, ConfigError), match=r"no file .*nothing\.py"):
         machine("draw", str(tmp_path / "nothing.py"), "", "dot")
+
+
+# -- LRP --------------------------------------------------------------------------------------------------------------
+
+GOOD = "(machine m (event never) (state a (onentry [robot.throttle.start(1)])))\n(spawn m a)\n"
+
+
+@pytest.fixture
+def program(tmp_path: Path) -> Path:
+    (tmp_path / "go.lrp").write_text(GOOD)
+    return tmp_path / "go.lrp"
+
+
+def test_program_in_lrp_is_drawn(program: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    machine("draw", str(program), robot="lander")
+    assert "m_a" in capsys.readouterr().out
+
+
+def test_check_prints_warnings_with_their_lines(program: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    machine("check", str(program), robot="lander")
+    shown = capsys.readouterr().out.splitlines()
+    assert shown[0] == f"{program}:1:12: warning: No transition uses the event 'never'."
+    assert shown[1].endswith(GOOD.splitlines()[0])
+    assert shown[2].index("^") == 7 + 12
+
+
+def test_check_prints_mistakes_and_exits_with_1(program: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    program.write_text(GOOD.replace("throttle", "trottle").replace("(spawn m a)", "(spawn m b)"))
+    with pytest.raises(typer.Exit) as caught:
+        machine("check", str(program), robot="lander")
+    assert caught.value.exit_code == 1
+    shown = capsys.readouterr().out
+    assert "1:45: The robot has no 'trottle'." in shown
+    assert "Try: did you mean 'throttle'?" in shown
+    assert "2:10: Machine 'm' has no state 'b'." in shown
+
+
+def test_check_prints_json(program: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    program.write_text("(machine m (state a)\n")
+    with pytest.raises(typer.Exit):
+        machine("check", str(program), as_json=True)
+    (row,) = json.loads(capsys.readouterr().out)["problems"]
+    assert (row["line"], row["column"], row["is_error"]) == (1, 1, True)
+
+
+def test_check_of_python_says_that_nothing_was_found(lamp: str, capsys: pytest.CaptureFixture[str]) -> None:
+    machine("check", lamp)
+    assert capsys.readouterr().out == f"{lamp}: no problem was found.\n"
+
+
+def test_drawing_is_not_json(lamp: str) -> None:
+    with pytest.raises(SnrError, match="draw prints no JSON"):
+        machine("draw", lamp, as_json=True)

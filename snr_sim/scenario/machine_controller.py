@@ -1,0 +1,107 @@
+"""Controllers that are LRP programs: `snr run lander_vertical --controller landing.lrp`.
+
+The parts that a program may name are in the robot's file `bridge.py`, as `BRIDGE`.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from snr_sim.behaviors.bridge import Bridge
+from snr_sim.behaviors.endpoint import machine_parts
+from snr_sim.behaviors.language import parse
+from snr_sim.behaviors.program import Problem, Program, ProgramError
+from snr_sim.core.reload.source_files import source_files
+from snr_sim.core.source_location import short_path
+from snr_sim.prelude.errors import ConfigError, SnrError
+
+STEP_HZ = 100.0
+
+
+def machine_controller(module: ModuleType, robot_module: str) -> None:
+    """Give a module, whose `__file__` is an LRP program, the function `factories` of a controller.
+
+    Args:
+        module: with nothing in it.
+        robot_module: name of the robot's package.
+
+    Raises:
+        ConfigError: the program has mistakes, or the robot has no parts for programs.
+    """
+    bridge = bridge_of(robot_module)
+    program = read_program(Path(str(module.__file__)), bridge)
+    name = Path(str(module.__file__)).stem.replace("-", "_")
+
+    def factories(robot: Any) -> list[Any]:
+        return [*machine_parts(program, name, step_hz=STEP_HZ, bridge=bridge)]
+
+    module.factories = factories  # type: ignore[attr-defined]
+
+
+def bridge_of(robot_module: str) -> Bridge:
+    """Return the parts of a robot.
+
+    Raises:
+        ConfigError: it has no file bridge.py, or no BRIDGE there.
+    """
+    try:
+        bridge = getattr(import_module(f"{robot_module}.bridge"), "BRIDGE", None)
+    except ModuleNotFoundError as error:
+        if error.name != f"{robot_module}.bridge":
+            raise
+        bridge = None
+    if not isinstance(bridge, Bridge):
+        raise ConfigError(
+            "This robot has no parts that an LRP program could name.",
+            fix="in the robot's folder a file bridge.py with BRIDGE = Bridge(reads={...}, drives={...}).",
+        )
+    return bridge
+
+
+def read_program(path: Path, bridge: Bridge | None = None) -> Program:
+    """Return the program of a file.
+
+    Raises:
+        ConfigError: it cannot be read, or has mistakes: all of them, with their lines.
+    """
+    data = source_files().read(path)
+    place = short_path(str(path))
+    try:
+        text = data.decode()
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise ConfigError(
+            f"{place}, line {line}: byte 0x{data[error.start]:02x} is not text.", fix="save the file as UTF-8."
+        ) from None
+    try:
+        return parse(text, None if bridge is None else bridge.parts)
+    except ProgramError as error:
+        raise MachineError(place, text, error.problems) from None
+
+
+class MachineError(ConfigError):
+    """An LRP file has mistakes: the message has the first with its line, and the others."""
+
+    def __init__(self, place: str, text: str, problems: list[Problem]) -> None:
+        lines = text.splitlines()
+        first, *others = (show_problem(one, place, lines) for one in problems)
+        SnrError.__init__(self, "\n".join([first, *others]))
+        self.problems: list[Problem] = problems
+
+
+def show_problem(problem: Problem, place: str, lines: list[str]) -> str:
+    """Return a problem as text: where it is, what is wrong, the line with a mark below it, and what to try."""
+    at = problem.place
+    kind = "" if problem.is_error else "warning: "
+    shown = [f"{place}:{at.line}:{at.column}: {kind}{problem.message}"]
+    if 0 < at.line <= len(lines):
+        line = lines[at.line - 1]
+        width = at.end_column - at.column if at.end_line == at.line else len(line) - at.column + 1
+        shown.append(f"{at.line:6}  {line}")
+        shown.append(" " * (7 + at.column) + "^" * max(1, min(width, len(line) - at.column + 1)))
+    if problem.fix:
+        shown.append(f"  Try: {problem.fix}")
+    return "\n".join(shown)
