@@ -62,6 +62,7 @@ class BlockChecker:
         self.problems: list[Found] = []
         self._shifts: tuple[int, int] = (0, 0)  # of the first line, and of the others
         self._local_names: set[str] = set()
+        self.called: set[tuple[str, str]] = set()  # functions of parts of the robot
 
     @property
     def has_errors(self) -> bool:
@@ -245,6 +246,7 @@ class BlockChecker:
         function = node.func
         if isinstance(function, ast.Attribute) and part_of(function) is not None:
             part, verb = part_of(function) or ("", "")
+            self.called.add((part, verb))
             if part not in self.parts:
                 self._report(function, f"The robot has no '{part}'.", suggest(part, self.parts))
             elif verb not in self.parts[part]:

@@ -53,13 +53,14 @@ def compile_block(text: str, place: Place, kind: Kind, scope: Scope) -> tuple[Bl
     ]
     if compiled.make is None:
         return None, problems
-    return Block(" ".join(text.split()), place, compiled.make), problems
+    return Block(" ".join(text.split()), place, compiled.make, compiled.drives), problems
 
 
 @dataclass(frozen=True)
 class _Compiled:
     make: Callable[[Bindings], Callable[[Any], Any]] | None
     problems: tuple[Found, ...]
+    drives: frozenset[str] = frozenset()
 
 
 @lru_cache(maxsize=4096)
@@ -77,7 +78,8 @@ def _compile(
     tree = checker.parse(text, column, kind)
     if tree is None or checker.has_errors:
         return _Compiled(None, tuple(checker.problems))
-    return _Compiled(_make(tree, dict(variables), definitions), tuple(checker.problems))
+    drives = frozenset(part for part, verb in checker.called if verb in ("start", "stop"))
+    return _Compiled(_make(tree, dict(variables), definitions), tuple(checker.problems), drives)
 
 
 class _Rewriter(ast.NodeTransformer):

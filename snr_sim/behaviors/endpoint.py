@@ -8,14 +8,18 @@ others --> events that are signals'                   `--> event "<name>.transit
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from snr_sim.behaviors.bridge import Bridge
 from snr_sim.behaviors.context import Owner
+from snr_sim.behaviors.editing import Edited
 from snr_sim.behaviors.interpreter import NS_PER_S, Change, Interpreter
-from snr_sim.behaviors.program import Program
+from snr_sim.behaviors.language import parse
+from snr_sim.behaviors.program import Place, Problem, Program, ProgramError
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.factory import ComponentFactory
 from snr_sim.core.handlers import as_tasks
@@ -34,6 +38,7 @@ def machine_parts(
     step_hz: float = 100.0,
     reacts_to: Sequence[DataKey] = (),
     bridge: Bridge | None = None,
+    path: Path | None = None,
 ) -> list[ComponentFactory]:
     """Return the factories of a machine and of its clock, for a controller's `factories`.
 
@@ -43,8 +48,10 @@ def machine_parts(
         step_hz: how often it takes a step.
         reacts_to: pages that cause a step as soon as they are stored.
         bridge: the parts of the robot that a program in LRP names.
+        path: its file, which `--watch` reads again when it is saved.
     """
-    return [StepLoopFactory(name, step_hz), MachineFactory(program, name, reacts_to=reacts_to, bridge=bridge)]
+    made = MachineFactory(program, name, reacts_to=reacts_to, bridge=bridge, path=path)
+    return [StepLoopFactory(name, step_hz), made]
 
 
 class StepLoopFactory(LoopFactory):
@@ -82,6 +89,7 @@ class MachineFactory(EndpointFactory):
         name: of the component, of its page, and the beginning of its events' names.
         reacts_to: pages that cause a step as soon as they are stored.
         bridge: the parts of the robot that a program in LRP names.
+        path: its file, which `--watch` reads again when it is saved.
 
     Raises:
         ConfigError: the program is something else.
@@ -94,12 +102,14 @@ class MachineFactory(EndpointFactory):
         *,
         reacts_to: Sequence[DataKey] = (),
         bridge: Bridge | None = None,
+        path: Path | None = None,
     ) -> None:
         super().__init__()
         if not isinstance(program, Program):
             raise ConfigError(f"MachineFactory is given {program!r}.", fix="what machine(...) returns.")
         self.program: Program = program
         self.bridge: Bridge | None = bridge
+        self.path: Path | None = path
         self.name: str = name
         self.reacts_to: tuple[DataKey, ...] = (reacts_to,) if isinstance(reacts_to, str) else tuple(reacts_to)
 
@@ -108,7 +118,7 @@ class MachineFactory(EndpointFactory):
         return MachineEndpoint(self, parent, self.name)
 
 
-EVENTS = ("program", "transition", "log", "step", "set", "pause", "go")  # that no other component needs
+EVENTS = ("program", "transition", "log", "step", "set", "pause", "go", "edit")  # that no other component needs
 
 
 class MachineEndpoint(Endpoint):
@@ -120,6 +130,11 @@ class MachineEndpoint(Endpoint):
 
         <name>.set [path, value]    sets a variable, such as "mission.gate"
         <name>.pause, <name>.go     between them it takes no step, and its time stands still; signals are ignored
+        <name>.edit [text, sha256]  continues with another program in LRP; the digest, if given, is that of the program
+                                    which was edited, and the edit is refused if it is another one by now
+
+    An edit is answered by the page "<name>.edited": `ok`, `program` (how many there have been), `sha256`, `problems`,
+    `notes`, and the machines that were `kept`, `restarted` and `stopped`. A text with mistakes changes nothing.
     """
 
     factory: MachineFactory
@@ -129,18 +144,27 @@ class MachineEndpoint(Endpoint):
         owner: Owner = self
         self.interpreter: Interpreter = Interpreter(factory.program, owner, bridge=factory.bridge, rng=self.rng)
         self.is_paused: bool = False
+        self.program_number: int = 1
         self._paused_ns = 0
         self._mark: Any = None  # what the robot was commanded when it was paused
         self._transition = f"{name}.transition"
         self.optional_events = [f"{name}.{what}" for what in EVENTS]
         self._last: Change | None = None
-        handlers: TaskHandlerMap = {(TaskType.process_data, key): self.on_step for key in factory.reacts_to}
-        handlers |= {(TaskType.event, signal): self.on_signal for signal in factory.program.signals()}
+        if factory.path is not None:
+            self.watched_texts = {factory.path: f"{name}.edit"}
+        self._set_handlers()
+
+    def _set_handlers(self) -> None:
+        """Handle the signals of the present program, and what is always handled."""
+        name = self.name
+        handlers: TaskHandlerMap = {(TaskType.process_data, key): self.on_step for key in self.factory.reacts_to}
+        handlers |= {(TaskType.event, signal): self.on_signal for signal in self.interpreter.program.signals()}
         handlers |= {
             (TaskType.event, f"{name}.step"): self.on_step,
             (TaskType.event, f"{name}.set"): self.on_set,
             (TaskType.event, f"{name}.pause"): self.on_pause,
             (TaskType.event, f"{name}.go"): self.on_go,
+            (TaskType.event, f"{name}.edit"): self.on_edit,
         }
         self.task_handlers = handlers
 
@@ -212,6 +236,39 @@ class MachineEndpoint(Endpoint):
             commands = robot.take_tasks()
         return [*commands, self.store_data_task(self.name, self._page())]
 
+    def on_edit(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Continue with another text, if it is a program."""
+        text, base = (*task.val_list, "", "")[:2]
+        now = self.interpreter.program
+        if not isinstance(text, str) or not isinstance(base, str):
+            return self._edited([Problem(Place(), "The edit is not text.", f"{task.name} [text, sha256].")])
+        if base not in ("", now.sha256):
+            return self._edited([Problem(Place(), "Another edit came first.", "edit the present text.")], text=now.text)
+        bridge = self.factory.bridge
+        try:
+            program = parse(text, None if bridge is None else bridge.parts)
+        except ProgramError as error:
+            return self._edited(error.problems)
+        edited, changes = self.interpreter.edit(program, self._now_ns())
+        self.program_number += 1
+        self._set_handlers()
+        changed = self._results(changes)
+        if not changes:
+            changed.append(self.store_data_task(self.name, self._page()))
+        return [*changed, self._edited(list(program.warnings), edited)]
+
+    def _edited(self, problems: Sequence[Problem], edited: Edited | None = None, **more: Any) -> Task:
+        """Return the task that stores the answer to an edit."""
+        answer = {
+            "ok": edited is not None,
+            "program": self.program_number,
+            "sha256": self.interpreter.program.sha256,
+            "problems": [{**asdict(one.place), "message": one.message, "fix": one.fix} for one in problems],
+            **msgspec.structs.asdict(edited or Edited()),
+            **more,
+        }
+        return self.store_data_task(f"{self.name}.edited", answer)
+
     def _now_ns(self) -> int:
         return round(self.get_time_s() * NS_PER_S)
 
@@ -239,6 +296,7 @@ class MachineEndpoint(Endpoint):
             "entered": [{"machine": path, "state": state} for path, state in interpreter.entered],
             "last": None if last is None else msgspec.structs.asdict(last),
             "variables": interpreter.variables,
+            "program": self.program_number,
             "sha256": interpreter.program.sha256,
             "problems": sum(one.count for one in interpreter.problems.values()),
             "ignored": sum(interpreter.ignored.values()),

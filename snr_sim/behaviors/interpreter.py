@@ -18,24 +18,20 @@ Time is whole nanoseconds: a time-out of 0.1 s is exact.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from snr_sim.behaviors.bound import BoundBlock, BoundMachine, BoundProgram, BoundState, BoundTransition
 from snr_sim.behaviors.bridge import Bridge, Robot
 from snr_sim.behaviors.checks import exits_at_top
 from snr_sim.behaviors.context import FixedPages, Owner, Variables, plain_value
+from snr_sim.behaviors.editing import Edited, Plan, parts_of, plan, values_after
 from snr_sim.behaviors.program import (
-    Bindings,
     Block,
-    MachineDef,
     Program,
     ProgramError,
-    Spawn,
-    StateDef,
-    Transition,
-    with_names,
 )
 from snr_sim.prelude.errors import ConfigError, UnknownNameError, suggest
 from snr_sim.prelude.page import DataKey
@@ -55,7 +51,8 @@ class Change(msgspec.Struct, frozen=True, gc=False):
     Args:
         t_ns: when.
         machine: path of the machine, such as "mission/passing/scan".
-        kind: as of the transition, 'spawn' for a machine that begins, 'stop' for one that was ended after an error.
+        kind: as of the transition; 'spawn' for a machine that begins; 'stop' for one that was ended by an error or an
+            edit; 'edit' for one whose state an edit has removed.
         name: of the transition.
         source, target: states; empty if it did not run before, or does not run now.
         held_ns: how long it was in the source.
@@ -81,76 +78,6 @@ class RunProblem(msgspec.Struct):
     block: str
     message: str
     count: int = 1
-
-
-class _Code:
-    """A block that is bound to its place."""
-
-    __slots__ = ("block", "call")
-
-    def __init__(self, block: Block, bindings: Bindings) -> None:
-        self.block = block
-        self.call = block.bind(bindings)
-
-
-class _State:
-    """A state as it runs: its blocks, and its transitions as (least time, condition, transition)."""
-
-    __slots__ = ("by_signal", "chains", "during", "enter", "leave", "name", "plain")
-
-    def __init__(self, definition: StateDef, bindings: Bindings, spawned: list[tuple[_Machine, str]]) -> None:
-        inner = iter(spawned)
-        self.name = definition.name
-        # A block, and None; or None, and what is spawned.
-        self.enter = [
-            (_Code(one, bindings), None) if isinstance(one, Block) else (None, next(inner)) for one in definition.enter
-        ]
-        self.during = [_Code(one, bindings) for one in definition.during]
-        self.leave = [_Code(one, bindings) for one in definition.leave]
-        self.plain: tuple[_Row, ...] = ()
-        self.by_signal: dict[str, tuple[_Row, ...]] = {}
-        self.chains = False
-
-
-class _Arrow:
-    """A transition as it runs; of an exit the target is a state of the machine around."""
-
-    __slots__ = ("definition", "effect", "is_exit", "kind", "line", "name", "target")
-
-    def __init__(self, definition: Transition, bindings: Bindings, target: _State) -> None:
-        self.definition = definition
-        self.kind = definition.kind
-        self.name = definition.name
-        self.line = definition.place.line
-        self.effect = None if definition.effect is None else _Code(definition.effect, bindings)
-        self.is_exit = definition.kind == "exit"
-        self.target = target
-
-
-_Row = tuple[int | None, Callable[[Any], Any] | None, _Arrow]
-
-
-class _Machine:
-    """A machine as it runs, at one place of the program."""
-
-    __slots__ = ("bindings", "definition", "parent", "path", "running", "since_ns", "state", "states", "variables")
-
-    def __init__(self, path: str, definition: MachineDef, parent: _Machine | None, bindings: Bindings) -> None:
-        self.path = path
-        self.definition = definition
-        self.parent = parent
-        self.bindings = bindings
-        self.variables = Variables(bindings.slots, bindings.index)
-        self.states: dict[str, _State] = {}
-        self.state: _State | None = None  # None: it does not run
-        self.since_ns = 0
-        self.running: list[_Machine] = []  # inside its state, in the order in which they were spawned
-
-    def walk(self) -> Iterator[_Machine]:
-        """Yield it and all machines inside it that run, outer ones first."""
-        yield self
-        for inner in self.running:
-            yield from inner.walk()
 
 
 class MachineContext:
@@ -267,20 +194,12 @@ class Interpreter:
         self.entered: list[tuple[str, str]] = []
         self.ignored: dict[str, int] = {}
         self.problems: dict[tuple[int, str], RunProblem] = {}
-        self._slots: list[Any] = []
-        self._variable_paths: dict[str, int] = {}
-        self._machines: dict[str, _Machine] = {}  # all, whether they run or not
         self._changes: list[Change] = []
-        self._failed: list[_Machine] = []
+        self._failed: list[BoundMachine] = []
         self._is_answered = False
         self._fails = program.on_error == "fail"
-        index = self._declare(program.variables, "", {})
-        self._top = [
-            (self._build(name, spawn, None, index), spawn.initial) for name, spawn in with_names(program.spawns)
-        ]
-        self._running: list[_Machine] = []
-        for one in self._machines.values():
-            _add_rows(one)
+        self._bound = BoundProgram(program, self.robot)
+        self._running: list[BoundMachine] = []
         self.context.now_ns = now_ns
 
     # -- driving it ---------------------------------------------------------------------------------------------------
@@ -288,7 +207,7 @@ class Interpreter:
     def spawn(self, now_ns: int) -> list[Change]:
         """Begin: enter the initial states of all machines at the top. Return the changes."""
         self._begin(now_ns, ())
-        for machine, initial in self._top:
+        for machine, initial in self._bound.top:
             if machine.state is None:
                 self._running.append(machine)
                 self._spawn(machine, initial)
@@ -336,7 +255,7 @@ class Interpreter:
 
     # -- one step -----------------------------------------------------------------------------------------------------
 
-    def _step(self, machine: _Machine, signal: str | None) -> _Machine | None:
+    def _step(self, machine: BoundMachine, signal: str | None) -> BoundMachine | None:
         """Take a machine's step; return the machine around it that has moved by an exit, if one has."""
         state = machine.state
         assert state is not None
@@ -365,7 +284,7 @@ class Interpreter:
                 return None if moved is machine else moved
         return None
 
-    def _take(self, machine: _Machine, arrow: _Arrow) -> _Machine | None:
+    def _take(self, machine: BoundMachine, arrow: BoundTransition) -> BoundMachine | None:
         """Take a transition and those that follow at once; return the machine around it that has moved, if one has."""
         now_ns = self.context.now_ns
         mover, outermost = machine, None
@@ -391,7 +310,7 @@ class Interpreter:
         self._add_problem(mover, arrow.line, arrow.name, f"more than {MAX_CHAIN} transitions in one step")
         return outermost
 
-    def _enabled(self, machine: _Machine, state: _State) -> _Arrow | None:
+    def _enabled(self, machine: BoundMachine, state: BoundState) -> BoundTransition | None:
         """Return the transition that a state takes at once after it was entered, if any."""
         context = self.context
         context.machine = machine
@@ -405,7 +324,7 @@ class Interpreter:
                 self._report_condition(machine, arrow, error)
         return None
 
-    def _leave(self, machine: _Machine, state: _State, held_ns: int) -> None:
+    def _leave(self, machine: BoundMachine, state: BoundState, held_ns: int) -> None:
         """Leave the state of a machine; the machines inside first, the last spawned first."""
         while machine.running:
             inner = machine.running[-1]
@@ -416,7 +335,7 @@ class Interpreter:
             self._run(machine, code)
         self.left.append((machine.path, state.name, held_ns))
 
-    def _enter(self, machine: _Machine, state: _State) -> None:
+    def _enter(self, machine: BoundMachine, state: BoundState) -> None:
         self.entered.append((machine.path, state.name))
         for code, spawned in state.enter:
             if code is not None:
@@ -425,7 +344,7 @@ class Interpreter:
                 machine.running.append(spawned[0])
                 self._spawn(*spawned)
 
-    def _spawn(self, machine: _Machine, initial: str) -> None:
+    def _spawn(self, machine: BoundMachine, initial: str) -> None:
         now_ns = self.context.now_ns
         machine.state = state = machine.states[initial]
         machine.since_ns = now_ns
@@ -434,7 +353,7 @@ class Interpreter:
         )
         self._enter(machine, state)
 
-    def _stop(self, machine: _Machine) -> None:
+    def _stop(self, machine: BoundMachine) -> None:
         """End a machine after an error in one of its blocks."""
         state = machine.state
         assert state is not None
@@ -459,18 +378,18 @@ class Interpreter:
 
     # -- blocks -------------------------------------------------------------------------------------------------------
 
-    def _run(self, machine: _Machine, code: _Code) -> None:
+    def _run(self, machine: BoundMachine, code: BoundBlock) -> None:
         """Execute a block: all of it, or, if it raises and the program continues, nothing."""
         context = self.context
         context.machine = machine
         robot = self.robot
-        before = None if self._fails else (self._slots[:], None if robot is None else robot.mark())
+        before = None if self._fails else (self._bound.slots[:], None if robot is None else robot.mark())
         try:
             output = code.call(context)
         except Exception as error:
             if before is None:
                 raise
-            self._slots[:], mark = before
+            self._bound.slots[:], mark = before
             if robot is not None:
                 robot.undo(mark)
             self._report(machine, code.block, error)
@@ -478,20 +397,20 @@ class Interpreter:
         if output is not None:
             self.outputs.append((code.call, output))
 
-    def _report_condition(self, machine: _Machine, arrow: _Arrow, error: Exception) -> None:
+    def _report_condition(self, machine: BoundMachine, arrow: BoundTransition, error: Exception) -> None:
         after_ns = arrow.definition.after_ns
         block = arrow.definition.condition or after_ns
         assert isinstance(block, Block)
         self._report(machine, block, error)
 
-    def _report(self, machine: _Machine, block: Block, error: Exception) -> None:
+    def _report(self, machine: BoundMachine, block: Block, error: Exception) -> None:
         if self._fails:
             raise error
         self._add_problem(machine, block.place.line, block.text, f"{type(error).__name__}: {error}")
         if self.program.on_error == "stop" and machine not in self._failed:
             self._failed.append(machine)
 
-    def _add_problem(self, machine: _Machine, line: int, text: str, message: str) -> None:
+    def _add_problem(self, machine: BoundMachine, line: int, text: str, message: str) -> None:
         known = self.problems.get((line, text))
         if known is not None:
             known.count += 1
@@ -513,7 +432,7 @@ class Interpreter:
     @property
     def variables(self) -> dict[str, Any]:
         """All variables by path, such as "mission.gate"."""
-        return {path: self._slots[place] for path, place in self._variable_paths.items()}
+        return {path: self._bound.slots[place] for path, place in self._bound.places.items()}
 
     def set(self, path: str, value: Any) -> None:
         """Set a variable.
@@ -522,16 +441,91 @@ class Interpreter:
             UnknownNameError: there is none of that path.
             ParameterError: a variable cannot have this value.
         """
-        if path not in self._variable_paths:
-            raise UnknownNameError(f"There is no variable '{path}'.", fix=suggest(path, self._variable_paths))
-        self._slots[self._variable_paths[path]] = plain_value(path, value)
+        if path not in self._bound.places:
+            raise UnknownNameError(f"There is no variable '{path}'.", fix=suggest(path, self._bound.places))
+        self._bound.slots[self._bound.places[path]] = plain_value(path, value)
+
+    def edit(self, program: Program, now_ns: int) -> tuple[Edited, list[Change]]:
+        """Continue with another program; return what became of each machine, and the changes of state.
+
+        First what goes is left, with its own exit blocks; then the states and variables that have the same identity are
+        taken over; then what is new is entered. See `editing.py`.
+
+        Raises:
+            ProgramError: a machine at the top has an exit; then nothing has happened.
+        """
+        if problems := exits_at_top(program.spawns):
+            raise ProgramError(problems)
+        self._begin(now_ns, ())
+        old, new = self._bound, BoundProgram(program, self.robot)
+        made = plan(self._running, new)
+        gone = {path for one in made.stopped for path in (inner.path for inner in one.walk())}
+        for machine in reversed(made.stopped):
+            self._stop_edited(machine)
+        for machine, _, _ in reversed(made.restarted):
+            assert machine.state is not None
+            self._leave(machine, machine.state, now_ns - machine.since_ns)
+        renamed = {before.path: after.path for before, after, _ in made.kept}
+        notes = values_after(old, new, renamed)
+        self._take_over(program, new, made)
+        self._neutralise({part for path in gone for part in parts_of(old)[path]}, new)
+        for before, machine, initial in made.restarted:
+            assert before.state is not None
+            line = machine.definition.place.line
+            held_ns = now_ns - before.since_ns
+            self._changes.append(
+                Change(now_ns, machine.path, "edit", "edit", before.state.name, initial, held_ns, line)
+            )
+            machine.state, machine.since_ns = machine.states[initial], now_ns
+            self._enter(machine, machine.states[initial])
+        for machine, initial in new.top:
+            if machine.state is None:
+                self._running.append(machine)
+                self._spawn(machine, initial)
+        self._stop_failed()
+        edited = Edited(
+            [after.path for _, after, _ in made.kept],
+            [after.path for _, after, _ in made.restarted],
+            sorted(gone),
+            [*made.notes, *notes],
+        )
+        return edited, self._changes
+
+    def _stop_edited(self, machine: BoundMachine) -> None:
+        """End a machine that is not in the new program."""
+        state = machine.state
+        assert state is not None
+        now_ns = self.context.now_ns
+        held_ns = now_ns - machine.since_ns
+        self._leave(machine, state, held_ns)
+        self._changes.append(Change(now_ns, machine.path, "stop", "edit", state.name, "", held_ns, 0))
+
+    def _take_over(self, program: Program, new: BoundProgram, made: Plan) -> None:
+        """Continue in the same states of another program."""
+        self._running = []
+        for before, machine, name in made.kept:
+            machine.state, machine.since_ns = machine.states[name], before.since_ns
+        for _, machine, initial in made.restarted:
+            machine.state = machine.states[initial]  # it is entered later
+        for machine in new.machines.values():  # in the order in which they are spawned, outer ones first
+            if machine.state is not None:
+                (self._running if machine.parent is None else machine.parent.running).append(machine)
+        self.program, self._bound = program, new
+        self._fails = program.on_error == "fail"
+
+    def _neutralise(self, parts: Set[str], new: BoundProgram) -> None:
+        """Command neutral to parts that only machines commanded which have gone."""
+        if self.robot is not None:
+            still_commanded = {part for found in parts_of(new).values() for part in found}
+            for part in sorted(parts - still_commanded):
+                getattr(self.robot, part).stop()
 
     def delay(self, duration_ns: int) -> None:
         """Let all times of entry be later by a duration in which the machines stood still."""
         for one in self._walk():
             one.since_ns += duration_ns
 
-    def _walk(self) -> Iterator[_Machine]:
+    def _walk(self) -> Iterator[BoundMachine]:
         for machine in self._running:
             yield from machine.walk()
 
@@ -555,71 +549,10 @@ class Interpreter:
             )
         for path, value in snapshot["variables"].items():
             self.set(path, value)
-        for one in self._machines.values():
+        for one in self._bound.machines.values():
             one.state, one.running = None, []
         self._running = []
         for path, name, since_ns in snapshot["active"]:
-            machine = self._machines[path]
+            machine = self._bound.machines[path]
             machine.state, machine.since_ns = machine.states[name], since_ns
             (self._running if machine.parent is None else machine.parent.running).append(machine)
-
-    # -- building it --------------------------------------------------------------------------------------------------
-
-    def _declare(self, values: Mapping[str, Any], above: str, seen: Mapping[str, int]) -> dict[str, int]:
-        """Add variables; return the places of all that are seen then."""
-        index = dict(seen)
-        for name, value in values.items():
-            index[name] = self._variable_paths[above + name.rpartition(".")[2]] = len(self._slots)
-            self._slots.append(plain_value(name, value))
-        return index
-
-    def _build(self, path: str, spawn: Spawn, parent: _Machine | None, seen: Mapping[str, int]) -> _Machine:
-        definition = spawn.machine
-        index = self._declare(definition.variables, f"{path}.", seen)
-        machine = _Machine(path, definition, parent, Bindings(self._slots, index, self.robot))
-        self._machines[path] = machine
-        for state in definition.states:
-            inner = [
-                (self._build(f"{path}/{state.name}/{name}", one, machine, index), one.initial)
-                for name, one in with_names(state.spawns)
-            ]
-            machine.states[state.name] = _State(state, machine.bindings, inner)
-        return machine
-
-
-def _add_rows(machine: _Machine) -> None:
-    """Fill the tables of its states' transitions: those without a signal, and, for each signal, these with its own."""
-    for state in machine.states.values():
-        rows = [_row(machine, one) for one in machine.definition.transitions_of(state.name)]
-        state.plain = tuple(row for row in rows if row[2].definition.signal is None)
-        state.by_signal = {
-            signal: tuple(row for row in rows if row[2].definition.signal in (None, signal))
-            for signal in {row[2].definition.signal for row in rows}
-            if signal is not None
-        }
-        state.chains = any(row[2].kind == "eps" for row in rows)
-
-
-def _row(machine: _Machine, transition: Transition) -> _Row:
-    after, condition = transition.after_ns, transition.condition
-    mover = machine.parent if transition.kind == "exit" else machine
-    assert mover is not None  # see `exits_at_top`
-    bindings = machine.bindings
-    arrow = _Arrow(transition, bindings, mover.states[transition.target])
-    holds = None if condition is None else condition.bind(bindings)
-    if isinstance(after, Block):
-        return None, _with_time(after.bind(bindings), holds), arrow
-    return after, holds, arrow
-
-
-def _with_time(
-    after_ns: Callable[[Any], Any], condition: Callable[[Any], Any] | None
-) -> Callable[[MachineContext], Any]:
-    """Return the condition that a time, which is computed in each step, is over, and another one holds."""
-
-    def holds(context: MachineContext) -> Any:
-        if context.now_ns - context.machine.since_ns < after_ns(context):
-            return False
-        return condition is None or condition(context)
-
-    return holds

@@ -79,11 +79,13 @@ class Block:
         place: of it.
         bind: returns what is called with a `MachineContext`. A condition returns whether it holds; any other block,
             tasks or None.
+        drives: parts of the robot that it commands; of a block of text.
     """
 
     text: str
     place: Place
     bind: Callable[[Bindings], Callable[[Any], Any]] = field(repr=False)
+    drives: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
 
 from snr_sim.core.factory import ComponentFactory, FactoryOfClass
@@ -39,6 +41,9 @@ class NodeComponent(ComponentMembers):
     is_robot_component: ClassVar[bool] = True
     # Whether a reload of all components includes it. False for a console, whose connection carries the reply.
     is_reloaded_with_all: ClassVar[bool] = True
+
+    # Files whose text the component takes by an event of this name, when they are saved while `--watch` reads them.
+    watched_texts: Mapping[Path, str] = {}
 
     # On the class: makes a factory, `Gentle.factory(name="gentle", hover=0.3)`. On a component: the factory it is from.
     factory: FactoryOfClass = FactoryOfClass(ComponentFactory)

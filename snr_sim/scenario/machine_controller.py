@@ -32,11 +32,12 @@ def machine_controller(module: ModuleType, robot_module: str) -> None:
         ConfigError: the program has mistakes, or the robot has no parts for programs.
     """
     bridge = bridge_of(robot_module)
-    program = read_program(Path(str(module.__file__)), bridge)
-    name = Path(str(module.__file__)).stem.replace("-", "_")
+    path = Path(str(module.__file__))
+    program = read_program(path, bridge)
+    name = path.stem.replace("-", "_")
 
     def factories(robot: Any) -> list[Any]:
-        return [*machine_parts(program, name, step_hz=STEP_HZ, bridge=bridge)]
+        return [*machine_parts(program, name, step_hz=STEP_HZ, bridge=bridge, path=path)]
 
     module.factories = factories  # type: ignore[attr-defined]
 

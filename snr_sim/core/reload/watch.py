@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -63,22 +63,29 @@ class WatchLoop(Loop):
         super().__init__(factory, parent, name, rate_hz)
         self._components: Mapping[str, Component] | None = None
         self._users: dict[Path, list[str]] = {}
+        self._texts: dict[Path, str] = {}  # name of the event by file
 
     def setup(self) -> None:
         """Read the present state of the files."""
         self._changed()
 
     def loop(self) -> None:
-        """Schedule a reload of the components whose files have changed."""
-        names = [name for path in self._changed() for name in self._users[path]]
+        """Schedule a reload of the components whose files have changed, and an event with each text that has."""
+        changed = self._changed()
+        names = [name for path in changed for name in self._users.get(path, ())]
         if names:
             self.schedule(tasks.reload_component(*dict.fromkeys(names)))
+        for path in changed:
+            if path in self._texts:
+                with suppress(OSError):  # it has just been moved away
+                    self.schedule(tasks.event(self._texts[path], [path.read_text("utf-8", "replace")]))
 
     def _changed(self) -> list[Path]:
         components = self.parent.components
         if components is not self._components:  # the node creates a new dict when components are added or removed
             self._components, self._users = components, files_of(components)
-        return [path for path in self._users if self._has_changed(path)]
+            self._texts = {path: event for one in _watchable(components) for path, event in one.watched_texts.items()}
+        return [path for path in dict.fromkeys((*self._users, *self._texts)) if self._has_changed(path)]
 
     def _has_changed(self, path: Path) -> bool:
         seen = self.factory.seen
@@ -99,9 +106,8 @@ class WatchLoop(Loop):
 def files_of(components: Mapping[str, Component]) -> dict[Path, list[str]]:
     """Return the files that a reload of these components would read, with the names of the components in each."""
     users: dict[Path, list[str]] = {}
-    for name, component in components.items():
-        if not isinstance(component, NodeComponent) or not component.is_robot_component:
-            continue
+    for component in _watchable(components):
+        name = component.name
         try:
             modules = modules_of(component.factory, component)
         except ConfigError:
@@ -113,6 +119,12 @@ def files_of(components: Mapping[str, Component]) -> dict[Path, list[str]]:
                 with suppress(OSError):  # it has just been moved away
                     source_of(module)  # keeps it for tracebacks of code that still runs after a reload
     return users
+
+
+def _watchable(components: Mapping[str, Component]) -> Iterator[NodeComponent]:
+    for one in components.values():
+        if isinstance(one, NodeComponent) and one.is_robot_component:
+            yield one
 
 
 def with_watch(config: Config) -> Config:

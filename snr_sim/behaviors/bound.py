@@ -1,0 +1,172 @@
+"""A program bound to run: each block to the variables it sees, each transition to its target.
+
+Nothing here is executed; what is made once here is not looked up in each step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from snr_sim.behaviors.bridge import Robot
+from snr_sim.behaviors.context import Variables, plain_value
+from snr_sim.behaviors.program import Bindings, Block, MachineDef, Program, Spawn, StateDef, Transition, with_names
+
+
+class BoundBlock:
+    """A block that is bound to its place."""
+
+    __slots__ = ("block", "call")
+
+    def __init__(self, block: Block, bindings: Bindings) -> None:
+        self.block = block
+        self.call = block.bind(bindings)
+
+
+class BoundState:
+    """A state as it runs: its blocks, and its transitions as (least time, condition, transition)."""
+
+    __slots__ = ("by_signal", "chains", "during", "enter", "leave", "name", "plain")
+
+    def __init__(self, definition: StateDef, bindings: Bindings, spawned: list[tuple[BoundMachine, str]]) -> None:
+        inner = iter(spawned)
+        self.name = definition.name
+        # A block, and None; or None, and what is spawned.
+        self.enter = [
+            (BoundBlock(one, bindings), None) if isinstance(one, Block) else (None, next(inner))
+            for one in definition.enter
+        ]
+        self.during = [BoundBlock(one, bindings) for one in definition.during]
+        self.leave = [BoundBlock(one, bindings) for one in definition.leave]
+        self.plain: tuple[Row, ...] = ()
+        self.by_signal: dict[str, tuple[Row, ...]] = {}
+        self.chains = False
+
+
+class BoundTransition:
+    """A transition as it runs; of an exit the target is a state of the machine around."""
+
+    __slots__ = ("definition", "effect", "is_exit", "kind", "line", "name", "target")
+
+    def __init__(self, definition: Transition, bindings: Bindings, target: BoundState) -> None:
+        self.definition = definition
+        self.kind = definition.kind
+        self.name = definition.name
+        self.line = definition.place.line
+        self.effect = None if definition.effect is None else BoundBlock(definition.effect, bindings)
+        self.is_exit = definition.kind == "exit"
+        self.target = target
+
+
+Row = tuple[int | None, Callable[[Any], Any] | None, BoundTransition]
+
+
+class BoundMachine:
+    """A machine as it runs, at one place of the program."""
+
+    __slots__ = ("bindings", "definition", "parent", "path", "running", "since_ns", "state", "states", "variables")
+
+    def __init__(self, path: str, definition: MachineDef, parent: BoundMachine | None, bindings: Bindings) -> None:
+        self.path = path
+        self.definition = definition
+        self.parent = parent
+        self.bindings = bindings
+        self.variables = Variables(bindings.slots, bindings.index)
+        self.states: dict[str, BoundState] = {}
+        self.state: BoundState | None = None  # None: it does not run
+        self.since_ns = 0
+        self.running: list[BoundMachine] = []  # inside its state, in the order in which they were spawned
+
+    def walk(self) -> Iterator[BoundMachine]:
+        """Yield it and all machines inside it that run, outer ones first."""
+        yield self
+        for inner in self.running:
+            yield from inner.walk()
+
+
+class BoundProgram:
+    """All machines of a program, at their places.
+
+    Args:
+        program: of which it is.
+        robot: what blocks of text command.
+
+    Attributes:
+        slots: the values of all variables.
+        places: index of each variable in `slots`, by path, such as "mission.gate".
+        first_values: with which the variables began, by path.
+        machines: by path, whether they run or not.
+        top: those that are spawned at the top, each with its initial state.
+    """
+
+    def __init__(self, program: Program, robot: Robot | None) -> None:
+        self.slots: list[Any] = []
+        self.places: dict[str, int] = {}
+        self.first_values: dict[str, Any] = {}
+        self.machines: dict[str, BoundMachine] = {}
+        self._robot = robot
+        index = self._declare(program.variables, "", {})
+        self.top: list[tuple[BoundMachine, str]] = [
+            (self._build(name, spawn, None, index), spawn.initial) for name, spawn in with_names(program.spawns)
+        ]
+        for one in self.machines.values():
+            _add_rows(one)
+
+    def _declare(self, values: Mapping[str, Any], above: str, seen: Mapping[str, int]) -> dict[str, int]:
+        """Add variables; return the places of all that are seen then."""
+        index = dict(seen)
+        for name, value in values.items():
+            path = above + name.rpartition(".")[2]
+            index[name] = self.places[path] = len(self.slots)
+            self.first_values[path] = value
+            self.slots.append(plain_value(name, value))
+        return index
+
+    def _build(self, path: str, spawn: Spawn, parent: BoundMachine | None, seen: Mapping[str, int]) -> BoundMachine:
+        definition = spawn.machine
+        index = self._declare(definition.variables, f"{path}.", seen)
+        machine = BoundMachine(path, definition, parent, Bindings(self.slots, index, self._robot))
+        self.machines[path] = machine
+        for state in definition.states:
+            inner = [
+                (self._build(f"{path}/{state.name}/{name}", one, machine, index), one.initial)
+                for name, one in with_names(state.spawns)
+            ]
+            machine.states[state.name] = BoundState(state, machine.bindings, inner)
+        return machine
+
+
+def _add_rows(machine: BoundMachine) -> None:
+    """Fill the tables of its states' transitions: those without a signal, and, for each signal, these with its own."""
+    for state in machine.states.values():
+        rows = [_row(machine, one) for one in machine.definition.transitions_of(state.name)]
+        state.plain = tuple(row for row in rows if row[2].definition.signal is None)
+        state.by_signal = {
+            signal: tuple(row for row in rows if row[2].definition.signal in (None, signal))
+            for signal in {row[2].definition.signal for row in rows}
+            if signal is not None
+        }
+        state.chains = any(row[2].kind == "eps" for row in rows)
+
+
+def _row(machine: BoundMachine, transition: Transition) -> Row:
+    after, condition = transition.after_ns, transition.condition
+    mover = machine.parent if transition.kind == "exit" else machine
+    assert mover is not None  # see `exits_at_top`
+    bindings = machine.bindings
+    arrow = BoundTransition(transition, bindings, mover.states[transition.target])
+    holds = None if condition is None else condition.bind(bindings)
+    if isinstance(after, Block):
+        return None, _with_time(after.bind(bindings), holds), arrow
+    return after, holds, arrow
+
+
+def _with_time(after_ns: Callable[[Any], Any], condition: Callable[[Any], Any] | None) -> Callable[[Any], Any]:
+    """Return the condition that a time, which is computed in each step, is over, and another one holds."""
+
+    def holds(context: Any) -> Any:
+        if context.now_ns - context.machine.since_ns < after_ns(context):
+            return False
+        return condition is None or condition(context)
+
+    return holds
