@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from snr_sim.behaviors.program import ANY, MachineDef, Problem, Spawn
+from snr_sim.behaviors.program import ANY, MachineDef, Problem, Spawn, StateDef
 from snr_sim.prelude.errors import suggest
 
 
@@ -17,8 +17,9 @@ def problems_of(spawns: tuple[Spawn, ...]) -> list[Problem]:
 def _problems(spawn: Spawn, around: MachineDef | None) -> Iterator[Problem]:
     machine = spawn.machine
     names = [one.name for one in machine.states]
+    first: dict[str, StateDef] = {}
     for state in machine.states:
-        if names.count(state.name) > 1 and state is not machine.states[names.index(state.name)]:
+        if first.setdefault(state.name, state) is not state:
             yield Problem(state.place, f"Machine '{machine.name}' has two states '{state.name}'.", "rename one.")
     if not names:
         yield Problem(machine.place, f"Machine '{machine.name}' has no state.", 'states=[state("waiting"), ...].')
@@ -31,8 +32,9 @@ def _problems(spawn: Spawn, around: MachineDef | None) -> Iterator[Problem]:
         )
     yield from _of_transitions(machine, names, around)
     if all(one.target in names for one in machine.transitions if one.kind != "exit"):
+        reachable = _reachable(machine, spawn.initial)
         for name in names:
-            if name not in _reachable(machine, spawn.initial):
+            if name not in reachable:
                 yield Problem(
                     machine.place, f"No transition of '{machine.name}' leads to state '{name}'.", is_error=False
                 )

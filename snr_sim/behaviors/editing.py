@@ -1,4 +1,4 @@
-"""What becomes of a running machine when its program is changed: which machine, state and variable is which.
+"""What an edit of its program means for a running machine: which machine, state and variable is which.
 
 Identity: a machine by its path, a state by its name in its machine, a variable by its path. A state whose name alone
 has changed keeps its identity: one state of the machine has gone, one is new, and both have the same clauses.
@@ -33,7 +33,7 @@ class Edited(msgspec.Struct):
 
 @dataclass
 class Plan:
-    """What becomes of the running machines.
+    """How each running machine continues.
 
     Args:
         kept: old and new machine, and the name of the state that the new one is in.
@@ -48,7 +48,7 @@ class Plan:
 
 
 def plan(running: list[BoundMachine], new: BoundProgram) -> Plan:
-    """Return what becomes of the machines that run at the top, and of those inside them."""
+    """Return how the machines that run at the top, and those inside them, continue."""
     made = Plan()
     initials = {machine.path: initial for machine, initial in new.top}
     for old in running:

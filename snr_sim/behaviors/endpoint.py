@@ -258,7 +258,14 @@ class MachineEndpoint(Endpoint):
         return [*changed, self._edited(list(program.warnings), edited)]
 
     def _edited(self, problems: Sequence[Problem], edited: Edited | None = None, **more: Any) -> Task:
-        """Return the task that stores the answer to an edit."""
+        """Return the task that stores the answer to an edit; log what was refused."""
+        if edited is None:
+            for one in problems:
+                self.log.warning("%s, line %s:%s: %s", self.name, one.place.line, one.place.column, one.message)
+            self.log.warning("%s: program %s continues.", self.name, self.program_number)
+        else:
+            for note in edited.notes:
+                self.log.info("%s: %s", self.name, note)
         answer = {
             "ok": edited is not None,
             "program": self.program_number,

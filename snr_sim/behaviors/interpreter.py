@@ -446,7 +446,7 @@ class Interpreter:
         self._bound.slots[self._bound.places[path]] = plain_value(path, value)
 
     def edit(self, program: Program, now_ns: int) -> tuple[Edited, list[Change]]:
-        """Continue with another program; return what became of each machine, and the changes of state.
+        """Continue with another program; return what happened to each machine, and the changes of state.
 
         First what goes is left, with its own exit blocks; then the states and variables that have the same identity are
         taken over; then what is new is entered. See `editing.py`.

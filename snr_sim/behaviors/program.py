@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Literal, TypeAlias
 
 from snr_sim.prelude.errors import SnrError
@@ -156,9 +157,17 @@ class MachineDef:
 
     def transitions_of(self, state: str) -> Iterator[Transition]:
         """Yield the transitions that can leave a state, in the order in which they are tried."""
-        for one in self.transitions:
-            if one.source == state or (one.source == ANY and one.target != state):
+        own, anywhere = self._by_source.get(state, []), self._by_source.get(ANY, [])
+        for _, one in sorted((*own, *anywhere), key=lambda row: row[0]) if own and anywhere else (own or anywhere):
+            if one.source != ANY or one.target != state:
                 yield one
+
+    @cached_property
+    def _by_source(self) -> dict[str, list[tuple[int, Transition]]]:
+        found: dict[str, list[tuple[int, Transition]]] = {}
+        for i, one in enumerate(self.transitions):
+            found.setdefault(one.source, []).append((i, one))
+        return found
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Live edits: what becomes of states, times, variables and commands for every kind of change of a running program."""
+"""Live edits: what happens to states, times, variables and commands for every kind of change of a running program."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ def test_edit_takes_effect_and_is_answered() -> None:
         ([with_push(9), 7], "The edit is not text."),
     ],
 )
-def test_text_that_is_no_program_changes_nothing(values: list[Any], message: str) -> None:
+def test_text_with_mistakes_changes_nothing(values: list[Any], message: str) -> None:
     node = run(event_at(0.5, "diver.edit", *values), until_s=1.2)
     assert node.get_data("thrust") == {"up_n": 5.0}
     answer = node.get_data("diver.edited")

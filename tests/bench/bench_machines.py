@@ -6,6 +6,7 @@ Run by `snr bench machines`.
 from __future__ import annotations
 
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from typing import Any
 from harness import Benchmark, Row, compare
 
 from snr_sim import Config, Endpoint, SimClock, SimRunner, handles
-from snr_sim.behaviors import Interpreter, MachineFactory, Program, after, machine, on, state
+from snr_sim.behaviors import Interpreter, MachineFactory, Program, after, machine, on, parse, state
 from snr_sim.behaviors.endpoint import StepLoopFactory
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario.program import program_header
@@ -203,8 +204,43 @@ def run_of(component: Any, seconds: float, *, is_recorded: bool) -> Benchmark:
     return prepare
 
 
+def large_text(states: int, number: int) -> str:
+    """Return a program of many states; `number` is in one of its blocks."""
+    forms = [
+        f"(state s{i} (onentry [count = count + {number if i == 7 else i}]) (running [total = total + {i} * 0.5]))"
+        f"(on [count > {i} and total < {1000 + i}] s{i} -> s{(i + 1) % states})(ontime {100 + i} s{i} -> s0)"
+        for i in range(states)
+    ]
+    return f"(machine m (var count := [0]) (var total := [0.0]) {' '.join(forms)})(spawn m s0)"
+
+
+def editing(is_quick: bool) -> Iterator[Row]:
+    """Yield how long it takes to parse a program, one of which a line has changed, and to continue with it."""
+    rounds = 3 if is_quick else 15
+    parse_ms, again_ms, edit_ms = [], [], []
+    for i in range(rounds):
+        texts = [large_text(200, 1000 * i + k).replace("total <", f"total < {i} +") for k in (1, 2)]
+        times = [time.process_time()]
+        programs = []
+        for text in texts:
+            programs.append(parse(text))
+            times.append(time.process_time())
+        interpreter = Interpreter(programs[0])
+        interpreter.spawn(0)
+        times.append(time.process_time())
+        interpreter.edit(programs[1], 0)
+        times.append(time.process_time())
+        parse_ms.append(1e3 * (times[1] - times[0]))
+        again_ms.append(1e3 * (times[2] - times[1]))
+        edit_ms.append(1e3 * (times[4] - times[3]))
+    yield Row("parse 200 states in LRP, nothing known", min(parse_ms), "ms")
+    yield Row("parse them again, one block of them changed", min(again_ms), "ms", limit=60.0)
+    yield Row("continue with the changed program", min(edit_ms), "ms", limit=2.0)
+
+
 def measure(is_quick: bool) -> Iterator[Row]:
     """Yield the rows."""
+    yield from editing(is_quick)
     count, rounds = (20_000, 3) if is_quick else (100_000, 15)
     for name, hand, program, is_moving, limit in (
         ("a step: three conditions and a time-out, none due", HandIdle, IDLE, False, 4.0),

@@ -35,7 +35,7 @@ def landing(tmp_path: Path) -> Path:
     return tmp_path / "landing.lrp"
 
 
-def fly(path: Path, seed: int = 0) -> SimulationRun:
+def flight(path: Path, seed: int = 0) -> SimulationRun:
     simulation = prepare(Request("lander_vertical", seed=seed, controller=str(path)))
     plant = simulation.plant()
     return SimulationRun(simulation, plant, simulation.config(plant))
@@ -43,7 +43,7 @@ def fly(path: Path, seed: int = 0) -> SimulationRun:
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 8))])
 def test_program_lands(landing: Path, seed: int) -> None:
-    result = fly(landing, seed).run()
+    result = flight(landing, seed).run()
     assert (result.error, result.outcome) == ("", "landed")
     assert 1.85 < result.metrics["fuel_ratio"] < 1.95
 
@@ -59,10 +59,10 @@ def test_program_lands(landing: Path, seed: int) -> None:
 def test_mistake_is_shown_with_its_line(landing: Path, old: str, new: str, message: str) -> None:
     landing.write_text(LANDING.replace(old, new))
     if "warning" in message:
-        assert fly(landing).run().outcome == "crashed"
+        assert flight(landing).run().outcome == "crashed"
         return
     with pytest.raises(ConfigError) as caught:
-        fly(landing)
+        flight(landing)
     shown = str(caught.value).splitlines()
     assert message in shown[0]
     line = int(shown[0].split(":")[1])
@@ -73,14 +73,14 @@ def test_mistake_is_shown_with_its_line(landing: Path, old: str, new: str, messa
 def test_all_mistakes_are_shown(landing: Path) -> None:
     landing.write_text(LANDING.replace("-> burning)", "-> burnin)").replace("-> coasting)", "-> coastin)"))
     with pytest.raises(ConfigError) as caught:
-        fly(landing)
+        flight(landing)
     assert str(caught.value).count("There is no state") == 3
 
 
 def test_file_that_is_not_text_is_refused(landing: Path) -> None:
     landing.write_bytes(b"(machine m\n \xff)")
     with pytest.raises(ConfigError, match=r"landing\.lrp, line 2: byte 0xff is not text"):
-        fly(landing)
+        flight(landing)
 
 
 def test_robot_without_parts_is_named(landing: Path) -> None:
