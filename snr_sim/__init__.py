@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from snr_sim.lazy import lazy_names
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 if TYPE_CHECKING:
     from snr_sim.console.client import ConsoleClient as ConsoleClient

@@ -119,7 +119,9 @@ class Robot:
             ParameterError: the value is not a number.
         """
         if not isinstance(value, (int, float)) or math.isnan(value):
-            raise ParameterError(f"robot.{name}.start({value!r:.80})", fix="a number.")
+            raise ParameterError(
+                f"robot.{name}.start() was given {value!r:.80}.", fix=f"a number, such as robot.{name}.start(1.0)."
+            )
         drive = self._drives[name]
         self._commands[name] = min(drive.high, max(drive.low, float(value)))
         self._changed[drive.page] = None
