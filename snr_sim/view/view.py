@@ -26,7 +26,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import islice
 from pathlib import Path
 from threading import Thread
@@ -36,6 +36,7 @@ from snr_sim.prelude.errors import MissingExtraError, TraceError
 from snr_sim.recording.folder import VIEW_NAME, trace_path
 from snr_sim.recording.reader import no_garbage_collection, read_trace
 from snr_sim.recording.records import Header, Record
+from snr_sim.view.handler_lines import handler_lines
 from snr_sim.view.view_blueprint import Layout
 from snr_sim.view.view_writer import Divergences, Writer, title_of
 
@@ -47,18 +48,25 @@ MIN_VIEW_BYTES = 1_000_000
 LIVE_TIMEOUT_S = 5.0  # for a live view that does not read; rerun itself has no timeout
 
 
-def write_view(header: Header, records: Iterable[Record], path: Path, trace_bytes: int) -> None:
+def write_view(
+    header: Header,
+    records: Iterable[Record],
+    path: Path,
+    trace_bytes: int,
+    lines: Mapping[str, str] | None = None,
+) -> None:
     """Write the view of one run, with its layout.
 
     Args:
         trace_bytes: length of the trace of these records; the disk must have space for its view.
+        lines: of handlers, by name: see `handler_lines.py`.
 
     Raises:
         MissingExtraError: rerun is not installed.
         TraceError: the file cannot be written.
     """
     with _atomic_file(path, trace_bytes) as part, _stream("run", title_of(header)) as (rr, stream):
-        writer, file = Writer(rr, stream, header), ViewFile(stream, part)
+        writer, file = Writer(rr, stream, header, lines=lines), ViewFile(stream, part)
         file.send(writer, records)
         file.end(writer)
 
@@ -76,7 +84,7 @@ def view_of(run: Path) -> Path:
     rrd = path.parent / VIEW_NAME
     if not rrd.is_file() or rrd.stat().st_mtime_ns < path.stat().st_mtime_ns:
         trace = read_trace(path)
-        write_view(trace.header, trace.records, rrd, path.stat().st_size)
+        write_view(trace.header, trace.records, rrd, path.stat().st_size, handler_lines(path.parent))
     return rrd
 
 

@@ -6,7 +6,7 @@ Texts are larger and slower to create than numbers, so there is one text of all 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from itertools import zip_longest
 from typing import Any
@@ -25,9 +25,14 @@ MAX_CONTENTS_CHARS = 20_000
 
 
 class PageContents:
-    """Converter of pages, in batches, to texts; it keeps the newest text of each page."""
+    """Converter of pages, in batches, to texts; it keeps the newest text of each page.
 
-    def __init__(self) -> None:
+    Args:
+        lines: file and line of handlers by name, where they are known.
+    """
+
+    def __init__(self, lines: Mapping[str, str] | None = None) -> None:
+        self._lines = lines or {}
         self._texts: dict[str, dict[str, str]] = {}
 
     def of(self, batch: Batch) -> Iterator[tuple[str, When, list[str]]]:
@@ -39,7 +44,7 @@ class PageContents:
             for page, following in zip_longest(pages, pages[1:]):
                 newest[page.name] = page
                 if following is None or _period(page) != _period(following):
-                    texts |= {key: _text(batch, one) for key, one in newest.items()}
+                    texts |= {key: _text(batch, one, self._lines) for key, one in newest.items()}
                     newest.clear()
                     last_ones.append(page)
                     contents.append("\n\n".join(texts.values())[:MAX_CONTENTS_CHARS])
@@ -51,11 +56,17 @@ def _period(page: PageRecord) -> int:
     return math.ceil(page.t / CONTENTS_PERIOD_S)
 
 
-def _text(batch: Batch, record: PageRecord) -> str:
-    """Return for example 'depth  at 1.950 s, task 731, stored by sonar (726)', and a line for each field."""
-    head = (
-        f"{record.name}  at {record.t:.3f} s, task {record.seq}, stored by {batch.stored_by(record)} ({record.cause})"
-    )
+def _text(batch: Batch, record: PageRecord, lines: Mapping[str, str]) -> str:
+    """Return for example 'depth  at 1.950 s, task 731, stored by sonar (726)', and a line for each field.
+
+    The handler that stored it is followed by its line, if that is known: 'gentle.on_radar, gentle.py line 14, in ...'.
+    """
+    source = batch.stored_by(record)
+    handler, _, task = source.partition(" in ")
+    line = lines.get(handler.rpartition(".")[2])
+    if line is not None:
+        source = f"{handler}, {line}{f', in {task}' if task else ''}"
+    head = f"{record.name}  at {record.t:.3f} s, task {record.seq}, stored by {source} ({record.cause})"
     fields: list[str] = []
     _add_fields("", page_data([record.values])[0], fields)
     if len(fields) > MAX_FIELDS_SHOWN:

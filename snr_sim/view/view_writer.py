@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -44,10 +44,17 @@ class Writer:
         header: of the run.
         root: prefix of its entities, if there are two runs in the stream.
         layout: shared by the runs in the stream; by default a new one.
+        lines: of handlers, by name.
     """
 
     def __init__(
-        self, rr: Any, stream: Any, header: Header, root: tuple[str, ...] = (), layout: Layout | None = None
+        self,
+        rr: Any,
+        stream: Any,
+        header: Header,
+        root: tuple[str, ...] = (),
+        layout: Layout | None = None,
+        lines: Mapping[str, str] | None = None,
     ) -> None:
         self._header, self._root = header, root
         self._sender = Sender(rr, stream, root)
@@ -57,7 +64,7 @@ class Writer:
         self._factors: dict[tuple[str, ...], float] = {}  # scale factors of numbers that are shown in another unit
         self._flags: dict[str, float] = {}
         self._links = LinkReports()
-        self._contents = PageContents()
+        self._contents = PageContents(lines)
         self._send_run()
         self._scene_sender = SceneSender(self._sender, header.scene, self.layout)
 

@@ -74,6 +74,8 @@ controls  at 0.100 s, task 6, stored by autopilot.steer in process_data imu (5)
 late  at 0.200 s, task 7, stored by an earlier task (-1)
                          {}""",
     )
+    ((_, with_line),) = contents(records, PageContents({"steer": "hold.py line 7"}))[-1:]
+    assert "stored by autopilot.steer, hold.py line 7, in process_data imu (5)" in with_line
 
 
 def test_page_texts_are_sent_once_per_second_with_newest_pages() -> None:
