@@ -56,7 +56,7 @@ class BlockChecker:
     """Finds what a block may not contain; `shift` of a column is what was cut off before its line was parsed."""
 
     def __init__(
-        self, variables: frozenset[str], definitions: Mapping[str, Any], parts: Mapping[str, set[str]]
+        self, variables: frozenset[str], definitions: Mapping[str, Any], parts: Mapping[str, set[str]] | None
     ) -> None:
         self.variables, self.definitions, self.parts = variables, definitions, parts
         self.problems: list[Found] = []
@@ -235,10 +235,10 @@ class BlockChecker:
         if isinstance(node.value, ast.Name) and node.value.id == "math":
             if node.attr not in _MATH:
                 self._report(node, f"There is no 'math.{node.attr}' here.", suggest(node.attr, _MATH))
-        elif isinstance(node.value, ast.Name) and node.value.id == "robot" and node.attr in self.parts:
+        elif is_name(node.value, "robot") and (self.parts is None or node.attr in self.parts):
             self._report(node, f"'robot.{node.attr}' alone is not a value.", f"robot.{node.attr}.read(), for example.")
-        elif isinstance(node.value, ast.Name) and node.value.id == "robot":
-            self._report(node, f"The robot has no '{node.attr}'.", suggest(node.attr, self.parts))
+        elif is_name(node.value, "robot"):
+            self._report(node, f"The robot has no '{node.attr}'.", suggest(node.attr, self.parts or ()))
         else:
             self._report(node, f"'.{node.attr}' cannot be used here.", "only parts of the robot and math have members.")
 
@@ -247,7 +247,9 @@ class BlockChecker:
         if isinstance(function, ast.Attribute) and part_of(function) is not None:
             part, verb = part_of(function) or ("", "")
             self.called.add((part, verb))
-            if part not in self.parts:
+            if self.parts is None:
+                pass  # any may be named
+            elif part not in self.parts:
                 self._report(function, f"The robot has no '{part}'.", suggest(part, self.parts))
             elif verb not in self.parts[part]:
                 self._report(function, f"'robot.{part}' has no '{verb}'.", suggest(verb, self.parts[part]))

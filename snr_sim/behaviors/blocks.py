@@ -29,12 +29,12 @@ class Scope:
     Args:
         variables: of the program, as seen from the block: the key of each by its name.
         definitions: helpers by name; each may call those before it.
-        parts: of the robot: names of the functions of each.
+        parts: of the robot: names of the functions of each; None if any part may be named.
     """
 
     variables: Mapping[str, str]
     definitions: Mapping[str, Definition]
-    parts: Mapping[str, frozenset[str]]
+    parts: Mapping[str, frozenset[str]] | None
 
 
 def compile_block(text: str, place: Place, kind: Kind, scope: Scope) -> tuple[Block | None, list[Problem]]:
@@ -45,7 +45,7 @@ def compile_block(text: str, place: Place, kind: Kind, scope: Scope) -> tuple[Bl
         kind,
         tuple(sorted(scope.variables.items())),
         tuple(scope.definitions.items()),
-        tuple(sorted((name, tuple(sorted(verbs))) for name, verbs in scope.parts.items())),
+        None if scope.parts is None else tuple((name, tuple(sorted(one))) for name, one in sorted(scope.parts.items())),
     )
     problems = [
         Problem(Place(place.line + line, column, place.line + end_line, end_column), message, fix, is_error)
@@ -70,11 +70,12 @@ def _compile(
     kind: Kind,
     variables: tuple[tuple[str, str], ...],
     definitions: tuple[tuple[str, Definition], ...],
-    parts: tuple[tuple[str, tuple[str, ...]], ...],
+    parts: tuple[tuple[str, tuple[str, ...]], ...] | None,
 ) -> _Compiled:
     """Compile a text once for all places where it means the same; lines of problems count from its first one."""
     arguments = {name: given for name, (given, _, _) in definitions}
-    checker = BlockChecker(frozenset(dict(variables)), arguments, {name: set(verbs) for name, verbs in parts})
+    known = None if parts is None else {name: set(verbs) for name, verbs in parts}
+    checker = BlockChecker(frozenset(dict(variables)), arguments, known)
     tree = checker.parse(text, column, kind)
     if tree is None or checker.has_errors:
         return _Compiled(None, tuple(checker.problems))

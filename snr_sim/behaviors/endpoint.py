@@ -118,7 +118,7 @@ class MachineFactory(EndpointFactory):
         return MachineEndpoint(self, parent, self.name)
 
 
-EVENTS = ("program", "transition", "log", "step", "set", "pause", "go", "edit")  # that no other component needs
+EVENTS = ("transition", "log", "step", "set", "pause", "go", "edit")  # that no other component needs
 
 
 class MachineEndpoint(Endpoint):
@@ -169,11 +169,14 @@ class MachineEndpoint(Endpoint):
         self.task_handlers = handlers
 
     def begin(self) -> None:
-        """Report the program, then enter the initial states."""
+        """Record the program's text, then enter the initial states.
+
+        The text is no task: a replay with another program differs where the machine does, not where its text does.
+        """
         program = self.factory.program
         for one in program.warnings:
             self.parent.add_note(f"Machine '{self.name}': {one.message}")
-        self.schedule(tasks.event(f"{self.name}.program", [program.text, program.sha256]))
+        self.parent.record_text(self.name, "PROGRAM", program.text)
         self.schedule(self._results(self.interpreter.spawn(self._now_ns())))
 
     def halt(self) -> None:
@@ -246,7 +249,7 @@ class MachineEndpoint(Endpoint):
             return self._edited([Problem(Place(), "Another edit came first.", "edit the present text.")], text=now.text)
         bridge = self.factory.bridge
         try:
-            program = parse(text, None if bridge is None else bridge.parts)
+            program = parse(text, {} if bridge is None else bridge.parts)
         except ProgramError as error:
             return self._edited(error.problems)
         edited, changes = self.interpreter.edit(program, self._now_ns())
@@ -304,7 +307,6 @@ class MachineEndpoint(Endpoint):
             "last": None if last is None else msgspec.structs.asdict(last),
             "variables": interpreter.variables,
             "program": self.program_number,
-            "sha256": interpreter.program.sha256,
             "problems": sum(one.count for one in interpreter.problems.values()),
             "ignored": sum(interpreter.ignored.values()),
             "is_paused": self.is_paused,

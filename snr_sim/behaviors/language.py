@@ -72,21 +72,25 @@ def parse(text: str, parts: Parts | None = None) -> Program:
 
     Args:
         text: of the whole program.
-        parts: of the robot: the names of the functions of each.
+        parts: of the robot: the names of the functions of each; if none are given, any part may be named.
 
     Raises:
         ProgramError: it has mistakes, all of which are in `problems`.
     """
-    program, problems = _parse(text, tuple(sorted((name, tuple(sorted(one))) for name, one in (parts or {}).items())))
+    known = None if parts is None else tuple(sorted((name, tuple(sorted(one))) for name, one in parts.items()))
+    program, problems = _parse(text, known)
     if program is None:
         raise ProgramError(list(problems))
     return program
 
 
 @lru_cache(maxsize=64)
-def _parse(text: str, parts: tuple[tuple[str, tuple[str, ...]], ...]) -> tuple[Program | None, tuple[Problem, ...]]:
+def _parse(
+    text: str, parts: tuple[tuple[str, tuple[str, ...]], ...] | None
+) -> tuple[Program | None, tuple[Problem, ...]]:
     forms, problems = read(text)
-    language = _Language({name: frozenset(verbs) for name, verbs in parts}, problems)
+    known = None if parts is None else {name: frozenset(verbs) for name, verbs in parts}
+    language = _Language(known, problems)
     program = language.program(text, forms)
     found = language.problems
     if not any(one.is_error for one in found):
@@ -141,7 +145,7 @@ class _FormError(Exception):
 class _Language:
     """Makes definitions of forms, and continues after a mistake."""
 
-    def __init__(self, parts: Parts, problems: list[Problem]) -> None:
+    def __init__(self, parts: Parts | None, problems: list[Problem]) -> None:
         self.problems: list[Problem] = list(problems)
         self._parts = parts
         self._inside: list[_Machine] = []  # machines that are being made, outermost first
@@ -196,9 +200,11 @@ class _Language:
                 raise self._shape(form)
             block = self._block(code, "condition", replace(names, variables={**names.variables, **_own(given)}))
             without = {key: value for key, value in names.variables.items() if key != name}
-            definition: Definition = given, code.text, tuple(sorted(names.variables.items()))
+            # One with a mistake is known all the same, so that its callers are not mistakes, too.
+            text = "None" if block is None else code.text
+            definition: Definition = given, text, tuple(sorted(names.variables.items()))
             definitions = {**names.definitions, name: definition}
-            return names if block is None else replace(names, definitions=definitions, variables=without)
+            return replace(names, definitions=definitions, variables=without)
         if len(form.items) != 4 or not _is(form.items[2], ":="):
             raise self._shape(form)
         code = form.items[3]

@@ -34,7 +34,8 @@ def machine_controller(module: ModuleType, robot_module: str) -> None:
     bridge = bridge_of(robot_module)
     path = Path(str(module.__file__))
     program = read_program(path, bridge)
-    name = path.stem.replace("-", "_")
+    # Of its first machine, not of its file: a replay with another file finds the same component.
+    name = program.spawns[0].machine.name if program.spawns else path.stem.replace("-", "_")
 
     def factories(robot: Any) -> list[Any]:
         return [*machine_parts(program, name, step_hz=STEP_HZ, bridge=bridge, path=path)]

@@ -13,6 +13,7 @@ from snr_sim.core.lockstep import LockStep
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError
 from snr_sim.prelude.task import TaskType
 from snr_sim.recording.reader import Trace, read_trace
+from snr_sim.recording.records import LogLineRecord
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario.program import program_header
@@ -232,8 +233,9 @@ def test_replay_with_another_condition_finds_the_step_that_it_first_decides(
     assert (first.t, first.component) == (0.5, "diver")
 
 
-def test_replay_of_another_program_says_so_at_the_beginning(tmp_path: Path) -> None:
+def test_replay_of_another_program_finds_the_step_at_which_it_differs(tmp_path: Path) -> None:
     trace = recorded(tmp_path / "one", 0.3)
     first = replay_node(trace, "r", Config(factories={"r": factories(0.2)})).divergences[0]
-    assert first.t == 0.0
-    assert "ontime 300" in str(first.recorded)
+    assert (first.t, first.component) == (0.8, "diver")
+    listing = [one.text for one in trace.records if isinstance(one, LogLineRecord) and one.level == "PROGRAM"]
+    assert "  (ontime 300 rising -> sinking rising->sinking)" in listing
