@@ -171,7 +171,7 @@ class MachineEndpoint(Endpoint):
     def begin(self) -> None:
         """Record the program's text, then enter the initial states.
 
-        The text is no task: a replay with another program differs where the machine does, not where its text does.
+        The text is not a task: a replay with another program differs where the machine does, not where its text does.
         """
         program = self.factory.program
         for one in program.warnings:
