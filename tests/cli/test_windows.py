@@ -44,6 +44,10 @@ def stick():
         except BaseException:
             pass
 
+def silence():
+    import os
+    os.close(2)
+
 def leave():
     import os
     os._exit(3)
@@ -130,6 +134,29 @@ def test_grade_reports_required_platform(more: list[str], tmp_path: Path) -> Non
 def test_student_process_replies_and_prints(tmp_path: Path) -> None:
     done = held(tmp_path, "print(bytes(call('add').value), child.printed.strip()); child.close(); child.close()")
     assert done.stdout == "b'2' added\n", done.stderr
+
+
+SLOW_OUTPUT = """
+import os, time
+read = os.read
+child_output = child._piped.stderr.fileno()
+def slowly(number, size):
+    data = read(number, size)
+    if number == child_output:
+        time.sleep(0.1)
+    return data
+os.read = slowly
+"""
+
+
+def test_output_before_an_answer_is_read_before_it_though_its_thread_comes_late(tmp_path: Path) -> None:
+    asks = "for i in range(3):\n    call('add')\n    print(child.printed.count('added'))\nchild.close()"
+    assert held(tmp_path, SLOW_OUTPUT + asks).stdout == "1\n2\n3\n"
+
+
+def test_program_that_closes_its_output_is_answered(tmp_path: Path) -> None:
+    done = held(tmp_path, "call('silence')\nprint(bytes(call('add').value)); child.close()")
+    assert done.stdout == "b'2'\n", done.stderr
 
 
 def test_endless_loop_is_stopped_with_its_line(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Student's process where only sockets can be waited for, as on Windows: for practice, as it is not isolated.
 
-It gets requests on its stdin, answers on its stdout, and prints on its stderr; a thread reads each of the two.
+It gets requests on its stdin, answers on its stdout, and prints on its stderr; a thread reads each of the two. A mark
+in the output says that all of it which comes before an answer has been read.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import os
 import select
 import threading
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -18,10 +20,11 @@ from snr_sim.grading.remote.child_process import CHUNK, ChildProcess
 from snr_sim.grading.remote.cpu_timeout import END_TIMEOUT_S, POLL_PERIOD_S, CpuTimeout
 from snr_sim.grading.remote.fork_server import ForkServer
 from snr_sim.grading.remote.launch import start_process
-from snr_sim.grading.remote.protocol import PIPES
+from snr_sim.grading.remote.protocol import END_OF_OUTPUT, PIPES
 from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.sandbox import Limits
 
+MARK_TIMEOUT_S = 1.0  # for a mark that a program has prevented
 CAN_POLL_PIPES: bool = hasattr(select, "poll")
 
 
@@ -43,6 +46,9 @@ class PipedProcess(ChildProcess):
         self._answers: SimpleQueue[bytes] = SimpleQueue()
         self._prints: SimpleQueue[bytes] = SimpleQueue()
         self._something = threading.Event()
+        self._unmarked = b""  # the end of the output, which may be the beginning of a mark
+        self._marks = 0  # that have come, less answers
+        self._has_marks = True  # until one does not come: a program may close its output
         self._readers = [
             threading.Thread(target=self._read, args=ends, daemon=True)
             for ends in ((self._piped.stdout, self._answers), (self._piped.stderr, self._prints))
@@ -71,14 +77,34 @@ class PipedProcess(ChildProcess):
             self._something.clear()
             self._read_output()
             with suppress(Empty):
-                return self._answers.get_nowait()
+                data = self._answers.get_nowait()
+                if data.endswith(b"\n"):
+                    self._wait_for_output()
+                return data
             if not self._something.wait(POLL_PERIOD_S):
                 self._check_timeout(timeout)
+
+    def _wait_for_output(self) -> None:
+        """Wait until the output before an answer has been read."""
+        self._marks -= 1
+        until_s = time.monotonic() + MARK_TIMEOUT_S
+        while self._has_marks and self._marks < 0:
+            self._something.clear()
+            self._read_output()
+            if self._marks < 0 and not self._something.wait(POLL_PERIOD_S):
+                self._has_marks = time.monotonic() < until_s
 
     def _read_output(self) -> None:
         with suppress(Empty):
             while data := self._prints.get_nowait():
-                self._keep(data)
+                *parts, rest = (self._unmarked + data).split(END_OF_OUTPUT)
+                self._marks += len(parts)
+                held = next((n for n in range(len(END_OF_OUTPUT) - 1, 0, -1) if rest.endswith(END_OF_OUTPUT[:n])), 0)
+                self._unmarked = rest[len(rest) - held :]
+                self._keep(b"".join([*parts, rest[: len(rest) - held]]))
+            self._has_marks = False  # the output is closed
+            self._keep(self._unmarked)
+            self._unmarked = b""
 
     def kill(self) -> None:
         """End it; processes that it has started continue, as nothing here groups them."""

@@ -23,6 +23,8 @@ from snr_sim.prelude.values import JSON_ERRORS, decode_value
 
 MAX_RESPONSE_BYTES = 1 << 20
 MAX_DEPTH = 32
+# Written to the output before each answer, where output and answers come through two pipes.
+END_OF_OUTPUT = b"\0\1end of output\1\0"
 PIPES = -1  # in place of a descriptor: the process is asked on its stdin and answers on its stdout
 TIME_UP_STATUS = 152  # exit status of a process whose CPU time is used up, as a shell reports SIGXCPU
 # Between the grader and its fork server: words, and the exit status of a copy.
