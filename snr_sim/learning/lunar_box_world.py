@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, TypeAlias
 
-from snr_sim.plants.lander.hull import pymunk_module
+from snr_sim.plants.pymunk_engine import pymunk_module
 from snr_sim.prelude.sums import ordered_sum
 
 Point: TypeAlias = tuple[float, float]

@@ -1,6 +1,6 @@
 import pytest
 
-from snr_sim.plants.urov.impulses_2d import BAUMGARTE_FACTOR, Contact, resolve_contacts
+from snr_sim.plants.impulses_2d import BAUMGARTE_FACTOR, Contact, resolve_contacts
 
 # A body of 10 kg along x, 40 kg along z, 2 kg m2: as added mass makes one.
 MOBILITY = [[0.1, 0.0, 0.0], [0.0, 0.025, 0.0], [0.0, 0.0, 0.5]]

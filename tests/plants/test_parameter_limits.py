@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from snr_sim.plants.urov.parameter_limits import (
+from snr_sim.plants.parameter_limits import (
     FINITE,
     LIMITS,
     check_members,

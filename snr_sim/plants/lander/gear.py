@@ -8,7 +8,7 @@ from typing import Annotated, Any, TypedDict
 
 import numpy as np
 
-from snr_sim.plants.urov.parameter_limits import LIMITS, Record
+from snr_sim.plants.parameter_limits import LIMITS, Record
 
 
 class Touchdown(TypedDict):

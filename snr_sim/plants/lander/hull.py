@@ -1,4 +1,4 @@
-"""Hull of a lander as a rigid body in pymunk: impulses and contact detection. The only module that imports pymunk.
+"""Hull of a lander as a rigid body in pymunk: impulses and contact detection.
 
 The body in pymunk has a mass of 1 kg and the square of the radius of gyration as its moment of inertia, so impulses
 are changes of velocity, per kilogram of the current mass. The motion is the same, and it avoids setting a new mass in
@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
-from types import ModuleType
 from typing import Any
 
 from snr_sim.plants.lander.legs import BodyPose
 from snr_sim.plants.lander.module_shapes import HULL_M
 from snr_sim.plants.lander.terrain import Terrain
-from snr_sim.prelude.errors import MissingExtraError
+from snr_sim.plants.pymunk_engine import pymunk_module
 
 HULL, GROUND = 1, 2  # pymunk's collision types
 
@@ -66,17 +65,3 @@ class Hull:
         body.angle = pose.attitude_rad
         body.velocity = pose.vx_mps, pose.vz_mps
         body.angular_velocity = pose.rate_radps
-
-
-def pymunk_module() -> ModuleType:
-    """Return pymunk, imported when it is first needed.
-
-    Raises:
-        MissingExtraError: it is not installed.
-    """
-    try:
-        import pymunk
-    except ImportError as error:
-        raise MissingExtraError("pymunk", "sim") from error
-    module: ModuleType = pymunk
-    return module

@@ -27,7 +27,7 @@ from snr_sim.plants.lander.legs import FEET_M, BodyPose, Grip, Kick
 from snr_sim.plants.lander.module import LunarModule, PlaneStart
 from snr_sim.plants.lander.module_shapes import HULL_M, NOZZLE_BELOW_M, PADS_BELOW_M
 from snr_sim.plants.lander.terrain import HALF_WIDTH_M, ROOF_REACH_M, Terrain
-from snr_sim.plants.urov.parameter_limits import LIMITS, check_number, check_valid
+from snr_sim.plants.parameter_limits import LIMITS, check_number, check_valid
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError, suggest
 from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
 

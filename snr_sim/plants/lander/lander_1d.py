@@ -18,7 +18,7 @@ from snr_sim.plants.lander.module import check_tank
 from snr_sim.plants.lander.module_shapes import NOZZLE_BELOW_M, PADS_BELOW_M, module_shapes
 from snr_sim.plants.lander.terrain import FLAT
 from snr_sim.plants.lander.terrain_shapes import terrain_shapes
-from snr_sim.plants.urov.parameter_limits import LIMITS, Record, check_number, check_valid
+from snr_sim.plants.parameter_limits import LIMITS, Record, check_number, check_valid
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError, suggest
 from snr_sim.prelude.signals import EngineCommand, RadarReading
 

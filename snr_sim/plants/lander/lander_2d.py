@@ -12,13 +12,14 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from snr_sim.plants.lander.hull import Hull, pymunk_module
+from snr_sim.plants.lander.hull import Hull
 from snr_sim.plants.lander.lander import CEILING_M, EDGE_M, STEP_S, STILL_MPS, STILL_RADPS, Lander, LanderState
 from snr_sim.plants.lander.legs import MAX_CONTACT_RADIUS_M, BodyPose, Kick, Legs
 from snr_sim.plants.lander.module import TIPPED_RAD, LunarModule, PlaneStart
 from snr_sim.plants.lander.module_shapes import JETS_OUT_M, NOZZLE_BELOW_M, module_shapes
 from snr_sim.plants.lander.terrain import Terrain
 from snr_sim.plants.lander.terrain_shapes import terrain_shapes
+from snr_sim.plants.pymunk_engine import pymunk_module
 from snr_sim.prelude.errors import PlantError
 
 MAX_FAR_STEPS = 20  # the ground is looked for at least this often

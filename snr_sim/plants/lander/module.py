@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from snr_sim.plants.lander.gear import APOLLO_GEAR, GearLimits
-from snr_sim.plants.urov.parameter_limits import LIMITS, Record
+from snr_sim.plants.parameter_limits import LIMITS, Record
 from snr_sim.prelude.errors import ParameterError
 
 

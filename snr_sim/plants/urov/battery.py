@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, TypeAlias
 
-from snr_sim.plants.urov.parameter_limits import LIMITS, Record, check_number, check_valid, format_value, is_number
+from snr_sim.plants.parameter_limits import LIMITS, Record, check_number, check_valid, format_value, is_number
 from snr_sim.prelude.errors import ParameterError
 
 # Open-circuit voltage of a cell over its charge: a Samsung INR21700-40T, measured at C/20 and room temperature, at the

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
-from snr_sim.plants.urov.parameter_limits import LIMITS, Record, check_number, check_record, format_value, is_number
+from snr_sim.plants.parameter_limits import LIMITS, Record, check_number, check_record, format_value, is_number
 from snr_sim.plants.urov.propulsion import FAULTS
 from snr_sim.plants.urov.tether import Tether
 from snr_sim.plants.urov.vehicle import Vector

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from snr_sim.plants.parameter_limits import format_value
 from snr_sim.plants.urov.hydrodynamics import AT_REST
 from snr_sim.plants.urov.motion import Motion
-from snr_sim.plants.urov.parameter_limits import format_value
 from snr_sim.plants.urov.propulsion import PULSE_RANGE_US, Propulsion
 from snr_sim.plants.urov.surface import Surface
 from snr_sim.plants.urov.t200 import STOP_US

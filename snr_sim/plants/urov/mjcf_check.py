@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from snr_sim.plants.mujoco_engine import MujocoWorld
-from snr_sim.plants.urov.parameter_limits import LIMITS, check_number
+from snr_sim.plants.parameter_limits import LIMITS, check_number
 from snr_sim.plants.urov.pool import Pool
 from snr_sim.plants.urov.vehicle import Vehicle
 from snr_sim.prelude.errors import ParameterError

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import Annotated
 
-from snr_sim.plants.urov.parameter_limits import LIMITS, check_record, format_value
+from snr_sim.plants.parameter_limits import LIMITS, check_record, format_value
 from snr_sim.plants.urov.vehicle import Vector, Vehicle
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.water import FRESH_KGM3, GRAVITY_MPS2

@@ -11,9 +11,9 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TypeAlias
 
-from snr_sim.plants.lander.hull import pymunk_module
+from snr_sim.plants.impulses_2d import Contact, contacts_of
+from snr_sim.plants.pymunk_engine import pymunk_module
 from snr_sim.plants.urov.flotation import point_mass
-from snr_sim.plants.urov.impulses_2d import Contact
 from snr_sim.plants.urov.pool import POST_M, Gate, Pool
 from snr_sim.plants.urov.vehicle import Matrix, Vehicle
 
@@ -127,15 +127,12 @@ class Pool2D:
         x, z, _ = self.plane_pose()
         self._frame.cache_bb()
         for hit in self._space.shape_query(self._frame):
-            out_x, out_z = -hit.contact_point_set.normal
-            if out_x == out_z == 0.0:  # a bar in the centre of the frame, where pymunk finds no direction: use up
-                yield self._solids[hit.shape], Contact(0.0, 1.0, 0.0, 0.0, 0.5 * self._height_m + POST_M)
+            name = self._solids[hit.shape]
+            if not any(hit.contact_point_set.normal):  # a bar in the centre of the frame has no direction: use up
+                yield name, Contact(0.0, 1.0, 0.0, 0.0, 0.5 * self._height_m + POST_M)
                 continue
-            for point in hit.contact_point_set.points:
-                # Not `point.distance`, whose sign depends on the kinds of the two shapes (pymunk 7.3).
-                (at_x, at_z), (solid_x, solid_z) = point.point_a, point.point_b
-                depth_m = (solid_x - at_x) * out_x + (solid_z - at_z) * out_z
-                yield self._solids[hit.shape], Contact(out_x, out_z, at_x - x, at_z - z, depth_m)
+            for contact in contacts_of(hit, x, z):
+                yield name, contact
 
     def height_over_ground_m(self, point: Sequence[float]) -> float:
         """Return the distance straight down from a point to anything; negative if there is nothing."""

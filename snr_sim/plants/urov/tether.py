@@ -16,7 +16,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
-from snr_sim.plants.urov.parameter_limits import LIMITS, Record
+from snr_sim.plants.parameter_limits import LIMITS, Record
 from snr_sim.plants.urov.vehicle import Vector
 
 

@@ -22,8 +22,8 @@ from dataclasses import replace
 from typing import Any
 
 from snr_sim.plants.attitude import rotation_of
+from snr_sim.plants.impulses_2d import resolve_contacts
 from snr_sim.plants.urov.dive import Dive
-from snr_sim.plants.urov.impulses_2d import resolve_contacts
 from snr_sim.plants.urov.motion import Motion
 from snr_sim.plants.urov.pool import FRICTION, Pool
 from snr_sim.plants.urov.pool_2d import Pool2D

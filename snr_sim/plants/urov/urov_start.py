@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from snr_sim.plants.attitude import rotation_of
+from snr_sim.plants.parameter_limits import check_valid, is_number
 from snr_sim.plants.urov.dive import Dive
-from snr_sim.plants.urov.parameter_limits import check_valid, is_number
 from snr_sim.plants.urov.pool import Pool
 from snr_sim.plants.urov.tether import Tether
 from snr_sim.plants.urov.vehicle import Vehicle

@@ -15,7 +15,7 @@ from typing import Annotated, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.plants.urov.parameter_limits import (
+from snr_sim.plants.parameter_limits import (
     FINITE,
     LIMITS,
     MILLIMETRES,

@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.plants.urov.parameter_limits import check_number, check_valid, check_vector, checked_matrix, format_value
+from snr_sim.plants.parameter_limits import check_number, check_valid, check_vector, checked_matrix, format_value
 from snr_sim.plants.urov.vehicle import Matrix, Thruster, Vector, Vehicle
 from snr_sim.prelude.errors import ParameterError, suggest
 from snr_sim.prelude.sums import ordered_sum

@@ -1,8 +1,10 @@
-"""Contact impulses on a body whose mass differs by direction, which pymunk's contacts do not support.
+"""Contact impulses on a body in the plane x-z: also on one whose mass differs by direction, as pymunk's cannot.
 
 pymunk detects contact points, normals and depths; this module computes the impulses. Each contact in turn applies the
 impulse that stops the body there, never a pulling one, with friction up to its limit, until all converge (sequential
 impulses). Every step starts from zero impulses, so a body at rest can be restored bitwise.
+
+For a body seen from above, y takes the place of z, and a turn about the vertical has the opposite sign.
 
 Source: Catto, Iterative Dynamics with Temporal Coherence (2005); with a full matrix in place of one mass, and without
 the coherence.
@@ -10,10 +12,9 @@ the coherence.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
-from snr_sim.plants.urov.water_2d import Three
 from snr_sim.prelude.sums import dot_product, ordered_sum
 
 ITERATIONS = 30
@@ -32,9 +33,23 @@ class Contact(NamedTuple):
     depth_m: float  # how deep it is in
 
 
+def contacts_of(hit: Any, x_m: float, z_m: float) -> Iterator[Contact]:
+    """Yield the contacts of a body, whose origin is at a position, from what pymunk's `shape_query` found."""
+    out_x, out_z = -hit.contact_point_set.normal
+    for point in hit.contact_point_set.points:
+        # Not `point.distance`, whose sign depends on the kinds of the two shapes (pymunk 7.3).
+        (at_x, at_z), (solid_x, solid_z) = point.point_a, point.point_b
+        depth_m = (solid_x - at_x) * out_x + (solid_z - at_z) * out_z
+        yield Contact(out_x, out_z, at_x - x_m, at_z - z_m, depth_m)
+
+
 def resolve_contacts(
-    velocity: Three, contacts: Sequence[Contact], mobility: Sequence[Sequence[float]], friction: float, dt_s: float
-) -> tuple[Three, tuple[float, float]]:
+    velocity: tuple[float, float, float],
+    contacts: Sequence[Contact],
+    mobility: Sequence[Sequence[float]],
+    friction: float,
+    dt_s: float,
+) -> tuple[tuple[float, float, float], tuple[float, float]]:
     """Return the velocity after all contacts, and their total impulse [N s], world frame.
 
     Args:
