@@ -7,10 +7,11 @@ import threading
 from contextlib import suppress
 
 from snr_sim.core.clocks import SimClock
-from snr_sim.core.loop import Loop
+from snr_sim.core.loop import Loop, LoopExecutor
 from snr_sim.core.node_life import NodeLife
 from snr_sim.core.source_location import current_location
 from snr_sim.prelude.errors import ClockError, ComponentFailedError
+from snr_sim.prelude.page import DataKey, Page
 
 _UNLIMITED_RATE_IN_LOCK_STEP_HZ = 1000.0
 # In periods of the loop's rate: the minimum time from the last tick to one requested by `wake`, and how long the tick
@@ -19,6 +20,28 @@ _UNLIMITED_RATE_IN_LOCK_STEP_HZ = 1000.0
 _MIN_WAKE_PERIODS, _MAX_WAKE_WAIT_PERIODS = 0.5, 1.5
 # How long a node waits for a loop's thread at the end: longer than a correct tick, short enough for a user at Ctrl-C.
 JOIN_TIMEOUT_S = 0.5
+
+
+class WakingPages:
+    """Lets an executor call its loop at once when one of the pages in the loop's `wakes_on` is stored."""
+
+    def __init__(self, loop: Loop, executor: LoopExecutor) -> None:
+        self._loop, self._executor = loop, executor
+        self._listening: list[DataKey] = []
+
+    def begin(self) -> None:
+        """Listen from now on. On the node's thread, as `end`."""
+        for key in self._loop.wakes_on:
+            self._loop.parent.add_store_listener(key, self._on_page)
+            self._listening.append(key)
+
+    def end(self) -> None:
+        """Listen no more. Safe to call twice."""
+        while self._listening:
+            self._loop.parent.remove_store_listener(self._listening.pop(), self._on_page)
+
+    def _on_page(self, page: Page) -> None:
+        self._executor.tick_now()
 
 
 class ClockExecutor:
@@ -36,6 +59,9 @@ class ClockExecutor:
         self._order = life.registry.order_of(loop.name)
         self._must_halt = False
         self._at_once = 0  # consecutive ticks that were requested at once
+        self._pages = WakingPages(loop, self)
+        self._periods = 0  # ticks but for those that a page has caused
+        self._is_woken = False  # a tick beside the rate is due at this moment
         self.is_stopped: bool = False
         self.ticks: int = 0
         self.late_s: float = 0.0
@@ -44,9 +70,20 @@ class ClockExecutor:
         """Call `setup` and schedule the first tick on the clock."""
         self._must_halt = True  # before setup: a loop whose setup fails must be halted too, as on a thread
         self._life.call_loop(self._loop, "setup")
+        self._pages.begin()
         self._clock.call_at(self._start_s, self._tick, self._order)
 
     def _tick(self) -> None:
+        self._periods += 1
+        self._call()
+        if not self.is_stopped:
+            self._clock.call_at(self._next_s(), self._tick, self._order)
+
+    def _tick_woken(self) -> None:
+        self._is_woken = False
+        self._call()
+
+    def _call(self) -> None:
         if self.is_stopped:
             return
         self.ticks += 1
@@ -56,14 +93,12 @@ class ClockExecutor:
             self.is_stopped = True
             if not self._life.handle_failure(self._loop, failure):
                 raise
-        if not self.is_stopped:
-            self._clock.call_at(self._next_s(), self._tick, self._order)
 
     def _next_s(self) -> float:
         target_s = self._loop.next_tick_at_s
         if target_s is None:
             # A product would drift in the last digits; ticks of loops with equal rates need equal floats.
-            return self._start_s + self.ticks / self._rate_hz
+            return self._start_s + self._periods / self._rate_hz
         now_s = self._clock.now_s()
         if target_s > now_s:
             self._at_once = 0
@@ -76,6 +111,12 @@ class ClockExecutor:
     def wake(self) -> None:
         """Do nothing: tasks scheduled for an instant are executed before the ticks of that instant anyway."""
 
+    def tick_now(self) -> None:
+        """Call the loop at this moment, once the node has nothing left to do."""
+        if not self._is_woken and not self.is_stopped:
+            self._is_woken = True
+            self._clock.call_at(self._clock.now_s(), self._tick_woken, self._order)
+
     def stop(self) -> None:
         """Ask for no more ticks."""
         self.is_stopped = True
@@ -83,6 +124,7 @@ class ClockExecutor:
     def join(self) -> None:
         """Stop and halt the loop."""
         self.is_stopped = True
+        self._pages.end()
         if self._must_halt:
             self._must_halt = False
             self._loop.halt()
@@ -107,6 +149,8 @@ class ThreadExecutor:
         self._period_s = 1.0 / loop.max_tick_rate_hz if loop.max_tick_rate_hz else 0.0
         self._stopping = threading.Event()
         self._waking = threading.Event()  # set to end a wait: by `stop` or `wake`
+        self._is_due = False  # a tick beside the rate has been requested
+        self._pages = WakingPages(loop, self)
         self._halting = threading.Lock()
         self._is_halted = False
         self._has_setup_failed = False  # its setup failed while a caller waited: reported there, and the node continues
@@ -123,6 +167,7 @@ class ThreadExecutor:
 
     def start(self) -> None:
         """Start the thread."""
+        self._pages.begin()
         self._thread.start()
 
     def _run(self) -> None:
@@ -152,6 +197,7 @@ class ThreadExecutor:
         self._stopping.wait(loop.first_tick_after_s)
         while True:
             self._waking.clear()  # before the checks below: a request from now on ends the wait
+            self._is_due = False
             if self._stopping.is_set():
                 return
             self.ticks += 1
@@ -160,7 +206,12 @@ class ThreadExecutor:
             deadline_s = deadline_s + self._period_s if loop.next_tick_at_s is None else loop.next_tick_at_s
             spare_s = deadline_s - clock.now_s()
             if spare_s > 0:
-                if self._waking.wait(min(spare_s, threading.TIMEOUT_MAX)):  # not sleep: stop() ends it at once
+                if not self._waking.wait(min(spare_s, threading.TIMEOUT_MAX)):  # not sleep: stop() ends it at once
+                    continue
+                if self._is_due:
+                    if loop.next_tick_at_s is None:
+                        deadline_s -= self._period_s  # as it was
+                else:
                     soonest_s = begun_s + _MIN_WAKE_PERIODS * self._period_s
                     self._stopping.wait(max(0.0, min(deadline_s, soonest_s) - clock.now_s()))
                     deadline_s = clock.now_s() + (_MAX_WAKE_WAIT_PERIODS - 1.0) * self._period_s
@@ -183,6 +234,11 @@ class ThreadExecutor:
         """Request the next tick now, or half a period after the last one."""
         self._waking.set()
 
+    def tick_now(self) -> None:
+        """Request a tick now; the next one is when it was due anyway."""
+        self._is_due = True
+        self._waking.set()
+
     def stop(self) -> None:
         """Request no more ticks, and end the wait for the next one."""
         if self._give_up_s is None and self._thread is not threading.current_thread():
@@ -193,6 +249,7 @@ class ThreadExecutor:
     def join(self) -> None:
         """Stop and wait for the thread; if it does not end in time, halt the loop from here and leave the thread."""
         self.stop()
+        self._pages.end()
         if self._thread.ident is None or self._give_up_s is None:
             return
         with suppress(KeyboardInterrupt):  # a second Ctrl-C: halt now

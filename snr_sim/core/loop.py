@@ -16,6 +16,7 @@ from snr_sim.core.factory import ComponentFactory, FactoryOfClass
 from snr_sim.core.thesis_members import LoopMembers
 from snr_sim.prelude.errors import ComponentFailedError, ParameterError, suggest
 from snr_sim.prelude.node_api import NodeApi
+from snr_sim.prelude.page import DataKey
 from snr_sim.prelude.renamed import warn_renamed
 from snr_sim.prelude.task import SomeTasks, TaskHandlerMap
 
@@ -39,6 +40,9 @@ class LoopExecutor(Protocol):
 
     def wake(self) -> None:
         """Request the next call now; no effect in lock step and in a process."""
+
+    def tick_now(self) -> None:
+        """Request a call at once, beside those at the loop's rate."""
 
     def stop(self) -> None:
         """Request no more calls; return at once."""
@@ -114,6 +118,9 @@ class Loop(LoopMembers, NodeComponent):
     # Node time of the next `loop`, for a loop that is not periodic; it sets a new value in each `loop`. A time in the
     # past means at once.
     next_tick_at_s: float | None = None
+    # Keys of pages after which `loop` is called at once, beside its rate: in lock step at the same moment, when
+    # everything else at that moment is done.
+    wakes_on: tuple[DataKey, ...] = ()
 
     factory: FactoryOfClass = FactoryOfClass(LoopFactory)
 

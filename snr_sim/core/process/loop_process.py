@@ -10,6 +10,7 @@ import logging
 import signal
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import astuple
 from multiprocessing.connection import Connection
 from types import FrameType
@@ -66,6 +67,8 @@ def run(line: Connection) -> None:
     messages.send("ready")
     life.wait_until(life.may_go)
     if not life.is_ending.is_set():
+        for key in loop.wakes_on:
+            pages.request(key, executor.tick_now)
         loop.begin_with(executor)
         life.wait_until(life.is_ending, lambda: send_counts(messages, node, executor))
     finish(node, loop, executor, messages)
@@ -152,15 +155,25 @@ class RemoteDatastore(Datastore):
         super().__init__()
         self._messages = messages
         self._requests: dict[DataKey, threading.Event] = {}
+        self._wakes: dict[DataKey, Callable[[], None]] = {}
+
+    def request(self, key: DataKey, wake: Callable[[], None]) -> None:
+        """Request each page of a key, and call `wake` when one has arrived."""
+        self._wakes[key] = wake
+        self._watch(key)
+
+    def _watch(self, key: DataKey) -> threading.Event:
+        has_arrived = self._requests.get(key)
+        if has_arrived is None:
+            has_arrived = self._requests[key] = threading.Event()
+            self._messages.send("watch", key)
+        return has_arrived
 
     def get(self, key: object) -> Page | None:
         """Return the newest page of the key, or None; the first call waits for the node's reply."""
         if not isinstance(key, str):
             return None  # not a valid key
-        has_arrived = self._requests.get(key)
-        if has_arrived is None:
-            has_arrived = self._requests[key] = threading.Event()
-            self._messages.send("watch", key)
+        has_arrived = self._watch(key)
         if not has_arrived.is_set():
             has_arrived.wait()
         return self.pages.get(key)
@@ -170,6 +183,8 @@ class RemoteDatastore(Datastore):
         if page is not None:
             self.pages[key] = page
         self._requests[key].set()
+        if page is not None and key in self._wakes:
+            self._wakes[key]()
 
 
 class LoopNode(Node):

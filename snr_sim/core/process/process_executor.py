@@ -78,6 +78,9 @@ class ProcessExecutor:
     def wake(self) -> None:
         """Do nothing: pages are sent to the process anyway, and its next tick is when it is due."""
 
+    def tick_now(self) -> None:
+        """Do nothing: the page itself wakes the loop in its process."""
+
     def _send_page(self, key: DataKey) -> None:
         assert self._child is not None
         if key in self._changed:

@@ -308,6 +308,9 @@ class RemoteLoopFactory(LoopFactory):
         return RemoteLoop(self, parent, self.remote.make(self._number, parent))
 
 
+MAX_WAKES = 100  # of the pages that a loop says it is woken by
+
+
 class RemoteLoop(Loop):
     """Proxy of a loop of the student's: the grader's clock determines its ticks."""
 
@@ -319,6 +322,7 @@ class RemoteLoop(Loop):
         super().__init__(factory, parent, made.name, made.rate_hz)
         self.first_tick_after_s: float = made.first_s
         self.next_tick_at_s = made.next_s
+        self.wakes_on = tuple(made.wakes_on[:MAX_WAKES])
 
     def setup(self) -> None:
         """Have the student's `setup` called."""
