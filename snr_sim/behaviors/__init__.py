@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from snr_sim.behaviors.endpoint import StepLoopFactory as StepLoopFactory
     from snr_sim.behaviors.endpoint import machine_parts as machine_parts
     from snr_sim.behaviors.export import draw as draw
+    from snr_sim.behaviors.imports import action as action
     from snr_sim.behaviors.interpreter import Change as Change
     from snr_sim.behaviors.interpreter import Interpreter as Interpreter
     from snr_sim.behaviors.interpreter import MachineContext as MachineContext

@@ -41,8 +41,8 @@ _ALLOWED_WAY = {
     ast.While: "repeat it in each step of the state: (running [...]).",
     ast.Lambda: "write it as (def name argument [expression]).",
     ast.FunctionDef: "write it as (def name argument [expression]).",
-    ast.Import: "`math` is there already; functions of a Python file are not part of LRP yet.",
-    ast.ImportFrom: "`math` is there already; functions of a Python file are not part of LRP yet.",
+    ast.Import: '`math` is there already; functions of a Python file: (actions "file.py").',
+    ast.ImportFrom: '`math` is there already; functions of a Python file: (actions "file.py").',
     ast.Try: "a block that fails is noted, and the machine continues.",
     ast.Dict: "use several variables, or a tuple.",
     ast.Set: "use a tuple: the order of a set differs between runs.",
@@ -56,9 +56,13 @@ class BlockChecker:
     """Finds what a block may not contain; `shift` of a column is what was cut off before its line was parsed."""
 
     def __init__(
-        self, variables: frozenset[str], definitions: Mapping[str, Any], parts: Mapping[str, set[str]] | None
+        self,
+        variables: frozenset[str],
+        definitions: Mapping[str, Any],
+        parts: Mapping[str, set[str]] | None,
+        actions: frozenset[str] = frozenset(),
     ) -> None:
-        self.variables, self.definitions, self.parts = variables, definitions, parts
+        self.variables, self.definitions, self.parts, self.actions = variables, definitions, parts, actions
         self.problems: list[Found] = []
         self._shifts: tuple[int, int] = (0, 0)  # of the first line, and of the others
         self._local_names: set[str] = set()
@@ -119,7 +123,8 @@ class BlockChecker:
                 return parsed
         assert failure is not None
         at = self._at(failure.lineno or 1, (failure.offset or 1) - 1)
-        self._add(*at, at[0], at[1] + 1, f"Python: {failure.msg}.", "")
+        fix = "this is an expression: one value, no statements." if kind == "condition" else ""
+        self._add(*at, at[0], at[1] + 1, f"Python: {failure.msg.rstrip('?.')}.", fix)
         return None
 
     @staticmethod
@@ -176,7 +181,7 @@ class BlockChecker:
                 self._check_target(one)
         elif not isinstance(node, ast.Name):
             self._report(node, "Only variables can be assigned.", "name = value; for a part, robot.part.start(value).")
-        elif node.id.startswith("_") or node.id in (*_SPECIAL, *FUNCTIONS, *self.definitions):
+        elif node.id.startswith("_") or node.id in (*_SPECIAL, *FUNCTIONS, *self.definitions, *self.actions):
             self._report(node, f"'{node.id}' cannot be assigned.", "choose another name.")
 
     def _check(self, node: ast.expr) -> None:
@@ -225,7 +230,7 @@ class BlockChecker:
         if name in ("robot", "math"):
             self._report(node, f"'{name}' alone is not a value.", f"name what of it: {name}.NAME.")
             return
-        if name in _SPECIAL:
+        if name in _SPECIAL or name in self.actions:
             self._report(node, f"'{name}' must be called.", f"{name}(...).")
             return
         known = {*self.variables, *self._local_names, *self.definitions, *FUNCTIONS, *_SPECIAL}
@@ -263,8 +268,8 @@ class BlockChecker:
                 expected_count = len(self.definitions[function.id])
                 if len(node.args) != expected_count:
                     self._report(node, f"'{function.id}' takes {expected_count} values, and is given {len(node.args)}.")
-            elif function.id not in FUNCTIONS and function.id not in ("random", "log", "range", "round"):
-                known = {*FUNCTIONS, "random", "log", "range", "round", *self.definitions}
+            elif function.id not in (*FUNCTIONS, *self.actions, "random", "log", "range", "round"):
+                known = {*FUNCTIONS, "random", "log", "range", "round", *self.definitions, *self.actions}
                 self._report(function, f"'{function.id}' cannot be called.", suggest(function.id, known))
         else:
             self._report(function, "Only names, parts of the robot and math can be called.")

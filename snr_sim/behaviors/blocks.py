@@ -10,7 +10,7 @@ from __future__ import annotations
 import ast
 import warnings
 from collections.abc import Callable, Container, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, TypeAlias
 
@@ -30,11 +30,13 @@ class Scope:
         variables: of the program, as seen from the block: the key of each by its name.
         definitions: helpers by name; each may call those before it.
         parts: of the robot: names of the functions of each; None if any part may be named.
+        actions: functions of a Python file, by name.
     """
 
     variables: Mapping[str, str]
     definitions: Mapping[str, Definition]
     parts: Mapping[str, frozenset[str]] | None
+    actions: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
 
 
 def compile_block(text: str, place: Place, kind: Kind, scope: Scope) -> tuple[Block | None, list[Problem]]:
@@ -46,6 +48,7 @@ def compile_block(text: str, place: Place, kind: Kind, scope: Scope) -> tuple[Bl
         tuple(sorted(scope.variables.items())),
         tuple(scope.definitions.items()),
         None if scope.parts is None else tuple((name, tuple(sorted(one))) for name, one in sorted(scope.parts.items())),
+        tuple(scope.actions.items()),
     )
     problems = [
         Problem(Place(place.line + line, column, place.line + end_line, end_column), message, fix, is_error)
@@ -71,23 +74,30 @@ def _compile(
     variables: tuple[tuple[str, str], ...],
     definitions: tuple[tuple[str, Definition], ...],
     parts: tuple[tuple[str, tuple[str, ...]], ...] | None,
+    actions: tuple[tuple[str, Callable[..., Any]], ...],
 ) -> _Compiled:
     """Compile a text once for all places where it means the same; lines of problems count from its first one."""
     arguments = {name: given for name, (given, _, _) in definitions}
     known = None if parts is None else {name: set(verbs) for name, verbs in parts}
-    checker = BlockChecker(frozenset(dict(variables)), arguments, known)
+    checker = BlockChecker(frozenset(dict(variables)), arguments, known, frozenset(dict(actions)))
     tree = checker.parse(text, column, kind)
     if tree is None or checker.has_errors:
         return _Compiled(None, tuple(checker.problems))
     drives = frozenset(part for part, verb in checker.called if verb in ("start", "stop"))
-    return _Compiled(_make(tree, dict(variables), definitions), tuple(checker.problems), drives)
+    return _Compiled(_make(tree, dict(variables), definitions, dict(actions)), tuple(checker.problems), drives)
 
 
 class _Rewriter(ast.NodeTransformer):
     """Replaces variables by places in a list, and what could take long by calls that count it."""
 
-    def __init__(self, variables: Mapping[str, str], definitions: frozenset[str], places: dict[str, str]) -> None:
-        self.variables, self.definitions = variables, definitions
+    def __init__(
+        self,
+        variables: Mapping[str, str],
+        definitions: frozenset[str],
+        places: dict[str, str],
+        actions: Container[str],
+    ) -> None:
+        self.variables, self.definitions, self.actions = variables, definitions, actions
         self.places = places  # name of the index of each variable that is used, by key
         self.calls: set[tuple[str, str]] = set()  # functions of parts that are used
         self.is_counting = False
@@ -218,6 +228,8 @@ class _Rewriter(ast.NodeTransformer):
             return ast.Call(_attribute(function.id), arguments, [])
         if function.id in self.definitions:
             return _helper(f"_def_{function.id}", ast.Name("_m", ast.Load()), *arguments)
+        if function.id in self.actions:
+            return _helper(f"_act_{function.id}", *arguments)
         if function.id in ("abs", "bool", "float", "len"):  # take no longer for what is large
             return ast.Call(function, arguments, [])
         self.is_counting = True
@@ -244,12 +256,15 @@ def _is_number_or_reading(node: ast.expr) -> bool:
 
 
 def _make(
-    tree: Tree, variables: Mapping[str, str], definitions: tuple[tuple[str, Definition], ...]
+    tree: Tree,
+    variables: Mapping[str, str],
+    definitions: tuple[tuple[str, Definition], ...],
+    actions: Mapping[str, Callable[..., Any]],
 ) -> Callable[[Bindings], Callable[[Any], Any]]:
     """Return what binds a block to its place: `make(_v, _robot, indices)` returns the function of the context `_m`."""
     names = frozenset(name for name, _ in definitions)
     places = dict[str, str]()
-    rewriter = _Rewriter(variables, names, places)
+    rewriter = _Rewriter(variables, names, places, actions)
     used = _called(tree, names)
     body: list[ast.stmt]
     if isinstance(tree, ast.Expression):
@@ -261,7 +276,7 @@ def _make(
         if name in used:
             expression = ast.parse(f"({text}\n)", mode="eval").body
             used |= _called(expression, names)
-            inner = _Rewriter({key: place for key, place in seen if key not in given}, names, places)
+            inner = _Rewriter({key: place for key, place in seen if key not in given}, names, places, actions)
             made = ast.Return(inner.visit(expression))
             helpers.insert(0, _function(f"_def_{name}", ["_m", *given], [made]))
             rewriter.calls |= inner.calls
@@ -273,7 +288,8 @@ def _make(
     result = ast.Return(ast.Name("block", ast.Load()))
     outer = _function("make", ["_v", "_robot", *places.values()], [*prepared, *helpers, block, result])
     module = ast.fix_missing_locations(ast.Module([outer], []))
-    known: dict[str, Any] = {**FUNCTIONS, **HELPERS, "__builtins__": {}}
+    called = {f"_act_{name}": function for name, function in actions.items()}
+    known: dict[str, Any] = {**FUNCTIONS, **HELPERS, **called, "__builtins__": {}}
     with warnings.catch_warnings():  # such as of (-1)[0], which fails when it is executed
         warnings.simplefilter("ignore")
         code = compile(module, "<block>", "exec")

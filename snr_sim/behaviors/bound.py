@@ -10,7 +10,17 @@ from typing import Any
 
 from snr_sim.behaviors.bridge import Robot
 from snr_sim.behaviors.context import Variables, plain_value
-from snr_sim.behaviors.program import Bindings, Block, MachineDef, Program, Spawn, StateDef, Transition, with_names
+from snr_sim.behaviors.program import (
+    Bindings,
+    Block,
+    MachineDef,
+    Program,
+    Rule,
+    Spawn,
+    StateDef,
+    Transition,
+    with_names,
+)
 
 
 class BoundBlock:
@@ -97,6 +107,7 @@ class BoundProgram:
         first_values: with which the variables began, by path.
         machines: by path, whether they run or not.
         top: those that are spawned at the top, each with its initial state.
+        rules: what is looked at after each step, with its condition.
     """
 
     def __init__(self, program: Program, robot: Robot | None) -> None:
@@ -111,6 +122,10 @@ class BoundProgram:
         ]
         for one in self.machines.values():
             _add_rows(one)
+        bindings = Bindings(self.slots, index, robot)
+        self.rules: list[tuple[Rule, Callable[[Any], Any] | None]] = [
+            (rule, None if rule.condition is None else rule.condition.bind(bindings)) for rule in program.rules
+        ]
 
     def _declare(self, values: Mapping[str, Any], above: str, seen: Mapping[str, int]) -> dict[str, int]:
         """Add variables; return the places of all that are seen then."""

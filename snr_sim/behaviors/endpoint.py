@@ -7,7 +7,7 @@ others --> events that are signals'                   `--> event "<name>.transit
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -118,7 +118,7 @@ class MachineFactory(EndpointFactory):
         return MachineEndpoint(self, parent, self.name)
 
 
-EVENTS = ("transition", "log", "step", "set", "pause", "go", "edit")  # that no other component needs
+EVENTS = ("transition", "log", "step", "set", "pause", "go", "edit", "edit_file")  # that no other component needs
 
 
 class MachineEndpoint(Endpoint):
@@ -130,8 +130,12 @@ class MachineEndpoint(Endpoint):
 
         <name>.set [path, value]    sets a variable, such as "mission.gate"
         <name>.pause, <name>.go     between them it takes no step, and its time stands still; signals are ignored
-        <name>.edit [text, sha256]  continues with another program in LRP; the digest, if given, is that of the program
-                                    which was edited, and the edit is refused if it is another one by now
+        <name>.edit [text, sha256, files]
+                                    continues with another program in LRP; the digest, if given, is that of the program
+                                    which was edited, and the edit is refused if it is another one by now; `files` are
+                                    the texts of the programs that it imports, if they are not those of before
+        <name>.edit_file [text, file]
+                                    continues with another text of a file that is imported
 
     An edit is answered by the page "<name>.edited": `ok`, `program` (how many there have been), `sha256`, `problems`,
     `notes`, and the machines that were `kept`, `restarted` and `stopped`. A text with mistakes changes nothing.
@@ -151,7 +155,8 @@ class MachineEndpoint(Endpoint):
         self.optional_events = [f"{name}.{what}" for what in EVENTS]
         self._last: Change | None = None
         if factory.path is not None:
-            self.watched_texts = {factory.path: f"{name}.edit"}
+            imported = {factory.path.parent / file: (f"{name}.edit_file", file) for file in factory.program.files}
+            self.watched_texts = {factory.path: (f"{name}.edit",), **imported}
         self._set_handlers()
 
     def _set_handlers(self) -> None:
@@ -165,6 +170,7 @@ class MachineEndpoint(Endpoint):
             (TaskType.event, f"{name}.pause"): self.on_pause,
             (TaskType.event, f"{name}.go"): self.on_go,
             (TaskType.event, f"{name}.edit"): self.on_edit,
+            (TaskType.event, f"{name}.edit_file"): self.on_edit_file,
         }
         self.task_handlers = handlers
 
@@ -177,6 +183,8 @@ class MachineEndpoint(Endpoint):
         for one in program.warnings:
             self.parent.add_note(f"Machine '{self.name}': {one.message}")
         self.parent.record_text(self.name, "PROGRAM", program.text)
+        for file, text in program.files.items():
+            self.parent.record_text(f"{self.name} {file}", "PROGRAM", text)
         self.schedule(self._results(self.interpreter.spawn(self._now_ns())))
 
     def halt(self) -> None:
@@ -241,15 +249,29 @@ class MachineEndpoint(Endpoint):
 
     def on_edit(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Continue with another text, if it is a program."""
-        text, base = (*task.val_list, "", "")[:2]
+        text, base, files = (*task.val_list, *("", "", None)[len(task.val_list) :])[:3]
         now = self.interpreter.program
-        if not isinstance(text, str) or not isinstance(base, str):
+        files = now.files if files is None else files
+        if not isinstance(text, str) or not isinstance(base, str) or not _are_texts(files):
             return self._edited([Problem(Place(), "The edit is not text.", f"{task.name} [text, sha256].")])
         if base not in ("", now.sha256):
             return self._edited([Problem(Place(), "Another edit came first.", "edit the present text.")], text=now.text)
+        return self._continue_with(text, files)
+
+    def on_edit_file(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Continue with another text of a file that the program imports."""
+        text, file = (*task.val_list, "", "")[:2]
+        now = self.interpreter.program
+        if not isinstance(text, str) or file not in now.files:
+            return self._edited(
+                [Problem(Place(), f"The program imports no file {file!r:.80}.", f"{task.name} [text, file].")]
+            )
+        return self._continue_with(now.text, {**now.files, file: text})
+
+    def _continue_with(self, text: str, files: Mapping[str, str]) -> SomeTasks:
         bridge = self.factory.bridge
         try:
-            program = parse(text, {} if bridge is None else bridge.parts)
+            program = parse(text, {} if bridge is None else bridge.parts, files, self.factory.program.actions)
         except ProgramError as error:
             return self._edited(error.problems)
         edited, changes = self.interpreter.edit(program, self._now_ns())
@@ -288,6 +310,9 @@ class MachineEndpoint(Endpoint):
         for function, output in interpreter.outputs:
             found += as_tasks(output, self, function)
         found += [tasks.event(f"{self.name}.log", [text]) for text in interpreter.context.logged]
+        if interpreter.breaks:
+            self.log.info("%s: paused by (break ...) in line %s.", self.name, interpreter.breaks[0])
+            found.append(tasks.event(f"{self.name}.pause"))
         if changes:
             self._last = changes[-1]
             found += [tasks.event(self._transition, [msgspec.structs.asdict(one)]) for one in changes]
@@ -311,3 +336,7 @@ class MachineEndpoint(Endpoint):
             "ignored": sum(interpreter.ignored.values()),
             "is_paused": self.is_paused,
         }
+
+
+def _are_texts(files: object) -> bool:
+    return isinstance(files, Mapping) and all(isinstance(text, str) for row in files.items() for text in row)

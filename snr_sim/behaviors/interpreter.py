@@ -168,7 +168,9 @@ class Interpreter:
         outputs: what the blocks of the last step returned other than None, each after its function, in order.
         left, entered: (path, state, time in it [ns]) and (path, state) of the last step.
         ignored: number of signals that no active state waits for, by name.
-        problems: exceptions in blocks, by block; with `on_error` 'fail' they are raised instead.
+        problems: exceptions in blocks, by block; with `on_error` 'fail' they are raised instead. Also a rule of the
+            program that does not hold.
+        breaks: lines of the program by which the last step is to be followed by a pause.
     """
 
     def __init__(
@@ -194,6 +196,8 @@ class Interpreter:
         self.entered: list[tuple[str, str]] = []
         self.ignored: dict[str, int] = {}
         self.problems: dict[tuple[int, str], RunProblem] = {}
+        self.breaks: list[int] = []
+        self._violated: set[int] = set()  # lines of rules that did not hold after the last step
         self._changes: list[Change] = []
         self._failed: list[BoundMachine] = []
         self._is_answered = False
@@ -212,6 +216,7 @@ class Interpreter:
                 self._running.append(machine)
                 self._spawn(machine, initial)
         self._stop_failed()
+        self._check_rules()
         return self._changes
 
     def step(self, now_ns: int, signal: str | None = None, values: Sequence[Any] = ()) -> list[Change]:
@@ -232,6 +237,8 @@ class Interpreter:
             self.ignored[signal] = self.ignored.get(signal, 0) + 1
         if self._failed:
             self._stop_failed()
+        if self._bound.rules:
+            self._check_rules()
         return self._changes
 
     def _begin(self, now_ns: int, values: Sequence[Any]) -> None:
@@ -246,12 +253,39 @@ class Interpreter:
             self.outputs = []
         if self.entered:
             self.left, self.entered = [], []
+        if self.breaks:
+            self.breaks = []
 
     def _stop_failed(self) -> None:
         while self._failed:
             machine = self._failed.pop()
             if machine.state is not None:
                 self._stop(machine)
+
+    def _check_rules(self) -> None:
+        """Note what must always hold and does not, once each time that it begins; find the states to pause in."""
+        if not self._running:
+            return
+        entered = {state for _, state in self.entered}
+        for rule, holds in self._bound.rules:
+            if rule.kind == "break" and rule.name not in entered:
+                continue
+            self.context.machine = self._running[0]
+            try:
+                is_true = holds is None or bool(holds(self.context))
+            except Exception as error:
+                assert rule.condition is not None
+                self._report(self._running[0], rule.condition, error)
+                continue
+            line = rule.place.line
+            if rule.kind == "break":
+                if is_true:
+                    self.breaks.append(line)
+            elif is_true:
+                self._violated.discard(line)
+            elif line not in self._violated:
+                self._violated.add(line)
+                self._add_problem(self._running[0], line, rule.name, "it must always hold, and does not.")
 
     # -- one step -----------------------------------------------------------------------------------------------------
 
@@ -483,6 +517,8 @@ class Interpreter:
                 self._running.append(machine)
                 self._spawn(machine, initial)
         self._stop_failed()
+        self._violated = set()
+        self._check_rules()
         edited = Edited(
             [after.path for _, after, _ in made.kept],
             [after.path for _, after, _ in made.restarted],

@@ -1,6 +1,6 @@
 """LRP, the live programming language: forms to a program. Names are resolved, blocks compiled, mistakes collected.
 
-    program    := { var | def | machine | spawn | onerror }
+    program    := { var | def | machine | spawn | onerror | always | break | import | export | actions }
     var        := "(" "var" NAME ":=" expr ")"                            in a program or a machine
     def        := "(" "def" NAME { NAME } expr ")"                        a helper without side effects
     machine    := "(" "machine" NAME { var | def | state | event | transition } ")"
@@ -14,6 +14,11 @@
     source     := NAME | "*"
     spawn      := "(" "spawn" NAME NAME ")"
     onerror    := "(" "onerror" ( "go_on" | "stop" | "fail" ) ")"
+    always     := "(" "always" [ NAME ] expr ")"                          must hold after every step
+    break      := "(" "break" NAME [ expr ] ")"                           pauses when state NAME is entered
+    import     := "(" "import" STRING ")"                                 what another program beside this one exports
+    export     := "(" "export" NAME ")"                                   a var, def or machine of the program's top
+    actions    := "(" "actions" STRING ")"                                marked functions of a Python file beside it
     expr, block := "[" Python "]"                                         see blocks.py
 
 Source: Fabry and Campusano, "Live Programming the Lego Mindstorms" (IWST 2014); where it is silent, the choices are
@@ -23,7 +28,7 @@ ours.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -31,6 +36,7 @@ from typing import Any
 from snr_sim.behaviors.blocks import Definition, Scope, compile_block
 from snr_sim.behaviors.checks import problems_of
 from snr_sim.behaviors.context import plain_value
+from snr_sim.behaviors.imports import Actions, why_not
 from snr_sim.behaviors.program import (
     ANY,
     Bindings,
@@ -42,6 +48,7 @@ from snr_sim.behaviors.program import (
     Problem,
     Program,
     ProgramError,
+    Rule,
     Spawn,
     StateDef,
     Transition,
@@ -53,7 +60,7 @@ NS_PER_MS = 1_000_000
 MAX_STATES = 10_000
 Parts = Mapping[str, frozenset[str]]
 
-_TOP = ("var", "def", "machine", "spawn", "onerror")
+_TOP = ("var", "def", "machine", "spawn", "onerror", "always", "break", "import", "export", "actions")
 _IN_MACHINE = ("var", "def", "state", "event", "on", "ontime", "eps", "exit")
 _IN_STATE = ("onentry", "running", "onexit", "machine")
 _ON_ERROR = ("go_on", "stop", "fail")
@@ -63,22 +70,29 @@ _SHAPES = {
     "event": "(event NAME) or (event NAME [condition])", "on": "(on EVENT STATE -> STATE)",
     "ontime": "(ontime MILLISECONDS STATE -> STATE)", "eps": "(eps STATE -> STATE)",
     "exit": "(exit EVENT STATE -> STATE)", "onentry": "(onentry [statements]) or (onentry (spawn MACHINE STATE))",
-    "running": "(running [statements])", "onexit": "(onexit [statements])",
+    "running": "(running [statements])", "onexit": "(onexit [statements])", "always": "(always NAME [condition])",
+    "break": "(break STATE) or (break STATE [condition])", "import": '(import "file.lrp")', "export": "(export NAME)",
+    "actions": '(actions "file.py")',
 }  # fmt: skip
 
 
-def parse(text: str, parts: Parts | None = None) -> Program:
+def parse(
+    text: str, parts: Parts | None = None, files: Mapping[str, str] | None = None, actions: Actions | None = None
+) -> Program:
     """Return the program of a text.
 
     Args:
         text: of the whole program.
         parts: of the robot: the names of the functions of each; if none are given, any part may be named.
+        files: texts of the programs that it imports, by the names of their files.
+        actions: functions of the Python files that it names, by file and name.
 
     Raises:
         ProgramError: it has mistakes, all of which are in `problems`.
     """
     known = None if parts is None else tuple(sorted((name, tuple(sorted(one))) for name, one in parts.items()))
-    program, problems = _parse(text, known)
+    functions = tuple((file, tuple(one.items())) for file, one in (actions or {}).items())
+    program, problems = _parse(text, known, tuple((files or {}).items()), functions)
     if program is None:
         raise ProgramError(list(problems))
     return program
@@ -86,11 +100,15 @@ def parse(text: str, parts: Parts | None = None) -> Program:
 
 @lru_cache(maxsize=64)
 def _parse(
-    text: str, parts: tuple[tuple[str, tuple[str, ...]], ...] | None
+    text: str,
+    parts: tuple[tuple[str, tuple[str, ...]], ...] | None,
+    files: tuple[tuple[str, str], ...],
+    actions: tuple[tuple[str, tuple[tuple[str, Callable[..., Any]], ...]], ...],
 ) -> tuple[Program | None, tuple[Problem, ...]]:
     forms, problems = read(text)
     known = None if parts is None else {name: frozenset(verbs) for name, verbs in parts}
-    language = _Language(known, problems)
+    others = _Others(dict(files), {file: dict(functions) for file, functions in actions})
+    language = _Language(known, problems, others)
     program = language.program(text, forms)
     found = language.problems
     if not any(one.is_error for one in found):
@@ -138,6 +156,23 @@ class _Event:
     is_used: bool = False
 
 
+@dataclass
+class _Others:
+    """What a program takes from other files.
+
+    Args:
+        files: texts by name.
+        actions: functions by file and name.
+        used: names of the files that have been read, with what their top names.
+        inside: those that are being read, the outermost first.
+    """
+
+    files: Mapping[str, str]
+    actions: Actions
+    used: dict[str, _Names] = field(default_factory=dict)
+    inside: list[str] = field(default_factory=list)
+
+
 class _FormError(Exception):
     """A form cannot be used; the problem is noted."""
 
@@ -145,20 +180,20 @@ class _FormError(Exception):
 class _Language:
     """Makes definitions of forms, and continues after a mistake."""
 
-    def __init__(self, parts: Parts | None, problems: list[Problem]) -> None:
+    def __init__(self, parts: Parts | None, problems: list[Problem], others: _Others, prefix: str = "") -> None:
         self.problems: list[Problem] = list(problems)
         self._parts = parts
+        self._others = others
+        self._prefix = prefix  # of the keys of the variables at the top
+        self._actions: dict[str, Callable[..., Any]] = {}
         self._inside: list[_Machine] = []  # machines that are being made, outermost first
+        self._made_machines: list[MachineDef] = []
         self._states = 0
         self._on_error: OnError = "go_on"
 
     def program(self, text: str, forms: list[Form]) -> Program:
         """Return the program of all forms; with problems it may lack parts."""
-        known = [form for form in forms if self._word(form, _TOP, "a program")]
-        names = self._with_variables(known, _Names(), "")
-        names = replace(names, machines=self._machines(known))
-        for one in names.machines.values():
-            one.names = names
+        known, names = self._top(forms)
         spawns = []
         for form in known:
             if _first(form) == "spawn":
@@ -167,10 +202,100 @@ class _Language:
                 self._tried(self._set_on_error, form)
         for one in names.machines.values():  # those that are not spawned are checked, too
             self._tried(self._machine, one)
+        rules = [
+            rule
+            for form in known
+            if _first(form) in ("always", "break")
+            for rule in self._tried(self._rule, form, names)
+        ]
         if not spawns and not self.problems:
             self._add(Place(1, 1, 1, 1), "No machine is spawned.", "(spawn MACHINE STATE) at the end.", is_error=False)
-        digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
-        return Program(text, digest, tuple(spawns), self._on_error, (), dict(names.values))
+        files = {name: self._others.files[name] for name in sorted(self._others.used)}
+        whole = "\0".join([text, *(part for row in files.items() for part in row)])
+        return Program(
+            text,
+            hashlib.sha256(whole.encode("utf-8", "surrogatepass")).hexdigest(),
+            tuple(spawns),
+            self._on_error,
+            (),
+            dict(names.values),
+            tuple(rules),
+            files,
+            self._others.actions,
+        )
+
+    # -- other files --------------------------------------------------------------------------------------------------
+
+    def _top(self, forms: list[Form]) -> tuple[list[Form], _Names]:
+        """Return the forms of a program, and what can be named at its top."""
+        known = [form for form in forms if self._word(form, _TOP, "a program")]
+        names = _Names()
+        for form in known:
+            if _first(form) == "actions":
+                self._tried(self._take_actions, form)
+            elif _first(form) == "import":
+                for found in self._tried(self._imported, form):
+                    names = _merged(names, found)
+        taken = names.machines
+        names = self._with_variables(known, names, "")
+        own = self._machines(known)
+        names = replace(names, machines={**taken, **own})
+        for one in own.values():
+            one.names = names
+        return known, names
+
+    def exports(self, forms: list[Form]) -> _Names:
+        """Return what a file that is imported exports; what it does at its top otherwise is of no effect."""
+        known, names = self._top(forms)
+        for one in names.machines.values():
+            self._tried(self._machine, one)
+        exported = [form for form in known if _first(form) == "export"]
+        wanted = {self._name(form, 1): form for form in exported for _ in self._tried(self._name, form, 1)}
+        tables: tuple[Mapping[str, Any], ...] = (names.variables, names.definitions, names.machines)
+        for name, form in wanted.items():
+            if not any(name in table for table in tables):
+                have = sorted({one for table in tables for one in table})
+                self._add(form.items[1].place, f"There is no '{name}' to export.", suggest(name, have))
+        variables, definitions, machines = ({key: one[key] for key in one if key in wanted} for one in tables)
+        return _Names(variables, names.values, definitions, machines)
+
+    def _file(self, form: Form, suffix: str) -> str:
+        """Return the name of the file in a form."""
+        item = form.items[1] if len(form.items) == 2 else None
+        if not isinstance(item, Text):
+            raise self._shape(form)
+        if wrong := why_not(item.text, suffix):
+            raise self._failed(
+                item.place, f"'{item.text}' cannot be used here: {wrong}.", f"a {suffix} file beside it."
+            )
+        return item.text
+
+    def _imported(self, form: Form) -> _Names:
+        name, others = self._file(form, ".lrp"), self._others
+        if name in others.inside:
+            raise self._failed(form.place, f"'{name}' imports itself.", "leave one of the imports out.")
+        if name not in others.files:
+            raise self._failed(
+                form.place, f"There is no file '{name}' beside the program.", suggest(name, others.files)
+            )
+        if name not in others.used:
+            forms, problems = read(others.files[name])
+            language = _Language(self._parts, problems, others, f"{name.removesuffix('.lrp')}:")
+            others.inside.append(name)
+            others.used[name] = language.exports(forms)
+            others.inside.pop()
+            for one in language.problems:
+                if one.is_error:
+                    self._add(form.place, f"{name}:{one.place.line}:{one.place.column}: {one.message}", one.fix)
+        return others.used[name]
+
+    def _take_actions(self, form: Form) -> None:
+        name = self._file(form, ".py")
+        if name not in self._others.actions:
+            known = self._others.actions
+            fix = suggest(name, known) if known else "a file beside the program; a new one counts from the next start."
+            raise self._failed(form.place, f"There are no actions of '{name}'.", fix)
+        self._actions |= self._others.actions[name]
 
     # -- names --------------------------------------------------------------------------------------------------------
 
@@ -210,7 +335,7 @@ class _Language:
         code = form.items[3]
         if not isinstance(code, Code):
             raise self._shape(form)
-        key = f"{scope}.{name}" if scope else name
+        key = f"{scope}.{name}" if scope else f"{self._prefix}{name}"
         value = self._initial(name, code, names)
         definitions = {one: given for one, given in names.definitions.items() if one != name}
         return replace(
@@ -222,7 +347,7 @@ class _Language:
 
     def _initial(self, name: str, code: Code, names: _Names) -> Any:
         """Return the value of an initialiser, which may name what is declared before it."""
-        scope = Scope(names.variables, names.definitions, {})
+        scope = Scope(names.variables, names.definitions, {}, self._actions)
         block, problems = compile_block(code.text, code.place, "condition", scope)
         self.problems += problems
         if block is None:
@@ -274,11 +399,29 @@ class _Language:
             raise self._failed(form.items[1].place, f"(onerror {word}) is not known.", suggest(word, _ON_ERROR))
         self._on_error = word  # type: ignore[assignment]
 
+    def _rule(self, form: Form, names: _Names) -> Rule:
+        kind, *items = _first(form), *form.items[1:]
+        word, code = (items[0], items[1]) if len(items) == 2 else (items[0], None) if len(items) == 1 else (None, None)
+        if kind == "always" and code is None:
+            word, code = None, word
+        is_complete = isinstance(code, Code) if kind == "always" else isinstance(word, Word)
+        if not is_complete or not isinstance(code, Code | None) or not isinstance(word, Word | None):
+            raise self._shape(form)
+        block = None if code is None else self._needed(self._block(code, "condition", names))
+        if kind == "always":
+            return Rule("always", code.text if word is None and code is not None else _text(word), block, form.place)
+        states = {one.name for machine in self._made_machines for one in machine.states}
+        if _text(word) not in states:
+            assert word is not None
+            raise self._failed(word.place, f"There is no state '{_text(word)}'.", suggest(_text(word), sorted(states)))
+        return Rule("break", _text(word), block, form.place)
+
     def _machine(self, machine: _Machine) -> MachineDef:
         if machine.made is None:
             self._inside.append(machine)
             try:
                 machine.made = self._made(machine)
+                self._made_machines.append(machine.made)
             finally:
                 self._inside.pop()
         return machine.made
@@ -287,7 +430,7 @@ class _Language:
         assert machine.names is not None
         name = self._name(machine.form, 1)
         forms = [one for one in self._forms(machine.form, 2) if self._word(one, _IN_MACHINE, "a machine")]
-        scope = f"{machine.form.place.line}:{machine.form.place.column}:{name}"
+        scope = f"{self._prefix}{machine.form.place.line}:{machine.form.place.column}:{name}"
         names = self._with_variables(forms, machine.names, scope)
         own = {key: value for key, value in names.values.items() if key not in machine.names.values}
         names = replace(names, values={**machine.names.values, **own})
@@ -439,7 +582,7 @@ class _Language:
         return replace(block, bind=in_ns)
 
     def _block(self, code: Code, kind: Any, names: _Names) -> Block | None:
-        scope = Scope(names.variables, names.definitions, self._parts)
+        scope = Scope(names.variables, names.definitions, self._parts, self._actions)
         block, problems = compile_block(code.text, code.place, kind, scope)
         self.problems += problems
         return block
@@ -514,11 +657,20 @@ class _Start:
         raise ParameterError("An initialiser cannot log.", fix="log in (onentry [...]).")
 
 
+def _merged(names: _Names, found: _Names) -> _Names:
+    return _Names(
+        {**names.variables, **found.variables},
+        {**names.values, **found.values},
+        {**names.definitions, **found.definitions},
+        {**names.machines, **found.machines},
+    )
+
+
 def _first(form: Form) -> str:
     return _text(form.items[0]) if form.items else ""
 
 
-def _text(item: Item) -> str:
+def _text(item: Item | None) -> str:
     return item.text if isinstance(item, (Word, Text)) else ""
 
 

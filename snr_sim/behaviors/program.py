@@ -171,6 +171,22 @@ class MachineDef:
 
 
 @dataclass(frozen=True)
+class Rule:
+    """What is looked at after each step.
+
+    Args:
+        kind: 'always' must hold; 'break' pauses the machines when a state is entered.
+        name: of the rule; of a break, of the state.
+        condition: must hold; of a break, for it to pause; None: it pauses always.
+    """
+
+    kind: Literal["always", "break"]
+    name: str
+    condition: Block | None
+    place: Place = Place()
+
+
+@dataclass(frozen=True)
 class Program:
     """Machines that run side by side.
 
@@ -181,6 +197,9 @@ class Program:
         on_error: what an exception in a block does: 'go_on' notes it; 'stop' ends its machine; 'fail' ends the node.
         warnings: what is doubtful.
         variables: initial values of those that all machines see, by name.
+        rules: what is looked at after each step.
+        files: texts of the programs that it imports, by the names of their files.
+        actions: functions of Python files that its blocks may call, by file and name.
     """
 
     text: str
@@ -189,6 +208,9 @@ class Program:
     on_error: OnError = "fail"
     warnings: tuple[Problem, ...] = ()
     variables: Mapping[str, Any] = field(default_factory=dict)
+    rules: tuple[Rule, ...] = ()
+    files: Mapping[str, str] = field(default_factory=dict, repr=False)
+    actions: Mapping[str, Mapping[str, Callable[..., Any]]] = field(default_factory=dict, repr=False)
 
     def walk(self) -> Iterator[tuple[str, Spawn]]:
         """Yield every machine with its path, such as "mission/lining_up/scan", outer ones first."""

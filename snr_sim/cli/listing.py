@@ -27,7 +27,7 @@ def listing(
     was found.
     """
     from snr_sim.core.source_location import short_path
-    from snr_sim.scenario.library import controllers, list_available
+    from snr_sim.scenario.library import controller_file, controllers, list_available
     from snr_sim.scenario.options import written_options
 
     if what and what not in _WHAT:
@@ -46,7 +46,7 @@ def listing(
                 if kind == "robots":
                     names = controllers(found)
                     row["controllers"] = ", ".join(names)
-                    files = [found.path / "robot.py", *(found.path / "controllers" / f"{one}.py" for one in names)]
+                    files = [found.path / "robot.py", *(controller_file(found, one) for one in names)]
                     row["options"] = {key: text for file in files for key, text in written_options(file).items()}
                 if kind == "scenarios":
                     row["engines"] = ", ".join(_engines(found))

@@ -15,23 +15,26 @@ if TYPE_CHECKING:
     from snr_sim.behaviors.bridge import Bridge
     from snr_sim.behaviors.program import Problem, Program
 
-_WHAT = ("draw", "check")
+_WHAT = ("draw", "check", "lag")
 _FORMATS = ("mermaid", "dot", "scxml", "text")
 
 
 def machine(
-    what: Annotated[str, typer.Argument(help="draw or check.")],
-    file: Annotated[str, typer.Argument(help="An LRP program, or a Python file in which machine(...) is called.")],
+    what: Annotated[str, typer.Argument(help="draw, check or lag.")],
+    file: Annotated[
+        str, typer.Argument(help="An LRP program, or a Python file in which machine(...) is called. Of lag: a run.")
+    ],
     name: Annotated[str, typer.Option(help="Which machine, if a Python file has several.")] = "",
     to: Annotated[str, typer.Option("--as", help="Of draw: mermaid, dot, scxml or text.")] = "mermaid",
     robot: Annotated[str, typer.Option(help="Of an LRP program: the robot whose parts it names.")] = "",
     as_json: AsJson = False,
 ) -> None:
-    """Draw or check the state machines of a file.
+    """Draw or check the state machines of a file, or tell how late those of a run were.
 
     draw prints a machine in a format that other programs draw: mermaid in an editor or on a web page, dot with
     Graphviz; scxml is W3C's format of state machines, and text a listing. check prints what is wrong with a program or
-    doubtful, with lines and columns.
+    doubtful, with lines and columns. lag prints how old readings were when machines decided, and how long commands
+    took.
 
     Exit status: 0; of check 1 if the program has mistakes.
     """
@@ -42,11 +45,34 @@ def machine(
     if what == "check":
         _check(file, name, robot, as_json)
         return
+    if what == "lag":
+        _lag(Path(file), as_json)
+        return
     if as_json:
         raise ParameterError("draw prints no JSON.", fix="leave out --json, or name the format: --as scxml.")
     from snr_sim.behaviors.export import draw
 
     print(draw(_program_in(file, name, robot), to), end="")  # type: ignore[arg-type]
+
+
+def _lag(run: Path, as_json: bool) -> None:
+    """Print the delays of a run."""
+    from snr_sim.cli.newest import trace_of
+    from snr_sim.scenario.machine_lag import lag_of
+
+    found = lag_of(trace_of(run))
+    if as_json:
+        print_json(found)
+        return
+    if not found["transitions"]:
+        print("no machine has changed its state in this run")
+        return
+    print("transitions  " + ", ".join(f"{machine}: {count}" for machine, count in found["transitions"].items()))
+    for what, text in (("readings", "age at a transition"), ("commands", "until applied")):
+        for key, row in found[what].items():
+            print(f"{key:<12} {text}: mean {1000 * row['mean_s']:.0f} ms, most {1000 * row['most_s']:.0f} ms")
+    if not found["commands"]:
+        print("commands: the robot's devices apply them at their next tick")
 
 
 def _check(file: str, name: str, robot: str, as_json: bool) -> None:
@@ -79,7 +105,7 @@ def _row(problem: Problem) -> dict[str, Any]:
 
 def _program_in(file: str, name: str, robot: str) -> Program:
     """Return the program of a file."""
-    from snr_sim.scenario.library import LRP
+    from snr_sim.scenario.library import LRP, load_program
 
     if Path(file).suffix != LRP:
         return _python_program(file, name)
@@ -87,7 +113,7 @@ def _program_in(file: str, name: str, robot: str) -> Program:
 
     if not Path(file).is_file():
         raise UnknownNameError(f"There is no file '{file}'.", fix="name an LRP program: snr machine draw landing.lrp.")
-    return read_program(Path(file), _bridge(robot) if robot else None)
+    return read_program(Path(file), load_program, _bridge(robot) if robot else None)
 
 
 def _bridge(robot: str) -> Bridge:

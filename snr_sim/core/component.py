@@ -42,8 +42,9 @@ class NodeComponent(ComponentMembers):
     # Whether a reload of all components includes it. False for a console, whose connection carries the reply.
     is_reloaded_with_all: ClassVar[bool] = True
 
-    # Files whose text the component takes by an event of this name, when they are saved while `--watch` reads them.
-    watched_texts: Mapping[Path, str] = {}
+    # Files whose text the component takes by an event, when they are saved while `--watch` reads them: the name of the
+    # event, and the values that follow the text in it.
+    watched_texts: Mapping[Path, tuple[str, ...]] = {}
 
     # On the class: makes a factory, `Gentle.factory(name="gentle", hover=0.3)`. On a component: the factory it is from.
     factory: FactoryOfClass = FactoryOfClass(ComponentFactory)

@@ -26,7 +26,7 @@ from pathlib import Path
 
 import msgspec
 
-from snr_sim.core.reload.source_files import SourceFiles
+from snr_sim.core.reload.source_files import SUFFIXES, SourceFiles
 from snr_sim.prelude.errors import TraceError
 from snr_sim.prelude.user_folder import user_folder
 
@@ -154,14 +154,14 @@ class RecordedFiles(SourceFiles):
         return super().is_dir(path) if self._is_on_disk(path) else any(path in one.parents for one in self._now)
 
     def in_folder(self, folder: Path) -> list[Path]:
-        """Return the Python files in a folder that were recorded."""
+        """Return the programs in a folder that were recorded."""
         if self._is_on_disk(folder):
             return super().in_folder(folder)
-        return sorted(one for one in self._now if one.parent == folder and one.suffix == ".py")
+        return sorted(one for one in self._now if one.parent == folder and one.suffix in SUFFIXES)
 
     def read(self, path: Path) -> bytes:
         """Return a program's recorded content, whose lines messages show; other files are read from disk."""
-        if path.suffix not in (".py", ".lrp") or self._is_on_disk(path):
+        if path.suffix not in SUFFIXES or self._is_on_disk(path):
             return super().read(path)
         if path not in self._now:
             raise FileNotFoundError(2, "it was not recorded with this run", str(path))

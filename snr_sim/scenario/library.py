@@ -244,7 +244,17 @@ def robot_of_scenario(found: FoundItem) -> str:
 
 def controllers(robot: FoundItem) -> list[str]:
     """Return the names of a robot's own controllers."""
-    return sorted(path.stem for path in source_files().in_folder(robot.path / "controllers") if path.stem[0] != "_")
+    return sorted(path.stem for path in _controller_files(robot))
+
+
+def _controller_files(robot: FoundItem) -> list[Path]:
+    inside = source_files().in_folder(robot.path / "controllers")
+    return [path for path in inside if path.stem[0] != "_"]
+
+
+def controller_file(robot: FoundItem, name: str) -> Path:
+    """Return the file of one of a robot's own controllers."""
+    return next(path for path in _controller_files(robot) if path.stem == name)
 
 
 def load_controller(robot: FoundItem, name: str) -> ModuleType:
@@ -255,19 +265,15 @@ def load_controller(robot: FoundItem, name: str) -> ModuleType:
         ConfigError: it cannot be loaded, or has no `factories`.
     """
     if name in controllers(robot):
-        path = robot.path / "controllers" / f"{name}.py"
-        module = _load(f"{ROBOT_MODULE}{robot.name}.controllers.{name}", path, f"the controller '{name}'")
+        path = controller_file(robot, name)
+        module = _load_one(f"{ROBOT_MODULE}{robot.name}.controllers.{name}", path, name, robot)
         _robots.loaded[ROBOT_MODULE + robot.name].add(path)
     else:
         path = Path(name).resolve()
         if not source_files().is_file(path):
             raise _no_controller(robot, name, path)
         _siblings.search_in(path.parent)
-        module_name = _CONTROLLER_MODULE + path.stem.replace("-", "_")
-        if path.suffix == LRP:
-            module = _load_machine(module_name, path, ROBOT_MODULE + robot.name)
-        else:
-            module = _load(module_name, path, f"the controller '{name}'")
+        module = _load_one(_CONTROLLER_MODULE + path.stem.replace("-", "_"), path, name, robot)
     _require(module, path, ("factories",), "a controller", "def factories(robot): return [MyEndpointFactory()].")
     if not callable(module.factories):
         raise ConfigError(
@@ -277,13 +283,16 @@ def load_controller(robot: FoundItem, name: str) -> ModuleType:
     return module
 
 
-def _load_machine(name: str, path: Path, robot_module: str) -> ModuleType:
+def _load_one(module_name: str, path: Path, name: str, robot: FoundItem) -> ModuleType:
+    """Load a controller's file: Python, or an LRP program."""
+    if path.suffix != LRP:
+        return _load(module_name, path, f"the controller '{name}'")
     from snr_sim.scenario.machine_controller import machine_controller  # few runs need it
 
-    module = ModuleType(name)
+    module = ModuleType(module_name)
     module.__file__ = str(path)
-    machine_controller(module, robot_module)
-    sys.modules[name] = module
+    machine_controller(module, ROBOT_MODULE + robot.name, load_program)
+    sys.modules[module_name] = module
     return module
 
 

@@ -1,17 +1,21 @@
 """Controllers that are LRP programs: `snr run lander_vertical --controller landing.lrp`.
 
-The parts that a program may name are in the robot's file `bridge.py`, as `BRIDGE`.
+The parts that a program may name are in the robot's file `bridge.py`, as `BRIDGE`; `ROLES` there, if the program does
+not run in the robot's first role.
 """
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeAlias
 
 from snr_sim.behaviors.bridge import Bridge
 from snr_sim.behaviors.endpoint import machine_parts
+from snr_sim.behaviors.imports import MAX_FILES, actions_of, files_named
 from snr_sim.behaviors.language import parse
 from snr_sim.behaviors.program import Problem, Program, ProgramError
 from snr_sim.core.reload.source_files import source_files
@@ -19,28 +23,35 @@ from snr_sim.core.source_location import short_path
 from snr_sim.prelude.errors import ConfigError, SnrError
 
 STEP_HZ = 100.0
+LoadModule: TypeAlias = Callable[[str], ModuleType]  # loads a Python file
 
 
-def machine_controller(module: ModuleType, robot_module: str) -> None:
+def machine_controller(module: ModuleType, robot_module: str, load: LoadModule) -> None:
     """Give a module, whose `__file__` is an LRP program, the function `factories` of a controller.
 
     Args:
         module: with nothing in it.
         robot_module: name of the robot's package.
+        load: loads a Python file.
 
     Raises:
         ConfigError: the program has mistakes, or the robot has no parts for programs.
     """
     bridge = bridge_of(robot_module)
+    roles = getattr(sys.modules[f"{robot_module}.bridge"], "ROLES", None)
     path = Path(str(module.__file__))
-    program = read_program(path, bridge)
+    program = read_program(path, load, bridge)
     # Of its first machine, not of its file: a replay with another file finds the same component.
     name = program.spawns[0].machine.name if program.spawns else path.stem.replace("-", "_")
 
+    pages = tuple(dict.fromkeys(part.page for part in bridge.reads.values()))
+
     def factories(robot: Any) -> list[Any]:
-        return [*machine_parts(program, name, step_hz=STEP_HZ, bridge=bridge, path=path)]
+        return [*machine_parts(program, name, step_hz=STEP_HZ, reacts_to=pages, bridge=bridge, path=path)]
 
     module.factories = factories  # type: ignore[attr-defined]
+    if roles is not None:
+        module.ROLES = roles  # type: ignore[attr-defined]
 
 
 def bridge_of(robot_module: str) -> Bridge:
@@ -63,25 +74,48 @@ def bridge_of(robot_module: str) -> Bridge:
     return bridge
 
 
-def read_program(path: Path, bridge: Bridge | None = None) -> Program:
+def read_program(path: Path, load: LoadModule, bridge: Bridge | None = None) -> Program:
     """Return the program of a file.
 
     Raises:
         ConfigError: it cannot be read, or has mistakes: all of them, with their lines.
     """
-    data = source_files().read(path)
+    text = _text_of(path)
     place = short_path(str(path))
+    files, actions = _others_of(path, text, load)
     try:
-        text = data.decode()
+        return parse(text, None if bridge is None else bridge.parts, files, actions)
+    except ProgramError as error:
+        raise MachineError(place, text, error.problems) from None
+
+
+def _text_of(path: Path) -> str:
+    data = source_files().read(path)
+    try:
+        return data.decode()
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise ConfigError(
-            f"{place}, line {line}: byte 0x{data[error.start]:02x} is not text.", fix="save the file as UTF-8."
+            f"{short_path(str(path))}, line {line}: byte 0x{data[error.start]:02x} is not text.",
+            fix="save the file as UTF-8.",
         ) from None
-    try:
-        return parse(text, None if bridge is None else bridge.parts)
-    except ProgramError as error:
-        raise MachineError(place, text, error.problems) from None
+
+
+def _others_of(path: Path, text: str, load: LoadModule) -> tuple[dict[str, str], dict[str, dict[str, Any]]]:
+    """Return the texts that a program imports, and the functions of the Python files that it names."""
+    files, actions, left = dict[str, str](), dict[str, dict[str, Any]](), [text]
+    while left:
+        imported, modules = files_named(left.pop())
+        for name in imported:
+            beside = path.parent / name
+            if name not in files and len(files) < MAX_FILES and source_files().is_file(beside):
+                files[name] = _text_of(beside)
+                left.append(files[name])
+        for name in modules:
+            beside = path.parent / name
+            if name not in actions and len(actions) < MAX_FILES and source_files().is_file(beside):
+                actions[name] = actions_of(vars(load(str(beside))))
+    return files, actions
 
 
 class MachineError(ConfigError):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,7 @@ from types import ModuleType
 import pytest
 
 from snr_sim.prelude.errors import ConfigError, SnrError
+from snr_sim.scenario import library
 from snr_sim.scenario.machine_controller import bridge_of
 from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.scenario.simulation_run import SimulationRun
@@ -83,9 +85,12 @@ def test_file_that_is_not_text_is_refused(landing: Path) -> None:
         flight(landing)
 
 
-def test_robot_without_parts_is_named(landing: Path) -> None:
+def test_robot_without_parts_is_named(landing: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    without = shutil.ignore_patterns("bridge.py", "__pycache__")
+    shutil.copytree(library.find("robots", "lander").path, tmp_path / "robots" / "lander", ignore=without)
+    monkeypatch.chdir(tmp_path)
     with pytest.raises(SnrError, match="This robot has no parts that an LRP program could name"):
-        prepare(Request("urov_depth_hold", controller=str(landing)))
+        prepare(Request("lander_vertical", controller=str(landing)))
 
 
 def test_bridge_that_fails_is_not_taken_for_a_missing_one(monkeypatch: pytest.MonkeyPatch) -> None:

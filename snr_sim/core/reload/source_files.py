@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+SUFFIXES = (".py", ".lrp")  # of programs: Python, and state machines in text
+
 
 class SourceFiles:
     """Files on the disk; `reading_from` replaces them by others."""
@@ -24,8 +26,8 @@ class SourceFiles:
         return path.is_dir()
 
     def in_folder(self, folder: Path) -> list[Path]:
-        """Return the Python files in a folder, in order; none if it does not exist."""
-        return sorted(folder.glob("*.py"))
+        """Return the programs in a folder, in order; none if it does not exist."""
+        return sorted(path for path in folder.glob("*") if path.suffix in SUFFIXES)
 
     def read(self, path: Path) -> bytes:
         """Return the content of a file; raise an OSError if it cannot be read."""

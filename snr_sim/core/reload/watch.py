@@ -63,7 +63,7 @@ class WatchLoop(Loop):
         super().__init__(factory, parent, name, rate_hz)
         self._components: Mapping[str, Component] | None = None
         self._users: dict[Path, list[str]] = {}
-        self._texts: dict[Path, str] = {}  # name of the event by file
+        self._texts: dict[Path, tuple[str, ...]] = {}  # name of the event, and more of its values, by file
 
     def setup(self) -> None:
         """Read the present state of the files."""
@@ -78,13 +78,14 @@ class WatchLoop(Loop):
         for path in changed:
             if path in self._texts:
                 with suppress(OSError):  # it has just been moved away
-                    self.schedule(tasks.event(self._texts[path], [path.read_text("utf-8", "replace")]))
+                    event, *more = self._texts[path]
+                    self.schedule(tasks.event(event, [path.read_text("utf-8", "replace"), *more]))
 
     def _changed(self) -> list[Path]:
         components = self.parent.components
         if components is not self._components:  # the node creates a new dict when components are added or removed
             self._components, self._users = components, files_of(components)
-            self._texts = {path: event for one in _watchable(components) for path, event in one.watched_texts.items()}
+            self._texts = {path: row for one in _watchable(components) for path, row in one.watched_texts.items()}
         return [path for path in dict.fromkeys((*self._users, *self._texts)) if self._has_changed(path)]
 
     def _has_changed(self, path: Path) -> bool:
