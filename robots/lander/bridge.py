@@ -8,5 +8,5 @@ BRIDGE = Bridge(
         "velocity_mps": Read("radar", "velocity_mps", unit="m/s, up positive", fresh_s=0.5),
     },
     # The engine takes a command for a limited time.
-    drives={"throttle": Drive("engine", "throttle", low=0.0, high=1.0, unit="share of full thrust", repeats=True)},
+    drives={"throttle": Drive("engine", "throttle", low=0.0, high=1.0, unit="share of full thrust", repeat_s=0.2)},
 )

@@ -53,8 +53,8 @@ class Drive:
         neutral: the command of `stop()`.
         to: converts a command to what the page contains.
         unit: of commands.
-        repeats: whether a command that is not neutral is stored again in each step, for an actuator that takes a
-            command for a limited time.
+        repeat_s: a command that is not neutral is stored again when its page is so old, for an actuator that takes a
+            command for a limited time. None: never.
     """
 
     page: DataKey
@@ -64,12 +64,17 @@ class Drive:
     neutral: float = 0.0
     to: Callable[[float], Any] | None = None
     unit: str = ""
-    repeats: bool = False
+    repeat_s: float | None = None
 
 
 @dataclass(frozen=True)
 class Bridge:
     """The parts of a robot, by name. A name may be in both tables.
+
+    Args:
+        reads, drives: the parts.
+        pages: for a command page that has more than its commands: makes its data, from the commands by field and from
+            how often the page has been stored.
 
     Raises:
         ConfigError: a name is not one of Python's, or is `stop`.
@@ -77,6 +82,7 @@ class Bridge:
 
     reads: Mapping[str, Read] = field(default_factory=dict)
     drives: Mapping[str, Drive] = field(default_factory=dict)
+    pages: Mapping[DataKey, Callable[[dict[str, Any], int], Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in (*self.reads, *self.drives):
@@ -106,6 +112,8 @@ class Robot:
     def __init__(self, bridge: Bridge, owner: Owner, in_state_s: Callable[[], float]) -> None:
         self._owner = owner
         self._drives = dict(bridge.drives)
+        self._pages = bridge.pages
+        self._stored: dict[DataKey, int] = {}
         self._commands = {name: drive.neutral for name, drive in self._drives.items()}
         self._changed: dict[DataKey, None] = {}  # pages to store, in order of their first command
         self._used: dict[DataKey, None] = {}  # pages that have been stored at all
@@ -149,17 +157,23 @@ class Robot:
         pages = dict(self._changed)
         self._used |= pages
         for name, drive in self._drives.items():
-            if drive.repeats and drive.page in self._used and self._commands[name] != drive.neutral:
+            if drive.repeat_s is None or drive.page not in self._used or drive.page in pages:
+                continue
+            if self._commands[name] != drive.neutral and self._owner.get_age_s(drive.page) >= drive.repeat_s:
                 pages[drive.page] = None
         self._changed = {}
         return [self._owner.store_data_task(page, self._data(page)) for page in pages]
 
-    def _data(self, page: DataKey) -> dict[str, Any]:
-        return {
+    def _data(self, page: DataKey) -> Any:
+        data = {
             drive.field: self._commands[name] if drive.to is None else drive.to(self._commands[name])
             for name, drive in self._drives.items()
             if drive.page == page
         }
+        if page not in self._pages:
+            return data
+        self._stored[page] = self._stored.get(page, 0) + 1
+        return self._pages[page](data, self._stored[page])
 
 
 class Part:
