@@ -23,8 +23,11 @@ if TYPE_CHECKING:
     from snr_sim.prelude.signals import ImuReading as ImuReading
     from snr_sim.prelude.signals import InertialReading as InertialReading
     from snr_sim.prelude.signals import LeakReading as LeakReading
+    from snr_sim.prelude.signals import MotorCommand as MotorCommand
     from snr_sim.prelude.signals import PowerReading as PowerReading
     from snr_sim.prelude.signals import PwmCommand as PwmCommand
     from snr_sim.prelude.signals import RadarReading as RadarReading
+    from snr_sim.prelude.signals import TouchReading as TouchReading
+    from snr_sim.prelude.signals import WheelReading as WheelReading
 else:
     __all__, __getattr__, __dir__ = lazy_names(__name__)

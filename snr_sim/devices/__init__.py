@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from snr_sim.devices.pwm.sysfs_pwm import SysfsPins as SysfsPins
     from snr_sim.devices.pygame_gamepad import PygameGamepad as PygameGamepad
     from snr_sim.devices.replayed import ReplayedSensor as ReplayedSensor
+    from snr_sim.devices.request_line import RequestLineFactory as RequestLineFactory
     from snr_sim.devices.sensors.camera import Camera as Camera
     from snr_sim.devices.sensors.camera import CameraLoopFactory as CameraLoopFactory
     from snr_sim.devices.sensors.echo_sounder import EchoSounder as EchoSounder

@@ -5,6 +5,11 @@ from typing import TYPE_CHECKING
 from snr_sim.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from snr_sim.plants.ground.diff_drive_2d import DiffDrive2D as DiffDrive2D
+    from snr_sim.plants.ground.explorer import DriveStart as DriveStart
+    from snr_sim.plants.ground.explorer import Explorer as Explorer
+    from snr_sim.plants.ground.room import Room as Room
+    from snr_sim.plants.ground.room import Walker as Walker
     from snr_sim.plants.lander.descent import MOON_GRAVITY_MPS2 as MOON_GRAVITY_MPS2
     from snr_sim.plants.lander.descent import STANDARD_GRAVITY_MPS2 as STANDARD_GRAVITY_MPS2
     from snr_sim.plants.lander.descent import Engine as Engine
@@ -28,6 +33,13 @@ if TYPE_CHECKING:
     from snr_sim.plants.lander.module import Throttle as Throttle
     from snr_sim.plants.lander.terrain import Terrain as Terrain
     from snr_sim.plants.lander.terrain import make_terrain as make_terrain
+    from snr_sim.plants.parameter_limits import DEGREES as DEGREES
+    from snr_sim.plants.parameter_limits import IS_ABOVE as IS_ABOVE
+    from snr_sim.plants.parameter_limits import Limit as Limit
+    from snr_sim.plants.parameter_limits import check_number as check_number
+    from snr_sim.plants.parameter_limits import check_record as check_record
+    from snr_sim.plants.parameter_limits import check_vector as check_vector
+    from snr_sim.plants.parameter_limits import format_value as format_value
     from snr_sim.plants.realtime import RealTimePlant as RealTimePlant
     from snr_sim.plants.urov.battery import Battery as Battery
     from snr_sim.plants.urov.battery import BenchSupply as BenchSupply
@@ -36,13 +48,6 @@ if TYPE_CHECKING:
     from snr_sim.plants.urov.dive import Leak as Leak
     from snr_sim.plants.urov.dive import Payload as Payload
     from snr_sim.plants.urov.dive import ThrusterFault as ThrusterFault
-    from snr_sim.plants.urov.parameter_limits import DEGREES as DEGREES
-    from snr_sim.plants.urov.parameter_limits import IS_ABOVE as IS_ABOVE
-    from snr_sim.plants.urov.parameter_limits import Limit as Limit
-    from snr_sim.plants.urov.parameter_limits import check_number as check_number
-    from snr_sim.plants.urov.parameter_limits import check_record as check_record
-    from snr_sim.plants.urov.parameter_limits import check_vector as check_vector
-    from snr_sim.plants.urov.parameter_limits import format_value as format_value
     from snr_sim.plants.urov.pool import Gate as Gate
     from snr_sim.plants.urov.pool import Pool as Pool
     from snr_sim.plants.urov.propulsion import Propulsion as Propulsion

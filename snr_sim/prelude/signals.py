@@ -153,6 +153,37 @@ class EchoReading(msgspec.Struct, frozen=True):
     stamp_s: float
 
 
+class TouchReading(msgspec.Struct, frozen=True):
+    """Whether the touch bars at the front of a vehicle are pressed."""
+
+    left: bool
+    right: bool
+    stamp_s: float
+
+
+class WheelReading(msgspec.Struct, frozen=True):
+    """How far wheels have turned since the start, as encoders count it.
+
+    Args:
+        angle_rad: of each wheel, left and right; forward positive, with full turns.
+    """
+
+    angle_rad: list[float]
+    stamp_s: float
+
+
+class MotorCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Speeds of the two motors of a vehicle, by the letters of their sockets.
+
+    Args:
+        a: of the left wheel, in percent of full speed: -100 to 100, forward positive.
+        d: of the right wheel.
+    """
+
+    a: float = 0.0
+    d: float = 0.0
+
+
 class PowerReading(msgspec.Struct, frozen=True):
     """Measurement of a power module at the battery.
 

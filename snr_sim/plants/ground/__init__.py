@@ -1,0 +1,1 @@
+"""Vehicles on wheels, and the rooms they drive in."""

@@ -1,0 +1,70 @@
+"""Shapes of a room, a vehicle with two driven wheels, and people, for the viewer alone. Metres; z up from the floor."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from snr_sim.plants.ground.explorer import Explorer
+from snr_sim.plants.ground.room import Point, Room
+
+WALL_M = 0.3  # height of walls in the picture: low, so that the floor is seen
+FURNITURE_M = 0.2
+PERSON_M = 1.7
+FLOOR_RGB = [206, 198, 182]
+WALL_RGB = [150, 152, 158]
+FURNITURE_RGB = [142, 104, 70]
+BODY_RGB = [222, 222, 226]
+WHEEL_RGB = [46, 46, 52]
+BAR_RGB = [196, 52, 44]
+EYE_RGB = [60, 92, 160]
+PERSON_RGB = [92, 120, 176]
+SIDES = 16  # of a circle
+
+
+def room_shapes(room: Room) -> dict[str, Any]:
+    """Return floor, walls and furniture, by name."""
+    (low_x, high_x), (low_y, high_y) = ((min(values), max(values)) for values in zip(*room.outline_m, strict=True))
+    middle = [0.5 * (low_x + high_x), 0.5 * (low_y + high_y), -0.01]
+    half = [0.5 * (high_x - low_x), 0.5 * (high_y - low_y), 0.005]
+    shapes: dict[str, Any] = {
+        "floor": {"kind": "box", "half_size_m": half, "center_m": middle, "rgb": FLOOR_RGB},
+        "walls": _fence(room.outline_m, WALL_M, WALL_RGB),
+    }
+    for i, outline in enumerate(room.furniture_m):
+        shapes[f"furniture_{i}"] = _fence(outline, FURNITURE_M, FURNITURE_RGB)
+    return shapes
+
+
+def explorer_shapes(explorer: Explorer) -> list[dict[str, Any]]:
+    """Return body, wheels, touch bars and ultrasonic sensor."""
+    (length, width), height, radius = explorer.size_m, explorer.height_m, explorer.wheel_radius_m
+    front, track = 0.5 * length, 0.5 * explorer.track_m
+    bar = 0.5 * explorer.bar_m
+    return [
+        _box([0.0, 0.0, 0.5 * height + radius], [front, 0.7 * track, 0.5 * height], BODY_RGB),
+        *(_box([explorer.axle_m, side * track, radius], [radius, 0.014, radius], WHEEL_RGB) for side in (1, -1)),
+        _box([explorer.caster_m, 0.0, 0.4 * radius], [0.4 * radius] * 3, WHEEL_RGB),
+        *(_box([front + bar, side * 0.25 * width, radius], [bar, 0.23 * width, 0.01], BAR_RGB) for side in (1, -1)),
+        *(_box([front, side * 0.02, height + radius], [0.01, 0.012, 0.012], EYE_RGB) for side in (1, -1)),
+    ]
+
+
+def person_shapes(radius_m: float) -> list[dict[str, Any]]:
+    """Return a person as a column."""
+    turns = [2.0 * math.pi * i / SIDES for i in range(SIDES)]
+    return [_fence(tuple((radius_m * math.cos(a), radius_m * math.sin(a)) for a in turns), PERSON_M, PERSON_RGB)]
+
+
+def _fence(outline: tuple[Point, ...], height_m: float, rgb: list[int]) -> dict[str, Any]:
+    """Return upright faces along an outline."""
+    vertices = [[x, y, z] for x, y in outline for z in (0.0, height_m)]
+    triangles = []
+    for i in range(0, len(vertices), 2):
+        a, b, c, d = i, i + 1, (i + 2) % len(vertices), (i + 3) % len(vertices)
+        triangles += [[a, c, b], [b, c, d]]
+    return {"kind": "mesh", "vertices_m": vertices, "triangles": triangles, "rgb": rgb}
+
+
+def _box(center: list[float], half_size: list[float], rgb: list[int]) -> dict[str, Any]:
+    return {"kind": "box", "half_size_m": half_size, "center_m": center, "rgb": rgb}
