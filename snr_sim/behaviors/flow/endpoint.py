@@ -1,0 +1,202 @@
+"""A flow as a component of a node: it takes steps at the events of its clock, and at what its states wait for."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from typing import Any
+
+from snr_sim.behaviors.endpoint import StepLoopFactory
+from snr_sim.behaviors.flow.flow import Flow, FlowExecution
+from snr_sim.behaviors.flow.state import NS_PER_S
+from snr_sim.behaviors.flow.userdata import copied
+from snr_sim.behaviors.flow.waits import Step
+from snr_sim.core.endpoint import Endpoint, EndpointFactory
+from snr_sim.core.factory import ComponentFactory
+from snr_sim.prelude import tasks
+from snr_sim.prelude.errors import ConfigError, ParameterError, suggest
+from snr_sim.prelude.node_api import NodeApi
+from snr_sim.prelude.task import SomeTasks, Task, TaskHandlerMap, TaskId, TaskType
+
+
+def flow_parts(
+    flow: Flow,
+    name: str = "",
+    *,
+    step_hz: float = 100.0,
+    userdata: Mapping[str, Any] | None = None,
+    preempt_deadline_s: float = 1.0,
+) -> list[ComponentFactory]:
+    """Return the factories of a flow and of its clock, for a controller's `factories`; see `FlowFactory`."""
+    made = FlowFactory(flow, name, userdata=userdata, preempt_deadline_s=preempt_deadline_s)
+    return [StepLoopFactory(made.name, step_hz), made]
+
+
+class FlowFactory(EndpointFactory):
+    """Factory of a component that runs a flow.
+
+    Args:
+        flow: what it runs, from the begin of the node.
+        name: of the component, of its page, and the beginning of its events' names; that of the flow if not given.
+        userdata: data with which the flow begins.
+        preempt_deadline_s: how long a state may take to end when it is preempted.
+
+    Raises:
+        ConfigError: the flow cannot run, or the data are not data.
+    """
+
+    def __init__(
+        self,
+        flow: Flow,
+        name: str = "",
+        *,
+        userdata: Mapping[str, Any] | None = None,
+        preempt_deadline_s: float = 1.0,
+    ) -> None:
+        super().__init__()
+        if not isinstance(flow, Flow):
+            raise ConfigError(f"FlowFactory is given {flow!r}.", fix='Flow("mission", outcomes=("done",)).')
+        if not 0.0 <= preempt_deadline_s < float("inf"):
+            raise ParameterError(f"preempt_deadline_s is {preempt_deadline_s!r}.", fix="seconds, such as 1.0.")
+        flow.check(flow.name)
+        self.flow: Flow = flow
+        self.name: str = name or flow.name
+        self.userdata: dict[str, Any] = copied("userdata", dict(userdata or {}))
+        self.preempt_deadline_s: float = preempt_deadline_s
+
+    def get(self, parent: NodeApi) -> FlowEndpoint:
+        """Return the component."""
+        return FlowEndpoint(self, parent, self.name)
+
+
+EVENTS = ("transition", "done", "step", "preempt", "goto", "start")  # that no other component needs
+
+
+class FlowEndpoint(Endpoint):
+    """Runs a flow. Each step returns what the states have sent; for each change an event "<name>.transition" with its
+    fields as a dict; at the end an event "<name>.done" [outcome, data]; and, if a state has changed, one page "<name>".
+
+    Events that it handles, besides those that its states wait for:
+
+        <name>.preempt                 ends the active states, within the deadline; the outcome is "preempted"
+        <name>.goto [label, data]      leaves the active state, and enters another one; data are set before
+        <name>.start [data]            begins again, once it has ended
+    """
+
+    factory: FlowFactory
+
+    def __init__(self, factory: FlowFactory, parent: NodeApi, name: str) -> None:
+        super().__init__(factory, parent, name)
+        self.preempt_deadline_s: float = factory.preempt_deadline_s
+        self.outcome: str | None = None
+        self._flow = copy.deepcopy(factory.flow)  # its states belong to this component
+        self._data = copied("userdata", factory.userdata)
+        self._execution: FlowExecution | None = None
+        self._last: dict[str, Any] | None = None
+        self.optional_events = [f"{name}.{what}" for what in EVENTS]
+        self._set_handlers()
+
+    def begin(self) -> None:
+        """Enter the initial state."""
+        self.schedule(self._start())
+
+    def halt(self) -> None:
+        """Close the states that are active."""
+        if self._execution is not None:
+            self._execution.close()
+
+    def on_step(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Take a step."""
+        return self._advance(self._step()) or None
+
+    def on_page(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Take a step with a page that a state waits for."""
+        assert task.page is not None
+        return self._advance(self._step("page", str(task.page.key), task.page.data))
+
+    def on_event(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Take a step with an event that a state waits for."""
+        return self._advance(self._step("event", task.name, list(task.val_list)))
+
+    def on_preempt(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Preempt the flow."""
+        execution, step = self._execution, self._step()
+        return None if execution is None else self._results(execution.preempt(step), step)
+
+    def on_goto(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Enter another state; a request that cannot be met is noted."""
+        label, data = (*task.val_list, {})[:2] if task.val_list else ("", {})
+        execution, step = self._execution, self._step()
+        known = self._flow.entries
+        if label not in known or not isinstance(data, dict) or execution is None:
+            why = "the flow has ended" if execution is None else suggest(str(label), known)
+            self.parent.add_note(f"'{task.name}' {task.val_list!r:.200} was rejected: {why}")
+            return None
+        execution.data.update(copied(task.name, data))
+        return self._results(execution.go_to(label, step), step)
+
+    def on_start(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Begin again, if it has ended."""
+        if self._execution is not None:
+            self.parent.add_note(f"'{task.name}' was rejected: the flow has not ended.")
+            return None
+        data = task.val_list[0] if task.val_list else {}
+        if not isinstance(data, dict):
+            self.parent.add_note(f"'{task.name}' {task.val_list!r:.200} was rejected: give a dict.")
+            return None
+        self._data.update(copied(task.name, data))
+        return self._start()
+
+    def _start(self) -> list[Task]:
+        self.outcome = None
+        step = self._step()
+        # The flow works on the component's own data: all that it was given, and all that it gives back.
+        self._execution = self._flow.execution(self._flow.name, self._data, {}, self)
+        self._execution.data = self._data
+        return self._results(self._execution.begin(step), step, is_new=True)
+
+    def _step(self, kind: str = "", name: str = "", value: Any = None) -> Step:
+        return Step(round(self.get_time_s() * NS_PER_S), kind, name, value, [], [])
+
+    def _advance(self, step: Step) -> list[Task]:
+        execution = self._execution
+        return [] if execution is None else self._results(execution.step(step), step)
+
+    def _results(self, outcome: str | None, step: Step, *, is_new: bool = False) -> list[Task]:
+        """Return the tasks of a step."""
+        found = step.tasks
+        if outcome is not None:
+            self._execution, self.outcome = None, outcome
+        if step.moves or is_new:
+            self._last = step.moves[-1] if step.moves else None
+            found += [tasks.event(f"{self.name}.transition", [one]) for one in step.moves]
+            found.append(self.store_data_task(self.name, self._page()))
+        if outcome is not None:
+            found.append(tasks.event(f"{self.name}.done", [outcome, copied("userdata", self._data)]))
+        self._set_handlers()
+        return found
+
+    def _page(self) -> dict[str, Any]:
+        return {
+            "active": {} if self._execution is None else self._execution.active(),
+            "outcome": self.outcome,
+            "last": self._last,
+            "userdata": copied("userdata", self._data),
+        }
+
+    def _set_handlers(self) -> None:
+        """Handle what the active states wait for, and what is always handled."""
+        name = self.name
+        handlers: TaskHandlerMap = {
+            (TaskType.event, f"{name}.step"): self.on_step,
+            (TaskType.event, f"{name}.preempt"): self.on_preempt,
+            (TaskType.event, f"{name}.goto"): self.on_goto,
+            (TaskType.event, f"{name}.start"): self.on_start,
+        }
+        for wait in [] if self._execution is None else self._execution.waits():
+            if wait.kind == "page":
+                handlers[TaskType.process_data, wait.name] = self.on_page
+            elif wait.kind == "event":
+                handlers[TaskType.event, wait.name] = self.on_event
+        if handlers.keys() != self.task_handlers.keys():
+            self.task_handlers = handlers

@@ -1,0 +1,99 @@
+"""Data that states hand on: by declared keys, copied where a container begins and ends."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
+from snr_sim.prelude.snapshot import snapshot
+
+
+class Userdata:
+    """What one state sees of its container's data: `userdata.target` reads, `userdata.grip_n = 2.0` writes.
+
+    Args:
+        data: of the container.
+        inputs, outputs: names that may be read and written, by the names that the container has for them.
+        who: the state, for messages.
+    """
+
+    __slots__ = ("_data", "_inputs", "_outputs", "_who")
+
+    def __init__(self, data: dict[str, Any], inputs: Mapping[str, str], outputs: Mapping[str, str], who: str) -> None:
+        for name, value in (("_data", data), ("_inputs", inputs), ("_outputs", outputs), ("_who", who)):
+            object.__setattr__(self, name, value)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a value: a copy, and if it may not be written, one that cannot be changed.
+
+        Raises:
+            UnknownNameError: it is not among the state's `input_keys`, or has not been set.
+        """
+        if name.startswith("__"):
+            raise AttributeError(name)
+        outer = self._inputs.get(name)
+        if outer is None:
+            raise UnknownNameError(
+                f"{self._who} reads userdata.{name}, which is not among its input_keys.",
+                fix=suggest(name, self._inputs, "they are"),
+            )
+        if outer not in self._data:
+            raise UnknownNameError(
+                f"{self._who} reads userdata.{name}, and '{outer}' has not been set.", fix=suggest(outer, self._data)
+            )
+        value = self._data[outer]
+        return snapshot(value, []) if name in self._outputs else frozen(value)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Set a value.
+
+        Raises:
+            UnknownNameError: it is not among the state's `output_keys`.
+            ParameterError: it is not data.
+        """
+        outer = self._outputs.get(name)
+        if outer is None:
+            raise UnknownNameError(
+                f"{self._who} writes userdata.{name}, which is not among its output_keys.",
+                fix=suggest(name, self._outputs, "they are"),
+            )
+        self._data[outer] = copied(f"userdata.{name} of {self._who}", value)
+
+
+def copied(what: str, value: Any) -> Any:
+    """Return a copy of data.
+
+    Raises:
+        ParameterError: it contains objects.
+    """
+    objects: list[Any] = []
+    try:
+        kept = snapshot(value, objects)
+    except RecursionError:
+        raise ParameterError(f"{what} contains itself.", fix="numbers, text, lists and dicts of these.") from None
+    if objects:
+        raise ParameterError(
+            f"{what} is given an object of the type {type(objects[0]).__name__}.",
+            fix="numbers, text, lists and dicts of these; keep objects in the state itself.",
+        )
+    return kept
+
+
+def frozen(value: Any) -> Any:
+    """Return data whose lists are tuples and whose dicts cannot be written.
+
+    >>> frozen({"way": [1, 2]})["way"]
+    (1, 2)
+    """
+    if isinstance(value, dict):
+        return MappingProxyType({key: frozen(item) for key, item in value.items()})
+    if isinstance(value, (list, tuple)):
+        return tuple(frozen(item) for item in value)
+    return value
+
+
+def keys_of(names: tuple[str, ...], remapping: Mapping[str, str]) -> dict[str, str]:
+    """Return the container's name for each key of a state."""
+    return {name: remapping.get(name, name) for name in names}
