@@ -1,0 +1,322 @@
+"""The reference machine: it takes events and changes its state, once all who follow it have ended the old one.
+
+Its guarantees, for control processes in lock step, on threads and in processes:
+
+- No control process begins a state while another is in the one before: all end, then all begin.
+- Each event that is accepted causes one transition, in the order of arrival; none is lost. One that a control process
+  published in a state that is over by now is dropped, and told.
+- A control process that does not end its state in time is named, and `on_stuck` decides what follows.
+
+An epoch is a number that counts states entered. A transition from epoch 4 to 5:
+
+    event                             from anybody, or published by a control process in epoch 4
+      -> page {epoch 4, "ending"}     each control process ends its state
+      <- event ended [name, 4]        from each
+      -> page {epoch 5, "running"}    each begins its new state; the next event is taken
+
+Source: Kooi (2018), sections 7.3 to 7.6. There the service of events has one slot, so of two quick ones one is lost.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
+
+import msgspec
+
+from snr_sim.behaviors.endpoint import StepLoopFactory
+from snr_sim.behaviors.interpreter import NS_PER_S, Interpreter
+from snr_sim.behaviors.processes.control_process import ControlProcess
+from snr_sim.behaviors.tables import machine, on, state
+from snr_sim.core.endpoint import Endpoint, EndpointFactory
+from snr_sim.core.factory import ComponentFactory
+from snr_sim.prelude import tasks
+from snr_sim.prelude.errors import ComponentFailedError, ConfigError, ParameterError, UnknownNameError, suggest
+from snr_sim.prelude.node_api import NodeApi
+from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
+
+OnStuck: TypeAlias = Literal["fail", "detach", "failsafe"]
+States: TypeAlias = Mapping[str, Mapping[str, str]]  # from each state by event to the next
+NOOP = "NOOP"  # an event without effect, as in Kooi's program
+EVENTS = ("transition", "dropped", "attach", "detach", "stop", "step", "publish", "ended", "crashed")
+
+
+def reference_parts(
+    states: States,
+    initial: str,
+    name: str = "reference",
+    *,
+    observers: Sequence[str] = (),
+    stop_timeout_s: float = 2.0,
+    on_stuck: OnStuck = "fail",
+    step_hz: float = 100.0,
+) -> list[ComponentFactory]:
+    """Return the factories of a reference machine and of the clock for its deadlines; see `ReferenceFactory`."""
+    made = ReferenceFactory(
+        states, initial, name, observers=observers, stop_timeout_s=stop_timeout_s, on_stuck=on_stuck
+    )
+    return [StepLoopFactory(name, step_hz), made]
+
+
+class ReferenceFactory(EndpointFactory):
+    """Factory of a reference machine.
+
+    Args:
+        states: for each state, the state that follows each event.
+        initial: in which it begins.
+        name: of the component, of its page, and the beginning of its events' names.
+        observers: names of the control processes that it waits for.
+        stop_timeout_s: how long a control process may take to end a state.
+        on_stuck: what follows if it takes longer, or crashes: 'fail' ends the node; 'detach' goes on without it;
+            'failsafe' does so, too, and stores page "failsafe" before.
+
+    Raises:
+        ProgramError: a state that is named does not exist.
+        ParameterError: the time is not positive, the policy is unknown, or an observer is named twice.
+    """
+
+    def __init__(
+        self,
+        states: States,
+        initial: str,
+        name: str = "reference",
+        *,
+        observers: Sequence[str] = (),
+        stop_timeout_s: float = 2.0,
+        on_stuck: OnStuck = "fail",
+    ) -> None:
+        super().__init__()
+        if on_stuck not in get_args(OnStuck):
+            raise ParameterError(f"on_stuck is {on_stuck!r}.", fix=suggest(str(on_stuck), get_args(OnStuck)))
+        if not 0.0 < stop_timeout_s < float("inf"):
+            raise ParameterError(f"stop_timeout_s is {stop_timeout_s!r}.", fix="seconds, such as 2.0.")
+        if isinstance(observers, str) or len(set(observers)) != len(observers):
+            raise ParameterError(f"observers is {observers!r}.", fix="a list of names, each once.")
+        rows = [state(one, *(on(event, to=target) for event, target in then.items())) for one, then in states.items()]
+        self.program = machine(name, initial, rows)
+        self.states: dict[str, dict[str, str]] = {one: dict(then) for one, then in states.items()}
+        self.initial: str = initial
+        self.name: str = name
+        self.observers: tuple[str, ...] = tuple(observers)
+        self.stop_timeout_s: float = stop_timeout_s
+        self.on_stuck: OnStuck = on_stuck
+
+    def get(self, parent: NodeApi) -> Reference:
+        """Return the component."""
+        return Reference(self, parent, self.name)
+
+
+class _Event(NamedTuple):
+    """An event that waits for its turn; of one from outside, source is "" and epoch None."""
+
+    name: str
+    source: str
+    epoch: int | None
+
+
+class Reference(Endpoint):
+    """A reference machine. Its page has `state`, `epoch`, `phase` (running, ending or stopped) and `attached`.
+
+    It handles the events of its states, and:
+
+        <name>.publish [event, source, epoch]   an event of a control process, in one of its epochs
+        <name>.ended [source, epoch]            a control process has ended its state
+        <name>.crashed [source, text]           one has raised an exception
+        <name>.attach [source], .detach         one begins to follow, in the present state, or follows no more
+        <name>.stop                             all end; nothing follows
+
+    It sends "<name>.transition" for each change, and "<name>.dropped" [event, source, epoch, reason] for each event
+    without one.
+    """
+
+    factory: ReferenceFactory
+
+    def __init__(self, factory: ReferenceFactory, parent: NodeApi, name: str) -> None:
+        super().__init__(factory, parent, name)
+        self.epoch: int = 0
+        self.phase: Literal["running", "ending", "stopped"] = "running"
+        self.attached: list[str] = list(factory.observers)
+        self._interpreter = Interpreter(factory.program)
+        self._queue: deque[_Event] = deque()
+        self._waiting: list[str] = []  # for these to end
+        self._cause: _Event | None = None  # of the transition that has begun; None: a stop
+        self._deadline_s = 0.0
+        self.optional_events = [f"{name}.{what}" for what in EVENTS]
+        signals = {event for then in factory.states.values() for event in then}
+        self.task_handlers = {
+            **{(TaskType.event, event): self.on_event for event in sorted({*signals, NOOP})},
+            (TaskType.event, f"{name}.publish"): self.on_publish,
+            (TaskType.event, f"{name}.ended"): self.on_ended,
+            (TaskType.event, f"{name}.crashed"): self.on_crashed,
+            (TaskType.event, f"{name}.attach"): self.on_attach,
+            (TaskType.event, f"{name}.detach"): self.on_detach,
+            (TaskType.event, f"{name}.stop"): self.on_stop,
+            (TaskType.event, f"{name}.step"): self.on_step,
+        }
+
+    @property
+    def state(self) -> str:
+        """The present state."""
+        return self._interpreter.active.get(self.factory.name, self.factory.initial)
+
+    def begin(self) -> None:
+        """Enter the initial state.
+
+        Raises:
+            ConfigError: a control process does not exist, or does not have every state.
+        """
+        for name in self.factory.observers:
+            self._check(name)
+        self._interpreter.spawn(self._now_ns())
+        self.epoch = 1
+        self.schedule([self._page_task()])
+
+    def _check(self, name: str) -> None:
+        found = self.parent.components.get(name)
+        processes = [one.name for one in self.parent.components.values() if isinstance(one, ControlProcess)]
+        if not isinstance(found, ControlProcess):
+            raise UnknownNameError(
+                f"'{self.name}' waits for '{name}', which is no control process of this node.",
+                fix=suggest(name, processes),
+            )
+        have, needed = found.factory.states, self.factory.states
+        missing = [one for one in needed if one not in have]
+        surplus = [one for one in have if one not in needed]
+        if missing or surplus:
+            what = f"has no state '{missing[0]}'" if missing else f"has the state '{surplus[0]}'"
+            known = list(have) if missing else list(needed)
+            raise ConfigError(
+                f"Control process '{name}' {what}, unlike '{self.name}'.", fix=suggest((missing or surplus)[0], known)
+            )
+
+    # -- events -------------------------------------------------------------------------------------------------------
+
+    def on_event(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Take an event from outside."""
+        return self._take(_Event(task.name, "", None))
+
+    def on_publish(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Take an event of a control process."""
+        name, source, epoch = task.val_list[:3]
+        return self._take(_Event(name, source, epoch))
+
+    def _take(self, event: _Event) -> list[Task]:
+        if event.name == NOOP:
+            self.log.debug("%s: %s", self.name, NOOP)
+            return []
+        self._queue.append(event)
+        return self._next()
+
+    def _next(self) -> list[Task]:
+        """Begin the transition of the next event that causes one."""
+        found: list[Task] = []
+        while self._queue and self.phase == "running":
+            event = self._queue.popleft()
+            if event.epoch is not None and event.epoch != self.epoch:
+                found.append(self._dropped(event, "its state is over"))
+            elif event.name not in self.factory.states[self.state]:
+                found.append(self._dropped(event, f"no transition in {self.state}"))
+            else:
+                self._cause = event
+                found += self._end_state()
+        return found
+
+    def _dropped(self, event: _Event, reason: str) -> Task:
+        self.log.debug("%s: %s of %r was dropped: %s", self.name, event.name, event.source, reason)
+        return tasks.event(f"{self.name}.dropped", [event.name, event.source, event.epoch, reason])
+
+    # -- the barrier --------------------------------------------------------------------------------------------------
+
+    def _end_state(self) -> list[Task]:
+        """Let all control processes end their state."""
+        self.phase = "ending"
+        self._waiting = list(self.attached)
+        self._deadline_s = self.get_time_s() + self.factory.stop_timeout_s
+        return [self._page_task(), *self._pass_barrier()]
+
+    def on_ended(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Note that a control process has ended its state."""
+        source, epoch = task.val_list[:2]
+        if self.phase != "ending" or epoch != self.epoch or source not in self._waiting:
+            return None
+        self._waiting.remove(source)
+        return self._pass_barrier()
+
+    def _pass_barrier(self) -> list[Task]:
+        """Enter the next state, if nobody is in the old one any more."""
+        if self._waiting or self.phase != "ending":
+            return []
+        if self._cause is None:
+            self.phase = "stopped"
+            return [self._page_task()]
+        cause, before = self._cause, self.state
+        changes = self._interpreter.step(self._now_ns(), cause.name)
+        self.log.info("State machine transitioning '%s':'%s'-->'%s'", before, cause.name, self.state)
+        self.epoch += 1
+        self.phase = "running"
+        found = [tasks.event(f"{self.name}.transition", [msgspec.structs.asdict(one)]) for one in changes]
+        return [*found, self._page_task(), *self._next()]
+
+    def on_step(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Look at the deadline."""
+        if self.phase != "ending" or self.get_time_s() < self._deadline_s:
+            return None
+        stuck = ", ".join(f"'{name}'" for name in self._waiting)
+        why = f"{stuck} did not end state '{self.state}' within {self.factory.stop_timeout_s:g} s."
+        return self._go_on_without(list(self._waiting), why)
+
+    def on_crashed(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Handle an exception in a control process."""
+        source, text = task.val_list[:2]
+        return self._go_on_without([source], f"'{source}' failed in state '{self.state}'. {text}")
+
+    def _go_on_without(self, names: Sequence[str], why: str) -> list[Task]:
+        """Do what `on_stuck` says.
+
+        Raises:
+            ComponentFailedError: that is to fail.
+        """
+        if self.factory.on_stuck == "fail":
+            raise ComponentFailedError(why, self.parent.name, self.name)
+        self.parent.add_note(f"{self.name}: {why} It was detached.")
+        found = [self.store_data_task("failsafe", True)] if self.factory.on_stuck == "failsafe" else []
+        for name in names:
+            found += self._detach(name)
+        return found
+
+    def on_attach(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Let a control process follow from now on; a barrier that has begun does not wait for it."""
+        (name,) = task.val_list[:1]
+        if name in self.attached:
+            return None
+        self._check(name)
+        self.attached.append(name)
+        return [self._page_task()]
+
+    def on_detach(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Let a control process follow no more."""
+        (name,) = task.val_list[:1]
+        return self._detach(name) if name in self.attached else None
+
+    def _detach(self, name: str) -> list[Task]:
+        self.attached = [one for one in self.attached if one != name]
+        self._waiting = [one for one in self._waiting if one != name]
+        return [self._page_task(), *self._pass_barrier()]
+
+    def on_stop(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Let all end their state; none follows. A transition that has begun leads nowhere any more."""
+        if self.phase == "stopped":
+            return None
+        self._cause = None
+        self._queue.clear()
+        return None if self.phase == "ending" else self._end_state()
+
+    def _now_ns(self) -> int:
+        return round(self.get_time_s() * NS_PER_S)
+
+    def _page_task(self) -> Task:
+        data: dict[str, Any] = {
+            "state": self.state, "epoch": self.epoch, "phase": self.phase, "attached": list(self.attached),
+        }  # fmt: skip
+        return self.store_data_task(self.name, data)

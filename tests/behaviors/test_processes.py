@@ -1,0 +1,333 @@
+"""Control processes that follow a reference machine: what Kooi's architecture promises, without its waits."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator, Mapping
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from snr_sim import Config, Node, SimClock, TaskType, TimeoutLoopFactory, WallClock, tasks
+from snr_sim.behaviors.processes import ControlProcessFactory, ObserverState, reference_parts, wait
+from snr_sim.core.lockstep import LockStep
+from snr_sim.prelude.errors import ComponentFailedError, ConfigError, ParameterError, SnrError
+from snr_sim.testing.function_components import FunctionEndpointFactory
+
+# Kooi's example, figure 15: three states, three events.
+STATES = {
+    "StateA": {"EventA": "StateB"},
+    "StateB": {"EventB": "StateA", "EventC": "StateC"},
+    "StateC": {"EventA": "StateA"},
+}
+
+
+class Echo(ObserverState):
+    """Says how many turns it has had, once a second."""
+
+    def run_state(self) -> Generator[Any, None, None]:
+        self.store_data(f"{self.parent.name}.said", [self.name, self.turns])
+        yield wait(1.0)
+
+    def exit(self) -> None:
+        self.store_data(f"{self.parent.name}.said", [self.name, "end"])
+
+
+class Slow(Echo):
+    """Cannot end before 300 ms of work are done."""
+
+    def run_state(self) -> Generator[Any, None, None]:
+        yield wait(0.3, uninterrupted=True)
+
+
+class Quick(Echo):
+    def run_state(self) -> Generator[Any, None, None]:
+        yield wait(0.1, uninterrupted=True)
+
+
+class Stuck(Echo):
+    def run_state(self) -> Generator[Any, None, None]:
+        yield wait(1000.0, uninterrupted=True)
+
+
+class Failing(Echo):
+    def run_state(self) -> Generator[Any, None, None]:
+        yield wait(0.25)
+        raise ValueError("no eyes")
+
+
+def of(kind: type[ObserverState]) -> dict[str, type[ObserverState]]:
+    return dict.fromkeys(STATES, kind)
+
+
+def event_at(time_s: float, name: str, *values: Any) -> TimeoutLoopFactory:
+    return TimeoutLoopFactory(time_s, task=tasks.event(name, list(values)), name=f"{name} at {time_s:.4f}")
+
+
+class Lab:
+    """A reference machine with its processes; what they say, and what it tells."""
+
+    def __init__(
+        self,
+        processes: Mapping[str, type[ObserverState] | dict[str, type[ObserverState]]],
+        *more: Any,
+        until_s: float = 5.0,
+        observers: list[str] | None = None,
+        **settings: Any,
+    ) -> None:
+        self.said: list[tuple[float, str, str, Any]] = []
+        self.told: list[tuple[float, str, list[Any]]] = []
+        names = list(processes) if observers is None else observers
+        made = [
+            ControlProcessFactory(name, "reference", kind if isinstance(kind, dict) else of(kind))
+            for name, kind in processes.items()
+        ]
+        keys = [f"{name}.said" for name in processes]
+        events = ["reference.transition", "reference.dropped"]
+        watcher = FunctionEndpointFactory(
+            {
+                **{(TaskType.process_data, key): self._say for key in keys},
+                **{(TaskType.event, name): self._tell for name in events},
+                (TaskType.process_data, "reference"): self._page,
+            },
+            "watcher",
+        )
+        self.pages: list[tuple[str, int, str]] = []
+        clock = SimClock()
+        parts = [*more, *reference_parts(STATES, "StateA", observers=names, **settings), *made, watcher]
+        config = Config(factories={"r": parts})
+        self.node = Node("r", config, clock=clock)
+        self.clock, self.until_s = clock, until_s
+
+    def run(self) -> Lab:
+        LockStep([self.node], self.clock, until_s=self.until_s).run()
+        return self
+
+    def _say(self, task: Any, key: Any) -> None:
+        state, what = task.page.data
+        self.said.append((round(self.node.get_time_s(), 6), task.page.key.removesuffix(".said"), state, what))
+
+    def _tell(self, task: Any, key: Any) -> None:
+        self.told.append((round(self.node.get_time_s(), 6), task.name, list(task.val_list)))
+
+    def _page(self, task: Any, key: Any) -> None:
+        data = task.page.data
+        self.pages.append((data["state"], data["epoch"], data["phase"]))
+
+    @property
+    def states(self) -> list[str]:
+        return ["StateA", *(row[2][0]["target"] for row in self.told if row[1].endswith("transition"))]
+
+    @property
+    def dropped(self) -> list[tuple[str, str]]:
+        return [(values[0], values[3]) for _, name, values in self.told if name.endswith("dropped")]
+
+
+def test_two_processes_change_state_together_and_count_anew() -> None:
+    """Kooi, figure 23."""
+    lab = Lab({"P1": Echo, "P2": Echo}, event_at(2.5, "EventA"), until_s=4.0).run()
+    first = [(name, state, what) for _, name, state, what in lab.said]
+    assert first == [
+        ("P1", "StateA", 0), ("P2", "StateA", 0), ("P1", "StateA", 1), ("P2", "StateA", 1),
+        ("P1", "StateA", 2), ("P2", "StateA", 2), ("P1", "StateA", "end"), ("P2", "StateA", "end"),
+        ("P1", "StateB", 0), ("P2", "StateB", 0), ("P1", "StateB", 1), ("P2", "StateB", 1),
+    ]  # fmt: skip
+    assert {time for time, _, state, what in lab.said if (state, what) in (("StateA", "end"), ("StateB", 0))} == {2.5}
+
+
+def test_reaction_takes_as_long_as_the_slowest_and_not_the_sum() -> None:
+    """Kooi, section 4: 100 ms and 300 ms of work."""
+    lab = Lab({"P1": Quick, "P2": Slow}, event_at(0.05, "EventA"), until_s=2.0).run()
+    assert lab.told[0][0] == pytest.approx(0.3, abs=0.011)
+
+
+def test_no_process_begins_while_another_is_in_the_old_state() -> None:
+    class Noting(Echo):
+        def enter(self) -> None:
+            log.append(("begin", self.parent.name, self.parent.get_time_s()))
+
+        def exit(self) -> None:
+            log.append(("end", self.parent.name, self.parent.get_time_s()))
+
+    class NotingSlow(Noting):
+        def run_state(self) -> Generator[Any, None, None]:
+            yield wait(0.4, uninterrupted=True)
+
+    log: list[tuple[str, str, float]] = []
+    Lab({"P1": Noting, "P2": NotingSlow, "P3": Noting}, event_at(1.0, "EventA"), until_s=1.5).run()
+    words = [word for word, _, _ in log]
+    assert words == ["begin"] * 3 + ["end"] * 3 + ["begin"] * 3 + ["end"] * 3
+    assert max(t for word, _, t in log[3:6]) <= min(t for word, _, t in log[6:9])
+
+
+def test_events_while_the_barrier_waits_come_in_their_order() -> None:
+    events = [
+        event_at(1.0 + 0.01 * i, name) for i, name in enumerate(("EventA", "EventB", "EventA", "EventC", "EventA"))
+    ]
+    lab = Lab({"P1": Slow}, *events, until_s=5.0).run()
+    assert lab.states == ["StateA", "StateB", "StateA", "StateB", "StateC", "StateA"]
+    assert lab.dropped == []
+
+
+class Publishing(Echo):
+    """Publishes the same event twice, as two cameras do that see the same thing."""
+
+    def run_state(self) -> Generator[Any, None, None]:
+        yield wait(0.5)
+        if self.name == "StateA":
+            self.publish_event("EventA")
+            self.publish_event("EventA")
+        yield wait(10.0)
+
+
+def test_event_that_is_published_twice_is_one_transition() -> None:
+    lab = Lab({"P1": Publishing, "P2": Echo}, until_s=2.0).run()
+    assert lab.states == ["StateA", "StateB"]
+    assert lab.dropped == [("EventA", "its state is over")]
+
+
+def test_event_without_transition_is_told() -> None:
+    lab = Lab({"P1": Echo}, event_at(0.5, "EventB"), event_at(0.6, "NOOP")).run()
+    assert lab.states == ["StateA"]
+    assert lab.dropped == [("EventB", "no transition in StateA")]
+
+
+def test_stuck_process_fails_the_node_by_default() -> None:
+    with pytest.raises(ComponentFailedError) as caught:
+        Lab({"P1": Echo, "P2": Stuck}, event_at(1.0, "EventA"), stop_timeout_s=0.5).run()
+    assert "'P2' did not end state 'StateA' within 0.5 s" in str(caught.value)
+
+
+@pytest.mark.parametrize("policy", ["detach", "failsafe"])
+def test_stuck_process_is_detached(policy: str) -> None:
+    lab = Lab(
+        {"P1": Echo, "P2": Stuck}, event_at(1.0, "EventA"), event_at(2.0, "EventB"), stop_timeout_s=0.5, on_stuck=policy
+    ).run()
+    assert lab.states == ["StateA", "StateB", "StateA"]
+    assert [time for time, name, _ in lab.told] == [pytest.approx(1.5, abs=0.011), 2.0]
+    assert (lab.node.get_data("failsafe") is True) == (policy == "failsafe")
+    assert any("It was detached" in note for note in lab.node.notes)
+    assert lab.node.get_data("reference")["attached"] == ["P1"]
+
+
+@pytest.mark.parametrize("policy", ["fail", "detach"])
+def test_failing_process_is_handled_by_the_same_policy(policy: str) -> None:
+    lab = Lab({"P1": Echo, "P2": Failing}, event_at(1.0, "EventA"), on_stuck=policy)
+    if policy == "fail":
+        with pytest.raises(ComponentFailedError, match="no eyes"):
+            lab.run()
+        return
+    lab.run()
+    assert lab.states == ["StateA", "StateB"]
+    assert any("no eyes" in note for note in lab.node.notes)
+
+
+def test_process_is_attached_and_detached_while_it_runs() -> None:
+    lab = Lab(
+        {"P1": Echo, "P2": Echo},
+        event_at(0.5, "reference.attach", "P2"),
+        event_at(1.5, "EventA"),
+        event_at(2.5, "reference.detach", "P1"),
+        event_at(3.5, "EventB"),
+        observers=["P1"],
+        until_s=4.5,
+    ).run()
+    assert ("P2", "StateA", 0) in [row[1:] for row in lab.said if 0.5 <= row[0] < 0.52]
+    assert [row[1] for row in lab.said if row[2:] == ("StateB", 0)] == ["P1", "P2"]
+    assert [row[1] for row in lab.said if row[2:] == ("StateA", 0) and row[0] > 3.0] == ["P2"]
+
+
+def test_stop_ends_all() -> None:
+    lab = Lab({"P1": Echo, "P2": Slow}, event_at(1.05, "reference.stop"), event_at(2.0, "EventA")).run()
+    assert lab.states == ["StateA"]
+    assert lab.pages[-1] == ("StateA", 1, "stopped")
+    assert [row[3] for row in lab.said if row[0] > 1.05] == ["end"]
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: Lab({"P1": {"StateA": Echo, "StateB": Echo}}).run(), "has no state 'StateC'"),
+        (lambda: Lab({"P1": {**of(Echo), "StateD": Echo}}).run(), "has the state 'StateD'"),
+        (lambda: Lab({"P1": Echo}, observers=["P2"]).run(), "no control process"),
+        (lambda: Lab({"P1": Echo}, on_stuck="ignore"), "on_stuck"),
+        (lambda: Lab({"P1": Echo}, stop_timeout_s=0.0), "stop_timeout_s"),
+        (lambda: Lab({"P1": Echo}, observers=["P1", "P1"]), "each once"),
+        (lambda: ControlProcessFactory("P", "reference", {"A": "Echo"}), "a class"),  # type: ignore[dict-item]
+        (lambda: reference_parts({"A": {"E": "B"}}, "A"), "'B'"),
+    ],
+)
+def test_wrong_architecture_is_refused(make: Any, said: str) -> None:
+    with pytest.raises(SnrError) as caught:
+        make()
+    assert said in str(caught.value)
+    assert isinstance(caught.value, (ConfigError, ParameterError, ComponentFailedError, SnrError))
+
+
+@pytest.mark.hypothesis
+@given(
+    events=st.lists(
+        st.tuples(st.floats(0.0, 3.0), st.sampled_from(("EventA", "EventB", "EventC", "NOOP"))), max_size=12
+    ),
+    kinds=st.lists(st.sampled_from((Echo, Slow, Quick, Publishing)), min_size=1, max_size=3),
+    moves=st.lists(st.tuples(st.floats(0.0, 3.0), st.booleans(), st.integers(0, 2)), max_size=4),
+)
+def test_barrier_and_events_hold_in_any_history(
+    events: list[tuple[float, str]], kinds: list[type[ObserverState]], moves: list[tuple[float, bool, int]]
+) -> None:
+    given_processes = {f"P{i}": kind for i, kind in enumerate(kinds)}
+    names = list(given_processes)
+    more = [event_at(time_s + 1e-4 * i, name) for i, (time_s, name) in enumerate(events)]
+    more += [
+        event_at(time_s + 1e-4 * (50 + i), f"reference.{'attach' if up else 'detach'}", names[which % len(names)])
+        for i, (time_s, up, which) in enumerate(moves)
+    ]
+    lab = Lab(given_processes, *more, until_s=12.0).run()
+    # Each event from outside is a transition, or told.
+    outside = [name for _, name in events if name != "NOOP"]
+    transitions = [row for row in lab.told if row[1].endswith("transition")]
+    assert len(transitions) + len(lab.dropped) >= len(outside)
+    published = sum(values[1] != "" for _, name, values in lab.told if name.endswith("dropped"))
+    assert len(transitions) + len(lab.dropped) - published >= len(outside) - published
+    # An epoch begins when the one before is over, and the states are those of the table.
+    for before, after in zip(lab.pages, lab.pages[1:], strict=False):
+        assert after[1] - before[1] in (0, 1)
+        if after[1] != before[1]:
+            assert (before[2], after[2]) == ("ending", "running")
+            assert after[0] in STATES[before[0]].values()
+    assert lab.pages[-1][2] == "running", "no barrier is left waiting"
+
+
+# -- on the wall clock ------------------------------------------------------------------------------------------------
+
+
+class Idle(ObserverState):
+    def run_state(self) -> Generator[Any, None, None]:
+        yield wait(100.0)
+
+
+@pytest.mark.slow
+@pytest.mark.wall_clock
+@pytest.mark.parametrize("executor", ["thread", "process"])
+def test_order_is_the_same_on_threads_and_in_processes(executor: Any) -> None:
+    events = ("EventA", "EventB", "EventA", "EventC", "EventA")
+    told: list[str] = []
+    done: list[float] = []
+
+    def note(task: Any, key: Any) -> Any:
+        told.append(task.val_list[0]["target"])
+        done.append(time.monotonic())
+        return tasks.terminate("all seen") if len(told) == len(events) else None
+
+    processes = [ControlProcessFactory(f"P{i}", "reference", of(Idle), executor=executor) for i in (1, 2)]
+    parts = [
+        *reference_parts(STATES, "StateA", observers=["P1", "P2"], stop_timeout_s=10.0),
+        *processes,
+        FunctionEndpointFactory({(TaskType.event, "reference.transition"): note}, "watcher"),
+        *(event_at(2.0 + 0.2 * i, name) for i, name in enumerate(events)),
+        TimeoutLoopFactory(seconds=30.0),
+    ]
+    Node("r", Config(factories={"r": parts}), clock=WallClock()).loop()
+    assert told == ["StateB", "StateA", "StateB", "StateC", "StateA"]
