@@ -48,6 +48,7 @@ MAX_PENDING_INPUTS = 10_000
 BROKEN = "broken_"
 
 _IMAGE_MARK = b'"dtype":"uint8"'
+_TRANSITION = ".transition"  # end of the names of events by which state machines tell a change
 _NUMBERS = {float, int, bool}
 _NO_ARROW = [0.0] * 6
 
@@ -222,6 +223,20 @@ class Batch:
             if found:
                 yield [time_s for time_s, _ in found], [text for _, text in found]
 
+    def changes_of_state(self) -> Iterator[tuple[str, str, When, list[str]]]:
+        """Return for each state machine its node, its path, when it changed its state, and the states."""
+        for node, records in self._executed.items():
+            found: dict[str, tuple[list[Executed], list[str]]] = {}
+            for record in records:
+                if record.type == "event" and record.name.endswith(_TRANSITION):
+                    change = _first_value(record)
+                    if isinstance(change, dict) and {"machine", "target"} <= change.keys():
+                        at, states = found.setdefault(str(change["machine"]), ([], []))
+                        at.append(record)
+                        states.append(str(change["target"]))
+            for machine, (at, states) in found.items():
+                yield node, machine, When.of(at), states
+
     def is_copy(self, node: str, key: str) -> bool:
         """Return whether another node created the first page of a key at a node: it came over a link."""
         try:
@@ -285,6 +300,15 @@ def _event(record: _Event) -> tuple[str, str]:
     if isinstance(record, BeginRecord):
         return f"{record.component} begins: {_tasks(record.returned) or 'nothing to do'}", "INFO"
     return f"{record.node} ends: {record.reason}", "INFO"
+
+
+def _first_value(record: Executed) -> Any:
+    """Return the first value of a task, or None."""
+    try:
+        values = decode_value(bytes(record.values), KINDS)
+    except ValueEncodingError:
+        return None
+    return values[0] if isinstance(values, list) and values else None
 
 
 def page_data(raws: Sequence[msgspec.Raw]) -> list[Any]:

@@ -18,6 +18,7 @@ UNITS: dict[str, str] = {
 UNITS_FIRST = ("m", "m/s", "", "kg", "l", "°", "°/s", "rad", "rad/s")
 FLAGS = "yes (1) or no (0)"  # title of the plot of all flags
 FAILURES = "broken (1) or not (0)"
+STATES = "states of machines"
 SYNONYMS: dict[str, str] = {"yaw": "heading"}
 UNITS_NOT_PLOTTED = ("s",)  # stamps: a straight line for each sensor, without information
 MAX_PLOTS_BESIDE = 4

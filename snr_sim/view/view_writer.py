@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import takewhile
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -12,6 +13,7 @@ from snr_sim.recording.records import Header
 from snr_sim.view.view_blueprint import (
     FAILURES,
     FLAGS,
+    STATES,
     Layout,
     PlotLine,
     blueprint,
@@ -63,6 +65,7 @@ class Writer:
         self._known: set[tuple[str, ...]] = set()
         self._factors: dict[tuple[str, ...], float] = {}  # scale factors of numbers that are shown in another unit
         self._flags: dict[str, float] = {}
+        self._states: dict[tuple[str, ...], dict[str, int]] = {}  # number of each state, by machine
         self._links = LinkReports()
         self._contents = PageContents(lines)
         self._send_run()
@@ -76,6 +79,8 @@ class Writer:
             self._send_series(("truth", *series.path), series, is_truth=True)
         for node, series in batch.page_values():
             self._send_series((node, "pages", *series.path), series, is_truth=False)
+        for node, machine, when, states in batch.changes_of_state():
+            self._send_states(node, machine, when, states)
         for node, path, when, images in batch.images():
             self._send_images((node, "pages", *path), when, images)
         for place, logs in (("tasks", batch.executed()), ("events", batch.events())):
@@ -135,6 +140,20 @@ class Writer:
         line = PlotLine(self._sender.entity(*parts), legend, unit, is_truth, plot, is_step=bool(plot))
         self._add_line(line, is_truth or self._is_plotted(parts))
 
+    def _send_states(self, node: str, machine: str, when: When, states: list[str]) -> None:
+        """Send the states of a machine as steps of a line: their numbers, whose names are in the legend."""
+        parts = (node, "machines", *machine.split("/"))
+        numbers = self._states.setdefault(parts, {})
+        known = len(numbers)
+        values = [numbers.setdefault(state, len(numbers)) for state in states]
+        entity = self._sender.entity(*parts)
+        if len(numbers) > known:
+            names = ", ".join(f"{number} {state}" for state, number in numbers.items() if state)
+            line = PlotLine(entity, f"{machine}: {names}", "", False, STATES, is_step=True)
+            self._add_line(line, is_plotted=parts not in self._known)
+            self._known.add(parts)
+        self._sender.send_numbers(entity, when, np.array(values, np.float64))
+
     def _is_plotted(self, parts: tuple[str, ...]) -> bool:
         """Return whether a number is plotted: not pages of other nodes, sequence numbers or counts of links.
 
@@ -165,7 +184,7 @@ class Writer:
 
     def _add_line(self, line: PlotLine, is_plotted: bool) -> None:
         """Send the style of a line, and add it to the layout if it is plotted."""
-        rgba, width = color_and_width(line, self.layout.lines)
+        rgba, width = color_and_width(line, list(takewhile(lambda one: one.entity != line.entity, self.layout.lines)))
         if is_plotted:
             self.layout.lines.append(line)
         mode = "StepAfter" if line.is_step else None
