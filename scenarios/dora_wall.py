@@ -1,4 +1,4 @@
-"""Drive at a wall, and stop 40 cm before it: what remains shows how late the program knew, and how late it was obeyed.
+"""Drive at a wall, and stop 40 cm before it: what remains shows how late the readings and the commands were.
 
 Every seed is another distance at the start, so that readings fall into another moment of the approach. Success is to
 stop without touching the wall.

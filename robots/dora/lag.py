@@ -1,4 +1,4 @@
-"""How late a program learns, and is obeyed: python robots/dora/lag.py prints the tables of docs/live_programming.md
+"""Delays of readings and commands: python robots/dora/lag.py prints the tables of docs/live_programming.md
 
     --starts N        how many starts for each row of the first table (default 40)
     --rooms N         how many rooms for each row of the second (default 5)
@@ -31,7 +31,7 @@ def run(scenario: str, seed: int, controller: str, wire: str) -> RunResult:
 
 
 def wall_row(wire: str, speed: int, starts: int, folder: Path) -> dict[str, Any]:
-    """Return how far it moved before it was obeyed, from each start, at a speed in percent."""
+    """Return how far it moved before its command was applied, from each start, at a speed in percent."""
     from snr_sim_robot_dora.parameters import DORA
 
     text = (HERE / "controllers" / "stop.lrp").read_text(encoding="utf-8")
@@ -44,8 +44,8 @@ def wall_row(wire: str, speed: int, starts: int, folder: Path) -> dict[str, Any]
         "wire": wire,
         "speed_percent": speed,
         "moved_mean_cm": sum(moved_cm) / len(moved_cm) if moved_cm else None,  # exact enough: shown to the millimetre
-        "moved_most_cm": max(moved_cm, default=None),
-        "left_least_cm": min(100.0 * one.metrics["left_m"] for one in results),
+        "moved_max_cm": max(moved_cm, default=None),
+        "left_min_cm": min(100.0 * one.metrics["left_m"] for one in results),
         "touched": sum(not one.success for one in results),  # exact: integers
     }
 

@@ -16,7 +16,7 @@ _MARK = "is_snr_action"
 
 
 def action(function: FunctionT) -> FunctionT:
-    """Mark a function of a Python file as one that blocks of an LRP program beside it may call.
+    """Mark a function of a Python file as one that blocks of an LRP program in the same folder may call.
 
         @action
         def next_turn(left_cm, right_cm): ...           # in moves.py
@@ -51,8 +51,8 @@ def _named(forms: list[Form]) -> Iterator[tuple[str, str]]:
 
 
 def why_not(name: str, suffix: str) -> str:
-    """Return why a name cannot be that of a file beside a program; empty if it can."""
+    """Return why a name cannot be that of a file in the folder of a program; empty if it can."""
     path = PurePosixPath(name)
     if path.is_absolute() or ".." in path.parts or "\\" in name or "\0" in name or ":" in name:
         return "it leaves the folder of the program"
-    return "" if path.suffix == suffix and path.stem else f"it is no {suffix} file"
+    return "" if path.suffix == suffix and path.stem else f"it is not a {suffix} file"

@@ -16,9 +16,9 @@
     onerror    := "(" "onerror" ( "go_on" | "stop" | "fail" ) ")"
     always     := "(" "always" [ NAME ] expr ")"                          must hold after every step
     break      := "(" "break" NAME [ expr ] ")"                           pauses when state NAME is entered
-    import     := "(" "import" STRING ")"                                 what another program beside this one exports
+    import     := "(" "import" STRING ")"                                 what another program in this folder exports
     export     := "(" "export" NAME ")"                                   a var, def or machine of the program's top
-    actions    := "(" "actions" STRING ")"                                marked functions of a Python file beside it
+    actions    := "(" "actions" STRING ")"                                marked functions of a Python file there
     expr, block := "[" Python "]"                                         see blocks.py
 
 Source: Fabry and Campusano, "Live Programming the Lego Mindstorms" (IWST 2014); where it is silent, the choices are
@@ -250,13 +250,13 @@ class _Language:
         for one in names.machines.values():
             self._tried(self._machine, one)
         exported = [form for form in known if _first(form) == "export"]
-        wanted = {self._name(form, 1): form for form in exported for _ in self._tried(self._name, form, 1)}
+        exported_names = {self._name(form, 1): form for form in exported for _ in self._tried(self._name, form, 1)}
         tables: tuple[Mapping[str, Any], ...] = (names.variables, names.definitions, names.machines)
-        for name, form in wanted.items():
+        for name, form in exported_names.items():
             if not any(name in table for table in tables):
                 have = sorted({one for table in tables for one in table})
                 self._add(form.items[1].place, f"There is no '{name}' to export.", suggest(name, have))
-        variables, definitions, machines = ({key: one[key] for key in one if key in wanted} for one in tables)
+        variables, definitions, machines = ({key: one[key] for key in one if key in exported_names} for one in tables)
         return _Names(variables, names.values, definitions, machines)
 
     def _file(self, form: Form, suffix: str) -> str:
@@ -266,7 +266,7 @@ class _Language:
             raise self._shape(form)
         if wrong := why_not(item.text, suffix):
             raise self._failed(
-                item.place, f"'{item.text}' cannot be used here: {wrong}.", f"a {suffix} file beside it."
+                item.place, f"'{item.text}' cannot be used here: {wrong}.", f"a {suffix} file in its folder."
             )
         return item.text
 
@@ -276,7 +276,7 @@ class _Language:
             raise self._failed(form.place, f"'{name}' imports itself.", "leave one of the imports out.")
         if name not in others.files:
             raise self._failed(
-                form.place, f"There is no file '{name}' beside the program.", suggest(name, others.files)
+                form.place, f"There is no file '{name}' in the folder of the program.", suggest(name, others.files)
             )
         if name not in others.used:
             forms, problems = read(others.files[name])
@@ -293,7 +293,7 @@ class _Language:
         name = self._file(form, ".py")
         if name not in self._others.actions:
             known = self._others.actions
-            fix = suggest(name, known) if known else "a file beside the program; a new one counts from the next start."
+            fix = suggest(name, known) if known else "a file in its folder; a new one counts from the next start."
             raise self._failed(form.place, f"There are no actions of '{name}'.", fix)
         self._actions |= self._others.actions[name]
 

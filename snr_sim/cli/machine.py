@@ -29,7 +29,7 @@ def machine(
     robot: Annotated[str, typer.Option(help="Of an LRP program: the robot whose parts it names.")] = "",
     as_json: AsJson = False,
 ) -> None:
-    """Draw or check the state machines of a file, or tell how late those of a run were.
+    """Draw or check the state machines of a file, or print the delays of a run.
 
     draw prints a machine in a format that other programs draw: mermaid in an editor or on a web page, dot with
     Graphviz; scxml is W3C's format of state machines, and text a listing. check prints what is wrong with a program or
@@ -70,7 +70,7 @@ def _lag(run: Path, as_json: bool) -> None:
     print("transitions  " + ", ".join(f"{machine}: {count}" for machine, count in found["transitions"].items()))
     for what, text in (("readings", "age at a transition"), ("commands", "until applied")):
         for key, row in found[what].items():
-            print(f"{key:<12} {text}: mean {1000 * row['mean_s']:.0f} ms, most {1000 * row['most_s']:.0f} ms")
+            print(f"{key:<12} {text}: mean {1000 * row['mean_s']:.0f} ms, at most {1000 * row['max_s']:.0f} ms")
     if not found["commands"]:
         print("commands: the robot's devices apply them at their next tick")
 

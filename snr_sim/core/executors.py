@@ -61,7 +61,7 @@ class ClockExecutor:
         self._at_once = 0  # consecutive ticks that were requested at once
         self._pages = WakingPages(loop, self)
         self._periods = 0  # ticks but for those that a page has caused
-        self._is_woken = False  # a tick beside the rate is due at this moment
+        self._is_woken = False  # a tick in addition to the rate is due at this moment
         self.is_stopped: bool = False
         self.ticks: int = 0
         self.late_s: float = 0.0
@@ -149,7 +149,7 @@ class ThreadExecutor:
         self._period_s = 1.0 / loop.max_tick_rate_hz if loop.max_tick_rate_hz else 0.0
         self._stopping = threading.Event()
         self._waking = threading.Event()  # set to end a wait: by `stop` or `wake`
-        self._is_due = False  # a tick beside the rate has been requested
+        self._is_due = False  # a tick in addition to the rate has been requested
         self._pages = WakingPages(loop, self)
         self._halting = threading.Lock()
         self._is_halted = False

@@ -143,14 +143,14 @@ class RequestLine(Loop):
 
     def _send(self) -> None:
         """Decide what is asked next: a command that differs from the one applied, otherwise the next sensor."""
-        wanted = self._wanted()
-        if wanted != self._applied:
-            self._request, self._sent = self.factory.command_key, wanted
+        requested = self._requested_command()
+        if requested != self._applied:
+            self._request, self._sent = self.factory.command_key, requested
             return
         self._request = self._keys[self._turn]
         self._turn = (self._turn + 1) % len(self._keys)
 
-    def _wanted(self) -> Any:
+    def _requested_command(self) -> Any:
         """Return the newest command; neutral without one, or if it is too old."""
         actuator = self._actuator
         page, age_s = self._commands.newest()
@@ -158,12 +158,12 @@ class RequestLine(Loop):
             self._sent_page = None
             return actuator.command_type()
         try:
-            wanted = command_of(page.data, actuator.command_type, actuator.limits)
+            requested = command_of(page.data, actuator.command_type, actuator.limits)
         except CommandError as error:
             actuator.neutral()
             raise self._commands.error_with_source(page, error) from error
         self._sent_page = page
-        return wanted
+        return requested
 
     def _execute(self) -> None:
         if self._request == self.factory.command_key:

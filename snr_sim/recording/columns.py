@@ -48,7 +48,7 @@ MAX_PENDING_INPUTS = 10_000
 BROKEN = "broken_"
 
 _IMAGE_MARK = b'"dtype":"uint8"'
-_TRANSITION = ".transition"  # end of the names of events by which state machines tell a change
+_TRANSITION = ".transition"  # end of the names of events by which state machines report a change
 _NUMBERS = {float, int, bool}
 _NO_ARROW = [0.0] * 6
 

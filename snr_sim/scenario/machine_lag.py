@@ -9,7 +9,7 @@ from snr_sim.prelude.values import decode_value
 from snr_sim.recording.reader import Trace
 from snr_sim.recording.records import Executed, InputRecord, PageRecord
 
-APPLIED = "_applied"  # end of the keys of pages that tell what became of a command
+APPLIED = "_applied"  # end of the keys of pages with the result of a command
 _TRANSITION = ".transition"
 
 
@@ -17,8 +17,8 @@ def lag_of(trace: Trace) -> dict[str, Any]:
     """Return the delays of a run, as JSON.
 
     {"transitions": {machine: count},
-     "readings": {page: {"count", "mean_s", "most_s"}},    age of the newest page at each transition
-     "commands": {page: {"count", "mean_s", "most_s"}}}    from storing a command until it was applied
+     "readings": {page: {"count", "mean_s", "max_s"}},    age of the newest page at each transition
+     "commands": {page: {"count", "mean_s", "max_s"}}}    from storing a command until it was applied
 
     Readings are pages that loops store; commands are known where the device's loop stores a page "<key>_applied".
     """
@@ -44,6 +44,6 @@ def lag_of(trace: Trace) -> dict[str, Any]:
 
 def _summary(found: dict[str, list[float]]) -> dict[str, dict[str, float]]:
     return {
-        key: {"count": len(values), "mean_s": sum(values) / len(values), "most_s": max(values)}  # exact enough: shown
+        key: {"count": len(values), "mean_s": sum(values) / len(values), "max_s": max(values)}  # exact enough: shown
         for key, values in found.items()
     }

@@ -60,7 +60,7 @@ class Lab:
 
     def __init__(self, flow: Flow, *more: Any, until_s: float = 5.0, **settings: Any) -> None:
         self.sent: list[tuple[float, str, list[Any]]] = []
-        names = [f"{flow.name}.transition", f"{flow.name}.done", "said"]
+        names = [f"{flow.name}.transition", f"{flow.name}.done", "text"]
         watcher = FunctionEndpointFactory({(TaskType.event, name): self._note for name in names}, "watcher")
         clock = SimClock()
         parts = [*more, *flow_parts(flow, **settings), watcher]
@@ -80,12 +80,12 @@ class Lab:
         return [values[0] for _, name, values in self.sent if name.endswith(".done")]
 
     @property
-    def said(self) -> list[tuple[float, Any]]:
-        return [(time, values[0]) for time, name, values in self.sent if name == "said"]
+    def sent_texts(self) -> list[tuple[float, Any]]:
+        return [(time, values[0]) for time, name, values in self.sent if name == "text"]
 
 
-def say(text: Any) -> Any:
-    return tasks.event("said", [text])
+def send_text(text: Any) -> Any:
+    return tasks.event("text", [text])
 
 
 def event_at(time_s: float, name: str, *values: Any) -> TimeoutLoopFactory:
@@ -136,7 +136,7 @@ def test_initial_state_can_be_another() -> None:
 
 
 @pytest.mark.parametrize(
-    ("make", "said"),
+    ("make", "message"),
     [
         (lambda: flow_of(), "no states"),
         (lambda: flow_of(A=(state("ok"), {"ok": "BB"}), B=(state("done"))), "leads to 'BB'"),
@@ -153,10 +153,10 @@ def test_initial_state_can_be_another() -> None:
         (lambda: flow_of(A=Iterator(("done",), [1], "item", "done")), "no behavior"),
     ],
 )
-def test_flow_that_cannot_run_is_refused(make: Callable[[], Flow], said: str) -> None:
+def test_flow_that_cannot_run_is_refused(make: Callable[[], Flow], message: str) -> None:
     with pytest.raises(ConfigError) as caught:
         flow_parts(make())
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_loop_without_waiting_is_reported() -> None:
@@ -170,21 +170,21 @@ def test_loop_without_waiting_is_reported() -> None:
 def test_state_waits_for_page_event_time_and_condition() -> None:
     def run(self: State, userdata: Userdata) -> Generator[Any, Any, str]:
         data = yield page("depth")
-        yield say(("page", data["depth_m"]))
+        yield send_text(("page", data["depth_m"]))
         values = yield event("go")
-        yield say((TaskType.event, values))
+        yield send_text((TaskType.event, values))
         yield wait(0.5)
-        yield say(("time", None))
+        yield send_text(("time", None))
         yield until(lambda: self.get_data("depth")["depth_m"] > 2.95)
-        yield say(("condition", self.get_data("depth")["depth_m"]))
+        yield send_text(("condition", self.get_data("depth")["depth_m"]))
         return "done"
 
     depths = ListReplayerFactory([{"depth_m": 0.1 * i} for i in range(1, 50)], "depth", rate_hz=10.0)
     lab = Lab(flow_of(A=state("done", run=run)), depths, event_at(0.75, "go", 1, 2))
-    assert [text for _, text in lab.said] == [
+    assert [text for _, text in lab.sent_texts] == [
         ("page", 0.1), (TaskType.event, [1, 2]), ("time", None), ("condition", pytest.approx(3.0)),
     ]  # fmt: skip
-    times = [time for time, _ in lab.said]
+    times = [time for time, _ in lab.sent_texts]
     assert times[1:3] == [0.75, pytest.approx(1.25, abs=0.011)]
     assert lab.done == ["done"]
 
@@ -193,10 +193,10 @@ def test_state_waits_for_page_event_time_and_condition() -> None:
 def test_timed_out_wait_gives_none(waits_for: Any) -> None:
     def run(self: State, userdata: Userdata) -> Generator[Any, Any, str]:
         found = yield waits_for
-        yield say(found)
+        yield send_text(found)
         return "done"
 
-    ((time, found),) = Lab(flow_of(A=state("done", run=run))).said
+    ((time, found),) = Lab(flow_of(A=state("done", run=run))).sent_texts
     assert found is None
     assert time == pytest.approx(0.3, abs=0.011)
 
@@ -204,13 +204,13 @@ def test_timed_out_wait_gives_none(waits_for: Any) -> None:
 def test_request_is_answered() -> None:
     def run(self: State, userdata: Userdata) -> Generator[Any, Any, str]:
         values = yield from ask("grab", "grabbed", 1.0, [3])
-        yield say(values)
+        yield send_text(values)
         return "done"
 
     helper = FunctionEndpointFactory(
         {(TaskType.event, "grab"): lambda task, key: tasks.event("grabbed", [2 * task.val_list[0]])}, "gripper"
     )
-    assert Lab(flow_of(A=state("done", run=run)), helper).said == [(0.0, [6])]
+    assert Lab(flow_of(A=state("done", run=run)), helper).sent_texts == [(0.0, [6])]
 
 
 def test_event_that_ends_one_state_is_not_seen_by_the_next() -> None:
@@ -224,17 +224,17 @@ def test_event_that_ends_one_state_is_not_seen_by_the_next() -> None:
 
 
 @pytest.mark.parametrize(
-    ("yielded", "said"),
+    ("yielded", "message"),
     [(5, "neither a task nor a wait"), ("go", "neither a task nor a wait"), ([wait], "neither a task nor a wait")],
 )
-def test_wrong_yield_is_reported_with_its_line(yielded: Any, said: str) -> None:
+def test_wrong_yield_is_reported_with_its_line(yielded: Any, message: str) -> None:
     def run(self: State, userdata: Userdata) -> Generator[Any, Any, str]:
         yield yielded  # this line
         return "done"
 
     with pytest.raises(ComponentFailedError) as caught:
         Lab(flow_of(A=state("done", run=run)))
-    assert said in str(caught.value)
+    assert message in str(caught.value)
     assert "yield yielded  # this line" in str(caught.value)
 
 
@@ -267,14 +267,14 @@ def test_data_are_handed_on_by_remapped_keys() -> None:
         return "done"
 
     def use(self: State, userdata: Userdata) -> Generator[Any, Any, str]:
-        yield say(userdata.path)
+        yield send_text(userdata.path)
         return "done"
 
     flow = Flow("mission", outcomes=("done",), output_keys=("way_m",))
     flow.add("A", state("done", run=make, outputs=("way_m",)), {"done": "B"}, {"way_m": "route"})
     flow.add("B", state("done", run=use, inputs=("path",)), remapping={"path": "route"})
     lab = Lab(flow)
-    assert lab.said[0][1] == (1.0, 2.0), "what may only be read cannot be changed"
+    assert lab.sent_texts[0][1] == (1.0, 2.0), "what may only be read cannot be changed"
     assert lab.node.get_data("mission")["userdata"] == {"route": [1.0, 2.0]}
 
 
@@ -300,7 +300,7 @@ def test_state_counts_over_executions() -> None:
 
 
 @pytest.mark.parametrize(
-    ("run", "said"),
+    ("run", "message"),
     [
         (lambda self, userdata: userdata.taget, "reads userdata.taget"),
         (lambda self, userdata: userdata.target, "'target' has not been set"),
@@ -308,10 +308,10 @@ def test_state_counts_over_executions() -> None:
         (lambda self, userdata: setattr(userdata, "out", object()), "an object of the type object"),
     ],
 )
-def test_undeclared_data_are_refused(run: Work, said: str) -> None:
+def test_undeclared_data_are_refused(run: Work, message: str) -> None:
     with pytest.raises(ComponentFailedError) as caught:
         Lab(flow_of(A=state("done", run=run, inputs=("target",), outputs=("out",))))
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_container_copies_its_data() -> None:
@@ -379,9 +379,9 @@ def test_first_end_preempts_others() -> None:
         try:
             yield wait(10.0)
         except Preempted:
-            yield say("asked to end")
+            yield send_text("asked to end")
             yield wait(0.3)
-            yield say("ends")
+            yield send_text("ends")
         finally:
             noted.append("closed")
         return "ok"
@@ -390,7 +390,7 @@ def test_first_end_preempts_others() -> None:
     both.add("A", waiting(0.5, "ok"))
     both.add("B", state("ok", run=stubborn))
     lab = Lab(flow_of(BOTH=both))
-    assert lab.said == [(pytest.approx(0.5, abs=0.011), "asked to end"), (pytest.approx(0.8, abs=0.011), "ends")]
+    assert lab.sent_texts == [(pytest.approx(0.5, abs=0.011), "asked to end"), (pytest.approx(0.8, abs=0.011), "ends")]
     assert noted == ["closed"]
     assert lab.done == ["done"]
 
@@ -411,7 +411,7 @@ def test_both_see_the_same_event() -> None:
 
 def test_iterator_goes_through_its_items() -> None:
     def run(self: State, userdata: Userdata) -> Generator[Any, Any, str]:
-        yield say(userdata.item)
+        yield send_text(userdata.item)
         yield wait(0.1)
         return "ok" if userdata.item < 3 else "broken"
 
@@ -423,13 +423,13 @@ def test_iterator_goes_through_its_items() -> None:
         return flow
 
     lab = Lab(over([1, 2]))
-    assert ([item for _, item in lab.said], lab.done) == ([1, 2], ["done"])
+    assert ([item for _, item in lab.sent_texts], lab.done) == ([1, 2], ["done"])
     lab = Lab(over(lambda: [1, 4, 2]))
-    assert ([item for _, item in lab.said], lab.done) == ([1, 4], ["failed"])
+    assert ([item for _, item in lab.sent_texts], lab.done) == ([1, 4], ["failed"])
     lab = Lab(over([1, 4, 2], loops=("ok", "broken")))
-    assert ([item for _, item in lab.said], lab.done) == ([1, 4, 2], ["done"])
+    assert ([item for _, item in lab.sent_texts], lab.done) == ([1, 4, 2], ["done"])
     lab = Lab(over([4, 1], loops=("ok", "broken"), breaks=("broken",)))
-    assert ([item for _, item in lab.said], lab.done) == ([4], ["failed"]), "a break comes before a loop"
+    assert ([item for _, item in lab.sent_texts], lab.done) == ([4], ["failed"]), "a break comes before a loop"
     assert Lab(over([])).done == ["done"]
     with pytest.raises(UnknownNameError, match="no outcome 'brokn'"):
         over([1], breaks=("brokn",))

@@ -64,12 +64,12 @@ def test_text_of_import_counts_in_the_digest() -> None:
 
 
 @pytest.mark.parametrize(
-    ("main", "files", "said"),
+    ("main", "files", "message"),
     [
-        (MAIN, {}, "There is no file 'lib.lrp' beside the program."),
+        (MAIN, {}, "There is no file 'lib.lrp' in the folder of the program."),
         (MAIN.replace("lib.lrp", "../lib.lrp"), FILES, "it leaves the folder"),
         (MAIN.replace("lib.lrp", "/lib.lrp"), FILES, "it leaves the folder"),
-        (MAIN.replace("lib.lrp", "lib.py"), FILES, "it is no .lrp file"),
+        (MAIN.replace("lib.lrp", "lib.py"), FILES, "it is not a .lrp file"),
         (MAIN.replace('"lib.lrp"', "lib"), FILES, "(import ...) is not complete"),
         (MAIN, {"lib.lrp": LIBRARY.replace("full)", "ful)")}, "lib.lrp:8:36: There is no state 'ful' here."),
         (MAIN, {"lib.lrp": LIBRARY + "(export nothing)"}, "There is no 'nothing' to export."),
@@ -77,13 +77,13 @@ def test_text_of_import_counts_in_the_digest() -> None:
         (MAIN, {"lib.lrp": LIBRARY + '(import "lib.lrp")'}, "'lib.lrp' imports itself."),
         (MAIN, {"lib.lrp": "(machine"}, "lib.lrp:1:1: '(' is not closed."),
         ('(actions "moves.py")' + MAIN, FILES, "There are no actions of 'moves.py'."),
-        ('(actions "moves.lrp")' + MAIN, FILES, "it is no .py file"),
+        ('(actions "moves.lrp")' + MAIN, FILES, "it is not a .py file"),
     ],
 )
-def test_wrong_import_is_explained(main: str, files: dict[str, str], said: str) -> None:
+def test_wrong_import_is_explained(main: str, files: dict[str, str], message: str) -> None:
     with pytest.raises(ProgramError) as caught:
         parse(main, files=files)
-    assert said in " ".join(one.message for one in caught.value.problems)
+    assert message in " ".join(one.message for one in caught.value.problems)
 
 
 @pytest.mark.parametrize("name", ["..", "a/../b.lrp", "/etc/x.lrp", "C:x.lrp", "a\\b.lrp", "x.txt", ".lrp", ""])
@@ -131,7 +131,7 @@ def test_action_that_fails_is_a_problem_of_its_block() -> None:
     assert machine.variables["turn"] == -90.0
 
 
-def test_files_beside_the_program_are_read(tmp_path: Path) -> None:
+def test_files_in_the_folder_of_the_program_are_read(tmp_path: Path) -> None:
     (tmp_path / "main.lrp").write_text('(import "lib.lrp")(actions "moves.py")\n' + MAIN.partition("\n")[2])
     (tmp_path / "lib.lrp").write_text('(import "deep/base.lrp")(export limit)\n' + LIBRARY)
     (tmp_path / "deep").mkdir()
@@ -186,7 +186,7 @@ def test_break_names_its_line_when_its_state_is_entered() -> None:
 
 
 @pytest.mark.parametrize(
-    ("rule", "said"),
+    ("rule", "message"),
     [
         ("(break thre)", "There is no state 'thre'."),
         ("(break)", "(break ...) is not complete"),
@@ -195,10 +195,10 @@ def test_break_names_its_line_when_its_state_is_entered() -> None:
         ("(break two [n] [n])", "(break ...) is not complete"),
     ],
 )
-def test_wrong_rule_is_explained(rule: str, said: str) -> None:
+def test_wrong_rule_is_explained(rule: str, message: str) -> None:
     with pytest.raises(ProgramError) as caught:
         parse(RULES + rule)
-    assert said in " ".join(one.message for one in caught.value.problems)
+    assert message in " ".join(one.message for one in caught.value.problems)
 
 
 def test_break_pauses_machine_by_an_event_and_go_continues() -> None:

@@ -1,9 +1,10 @@
-"""The programs of docs/machines.md do what it says."""
+"""The programs of docs/machines.md and docs/control_processes.md do what these say."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -47,3 +48,28 @@ def test_machine_may_react_to_one_page_given_as_text() -> None:
     exec(programs()[0], names)
     factory = MachineFactory(names["LANDING"], "landing", reacts_to="radar")  # type: ignore[arg-type]
     assert factory.reacts_to == ("radar",)
+
+
+def run_on_lander(text: str, folder: Path) -> tuple[SimulationRun, Any]:
+    """Run a program as the controller of a lander; return the run and the node."""
+    (folder / "program.py").write_text(text)
+    simulation = prepare(Request("lander_vertical", controller=str(folder / "program.py")))
+    plant = simulation.plant()
+    run = SimulationRun(simulation, plant, simulation.config(plant))
+    assert run.run().error == ""
+    return run, run.nodes[0]
+
+
+def test_flow_climbs_and_rests(tmp_path: Path) -> None:
+    _, node = run_on_lander(programs()[2], tmp_path)
+    page = node.get_data("mission")
+    assert page["outcome"] == "done"
+    assert page["last"]["source"] == "REST"
+
+
+def test_control_processes_change_their_state_together(tmp_path: Path) -> None:
+    page = Path(PAGE).with_name("control_processes.md").read_text(encoding="utf-8")
+    (text,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    _, node = run_on_lander(text, tmp_path)
+    reference = node.get_data("reference")
+    assert (reference["state"], reference["epoch"], reference["phase"]) == ("approaching", 2, "running")

@@ -1,4 +1,4 @@
-"""Control processes that follow a reference machine: what Kooi's architecture promises, without its waits."""
+"""Control processes that follow a reference machine: what Kooi's architecture guarantees, without its waits."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class Echo(ObserverState):
     """Says how many turns it has had, once a second."""
 
     def run_state(self) -> Generator[Any, None, None]:
-        self.store_data(f"{self.parent.name}.said", [self.name, self.turns])
+        self.store_data(f"{self.parent.name}.turn", [self.name, self.turns])
         yield wait(1.0)
 
     def exit(self) -> None:
-        self.store_data(f"{self.parent.name}.said", [self.name, "end"])
+        self.store_data(f"{self.parent.name}.turn", [self.name, "end"])
 
 
 class Slow(Echo):
@@ -67,7 +67,7 @@ def event_at(time_s: float, name: str, *values: Any) -> TimeoutLoopFactory:
 
 
 class Lab:
-    """A reference machine with its processes; what they say, and what it tells."""
+    """A reference machine with its processes; what they store, and what it sends."""
 
     def __init__(
         self,
@@ -77,19 +77,19 @@ class Lab:
         observers: list[str] | None = None,
         **settings: Any,
     ) -> None:
-        self.said: list[tuple[float, str, str, Any]] = []
-        self.told: list[tuple[float, str, list[Any]]] = []
+        self.stored: list[tuple[float, str, str, Any]] = []
+        self.sent: list[tuple[float, str, list[Any]]] = []
         names = list(processes) if observers is None else observers
         made = [
             ControlProcessFactory(name, "reference", kind if isinstance(kind, dict) else of(kind))
             for name, kind in processes.items()
         ]
-        keys = [f"{name}.said" for name in processes]
+        keys = [f"{name}.turn" for name in processes]
         events = ["reference.transition", "reference.dropped"]
         watcher = FunctionEndpointFactory(
             {
-                **{(TaskType.process_data, key): self._say for key in keys},
-                **{(TaskType.event, name): self._tell for name in events},
+                **{(TaskType.process_data, key): self._note_stored for key in keys},
+                **{(TaskType.event, name): self._note_sent for name in events},
                 (TaskType.process_data, "reference"): self._page,
             },
             "watcher",
@@ -105,12 +105,12 @@ class Lab:
         LockStep([self.node], self.clock, until_s=self.until_s).run()
         return self
 
-    def _say(self, task: Any, key: Any) -> None:
+    def _note_stored(self, task: Any, key: Any) -> None:
         state, what = task.page.data
-        self.said.append((round(self.node.get_time_s(), 6), task.page.key.removesuffix(".said"), state, what))
+        self.stored.append((round(self.node.get_time_s(), 6), task.page.key.removesuffix(".turn"), state, what))
 
-    def _tell(self, task: Any, key: Any) -> None:
-        self.told.append((round(self.node.get_time_s(), 6), task.name, list(task.val_list)))
+    def _note_sent(self, task: Any, key: Any) -> None:
+        self.sent.append((round(self.node.get_time_s(), 6), task.name, list(task.val_list)))
 
     def _page(self, task: Any, key: Any) -> None:
         data = task.page.data
@@ -118,29 +118,29 @@ class Lab:
 
     @property
     def states(self) -> list[str]:
-        return ["StateA", *(row[2][0]["target"] for row in self.told if row[1].endswith("transition"))]
+        return ["StateA", *(row[2][0]["target"] for row in self.sent if row[1].endswith("transition"))]
 
     @property
     def dropped(self) -> list[tuple[str, str]]:
-        return [(values[0], values[3]) for _, name, values in self.told if name.endswith("dropped")]
+        return [(values[0], values[3]) for _, name, values in self.sent if name.endswith("dropped")]
 
 
-def test_two_processes_change_state_together_and_count_anew() -> None:
+def test_two_processes_change_state_together_and_count_again() -> None:
     """Kooi, figure 23."""
     lab = Lab({"P1": Echo, "P2": Echo}, event_at(2.5, "EventA"), until_s=4.0).run()
-    first = [(name, state, what) for _, name, state, what in lab.said]
+    first = [(name, state, what) for _, name, state, what in lab.stored]
     assert first == [
         ("P1", "StateA", 0), ("P2", "StateA", 0), ("P1", "StateA", 1), ("P2", "StateA", 1),
         ("P1", "StateA", 2), ("P2", "StateA", 2), ("P1", "StateA", "end"), ("P2", "StateA", "end"),
         ("P1", "StateB", 0), ("P2", "StateB", 0), ("P1", "StateB", 1), ("P2", "StateB", 1),
     ]  # fmt: skip
-    assert {time for time, _, state, what in lab.said if (state, what) in (("StateA", "end"), ("StateB", 0))} == {2.5}
+    assert {time for time, _, state, what in lab.stored if (state, what) in (("StateA", "end"), ("StateB", 0))} == {2.5}
 
 
 def test_reaction_takes_as_long_as_the_slowest_and_not_the_sum() -> None:
     """Kooi, section 4: 100 ms and 300 ms of work."""
     lab = Lab({"P1": Quick, "P2": Slow}, event_at(0.05, "EventA"), until_s=2.0).run()
-    assert lab.told[0][0] == pytest.approx(0.3, abs=0.011)
+    assert lab.sent[0][0] == pytest.approx(0.3, abs=0.011)
 
 
 def test_no_process_begins_while_another_is_in_the_old_state() -> None:
@@ -188,7 +188,7 @@ def test_event_that_is_published_twice_is_one_transition() -> None:
     assert lab.dropped == [("EventA", "its state is over")]
 
 
-def test_event_without_transition_is_told() -> None:
+def test_event_without_transition_is_reported() -> None:
     lab = Lab({"P1": Echo}, event_at(0.5, "EventB"), event_at(0.6, "NOOP")).run()
     assert lab.states == ["StateA"]
     assert lab.dropped == [("EventB", "no transition in StateA")]
@@ -206,7 +206,7 @@ def test_stuck_process_is_detached(policy: str) -> None:
         {"P1": Echo, "P2": Stuck}, event_at(1.0, "EventA"), event_at(2.0, "EventB"), stop_timeout_s=0.5, on_stuck=policy
     ).run()
     assert lab.states == ["StateA", "StateB", "StateA"]
-    assert [time for time, name, _ in lab.told] == [pytest.approx(1.5, abs=0.011), 2.0]
+    assert [time for time, name, _ in lab.sent] == [pytest.approx(1.5, abs=0.011), 2.0]
     assert (lab.node.get_data("failsafe") is True) == (policy == "failsafe")
     assert any("It was detached" in note for note in lab.node.notes)
     assert lab.node.get_data("reference")["attached"] == ["P1"]
@@ -234,24 +234,24 @@ def test_process_is_attached_and_detached_while_it_runs() -> None:
         observers=["P1"],
         until_s=4.5,
     ).run()
-    assert ("P2", "StateA", 0) in [row[1:] for row in lab.said if 0.5 <= row[0] < 0.52]
-    assert [row[1] for row in lab.said if row[2:] == ("StateB", 0)] == ["P1", "P2"]
-    assert [row[1] for row in lab.said if row[2:] == ("StateA", 0) and row[0] > 3.0] == ["P2"]
+    assert ("P2", "StateA", 0) in [row[1:] for row in lab.stored if 0.5 <= row[0] < 0.52]
+    assert [row[1] for row in lab.stored if row[2:] == ("StateB", 0)] == ["P1", "P2"]
+    assert [row[1] for row in lab.stored if row[2:] == ("StateA", 0) and row[0] > 3.0] == ["P2"]
 
 
 def test_stop_ends_all() -> None:
     lab = Lab({"P1": Echo, "P2": Slow}, event_at(1.05, "reference.stop"), event_at(2.0, "EventA")).run()
     assert lab.states == ["StateA"]
     assert lab.pages[-1] == ("StateA", 1, "stopped")
-    assert [row[3] for row in lab.said if row[0] > 1.05] == ["end"]
+    assert [row[3] for row in lab.stored if row[0] > 1.05] == ["end"]
 
 
 @pytest.mark.parametrize(
-    ("make", "said"),
+    ("make", "message"),
     [
         (lambda: Lab({"P1": {"StateA": Echo, "StateB": Echo}}).run(), "has no state 'StateC'"),
         (lambda: Lab({"P1": {**of(Echo), "StateD": Echo}}).run(), "has the state 'StateD'"),
-        (lambda: Lab({"P1": Echo}, observers=["P2"]).run(), "no control process"),
+        (lambda: Lab({"P1": Echo}, observers=["P2"]).run(), "not a control process"),
         (lambda: Lab({"P1": Echo}, on_stuck="ignore"), "on_stuck"),
         (lambda: Lab({"P1": Echo}, stop_timeout_s=0.0), "stop_timeout_s"),
         (lambda: Lab({"P1": Echo}, observers=["P1", "P1"]), "each once"),
@@ -259,10 +259,10 @@ def test_stop_ends_all() -> None:
         (lambda: reference_parts({"A": {"E": "B"}}, "A"), "'B'"),
     ],
 )
-def test_wrong_architecture_is_refused(make: Any, said: str) -> None:
+def test_wrong_architecture_is_refused(make: Any, message: str) -> None:
     with pytest.raises(SnrError) as caught:
         make()
-    assert said in str(caught.value)
+    assert message in str(caught.value)
     assert isinstance(caught.value, (ConfigError, ParameterError, ComponentFailedError, SnrError))
 
 
@@ -285,11 +285,11 @@ def test_barrier_and_events_hold_in_any_history(
         for i, (time_s, up, which) in enumerate(moves)
     ]
     lab = Lab(given_processes, *more, until_s=12.0).run()
-    # Each event from outside is a transition, or told.
+    # Each event from outside is a transition, or targets.
     outside = [name for _, name in events if name != "NOOP"]
-    transitions = [row for row in lab.told if row[1].endswith("transition")]
+    transitions = [row for row in lab.sent if row[1].endswith("transition")]
     assert len(transitions) + len(lab.dropped) >= len(outside)
-    published = sum(values[1] != "" for _, name, values in lab.told if name.endswith("dropped"))
+    published = sum(values[1] != "" for _, name, values in lab.sent if name.endswith("dropped"))
     assert len(transitions) + len(lab.dropped) - published >= len(outside) - published
     # An epoch begins when the one before is over, and the states are those of the table.
     for before, after in zip(lab.pages, lab.pages[1:], strict=False):
@@ -313,13 +313,13 @@ class Idle(ObserverState):
 @pytest.mark.parametrize("executor", ["thread", "process"])
 def test_order_is_the_same_on_threads_and_in_processes(executor: Any) -> None:
     events = ("EventA", "EventB", "EventA", "EventC", "EventA")
-    told: list[str] = []
+    targets: list[str] = []
     done: list[float] = []
 
     def note(task: Any, key: Any) -> Any:
-        told.append(task.val_list[0]["target"])
+        targets.append(task.val_list[0]["target"])
         done.append(time.monotonic())
-        return tasks.terminate("all seen") if len(told) == len(events) else None
+        return tasks.terminate("all seen") if len(targets) == len(events) else None
 
     processes = [ControlProcessFactory(f"P{i}", "reference", of(Idle), executor=executor) for i in (1, 2)]
     parts = [
@@ -330,4 +330,4 @@ def test_order_is_the_same_on_threads_and_in_processes(executor: Any) -> None:
         TimeoutLoopFactory(seconds=30.0),
     ]
     Node("r", Config(factories={"r": parts}), clock=WallClock()).loop()
-    assert told == ["StateB", "StateA", "StateB", "StateC", "StateA"]
+    assert targets == ["StateB", "StateA", "StateB", "StateC", "StateA"]

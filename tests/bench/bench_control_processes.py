@@ -1,6 +1,6 @@
-"""Control processes: how long a barrier takes, beside the same on bare threads and bare pipes.
+"""Control processes: how long a barrier takes, compared with bare threads and bare pipes.
 
-A barrier is the time from the page "ending" of the reference machine, which tells all to end their state, until its
+A barrier is the time from the page "ending" of the reference machine, at which all end their state, until its
 next page: all have answered. On the wall clock; all wait for nothing else. Run by `snr bench control_processes`.
 """
 

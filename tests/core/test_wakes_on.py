@@ -99,7 +99,7 @@ def test_pages_of_one_moment_cause_one_call() -> None:
     assert times == [0.0, 0.25]
 
 
-def test_loop_that_wakes_itself_for_ever_is_reported() -> None:
+def test_loop_that_wakes_itself_without_end_is_reported() -> None:
     class Mad(Echo):
         def loop(self) -> None:
             self.store_data("ask", 1)

@@ -171,11 +171,11 @@ def test_jitter_is_chance_of_the_seed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("settings", "said"),
+    ("settings", "message"),
     [({"request_s": 0.0}, "request_s"), ({"timeout_s": -1.0}, "timeout_s"), ({"jitter_s": 0.1}, "chance")],
 )
-def test_impossible_line_is_refused(settings: dict[str, float], said: str) -> None:
-    with pytest.raises(ParameterError, match=said):
+def test_impossible_line_is_refused(settings: dict[str, float], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
         Lab(**settings)
 
 

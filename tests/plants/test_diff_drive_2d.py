@@ -169,7 +169,7 @@ def test_there_is_no_echo_from_far_away() -> None:
     assert explorer().read("range") == EchoReading(2.55, 0.0, 0.0)
 
 
-def test_people_stop_for_a_robot_in_front_of_them_and_go_on_without() -> None:
+def test_people_stop_for_a_robot_in_front_of_them_and_continue_without() -> None:
     walker = Walker((2.0, 0.0), (-2.0, 0.0), radius_m=0.2, speed_mps=0.5)
     plant = explorer(room=Room(HALL, walkers=(walker,)))
     drive(plant, 0.0, 0.0, 10.0)
@@ -181,7 +181,7 @@ def test_people_stop_for_a_robot_in_front_of_them_and_go_on_without() -> None:
     assert walker.place_m(plant.people_m[0])[0] < 0.0
 
 
-def test_who_drives_into_a_person_hits_them() -> None:
+def test_driving_into_a_person_is_a_hit() -> None:
     walker = Walker((2.0, 0.0), (-2.0, 0.0), speed_mps=0.5)
     plant = explorer(room=Room(HALL, walkers=(walker,)))
     drive(plant, 50.0, 50.0, 8.0)
@@ -207,7 +207,7 @@ def test_wheels_count_while_they_slide() -> None:
 
 
 @pytest.mark.parametrize(
-    ("numbers", "said"),
+    ("numbers", "message"),
     [
         ({"mass_kg": 700.0}, "grams"),
         ({"axle_m": 0.01}, "between them"),
@@ -216,10 +216,10 @@ def test_wheels_count_while_they_slide() -> None:
         ({"full_speed_mps": math.nan}, "full_speed_mps"),
     ],
 )
-def test_explorer_that_cannot_be_is_refused(numbers: dict[str, float], said: str) -> None:
+def test_explorer_that_cannot_be_is_refused(numbers: dict[str, float], message: str) -> None:
     with pytest.raises(ParameterError) as caught:
         replace(EXPLORER, **numbers)
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
 @pytest.mark.parametrize("place", [(8.95, 0.0), (25.0, 0.0)])

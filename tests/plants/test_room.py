@@ -27,7 +27,7 @@ def test_furniture_stands_on_floor() -> None:
     assert not room.is_floor(0.0, 0.0)
     assert room.is_floor(0.8, 0.8)
     assert not room.is_floor(1.2, 0.0)
-    assert len(room.walls_m()) == 8
+    assert len(room.edges_m()) == 8
 
 
 @pytest.mark.hypothesis
@@ -55,7 +55,7 @@ def test_walker_goes_there_and_back(along_m: float, x: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("make", "said"),
+    ("make", "message"),
     [
         (lambda: Room(((0.0, 0.0), (1.0, 0.0))), "three corners"),
         (lambda: Room(((0.0, 0.0), (1.0, 0.0), (2.0, 0.0))), "no floor"),
@@ -66,7 +66,7 @@ def test_walker_goes_there_and_back(along_m: float, x: float) -> None:
         (lambda: Walker((0.0, 0.0), (1.0, 1.0), speed_mps=10.0), "people walk at"),
     ],
 )
-def test_room_that_cannot_be_is_refused(make: object, said: str) -> None:
+def test_room_that_cannot_be_is_refused(make: object, message: str) -> None:
     with pytest.raises(ParameterError) as caught:
         make()  # type: ignore[operator]
-    assert said in str(caught.value)
+    assert message in str(caught.value)

@@ -9,7 +9,7 @@ from typing import Any
 from snr_sim.behaviors.endpoint import StepLoopFactory
 from snr_sim.behaviors.flow.flow import Flow, FlowExecution
 from snr_sim.behaviors.flow.state import NS_PER_S
-from snr_sim.behaviors.flow.userdata import copied
+from snr_sim.behaviors.flow.userdata import data_copy
 from snr_sim.behaviors.flow.waits import Step
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.factory import ComponentFactory
@@ -61,7 +61,7 @@ class FlowFactory(EndpointFactory):
         flow.check(flow.name)
         self.flow: Flow = flow
         self.name: str = name or flow.name
-        self.userdata: dict[str, Any] = copied("userdata", dict(userdata or {}))
+        self.userdata: dict[str, Any] = data_copy("userdata", dict(userdata or {}))
         self.preempt_deadline_s: float = preempt_deadline_s
 
     def get(self, parent: NodeApi) -> FlowEndpoint:
@@ -90,7 +90,7 @@ class FlowEndpoint(Endpoint):
         self.preempt_deadline_s: float = factory.preempt_deadline_s
         self.outcome: str | None = None
         self._flow = copy.deepcopy(factory.flow)  # its states belong to this component
-        self._data = copied("userdata", factory.userdata)
+        self._data = data_copy("userdata", factory.userdata)
         self._execution: FlowExecution | None = None
         self._last: dict[str, Any] | None = None
         self.optional_events = [f"{name}.{what}" for what in EVENTS]
@@ -132,7 +132,7 @@ class FlowEndpoint(Endpoint):
             why = "the flow has ended" if execution is None else suggest(str(label), known)
             self.parent.add_note(f"'{task.name}' {task.val_list!r:.200} was rejected: {why}")
             return None
-        execution.data.update(copied(task.name, data))
+        execution.data.update(data_copy(task.name, data))
         return self._results(execution.go_to(label, step), step)
 
     def on_start(self, task: Task, task_id: TaskId) -> SomeTasks:
@@ -144,7 +144,7 @@ class FlowEndpoint(Endpoint):
         if not isinstance(data, dict):
             self.parent.add_note(f"'{task.name}' {task.val_list!r:.200} was rejected: give a dict.")
             return None
-        self._data.update(copied(task.name, data))
+        self._data.update(data_copy(task.name, data))
         return self._start()
 
     def _start(self) -> list[Task]:
@@ -172,7 +172,7 @@ class FlowEndpoint(Endpoint):
             found += [tasks.event(f"{self.name}.transition", [one]) for one in step.moves]
             found.append(self.store_data_task(self.name, self._page()))
         if outcome is not None:
-            found.append(tasks.event(f"{self.name}.done", [outcome, copied("userdata", self._data)]))
+            found.append(tasks.event(f"{self.name}.done", [outcome, data_copy("userdata", self._data)]))
         self._set_handlers()
         return found
 
@@ -181,7 +181,7 @@ class FlowEndpoint(Endpoint):
             "active": {} if self._execution is None else self._execution.active(),
             "outcome": self.outcome,
             "last": self._last,
-            "userdata": copied("userdata", self._data),
+            "userdata": data_copy("userdata", self._data),
         }
 
     def _set_handlers(self) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from snr_sim.behaviors.flow.state import NS_PER_S, PREEMPTED, Behavior, Execution, FlowOwner
-from snr_sim.behaviors.flow.userdata import copied, keys_of
+from snr_sim.behaviors.flow.userdata import data_copy, keys_of
 from snr_sim.behaviors.flow.waits import Step, Wait
 from snr_sim.prelude.errors import ConfigError, TaskError, UnknownNameError, suggest
 
@@ -31,7 +31,7 @@ class Flow:
         name: of the flow.
         outcomes: with which it can end; "preempted" is always possible.
         input_keys, output_keys: data that it takes from its container, and gives back.
-        connector: an outcome that leads to the state added next, if nothing else is said: a sequence.
+        connector: an outcome that leads to the state added next, if `transitions` has no other: a sequence.
     """
 
     def __init__(
@@ -233,7 +233,9 @@ class FlowExecution:
 
 def copy_in(path: str, outer: Mapping[str, Any], inputs: Mapping[str, str]) -> dict[str, Any]:
     """Return the data with which a container begins: copies of what its own container has."""
-    return {name: copied(f"'{name}' of '{path}'", outer[theirs]) for name, theirs in inputs.items() if theirs in outer}
+    return {
+        name: data_copy(f"'{name}' of '{path}'", outer[theirs]) for name, theirs in inputs.items() if theirs in outer
+    }
 
 
 def copy_out(data: Mapping[str, Any], outer: dict[str, Any], outputs: Mapping[str, str]) -> None:

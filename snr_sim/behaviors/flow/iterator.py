@@ -8,7 +8,7 @@ from typing import Any
 
 from snr_sim.behaviors.flow.flow import copy_in, copy_out
 from snr_sim.behaviors.flow.state import PREEMPTED, Behavior, Execution, FlowOwner
-from snr_sim.behaviors.flow.userdata import copied, keys_of
+from snr_sim.behaviors.flow.userdata import data_copy, keys_of
 from snr_sim.behaviors.flow.waits import Step, Wait
 from snr_sim.prelude.errors import ConfigError, TaskError, UnknownNameError, suggest
 
@@ -120,7 +120,7 @@ class IteratorExecution:
     def begin(self, step: Step) -> str | None:
         """Begin with the first item."""
         items = self._iterator.items
-        self._left = list(copied(f"The items of '{self._path}'", list(items() if callable(items) else items)))
+        self._left = list(data_copy(f"The items of '{self._path}'", list(items() if callable(items) else items)))
         return self._follow("", step)
 
     def step(self, step: Step) -> str | None:

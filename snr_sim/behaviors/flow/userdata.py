@@ -59,10 +59,10 @@ class Userdata:
                 f"{self._who} writes userdata.{name}, which is not among its output_keys.",
                 fix=suggest(name, self._outputs, "they are"),
             )
-        self._data[outer] = copied(f"userdata.{name} of {self._who}", value)
+        self._data[outer] = data_copy(f"userdata.{name} of {self._who}", value)
 
 
-def copied(what: str, value: Any) -> Any:
+def data_copy(what: str, value: Any) -> Any:
     """Return a copy of data.
 
     Raises:

@@ -13,7 +13,7 @@ from snr_sim.prelude.page import DataKey
 from snr_sim.prelude.task import Task
 
 
-class Preempted(Exception):  # noqa: N818 -- smach says it so, and it is no failure
+class Preempted(Exception):  # noqa: N818 -- the name in smach; not a failure
     """Raised in a state where it waits, when it is to end; it may send tasks and wait for a short time more."""
 
 

@@ -22,7 +22,7 @@ class ObserverState:
 
         class Echo(ObserverState):
             def run_state(self):
-                self.say(self.turns)
+                self.log_value(self.turns)
                 yield wait(1.0)
 
     Args:
@@ -54,7 +54,7 @@ class ObserverState:
         """Send an event to the reference machine; it counts only while this state lasts."""
         self.parent.publish(name, values)
 
-    def say(self, value: object) -> None:
+    def log_value(self, value: object) -> None:
         """Log a line: "[Process1] StateB 0"."""
         self.parent.log.info("[%s] %s %s", self.parent.name, self.name, value)
 
@@ -87,7 +87,7 @@ class ControlProcessFactory(LoopFactory):
         rate_hz: how often it looks at its waits, and calls `run_state`.
 
     Raises:
-        ConfigError: a state is no class of states.
+        ConfigError: a state is not a class of states.
     """
 
     def __init__(
@@ -128,7 +128,7 @@ class ControlProcess(Loop):
         self._state: ObserverState | None = None
         self._epoch = 0  # of the state that it is in, or has ended
         self._has_ended = False
-        self._reported = 0  # epoch whose end it has told
+        self._reported = 0  # epoch whose end it has reported
         self._generator: Generator[Wait, None, None] | None = None
         self._until_s = 0.0
         self._is_uninterrupted = False
@@ -155,7 +155,7 @@ class ControlProcess(Loop):
             self._end()
             is_running = False
             if not is_attached:
-                self._epoch = 0  # if it is attached again in the same state, it begins anew
+                self._epoch = 0  # if it is attached again in the same state, it begins again
         if phase == "ending" and is_attached and not is_running:
             self._report_end(epoch)
         elif phase == "running" and is_attached:
@@ -209,7 +209,7 @@ class ControlProcess(Loop):
         state.exit()
 
     def _report_end(self, epoch: int) -> None:
-        """Tell the reference machine once in each epoch that the state has ended, or was never begun."""
+        """Report once in each epoch that the state has ended, or was never begun."""
         if self._reported != epoch:
             self._reported = epoch
             self.schedule(tasks.event(f"{self.factory.of}.ended", [self.name, epoch]))

@@ -4,12 +4,12 @@ Its guarantees, for control processes in lock step, on threads and in processes:
 
 - No control process begins a state while another is in the one before: all end, then all begin.
 - Each event that is accepted causes one transition, in the order of arrival; none is lost. One that a control process
-  published in a state that is over by now is dropped, and told.
+  published in a state that is over by now is dropped, and reported.
 - A control process that does not end its state in time is named, and `on_stuck` decides what follows.
 
 An epoch is a number that counts states entered. A transition from epoch 4 to 5:
 
-    event                             from anybody, or published by a control process in epoch 4
+    event                             from any component, or published by a control process in epoch 4
       -> page {epoch 4, "ending"}     each control process ends its state
       <- event ended [name, 4]        from each
       -> page {epoch 5, "running"}    each begins its new state; the next event is taken
@@ -68,7 +68,7 @@ class ReferenceFactory(EndpointFactory):
         name: of the component, of its page, and the beginning of its events' names.
         observers: names of the control processes that it waits for.
         stop_timeout_s: how long a control process may take to end a state.
-        on_stuck: what follows if it takes longer, or crashes: 'fail' ends the node; 'detach' goes on without it;
+        on_stuck: what follows if it takes longer, or crashes: 'fail' ends the node; 'detach' continues without it;
             'failsafe' does so, too, and stores page "failsafe" before.
 
     Raises:
@@ -177,7 +177,7 @@ class Reference(Endpoint):
         processes = [one.name for one in self.parent.components.values() if isinstance(one, ControlProcess)]
         if not isinstance(found, ControlProcess):
             raise UnknownNameError(
-                f"'{self.name}' waits for '{name}', which is no control process of this node.",
+                f"'{self.name}' waits for '{name}', which is not a control process of this node.",
                 fix=suggest(name, processes),
             )
         have, needed = found.factory.states, self.factory.states
@@ -244,7 +244,7 @@ class Reference(Endpoint):
         return self._pass_barrier()
 
     def _pass_barrier(self) -> list[Task]:
-        """Enter the next state, if nobody is in the old one any more."""
+        """Enter the next state, if no control process is in the old one any more."""
         if self._waiting or self.phase != "ending":
             return []
         if self._cause is None:

@@ -175,7 +175,7 @@ class DiffDrive2D:
             self._walk()
         self._free_steps -= 1
         if self._free_steps <= 0:
-            speeds = self._meet_walls(speeds)
+            speeds = self._resolve_contacts(speeds)
         vx, vy, turn = self.speeds = speeds
         x, y = self.position_m
         self.position_m = x + step_s * vx, y + step_s * vy
@@ -227,7 +227,7 @@ class DiffDrive2D:
             self._space.put_people([walker.place_m(along_m) for along_m, walker in walked])
         self._space.put_body(*self.position_m, self.heading_rad)
 
-    def _meet_walls(self, speeds: tuple[float, float, float]) -> tuple[float, float, float]:
+    def _resolve_contacts(self, speeds: tuple[float, float, float]) -> tuple[float, float, float]:
         """Return the speeds after contacts with walls, furniture and people, and when to check again."""
         if not math.isfinite(sum((*self.position_m, self.heading_rad, *speeds))):  # exact: only whether it is finite
             raise PlantError(f"At {self.time_s:g} s the state is no longer finite.", fix="look at the last commands.")

@@ -17,7 +17,7 @@ FURNITURE_RGB = [142, 104, 70]
 BODY_RGB = [222, 222, 226]
 WHEEL_RGB = [46, 46, 52]
 BAR_RGB = [196, 52, 44]
-EYE_RGB = [60, 92, 160]
+SENSOR_RGB = [60, 92, 160]
 PERSON_RGB = [92, 120, 176]
 SIDES = 16  # of a circle
 
@@ -29,7 +29,7 @@ def room_shapes(room: Room) -> dict[str, Any]:
     half = [0.5 * (high_x - low_x), 0.5 * (high_y - low_y), 0.005]
     shapes: dict[str, Any] = {
         "floor": {"kind": "box", "half_size_m": half, "center_m": middle, "rgb": FLOOR_RGB},
-        "walls": _fence(room.outline_m, WALL_M, WALL_RGB),
+        "wall": _fence(room.outline_m, WALL_M, WALL_RGB),
     }
     for i, outline in enumerate(room.furniture_m):
         shapes[f"furniture_{i}"] = _fence(outline, FURNITURE_M, FURNITURE_RGB)
@@ -46,7 +46,7 @@ def explorer_shapes(explorer: Explorer) -> list[dict[str, Any]]:
         *(_box([explorer.axle_m, side * track, radius], [radius, 0.014, radius], WHEEL_RGB) for side in (1, -1)),
         _box([explorer.caster_m, 0.0, 0.4 * radius], [0.4 * radius] * 3, WHEEL_RGB),
         *(_box([front + bar, side * 0.25 * width, radius], [bar, 0.23 * width, 0.01], BAR_RGB) for side in (1, -1)),
-        *(_box([front, side * 0.02, height + radius], [0.01, 0.012, 0.012], EYE_RGB) for side in (1, -1)),
+        *(_box([front, side * 0.02, height + radius], [0.01, 0.012, 0.012], SENSOR_RGB) for side in (1, -1)),
     ]
 
 

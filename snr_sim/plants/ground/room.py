@@ -67,7 +67,7 @@ class Room:
 
     Args:
         outline_m: corners of the walls, in order around the room.
-        furniture_m: outlines of what stands in it.
+        furniture_m: outlines of what is in it.
         walkers: people.
 
     Raises:
@@ -94,7 +94,7 @@ class Room:
         """Return all outlines, with what each is of."""
         return [("The room", self.outline_m), *(("Furniture", outline) for outline in self.furniture_m)]
 
-    def walls_m(self) -> list[tuple[Point, Point]]:
+    def edges_m(self) -> list[tuple[Point, Point]]:
         """Return all edges of walls and furniture."""
         return [edge for _, outline in self.outlines() for edge in pairwise((*outline, outline[0]))]
 

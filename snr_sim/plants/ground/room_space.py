@@ -22,10 +22,10 @@ class RoomSpace:
         pymunk = pymunk_module()
         self._space = space = pymunk.Space()
         self._filter = pymunk.ShapeFilter()
-        walls = [pymunk.Segment(space.static_body, a, b, WALL_RADIUS_M) for a, b in room.walls_m()]
+        segments = [pymunk.Segment(space.static_body, a, b, WALL_RADIUS_M) for a, b in room.edges_m()]
         self._people = [pymunk.Body(body_type=pymunk.Body.KINEMATIC) for _ in room.walkers]
         circles = [pymunk.Circle(body, one.radius_m) for body, one in zip(self._people, room.walkers, strict=True)]
-        space.add(*walls, *self._people, *circles)
+        space.add(*segments, *self._people, *circles)
         self._body = pymunk.Body(1.0, 1.0)
         half_length, half_width = 0.5 * size_m[0], 0.5 * size_m[1]
         self._frame = pymunk.Poly.create_box(self._body, size_m)

@@ -68,5 +68,5 @@ class Traction:
 
     def _granted(self, along_ns: float, across_ns: float) -> float:
         """Return the share of an impulse that friction can give."""
-        wanted = math.sqrt(along_ns * along_ns + across_ns * across_ns)
-        return 1.0 if wanted <= self._max_impulse_ns else self._max_impulse_ns / wanted
+        needed = math.sqrt(along_ns * along_ns + across_ns * across_ns)
+        return 1.0 if needed <= self._max_impulse_ns else self._max_impulse_ns / needed
