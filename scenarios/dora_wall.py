@@ -11,8 +11,7 @@ from typing import Any
 
 from snr_sim_robot_dora.parameters import DORA, DoraParameters
 
-from snr_sim.plants import DiffDrive2D, DriveStart, Room
-from snr_sim.plants.ground.room_space import WALL_RADIUS_M
+from snr_sim.plants import WALL_RADIUS_M, DiffDrive2D, DriveStart, Room
 from snr_sim.scenario import Verdict, rng_for
 
 ROBOT = "dora"

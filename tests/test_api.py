@@ -25,6 +25,8 @@ API = Path(__file__).with_name("api.txt")
 PACKAGES = [
     "snr_sim",
     "snr_sim.behaviors",
+    "snr_sim.behaviors.flow",
+    "snr_sim.behaviors.processes",
     "snr_sim.console",
     "snr_sim.devices",
     "snr_sim.devices.emulated",

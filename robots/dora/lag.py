@@ -43,7 +43,7 @@ def wall_row(wire: str, speed: int, starts: int, folder: Path) -> dict[str, Any]
     return {
         "wire": wire,
         "speed_percent": speed,
-        "moved_mean_cm": sum(moved_cm) / len(moved_cm) if moved_cm else None,  # exact enough: shown to the millimetre
+        "moved_mean_cm": sum(moved_cm) / len(moved_cm) if moved_cm else None,  # decides no run: shown
         "moved_max_cm": max(moved_cm, default=None),
         "left_min_cm": min(100.0 * one.metrics["left_m"] for one in results),
         "touched": sum(not one.success for one in results),  # exact: integers
@@ -57,7 +57,7 @@ def room_row(controller: str, wire: str, rooms: int) -> dict[str, Any]:
         "controller": controller,
         "wire": wire,
         "explored": f"{sum(one.success for one in results)} of {rooms}",  # exact: integers
-        "mean_cmps": 100.0 * sum(one.metrics["mean_mps"] for one in results) / rooms,  # exact enough: shown to 1 mm/s
+        "mean_cmps": 100.0 * sum(one.metrics["mean_mps"] for one in results) / rooms,  # decides no run: shown
         "hardest_hit_mps": max(one.metrics["hit_mps"] for one in results),
     }
 

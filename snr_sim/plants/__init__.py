@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from snr_sim.plants.ground.explorer import Explorer as Explorer
     from snr_sim.plants.ground.room import Room as Room
     from snr_sim.plants.ground.room import Walker as Walker
+    from snr_sim.plants.ground.room_space import WALL_RADIUS_M as WALL_RADIUS_M
     from snr_sim.plants.lander.descent import MOON_GRAVITY_MPS2 as MOON_GRAVITY_MPS2
     from snr_sim.plants.lander.descent import STANDARD_GRAVITY_MPS2 as STANDARD_GRAVITY_MPS2
     from snr_sim.plants.lander.descent import Engine as Engine

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from snr_sim import Config, Node, SimClock, TaskType, TimeoutLoopFactory, WallClock, tasks
-from snr_sim.behaviors.processes import ControlProcessFactory, ObserverState, reference_parts, wait
+from snr_sim.behaviors.flow import wait
+from snr_sim.behaviors.processes import ControlProcessFactory, ObserverState, reference_parts
 from snr_sim.core.lockstep import LockStep
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, ParameterError, SnrError
 from snr_sim.testing.function_components import FunctionEndpointFactory

@@ -17,7 +17,8 @@ from typing import Any, Literal
 from harness import Row
 
 from snr_sim import Config, Node, TaskType, WallClock, tasks
-from snr_sim.behaviors.processes import ControlProcessFactory, ObserverState, reference_parts, wait
+from snr_sim.behaviors.flow import wait
+from snr_sim.behaviors.processes import ControlProcessFactory, ObserverState, reference_parts
 from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 STATES = {"A": {"go": "B"}, "B": {"go": "A"}}

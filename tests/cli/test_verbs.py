@@ -492,7 +492,7 @@ def test_list_names_items_and_locations(snr: Snr, here: Path) -> None:
     assert by_name["scenarios", "lander_pad"]["engines"] == "pymunk, mujoco"  # the default first
     assert "engines: mujoco, pymunk\n" in snr("list", "scenarios").out
     assert {row["place"] for row in rows} == {"the kit"}
-    assert snr("list", "scenarios").out.startswith("scenarios:\n  lander_low_gate ")
+    assert snr("list", "scenarios").out.startswith("scenarios:\n  dora_corners ")
     answer = snr("list", "scenarois")
     assert (answer.status, "did you mean 'scenarios'?" in answer.err) == (2, True)
     (here / "scenarios").mkdir()

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from snr_sim.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from snr_sim.behaviors.flow.waits import wait as wait
     from snr_sim.behaviors.processes.control_process import ControlProcessFactory as ControlProcessFactory
     from snr_sim.behaviors.processes.control_process import ObserverState as ObserverState
     from snr_sim.behaviors.processes.reference import ReferenceFactory as ReferenceFactory

@@ -229,7 +229,7 @@ class DiffDrive2D:
 
     def _resolve_contacts(self, speeds: tuple[float, float, float]) -> tuple[float, float, float]:
         """Return the speeds after contacts with walls, furniture and people, and when to check again."""
-        if not math.isfinite(sum((*self.position_m, self.heading_rad, *speeds))):  # exact: only whether it is finite
+        if not all(map(math.isfinite, (*self.position_m, self.heading_rad, *speeds))):
             raise PlantError(f"At {self.time_s:g} s the state is no longer finite.", fix="look at the last commands.")
         self._place_all()
         clearance = self._space.clearance_m()
