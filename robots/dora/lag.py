@@ -32,12 +32,12 @@ def run(scenario: str, seed: int, controller: str, wire: str) -> RunResult:
 
 def wall_row(wire: str, speed: int, starts: int, folder: Path) -> dict[str, Any]:
     """Return how far it moved before its command was applied, from each start, at a speed in percent."""
-    from snr_sim_robot_dora.parameters import DORA
-
     text = (HERE / "controllers" / "stop.lrp").read_text(encoding="utf-8")
     file = folder / f"stop_{speed}.lrp"
     file.write_text(text.replace("[55]", f"[{speed}]"), encoding="utf-8")
     results = [run("dora_wall", seed, str(file), wire) for seed in range(1, starts + 1)]
+    from snr_sim_robot_dora.parameters import DORA  # there since the first run
+
     coasting_m = 0.01 * speed * DORA.full_speed_mps * DORA.lag_s
     moved_cm = [100.0 * (one.metrics["beyond_m"] - coasting_m) for one in results if one.success]
     return {

@@ -62,7 +62,10 @@ class BlockChecker:
         parts: Mapping[str, set[str]] | None,
         actions: frozenset[str] = frozenset(),
     ) -> None:
-        self.variables, self.definitions, self.parts, self.actions = variables, definitions, parts, actions
+        self.variables: frozenset[str] = variables
+        self.definitions: Mapping[str, Any] = definitions
+        self.parts: Mapping[str, set[str]] | None = parts
+        self.actions: frozenset[str] = actions
         self.problems: list[Found] = []
         self._shifts: tuple[int, int] = (0, 0)  # of the first line, and of the others
         self._local_names: set[str] = set()

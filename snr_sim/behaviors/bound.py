@@ -13,6 +13,7 @@ from snr_sim.behaviors.context import Variables, plain_value
 from snr_sim.behaviors.program import (
     Bindings,
     Block,
+    Kind,
     MachineDef,
     Program,
     Rule,
@@ -29,8 +30,8 @@ class BoundBlock:
     __slots__ = ("block", "call")
 
     def __init__(self, block: Block, bindings: Bindings) -> None:
-        self.block = block
-        self.call = block.bind(bindings)
+        self.block: Block = block
+        self.call: Callable[[Any], Any] = block.bind(bindings)
 
 
 class BoundState:
@@ -40,17 +41,17 @@ class BoundState:
 
     def __init__(self, definition: StateDef, bindings: Bindings, spawned: list[tuple[BoundMachine, str]]) -> None:
         inner = iter(spawned)
-        self.name = definition.name
+        self.name: str = definition.name
         # A block, and None; or None, and what is spawned.
-        self.enter = [
+        self.enter: list[tuple[BoundBlock | None, tuple[BoundMachine, str] | None]] = [
             (BoundBlock(one, bindings), None) if isinstance(one, Block) else (None, next(inner))
             for one in definition.enter
         ]
-        self.during = [BoundBlock(one, bindings) for one in definition.during]
-        self.leave = [BoundBlock(one, bindings) for one in definition.leave]
+        self.during: list[BoundBlock] = [BoundBlock(one, bindings) for one in definition.during]
+        self.leave: list[BoundBlock] = [BoundBlock(one, bindings) for one in definition.leave]
         self.plain: tuple[Row, ...] = ()
         self.by_signal: dict[str, tuple[Row, ...]] = {}
-        self.chains = False
+        self.chains: bool = False
 
 
 class BoundTransition:
@@ -59,13 +60,13 @@ class BoundTransition:
     __slots__ = ("definition", "effect", "is_exit", "kind", "line", "name", "target")
 
     def __init__(self, definition: Transition, bindings: Bindings, target: BoundState) -> None:
-        self.definition = definition
-        self.kind = definition.kind
-        self.name = definition.name
-        self.line = definition.place.line
-        self.effect = None if definition.effect is None else BoundBlock(definition.effect, bindings)
-        self.is_exit = definition.kind == "exit"
-        self.target = target
+        self.definition: Transition = definition
+        self.kind: Kind = definition.kind
+        self.name: str = definition.name
+        self.line: int = definition.place.line
+        self.effect: BoundBlock | None = None if definition.effect is None else BoundBlock(definition.effect, bindings)
+        self.is_exit: bool = definition.kind == "exit"
+        self.target: BoundState = target
 
 
 Row = tuple[int | None, Callable[[Any], Any] | None, BoundTransition]
@@ -77,14 +78,14 @@ class BoundMachine:
     __slots__ = ("bindings", "definition", "parent", "path", "running", "since_ns", "state", "states", "variables")
 
     def __init__(self, path: str, definition: MachineDef, parent: BoundMachine | None, bindings: Bindings) -> None:
-        self.path = path
-        self.definition = definition
-        self.parent = parent
-        self.bindings = bindings
-        self.variables = Variables(bindings.slots, bindings.index)
+        self.path: str = path
+        self.definition: MachineDef = definition
+        self.parent: BoundMachine | None = parent
+        self.bindings: Bindings = bindings
+        self.variables: Variables = Variables(bindings.slots, bindings.index)
         self.states: dict[str, BoundState] = {}
         self.state: BoundState | None = None  # None: it does not run
-        self.since_ns = 0
+        self.since_ns: int = 0
         self.running: list[BoundMachine] = []  # inside its state, in the order in which they were spawned
 
     def walk(self) -> Iterator[BoundMachine]:

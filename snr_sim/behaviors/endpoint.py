@@ -7,7 +7,7 @@ others --> events that are signals'                   `--> event "<name>.transit
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -152,11 +152,11 @@ class MachineEndpoint(Endpoint):
         self._paused_ns = 0
         self._mark: Any = None  # what the robot was commanded when it was paused
         self._transition = f"{name}.transition"
-        self.optional_events = [f"{name}.{what}" for what in EVENTS]
+        self.optional_events: Collection[str] = [f"{name}.{what}" for what in EVENTS]
         self._last: Change | None = None
         if factory.path is not None:
             imported = {factory.path.parent / file: (f"{name}.edit_file", file) for file in factory.program.files}
-            self.watched_texts = {factory.path: (f"{name}.edit",), **imported}
+            self.watched_texts: Mapping[Path, tuple[str, ...]] = {factory.path: (f"{name}.edit",), **imported}
         self._set_handlers()
 
     def _set_handlers(self) -> None:

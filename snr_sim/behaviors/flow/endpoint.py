@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from snr_sim.behaviors.endpoint import StepLoopFactory
@@ -93,7 +93,7 @@ class FlowEndpoint(Endpoint):
         self._data = data_copy("userdata", factory.userdata)
         self._execution: FlowExecution | None = None
         self._last: dict[str, Any] | None = None
-        self.optional_events = [f"{name}.{what}" for what in EVENTS]
+        self.optional_events: Collection[str] = [f"{name}.{what}" for what in EVENTS]
         self._set_handlers()
 
     def begin(self) -> None:

@@ -123,8 +123,8 @@ class ControlProcess(Loop):
 
     def __init__(self, factory: ControlProcessFactory, parent: NodeApi, name: str, max_tick_rate_hz: float) -> None:
         super().__init__(factory, parent, name, max_tick_rate_hz)
-        self.executor = factory.executor
-        self.wakes_on = (factory.of,)
+        self.executor: Literal["thread", "process"] = factory.executor
+        self.wakes_on: tuple[DataKey, ...] = (factory.of,)
         self._state: ObserverState | None = None
         self._epoch = 0  # of the state that it is in, or has ended
         self._has_ended = False
