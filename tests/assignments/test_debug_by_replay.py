@@ -32,6 +32,7 @@ def test_reference_gets_all_points_on_hidden_cases(mark: Callable[..., Any]) -> 
     assert mark(LAB, is_hidden=True) == ({}, "")
 
 
+@pytest.mark.slow
 def test_reference_has_margin_on_50_seeds_and_mistakes_break_rules() -> None:
     checks = sys.modules[find_lab(LAB).checks[0].function.__module__]
     for repairs in ("1,2,3", "1,2", "1,3", "2,3"):

@@ -94,6 +94,7 @@ def test_mistake_tested_elsewhere_has_its_test(place: str) -> None:
     assert f"def {name}(" in (Path(__file__).parents[2] / file).read_text()
 
 
+@pytest.mark.slow
 def test_mean_score_reaches_minimum(snr: Snr, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     points = {}
     for mistake in TRIED:

@@ -287,6 +287,7 @@ def test_the_age_in_a_handler_is_that_of_the_page_that_is_processed() -> None:
     assert node.get_age_s("x") == 1.0
 
 
+@pytest.mark.slow
 def test_pages_that_were_processed_are_not_kept_while_the_queue_is_never_empty() -> None:
     count = 0
 

@@ -175,6 +175,7 @@ def ender() -> FunctionEndpointFactory:
     return FunctionEndpointFactory({(TaskType.event, "count"): end}, "ender")
 
 
+@pytest.mark.slow
 def test_its_trace_is_whole_and_small_and_replays(tmp_path: Path) -> None:
     roles: dict[str, list[Any]] = {"test": [echo("thrust", "thrust", "pilot"), once("thrust")]}
     whole = config(roles, MAX_TASKS_PER_MOMENT)

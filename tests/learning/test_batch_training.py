@@ -139,6 +139,7 @@ def test_best_evaluated_table_is_kept(task: VerticalBatchTask) -> None:
     assert evaluate_table(table, task, 100, seed=[0, steps[best]]) == trials[best]
 
 
+@pytest.mark.slow
 def test_learning_curve_rises_from_zero(learned_curve: list[tuple[int, float]]) -> None:
     steps, landed = zip(*learned_curve, strict=True)
     assert steps[0] == 0

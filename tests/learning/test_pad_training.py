@@ -43,6 +43,7 @@ def test_short_training_improves_landings(env: Any, learned: PadPolicy) -> None:
     assert after.slow + after.straight > before.slow + before.straight + 0.1
 
 
+@pytest.mark.slow
 def test_same_seed_gives_same_policy_and_other_seed_another(env: Any, learned: PadPolicy) -> None:
     again, other = PadPolicy(), PadPolicy()
     train_pad(again, env, SHORT)

@@ -196,6 +196,7 @@ def test_non_regular_file_raises_without_waiting(tmp_path: Path) -> None:
             QTable.load(path)
 
 
+@pytest.mark.slow
 def test_any_changed_byte_gives_table_or_recording_error(tmp_path: Path) -> None:
     """Every byte, to one of 255 others: most are noticed by the check sums, the rest change nothing that matters."""
     path, whole = tmp_path / "policy.npz", table()

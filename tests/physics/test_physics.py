@@ -48,10 +48,14 @@ def errors_alike(case: Any, steps_s: tuple[float, ...]) -> None:
 
 
 every_case = pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
+some_cases_fast = pytest.mark.parametrize(
+    "case",
+    [pytest.param(case, id=case.name, marks=[pytest.mark.slow] if i % 3 else []) for i, case in enumerate(CASES)],
+)
 FAST_STEPS_S = (0.005,)
 
 
-@every_case
+@some_cases_fast
 def test_error_at_5_ms_equals_physics_page(case: Any) -> None:
     errors_alike(case, FAST_STEPS_S)
 

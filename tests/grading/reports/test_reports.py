@@ -96,6 +96,7 @@ def test_student_text_is_escaped_and_truncated(form: str, text: str) -> None:
     shown.encode()
 
 
+@pytest.mark.slow
 @given(st.text(max_size=200))
 def test_reports_with_hostile_output_are_parseable(text: str) -> None:
     whole = graded(text)
