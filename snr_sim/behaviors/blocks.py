@@ -11,7 +11,7 @@ import ast
 import warnings
 from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, TypeAlias
 
 from snr_sim.behaviors.block_bounds import HELPERS, MAX_TURNS, MAX_WORK
@@ -56,7 +56,22 @@ def compile_block(text: str, place: Place, kind: Kind, scope: Scope) -> tuple[Bl
     ]
     if compiled.make is None:
         return None, problems
-    return Block(" ".join(text.split()), place, compiled.make, compiled.drives), problems
+    parts = partial(_parts, text, place, scope) if kind == "condition" else None
+    return Block(" ".join(text.split()), place, compiled.make, compiled.drives, parts), problems
+
+
+def _parts(text: str, place: Place, scope: Scope) -> list[Block]:
+    """Return the parts of an expression whose values explain it, each once: calls, variables, what is compared."""
+    found: dict[str, None] = {}
+    left: list[ast.AST] = [ast.parse(f"({text}\n)", mode="eval").body]
+    while left:
+        node = left.pop(0)
+        if isinstance(node, (ast.BoolOp, ast.Compare, ast.UnaryOp, ast.BinOp, ast.IfExp)):
+            left += [child for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr)]
+        elif not isinstance(node, ast.Constant) and not _names_any(node, ("random", "log")):
+            found[ast.unparse(node)] = None
+    blocks = (compile_block(one, place, "condition", scope)[0] for one in found)
+    return [one for one in blocks if one is not None]
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from typing import Any
 
 from snr_sim.behaviors.bridge import Robot
 from snr_sim.behaviors.context import Variables, plain_value
+from snr_sim.behaviors.explain import EvaluationLog, watched
 from snr_sim.behaviors.program import (
     Bindings,
     Block,
@@ -101,6 +102,7 @@ class BoundProgram:
     Args:
         program: of which it is.
         robot: what blocks of text command.
+        evaluations: keeps what each condition finds; see `explain.py`.
 
     Attributes:
         slots: the values of all variables.
@@ -111,7 +113,7 @@ class BoundProgram:
         rules: what is looked at after each step, with its condition.
     """
 
-    def __init__(self, program: Program, robot: Robot | None) -> None:
+    def __init__(self, program: Program, robot: Robot | None, evaluations: EvaluationLog | None = None) -> None:
         self.slots: list[Any] = []
         self.places: dict[str, int] = {}
         self.first_values: dict[str, Any] = {}
@@ -122,7 +124,7 @@ class BoundProgram:
             (self._build(name, spawn, None, index), spawn.initial) for name, spawn in with_names(program.spawns)
         ]
         for one in self.machines.values():
-            _add_rows(one)
+            _add_rows(one, evaluations)
         bindings = Bindings(self.slots, index, robot)
         self.rules: list[tuple[Rule, Callable[[Any], Any] | None]] = [
             (rule, None if rule.condition is None else rule.condition.bind(bindings)) for rule in program.rules
@@ -152,10 +154,10 @@ class BoundProgram:
         return machine
 
 
-def _add_rows(machine: BoundMachine) -> None:
+def _add_rows(machine: BoundMachine, evaluations: EvaluationLog | None) -> None:
     """Fill the tables of its states' transitions: those without a signal, and, for each signal, these with its own."""
     for state in machine.states.values():
-        rows = [_row(machine, one) for one in machine.definition.transitions_of(state.name)]
+        rows = [_row(machine, one, evaluations) for one in machine.definition.transitions_of(state.name)]
         state.plain = tuple(row for row in rows if row[2].definition.signal is None)
         state.by_signal = {
             signal: tuple(row for row in rows if row[2].definition.signal in (None, signal))
@@ -165,7 +167,7 @@ def _add_rows(machine: BoundMachine) -> None:
         state.chains = any(row[2].kind == "eps" for row in rows)
 
 
-def _row(machine: BoundMachine, transition: Transition) -> Row:
+def _row(machine: BoundMachine, transition: Transition, evaluations: EvaluationLog | None) -> Row:
     after, condition = transition.after_ns, transition.condition
     mover = machine.parent if transition.kind == "exit" else machine
     assert mover is not None  # see `exits_at_top`
@@ -173,7 +175,10 @@ def _row(machine: BoundMachine, transition: Transition) -> Row:
     arrow = BoundTransition(transition, bindings, mover.states[transition.target])
     holds = None if condition is None else condition.bind(bindings)
     if isinstance(after, Block):
-        return None, _with_time(after.bind(bindings), holds), arrow
+        holds = _with_time(after.bind(bindings), holds)
+        after = None
+    if evaluations is not None:
+        return None, watched(machine, transition, after, holds, bindings, evaluations), arrow
     return after, holds, arrow
 
 

@@ -28,6 +28,7 @@ from snr_sim.behaviors.bridge import Bridge, Robot
 from snr_sim.behaviors.checks import exits_at_top
 from snr_sim.behaviors.context import FixedPages, Owner, Variables, plain_value
 from snr_sim.behaviors.editing import Edited, Plan, parts_of, plan, values_after
+from snr_sim.behaviors.explain import EvaluationLog
 from snr_sim.behaviors.program import (
     Block,
     Program,
@@ -160,6 +161,7 @@ class Interpreter:
         bridge: the parts of the robot that blocks of text name.
         now_ns: time at which it begins.
         rng: for blocks that need random numbers.
+        evaluations: keeps what each condition finds; see `explain.py`.
 
     Raises:
         ProgramError: a machine at the top has an exit.
@@ -181,6 +183,7 @@ class Interpreter:
         bridge: Bridge | None = None,
         now_ns: int = 0,
         rng: np.random.Generator | None = None,
+        evaluations: EvaluationLog | None = None,
     ) -> None:
         if problems := exits_at_top(program.spawns):
             raise ProgramError(problems)
@@ -202,7 +205,8 @@ class Interpreter:
         self._failed: list[BoundMachine] = []
         self._is_answered = False
         self._fails = program.on_error == "fail"
-        self._bound = BoundProgram(program, self.robot)
+        self._evaluations = evaluations
+        self._bound = BoundProgram(program, self.robot, evaluations)
         self._running: list[BoundMachine] = []
         self.context.now_ns = now_ns
 
@@ -491,7 +495,7 @@ class Interpreter:
         if problems := exits_at_top(program.spawns):
             raise ProgramError(problems)
         self._begin(now_ns, ())
-        old, new = self._bound, BoundProgram(program, self.robot)
+        old, new = self._bound, BoundProgram(program, self.robot, self._evaluations)
         made = plan(self._running, new)
         gone = {path for one in made.stopped for path in (inner.path for inner in one.walk())}
         for machine in reversed(made.stopped):

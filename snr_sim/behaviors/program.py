@@ -81,12 +81,14 @@ class Block:
         bind: returns what is called with a `MachineContext`. A condition returns whether it holds; any other block,
             tasks or None.
         drives: parts of the robot that it commands; of a block of text.
+        parts: returns the parts of a condition in text, for an explanation: readings, variables, what is compared.
     """
 
     text: str
     place: Place
     bind: Callable[[Bindings], Callable[[Any], Any]] = field(repr=False)
     drives: frozenset[str] = frozenset()
+    parts: Callable[[], list[Block]] | None = field(default=None, repr=False, compare=False)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,32 +10,42 @@ import typer
 
 from snr_sim.cli.arguments import AsJson
 from snr_sim.cli.output import print_json
+from snr_sim.cli.trust import Trust
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 
 if TYPE_CHECKING:
     from snr_sim.behaviors.bridge import Bridge
     from snr_sim.behaviors.program import Problem, Program
 
-_WHAT = ("draw", "check", "lag")
+_WHAT = ("draw", "check", "lag", "why")
+SAME_MOMENT_S = 0.02  # of --at: two steps at 100 Hz
 _FORMATS = ("mermaid", "dot", "scxml", "text")
 
 
 def machine(
-    what: Annotated[str, typer.Argument(help="draw, check or lag.")],
+    what: Annotated[str, typer.Argument(help="draw, check, lag or why.")],
     file: Annotated[
-        str, typer.Argument(help="An LRP program, or a Python file in which machine(...) is called. Of lag: a run.")
+        str,
+        typer.Argument(help="An LRP program, or a Python file in which machine(...) is called. Of lag and why: a run."),
     ],
     name: Annotated[str, typer.Option(help="Which machine, if a Python file has several.")] = "",
     to: Annotated[str, typer.Option("--as", help="Of draw: mermaid, dot, scxml or text.")] = "mermaid",
     robot: Annotated[str, typer.Option(help="Of an LRP program: the robot whose parts it names.")] = "",
+    machine_path: Annotated[str, typer.Option("--machine", help="Of why: path of a machine; all if not given.")] = "",
+    target: Annotated[str, typer.Option("--to", help="Of why: only transitions to this state.")] = "",
+    at: Annotated[float | None, typer.Option(help="Of why: one moment [s].")] = None,
+    from_s: Annotated[float, typer.Option("--from", help="Of why: begin of the interval [s].")] = 0.0,
+    until_s: Annotated[float, typer.Option("--until", help="Of why: its end [s]; of the run if not given.")] = math.inf,
+    trust: Trust = False,
     as_json: AsJson = False,
 ) -> None:
-    """Draw or check the state machines of a file, or print the delays of a run.
+    """Draw or check the state machines of a file, or explain those of a run.
 
     draw prints a machine in a format that other programs draw: mermaid in an editor or on a web page, dot with
     Graphviz; scxml is W3C's format of state machines, and text a listing. check prints what is wrong with a program or
     doubtful, with lines and columns. lag prints how old readings were when machines decided, and how long commands
-    took.
+    took. why executes the run again and prints each transition that was looked at, with the values of its condition:
+    at one moment step by step, over an interval as a summary.
 
     Exit status: 0; of check 1 if the program has mistakes.
     """
@@ -47,6 +58,13 @@ def machine(
         return
     if what == "lag":
         _lag(Path(file), as_json)
+        return
+    if what == "why":
+        from snr_sim.cli.machine_why import why
+
+        if at is not None:
+            from_s, until_s = at, at + SAME_MOMENT_S
+        why(Path(file), machine_path, target, from_s, until_s, trust=trust, as_json=as_json)
         return
     if as_json:
         raise ParameterError("draw prints no JSON.", fix="leave out --json, or name the format: --as scxml.")

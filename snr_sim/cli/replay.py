@@ -101,12 +101,12 @@ def _replay(trace: Trace, plan: ReplayFiles, with_file: str, tolerances: list[An
     with ExitStack() as stack:
         found = stack.enter_context(detect_nondeterminism()) if is_checking else {}
         stack.enter_context(reading_from(plan.files))
-        config, notes = _config(trace, plan, with_file)
+        config, notes = config_of_replay(trace, plan, with_file)
         replays: list[NodeReplay] = []
         for role in roles:
             if replays and reload_sources(trace):
                 plan.files.begin_node()  # another node may have been reloaded
-                config, _ = _config(trace, plan, with_file)
+                config, _ = config_of_replay(trace, plan, with_file)
             replays.append(replay_node(trace, role, config, tolerances, plan.files.begin_task))
     if with_file or not plan.is_recorded:
         notes.extend(describe_reloads(trace, [record for replay in replays for record in replay.records]))
@@ -114,7 +114,7 @@ def _replay(trace: Trace, plan: ReplayFiles, with_file: str, tolerances: list[An
     return _Replayed(replays, list(found.values()), notes)
 
 
-def _config(trace: Trace, plan: ReplayFiles, with_file: str) -> tuple[Any, list[str]]:
+def config_of_replay(trace: Trace, plan: ReplayFiles, with_file: str) -> tuple[Any, list[str]]:
     """Return the configuration to replay with, and notes about it."""
     from dataclasses import replace
 

@@ -54,7 +54,7 @@ VERBS = {
         ("snr grade depth_hold submissions/* --out results",),
     ),
     "machine": Verb(
-        "Draw or check the state machines of a file, or print the delays of a run.",
+        "Draw or check the state machines of a file, or explain those of a run.",
         ("snr machine draw mission.py --as dot", "snr machine check landing.lrp --robot lander"),
     ),
     "io": Verb("Show every channel and reading.", ("snr io --io mcu:/dev/ttyUSB0 --move pwm4",)),

@@ -1,0 +1,175 @@
+"""Why a transition was taken, or not: each evaluation of a run, with the values that its condition had.
+
+A flight pays nothing for this: a replay executes the same steps again, and logs them. A condition has no effects, so
+its parts can be evaluated once more; but for random numbers, which would change those that follow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import msgspec
+
+from snr_sim.behaviors.program import Bindings, Block, Transition
+
+MAX_EVALUATIONS = 200_000
+MAX_VALUE = 60  # characters
+
+
+class Evaluation(msgspec.Struct, frozen=True):
+    """One transition that was looked at in one step.
+
+    Args:
+        t_ns: when.
+        machine, state: path of the machine, and the state that it was in.
+        transition: name of the transition.
+        kind, target, line: of it.
+        elapsed_ns: time in the state.
+        after_ns: least time; None without one.
+        is_true: whether it was taken.
+        values: of the parts of its condition, as text.
+        error: of the condition; empty without one.
+    """
+
+    t_ns: int
+    machine: str
+    state: str
+    transition: str
+    kind: str
+    target: str
+    line: int
+    elapsed_ns: int
+    after_ns: int | None
+    is_true: bool
+    values: dict[str, str]
+    error: str = ""
+
+
+@dataclass
+class EvaluationLog:
+    """Keeps the evaluations in an interval of a run.
+
+    Args:
+        from_ns, until_ns: the interval, inclusive.
+        machine: path of the machine; empty for all.
+        target: only transitions to this state; empty for all.
+    """
+
+    from_ns: int
+    until_ns: int
+    machine: str = ""
+    target: str = ""
+    found: list[Evaluation] = field(default_factory=list)
+    left_out: int = 0  # more than are kept
+
+    def is_selected(self, t_ns: int, machine: str, target: str) -> bool:
+        """Return whether an evaluation is to be kept."""
+        return self.from_ns <= t_ns <= self.until_ns and self.machine in ("", machine) and self.target in ("", target)
+
+    def keep(self, one: Evaluation) -> None:
+        """Keep an evaluation."""
+        if len(self.found) < MAX_EVALUATIONS:
+            self.found.append(one)
+        else:
+            self.left_out += 1
+
+
+def watched(
+    machine: Any,
+    definition: Transition,
+    after_ns: int | None,
+    holds: Callable[[Any], Any] | None,
+    bindings: Bindings,
+    evaluations: EvaluationLog,
+) -> Callable[[Any], bool]:
+    """Return the condition of a transition, with its time, and logs each evaluation."""
+    parts = parts_of(definition.condition, bindings)
+
+    def condition(context: Any) -> bool:
+        elapsed_ns = context.now_ns - machine.since_ns
+        is_due = after_ns is None or elapsed_ns >= after_ns
+        error: Exception | None = None
+        is_true = False
+        try:
+            is_true = is_due and (holds is None or bool(holds(context)))
+        except Exception as raised:
+            error = raised
+        if evaluations.is_selected(context.now_ns, machine.path, definition.target):
+            evaluations.keep(
+                Evaluation(
+                    context.now_ns,
+                    machine.path,
+                    machine.state.name,
+                    definition.name,
+                    definition.kind,
+                    definition.target,
+                    definition.place.line,
+                    elapsed_ns,
+                    after_ns,
+                    is_true,
+                    {text: _value(part, context) for text, part in parts},
+                    "" if error is None else f"{type(error).__name__}: {error}",
+                )
+            )
+        if error is not None:
+            raise error
+        return is_true
+
+    return condition
+
+
+def parts_of(block: Block | None, bindings: Bindings) -> list[tuple[str, Callable[[Any], Any]]]:
+    """Return the parts of a condition in text, each with what evaluates it."""
+    if block is None or block.parts is None:
+        return []
+    return [(one.text, one.bind(bindings)) for one in block.parts()]
+
+
+def _value(part: Callable[[Any], Any], context: Any) -> str:
+    try:
+        value = part(context)
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"[:MAX_VALUE]
+    shown = f"{value:.6g}" if isinstance(value, float) else repr(value)
+    return shown if len(shown) <= MAX_VALUE else shown[: MAX_VALUE - 3] + "..."
+
+
+def summary(found: list[Evaluation]) -> list[dict[str, Any]]:
+    """Return for each transition how often it was looked at and taken, and the range of each value.
+
+    Values that are numbers are given as "from ... to ..."; of others, up to four different ones.
+    """
+    rows: dict[tuple[str, str, str, int], dict[str, Any]] = {}
+    values: dict[tuple[str, str, str, int], dict[str, dict[str, None]]] = {}
+    for one in found:
+        key = one.machine, one.state, one.transition, one.line
+        row = rows.setdefault(
+            key,
+            {
+                "machine": one.machine, "state": one.state, "transition": one.transition, "target": one.target,
+                "line": one.line, "evaluated": 0, "taken": 0, "longest_s": 0.0,
+                "after_s": None if one.after_ns is None else one.after_ns / 1e9, "errors": {},
+            },
+        )  # fmt: skip
+        row["evaluated"] += 1
+        row["taken"] += one.is_true
+        row["longest_s"] = max(row["longest_s"], one.elapsed_ns / 1e9)
+        if one.error:
+            row["errors"][one.error] = row["errors"].get(one.error, 0) + 1
+        for text, value in one.values.items():
+            values.setdefault(key, {}).setdefault(text, {})[value] = None
+    for key, row in rows.items():
+        row["values"] = {text: _range(list(seen)) for text, seen in values.get(key, {}).items()}
+    return list(rows.values())
+
+
+def _range(seen: list[str]) -> str:
+    try:
+        numbers = sorted(map(float, seen))
+    except ValueError:
+        return ", ".join(seen[:4]) + (", ..." if len(seen) > 4 else "")
+    if len(numbers) == 1:
+        return seen[0]
+    return f"{numbers[0]:g} to {numbers[-1]:g}"

@@ -1,0 +1,113 @@
+"""`snr machine why RUN`: why state machines took a transition, or did not, with the values of their conditions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from snr_sim.cli.newest import trace_of
+from snr_sim.cli.output import capture_output, print_json
+from snr_sim.cli.replay import config_of_replay
+from snr_sim.cli.trust import ask
+from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
+
+if TYPE_CHECKING:
+    from snr_sim.behaviors.explain import Evaluation, EvaluationLog
+    from snr_sim.recording.reader import Trace
+    from snr_sim.scenario.replay_files import ReplayFiles
+
+MAX_STEPS_SHOWN = 20
+NS_PER_S = 1e9
+MAX_S = 1e9  # of a run
+
+
+def why(
+    run: Path | None, machine: str, target: str, from_s: float, until_s: float, *, trust: bool, as_json: bool
+) -> None:
+    """Print why the transitions of a run's machines were taken or not, in an interval.
+
+    Args:
+        run: its folder; the newest one if None.
+        machine: path of the machine; empty for all.
+        target: only transitions to this state; empty for all.
+        from_s, until_s: the interval.
+        trust: whether files of another user may be executed without a question.
+        as_json: whether to print JSON.
+    """
+    from snr_sim.behaviors.explain import EvaluationLog, summary
+    from snr_sim.scenario.replay_files import files_of_replay
+
+    if not 0.0 <= from_s <= until_s:
+        raise ParameterError(f"The interval is from {from_s:g} s to {until_s:g} s.", fix="--from 10 --until 12.")
+    trace = trace_of(run)
+    plan = files_of_replay(trace, "")
+    ask(trace.path.parent, plan.unknown, trust)
+    evaluations = EvaluationLog(
+        round(from_s * NS_PER_S), round(until_s * NS_PER_S) if until_s < 1e9 else 2**62, machine, target
+    )
+    with capture_output(is_json=True):
+        paths = _replay(trace, plan, evaluations)
+    if machine and machine not in paths:
+        raise UnknownNameError(f"This run has no machine '{machine}'.", fix=suggest(machine, paths))
+    if as_json:
+        print_json({"rows": summary(evaluations.found), "left_out": evaluations.left_out})
+        return
+    _print(evaluations, is_moment=until_s - from_s < 1.0)
+
+
+def _replay(trace: Trace, plan: ReplayFiles, evaluations: EvaluationLog) -> list[str]:
+    """Execute the run again and log the evaluations; return the paths of its machines."""
+    from snr_sim.behaviors.endpoint import MachineFactory
+    from snr_sim.core.reload.source_files import reading_from
+    from snr_sim.recording.replay import replay_node
+
+    with reading_from(plan.files):
+        config, _ = config_of_replay(trace, plan, "")
+        factories = [one for role in config.factories.values() for one in role if isinstance(one, MachineFactory)]
+        if not factories:
+            raise UnknownNameError("This run has no state machine.", fix="name a run whose controller has one.")
+        for one in factories:
+            one.evaluations = evaluations
+        for node in trace.header.nodes:
+            replay_node(trace, node.removesuffix("_node"), config, (), plan.files.begin_task)
+    return [path for one in factories for path, _ in one.program.walk()]
+
+
+def _print(evaluations: EvaluationLog, *, is_moment: bool) -> None:
+    from snr_sim.behaviors.explain import summary
+
+    if not evaluations.found:
+        print("In this interval no transition was looked at: the machine was not in a state that has one.")
+        return
+    if is_moment:
+        _print_steps(evaluations.found)
+        return
+    for row in summary(evaluations.found):
+        print(f"line {row['line']}  {row['machine']}, in {row['state']}: {row['transition']}")
+        print(f"    looked at {row['evaluated']} times, taken {row['taken']} times")
+        if row["after_s"] is not None:
+            print(f"    after {row['after_s']:g} s; the longest time in the state was {row['longest_s']:g} s")
+        for text, value in row["values"].items():
+            print(f"    {text} = {value}")
+        for error, count in row["errors"].items():
+            print(f"    failed {count} times: {error}")
+    if evaluations.left_out:
+        print(f"{evaluations.left_out} more were left out: choose a shorter interval.")
+
+
+def _print_steps(found: list[Evaluation]) -> None:
+    """Print each step of a short interval."""
+    steps: dict[tuple[int, str], list[Evaluation]] = {}
+    for one in found:
+        steps.setdefault((one.t_ns, one.machine), []).append(one)
+    for (t_ns, machine), rows in list(steps.items())[:MAX_STEPS_SHOWN]:
+        first = rows[0]
+        print(f"t = {t_ns / NS_PER_S:.4f} s  {machine} in {first.state} for {first.elapsed_ns / NS_PER_S:.4f} s")
+        for row in rows:
+            values: list[Any] = [f"{text} = {value}" for text, value in row.values.items()]
+            if row.after_ns is not None:
+                values.insert(0, f"{row.elapsed_ns / 1e6:g} of {row.after_ns / 1e6:g} ms")
+            verdict = "taken" if row.is_true else f"fails ({row.error})" if row.error else "no"
+            print(f"    line {row.line:<4} {row.transition:<28} {verdict:<6} {', '.join(values)}")
+    if len(steps) > MAX_STEPS_SHOWN:
+        print(f"... and {len(steps) - MAX_STEPS_SHOWN} more steps")
