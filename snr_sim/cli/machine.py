@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from snr_sim.behaviors.bridge import Bridge
     from snr_sim.behaviors.program import Problem, Program
 
-_WHAT = ("draw", "check", "lag", "why")
+_WHAT = ("draw", "check", "explore", "lag", "why")
 SAME_MOMENT_S = 0.02  # of --at: two steps at 100 Hz
 _FORMATS = ("mermaid", "dot", "scxml", "text")
 
 
 def machine(
-    what: Annotated[str, typer.Argument(help="draw, check, lag or why.")],
+    what: Annotated[str, typer.Argument(help="draw, check, explore, lag or why.")],
     file: Annotated[
         str,
         typer.Argument(help="An LRP program, or a Python file in which machine(...) is called. Of lag and why: a run."),
@@ -43,11 +43,12 @@ def machine(
 
     draw prints a machine in a format that other programs draw: mermaid in an editor or on a web page, dot with
     Graphviz; scxml is W3C's format of state machines, and text a listing. check prints what is wrong with a program or
-    doubtful, with lines and columns. lag prints how old readings were when machines decided, and how long commands
-    took. why executes the run again and prints each transition that was looked at, with the values of its condition:
-    at one moment step by step, over an interval as a summary.
+    doubtful, with lines and columns. explore searches what it can do at all: states that no run can reach, or that
+    cannot be left, transitions that never come first. lag prints how old readings were when machines decided, and how
+    long commands took. why executes the run again and prints each transition that was looked at, with the values of its
+    condition: at one moment step by step, over an interval as a summary.
 
-    Exit status: 0; of check 1 if the program has mistakes.
+    Exit status: 0; of check 1 if the program has mistakes, of explore 1 if something was found.
     """
     if what not in _WHAT:
         raise UnknownNameError(f"snr machine cannot '{what}'.", fix=suggest(what, _WHAT))
@@ -55,6 +56,9 @@ def machine(
         raise UnknownNameError(f"There is no format '{to}'.", fix=suggest(to, _FORMATS))
     if what == "check":
         _check(file, name, robot, as_json)
+        return
+    if what == "explore":
+        _explore(_program_in(file, name, robot), file, as_json)
         return
     if what == "lag":
         _lag(Path(file), as_json)
@@ -71,6 +75,30 @@ def machine(
     from snr_sim.behaviors.export import draw
 
     print(draw(_program_in(file, name, robot), to), end="")  # type: ignore[arg-type]
+
+
+def _explore(program: Program, file: str, as_json: bool) -> None:
+    """Print what a program can do at all; exit with status 1 if something may be a mistake."""
+    from snr_sim.behaviors.explore import explore
+
+    found, count = explore(program)
+    if as_json:
+        rows = [
+            {
+                "kind": one.kind, "machine": one.machine, "name": one.name, "line": one.place.line,
+                "message": one.message, "word": list(one.word),
+            }
+            for one in found
+        ]  # fmt: skip
+        print_json({"configurations": count, "findings": rows})
+    else:
+        for one in found:
+            print(f"{file}:{one.place.line}: {one.message}")
+            if one.word:
+                print(f"    shortest way there: {', '.join(one.word)}")
+        print(f"{count} configurations, {len(found) or 'nothing'} found")
+    if any(one.kind != "only_time" for one in found):
+        raise typer.Exit(1)
 
 
 def _lag(run: Path, as_json: bool) -> None:

@@ -1,0 +1,144 @@
+"""What a program can do at all: planted mistakes are found, sound programs have none, the search is sound."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from snr_sim.behaviors import Interpreter, after, exits, machine, on, parse, state
+from snr_sim.behaviors.explore import MAX_CONFIGURATIONS, explore
+from snr_sim.cli.machine import machine as machine_verb
+from snr_sim.scenario import library
+
+
+def kinds(text: str) -> list[tuple[str, str]]:
+    return [(one.kind, one.name) for one in explore(parse(text))[0]]
+
+
+SOUND = """(machine m
+  (event go)
+  (state a) (state b) (state done)
+  (on go a -> b)
+  (on [robot.x.read() > 1] b -> a)
+  (ontime 100 b -> done))
+(spawn m a)
+"""
+
+
+def test_sound_program_has_no_findings() -> None:
+    assert kinds(SOUND) == []
+    assert explore(parse(SOUND))[1] == 3
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "found"),
+    [
+        ("(on go a -> b)", "(on go a -> a)", [("unreachable", "b"), ("unreachable", "done")]),
+        ("(state done)", "(state lost)", [("dead_end", "lost")]),
+        ("(on [robot.x.read() > 1] b -> a)", "(eps b -> a now)", [("hidden", "b->done")]),
+        ("(on [robot.x.read() > 1] b -> a)", "(ontime 100 b -> a early)", [("only_time", "b"), ("hidden", "b->done")]),
+        ("(on [robot.x.read() > 1] b -> a)", "(ontime 101 b -> a early)", [("only_time", "b")]),
+        ("(on go a -> b)", "(on go a -> b) (on go a -> done again)", [("hidden", "again")]),
+        ("(on go a -> b)", "(eps a -> b)", [("eps_cycle", "a")]),
+    ],
+)
+def test_planted_mistake_is_found(old: str, new: str, found: list[tuple[str, str]]) -> None:
+    text = SOUND.replace(old, new)
+    if found == [("eps_cycle", "a")]:
+        text = text.replace("(on [robot.x.read() > 1] b -> a)", "(eps b -> a)")
+        assert ("eps_cycle", "a") in kinds(text)
+        return
+    if "lost" in new:
+        text = text.replace("-> done", "-> lost")
+    assert sorted(kinds(text)) == sorted(found)
+
+
+def test_shortest_way_is_named() -> None:
+    text = SOUND.replace("(state done)", "(state lost)").replace("-> done", "-> lost")
+    (finding,) = explore(parse(text))[0]
+    assert finding.word == ("a->b", "b->lost")
+    assert finding.place.line == 3
+
+
+def test_machines_inside_states_are_searched() -> None:
+    inner = machine(
+        "inner", "x", [state("x", on("k", to="y")), state("y", exits(on("out", to="b"))), state("z", on("k", to="x"))]
+    )
+    made = machine("outer", "a", [state("a", machines=[inner]), state("b", on("back", to="a"))])
+    assert [(one.kind, one.machine, one.name) for one in explore(made)[0]] == [("unreachable", "outer/a/inner", "z")]
+
+
+def test_state_inside_one_that_can_be_left_is_not_a_dead_end() -> None:
+    inner = machine("inner", "x", [state("x", on("k", to="y")), state("y")])
+    made = machine("outer", "a", [state("a", on("back", to="b"), machines=[inner]), state("b", on("back", to="a"))])
+    assert explore(made)[0] == []
+
+
+def test_emergency_stop_hides_nothing() -> None:
+    made = machine(
+        "m", "a", [state("a", on("go", to="b")), state("b", after(1.0, to="a")), state("stopped")],
+        anywhere=[on("stop", to="stopped")],
+    )  # fmt: skip
+    assert explore(made)[0] == []
+
+
+def test_large_program_is_searched_in_time_and_larger_ones_say_so() -> None:
+    def ring(name: str, count: int) -> object:
+        return machine(name, "s0", [state(f"s{i}", on(f"{name}{i}", to=f"s{(i + 1) % count}")) for i in range(count)])
+
+    both = [ring("p", 250), ring("q", 250)]
+    made = machine("outer", "a", [state("a", on("back", to="b"), machines=both), state("b", on("back", to="a"))])  # type: ignore[arg-type]
+    begun_s = time.process_time()
+    found, count = explore(made)
+    assert (found, count) == ([], 62_501)
+    assert time.process_time() - begun_s < 10.0
+    both = [ring("p", 400), ring("q", 400)]
+    made = machine("outer", "a", [state("a", on("back", to="b"), machines=both), state("b", on("back", to="a"))])  # type: ignore[arg-type]
+    found, count = explore(made)
+    assert ([one.kind for one in found], count) == (["unfinished"], MAX_CONFIGURATIONS)
+
+
+@pytest.mark.hypothesis
+@given(
+    arrows=st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5), st.sampled_from("pqr")), max_size=12),
+    word=st.lists(st.sampled_from("pqr"), max_size=30),
+)
+def test_unreachable_states_are_not_entered_by_any_word(arrows: list[tuple[int, int, str]], word: list[str]) -> None:
+    forms = "".join(f"(event {name})" for name in "pqr") + "".join(f"(state s{i})" for i in range(6))
+    moves = "".join(f"(on {name} s{a} -> s{b})" for a, b, name in arrows)
+    program = parse(f"(machine m {forms}{moves})(spawn m s0)")
+    unreachable = {one.name for one in explore(program)[0] if one.kind == "unreachable"}
+    hidden = {(one.place.column) for one in explore(program)[0] if one.kind == "hidden"}
+    interpreter = Interpreter(program)
+    interpreter.spawn(0)
+    for i, name in enumerate(word):
+        for change in interpreter.step(i + 1, name):
+            assert change.target not in unreachable
+        assert interpreter.active["m"] not in unreachable
+    assert len(hidden) <= len(arrows)
+
+
+@pytest.mark.parametrize("name", ["explorer", "weaver", "stutter", "stop"])
+def test_programs_of_dora_are_sound(name: str) -> None:
+    file = library.find("robots", "dora").path / "controllers" / f"{name}.lrp"
+    found, _ = explore(parse(file.read_text()))
+    assert [one for one in found if one.kind not in ("only_time",)] == []
+
+
+def test_verb_prints_findings_and_exits_with_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    import typer
+
+    file = tmp_path / "m.lrp"
+    file.write_text(SOUND.replace("(on go a -> b)", "(on go a -> a)"))
+    with pytest.raises(typer.Exit):
+        machine_verb("explore", str(file))
+    shown = capsys.readouterr().out
+    assert "No run can reach state 'b'." in shown
+    assert "1 configurations, 2 found" in shown
+    file.write_text(SOUND)
+    machine_verb("explore", str(file), as_json=True)
+    assert '"configurations": 3' in capsys.readouterr().out
