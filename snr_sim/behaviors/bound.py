@@ -10,7 +10,7 @@ from typing import Any
 
 from snr_sim.behaviors.bridge import Robot
 from snr_sim.behaviors.context import Variables, plain_value
-from snr_sim.behaviors.explain import EvaluationLog, watched
+from snr_sim.behaviors.explain import Evaluations, watched
 from snr_sim.behaviors.program import (
     Bindings,
     Block,
@@ -113,7 +113,7 @@ class BoundProgram:
         rules: what is looked at after each step, with its condition.
     """
 
-    def __init__(self, program: Program, robot: Robot | None, evaluations: EvaluationLog | None = None) -> None:
+    def __init__(self, program: Program, robot: Robot | None, evaluations: Evaluations | None = None) -> None:
         self.slots: list[Any] = []
         self.places: dict[str, int] = {}
         self.first_values: dict[str, Any] = {}
@@ -154,7 +154,7 @@ class BoundProgram:
         return machine
 
 
-def _add_rows(machine: BoundMachine, evaluations: EvaluationLog | None) -> None:
+def _add_rows(machine: BoundMachine, evaluations: Evaluations | None) -> None:
     """Fill the tables of its states' transitions: those without a signal, and, for each signal, these with its own."""
     for state in machine.states.values():
         rows = [_row(machine, one, evaluations) for one in machine.definition.transitions_of(state.name)]
@@ -167,7 +167,7 @@ def _add_rows(machine: BoundMachine, evaluations: EvaluationLog | None) -> None:
         state.chains = any(row[2].kind == "eps" for row in rows)
 
 
-def _row(machine: BoundMachine, transition: Transition, evaluations: EvaluationLog | None) -> Row:
+def _row(machine: BoundMachine, transition: Transition, evaluations: Evaluations | None) -> Row:
     after, condition = transition.after_ns, transition.condition
     mover = machine.parent if transition.kind == "exit" else machine
     assert mover is not None  # see `exits_at_top`

@@ -17,7 +17,7 @@ import msgspec
 from snr_sim.behaviors.bridge import Bridge
 from snr_sim.behaviors.context import Owner
 from snr_sim.behaviors.editing import Edited
-from snr_sim.behaviors.explain import EvaluationLog
+from snr_sim.behaviors.explain import Evaluations
 from snr_sim.behaviors.interpreter import NS_PER_S, Change, Interpreter
 from snr_sim.behaviors.language import parse
 from snr_sim.behaviors.program import Place, Problem, Program, ProgramError
@@ -112,7 +112,7 @@ class MachineFactory(EndpointFactory):
         self.bridge: Bridge | None = bridge
         self.path: Path | None = path
         self.name: str = name
-        self.evaluations: EvaluationLog | None = None  # of a replay that explains the machine
+        self.evaluations: Evaluations | None = None  # of a replay that explains the machine
         self.reacts_to: tuple[DataKey, ...] = (reacts_to,) if isinstance(reacts_to, str) else tuple(reacts_to)
 
     def get(self, parent: NodeApi) -> MachineEndpoint:

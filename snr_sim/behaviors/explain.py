@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import msgspec
 
@@ -55,12 +55,14 @@ class EvaluationLog:
         from_ns, until_ns: the interval, inclusive.
         machine: path of the machine; empty for all.
         target: only transitions to this state; empty for all.
+        has_values: whether the values of conditions' parts are kept.
     """
 
     from_ns: int
     until_ns: int
     machine: str = ""
     target: str = ""
+    has_values: bool = True
     found: list[Evaluation] = field(default_factory=list)
     left_out: int = 0  # more than are kept
 
@@ -76,16 +78,28 @@ class EvaluationLog:
             self.left_out += 1
 
 
+class Evaluations(Protocol):
+    """What takes evaluations: an `EvaluationLog`, or a count of them."""
+
+    has_values: bool
+
+    def is_selected(self, t_ns: int, machine: str, target: str) -> bool:
+        """Return whether an evaluation is to be kept."""
+
+    def keep(self, one: Evaluation) -> None:
+        """Keep an evaluation."""
+
+
 def watched(
     machine: Any,
     definition: Transition,
     after_ns: int | None,
     holds: Callable[[Any], Any] | None,
     bindings: Bindings,
-    evaluations: EvaluationLog,
+    evaluations: Evaluations,
 ) -> Callable[[Any], bool]:
     """Return the condition of a transition, with its time, and logs each evaluation."""
-    parts = parts_of(definition.condition, bindings)
+    parts = parts_of(definition.condition, bindings) if evaluations.has_values else []
 
     def condition(context: Any) -> bool:
         elapsed_ns = context.now_ns - machine.since_ns

@@ -28,7 +28,7 @@ from snr_sim.behaviors.bridge import Bridge, Robot
 from snr_sim.behaviors.checks import exits_at_top
 from snr_sim.behaviors.context import FixedPages, Owner, Variables, plain_value
 from snr_sim.behaviors.editing import Edited, Plan, parts_of, plan, values_after
-from snr_sim.behaviors.explain import EvaluationLog
+from snr_sim.behaviors.explain import Evaluations
 from snr_sim.behaviors.program import (
     Block,
     Program,
@@ -183,7 +183,7 @@ class Interpreter:
         bridge: Bridge | None = None,
         now_ns: int = 0,
         rng: np.random.Generator | None = None,
-        evaluations: EvaluationLog | None = None,
+        evaluations: Evaluations | None = None,
     ) -> None:
         if problems := exits_at_top(program.spawns):
             raise ProgramError(problems)

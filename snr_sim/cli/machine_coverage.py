@@ -1,0 +1,92 @@
+"""`snr machine coverage SCENARIO`: which states and transitions of its machines are reached over several seeds."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from snr_sim.cli.output import capture_output, print_json
+from snr_sim.prelude.errors import ParameterError, UnknownNameError
+
+if TYPE_CHECKING:
+    from snr_sim.behaviors.coverage import Coverage
+    from snr_sim.behaviors.program import Program
+
+MAX_SEEDS = 10_000
+
+
+def coverage(scenario: str, seeds: str, controller: str, min_percent: float, *, as_json: bool) -> None:
+    """Run a scenario with several seeds, unrecorded, and print what its machines reached.
+
+    Args:
+        scenario: its name or file.
+        seeds: "0..19", or one.
+        controller: as of `snr run`; that of the scenario if empty.
+        min_percent: of states and transitions; below it the exit status is 1.
+        as_json: whether to print JSON.
+    """
+    found: dict[str, tuple[Program, Coverage]] = {}
+    outcomes: dict[str, int] = {}
+    with capture_output(is_json=True):
+        for seed in _seeds(seeds):
+            outcome = _run(scenario, seed, controller, found)
+            outcomes[outcome] = outcomes.get(outcome, 0) + 1
+    reports = {name: counted.report(program) for name, (program, counted) in found.items()}
+    if as_json:
+        print_json({"outcomes": outcomes, "machines": reports})
+    else:
+        print("runs: " + ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items()))
+        for name, report in reports.items():
+            _print(name, report)
+    if any(report["percent"] < min_percent for report in reports.values()):
+        raise typer.Exit(1)
+
+
+def _seeds(text: str) -> range:
+    match = re.fullmatch(r"(\d{1,9})(?:\.\.(\d{1,9}))?", text)
+    if match is None:
+        raise ParameterError(f"--seeds {text} is not a range of seeds.", fix="--seeds 0..19, or --seeds 3.")
+    first, last = int(match[1]), int(match[2] or match[1])
+    if not first <= last < first + MAX_SEEDS:
+        raise ParameterError(f"--seeds {text}: 1 to {MAX_SEEDS} of them.", fix="--seeds 0..19.")
+    return range(first, last + 1)
+
+
+def _run(scenario: str, seed: int, controller: str, found: dict[str, tuple[Program, Coverage]]) -> str:
+    """Run one seed, and add what its machines did; return the outcome."""
+    from snr_sim.behaviors.coverage import Coverage
+    from snr_sim.behaviors.endpoint import MachineFactory
+    from snr_sim.scenario.simulation import Request, prepare
+    from snr_sim.scenario.simulation_run import SimulationRun
+
+    simulation = prepare(Request(scenario, seed, controller=controller or None))
+    plant = simulation.plant()
+    config = simulation.config(plant)
+    machines = [one for role in config.factories.values() for one in role if isinstance(one, MachineFactory)]
+    if not machines:
+        raise UnknownNameError("The controller has no state machine.", fix="--controller FILE of one that has.")
+    for one in machines:
+        one.evaluations = found.setdefault(one.name, (one.program, Coverage()))[1]
+    return SimulationRun(simulation, plant, config).run().outcome
+
+
+def _print(name: str, report: dict[str, Any]) -> None:
+    states, transitions = report["states"], report["transitions"]
+    reached = sum(row["is_reached"] for row in states)  # exact: integers
+    taken = sum(row["taken"] > 0 for row in transitions)  # exact: integers
+    print(
+        f"{name}: {report['percent']:.0f} %: {reached} of {len(states)} states, {taken} of {len(transitions)} "
+        "transitions"
+    )
+    for row in states:
+        if not row["is_reached"]:
+            print(f"    line {row['line']:<4} {row['machine']}: state {row['state']} was not reached")
+    for row in transitions:
+        where = f"    line {row['line']:<4} {row['machine']}: {row['transition']} in {row['state']}"
+        if not row["taken"]:
+            looked = f"looked at {row['evaluated']} times" if row["evaluated"] else "never looked at"
+            print(f"{where} was not taken, {looked}")
+        elif not row["was_false"] and row["evaluated"] == row["taken"]:
+            print(f"{where} was always taken")

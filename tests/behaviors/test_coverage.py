@@ -1,0 +1,89 @@
+"""What machines reach over several seeds: states, transitions, conditions that were false, time-outs never due."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import typer
+
+from snr_sim.behaviors import Interpreter, exits, machine, on, parse, state
+from snr_sim.behaviors.coverage import Coverage
+from snr_sim.cli.machine_coverage import coverage
+from snr_sim.prelude.errors import ParameterError, UnknownNameError
+
+TEXT = """(var n := [0])
+(machine m
+  (event go)
+  (state a (running [n = n + 1])) (state b) (state c)
+  (on go a -> b)
+  (on [n > 3] a -> b by_count)
+  (ontime 1000 a -> c)
+  (on [n > 100] b -> c))
+(spawn m a)
+"""
+
+
+def covered(text: str, steps: int, signals: dict[int, str] | None = None) -> Coverage:
+    counted = Coverage()
+    interpreter = Interpreter(parse(text), evaluations=counted)
+    interpreter.spawn(0)
+    for i in range(1, steps + 1):
+        interpreter.step(i * 10_000_000, (signals or {}).get(i))
+    return counted
+
+
+def test_states_and_transitions_are_counted() -> None:
+    report = covered(TEXT, 10).report(parse(TEXT))
+    assert {row["state"]: row["is_reached"] for row in report["states"]} == {"a": True, "b": True, "c": False}
+    rows = {row["transition"]: (row["evaluated"], row["taken"], row["was_false"]) for row in report["transitions"]}
+    assert rows == {"a->b": (0, 0, 0), "by_count": (5, 1, 4), "a->c": (4, 0, 0), "b->c": (5, 0, 5)}
+    assert report["percent"] == pytest.approx(100.0 * 3 / 7)
+
+
+def test_several_runs_count_together() -> None:
+    counted = covered(TEXT, 10)
+    interpreter = Interpreter(parse(TEXT), evaluations=counted)
+    interpreter.spawn(0)
+    interpreter.step(1, "go")
+    rows = {row["transition"]: row["taken"] for row in counted.report(parse(TEXT))["transitions"]}
+    assert rows == {"a->b": 1, "by_count": 1, "a->c": 0, "b->c": 0}
+
+
+def test_exit_reaches_the_state_around_and_spawned_machines_begin() -> None:
+    inner = machine("inner", "x", [state("x", exits(on("out", to="b")))])
+    made = machine("outer", "a", [state("a", machines=[inner]), state("b")])
+    counted = Coverage()
+    interpreter = Interpreter(made, evaluations=counted)
+    interpreter.spawn(0)
+    report = counted.report(made)
+    assert {(row["machine"], row["state"]) for row in report["states"] if row["is_reached"]} == {
+        ("outer", "a"), ("outer/a/inner", "x"),
+    }  # fmt: skip
+    interpreter.step(1, "out")
+    assert counted.report(made)["percent"] == 100.0
+
+
+@pytest.mark.slow
+def test_verb_runs_seeds_and_names_what_was_not_reached(capsys: pytest.CaptureFixture[str]) -> None:
+    coverage("dora_wall", "1..3", "", 0.0, as_json=False)
+    shown = capsys.readouterr().out
+    assert "runs: 3 stopped" in shown
+    assert "dora: 100 %: 3 of 3 states, 2 of 2 transitions" in shown
+    with pytest.raises(typer.Exit):
+        coverage("dora_wall", "1", "explorer", 90.0, as_json=True)
+    report = json.loads(capsys.readouterr().out)["machines"]["dora"]
+    assert report["percent"] < 90.0
+    assert {row["state"]: row["is_reached"] for row in report["states"]}["backing"] is False
+
+
+@pytest.mark.parametrize("seeds", ["", "a", "3..1", "0..100000", "-1", "1..", "1.5"])
+def test_wrong_seeds_are_refused(seeds: str) -> None:
+    with pytest.raises(ParameterError, match=r"0\.\.19"):
+        coverage("dora_wall", seeds, "", 0.0, as_json=False)
+
+
+def test_controller_without_machine_is_named(tmp_path: Path) -> None:
+    with pytest.raises(UnknownNameError, match="no state machine"):
+        coverage("lander_vertical", "0", "", 0.0, as_json=False)
