@@ -165,9 +165,9 @@ class Peers:
                 )
             other = sessions.setdefault(name, session)
             # No warning if one is silent since the other connected: then one node reconnected. What it had sent before
-            # may be read after that, on a busy machine; a timeout later none is left.
-            both_s = max(session.begun_s, other.begun_s) + self._options.timeout_s
-            if other is not session and min(session.last_received_s, other.last_received_s) > both_s:
+            # may be read after that, on a busy machine, but not again and again.
+            both_s = max(session.begun_s, other.begun_s)
+            if other is not session and session.is_received_steadily(both_s) and other.is_received_steadily(both_s):
                 return (
                     f"two far ends are named '{name}': each takes the other's pages for its own; "
                     "give one of the roles another name."

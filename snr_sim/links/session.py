@@ -52,6 +52,7 @@ FRAMES_WITHOUT_MAC = 2
 MAX_WAITING_BYTES = 1 << 16
 # The quickest of so many pings determines the clock offset. With more, a drift between the clocks shows up late.
 OFFSETS_REMEMBERED = 8
+STEADY_TIMES = 4  # so often data are received, at different times, until a session counts as one that lasts
 _CONTROL = frozenset(get_args(Control))
 
 
@@ -110,6 +111,8 @@ class Session:
         # Add this to a time of the other end's clock to get our time; too large by at most a one-way latency.
         self.clock_offset_s: float | None = None
         self.last_received_s: float = now_s
+        self._silent_since_s = now_s  # as that, or since this end has begun to read again
+        self._received_s: deque[float] = deque(maxlen=STEADY_TIMES)  # newest times, at least half a keep-alive apart
         self.begun_s: float = now_s
         self.rejected: int = 0  # while it was up: invalid messages, or values beyond their bounds
         self._decode = decode
@@ -172,7 +175,9 @@ class Session:
         taken: list[Any] = []
         if self.state is _CLOSED:
             return taken
-        self.last_received_s = now_s
+        self.last_received_s = self._silent_since_s = now_s
+        if not self._received_s or now_s - self._received_s[-1] >= 0.5 * self.config.keep_alive_s:
+            self._received_s.append(now_s)
         try:
             # One at a time until both are authenticated: only then does the other end's size limit grow.
             while self.state is not _UP:
@@ -204,9 +209,16 @@ class Session:
             self.refuse(f"an invalid message arrived{during}: {error}")
         return taken
 
+    def is_received_steadily(self, since_s: float) -> bool:
+        """Return whether the other end has sent something again and again since a time.
+
+        What a busy end reads late, all at once, counts once, however late it is.
+        """
+        return len(self._received_s) == STEADY_TIMES and self._received_s[0] > since_s
+
     def reset_idle_timer(self, now_s: float) -> None:
         """Reset the idle timer, because it was this end that did not read."""
-        self.last_received_s = now_s
+        self._silent_since_s = now_s
 
     def tick(self, now_s: float) -> None:
         """Do what is due: ping the other end; close the session if it has been silent for too long."""
@@ -215,7 +227,7 @@ class Session:
             return
         if self.is_up:
             # Recorded in the page of the link, so another text changes the digests of recorded runs.
-            what, since_s, limit_s = "nothing was heard", self.last_received_s, config.timeout_s  # plain: hear
+            what, since_s, limit_s = "nothing was heard", self._silent_since_s, config.timeout_s  # plain: hear
         else:
             what, since_s = "the greeting was not completed", self.begun_s
             limit_s = config.timeout_s if config.greeting_s is None else config.greeting_s

@@ -412,3 +412,27 @@ def test_random_bytes_never_raise_and_return_only_pages(is_up: bool, parts: list
     server.tick(100.0)
     assert server.is_closed
     assert server.reason
+
+
+def test_end_that_did_not_read_waits_for_the_other_and_has_not_received_more() -> None:
+    """A busy end that reads again must not take a silent session for an active one: see `Peers`, same names."""
+    server = greeted(timeout_s=1.0)
+    server.receive(b"", 2.0)
+    server.reset_idle_timer(5.0)
+    assert server.last_received_s == 2.0
+    server.tick(5.9)
+    assert server.is_up
+    server.tick(6.1)
+    assert server.is_closed
+
+
+def test_data_that_is_read_late_does_not_make_a_session_steady() -> None:
+    """What a node had sent before it reconnected may be read after that, at once; it is not a second node."""
+    server = greeted(keep_alive_s=0.05)
+    for late_s in (11.5, 11.501, 11.502, 11.503, 11.504):
+        server.receive(b"", late_s)
+    assert not server.is_received_steadily(10.0)
+    for time_s in (11.6, 11.65, 11.7):
+        server.receive(b"", time_s)
+    assert server.is_received_steadily(10.0)
+    assert not server.is_received_steadily(11.55)
