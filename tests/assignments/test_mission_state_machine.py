@@ -36,6 +36,7 @@ def test_commands_and_pictures_of_page_exist() -> None:
         assert set(re.findall(r" (--[a-z-]+)", rest.partition("  #")[0])) <= known, rest
 
 
+@pytest.mark.unmeasured
 def test_reference_gets_all_points_on_hidden_cases(mark: Callable[..., Any], leave_out: Any) -> None:
     leave_out(*FLIGHTS)
     assert mark(LAB, is_hidden=True) == ({}, "")
@@ -59,6 +60,7 @@ def use_table(folder: Path) -> None:
     shutil.copy(HERE / "table" / "machine.py", folder)
 
 
+@pytest.mark.unmeasured
 @pytest.mark.slow
 def test_reference_passes_mission_check_and_starter_fails_it(tmp_path: Path) -> None:
     runs_mission = next(one for one in find_lab(LAB).checks if one.name == "runs_mission")

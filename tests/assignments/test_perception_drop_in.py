@@ -22,6 +22,7 @@ HERE = Path(__file__).parent / "perception_drop_in"
 KINDS = ("clear", "murky", "covered", "cluttered", "lost", "lost among clutter")
 
 
+@pytest.mark.unmeasured
 def test_commands_of_page_have_documented_results(type_page: Callable[..., dict[str, str]]) -> None:
     def solve(folder: Path) -> None:
         shutil.copy(HERE / "reference" / "perception.py", folder / "see_lab")
@@ -31,6 +32,7 @@ def test_commands_of_page_have_documented_results(type_page: Callable[..., dict[
     assert "camera" not in next(output for command, output in printed.items() if command.startswith("snr check"))
 
 
+@pytest.mark.unmeasured
 def test_reference_gets_all_points_on_hidden_cases(mark: Callable[..., Any]) -> None:
     assert mark(LAB, is_hidden=True) == ({}, "")
 

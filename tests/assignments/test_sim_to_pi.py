@@ -31,6 +31,7 @@ ARMED = {**DISARMED, "is_armed": True, "depth_m": 3.0}
 IMU = {"roll_rad": 0.0, "pitch_rad": 0.0, "yaw_rad": 0.0}
 
 
+@pytest.mark.unmeasured
 def test_commands_of_lab_have_documented_results_and_reference_holds(
     type_page: Callable[..., dict[str, str]], emulators: None
 ) -> None:
@@ -46,6 +47,7 @@ def test_commands_of_lab_have_documented_results_and_reference_holds(
     assert "0 | 20 ms after the command" in " ".join(compared.split())  # the table breaks lines where it must
 
 
+@pytest.mark.unmeasured
 def test_reference_gets_all_points_on_hidden_cases(mark: Callable[..., Any], emulators: None) -> None:
     assert mark(NAME, is_hidden=True) == ({}, "")
 

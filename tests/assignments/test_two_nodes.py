@@ -29,6 +29,7 @@ TRIED = {  # flights that each mistake is tried in: the one that shows it, and s
 }
 
 
+@pytest.mark.unmeasured
 def test_commands_of_page_have_documented_results(type_page: Callable[..., dict[str, str]]) -> None:
     def solve(folder: Path) -> None:
         shutil.copytree(HERE / "reference", folder / "two_nodes_lab", dirs_exist_ok=True)
@@ -37,6 +38,7 @@ def test_commands_of_page_have_documented_results(type_page: Callable[..., dict[
     assert any("thrust was" in output for command, output in printed.items() if command.endswith("--seed 2"))
 
 
+@pytest.mark.unmeasured
 def test_reference_gets_all_points(mark: Callable[..., Any]) -> None:
     assert mark(LAB) == ({}, "")
 
