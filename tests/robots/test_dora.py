@@ -15,6 +15,7 @@ from snr_sim.cli.machine import machine
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import Executed
+from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME
 from snr_sim.scenario import library
 from snr_sim.scenario.machine_controller import bridge_of
@@ -150,3 +151,12 @@ def test_lag_of_a_run_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[s
     shown = capsys.readouterr().out
     assert "transitions  dora: 3" in shown
     assert "until applied: mean" in shown
+
+
+@pytest.mark.slow
+def test_recorded_drive_is_replayed_without_a_difference(record_scenario: RecordScenario) -> None:
+    trace = record_scenario("dora_wall", None, 3)
+    config = prepare(Request("dora_wall", 3)).config(None)
+    found = replay_node(trace, "dora", config)
+    assert found.divergences == []
+    assert found.executed > 500

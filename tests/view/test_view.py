@@ -222,6 +222,28 @@ def test_scene_is_included_and_unknown_shape_is_skipped(tmp_path: Path) -> None:
     assert {"/world/ground", "/world/module/shapes", "/world/path/module", "/run"} <= found
 
 
+def test_states_of_machines_are_steps_of_a_line(tmp_path: Path) -> None:
+    def transition(seq: int, value: Any) -> TaskRecord:
+        raw = msgspec.Raw(msgspec.json.encode([value]))
+        return TaskRecord(seq, 0.1 * seq, "lander", "event", "landing.transition", raw, seq - 1, 0, [])
+
+    changes = [{"machine": "landing/in", "target": target} for target in ("coasting", "burning", "coasting")]
+    records: list[Record] = [transition(i + 1, one) for i, one in enumerate([*changes, {"machine": "x"}, 5, "text"])]
+    path = written(tmp_path, records)
+    found = numbers(path)["/lander/machines/landing/in"]
+    assert [(seq, values) for seq, _, values in found] == [(1, [0.0]), (2, [1.0]), (3, [0.0])]
+    assert "/lander/machines/x" not in entities(path)
+    names = [
+        name
+        for chunk in RrdReader(str(path)).stream()
+        if str(chunk.entity_path) == "/lander/machines/landing/in"
+        for batch in [chunk.to_record_batch()]
+        if "SeriesLines:names" in batch.schema.names
+        for (name,) in batch.column("SeriesLines:names").to_pylist()
+    ]
+    assert names == ["landing/in: 0 coasting, 1 burning"]
+
+
 def beginnings(path: Path) -> tuple[list[int], list[int]]:
     """Return where the layouts in a file begin, and where its run does."""
     reader, content = RrdReader(str(path)), path.read_bytes()
