@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Generator, Mapping
 from typing import Any
@@ -17,6 +18,7 @@ from snr_sim.core.lockstep import LockStep
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, ParameterError, SnrError
 from snr_sim.testing.function_components import FunctionEndpointFactory
 
+NUMBERS = itertools.count()
 # Kooi's example, figure 15: three states, three events.
 STATES = {
     "StateA": {"EventA": "StateB"},
@@ -64,7 +66,8 @@ def of(kind: type[ObserverState]) -> dict[str, type[ObserverState]]:
 
 
 def event_at(time_s: float, name: str, *values: Any) -> TimeoutLoopFactory:
-    return TimeoutLoopFactory(time_s, task=tasks.event(name, list(values)), name=f"{name} at {time_s:.4f}")
+    number = next(NUMBERS)
+    return TimeoutLoopFactory(time_s, task=tasks.event(name, list(values)), name=f"{name} {number}")
 
 
 class Lab:
