@@ -86,6 +86,7 @@ def test_emergency_stop_hides_nothing() -> None:
     assert explore(made)[0] == []
 
 
+@pytest.mark.slow
 def test_large_program_is_searched_in_time_and_larger_ones_say_so() -> None:
     def ring(name: str, count: int) -> object:
         return machine(name, "s0", [state(f"s{i}", on(f"{name}{i}", to=f"s{(i + 1) % count}")) for i in range(count)])
