@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import Any
 
-from snr_sim_robot_dora.evaluation import END_S, exploration, judge
-from snr_sim_robot_dora.parameters import DORA, DoraParameters
+from snr_sim_robot_dora.evaluation import END_S
+from snr_sim_robot_dora.evaluation import metrics as metrics
+from snr_sim_robot_dora.evaluation import parameters as parameters
+from snr_sim_robot_dora.evaluation import verdict as verdict
+from snr_sim_robot_dora.parameters import DORA
 
 from snr_sim.plants import DiffDrive2D, DriveStart, Room
-from snr_sim.scenario import Verdict, rng_for
+from snr_sim.scenario import rng_for
 
 ROBOT = "dora"
 ENGINES = ("pymunk",)
@@ -38,21 +40,6 @@ def start(seed: int) -> tuple[DriveStart, Room]:
     return DriveStart((x, y), heading), ROOM
 
 
-def parameters(seed: int) -> DoraParameters:
-    """Return the parameters for the controller."""
-    return DoraParameters()
-
-
 def plant(seed: int, engine: str) -> DiffDrive2D:
     """Return the robot at its start."""
     return DiffDrive2D(DORA, start, seed)
-
-
-def verdict(plant: DiffDrive2D) -> Verdict | None:
-    """Return how it ended, or None while it drives."""
-    return judge(plant)
-
-
-def metrics(plant: DiffDrive2D, seed: int) -> dict[str, Any]:
-    """Return how far it drove, and how much it saw."""
-    return exploration(plant)

@@ -9,7 +9,7 @@ import snr_sim
 
 PACKAGE = Path(snr_sim.__file__).parent
 # Raised with a message, at the first use of a student's class that lacks the method.
-WITH_MESSAGE = {"get", "loop", "run", "run_state"}
+WITH_MESSAGE = {"get", "loop", "run", "run_state"}  # the last two: when the factory is made
 
 
 def is_interface(function: ast.stmt) -> bool:

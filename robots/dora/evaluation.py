@@ -7,12 +7,19 @@ from typing import Any
 from snr_sim.plants import DiffDrive2D
 from snr_sim.scenario import Verdict
 
+from .parameters import DoraParameters
+
 END_S = 300.0
 MAX_HIT_MPS = 0.1
 MIN_SEEN = 0.6
 
 
-def judge(plant: DiffDrive2D) -> Verdict | None:
+def parameters(seed: int) -> DoraParameters:
+    """Return the parameters for the controller: the same in every room."""
+    return DoraParameters()
+
+
+def verdict(plant: DiffDrive2D) -> Verdict | None:
     """Return how it ended, or None while it drives."""
     if plant.hit_mps > MAX_HIT_MPS:
         return Verdict("collided", False, f"it hit something at {plant.hit_mps:.2f} m/s (limit {MAX_HIT_MPS:g} m/s)")
@@ -25,7 +32,7 @@ def judge(plant: DiffDrive2D) -> Verdict | None:
     return Verdict("explored", True)
 
 
-def exploration(plant: DiffDrive2D) -> dict[str, Any]:
+def metrics(plant: DiffDrive2D, seed: int) -> dict[str, Any]:
     """Return how far it drove, how much it saw, and how hard it hit something."""
     return {
         "way_m": plant.way_m,

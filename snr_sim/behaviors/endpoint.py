@@ -266,7 +266,7 @@ class MachineEndpoint(Endpoint):
         """Continue with another text of a file that the program imports."""
         text, file = (*task.val_list, "", "")[:2]
         now = self.interpreter.program
-        if not isinstance(text, str) or file not in now.files:
+        if not isinstance(text, str) or not isinstance(file, str) or file not in now.files:
             return self._edited(
                 [Problem(Place(), f"The program imports no file {file!r:.80}.", f"{task.name} [text, file].")]
             )

@@ -128,7 +128,7 @@ class FlowEndpoint(Endpoint):
         label, data = (*task.val_list, {})[:2] if task.val_list else ("", {})
         execution, step = self._execution, self._step()
         known = self._flow.entries
-        if label not in known or not isinstance(data, dict) or execution is None:
+        if not isinstance(label, str) or label not in known or not isinstance(data, dict) or execution is None:
             why = "the flow has ended" if execution is None else suggest(str(label), known)
             self.parent.add_note(f"'{task.name}' {task.val_list!r:.200} was rejected: {why}")
             return None

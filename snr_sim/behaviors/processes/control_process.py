@@ -105,6 +105,10 @@ class ControlProcessFactory(LoopFactory):
                 raise ConfigError(
                     f"State '{key}' of control process '{name}' is {one!r}.", fix="a class: class Echo(ObserverState)."
                 )
+            if one.run_state is ObserverState.run_state:
+                raise ConfigError(
+                    f"{one.__name__} of control process '{name}' has no run_state().", fix="def run_state(self):"
+                )
         self.name: str = name
         self.of: str = of
         self.states: dict[str, type[ObserverState]] = dict(states)

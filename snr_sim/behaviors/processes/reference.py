@@ -198,8 +198,18 @@ class Reference(Endpoint):
 
     def on_publish(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Take an event of a control process."""
-        name, source, epoch = task.val_list[:3]
-        return self._take(_Event(name, source, epoch))
+        values = self._values(task, str, str, int)
+        return None if values is None else self._take(_Event(*values))
+
+    def _values(self, task: Task, *kinds: type) -> list[Any] | None:
+        """Return the first values of an event, of these types; note that it was rejected, and return None, if they are
+        others: anyone may send an event."""
+        values = task.val_list[: len(kinds)]
+        if [type(value) for value in values] == list(kinds):
+            return values
+        expected = ", ".join(kind.__name__ for kind in kinds)
+        self.parent.add_note(f"'{task.name}' {task.val_list!r:.200} was rejected: it takes [{expected}].")
+        return None
 
     def _take(self, event: _Event) -> list[Task]:
         if event.name == NOOP:
@@ -237,7 +247,10 @@ class Reference(Endpoint):
 
     def on_ended(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Note that a control process has ended its state."""
-        source, epoch = task.val_list[:2]
+        values = self._values(task, str, int)
+        if values is None:
+            return None
+        source, epoch = values
         if self.phase != "ending" or epoch != self.epoch or source not in self._waiting:
             return None
         self._waiting.remove(source)
@@ -268,7 +281,13 @@ class Reference(Endpoint):
 
     def on_crashed(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Handle an exception in a control process."""
-        source, text = task.val_list[:2]
+        values = self._values(task, str, str)
+        if values is None:
+            return None
+        source, text = values
+        if source not in self.attached:
+            self.parent.add_note(f"'{source}' does not follow '{self.name}', and failed. {text}")
+            return None
         return self._go_on_without([source], f"'{source}' failed in state '{self.state}'. {text}")
 
     def _go_on_without(self, names: Sequence[str], why: str) -> list[Task]:
@@ -287,17 +306,22 @@ class Reference(Endpoint):
 
     def on_attach(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Let a control process follow from now on; a barrier that has begun does not wait for it."""
-        (name,) = task.val_list[:1]
-        if name in self.attached:
+        values = self._values(task, str)
+        if values is None or values[0] in self.attached:
             return None
-        self._check(name)
+        (name,) = values
+        try:
+            self._check(name)
+        except ConfigError as error:
+            self.parent.add_note(f"'{task.name}' ['{name}'] was rejected: {error}")
+            return None
         self.attached.append(name)
         return [self._page_task()]
 
     def on_detach(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Let a control process follow no more."""
-        (name,) = task.val_list[:1]
-        return self._detach(name) if name in self.attached else None
+        values = self._values(task, str)
+        return None if values is None or values[0] not in self.attached else self._detach(values[0])
 
     def _detach(self, name: str) -> list[Task]:
         self.attached = [one for one in self.attached if one != name]

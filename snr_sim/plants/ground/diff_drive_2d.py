@@ -30,7 +30,6 @@ PERCENT = 100.0
 ECHO_RAYS = 9  # over the cone
 LOOK_S = 0.2  # how often the floor in view is noted
 MANNERS_M = 0.3  # people stop at this distance from a robot that is in front of them
-ALLOWED_START_M = 0.0  # nothing may be touched at the start
 
 
 class DriveState(NamedTuple):
@@ -45,7 +44,6 @@ class DriveState(NamedTuple):
     people_m: tuple[float, ...] = ()  # how far each has walked, there and back
     seen: frozenset[tuple[int, int]] = frozenset()  # squares of the floor
     hit_mps: float = 0.0
-    is_touching: bool = False
     way_m: float = 0.0
     steps: int = 0
 
@@ -135,7 +133,6 @@ class DiffDrive2D:
     people_m: tuple[float, ...]
     seen: frozenset[tuple[int, int]]
     hit_mps: float
-    is_touching: bool
     way_m: float
     steps: int
 
@@ -237,17 +234,15 @@ class DiffDrive2D:
             fastest = 2.0 * self.explorer.full_speed_mps + max(
                 (one.speed_mps for one in self.room.walkers), default=0.0
             )
-            self._free_steps, self.is_touching = int(clearance / (fastest * self.step_s)), False
+            self._free_steps = int(clearance / (fastest * self.step_s))
             return speeds
         contacts = self._space.contacts()
         if not contacts:
-            self.is_touching = False
             return speeds
         vx, vy, turn = speeds
         for contact in contacts:
             towards_mps = -(contact.out_x * (vx - turn * contact.arm_z) + contact.out_z * (vy + turn * contact.arm_x))
             self.hit_mps = max(self.hit_mps, towards_mps)
-        self.is_touching = True
         # `impulses_2d` counts turns from x to z, the axis of the other plane, the other way.
         (vx, vy, turn), _ = resolve_contacts(
             (vx, vy, -turn), contacts, self._mobility, self.explorer.wall_friction, self.step_s
