@@ -255,10 +255,13 @@ class ThreadExecutor:
         with suppress(KeyboardInterrupt):  # a second Ctrl-C: halt now
             # Counted from `stop`, not from now: several loops that hang then cost one timeout together.
             self._thread.join(max(self._give_up_s - self._clock.now_s(), 0.0))
+            if self._is_halted:  # by its thread: a halt that has begun, and may yet raise, has as long again
+                self._thread.join(max(self._give_up_s + JOIN_TIMEOUT_S - self._clock.now_s(), 0.0))
         if self._thread.is_alive():
+            step, limit_s = ("halt", 2.0 * JOIN_TIMEOUT_S) if self._is_halted else ("loop", JOIN_TIMEOUT_S)
             location = current_location(sys._current_frames().get(self._thread.ident))
             self._halt_once()
             self._loop.parent.add_note(
-                f"Loop '{self._loop.name}' did not end within {JOIN_TIMEOUT_S} s: something in its loop() blocks"
+                f"Loop '{self._loop.name}' did not end within {limit_s:g} s: something in its {step}() blocks"
                 f"{'' if location is None else f' ({location})'}."
             )

@@ -294,6 +294,34 @@ def test_a_loop_that_fails_on_its_thread_ends_the_node_with_its_error(step: str)
 
 
 @pytest.mark.slow
+def test_a_halt_that_is_slow_to_fail_ends_the_node_with_its_error() -> None:
+    """On a machine that is busy with something else, 0.5 s may be over before the halt has raised."""
+
+    def slow_boom(loop: Any) -> None:
+        time.sleep(JOIN_TIMEOUT_S + 0.2)
+        boom(loop)
+
+    culprit = FunctionLoopFactory(lambda loop: loop.schedule(tasks.terminate("enough")), "culprit", halt=slow_boom)
+    with pytest.raises(ComponentFailedError, match="the wire is loose"):
+        node_of(culprit).loop()
+
+
+@pytest.mark.slow
+def test_a_halt_that_hangs_is_left_with_a_note() -> None:
+    released = threading.Event()
+    culprit = FunctionLoopFactory(
+        lambda loop: loop.schedule(tasks.terminate("enough")), "culprit", halt=lambda loop: released.wait(60)
+    )
+    node = node_of(culprit)
+    node.loop()
+    released.set()
+    (note,) = [note for note in node.notes if "culprit" in note]
+    assert note.startswith(
+        f"Loop 'culprit' did not end within {2 * JOIN_TIMEOUT_S:g} s: something in its halt() blocks ("
+    )
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("step", ["setup", "loop"])
 def test_a_loop_that_fails_is_halted_and_terminated_itself(step: str) -> None:
     log: list[str] = []
