@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
-from snr_sim.behaviors.flow.flow import copy_in, copy_out
 from snr_sim.behaviors.flow.state import PREEMPTED, Behavior, Execution, FlowOwner
-from snr_sim.behaviors.flow.userdata import keys_of
+from snr_sim.behaviors.flow.userdata import Scope
 from snr_sim.behaviors.flow.waits import Step, Wait
 from snr_sim.prelude.errors import ConfigError, UnknownNameError, suggest
 
@@ -132,10 +131,9 @@ class ConcurrenceExecution:
         owner: FlowOwner,
     ) -> None:
         self._concurrence, self._path = concurrence, path
-        self._outer, self._outputs = outer, keys_of(concurrence.output_keys, remapping)
-        self._data = copy_in(path, outer, keys_of(concurrence.input_keys, remapping))
+        self._scope = Scope(path, outer, concurrence.input_keys, concurrence.output_keys, remapping)
         self._running: dict[str, Execution] = {
-            label: behavior.execution(f"{path}/{label}", self._data, own, owner)
+            label: behavior.execution(f"{path}/{label}", self._scope.data, own, owner)
             for label, (behavior, own) in concurrence.children.items()
         }
         self._found: Outcomes = dict.fromkeys(concurrence.children)
@@ -193,5 +191,5 @@ class ConcurrenceExecution:
                 return self._each(list(self._running), "preempt", step)
         if self._running:
             return None
-        copy_out(self._data, self._outer, self._outputs)
+        self._scope.give_back()
         return PREEMPTED if self._is_preempted else self._concurrence.result(self._found, self._path)

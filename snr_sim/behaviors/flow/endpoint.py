@@ -7,7 +7,8 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from snr_sim.behaviors.endpoint import StepLoopFactory
-from snr_sim.behaviors.flow.flow import Flow, FlowExecution
+from snr_sim.behaviors.flow.flow import Flow
+from snr_sim.behaviors.flow.sequential import SequentialExecution
 from snr_sim.behaviors.flow.state import NS_PER_S
 from snr_sim.behaviors.flow.userdata import data_copy
 from snr_sim.behaviors.flow.waits import Step
@@ -91,7 +92,7 @@ class FlowEndpoint(Endpoint):
         self.outcome: str | None = None
         self._flow = copy.deepcopy(factory.flow)  # its states belong to this component
         self._data = data_copy("userdata", factory.userdata)
-        self._execution: FlowExecution | None = None
+        self._execution: SequentialExecution | None = None
         self._last: dict[str, Any] | None = None
         self.optional_events: Collection[str] = [f"{name}.{what}" for what in EVENTS]
         self._set_handlers()
@@ -132,8 +133,8 @@ class FlowEndpoint(Endpoint):
             why = "the flow has ended" if execution is None else suggest(str(label), known)
             self.parent.add_note(f"'{task.name}' {task.val_list!r:.200} was rejected: {why}")
             return None
-        execution.data.update(data_copy(task.name, data))
-        return self._results(execution.go_to(label, step), step)
+        execution.scope.data.update(data_copy(task.name, data))
+        return self._results(execution.go_to(self._flow.child(label), step), step)
 
     def on_start(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Begin again, if it has ended."""
@@ -152,7 +153,7 @@ class FlowEndpoint(Endpoint):
         step = self._step()
         # The flow works on the component's own data: all that it was given, and all that it gives back.
         self._execution = self._flow.execution(self._flow.name, self._data, {}, self)
-        self._execution.data = self._data
+        self._execution.scope.data = self._data
         return self._results(self._execution.begin(step), step, is_new=True)
 
     def _step(self, kind: str = "", name: str = "", value: Any = None) -> Step:

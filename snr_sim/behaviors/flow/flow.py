@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
-from snr_sim.behaviors.flow.state import NS_PER_S, PREEMPTED, Behavior, Execution, FlowOwner
-from snr_sim.behaviors.flow.userdata import data_copy, keys_of
-from snr_sim.behaviors.flow.waits import Step, Wait
-from snr_sim.prelude.errors import ConfigError, TaskError, UnknownNameError, suggest
+from snr_sim.behaviors.flow.sequential import Child, SequentialExecution
+from snr_sim.behaviors.flow.state import PREEMPTED, Behavior, FlowOwner
+from snr_sim.behaviors.flow.userdata import Scope
+from snr_sim.prelude.errors import ConfigError, UnknownNameError, suggest
 
 MAX_MOVES = 100  # of one flow in one step
 
@@ -143,101 +143,19 @@ class Flow:
                 raise ConfigError(f"No outcome leads to '{path}/{label}'.", fix="leave it out, or let one lead there.")
             entry.behavior.check(f"{path}/{label}")
 
+    def child(self, label: str) -> Child:
+        """Return a state to enter."""
+        entry = self.entries[label]
+        return Child(label, entry.behavior, entry.remapping)
+
     def execution(
         self, path: str, data: dict[str, Any], remapping: Mapping[str, str], owner: FlowOwner
-    ) -> FlowExecution:
+    ) -> SequentialExecution:
         """Return one execution."""
-        return FlowExecution(self, path, data, remapping, owner)
 
+        def choose(label: str, outcome: str) -> Child | str:
+            target = self.target(label, outcome) if label else self.initial
+            return self.child(target) if target in self.entries else target
 
-class FlowExecution:
-    """One execution of a flow."""
-
-    def __init__(
-        self, flow: Flow, path: str, outer: dict[str, Any], remapping: Mapping[str, str], owner: FlowOwner
-    ) -> None:
-        self._flow, self._path, self._owner = flow, path, owner
-        self._outer, self._outputs = outer, keys_of(flow.output_keys, remapping)
-        self.data: dict[str, Any] = copy_in(path, outer, keys_of(flow.input_keys, remapping))
-        self._label = ""
-        self._since_ns = 0
-        self._child: Execution | None = None
-        self._is_preempted = False
-
-    def begin(self, step: Step) -> str | None:
-        """Enter the initial state."""
-        return self._follow(self._enter(self._flow.initial, step), step)
-
-    def go_to(self, label: str, step: Step) -> str | None:
-        """Leave the active state at once, and enter another one."""
-        self.close()
-        self._note(label, "goto", step)
-        return self._follow(self._enter(label, step), step)
-
-    def step(self, step: Step) -> str | None:
-        """Continue."""
-        assert self._child is not None
-        return self._follow(self._child.step(step), step)
-
-    def preempt(self, step: Step) -> str | None:
-        """Preempt the active state; no other follows."""
-        assert self._child is not None
-        if self._is_preempted:
-            return None
-        self._is_preempted = True
-        return self._follow(self._child.preempt(step), step)
-
-    def close(self) -> None:
-        """Close the active state."""
-        if self._child is not None:
-            self._child.close()
-
-    def waits(self) -> list[Wait]:
-        """Return what the active state waits for."""
-        return [] if self._child is None else self._child.waits()
-
-    def active(self) -> dict[str, str]:
-        """Return the active label, and those inside it."""
-        inner = {} if self._child is None else self._child.active()
-        return {self._path: self._label, **inner}
-
-    def _enter(self, label: str, step: Step) -> str | None:
-        entry = self._flow.entries[label]
-        self._label, self._since_ns = label, step.now_ns
-        self._child = entry.behavior.execution(f"{self._path}/{label}", self.data, entry.remapping, self._owner)
-        return self._child.begin(replace(step, kind=""))  # what caused the step came before it waits for anything
-
-    def _follow(self, outcome: str | None, step: Step) -> str | None:
-        """Follow the outcomes of states until one continues; return the outcome of the flow if it has ended."""
-        for _ in range(MAX_MOVES):
-            if outcome is None:
-                return None
-            target = PREEMPTED if self._is_preempted else self._flow.target(self._label, outcome)
-            self._note(target, outcome, step)
-            if target not in self._flow.entries:
-                self._child = None
-                copy_out(self.data, self._outer, self._outputs)
-                return target
-            outcome = self._enter(target, step)
-        raise TaskError(
-            f"Flow '{self._path}' went through {MAX_MOVES} states without waiting, '{self._label}' among them.",
-            fix="let one of them wait: yield wait(0.1).",
-        )
-
-    def _note(self, target: str, outcome: str, step: Step) -> None:
-        step.moves.append({
-            "t_ns": step.now_ns, "machine": self._path, "source": self._label, "target": target, "outcome": outcome,
-            "held_s": (step.now_ns - self._since_ns) / NS_PER_S,
-        })  # fmt: skip
-
-
-def copy_in(path: str, outer: Mapping[str, Any], inputs: Mapping[str, str]) -> dict[str, Any]:
-    """Return the data with which a container begins: copies of what its own container has."""
-    return {
-        name: data_copy(f"'{name}' of '{path}'", outer[theirs]) for name, theirs in inputs.items() if theirs in outer
-    }
-
-
-def copy_out(data: Mapping[str, Any], outer: dict[str, Any], outputs: Mapping[str, str]) -> None:
-    """Give back what a container has made."""
-    outer.update({theirs: data[name] for name, theirs in outputs.items() if name in data})
+        scope = Scope(path, data, self.input_keys, self.output_keys, remapping)
+        return SequentialExecution(path, scope, owner, choose, MAX_MOVES, is_noted=True)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
-from snr_sim.behaviors.flow.flow import copy_in, copy_out
-from snr_sim.behaviors.flow.state import PREEMPTED, Behavior, Execution, FlowOwner
-from snr_sim.behaviors.flow.userdata import data_copy, keys_of
-from snr_sim.behaviors.flow.waits import Step, Wait
-from snr_sim.prelude.errors import ConfigError, TaskError, UnknownNameError, suggest
+from snr_sim.behaviors.flow.sequential import Child, SequentialExecution
+from snr_sim.behaviors.flow.state import Behavior, FlowOwner
+from snr_sim.behaviors.flow.userdata import Scope, data_copy
+from snr_sim.prelude.errors import ConfigError, UnknownNameError, suggest
 
 MAX_TURNS = 10_000  # in one step, without waiting
 
@@ -99,80 +97,22 @@ class Iterator:
 
     def execution(
         self, path: str, data: dict[str, Any], remapping: Mapping[str, str], owner: FlowOwner
-    ) -> IteratorExecution:
+    ) -> SequentialExecution:
         """Return one execution."""
-        return IteratorExecution(self, path, data, remapping, owner)
+        behavior = self.behavior
+        assert behavior is not None
+        scope = Scope(path, data, self.input_keys, self.output_keys, remapping)
+        left: list[Any] = []
 
+        def choose(label: str, outcome: str) -> Child | str:
+            if not label:
+                items = self.items
+                left.extend(data_copy(f"The items of '{path}'", list(items() if callable(items) else items)))
+            elif not self.does_loop(outcome):
+                return outcome
+            if not left:
+                return self.exhausted
+            scope.data[self.key] = left.pop(0)
+            return Child(self.label, behavior, self.remapping)
 
-class IteratorExecution:
-    """One execution of an iterator."""
-
-    def __init__(
-        self, iterator: Iterator, path: str, outer: dict[str, Any], remapping: Mapping[str, str], owner: FlowOwner
-    ) -> None:
-        self._iterator, self._path, self._owner = iterator, path, owner
-        self._outer, self._outputs = outer, keys_of(iterator.output_keys, remapping)
-        self._data = copy_in(path, outer, keys_of(iterator.input_keys, remapping))
-        self._left: list[Any] = []
-        self._child: Execution | None = None
-        self._is_preempted = False
-
-    def begin(self, step: Step) -> str | None:
-        """Begin with the first item."""
-        items = self._iterator.items
-        self._left = list(data_copy(f"The items of '{self._path}'", list(items() if callable(items) else items)))
-        return self._follow("", step)
-
-    def step(self, step: Step) -> str | None:
-        """Continue."""
-        assert self._child is not None
-        return self._follow(self._child.step(step), step)
-
-    def preempt(self, step: Step) -> str | None:
-        """Preempt what is executed; no other item follows."""
-        assert self._child is not None
-        if self._is_preempted:
-            return None
-        self._is_preempted = True
-        return self._follow(self._child.preempt(step), step)
-
-    def close(self) -> None:
-        """Close what is executed."""
-        if self._child is not None:
-            self._child.close()
-
-    def waits(self) -> list[Wait]:
-        """Return what is waited for."""
-        return [] if self._child is None else self._child.waits()
-
-    def active(self) -> dict[str, str]:
-        """Return the label of the behavior, and those inside it."""
-        inner = {} if self._child is None else self._child.active()
-        return {self._path: self._iterator.label, **inner}
-
-    def _follow(self, outcome: str | None, step: Step) -> str | None:
-        """Begin the next item as long as the behavior ends at once; return the outcome if the iterator has ended."""
-        iterator = self._iterator
-        for _ in range(MAX_TURNS):
-            if outcome is None:
-                return None
-            if self._is_preempted:
-                return self._end(PREEMPTED)
-            if self._child is not None and not iterator.does_loop(outcome):
-                return self._end(outcome)
-            if not self._left:
-                return self._end(iterator.exhausted)
-            self._data[iterator.key] = self._left.pop(0)
-            assert iterator.behavior is not None
-            path = f"{self._path}/{iterator.label}"
-            self._child = iterator.behavior.execution(path, self._data, iterator.remapping, self._owner)
-            outcome = self._child.begin(replace(step, kind=""))
-        raise TaskError(
-            f"Iterator '{self._path}' went through {MAX_TURNS} items without waiting.",
-            fix="let the behavior wait: yield wait(0.1).",
-        )
-
-    def _end(self, outcome: str) -> str:
-        self._child = None
-        copy_out(self._data, self._outer, self._outputs)
-        return outcome
+        return SequentialExecution(path, scope, owner, choose, MAX_TURNS, is_noted=False)

@@ -97,3 +97,33 @@ def frozen(value: Any) -> Any:
 def keys_of(names: tuple[str, ...], remapping: Mapping[str, str]) -> dict[str, str]:
     """Return the container's name for each key of a state."""
     return {name: remapping.get(name, name) for name in names}
+
+
+class Scope:
+    """The data of one execution of a container: copies of what its own container has.
+
+    Args:
+        path: of the container, for messages.
+        outer: data of its own container.
+        inputs, outputs: keys that it takes and gives back.
+        remapping: names of its own container for these, where they are others.
+    """
+
+    def __init__(
+        self,
+        path: str,
+        outer: dict[str, Any],
+        inputs: tuple[str, ...],
+        outputs: tuple[str, ...],
+        remapping: Mapping[str, str],
+    ) -> None:
+        self._outer, self._outputs = outer, keys_of(outputs, remapping)
+        self.data: dict[str, Any] = {
+            name: data_copy(f"'{name}' of '{path}'", outer[theirs])
+            for name, theirs in keys_of(inputs, remapping).items()
+            if theirs in outer
+        }
+
+    def give_back(self) -> None:
+        """Give back what the container has made."""
+        self._outer.update({theirs: self.data[name] for name, theirs in self._outputs.items() if name in self.data})
