@@ -6,7 +6,6 @@ table names further tests that show one under a name of their own.
 
 from __future__ import annotations
 
-import ast
 import logging
 import re
 from pathlib import Path
@@ -104,9 +103,8 @@ def all_tests() -> set[str]:
     """Every test there is, as `core/test_node.py::test_name`."""
     found = set()
     for path in TESTS.rglob("test_*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.FunctionDef) and node.name.startswith("test_"):
-                found.add(f"{path.relative_to(TESTS).as_posix()}::{node.name}")
+        names = re.findall(r"^ *def (test_\w+)", path.read_text(encoding="utf-8"), re.MULTILINE)
+        found |= {f"{path.relative_to(TESTS).as_posix()}::{name}" for name in names}
     return found
 
 

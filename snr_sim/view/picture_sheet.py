@@ -8,6 +8,7 @@ the lander takes 8 ms instead of 30 (its faces are turned as arrays), one of `Lu
 from __future__ import annotations
 
 import warnings
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -149,11 +150,15 @@ class Sheet:
 
     def cut(self, words: str, size: float, width: float) -> str:
         """Return a text truncated to a width, with dots at the end if it is truncated."""
-        shown = words
-        while shown and self.text_width(shown, size) > width:
-            words = words[:-1]
-            shown = words.rstrip(" ,;:") + " ..."
-        return shown
+        if self.text_width(words, size) <= width:
+            return words
+
+        def shortened(length: int) -> str:
+            return words[:length].rstrip(" ,;:") + " ..."
+
+        lengths = range(1, len(words))
+        fitting = bisect_right(lengths, width, key=lambda length: self.text_width(shortened(length), size))
+        return shortened(lengths[fitting - 1]) if fitting else ""
 
     def pixels(self) -> NDArray[np.uint8]:
         """Return the sheet as an array, shape (height, width, 3) in pixels."""

@@ -42,11 +42,6 @@ def test_reference_gets_all_points_on_hidden_cases(mark: Callable[..., Any], lea
     assert mark(LAB, is_hidden=True) == ({}, "")
 
 
-def test_reference_stops_and_resumes_under_water(mark: Callable[..., Any], leave_out: Any) -> None:
-    leave_out("follows_the_picture", "check_controls", "time_outs", "trouble", "stops", "recovers", "runs_mission")
-    assert mark(LAB) == ({}, "")
-
-
 def test_reference_as_a_table_gets_all_points_on_hidden_cases(
     mark: Callable[..., Any], leave_out: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -38,11 +38,6 @@ def test_commands_of_page_have_documented_results(type_page: Callable[..., dict[
     assert any("thrust was" in output for command, output in printed.items() if command.endswith("--seed 2"))
 
 
-@pytest.mark.unmeasured
-def test_reference_gets_all_points(mark: Callable[..., Any]) -> None:
-    assert mark(LAB) == ({}, "")
-
-
 def test_reference_gets_all_points_on_hidden_cases_of_each_end(mark: Callable[..., Any], leave_out: Any) -> None:
     leave_out(*FLIGHTS)
     assert mark(LAB, is_hidden=True) == ({}, "")

@@ -80,6 +80,7 @@ def test_straight_driver_hits_the_wall(tmp_path: Path) -> None:
     assert result.metrics["hit_mps"] > 0.1
 
 
+@pytest.mark.slow
 def test_one_that_stands_sees_too_little(tmp_path: Path) -> None:
     file = tmp_path / "still.lrp"
     file.write_text("(machine m (state a))(spawn m a)")
