@@ -192,6 +192,17 @@ def test_notebook_source_lines_are_sent(monkeypatch: pytest.MonkeyPatch) -> None
     assert pickle_factory(program.look, "look", "Loop 'eye'")["lines"] == {"/cell.py": cell}
 
 
+def test_sent_code_keeps_its_file_also_within_functions(monkeypatch: pytest.MonkeyPatch) -> None:
+    program = types.ModuleType("__main__")
+    monkeypatch.setitem(sys.modules, "__main__", program)
+    exec(
+        compile("def look():\n    def inner():\n        pass\n    return inner\n", "/cell.py", "exec"), program.__dict__
+    )
+    look = unpack_again(program.look)
+    assert look is not program.look
+    assert [code.co_filename for code in (look.__code__, look().__code__)] == ["/cell.py"] * 2
+
+
 FACTORY = """
 from snr_sim import LoopFactory
 WORD = "first"

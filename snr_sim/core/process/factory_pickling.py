@@ -20,11 +20,11 @@ import os
 import pickle
 import socket
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from importlib.machinery import ModuleSpec
 from multiprocessing.connection import Connection
-from types import FunctionType, ModuleType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import cloudpickle
@@ -111,6 +111,9 @@ class _Pickler(cloudpickle.Pickler):  # type: ignore[misc] # it has no types
                 self.files[obj.__code__.co_filename] = None
             elif obj.__module__ == _MAIN and isinstance(obj, msgspec.StructMeta):
                 return _reduce_struct(obj)
+        elif isinstance(obj, CodeType):
+            make, parts = self.dispatch_table[CodeType](obj)
+            return _code, (obj.co_filename, make, parts)
         elif type(obj) is socket.socket:
             self.descriptors.append(obj.fileno())
             return _inherited, (obj.fileno(),)
@@ -118,6 +121,11 @@ class _Pickler(cloudpickle.Pickler):  # type: ignore[misc] # it has no types
             self.descriptors.append(obj.fileno())
             return _inherited, (obj.fileno(), obj.readable, obj.writable)
         return super().reducer_override(obj)
+
+
+def _code(file: str, make: Callable[..., CodeType], parts: tuple[Any, ...]) -> CodeType:
+    """Return code with the file it was written in; cloudpickle 3.1.3 gives all code the same name."""
+    return make(*parts).replace(co_filename=file)
 
 
 def _inherited(descriptor: int, *directions: bool) -> socket.socket | Connection:
