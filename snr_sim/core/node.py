@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -112,6 +112,11 @@ class Node(NodeMembers):
     def components(self) -> dict[str, Component]:
         """Components by name."""
         return self.registry.components
+
+    @property
+    def factories(self) -> Sequence[Any]:
+        """Factories that its role has in the config."""
+        return self.config.get(self.role)
 
     @cached_property
     def log(self) -> logging.Logger:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sized
+from collections.abc import Callable, Mapping, Sequence, Sized
 from typing import TYPE_CHECKING, Any, Protocol
 
 from snr_sim.prelude.clock import Clock
@@ -82,6 +82,10 @@ class NodeApi(Protocol):
     @property
     def components(self) -> Mapping[str, Component]:
         """Components by name."""
+
+    @property
+    def factories(self) -> Sequence[Any]:
+        """Factories that its role has in the config; those of loops also in a replay, where no loop is made of them."""
 
     @property
     def datastore(self) -> PageStore:

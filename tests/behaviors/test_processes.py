@@ -5,17 +5,24 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Generator, Mapping
+from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from snr_sim import Config, Node, SimClock, TaskType, TimeoutLoopFactory, WallClock, tasks
+from snr_sim import Config, Node, SimClock, SimRunner, TaskType, TimeoutLoopFactory, WallClock, tasks
 from snr_sim.behaviors.flow import wait
 from snr_sim.behaviors.processes import ControlProcessFactory, ObserverState, reference_parts
 from snr_sim.core.lockstep import LockStep
 from snr_sim.prelude.errors import ComponentFailedError, SnrError
+from snr_sim.prelude.values import decode_value
+from snr_sim.recording.reader import Trace, read_trace
+from snr_sim.recording.records import TaskRecord
+from snr_sim.recording.replay import replay_node
+from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.scenario.program import program_header
 from snr_sim.testing.function_components import FunctionEndpointFactory
 
 NUMBERS = itertools.count()
@@ -101,13 +108,23 @@ class Lab:
         self.pages: list[tuple[str, int, str]] = []
         clock = SimClock()
         parts = [*more, *reference_parts(STATES, "StateA", observers=names, **settings), *made, watcher]
-        config = Config(factories={"r": parts})
-        self.node = Node("r", config, clock=clock)
+        self.config = Config(factories={"r": parts})
+        self.node = Node("r", self.config, clock=clock)
         self.clock, self.until_s = clock, until_s
 
     def run(self) -> Lab:
         LockStep([self.node], self.clock, until_s=self.until_s).run()
         return self
+
+    def record(self, folder: Path) -> Trace:
+        """Run from the start, and return the trace."""
+        clock = SimClock()
+        writer = TraceWriter(folder / FILE_NAME, program_header(["r"], self.config, __file__, clock))
+        try:
+            SimRunner(self.config, clock=clock, recorder=writer, until_s=self.until_s).run()
+        finally:
+            writer.close()
+        return read_trace(folder / FILE_NAME)
 
     def _note_stored(self, task: Any, key: Any) -> None:
         state, what = task.page.data
@@ -241,6 +258,36 @@ def test_process_is_attached_and_detached_while_it_runs() -> None:
     assert ("P2", "StateA", 0) in [row[1:] for row in lab.stored if 0.5 <= row[0] < 0.52]
     assert [row[1] for row in lab.stored if row[2:] == ("StateB", 0)] == ["P1", "P2"]
     assert [row[1] for row in lab.stored if row[2:] == ("StateA", 0) and row[0] > 3.0] == ["P2"]
+
+
+def test_replay_of_a_run_knows_its_processes_although_it_has_no_loops(tmp_path: Path) -> None:
+    """Those of the config, one that is added in the run, and that another one does not exist."""
+
+    def lab() -> Lab:
+        def grow(task: Any, key: Any) -> Any:
+            return tasks.add_component(ControlProcessFactory("P3", "reference", of(Echo)))
+
+        return Lab(
+            {"P1": Echo, "P2": Slow},
+            FunctionEndpointFactory({(TaskType.event, "grow"): grow}, "grows"),
+            event_at(0.4, "grow"),
+            event_at(0.5, "reference.attach", "P2"),
+            event_at(0.6, "reference.attach", "P3"),
+            event_at(0.7, "reference.attach", "P9"),
+            event_at(1.5, "EventA"),
+            event_at(2.5, "reference.detach", "P1"),
+            event_at(3.5, "EventB"),
+            observers=["P1"],
+            until_s=4.5,
+        )
+
+    trace = lab().record(tmp_path)
+    found = replay_node(trace, "r", lab().config)
+    assert (found.divergences, found.executed > 50) == ([], True)
+    ends = [one for one in trace.records if isinstance(one, TaskRecord) and one.name == "reference.ended"]
+    assert [decode_value(bytes(one.values)) for one in ends] == [
+        ["P1", 1], ["P3", 1], ["P2", 1], ["P3", 2], ["P2", 2]
+    ]  # fmt: skip
 
 
 def test_stop_ends_all() -> None:

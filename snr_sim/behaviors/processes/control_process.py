@@ -43,7 +43,7 @@ class ObserverState:
     def enter(self) -> None:
         """Begin; called once."""
 
-    def run_state(self) -> Generator[Wait, None, None] | None:
+    def run_state(self) -> Generator[object, None, None] | None:
         """Do the work; called again and again while the state lasts. It may yield waits."""
         raise NotImplementedError(f"{type(self).__name__} has no run_state().")
 
@@ -133,7 +133,7 @@ class ControlProcess(Loop):
         self._epoch = 0  # of the state that it is in, or has ended
         self._has_ended = False
         self._reported = 0  # epoch whose end it has reported
-        self._generator: Generator[Wait, None, None] | None = None
+        self._generator: Generator[object, None, None] | None = None
         self._until_s = 0.0
         self._is_uninterrupted = False
         self._is_crashed = False

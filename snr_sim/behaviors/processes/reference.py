@@ -27,7 +27,7 @@ import msgspec
 
 from snr_sim.behaviors.endpoint import StepLoopFactory
 from snr_sim.behaviors.interpreter import NS_PER_S, Interpreter
-from snr_sim.behaviors.processes.control_process import ControlProcess
+from snr_sim.behaviors.processes.control_process import ControlProcess, ControlProcessFactory
 from snr_sim.behaviors.tables import machine, on, state
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.factory import ComponentFactory
@@ -142,8 +142,8 @@ class Reference(Endpoint):
         self._waiting: list[str] = []  # for these to end
         self._cause: _Event | None = None  # of the transition that has begun; None: a stop
         self._deadline_s = 0.0
-        self.optional_events = [f"{name}.{what}" for what in EVENTS]
         signals = {event for then in factory.states.values() for event in then}
+        self.optional_events = [*(f"{name}.{what}" for what in EVENTS), *signals, NOOP]  # most come by `publish`
         self.task_handlers = {
             **{(TaskType.event, event): self.on_event for event in sorted({*signals, NOOP})},
             (TaskType.event, f"{name}.publish"): self.on_publish,
@@ -173,14 +173,13 @@ class Reference(Endpoint):
         self.schedule([self._page_task()])
 
     def _check(self, name: str) -> None:
-        found = self.parent.components.get(name)
-        processes = [one.name for one in self.parent.components.values() if isinstance(one, ControlProcess)]
-        if not isinstance(found, ControlProcess):
+        found = self._factories().get(name)
+        if found is None:
             raise UnknownNameError(
                 f"'{self.name}' waits for '{name}', which is not a control process of this node.",
-                fix=suggest(name, processes),
+                fix=suggest(name, self._factories()),
             )
-        have, needed = found.factory.states, self.factory.states
+        have, needed = found.states, self.factory.states
         missing = [one for one in needed if one not in have]
         surplus = [one for one in have if one not in needed]
         if missing or surplus:
@@ -189,6 +188,13 @@ class Reference(Endpoint):
             raise ConfigError(
                 f"Control process '{name}' {what}, unlike '{self.name}'.", fix=suggest((missing or surplus)[0], known)
             )
+
+    def _factories(self) -> dict[str, ControlProcessFactory]:
+        """Return the factories of the node's control processes by name; a replay has no components of loops."""
+        made = [one.factory for one in self.parent.components.values() if isinstance(one, ControlProcess)]
+        configured = self.parent.factories if self.parent.is_replay else ()
+        found = [*made, *(one for one in configured if isinstance(one, ControlProcessFactory))]
+        return {one.name: one for one in found}
 
     # -- events -------------------------------------------------------------------------------------------------------
 
