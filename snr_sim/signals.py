@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from snr_sim.prelude.signals import TOO_OLD as TOO_OLD
     from snr_sim.prelude.signals import WRONG_COUNT as WRONG_COUNT
     from snr_sim.prelude.signals import AppliedPulses as AppliedPulses
+    from snr_sim.prelude.signals import Ball as Ball
     from snr_sim.prelude.signals import DepthReading as DepthReading
+    from snr_sim.prelude.signals import DozerCommand as DozerCommand
     from snr_sim.prelude.signals import EchoReading as EchoReading
     from snr_sim.prelude.signals import EngineCommand as EngineCommand
     from snr_sim.prelude.signals import GamepadReading as GamepadReading
@@ -24,10 +26,12 @@ if TYPE_CHECKING:
     from snr_sim.prelude.signals import InertialReading as InertialReading
     from snr_sim.prelude.signals import LeakReading as LeakReading
     from snr_sim.prelude.signals import MotorCommand as MotorCommand
+    from snr_sim.prelude.signals import PoseReading as PoseReading
     from snr_sim.prelude.signals import PowerReading as PowerReading
     from snr_sim.prelude.signals import PwmCommand as PwmCommand
     from snr_sim.prelude.signals import RadarReading as RadarReading
     from snr_sim.prelude.signals import TouchReading as TouchReading
+    from snr_sim.prelude.signals import ViewReading as ViewReading
     from snr_sim.prelude.signals import WheelReading as WheelReading
 else:
     __all__, __getattr__, __dir__ = lazy_names(__name__)

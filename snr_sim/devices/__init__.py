@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from snr_sim.devices.sensors.hull_sensors import PowerModule as PowerModule
     from snr_sim.devices.sensors.icm20948 import Icm20948 as Icm20948
     from snr_sim.devices.sensors.imu import InertialUnit as InertialUnit
+    from snr_sim.devices.sensors.lidar import Lidar as Lidar
     from snr_sim.devices.sensors.ms5837 import Ms5837 as Ms5837
     from snr_sim.devices.sensors.ms5837_i2c import Ms5837I2c as Ms5837I2c
     from snr_sim.devices.sensors.position_fix import POSITION_FIX_ERRORS as POSITION_FIX_ERRORS
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from snr_sim.devices.sensors.position_fix import position_fix_of as position_fix_of
     from snr_sim.devices.sensors.sensor_errors import BiasDrift as BiasDrift
     from snr_sim.devices.sensors.sensor_errors import SensorErrors as SensorErrors
+    from snr_sim.devices.sensors.stereo import StereoCamera as StereoCamera
     from snr_sim.devices.simulated import SimActuator as SimActuator
     from snr_sim.devices.simulated import SimSensor as SimSensor
     from snr_sim.prelude.device import Actuator as Actuator

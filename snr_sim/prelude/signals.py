@@ -184,6 +184,61 @@ class MotorCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     d: float = 0.0
 
 
+class PoseReading(msgspec.Struct, frozen=True):
+    """Position and heading of a vehicle on a floor, as markers in its yard give them.
+
+    Args:
+        position_m: [x, y], world frame.
+        heading_rad: 0 to the east, positive to the left; full turns count.
+    """
+
+    position_m: list[float]
+    heading_rad: float
+    stamp_s: float
+
+
+class Ball(msgspec.Struct, frozen=True):
+    """A ball that cameras see.
+
+    Args:
+        center_m: x, y, z, world frame.
+        radius_m: of it.
+        rgb: color, 0 to 255.
+    """
+
+    center_m: tuple[float, float, float]
+    radius_m: float
+    rgb: tuple[int, int, int]
+
+
+class ViewReading(msgspec.Struct, frozen=True):
+    """What a simulated camera needs besides the static scene.
+
+    Args:
+        position_m: [x, y, z] of the vehicle, world frame.
+        attitude: [w, x, y, z] unit quaternion that turns vectors of the body into the world's.
+        balls: that move in the scene.
+    """
+
+    position_m: list[float]
+    attitude: list[float]
+    balls: list[Ball]
+    stamp_s: float
+
+
+class DozerCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Command of a tracked vehicle with a blade. Neutral: it stands, and the blade is up.
+
+    Args:
+        left_mps, right_mps: speeds of the tracks, forward positive.
+        blade: 0 up to 1 down.
+    """
+
+    left_mps: float = 0.0
+    right_mps: float = 0.0
+    blade: float = 0.0
+
+
 class PowerReading(msgspec.Struct, frozen=True):
     """Measurement of a power module at the battery.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +16,7 @@ from snr_sim.devices.sensors.sensor_errors import SensorErrors
 from snr_sim.devices.simulated import SimSensor
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.signals import Ball
 from snr_sim.prelude.snapshot import snapshot
 
 # Axis, right and down of the image, body frame. Looking down, the top of the image is ahead.
@@ -22,6 +24,7 @@ DIRECTIONS = {
     "ahead": ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)),
     "down": ((0.0, 0.0, -1.0), (0.0, -1.0, 0.0), (-1.0, 0.0, 0.0)),
 }
+MEDIA = ("water", "air")
 
 
 class CameraReading(msgspec.Struct, frozen=True, eq=False):
@@ -50,9 +53,10 @@ class Camera:
         mount_position_m: its position, body frame.
         backscatter_per_m: scattering of the water in front of it; murky water has 1 and more.
         clouds: (start_s, end_s, backscatter_per_m) of each period with other water.
+        medium: "water", or "air", which neither absorbs nor veils.
 
     Raises:
-        UnknownNameError: `direction` has another value.
+        UnknownNameError: `direction` or `medium` has another value.
         ParameterError: a number is out of range.
     """
 
@@ -64,12 +68,12 @@ class Camera:
     mount_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     backscatter_per_m: float = BACKSCATTER_PER_M
     clouds: tuple[tuple[float, float, float], ...] = ()
+    medium: str = "water"
 
     def __post_init__(self) -> None:
-        if self.direction not in DIRECTIONS:
-            raise UnknownNameError(
-                f"{self.direction!r} is not a valid direction of a camera.", fix=suggest(self.direction, DIRECTIONS)
-            )
+        for what, value, known in (("direction", self.direction, DIRECTIONS), ("medium", self.medium, MEDIA)):
+            if value not in known:
+                raise UnknownNameError(f"{value!r} is not a valid {what} of a camera.", fix=suggest(value, known))
         if not (1 <= self.width_px <= 1024 and 1 <= self.height_px <= 1024):
             raise ParameterError(
                 f"A camera cannot have {self.width_px} x {self.height_px} pixels.",
@@ -98,7 +102,12 @@ class Camera:
         return 2.0 * math.tan(0.5 * self.field_of_view_rad) / self.width_px
 
     def picture(
-        self, statics: dict[str, Any], position_m: list[float], attitude: list[float], time_s: float = -math.inf
+        self,
+        statics: dict[str, Any],
+        position_m: list[float],
+        attitude: list[float],
+        time_s: float = -math.inf,
+        balls: Sequence[Ball] = (),
     ) -> Image:
         """Return the image of a scene's `statics` from a vehicle at a position.
 
@@ -107,30 +116,34 @@ class Camera:
             position_m: of the vehicle, world frame.
             attitude: [w, x, y, z] unit quaternion that turns vectors of the body into the world's.
             time_s: capture time, which selects a cloud.
+            balls: that move in the scene.
         """
         clouds = [veil for start_s, end_s, veil in self.clouds if start_s <= time_s < end_s]
         rights = (np.arange(self.width_px) - 0.5 * (self.width_px - 1)) * self.pixel
         downs = (np.arange(self.height_px) - 0.5 * (self.height_px - 1)) * self.pixel
         along, down = np.tile(rights, self.height_px), np.repeat(downs, self.width_px)
-        axis, right, below = (_rotate(attitude, vector) for vector in DIRECTIONS[self.direction])
+        axis, right, below = (rotate_vector(attitude, vector) for vector in DIRECTIONS[self.direction])
         x, y, z = (axis[i] + along * right[i] + down * below[i] for i in range(3))
-        offset = _rotate(attitude, self.mount_position_m)
+        offset = rotate_vector(attitude, self.mount_position_m)
         origin = position_m[0] + offset[0], position_m[1] + offset[1], position_m[2] + offset[2]
         with np.errstate(divide="ignore", invalid="ignore"):  # rays parallel to a face
             rays = Rays(origin, (x, y, z), self.pixel)
             intersect_scene(rays, statics)
-            rgb = rays.through_water(clouds[0] if clouds else self.backscatter_per_m).reshape(
-                self.height_px, self.width_px, 3
-            )
+            for ball in balls:
+                rays.intersect_ball(ball.center_m, ball.radius_m, ball.rgb)
+            veil = clouds[0] if clouds else self.backscatter_per_m
+            rgb = rays.through_air() if self.medium == "air" else rays.through_water(veil)
+        rgb = rgb.reshape(self.height_px, self.width_px, 3)
         rgb.flags.writeable = False
         return rgb
 
     def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
-        """Open the camera in a plant; it sees the static part of its scene."""
+        """Open the camera in a plant; it sees the static part of its scene, and the `balls` of the output, if any."""
         statics = plant.scene()["statics"]
 
         def capture(pose: Any) -> CameraReading:
-            rgb = self.picture(statics, pose.position_m, pose.attitude, pose.stamp_s)
+            balls = getattr(pose, "balls", ())
+            rgb = self.picture(statics, pose.position_m, pose.attitude, pose.stamp_s, balls)
             return CameraReading(rgb, self.field_of_view_rad, pose.stamp_s)
 
         return SimSensor(plant, output, SensorErrors(period_s=self.period_s), rng, capture)
@@ -145,7 +158,7 @@ class CameraLoopFactory(SensorLoopFactory):
         return data
 
 
-def _rotate(attitude: list[float], vector: tuple[float, float, float]) -> tuple[float, float, float]:
+def rotate_vector(attitude: list[float], vector: tuple[float, float, float]) -> tuple[float, float, float]:
     """Return a vector of the body frame in the world frame."""
     w, x, y, z = attitude
     a, b, c = vector

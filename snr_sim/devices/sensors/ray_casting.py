@@ -4,11 +4,13 @@ MuJoCo's renderer needs OpenGL and a driver, which a Raspberry Pi or a server wi
 rounds differently. This one uses only addition, multiplication, division and roots, which IEEE 754 rounds alike on
 every machine; matrix products and `exp` are avoided, as their rounding differs. 64 x 48 pixels take about 10 ms.
 
-It shows the static part of `scene()`. Water absorbs red first and green later, and veils what is far.
+It shows the static part of `scene()`, and balls that move. Water absorbs red first and green later, and veils what is
+far.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, TypeAlias
 
@@ -25,6 +27,7 @@ ATTENUATION_PER_M: Point = (0.340, 0.0565, 0.0092)
 # The water between camera and object scatters light, too: our choice, for a clean pool.
 BACKSCATTER_PER_M = 0.06
 VEIL_RGB: Point = (90.0, 150.0, 175.0)
+BACKGROUND_RGB: Point = (176.0, 196.0, 214.0)  # above water: our choice
 STEEP_SHADE = 0.3  # brightness of an upright face relative to a level one: our choice
 NEAREST_M = 0.01
 _BOX = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))  # corners, by bits of xyz
@@ -45,6 +48,7 @@ class Rays:
         self.pixel: float = pixel
         x, y, z = directions
         self.lengths: Floats = np.sqrt(x * x + y * y + z * z)
+        self._units = x / self.lengths, y / self.lengths, z / self.lengths
         self.depths: Floats = np.full(x.shape, np.inf)  # of the first hit, along the camera's axis
         self.colors: Floats = np.zeros((*x.shape, 3))
 
@@ -84,6 +88,23 @@ class Rays:
         reach = np.maximum(radius_m, 0.505 * self.pixel * depths * self.lengths)
         self._hit((depths > NEAREST_M) & (_dot(gaps, gaps) <= reach * reach), depths - reach, rgb)
 
+    def intersect_ball(self, center_m: Point, radius_m: float, rgb: Sequence[float]) -> None:
+        """Hit a ball from outside. It is darker on its sides and below."""
+        to_center = _subtract(center_m, self.origin_m)
+        slant = _dot(to_center, self._units)  # to the point of each ray that is next to the middle
+        half2 = slant * slant + (radius_m * radius_m - _dot(to_center, to_center))  # of the chord, squared
+        hits = np.nonzero((half2 >= 0.0) & (slant > 0.0))[0]
+        if not len(hits):
+            return
+        depths = (slant[hits] - np.sqrt(half2[hits])) / self.lengths[hits]
+        first = (depths > NEAREST_M) & (depths < self.depths[hits])
+        hits, depths = hits[first], depths[first]
+        up = (depths * self.directions[2][hits] - to_center[2]) / radius_m  # of the unit vector outwards
+        shades = 1.0 - STEEP_SHADE * (1.0 - np.maximum(0.0, up))
+        self.depths[hits] = depths
+        for i in range(3):
+            self.colors[hits, i] = rgb[i] * shades
+
     def _hit(self, where: Any, depths: Floats, rgb: list[float]) -> None:
         first = where & (depths < self.depths)
         self.depths[first] = depths[first]
@@ -100,6 +121,12 @@ class Rays:
         for i, attenuation in enumerate(ATTENUATION_PER_M):
             veil = VEIL_RGB[i] * attenuate(np.array(attenuation * max(0.0, -self.origin_m[2])))
             rgb[:, i] = self.colors[:, i] * attenuate(attenuation * (path_m + under_m)) * clear + veil * (1.0 - clear)
+        image: Image = np.clip(np.floor(rgb + 0.5), 0.0, 255.0).astype(np.uint8)
+        return image
+
+    def through_air(self) -> Image:
+        """Return the light at the eye, shape (n, 3): air neither absorbs nor veils it."""
+        rgb = np.where(np.isfinite(self.depths)[:, None], self.colors, np.array(BACKGROUND_RGB))
         image: Image = np.clip(np.floor(rgb + 0.5), 0.0, 255.0).astype(np.uint8)
         return image
 
