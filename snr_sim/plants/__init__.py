@@ -6,6 +6,9 @@ from snr_sim.lazy import lazy_names
 
 if TYPE_CHECKING:
     from snr_sim.plants.ground.diff_drive_2d import DiffDrive2D as DiffDrive2D
+    from snr_sim.plants.ground.dozer import Dozer as Dozer
+    from snr_sim.plants.ground.dozer import Heap as Heap
+    from snr_sim.plants.ground.dozer_2d import Dozer2D as Dozer2D
     from snr_sim.plants.ground.explorer import DriveStart as DriveStart
     from snr_sim.plants.ground.explorer import Explorer as Explorer
     from snr_sim.plants.ground.room import Room as Room

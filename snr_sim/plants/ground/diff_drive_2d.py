@@ -14,12 +14,13 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from snr_sim.plants.ground.drive_lag import DriveLag
 from snr_sim.plants.ground.explorer import DriveStart, Explorer
-from snr_sim.plants.ground.explorer_shapes import explorer_shapes, person_shapes, room_shapes
+from snr_sim.plants.ground.ground_shapes import explorer_shapes, person_shapes, room_shapes
 from snr_sim.plants.ground.room import Point, Room, cell_at
 from snr_sim.plants.ground.room_space import RoomSpace
 from snr_sim.plants.ground.traction import Traction
-from snr_sim.plants.impulses_2d import resolve_contacts
+from snr_sim.plants.ground.wall_contacts import WallContacts
 from snr_sim.plants.parameter_limits import LIMITS, check_number, check_valid
 from snr_sim.plants.pymunk_engine import pymunk_module
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError, suggest
@@ -80,14 +81,8 @@ class DiffDrive2D:
         self.start_of: Callable[[int], tuple[DriveStart, Room]] = start_of
         self.step_s: float = step_s
         self.engine: str = f"pymunk {pymunk_module().version}"
-        lag_s = explorer.lag_s
-        self._lag_left, self._lag_steps = (math.exp(-step_s / lag_s), lag_s / step_s) if lag_s > 0.0 else (0.0, 0.0)
+        self._lag = DriveLag(explorer.lag_s, step_s)
         self._traction = Traction(explorer, step_s)
-        self._mobility = (
-            (1.0 / explorer.mass_kg, 0.0, 0.0),
-            (0.0, 1.0 / explorer.mass_kg, 0.0),
-            (0.0, 0.0, 1.0 / explorer.inertia_kgm2),
-        )
         spread = explorer.echo_half_angle_rad
         self._ray_angles = [spread * (2.0 * i / (ECHO_RAYS - 1) - 1.0) for i in range(ECHO_RAYS)]
         self._look_steps = max(1, round(LOOK_S / step_s))
@@ -103,9 +98,14 @@ class DiffDrive2D:
         is_start = isinstance(given, tuple) and tuple(map(type, given)) == (DriveStart, Room)
         check_valid(is_start, f"The start of seed {seed}", given, "return a DriveStart and a Room.")
         start, self.room = given
-        self._space = RoomSpace(self.room, self.explorer.size_m, self.explorer.bar_m)
+        explorer, walkers = self.explorer, self.room.walkers
+        self._space = RoomSpace(self.room, explorer.size_m, explorer.bar_m)
+        fastest_mps = 2.0 * explorer.full_speed_mps + max((one.speed_mps for one in walkers), default=0.0)
+        self._contacts = WallContacts(
+            explorer.mass_kg, explorer.inertia_kgm2, explorer.wall_friction, fastest_mps, self.step_s
+        )
         x, y = start.position_m
-        self.restore(DriveState((x, y), start.heading_rad, people_m=(0.0,) * len(self.room.walkers)))
+        self.restore(DriveState((x, y), start.heading_rad, people_m=(0.0,) * len(walkers)))
         self._place_all()
         if not self.room.is_floor(x, y) or self._space.contacts():
             raise ParameterError(
@@ -122,7 +122,7 @@ class DiffDrive2D:
         """Put back what `snapshot` returned, in the room of the last reset."""
         for name, value in zip(DriveState._fields, snapshot, strict=True):
             setattr(self, name, value)
-        self._free_steps = 0  # for so many steps nothing can be touched
+        self._contacts.restart()
 
     position_m: Point
     heading_rad: float
@@ -170,8 +170,7 @@ class DiffDrive2D:
         speeds = self._traction.drive(self.heading_rad, self.speeds, left, right)
         if self.people_m:
             self._walk()
-        self._free_steps -= 1
-        if self._free_steps <= 0:
+        if self._contacts.is_due():
             speeds = self._resolve_contacts(speeds)
         vx, vy, turn = self.speeds = speeds
         x, y = self.position_m
@@ -183,22 +182,7 @@ class DiffDrive2D:
 
     def _turn_wheels(self) -> tuple[float, float]:
         """Let the wheels follow their commands for a step; return their mean speeds in it."""
-        if self.treads_mps == self.goals_mps:
-            means = self.treads_mps
-        else:
-            news = [
-                goal + (now - goal) * self._lag_left for now, goal in zip(self.treads_mps, self.goals_mps, strict=True)
-            ]
-            left, right = (
-                goal + (now - new) * self._lag_steps
-                for now, new, goal in zip(self.treads_mps, news, self.goals_mps, strict=True)
-            )
-            means = left, right
-            # One that is as near as rounding allows has arrived.
-            left, right = (
-                goal if abs(new - goal) < 1e-6 else new for new, goal in zip(news, self.goals_mps, strict=True)
-            )
-            self.treads_mps = left, right
+        self.treads_mps, means = self._lag.advance(self.treads_mps, self.goals_mps)
         per_step = self.step_s / self.explorer.wheel_radius_m
         left_rad, right_rad = self.wheels_rad
         self.wheels_rad = left_rad + per_step * means[0], right_rad + per_step * means[1]
@@ -225,29 +209,13 @@ class DiffDrive2D:
         self._space.put_body(*self.position_m, self.heading_rad)
 
     def _resolve_contacts(self, speeds: tuple[float, float, float]) -> tuple[float, float, float]:
-        """Return the speeds after contacts with walls, furniture and people, and when to check again."""
+        """Return the speeds after contacts with walls, furniture and people."""
         if not all(map(math.isfinite, (*self.position_m, self.heading_rad, *speeds))):
             raise PlantError(f"At {self.time_s:g} s the state is no longer finite.", fix="look at the last commands.")
         self._place_all()
-        clearance = self._space.clearance_m()
-        if clearance > 0.0:
-            fastest = 2.0 * self.explorer.full_speed_mps + max(
-                (one.speed_mps for one in self.room.walkers), default=0.0
-            )
-            self._free_steps = int(clearance / (fastest * self.step_s))
-            return speeds
-        contacts = self._space.contacts()
-        if not contacts:
-            return speeds
-        vx, vy, turn = speeds
-        for contact in contacts:
-            towards_mps = -(contact.out_x * (vx - turn * contact.arm_z) + contact.out_z * (vy + turn * contact.arm_x))
-            self.hit_mps = max(self.hit_mps, towards_mps)
-        # `impulses_2d` counts turns from x to z, the axis of the other plane, the other way.
-        (vx, vy, turn), _ = resolve_contacts(
-            (vx, vy, -turn), contacts, self._mobility, self.explorer.wall_friction, self.step_s
-        )
-        return vx, vy, -turn
+        speeds, hit_mps = self._contacts.resolve(self._space, speeds)
+        self.hit_mps = max(self.hit_mps, hit_mps)
+        return speeds
 
     # -- being measured -----------------------------------------------------------------------------------------------
 

@@ -16,9 +16,9 @@ WALL_RADIUS_M = 0.01  # half the thickness of walls, which are centred on the ou
 
 
 class RoomSpace:
-    """The walls, furniture and people of a room, and a body of a size and with two touch bars."""
+    """The walls, furniture and people of a room, and a body of a size; with two touch bars, if they stand out."""
 
-    def __init__(self, room: Room, size_m: Point, bar_m: float) -> None:
+    def __init__(self, room: Room, size_m: Point, bar_m: float = 0.0) -> None:
         pymunk = pymunk_module()
         self._space = space = pymunk.Space()
         self._filter = pymunk.ShapeFilter()
@@ -32,6 +32,7 @@ class RoomSpace:
         self._bars = [
             pymunk.Poly(self._body, [(half_length, 0.0), (front, 0.0), (front, side), (half_length, side)])
             for front in [half_length + bar_m]
+            if bar_m > 0.0
             for side in (half_width, -half_width)
         ]
         self._reach_m = math.hypot(half_length, half_width)

@@ -1,10 +1,11 @@
-"""Shapes of a room, a vehicle with two driven wheels, and people, for the viewer alone. Metres; z up from the floor."""
+"""Shapes of a room or yard, of what drives in it, of people and stones, for the viewer. Metres; z up from the floor."""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
+from snr_sim.plants.ground.dozer import Dozer
 from snr_sim.plants.ground.explorer import Explorer
 from snr_sim.plants.ground.room import Point, Room
 
@@ -19,6 +20,10 @@ WHEEL_RGB = [46, 46, 52]
 BAR_RGB = [196, 52, 44]
 SENSOR_RGB = [60, 92, 160]
 PERSON_RGB = [92, 120, 176]
+DOZER_RGB = [214, 170, 40]
+TRACK_RGB = [52, 52, 56]
+BLADE_RGB = [120, 124, 130]
+PIT_RGB = [92, 84, 74]
 SIDES = 16  # of a circle
 
 
@@ -54,6 +59,37 @@ def person_shapes(radius_m: float) -> list[dict[str, Any]]:
     """Return a person as a column."""
     turns = [2.0 * math.pi * i / SIDES for i in range(SIDES)]
     return [_fence(tuple((radius_m * math.cos(a), radius_m * math.sin(a)) for a in turns), PERSON_M, PERSON_RGB)]
+
+
+def dozer_shapes(dozer: Dozer) -> list[dict[str, Any]]:
+    """Return body, cabin, tracks and blade."""
+    (length, width), height = dozer.size_m, dozer.height_m
+    front, half = 0.5 * length, 0.5 * dozer.track_length_m
+    return [
+        _box([-0.05 * length, 0.0, 0.45 * height], [0.4 * length, 0.3 * width, 0.25 * height], DOZER_RGB),
+        _box([-0.15 * length, 0.0, 0.85 * height], [0.15 * length, 0.22 * width, 0.15 * height], WALL_RGB),
+        *(
+            _box([0.0, side * 0.5 * dozer.track_m, 0.2 * height], [half, 0.12 * width, 0.2 * height], TRACK_RGB)
+            for side in (1, -1)
+        ),
+        _box([front - 0.01, 0.0, 0.3 * height], [0.01, 0.5 * width, 0.28 * height], BLADE_RGB),
+    ]
+
+
+def stone_shapes(radius_m: float, rgb: tuple[int, int, int]) -> list[dict[str, Any]]:
+    """Return a stone as an octahedron."""
+    vertices = [[sign * radius_m if i == axis else 0.0 for i in range(3)] for axis in range(3) for sign in (1.0, -1.0)]
+    # Counter-clockwise from outside; an odd number marks a corner on the negative side.
+    faces = [[i, j, k] if (i + j + k) % 2 == 0 else [i, k, j] for i in (0, 1) for j in (2, 3) for k in (4, 5)]
+    return [{"kind": "mesh", "vertices_m": vertices, "triangles": faces, "rgb": list(rgb)}]
+
+
+def pit_shapes(room: Room, edge_m: float) -> dict[str, Any]:
+    """Return the floor of the pit, east of its edge: a dark plane, a little higher than the floor of the yard."""
+    (low_x, high_x), (low_y, high_y) = ((min(values), max(values)) for values in zip(*room.outline_m, strict=True))
+    west_m = max(low_x, edge_m)
+    corners = [[west_m, low_y, -0.002], [high_x, low_y, -0.002], [high_x, high_y, -0.002], [west_m, high_y, -0.002]]
+    return {"kind": "mesh", "vertices_m": corners, "triangles": [[0, 1, 2], [0, 2, 3]], "rgb": PIT_RGB}
 
 
 def _fence(outline: tuple[Point, ...], height_m: float, rgb: list[int]) -> dict[str, Any]:
