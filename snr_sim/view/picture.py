@@ -1,13 +1,14 @@
 """Summary picture of a run: the body at several moments of its path over the ground, with plots on the right.
 
 Bodies are drawn from the south, in the x-z plane. A body that only rises and falls is spread out along time; one
-under water is also drawn from above.
+under water is also drawn from above, and one on a floor from above alone.
 All data come from the header's scene and the true states of the trace, so this works for any plant.
 
     picture_tracks.py    data to draw           run_events.py           events, as text
     picture_layout.py    layout of the sheet
     picture_scene.py     a flight               picture_bodies.py       bodies and flames
     picture_dive.py      a dive                 picture_water.py        the water around it
+    picture_drive.py     a drive
     picture_plots.py     the plots              picture_dive_plots.py   the plots of a dive
     picture_sheet.py     the sheet: matplotlib
 """
@@ -22,11 +23,12 @@ from snr_sim.recording.columns import Batch, Series
 from snr_sim.recording.records import EndRecord, Header, Record
 from snr_sim.view.picture_dive import draw_dive
 from snr_sim.view.picture_dive_plots import dive_plots
+from snr_sim.view.picture_drive import draw_drive
 from snr_sim.view.picture_layout import HEIGHT, PLOTS, SCENE, WIDTH
 from snr_sim.view.picture_plots import Plot, draw_plots
 from snr_sim.view.picture_scene import draw_scene
 from snr_sim.view.picture_sheet import INK, PALE, Rgb, Sheet, picture
-from snr_sim.view.picture_tracks import BodyTracks, body_tracks_of, is_in_water, is_planar
+from snr_sim.view.picture_tracks import BodyTracks, body_tracks_of, is_in_water, is_on_floor, is_planar
 from snr_sim.view.run_events import find_run_events
 from snr_sim.view.view_blueprint import PlotLine, name_and_unit, plots
 
@@ -58,8 +60,8 @@ def draw_run(
         outcome: one word; by default, the reason that the node gave for its end.
         touchdown: the evaluated one, number by name with unit, as in result.json; no other is described.
         success: whether the criterion was met; None if unknown.
-        metrics: what the scenario measured, by name with unit; shown for a dive.
-        outcome_reason: the scenario's comment on the result; shown for a dive instead of `metrics`.
+        metrics: what the scenario measured, by name with unit; shown for a dive or a drive.
+        outcome_reason: the scenario's comment on the result; shown for a dive or a drive instead of `metrics`.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -75,6 +77,10 @@ def draw_run(
             draw_dive(sheet, header, tracks, events)
             times_s = [event.time_s for event in events]
             draw_plots(sheet, PLOTS, dive_plots(tracks, batch, is_planar(header)), times_s, are_numbered=True)
+            subtitle = outcome_reason or _format_metrics(metrics or {})
+        elif is_on_floor(header):
+            draw_drive(sheet, header, tracks)
+            draw_plots(sheet, PLOTS, _plots(batch), [])
             subtitle = outcome_reason or _format_metrics(metrics or {})
         else:
             draw_scene(sheet, header, tracks)

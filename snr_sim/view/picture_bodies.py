@@ -30,7 +30,7 @@ def body_parts(position: SheetPosition, shapes: Sequence[tuple[dict[str, Any], A
             width = max(0.6, 2.0 * shape.get("radius_m", 0.1) * position.scale)
             parts.append((float(corners[:, 1].mean()), Part(position.at(corners), rgb, width)))
             continue
-        faces = world_from_body(pose, _faces(shape))
+        faces = world_from_body(pose, faces_of(shape))
         normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
         light = 0.35 + 0.65 * np.maximum(0.0, normals @ LIGHT / np.maximum(np.linalg.norm(normals, axis=1), 1e-12))
         depths, on_sheet = faces[:, :, 1].mean(axis=1), position.at(faces)
@@ -40,7 +40,7 @@ def body_parts(position: SheetPosition, shapes: Sequence[tuple[dict[str, Any], A
     return [part for _, part in sorted(parts, key=lambda one: -one[0])]
 
 
-def _faces(shape: dict[str, Any]) -> Floats:
+def faces_of(shape: dict[str, Any]) -> Floats:
     """Return the triangles of a mesh or the sides of a box, shape (k, n, 3), counter-clockwise from outside."""
     corners = {"box": BOX_SIDES, "mesh": shape.get("triangles")}.get(shape.get("kind", ""))
     return points_of(shape)[np.array(corners, int)] if corners else np.empty((0, 3, 3))

@@ -20,6 +20,7 @@ PLOTS: Area = (640.0, 62.0, 884.0, 474.0)
 PATH: Rgb = (110, 190, 250)
 MAX_STROBES = 9
 BODY_FRACTION = 0.14  # size of a body as a fraction of the scene's height, since at scale it would be a dot
+FILLED = 0.94  # of an area by what is fitted into it
 UNIT_ROOM = 24.0  # to the right of the last number of an axis, for its unit
 GROUND_FRACTION = 0.12  # fraction of the scene below the lowest point of the path
 
@@ -51,6 +52,13 @@ class SheetProjection:
         """Centre the middle of some heights in the area."""
         half = 0.5 * (self.area[3] - self.area[1]) / self.z_scale
         self.low_z = float(heights.min() + heights.max()) / 2 - half
+
+    def fit(self, along: Floats, heights: Floats) -> None:
+        """Show ranges as large as the area allows, at one scale."""
+        left, top, right, bottom = self.area
+        self.scale = self.z_scale = FILLED * min((right - left) / np.ptp(along), (bottom - top) / np.ptp(heights))
+        self.middle = float(along.min() + along.max()) / 2
+        self.center(heights)
 
     def at(self, along: ArrayLike, z: ArrayLike) -> Floats:
         """Return positions on the sheet, shape (..., 2)."""

@@ -47,26 +47,45 @@ def wants_map(poses: Floats) -> bool:
     return bool(np.ptp(heading) > TURN_RAD and spread_y > spread_z)
 
 
-def from_above(scene: dict[str, Any], tracks: BodyTracks) -> tuple[dict[str, Any], BodyTracks]:
-    """Return the world rotated for a map: north is up, up is towards the viewer, and meshes are left out."""
+def is_on_floor(header: Header) -> bool:
+    """Return whether the scene has a shape named 'floor', for a level one."""
+    return "floor" in header.scene.get("statics", {})
 
-    def laid(points: Any) -> Floats:
-        return np.asarray(points, float).reshape(-1, 3)[:, [0, 2, 1]] * (1.0, -1.0, 1.0)
+
+def from_above(scene: dict[str, Any], tracks: BodyTracks) -> tuple[dict[str, Any], BodyTracks]:
+    """Return a scene in water and its bodies' paths, rotated for a map; meshes are left out."""
+    lines = {name: shape for name, shape in scene["statics"].items() if shape.get("kind") == "polyline"}
+    statics = {name: shape_from_above(shape) for name, shape in lines.items()}
+    tethers = scene.get("tethers", {}).items()
+    anchored = {name: {**tether, "anchor_m": _laid(tether["anchor_m"])[0]} for name, tether in tethers}
+    return {**scene, "statics": statics, "tethers": anchored}, seen_from_above(tracks)
+
+
+def seen_from_above(tracks: BodyTracks) -> BodyTracks:
+    """Return paths in the world rotated for a map: north is up, up is towards the viewer."""
 
     def laid_poses(rows: Floats) -> Floats:
         x, y, z, w = rows[:, 3:].T
         turned = math.sqrt(0.5) * np.stack([x + w, y - z, z + y, w - x], axis=1)  # a quarter turn about x
-        return np.concatenate([laid(rows[:, :3]), turned], axis=1)
+        return np.concatenate([_laid(rows[:, :3]), turned], axis=1)
 
-    lines = {name: shape for name, shape in scene["statics"].items() if shape.get("kind") == "polyline"}
-    statics = {name: {**shape, "points_m": laid(shape["points_m"])} for name, shape in lines.items()}
-    tethers = scene.get("tethers", {}).items()
-    anchored = {name: {**tether, "anchor_m": laid(tether["anchor_m"])[0]} for name, tether in tethers}
-    return {**scene, "statics": statics, "tethers": anchored}, replace(
+    return replace(
         tracks,
         poses={body: laid_poses(rows) for body, rows in tracks.poses.items()},
-        vectors=[{name: laid(arrow).ravel().tolist() for name, arrow in one.items()} for one in tracks.vectors],
+        vectors=[{name: _laid(arrow).ravel().tolist() for name, arrow in one.items()} for one in tracks.vectors],
     )
+
+
+def shape_from_above(shape: dict[str, Any]) -> dict[str, Any]:
+    """Return a static shape in the world rotated for a map."""
+    turned: dict[str, Any] = {key: _laid(shape[key]) for key in ("points_m", "vertices_m") if key in shape}
+    if shape.get("kind") == "box":
+        turned = {"center_m": _laid(shape["center_m"])[0], "half_size_m": np.abs(_laid(shape["half_size_m"])[0])}
+    return {**shape, **turned}
+
+
+def _laid(points: Any) -> Floats:
+    return np.asarray(points, float).reshape(-1, 3)[:, [0, 2, 1]] * (1.0, -1.0, 1.0)
 
 
 def body_tracks_of(header: Header, batch: Batch) -> BodyTracks:
