@@ -10,13 +10,14 @@ from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
 from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
 from snr_sim.prelude.device import PwmOut
 from snr_sim.prelude.scenario import RobotContext, RobotInfo
-from snr_sim.prelude.signals import EngineCommand, MotorCommand, PwmCommand
+from snr_sim.prelude.signals import DozerCommand, EngineCommand, MotorCommand, PwmCommand
 from snr_sim.scenario import library
 from snr_sim.testing.contracts import check_actuator, check_plant, check_sensor
 from snr_sim.testing.pwm_contract import check_pwm_out
 
 # A valid command for each input that any plant has, so that plants are checked in motion and not only at rest.
 COMMANDS = {
+    "dozer": DozerCommand(left_mps=0.1, right_mps=0.08, blade=1.0),
     "engine": EngineCommand(throttle=0.3, gimbal_rad=0.01, attitude=0.2),
     "motors": MotorCommand(a=40.0, d=25.0),
     "pwm": PwmCommand([1500.0] * 8),

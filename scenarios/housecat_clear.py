@@ -1,0 +1,25 @@
+"""Clear a yard: 80 % of the stones into the pit within two minutes, and nothing else touched.
+
+Every seed is another heap and another start. `--option ranging=lidar` exchanges the stereo camera for a lidar.
+"""
+
+from __future__ import annotations
+
+from snr_sim_robot_housecat.evaluation import END_S
+from snr_sim_robot_housecat.evaluation import metrics as metrics
+from snr_sim_robot_housecat.evaluation import parameters as parameters
+from snr_sim_robot_housecat.evaluation import verdict as verdict
+from snr_sim_robot_housecat.parameters import DOZER
+from snr_sim_robot_housecat.yard import start
+
+from snr_sim.plants import Dozer2D
+
+ROBOT = "housecat"
+ENGINES = ("pymunk",)
+CONTROLLER = "clearer"
+TIME_LIMIT_S = END_S + 1.0
+
+
+def plant(seed: int, engine: str) -> Dozer2D:
+    """Return the robot at its start."""
+    return Dozer2D(DOZER, start, seed)
